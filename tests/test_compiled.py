@@ -82,6 +82,7 @@ def test_threads_may_make_the_first_call_at_once(loaded):
         assert len(loops.twice_each.dispatcher.signatures) == 1
 
 
+@pytest.mark.long
 def test_loops_run_uncompiled_where_numba_is_told_so(loaded, tmp_path):
     loaded()
     lines = "import loops\nassert loops.twice_each([1, 2]) == [2, 4]\nassert not hasattr(loops.twice.dispatcher, 'stats')"

@@ -62,6 +62,7 @@ def test_serial_blas_holds_for_what_is_loaded_later():
     )
 
 
+@pytest.mark.long
 def test_what_matches_loads_no_pictures_and_no_data():
     slow = loaded_by("import isomatch\nisomatch.match, isomatch.prepare")
     assert not {"numba", "matplotlib", "skimage"} & set(slow)
@@ -106,6 +107,7 @@ def test_a_module_does_not_hide_the_function_of_its_name(module, name):
     loaded_by(f"import isomatch.{module}\nassert callable(isomatch.{name})")
 
 
+@pytest.mark.long
 def test_rooms_are_attributes_of_the_package():
     loaded_by("import isomatch\nisomatch.mending.check, isomatch.errors.MeshError")
 

@@ -96,6 +96,7 @@ def test_the_house_is_drawn_from_the_imports():
     )
 
 
+@pytest.mark.long
 def test_the_house_has_no_import_upwards():
     house = extension("house")
     level = house.storeys(house.imports())

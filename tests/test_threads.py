@@ -113,6 +113,7 @@ def test_a_property_is_known_by_its_class():
     assert "title" in vars(Shape)
 
 
+@pytest.mark.long
 def test_a_surface_is_found_by_its_hash_while_others_are_hashed():
     here = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
     known = [here.moved(here.vertices + i) for i in range(2000)]

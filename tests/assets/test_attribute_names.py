@@ -60,6 +60,7 @@ UV = Attribute("uv", "point", "uv", np.arange(14.0).reshape(7, 2).astype(np.floa
 CORNER_UV = Attribute("uv", "corner", "uv", UV.values[POLYGONS.corners] + 1)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("suffix", [".ply", ".vtp", ".vtu", ".glb"])
 def test_two_of_one_name_are_numbered(tmp_path, suffix):
     path = tmp_path / f"a{suffix}"

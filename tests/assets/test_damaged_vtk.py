@@ -60,6 +60,7 @@ def test_an_array_that_is_too_short(vtp, name, within, capfd):
     assert "ERROR" not in capfd.readouterr().err
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("old", "new"),
     [
@@ -90,6 +91,7 @@ def test_files_cut_anywhere(vtp):
             read_asset(vtp)
 
 
+@pytest.mark.long
 def test_numbers_that_are_not_finite_are_no_damage(tmp_path):
     flow = Attribute("flow", "point", "vector", np.full((7, 3), np.nan))
     points = np.where([[True], *[[False]] * 6], np.inf, POINTS)
@@ -146,7 +148,7 @@ LEGACY = [("3.0", True), ("4.2", True), ("4.2", False), ("5.1", True), ("5.1", F
 
 
 @pytest.mark.parametrize(("version", "binary"), LEGACY)
-@pytest.mark.parametrize("lower", [False, True])
+@pytest.mark.parametrize("lower", some_later([False, True], lambda lower: lower))
 def test_legacy_files(tmp_path, version, binary, lower):
     (tmp_path / "a.vtk").write_bytes(legacy(version, binary, lower))
     asset = read_asset(tmp_path / "a.vtk")
@@ -157,6 +159,7 @@ def test_legacy_files(tmp_path, version, binary, lower):
     assert asset.notes == ("cells that are no polygons are left out: 1 vertex, 2 line",)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("version", "binary"), some_later(LEGACY, lambda case: case == ("4.2", True)))
 def test_legacy_files_cut_anywhere(tmp_path, version, binary):
     data = legacy(version, binary)
@@ -280,6 +283,7 @@ def test_a_bomb_of_zeros_does_not_fill_memory(tmp_path, suffix):
         read_asset(path)
 
 
+@pytest.mark.long
 def test_cells_that_are_no_polygons_are_told(tmp_path):
     """Whether a file has them, or the mesh of a library; vertices alone are a cloud of points."""
     meshio, pyvista = pytest.importorskip("meshio"), pytest.importorskip("pyvista")

@@ -130,6 +130,7 @@ def test_several_values_in_one_file(tmp_path):
     ]
 
 
+@pytest.mark.long
 def test_a_bomb_of_zeros_is_not_unpacked(tmp_path):
     """Compressed a thousandfold; comments between the letters do not hide it."""
     packed = base64.b64encode(zlib.compress(bytes(200_000_000))).decode()

@@ -54,6 +54,7 @@ def test_numbers_half_way_between_two_floats():
     )
 
 
+@pytest.mark.long
 @given(st.lists(NUMBER, min_size=1))
 @settings(max_examples=200, deadline=None)
 def test_numbers_in_any_notation(words):

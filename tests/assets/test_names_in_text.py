@@ -62,6 +62,7 @@ def test_names_are_readable(encoding, name):
     assert asset.document.libraries == (f"{name}.mtl",)
 
 
+@pytest.mark.long
 @given(st.lists(st.binary(min_size=1, max_size=6), min_size=1, max_size=4, unique=True))
 @settings(max_examples=200, deadline=None)
 def test_any_bytes_come_back(names):

@@ -110,6 +110,7 @@ def test_a_full_disk_is_no_damaged_file(tmp_path, monkeypatch):
     assert issubclass(UnwritableFileError, FormatError)
 
 
+@pytest.mark.long
 def test_polygons_of_points_that_are_not_there(tmp_path):
     """A mesh may have them, so that `check` can tell; what is built on it may not."""
     bad = Mesh(np.eye(3), [[0, 1, 9]])

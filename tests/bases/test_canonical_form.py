@@ -50,6 +50,7 @@ def test_stress_is_that_of_all_pairs():
     assert canonical_form(mesh, 3, p=100, weights="uniform").stress == pytest.approx(form.stress, rel=0.3)
 
 
+@pytest.mark.long
 def test_poses_of_one_body_look_alike():
     """Two poses on one triangulation: canonical forms differ less than the poses."""
     one, other = (creature(1500, pose=pose).mesh for pose in (0, 1))

@@ -88,6 +88,7 @@ def test_exact_basis_is_the_optimum(weights):
     assert weighted_norm(dense(differently) - distances, exact.weights) > least
 
 
+@pytest.mark.long
 def test_nystrom_is_near_the_optimum_and_the_laplace_basis_is_not(mesh, bases, all_distances):
     exact, nystrom = bases["exact", "uniform"], bases["nystrom", "uniform"]
     best, sampled = (np.linalg.norm(dense(basis) - all_distances) for basis in (exact, nystrom))

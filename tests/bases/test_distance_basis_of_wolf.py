@@ -36,6 +36,7 @@ def test_nystrom(wolf, all_distances, seed):
     assert relative_error(basis.row(np.arange(wolf.n_vertices)), all_distances) < 0.0075
 
 
+@pytest.mark.long
 def test_nystrom_on_a_tenth_of_the_rows(wolf):
     rows = np.arange(0, wolf.n_vertices, 10)
     basis = distance_basis(wolf, 50, 100, "nystrom", "uniform")

@@ -112,6 +112,7 @@ def test_landmarks_are_held_on_and_the_pose_no_longer_leads(shapes, tmp_path):
     assert not (tmp_path / "out" / "report.html").exists()
 
 
+@pytest.mark.long
 def test_a_match_without_a_map_leaves_an_earlier_result(shapes, result):
     before = {path.name: path.read_bytes() for path in result.iterdir()}
     (result.parent / "two.txt").write_text("1, 2\n3, 4\n")

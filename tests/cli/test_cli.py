@@ -102,6 +102,7 @@ def test_match_refuses_to_overwrite(shapes, matched, capsys):
     assert (folder / "map.npz").read_bytes() == before
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("failing", ["draw_map", "write_report"])
 def test_a_map_is_not_lost_with_a_drawing_that_fails(shapes, tmp_path, monkeypatch, capsys, failing):
     def fails(*_, **__):
@@ -140,6 +141,7 @@ def test_match_takes_hints_is_forced_and_prints_one_json_object(shapes, matched,
     assert all(path.startswith(str(tmp_path)) for path in record["files"].values())
 
 
+@pytest.mark.long
 def test_options_of_match_come_before_the_file_of_settings(shapes, tmp_path, capsys):
     out = tmp_path / "out"
     assert run_match(shapes, out, "--json", "--refinement", "smooth", "--orientation", "any") == 0
@@ -383,6 +385,7 @@ def test_help_shows_defaults_and_version_is_told(capsys):
     assert capsys.readouterr().out.strip() == isomatch.__version__
 
 
+@pytest.mark.long
 def test_the_program_itself(tmp_path):
     absent = str(tmp_path / "absent.off")
     run = subprocess.run([sys.executable, "-m", "isomatch", "check", absent], capture_output=True, text=True)

@@ -80,6 +80,7 @@ def test_quiet_prints_nothing_and_no_report_writes_none(matching, tmp_path, caps
     assert {"map.npz", "map.png", "map.txt", "result.json"} <= names
 
 
+@pytest.mark.long
 def test_verbose_writes_the_log(matching, capsys):
     assert matching("--verbose") == 0
     assert "ms  refinement" in capsys.readouterr().err
@@ -103,6 +104,7 @@ def test_an_unknown_outcome_is_refused_before_the_work(matching, tmp_path, capsy
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.long
 def test_bounds_stand_beside_the_measures(matching, tmp_path, capsys):
     assert matching() == 0
     assert "at most 0." in capsys.readouterr().out
@@ -111,6 +113,7 @@ def test_bounds_stand_beside_the_measures(matching, tmp_path, capsys):
     assert bounds["rival"] == {"least": isomatch.Config().outcome.tie}
 
 
+@pytest.mark.long
 def test_both_directions(matching, tmp_path, capsys):
     assert matching("--both --json") == 0
     record = json.loads(capsys.readouterr().out)
@@ -140,6 +143,7 @@ def test_a_mesh_that_cannot_be_written_is_refused_before_the_work(
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.long
 def test_hypotheses_may_come_from_hints_alone(matching, capsys):
     assert matching("--hypotheses given") == 1
     assert "no landmarks, initial map or descriptors" in capsys.readouterr().err

@@ -78,6 +78,7 @@ def test_a_map_of_other_files_is_refused(folder, capsys):
     assert not (folder / "out.ply").exists()
 
 
+@pytest.mark.long
 def test_the_match_writes_the_target_with_the_faces_of_the_source(tmp_path, capsys):
     for name, creature in zip(("source.off", "target.ply"), example_pair()):
         frame = Frame(words=("comment unit: mm",)) if name == "target.ply" else None

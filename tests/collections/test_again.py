@@ -34,6 +34,7 @@ def other_version(monkeypatch):
     layout._settings.cache_clear()
 
 
+@pytest.mark.long
 def test_contents(small, copied, tmp_path, caplog):
     shapes = [shutil.copy(path, tmp_path) for path in sorted(small.shapes.iterdir())]
     collection = Collection.create(copied.folder, shapes, pairs="all", config=small.config)

@@ -150,6 +150,7 @@ def test_shards_and_agreement_exclude_each_other(spoilt):
     assert agreed(spoilt)
 
 
+@pytest.mark.long
 def test_low_confidence_is_tried_again_where_a_shard_has_the_row_too(spoilt, monkeypatch):
     shutil.copy(spoilt.layout.ledger(), spoilt.layout.ledger((0, 2)))
     monkeypatch.setattr(agreement_module, "MOST_PATHS", 0)
@@ -222,6 +223,7 @@ def test_a_contradicted_map_gives_way_when_it_is_tried_again(spoilt, mirrored, m
     assert agreement_of(spoilt.rows()).contradicted == []
 
 
+@pytest.mark.long
 def test_a_star_has_no_triangles(right, in_threads, tmp_path):
     (tmp_path / "all" / "maps").mkdir(parents=True)
     shutil.copytree(right.folder / "prepared", tmp_path / "all" / "prepared")
@@ -316,6 +318,7 @@ def test_command_replaces_and_tells(spoilt, in_threads, capsys):
     assert float(lines[WRONG]["inconsistency_before"]) > CONTRADICTED > float(lines[WRONG]["inconsistency"])
 
 
+@pytest.mark.long
 def test_all_pairs_are_made_to_agree_unless_refused(spoilt, in_threads, capsys):
     shapes = spoilt.folder.parent / "list.csv"
     shapes.write_text("path\n" + "".join(f"{entry.path}\n" for entry in spoilt.shapes))
@@ -326,6 +329,7 @@ def test_all_pairs_are_made_to_agree_unless_refused(spoilt, in_threads, capsys):
     assert json.loads(capsys.readouterr().out)["agreement"]["replaced"] == [list(WRONG)]
 
 
+@pytest.mark.long
 def test_maps_of_a_shape_that_was_lost_are_left_out(right, tmp_path):
     shutil.copytree(right.folder, tmp_path / "all")
     shapes = []

@@ -159,6 +159,7 @@ def test_nothing_damaged_is_in_statistics(collection, tmp_path, capsys):
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.long
 def test_landmarks_that_were_changed_are_named(collection, tmp_path, capsys):
     marks = tmp_path / "s0.csv"
     x, y, z = isomatch.read_mesh(collection.paths["s0"]).vertices[5]

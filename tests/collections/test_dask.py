@@ -11,6 +11,7 @@ import pytest
 from isomatch import InputError
 from isomatch.collections import Collection
 from isomatch.collections.workers import _n_threads_of
+from later import some_later
 from small_collections import arrays_of
 
 distributed = pytest.importorskip("distributed")
@@ -49,13 +50,13 @@ class Deaths(threading.Thread):
     A cluster whose workers all die before they can do anything gets nothing done, whoever asks.
     """
 
-    def __init__(self, cluster, seed, seconds):
+    def __init__(self, cluster, seed, seconds, most):
         super().__init__()
-        self.cluster, self.seconds, self.killed = cluster, seconds, 0
+        self.cluster, self.seconds, self.most, self.killed = cluster, seconds, most, 0
         self.draws, self.over, self.progress = random.Random(seed), threading.Event(), threading.Event()
 
     def run(self):
-        while not self.over.wait(self.draws.uniform(*self.seconds)):
+        while self.killed < self.most and not self.over.wait(self.draws.uniform(*self.seconds)):
             self.progress.wait(5)
             victim = self.draws.choice([*self.cluster.workers.values()])
             process = victim.process and victim.process.process
@@ -66,9 +67,10 @@ class Deaths(threading.Thread):
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
-def test_workers_that_die_at_random_during_a_whole_run(cluster, small, finished, tmp_path):
+@pytest.mark.parametrize("most", some_later([3, 1000], lambda most: most == 3))
+def test_workers_that_die_at_random_during_a_whole_run(cluster, small, finished, tmp_path, most):
     collection = Collection.create(tmp_path, small.shapes, pairs="all", config=small.config)
-    deaths = Deaths(cluster, seed=0, seconds=(0.2, 1.0))
+    deaths = Deaths(cluster, seed=0, seconds=(0.2, 1.0), most=most)
     deaths.start()
     try:
         for _ in collection.run(f"dask:{cluster.scheduler_address}"):

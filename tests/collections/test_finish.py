@@ -62,6 +62,7 @@ def test_reports_of_the_pairs_in_doubt_and_of_the_three_next(copied, plain_repor
     assert reported(copied) == []
 
 
+@pytest.mark.long
 def test_a_report_shows_the_map_that_is_kept(copied):
     row = copied.rows().pairs[PAIR]
     there = {**row["there"], "outcome": "LOW_CONFIDENCE"}
@@ -79,6 +80,7 @@ def plain_reports(monkeypatch):
     monkeypatch.setattr(reports_module, "write_report", lambda path, *_, **__: path.write_text("a report"))
 
 
+@pytest.mark.long
 def test_only_reports_of_present_maps_are_linked(copied, plain_reports):
     def links():
         finished_lines(copied)
@@ -107,6 +109,7 @@ def test_a_surface_is_written_again_when_its_map_is_replaced(star, tmp_path):
     assert finished_lines(collection) == ["s1"]
 
 
+@pytest.mark.long
 def test_a_template_that_changed_is_read_again(small, tmp_path):
     shapes = [shutil.copy(path, tmp_path) for path in sorted(small.shapes.iterdir())[:2]]
     collection = Collection.create(tmp_path / "out", shapes, template="s0", config=small.config)

@@ -59,6 +59,7 @@ def test_every_shape_gets_landmarks_of_its_own(finished, small, marks):
         list(collected_landmarks(collection, {"x": files["s0"]}))
 
 
+@pytest.mark.long
 def test_over_the_template_of_a_star(small, marks, tmp_path):
     """Two shapes that are not matched with each other: the maps over the template are joined."""
     collection = Collection.create(tmp_path / "star", small.shapes, template="s1", config=small.config)
@@ -83,6 +84,7 @@ def changed(collection, name, **values):
                 ledger.put_pair(pair, {**row, **values})
 
 
+@pytest.mark.long
 def test_doubtful_maps_and_those_of_earlier_files_are_not_used(copied, marks, tmp_path, capsys):
     row = copied.rows().pairs["s0", "s1"]
     changed(copied, "s1", back={**row["back"], "outcome": "MIRROR_IMAGE"})

@@ -136,6 +136,7 @@ def test_reflecting_later_matches_only_what_changes(blobs, plain, tmp_path, work
     assert set(outcomes(collection).values()) == {"CONVERGED"}
 
 
+@pytest.mark.long
 def test_reflected_shapes_are_remembered_in_every_row(auto, capsys):
     collection = Collection.open(auto)
     rows = collection.rows()
@@ -237,6 +238,7 @@ def test_a_run_that_is_killed_while_it_reflects(blobs, plain, auto, tmp_path, wo
     assert arrays_of(collection.folder) == arrays_of(auto)
 
 
+@pytest.mark.long
 def test_a_reflection_that_the_match_does_not_bear_out_is_not_kept(
     blobs, plain, tmp_path, work, monkeypatch, capsys
 ):
@@ -285,6 +287,7 @@ def test_what_to_reflect_may_change_and_otherwise_stays(blobs, auto, tmp_path, w
     assert none.rows().reflected(NAMES) == []
 
 
+@pytest.mark.long
 def test_a_reflected_shape_whose_file_becomes_a_right_one_is_turned_back(blobs, auto, tmp_path):
     shapes = shutil.copytree(blobs.folder, tmp_path / "shapes")
     folder = shutil.copytree(auto, tmp_path / "out")

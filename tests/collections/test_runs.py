@@ -66,6 +66,7 @@ def test_what_is_whole_on_disk_is_recorded_without_being_done_again(copied, work
         assert {**after.pairs[pair], "time": 0} == {**row, "time": 0}
 
 
+@pytest.mark.long
 def test_a_file_that_is_lost_or_cut_short_is_made_again(copied, work):
     expected = arrays_of(copied.folder)
     copied.layout.maps(("s0", "s2")).unlink()
@@ -77,6 +78,7 @@ def test_a_file_that_is_lost_or_cut_short_is_made_again(copied, work):
     assert arrays_of(copied.folder) == expected
 
 
+@pytest.mark.long
 def test_a_shape_that_changed_is_done_again_with_its_pairs_only(small, copied, work, tmp_path):
     shapes = [tmp_path / f"s{i}.ply" for i in range(len(N))]
     for path in shapes:
@@ -135,6 +137,7 @@ def test_the_template_of_many_shapes_is_found_without_comparing_all_with_all(tmp
     assert len(compared) <= 4 * len(names)
 
 
+@pytest.mark.long
 def test_a_failure_is_a_row_with_its_reason_and_can_be_tried_again(small, tmp_path, monkeypatch):
     shapes = [small.shapes / "s0.ply", small.shapes / "s1.ply", tmp_path / "bad.off", tmp_path / "gone.ply"]
     shapes[2].write_text(BAD)

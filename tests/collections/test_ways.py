@@ -98,6 +98,7 @@ def test_the_template_is_as_it_was(cohort):
     np.testing.assert_array_equal(written(cohort, "a"), read_mesh(cohort.paths["a"]).vertices)
 
 
+@pytest.mark.long
 def test_one_wrong_map_changes_little(copied):
     before = written(copied, "b")
     maps = copied.maps("a", "c")
@@ -117,6 +118,7 @@ def test_one_wrong_map_changes_little(copied):
     assert 0 < np.linalg.norm(written(copied, "b") - before, axis=1).mean() < NOISE / 4
 
 
+@pytest.mark.long
 def test_the_same_maps_give_the_same_files(copied):
     before = {name: copied.layout.corresponded(name).read_bytes() for name in NAMES}
     for name in NAMES:

@@ -49,6 +49,7 @@ def test_a_job_that_kills_its_workers_fails_and_all_others_are_done():
     assert others.issuperset(active_children())
 
 
+@pytest.mark.long
 def test_a_worker_that_dies_is_replaced(tmp_path):
     tasks = [Task(((i, str(tmp_path)),), deadly_once) for i in range(6)]
     with workers_of("local", 2) as workers:

@@ -54,11 +54,13 @@ def test_a_relabelled_copy_gives_the_relabelling(animal):
     assert type(found) is type(match(animal, animal))
 
 
+@pytest.mark.long
 def test_hints_are_checked_as_match_checks_them(animal):
     with pytest.raises(LandmarkError, match="2 landmarks do not fix"):
         nearest_signatures(animal, animal, landmarks=[[0, 1], [2, 3]])
 
 
+@pytest.mark.long
 def test_the_benchmark_runs_it_by_name(monkeypatch, tmp_path):
     made = methods_of(TOY)
     assert list(made) == ["toy", "toy_5pt"]

@@ -63,6 +63,7 @@ def test_a_vertex_that_no_face_uses_is_repaired_and_indexed(values, mesh):
     assert np.array_equal(repaired.vertex_index, np.delete(np.arange(len(vertices)), 7))
 
 
+@pytest.mark.long
 def test_it_starts_a_match_of_a_mesh_with_an_unused_vertex(example):
     """On the body there is a row too few; `PreparedShape.lift` makes one for every vertex of the user."""
     source, target = (

@@ -75,6 +75,7 @@ def test_it_refines_the_map_of_a_part(animals, side):
     assert mean_error(found.map, shapes[1], known) < 0.02
 
 
+@pytest.mark.long
 def test_it_refines_an_elastic_map(animals):
     source, target, truth = animals
     everywhere = np.column_stack([np.arange(len(truth)), truth])

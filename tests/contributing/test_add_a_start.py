@@ -41,6 +41,7 @@ def mean_error(found, mesh, truth):
     return np.linalg.norm(off, axis=1).mean() / np.sqrt(mesh.area)
 
 
+@pytest.mark.long
 def test_alone_it_leads_to_the_right_map(animals):
     source, target, truth = animals
     found = match(source, target, starts=[inertia])
@@ -48,6 +49,7 @@ def test_alone_it_leads_to_the_right_map(animals):
     assert mean_error(found, target, truth) < 0.02
 
 
+@pytest.mark.long
 def test_with_those_of_isomatch_it_contends(animals):
     source, target, truth = animals
     found = match(source, target, starts=[inertia, *default_starts])

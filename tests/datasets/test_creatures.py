@@ -188,6 +188,7 @@ def test_distance_to_a_triangle_is_the_least_over_a_fine_sampling():
     np.testing.assert_allclose(distance, sampled, atol=0.02)
 
 
+@pytest.mark.long
 def test_symmetric_creature_is_its_mirror_image(symmetric_pair):
     source, target = symmetric_pair
     skin = Skin.of(body(source.kind, symmetric=True))

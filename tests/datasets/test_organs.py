@@ -64,6 +64,7 @@ def test_half_a_turn_twice_is_the_identity():
     assert away.mean() < edge_lengths(made.mesh).mean()
 
 
+@pytest.mark.long
 def test_the_set_has_asymmetric_and_symmetric_pairs():
     organs = benchmark_set("organs")
     names = [source for source, _ in organs.pairs]

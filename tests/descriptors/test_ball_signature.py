@@ -172,6 +172,7 @@ def test_values_at_other_vertices_are_means_of_near_samples(example):
     np.testing.assert_allclose(few.values, np.broadcast_to(few.values[7], few.values.shape), atol=1e-12)
 
 
+@pytest.mark.long
 def test_scaled_is_the_signature_of_the_larger_surface(example):
     mesh = example[0].mesh
     radii = np.geomspace(0.05, 0.2, 12)

@@ -199,6 +199,7 @@ def test_lengths_are_exact_distances_of_100_pairs(name, example):
     assert_sound(mesh, path)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["creature", "torus"])
 def test_from_face_to_face_and_back(name, example):
     pytest.importorskip("pygeodesic", reason="needs pygeodesic")

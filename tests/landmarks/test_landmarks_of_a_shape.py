@@ -104,6 +104,7 @@ def test_a_point_in_the_middle_of_a_large_face_is_on_the_surface(tmp_path, caplo
         Landmarks.read(tmp_path / "a.txt", cube)
 
 
+@pytest.mark.long
 def test_nearest_point_of_all_triangles():
     """Against the exhaustive search, on a mesh of long triangles whose nearest vertices belong to others."""
     rng = np.random.default_rng(1)

@@ -60,6 +60,7 @@ def test_overlap_is_the_share_of_both_in_common(parts, found):
     assert found.overlap[0] == pytest.approx(found.map.matched.mean())
 
 
+@pytest.mark.long
 def test_images_that_look_no_more_alike_than_at_random_are_no_evidence(parts):
     source, target = (prepare(mesh) for mesh in parts[:2])
     looks = BothLooks(*two_sides(source, target, same_area=False))

@@ -52,6 +52,7 @@ def test_the_right_map_is_among_the_challengers_of_mixed_ones(matched):
     assert all(candidate.orientation > 0.5 and candidate.energy < 1.5 * energy for candidate in found)
 
 
+@pytest.mark.long
 def test_the_right_map_beats_mixed_ones_and_is_not_beaten(matched):
     relation, selection, mixed, _ = matched
     right = selection.winner

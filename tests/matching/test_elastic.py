@@ -113,6 +113,7 @@ def test_a_wrong_initial_map_does_not_win(species, found):
     assert mean_error(target, led.map.vertices, truth) < 0.07
 
 
+@pytest.mark.long
 def test_the_score_is_the_stretch_and_the_gap_of_both_shapes_bent(species):
     """A shape on itself is not stretched; exchanged images are dear."""
     relation = Elastic().on(
@@ -171,6 +172,7 @@ def test_canonical_coordinates_keep_distances(species):
     assert np.abs(apart - species[0].distances_between(vertices)).mean() < 0.1 * apart.mean()
 
 
+@pytest.mark.long
 def test_the_mirror_image_of_a_stretched_creature_is_found(animals, species, mirrored):
     _, new = relabelled(other_species(animals[1]), 0)
     there = new[ground_truth(animals[1], animals[1], mirrored=True).vertices][np.argsort(new)]

@@ -139,6 +139,7 @@ def test_a_body_that_is_cut_open_is_matched_as_a_part(fused):
     assert error_of(source, target, found.vertices) < 0.05
 
 
+@pytest.mark.long
 def test_a_body_that_is_cut_open_keeps_its_vertices():
     shape = prepare(body(**POSES["both"]).mesh)
     opened = opened_shape(shape, 2)
@@ -184,6 +185,7 @@ def test_a_shape_knows_its_handles():
     assert [shape.handles for shape in shapes] == [0, 1, 1, 2]
 
 
+@pytest.mark.long
 def test_a_body_that_is_cut_knows_where_its_vertices_came_from():
     mesh = body(**POSES["both"]).mesh
     shape = prepare(mesh)

@@ -141,6 +141,7 @@ def test_polished_functions_are_those_of_the_finer_level(shapes):
     assert shapes[0].polishable is shape
 
 
+@pytest.mark.long
 def test_samples_stay_on_their_sheet_where_sheets_were_glued():
     """At a weld, two vertices of the body are one of the user's."""
     welded = weld(creature(2500, pose=3).mesh, 0.1)
@@ -171,6 +172,7 @@ def test_the_map_of_two_poses(made, truth, shapes, found, found_in_full):
     assert found.quality.matched == 1
 
 
+@pytest.mark.long
 def test_what_was_done_is_told(made, found, found_in_full):
     for side, each in zip(("source", "target"), made):
         told = f"{side}: matched on 1000 of {each.mesh.n_vertices} vertices"
@@ -182,6 +184,7 @@ def test_what_was_done_is_told(made, found, found_in_full):
     assert not {"polish", "carry"} & found_in_full.timings.keys()
 
 
+@pytest.mark.long
 def test_without_polishing_none_is_told(made, truth, shapes):
     config = Config.from_dict({"levels": LEVELS, "refinement": "none"})
     plain = match(*shapes, config=config)

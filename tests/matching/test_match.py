@@ -84,6 +84,7 @@ def test_post_processing_with_few_functions(n_functions):
     assert errors(found.map.vertices, truth, target.mesh).mean() < 0.05
 
 
+@pytest.mark.long
 def test_true_initial_map_is_kept(example, example_truth, prepared_example):
     config = Config(hypotheses="given")
     found = match(*prepared_example, initial_map=example_truth, config=config)
@@ -171,6 +172,7 @@ def test_different_things_give_low_confidence(prepared_example):
     assert "landmark" in found.outcome.advice
 
 
+@pytest.mark.long
 def test_result_is_told_in_plain_values(prepared_example):
     stages = []
     pairs = np.column_stack([prepared_example[0].column_vertices[:5]] * 2)
@@ -246,6 +248,7 @@ def test_prepared_with_other_settings():
         match(prepared, target.mesh, config=Config())
 
 
+@pytest.mark.long
 def test_given_needs_something_given():
     source, target = example_pair()
     with pytest.raises(SettingError, match="no landmarks, initial map or descriptors were given"):

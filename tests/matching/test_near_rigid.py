@@ -35,6 +35,7 @@ def test_where_a_shape_lies_does_not_matter():
         assert error_of((source, rest[pair.source_vertices]), (target, there), image) < 0.1
 
 
+@pytest.mark.long
 def test_mirror_images_are_found_if_asked_for():
     (source, rest), (target, there) = ring(1), ring(1, n=45)
     mirrored = replace(target, vertices=target.vertices * [1, 1, -1], faces=target.faces[:, ::-1])

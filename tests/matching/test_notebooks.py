@@ -5,6 +5,7 @@ import re
 from io import BytesIO
 
 import numpy as np
+import pytest
 from matplotlib.image import imread
 
 from isomatch import Correspondence, Mesh, match
@@ -56,6 +57,7 @@ def test_a_map_is_drawn_while_its_meshes_are_in_use():
     assert pictures(Correspondence([0, -1], 2)._repr_html_()) == []
 
 
+@pytest.mark.long
 def test_a_result_shows_outcome_quality_and_map(prepared_example):
     result = match(*prepared_example)
     html = result._repr_html_()

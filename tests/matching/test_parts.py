@@ -114,6 +114,7 @@ def test_hopeless_maps_are_given_up(found, prepared):
     assert prepared.mean_distance(bold.fits[0].image, best.fits[0].image) < 0.02
 
 
+@pytest.mark.long
 def test_the_best_map_bends_the_part_in_full(found, bodies, prepared):
     """From where it lies at a lower resolution, and more exactly."""
     part, best = found
@@ -125,6 +126,7 @@ def test_the_best_map_bends_the_part_in_full(found, bodies, prepared):
     assert after < 1.05 * before < 0.03
 
 
+@pytest.mark.long
 def test_trusted_distances_from_landmarks_are_those_on_the_whole(found, bodies, prepared):
     part, best = found
     truth = prepared.body_vertex[bodies[2][part.original]][best.pair.part.user_vertex]
@@ -139,6 +141,7 @@ def test_trusted_distances_from_landmarks_are_those_on_the_whole(found, bodies, 
     assert np.quantile(apart, 0.95) < 0.03
 
 
+@pytest.mark.long
 def test_what_a_bent_part_covers(found, bodies):
     part, best = found
     whole = best.pair.whole.body
@@ -149,6 +152,7 @@ def test_what_a_bent_part_covers(found, bodies):
     assert (covered & truth).sum() > 0.9 * covered.sum(), "precision"
 
 
+@pytest.mark.long
 def test_wrong_maps_bend_badly(found):
     _, best = found
     wrong = [fit for fit in best.fits if best.pair.whole.mean_distance(fit.image, best.fits[0].image) > 0.12]
@@ -248,6 +252,7 @@ def test_a_shape_is_a_part_of_itself():
     )
 
 
+@pytest.mark.long
 def test_settings_of_the_match_count_not_those_of_a_prepared_whole(bodies, prepared):
     def coordinates(whole, config):
         known = np.zeros((whole.body.n_vertices, 0))
@@ -292,6 +297,7 @@ def test_the_unit_is_found(bodies, prepared, factor, scale):
     assert found.share == pytest.approx(part.mesh.area / bodies[0].area, rel=0.1)
 
 
+@pytest.mark.long
 def test_units_that_are_fixed_stay(bodies, prepared):
     part = prepare(cut(bodies[0], 0.3, seed=4).mesh)
     for scale, unit in (("same", part.scale / prepared.scale), ("area", 1.0)):

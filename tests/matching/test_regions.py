@@ -64,6 +64,7 @@ def unlike_in(pair, *parts, value=2.0):
     return mismatch
 
 
+@pytest.mark.long
 def test_a_rival_that_exchanges_two_limbs_gives_these(animal, pair, exchanged):
     own, rival = exchanged
     regions = regions_of_doubt(pair, rivals=exchanged)

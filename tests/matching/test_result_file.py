@@ -50,6 +50,7 @@ def assert_same(one, other):
         assert_same_map(a.map, b.map)
 
 
+@pytest.mark.long
 def test_a_result_is_read_as_it_was_written(tmp_path, result):
     assert result.alternatives
     result.save(tmp_path / "result.npz")

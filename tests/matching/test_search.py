@@ -39,6 +39,7 @@ def test_flips_of_the_mirror_image_contain_the_true_map(known):
     assert {h.origin for h in found} == {mirrored.origin}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("origin", ["extremities", "initial map"])
 def test_flips_are_new_whatever_is_known(known, origin):
     pair, true, mirrored = known

@@ -37,6 +37,7 @@ def error_of(pair, found):
     return float(counted(np.min(errors, axis=0)).mean())
 
 
+@pytest.mark.long
 def test_the_body_of_a_welded_shape_is_that_of_the_whole(pair, welded):
     n, merged = pair.given.target.n_vertices, int((pair.target.twin >= 0).sum())
     assert welded.body.n_vertices == pair.whole.target.n_vertices == n + merged

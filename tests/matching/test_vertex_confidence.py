@@ -102,6 +102,7 @@ def test_a_rival_casts_doubt_where_it_differs(pair):
     assert not none.any()
 
 
+@pytest.mark.long
 def test_confidence_is_one_half_at_a_twentieth(result):
     known = replace(result, expected_error=np.array([0.0, 0.05, 0.45, np.nan]))
     np.testing.assert_allclose(known.confidence, [1.0, 0.5, 0.1, np.nan])

@@ -26,6 +26,7 @@ DEFECTS = {
 }
 
 
+@pytest.mark.long
 @given(any_mesh())
 @settings(max_examples=200, deadline=None)
 def test_any_array_content_gets_a_report(mesh):

@@ -90,6 +90,7 @@ def test_a_vertex_without_faces_makes_no_handle():
     assert handles(Mesh(np.vstack([ball.vertices, [[9, 9, 9]]]), ball.faces)) == 0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", range(3))
 def test_neither_names_nor_places_make_handles(fused, seed):
     assert handles(disguised(fused, seed).mesh) == 1
@@ -172,6 +173,7 @@ def test_a_seam_must_be_concave_enough(fused):
     assert len(cut_contacts(fused, 1, 0.4).seams) == 1
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("most", [1, 4])
 def test_handles_that_are_meant_stay(smooth, most):
     assert handles(smooth) > 0

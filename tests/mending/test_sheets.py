@@ -58,6 +58,7 @@ def test_a_manifold_is_left_alone(specimen):
     assert found.seams == ()
 
 
+@pytest.mark.long
 @given(any_mesh(), st.floats(0, 1))
 @settings(max_examples=100, deadline=None)
 def test_laws_on_anything(mesh, least):
@@ -88,6 +89,7 @@ def test_welded_limbs_come_apart(welded):
     )
 
 
+@pytest.mark.long
 def test_the_winding_may_be_inward(welded):
     outward = separate_sheets(welded.mesh)
     inward = separate_sheets(Mesh(welded.mesh.vertices, welded.mesh.faces[:, ::-1]))
@@ -116,6 +118,7 @@ def test_a_layer_that_was_removed_is_put_back(closed_horseshoe):
     assert check(found.mesh).euler_number == 2
 
 
+@pytest.mark.long
 @given(st.integers(0, 2**32))
 @settings(max_examples=20, deadline=None)
 def test_normals_need_not_be_clear(seed):

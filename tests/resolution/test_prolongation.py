@@ -71,6 +71,7 @@ def test_there_and_back_is_the_same_vertex(mesh):
     assert np.median(distance) < 1e-6 * mesh.edge_lengths.mean()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("mesh", SURFACES.values(), ids=SURFACES)
 def test_places_are_near_and_weights_are_barycentric(mesh):
     coarse = decimate(mesh, mesh.n_vertices // 8)

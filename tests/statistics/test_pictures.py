@@ -93,6 +93,7 @@ def test_vertices_without_a_value_are_grey(tmp_path):
     assert colour.sum() > 500
 
 
+@pytest.mark.long
 def test_a_name_that_would_cover_another_is_left_out(tmp_path):
     apart = np.array([[0.0, 0.0], [1.0, 1.0]])
     close = np.concatenate([apart, apart[:1] + 1e-3])
@@ -105,6 +106,7 @@ def test_a_name_that_would_cover_another_is_left_out(tmp_path):
     assert all(f"<!-- h{i:02} -->" in text for i in range(12))
 
 
+@pytest.mark.long
 def test_hulls_are_drawn_around_groups(tmp_path):
     """In the colours of the groups; not around two points, nor around three on a line."""
     model = ShapeModel.fit(random_shapes(9))

@@ -48,6 +48,7 @@ def test_the_distance_is_what_it_says():
     assert every[0, 2] > every[0, 1]
 
 
+@pytest.mark.long
 def test_a_pose_changes_them_less_than_another_animal():
     standing, moving = (creature(1500, pose=pose).mesh for pose in (0, 3))
     bodies = [standing.vertices, moving.vertices, standing.vertices * [1.0, 1.5, 1.0]]

@@ -26,6 +26,7 @@ def test_one_axis_is_one_mode_and_its_length_the_score():
     np.testing.assert_allclose(model.vertex_variances, lengths.var(ddof=1) * z**2, atol=1e-12)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("n_shapes", [4, 300])
 @pytest.mark.parametrize("weights", ["uniform", "area"])
 def test_scikit_learn_finds_the_same_modes(n_shapes, weights):

@@ -124,6 +124,7 @@ def unpacked(text, dtype, columns=1):
     return values if columns == 1 else values.reshape(-1, columns)
 
 
+@pytest.mark.long
 def test_the_report_is_whole_small_and_loads_nothing(written, page):
     assert len(written) < 5e6
     assert "default-src 'none'" in written
@@ -275,6 +276,7 @@ def test_a_part_is_held_to_bounds_of_its_own(result):
     assert MEASURES["doubt"].name in against
 
 
+@pytest.mark.long
 def test_layers_are_levels_between_their_ends_and_grey_without_a_value(pair, result, tmp_path):
     source, target, _ = pair
     values = np.linspace(4.0, 5.0, source.n_vertices)
@@ -295,6 +297,7 @@ def test_layers_are_levels_between_their_ends_and_grey_without_a_value(pair, res
     assert 4.9 < layer["high"] < 5.0
 
 
+@pytest.mark.long
 def test_regions_of_doubt_are_listed_and_shown(pair, result, tmp_path):
     source, target, _ = pair
     regions = (

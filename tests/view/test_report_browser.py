@@ -204,6 +204,7 @@ def test_landmarks_are_picked_listed_kept_saved_and_removed(report, visit, tmp_p
     assert page.locator(".pin").count() == 0
 
 
+@pytest.mark.long
 def test_looking_at_a_map_picks_nothing(report, visit):
     page = visit(report)
     page.uncheck("#picking")
@@ -212,6 +213,7 @@ def test_looking_at_a_map_picks_nothing(report, visit):
     assert "→ target vertex" in page.text_content("#status")
 
 
+@pytest.mark.long
 def test_without_a_map_the_report_is_a_picker(shape, visit, tmp_path):
     path = tmp_path / "report.html"
     write_landmark_picker(path, shape, shape, "no map keeps the orientation", landmarks=[[3, 4], [5, 10**6]])
@@ -242,6 +244,7 @@ def test_nothing_sticks_out_or_overlaps(report, visit, viewport, scheme):
     assert (ink > ground) == (scheme == "dark")
 
 
+@pytest.mark.long
 def test_a_converged_map_hides_the_list_until_picking(shape, flipped, visit, tmp_path):
     path, still = tmp_path / "report.html", tmp_path / "map.png"
     matplotlib.image.imsave(still, np.ones((4, 8, 3)))

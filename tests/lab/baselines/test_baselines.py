@@ -90,6 +90,7 @@ def test_signature_is_that_of_match(method):
     assert list(inspect.signature(method).parameters) == expected
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", some_later(ALL, lambda method: method not in (gmds, gdd)))
 def test_relabelled_copy_gives_the_relabelling(copies, method):
     area, uniform, truth = copies
@@ -111,6 +112,7 @@ def test_true_initial_map_is_not_left(copies, method):
     assert found.origin == ("functional map" if method is functional_maps else "initial map")
 
 
+@pytest.mark.long
 def test_copy_without_hints(copies):
     """The animal is asymmetric."""
     shapes, _, truth = copies
@@ -169,6 +171,7 @@ def test_heat_kernel_signatures_serve_as_well(example, example_truth, prepared_e
     assert (found.map.vertices != wave.map.vertices).any()
 
 
+@pytest.mark.long
 def test_gdd_improves_another_map(example, example_truth, prepared_example):
     start = functional_maps(*prepared_example, config=FunctionalMapsConfig(20, refinement="none"))
     found = gdd(*(made.mesh for made in example), initial_map=start.map)

@@ -52,6 +52,7 @@ def scattered(poses):
     return Placement.at_vertices(np.column_stack([rows, images]))
 
 
+@pytest.mark.long
 def test_stress_never_rises_and_falls_from_a_bad_start(poses, scattered):
     _, stresses = descended(prepare_pair(*poses[:2]), scattered, 0, 20)
     assert (np.diff(stresses) <= 0).all()
@@ -119,6 +120,7 @@ def test_without_hints_a_copy_is_recognised(copies):
     assert found.notes[-1].startswith("relative stress of 100 points: 0.000")
 
 
+@pytest.mark.long
 def test_samples_of_another_pose(poses):
     source, target, truth = poses
     hints = {"landmarks": landmarks_of(source, truth), "initial_map": truth}
@@ -177,6 +179,7 @@ def test_descriptors_can_start(copies):
     assert (found.map.vertices == truth).mean() > 0.95
 
 
+@pytest.mark.long
 def test_points_go_to_triangles_only(poses):
     source, target, truth = poses
     cloud = PointCloud(source.surface.vertices)

@@ -40,6 +40,7 @@ def solved(source, target, config=CONFIG):
     return transport(task, task.pair.signatures, config)
 
 
+@pytest.mark.long
 def test_marginals_are_areas(poses):
     found = solved(*poses[:2])
     assert found.plan.shape == (200, 200)
@@ -98,6 +99,7 @@ def test_features_are_descriptors_where_given(poses):
     assert error(found.map.vertices, truth, target) < 0.02
 
 
+@pytest.mark.long
 def test_graphs_are_matched(poses):
     mesh = poses[0].surface
     edges = np.unique(np.sort(mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1), axis=0)

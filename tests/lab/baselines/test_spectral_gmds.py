@@ -71,6 +71,7 @@ def test_map_of_a_relabelled_copy_commutes(copies, hint):
     assert np.linalg.norm(alpha - expected) < 0.1 * np.linalg.norm(expected)
 
 
+@pytest.mark.long
 def test_areas_are_kept(poses):
     """α m_t = m_s, αᵀ m_s = m_t and αᵀα = I, with m the coefficients of 1."""
     source, target, truth = poses

@@ -65,6 +65,7 @@ def test_signs_and_order_are_found(shape):
     np.testing.assert_array_equal(found, expected)
 
 
+@pytest.mark.long
 def test_sides_of_a_symmetric_animal():
     """Only the pseudo-scalars tell; the wanted side decides between a map and its mirror image."""
     animal = prepare(creature(1500, symmetric=True, pose=2).mesh)

@@ -165,6 +165,7 @@ def test_every_setting_changes_the_digest(monkeypatch):
     assert len({digest(), *changed}) == 1 + len(changed)
 
 
+@pytest.mark.long
 def test_a_torn_last_line_is_dropped_and_run_again(small, caplog, tmp_path):
     run = BenchmarkRun("small", ("right",), n_points=20, jobs=1)
     first, second = run_benchmark(run, tmp_path)
@@ -199,6 +200,7 @@ def example_on_disk(tmp_path):
     return tmp_path, target, truth
 
 
+@pytest.mark.long
 def test_errors_at_landmarks(example_on_disk, monkeypatch, tmp_path):
     folder, target, truth = example_on_disk
     given = []
@@ -225,6 +227,7 @@ def test_errors_at_landmarks(example_on_disk, monkeypatch, tmp_path):
     assert "no landmarks of beast1" in row["problem"]
 
 
+@pytest.mark.long
 def test_cycles_of_a_method_and_of_what_continues_it(monkeypatch, tmp_path):
     there = Correspondence(ground_truth(*example_pair()).vertices, example_pair()[1].mesh.n_vertices)
     maps = {there.shape: there, there.shape[::-1]: there.reversed()}
@@ -357,6 +360,7 @@ def test_mirrored_truth_is_reported_but_does_not_excuse_shapes_that_are_not_symm
     assert row["error"] == row["direct"] > row["mirrored"] == 0
 
 
+@pytest.mark.long
 def test_published_curves_of_the_sets_are_drawn_for_comparison(small, tmp_path):
     curve = {"small|theirs|x": [0.0, 0.1], "small|theirs|y": [40.0, 90.0]}
     np.savez(tmp_path / "a.npz", **curve, **{"other|theirs|x": [0.0], "other|theirs|y": [1.0]})
@@ -464,6 +468,7 @@ def test_wrong_rows_of_the_truth_are_no_landmarks(relabelled_pair):
     assert not set(drawn[:, 0]) & set(at)
 
 
+@pytest.mark.long
 def test_methods_share_landmarks_and_prepared_shapes(small, monkeypatch, tmp_path):
     given = []
 
@@ -492,6 +497,7 @@ def test_command_line_names_every_method():
     assert all(name in bench.__doc__ for name in METHODS)
 
 
+@pytest.mark.long
 def test_phi_runs_as_a_method(relabelled_pair):
     found, diagnostics = METHODS["phi"](
         relabelled_pair.source, relabelled_pair.target, {"landmarks": true_landmarks(relabelled_pair)}
@@ -575,6 +581,7 @@ def test_damage_tells_rows_apart_in_every_table(small, tmp_path):
     assert "small, noise:0.3: direct" in (tmp_path / "curves.svg").read_text(encoding="utf-8")
 
 
+@pytest.mark.long
 def test_rows_without_a_word_about_damage_are_those_of_whole_shapes(small, tmp_path):
     run = BenchmarkRun("small", ("right",), n_points=20, jobs=1)
     list(run_benchmark(run, tmp_path))
@@ -595,6 +602,7 @@ def test_workers_find_the_same_rows_as_one_process(tmp_path):
     assert measured(1) == measured(2)
 
 
+@pytest.mark.long
 def test_the_command_damages(capsys, monkeypatch, tmp_path):
     def method(one, other):
         return Correspondence(np.zeros(one.n_vertices, dtype=int), other.n_vertices)

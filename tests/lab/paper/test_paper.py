@@ -106,6 +106,7 @@ def test_one_page_shows_all(made):
     assert "seed: 0" in page
 
 
+@pytest.mark.long
 def test_no_basis_beats_the_optimum(made):
     rows = table(made, "basis-error")
     for row in rows:
@@ -141,6 +142,7 @@ def test_error_of_a_basis_by_another_route():
     np.testing.assert_allclose(spanned, distances, atol=1e-9)
 
 
+@pytest.mark.long
 def test_ten_vectors(made):
     rows = table(made, "basis-vectors")
     values = np.abs([row["eigenvalue_over_area_three_halves"] for row in rows])
@@ -148,6 +150,7 @@ def test_ten_vectors(made):
     assert (np.diff([row["relative_error_so_far"] for row in rows]) < 0).all()
 
 
+@pytest.mark.long
 def test_descriptors_follow_geodesic_distances_and_laplace_functions_do_not(made):
     rows = table(made, "descriptor-distance")
     medians = {
@@ -163,6 +166,7 @@ def test_descriptors_follow_geodesic_distances_and_laplace_functions_do_not(made
     assert np.corrcoef(geodesic, [row["lbo"] for row in field])[0, 1] < 0.5
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["curves-5pt", "curves-initialised"])
 def test_curves_rise_to_at_most_one(made, name):
     rows = table(made, name)
@@ -177,6 +181,7 @@ def test_curves_rise_to_at_most_one(made, name):
     np.testing.assert_allclose(shares, kept["sgmds_5pt", "standing-running"]["curve"][::4])
 
 
+@pytest.mark.long
 def test_rows_of_an_earlier_run_are_used(made):
     before = (made[0] / "runs" / "rows.jsonl").read_text()
     setting = Setting(None, made[0] / "runs", quick=True, n_points=150, jobs=1)
@@ -186,6 +191,7 @@ def test_rows_of_an_earlier_run_are_used(made):
     assert facts["pairs"] == {"example": ["standing-running"]}
 
 
+@pytest.mark.long
 def test_a_pair_without_a_map_counts_as_wrong(tmp_path, monkeypatch):
     def broken(source, target):
         raise RuntimeError("no map today")
@@ -211,6 +217,7 @@ def test_distortions_by_another_route(made):
     assert row["gdd"] < row["gdd_post"], "post-processing looks at other things than distances"
 
 
+@pytest.mark.long
 def test_the_table_is_that_of_the_rows_of_the_run(made):
     (line,) = table(made, "distortion-table")
     kept = {row["method"]: row for row in read_rows(made[0] / "runs")}
@@ -232,6 +239,7 @@ def test_a_table_without_all_maps_names_the_problem(tmp_path, monkeypatch):
         distortion_table.make(setting)
 
 
+@pytest.mark.long
 def test_regions_are_transferred_and_neighbours_differ(made):
     (row,) = table(made, "voronoi")
     assert row["right_share"] > 0.9
@@ -252,6 +260,7 @@ def one_line(capsys):
     return said
 
 
+@pytest.mark.long
 def test_bad_requests_are_reported_in_one_line(made, tmp_path, capsys):
     assert main(["paper", "figure-9", "--quick", "-o", str(tmp_path)]) == 1
     assert "unknown item figure-9; choose from basis-error" in one_line(capsys)
