@@ -16,6 +16,9 @@ from isomatch.view import draw_map
 from small_collections import copied, finished, small  # noqa: F401 - fixtures
 
 LONGEST = (  # files in the order in which they are handed to workers, before all others
+    "collections/test_dask.py",
+    "faults/test_every_step.py",
+    "faults/test_other_systems.py",
     "zoo/test_every_command.py",
     "matching/test_parts.py",
     "test_code_blocks.py",
@@ -44,7 +47,6 @@ LONGEST = (  # files in the order in which they are handed to workers, before al
     "test_gallery.py",
     "datasets/test_creatures.py",
     "matching/test_points_and_graphs.py",
-    "collections/test_dask.py",
     "fuzz/test_array_files.py",
     "matching/test_result_file.py",
     "matching/test_both.py",

@@ -102,6 +102,7 @@ def plain(small, tmp_path_factory):
     return collection
 
 
+@pytest.mark.long
 def test_every_trouble_is_named_and_nothing_else(troubled, plain):
     assert kinds(troubled.collection) == TROUBLES
     assert kinds(plain) == {}

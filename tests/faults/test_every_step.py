@@ -167,7 +167,7 @@ def cases():
     """All commands with all kinds; those that take seconds, mostly in the long version."""
     for command in COMMANDS:
         for kind in (*KINDS, "allocation"):
-            is_long = command == "statistics" or (command == "match" and kind != "rename")
+            is_long = command == "statistics" or command == "match"
             yield pytest.param(
                 command, kind, 4 if command == "statistics" else 2, marks=[pytest.mark.long] * is_long
             )

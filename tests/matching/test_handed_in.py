@@ -72,6 +72,7 @@ def test_without_hints_none_may_win(bodies, relation):
         match(*bodies[:2], config=Config(hypotheses="given"), relation=relation)
 
 
+@pytest.mark.long
 @RELATIONS
 def test_the_origin_is_the_start_that_won(bodies, relation):
     source, target, truth = bodies

@@ -69,6 +69,7 @@ def test_a_given_map_of_a_few_vertices_wins_a_tie(kidneys, side):
     assert error(target, match(source, target, initial_map=few).map.vertices, truth[side]) < 0.05
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("side", OTHER_SIDE)
 def test_landmarks_win_a_tie(kidneys, side):
     source, target, truth = kidneys

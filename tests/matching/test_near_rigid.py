@@ -15,6 +15,7 @@ from isomatch.settings import SearchSettings
 WITHOUT = Config(search=SearchSettings(near_rigid=0.0))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.long)])
 def test_a_broken_ring_is_matched_by_its_pose(seed):
     """Distances across the break differ by half the ring."""

@@ -39,6 +39,7 @@ def stretch_around(source, target, found, rows):
     return (mapped / lengths).max()
 
 
+@pytest.mark.long
 def test_held_landmarks_are_exact_and_the_map_follows(hearts):
     source, target, truth, pairs = hearts
     led = match(source, target, landmarks=pairs)

@@ -63,6 +63,7 @@ def test_points_find_themselves_in_their_mesh(cloud, relabelled):
     assert found.engine == "dijkstra"
 
 
+@pytest.mark.long
 def test_a_mesh_finds_itself_in_the_graph_of_its_edges(mesh, graph, relabelled, truth):
     found = match(mesh, graph)
     assert 100 * geodesic_errors(relabelled, found.map, truth).mean() < 1.0

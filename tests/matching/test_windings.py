@@ -46,6 +46,7 @@ def require_turned_over(found, expected):
     assert np.array_equal(found.map.vertices, expected.map.vertices)
 
 
+@pytest.mark.long
 def test_the_map_of_a_part_is_that_of_the_part_turned_over(part, whole, sound):
     reversed_part = prepare(inside_out(part))
     assert reversed_part.seems_inside_out

@@ -111,6 +111,7 @@ def test_a_fused_hand_comes_off_its_thigh(fused):
     assert repr(cut) == f"Cut({cut.mesh!r}, 1 seams)"
 
 
+@pytest.mark.long
 def test_both_hands_come_off(twice_fused):
     assert handles(twice_fused) == 2
     cut = cut_contacts(twice_fused, 2)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
 from dataclasses import replace
 
 from isomatch.errors import NotConvergedError
@@ -33,19 +32,25 @@ def solve_either_winding(pair: ShapePair, hints: Hints, stages: Stages, timer: S
     side = side_to_turn(pair)
     if side is None:
         return solve(pair, hints, stages, timer)
+    if side == "source":
+        turned = replace(pair, source=turned_over(pair.source))
+    else:
+        turned = replace(pair, target=turned_over(pair.target))
     solutions: dict[str, Solution] = {}
-    with suppress(NotConvergedError):
-        solutions["as they are"] = solve(pair, hints, stages, timer)
-    timer.start("turned over")
-    turned = replace(pair, **{side: turned_over(getattr(pair, side))})
-    try:
-        solutions["turned over"] = solve(turned, hints, stages, timer)
-    except NotConvergedError:
-        if not solutions:
-            raise
-    fits = max(
-        solutions,
-        key=lambda how: (solutions[how].outcome.sureness, -looks_apart(solutions[how].pair, solutions[how])),
-    )
+    failure = None
+    for how, wound in (("as they are", pair), ("turned over", turned)):
+        timer.start(f"faces {how}")
+        try:
+            solutions[how] = solve(wound, hints, stages, timer)
+        except NotConvergedError as error:
+            failure = error
+    if failure and not solutions:
+        raise failure
+
+    def fit(how: str) -> tuple[int, float]:
+        found = solutions[how]
+        return found.outcome.sureness, -looks_apart(found.pair, found)
+
+    fits = max(solutions, key=fit)
     note = f"the {side} seems to be inside out; of both windings of its faces, the map fits better with them {fits}"
     return replace(solutions[fits], notes=(note, *solutions[fits].notes))
