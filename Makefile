@@ -20,10 +20,10 @@ $(VENV)/core: pyproject.toml
 	@touch $@
 
 $(VENV)/dev: pyproject.toml $(LOCK) | $(VENV)/uv  # with pip where uv does not reach what pip does
-	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	test -x $(BIN)/python || $(UV) venv --quiet --seed --allow-existing --python $(PYTHON) $(VENV)
 	$(UV) pip install --quiet --python $(BIN)/python --require-hashes -r $(LOCK) || \
 		$(BIN)/python $(PIP) --require-hashes -r $(LOCK)
-	$(BIN)/python $(PIP) --no-deps --no-build-isolation -e .
+	$(UV) pip install --quiet --python $(BIN)/python --no-deps --no-build-isolation -e .
 	@touch $(VENV)/core $@
 
 $(VENV)/uv:
@@ -43,7 +43,7 @@ docs: $(DOCS)/bin/sphinx-build
 	NUMBA_CACHE_DIR=$(CURDIR)/$(DOCS)/loops $< -n -W --keep-going docs docs/_build/html
 
 told:
-	@echo 'tests: about 6 minutes on two cores; `make test-long` runs 1556 others, about 30 minutes'
+	@echo 'tests: about 6 minutes on two cores; `make test-long` runs 1569 others, about 30 minutes'
 
 test: told $(VENV)/dev lint  # types are checked beside the tests, and told in the end
 	$(BIN)/mypy >$(VENV)/types 2>&1 & checked=$$!; \

@@ -2,6 +2,7 @@
 
 import ast
 import importlib
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -52,6 +53,11 @@ MAY_IMPORT["__main__"] = {"cli", "storage"}
 FILES = sorted([*PACKAGE.rglob("*.py"), *PACKAGE.rglob("*.pyi")])
 
 
+@cache
+def parsed(path):
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
 def room_in(parts):
     """Room of a module by the parts of its name: two of them in the lab."""
     return ".".join(parts[: 2 if parts[0] == LAB and len(parts) > 1 else 1])
@@ -66,7 +72,7 @@ def room_of(path):
 
 def imported_rooms(path):
     """Rooms of the package that a file imports, anywhere in it; the package itself counts as ``__init__``."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
+    tree = parsed(path)
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
@@ -133,7 +139,7 @@ def test_the_checker_sees_imports():
 
 def imported_modules(path):
     """Modules of the package that a file imports, anywhere in it, also for types only."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in ast.walk(parsed(path)):
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
@@ -184,7 +190,7 @@ def test_only_the_command_line_prints_or_exits():
     for path in FILES:
         if room_of(path) in ("cli", "__main__"):
             continue
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        for node in ast.walk(parsed(path)):
             if isinstance(node, ast.Call):
                 called = ast.unparse(node.func)
                 assert called not in ("print", "exit", "quit", "sys.exit"), (

@@ -58,12 +58,7 @@ def shapes_of(share):
 
 @pytest.mark.long
 @pytest.mark.parametrize(
-    ("function", "share"),
-    [
-        pytest.param(match, 1.0, marks=pytest.mark.long),
-        (match_both, 1.0),
-        *(pytest.param(each, 0.6, marks=pytest.mark.long) for each in (match, match_both)),
-    ],
+    ("function", "share"), [(match, 1.0), (match_both, 1.0), *((each, 0.6) for each in (match, match_both))]
 )
 def test_a_match_keeps_no_shape(function, share):
     shapes = shapes_of(share)

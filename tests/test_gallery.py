@@ -6,21 +6,13 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import pytest
 
-from later import some_later
-
 pytestmark = pytest.mark.usefixtures("prepared_once")
 EXAMPLES = sorted(Path(__file__).parents[1].glob("examples/*/*.py"))
 WITHOUT_PICTURES = ("prepare_once", "save_and_load")
 
 
-QUICK = "canonical_form", "distances_without_matrix"
-
-
-@pytest.mark.parametrize(
-    "example",
-    some_later(EXAMPLES, lambda path: path.stem in QUICK),
-    ids=[path.stem for path in EXAMPLES],
-)
+@pytest.mark.long
+@pytest.mark.parametrize("example", EXAMPLES, ids=[path.stem for path in EXAMPLES])
 def test_an_example_runs(example, tmp_path, monkeypatch):
     if example.stem.startswith("blender"):
         pytest.skip("runs in Blender")

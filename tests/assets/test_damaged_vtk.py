@@ -160,7 +160,7 @@ def test_legacy_files(tmp_path, version, binary, lower):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(("version", "binary"), some_later(LEGACY, lambda case: case == ("4.2", True)))
+@pytest.mark.parametrize(("version", "binary"), LEGACY)
 def test_legacy_files_cut_anywhere(tmp_path, version, binary):
     data = legacy(version, binary)
     sound = 0

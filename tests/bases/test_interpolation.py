@@ -109,10 +109,7 @@ def test_predicted_is_nearest_to_the_optimum(mesh, weights):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(
-    "pose",
-    ["wolf0", pytest.param("cat0", marks=pytest.mark.long), pytest.param("centaur0", marks=pytest.mark.long)],
-)
+@pytest.mark.parametrize("pose", ["wolf0", "cat0", "centaur0"])
 def test_published_order_of_methods(pose):
     """Spectral MDS is worse than FMDS and FMDS worse than Nyström; the predicted columns are better than all."""
     mesh = tosca(pose)

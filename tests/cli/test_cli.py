@@ -369,6 +369,7 @@ def test_info_tells_versions(capsys):
     assert isomatch.__version__ in capsys.readouterr().out
 
 
+@pytest.mark.long
 def test_demo_is_accurate_and_writes_again(tmp_path, capsys):
     (tmp_path / "map.npz").write_bytes(b"an earlier demo")
     assert main(["demo", "-o", str(tmp_path)]) == 0

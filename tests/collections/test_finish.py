@@ -140,6 +140,7 @@ def test_no_surface_is_begun_when_time_is_up(copied):
     assert len(finished_lines(collection)) == len(N)
 
 
+@pytest.mark.long
 def test_export(star, tmp_path):
     files = list(export(star, tmp_path, ".obj"))
     assert len(files) == 4 + 6 + 1

@@ -71,6 +71,7 @@ def test_mesh_is_a_sphere_of_good_triangles(kind, n_vertices, style, monkeypatch
     assert len(np.unique(made.mesh.vertices, axis=0)) == made.mesh.n_vertices
 
 
+@pytest.mark.long
 def test_vertices_lie_on_the_skin(resting):
     skin = Skin.of(body(resting.kind))
     assert np.abs(skin.field(resting.rest)[:, 0]).max() < 1e-6
@@ -129,6 +130,7 @@ def winding_numbers(mesh, points):
     return np.arctan2(triple, rest).sum(axis=1) / (2 * np.pi)
 
 
+@pytest.mark.long
 def test_joints_turn_rigidly_beyond_the_bend():
     """A turned waist carries the head along as it is, and leaves the hind feet where they are."""
     rest = creature(1500)

@@ -148,6 +148,7 @@ def tmpfs(tmp_path):
     subprocess.run(["umount", folder], check=True)
 
 
+@pytest.mark.long
 def test_a_match_on_a_full_disk_ends_in_one_line(pair, match_argv, tmpfs, capsys):
     out = tmpfs / "out"
     assert main(match_argv(out)) == 1

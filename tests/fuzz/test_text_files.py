@@ -121,6 +121,7 @@ NESTED = st.recursive(
 )
 
 
+@pytest.mark.long
 @fuzzed
 @given(data=st.data())
 def test_settings_of_any_type(data):

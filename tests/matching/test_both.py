@@ -31,6 +31,7 @@ def test_the_map_there_is_that_of_match(both, prepared_example):
     assert both.there.outcome is alone.outcome
 
 
+@pytest.mark.long
 def test_the_map_back_is_as_good_as_one_found_by_itself(both, example, prepared_example):
     alone = match(*prepared_example[::-1])
     errors = [errors_of(example[::-1], found).mean() for found in (both.back, alone)]

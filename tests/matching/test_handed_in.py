@@ -115,7 +115,7 @@ def test_relations_of_meshes_say_so(bodies, relation):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("relation", [Part(), pytest.param(Elastic(), marks=pytest.mark.long)])
+@pytest.mark.parametrize("relation", [Part(), Elastic()])
 def test_a_relation_is_claimed_of_each_two_partners(bodies, relation):
     source, target, truth = bodies
     ball = bumpy_ball(200)

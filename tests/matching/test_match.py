@@ -75,7 +75,7 @@ def test_post_processing_heals_what_is_wrong_in_places(example, example_truth, p
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("n_functions", [20, *(pytest.param(n, marks=pytest.mark.long) for n in (33, 50))])
+@pytest.mark.parametrize("n_functions", [20, 33, 50])
 def test_post_processing_with_few_functions(n_functions):
     source, target = (creature(1500, pose=i, triangulation=i) for i in (1, 2))
     truth = ground_truth(source, target).vertices

@@ -59,7 +59,7 @@ def test_source_relabelled_moved_and_scaled(example, prepared_example, assert_sa
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.long)])
+@pytest.mark.parametrize("seed", [0, 1])
 def test_signs_of_eigenvectors(prepared_example, assert_same_map, seed):
     flipped = (with_flipped_signs(shape, seed + i) for i, shape in enumerate(prepared_example))
     assert_same_map(match(*flipped).map.vertices)

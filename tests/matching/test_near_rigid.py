@@ -16,7 +16,7 @@ WITHOUT = Config(search=SearchSettings(near_rigid=0.0))
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.long)])
+@pytest.mark.parametrize("seed", [1, 2])
 def test_a_broken_ring_is_matched_by_its_pose(seed):
     """Distances across the break differ by half the ring."""
     source, target = ring(seed, broken=True), ring(seed, n=45, bent=0.03)

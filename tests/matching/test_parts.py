@@ -62,10 +62,7 @@ def mean_error(whole, images, truth):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(
-    ("damage", "share", "covered"),
-    [(cut, 0.3, 0.85), pytest.param(holes, 0.15, 1.01, marks=pytest.mark.long)],
-)
+@pytest.mark.parametrize(("damage", "share", "covered"), [(cut, 0.3, 0.85), (holes, 0.15, 1.01)])
 def test_a_part_is_mapped_to_the_whole(bodies, prepared, damage, share, covered):
     part = damage(bodies[0], share, seed=4)
     found = match(part.mesh, prepared)
@@ -161,7 +158,7 @@ def test_wrong_maps_bend_badly(found):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("close", [pytest.param(True, marks=pytest.mark.long), False])
+@pytest.mark.parametrize("close", [True, False])
 def test_a_part_in_doubt_is_not_sure(bodies, prepared, close):
     """The map is that of a part both times."""
     part = cut(bodies[0], 0.3, seed=4)
@@ -173,10 +170,7 @@ def test_a_part_in_doubt_is_not_sure(bodies, prepared, close):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(
-    ("poor_doubt", "outcome"),
-    [(0.0, Outcome.LOW_CONFIDENCE), pytest.param(1.0, Outcome.PARTIAL, marks=pytest.mark.long)],
-)
+@pytest.mark.parametrize(("poor_doubt", "outcome"), [(0.0, Outcome.LOW_CONFIDENCE), (1.0, Outcome.PARTIAL)])
 def test_with_the_holes_closed_the_evidence_is_that_of_a_part(bodies, prepared, poor_doubt, outcome):
     part = cut(bodies[0], 0.3, seed=4)
     settings = PartSettings(poor_doubt=poor_doubt, closed_score=np.inf)
@@ -277,14 +271,7 @@ def test_landmarks_lead_a_part(bodies, prepared):
 
 @pytest.mark.long
 @pytest.mark.parametrize(
-    ("factor", "scale"),
-    [
-        (0.8, "auto"),
-        pytest.param(0.9, "free", marks=pytest.mark.long),
-        pytest.param(1.0, "same", marks=pytest.mark.long),
-        pytest.param(1.3, "auto", marks=pytest.mark.long),
-        pytest.param(7.0, "auto", marks=pytest.mark.long),
-    ],
+    ("factor", "scale"), [(0.8, "auto"), (0.9, "free"), (1.0, "same"), (1.3, "auto"), (7.0, "auto")]
 )
 def test_the_unit_is_found(bodies, prepared, factor, scale):
     part = cut(bodies[0], 0.3, seed=4)
@@ -352,7 +339,7 @@ def test_two_parts_that_caps_put_in_doubt_may_stay_so(two_parts):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("scale", [pytest.param(0.001, marks=pytest.mark.long), 1000.0])
+@pytest.mark.parametrize("scale", [0.001, 1000.0])
 def test_the_doubt_of_two_parts_does_not_depend_on_their_unit(two_parts, doubted, scale):
     """In kilometres and in millimetres."""
     scaled = match(*(part.moved(scale * part.vertices) for part in two_parts), config=STRICT)

@@ -91,7 +91,7 @@ def test_within_the_tolerance_nothing_moves(hearts):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("tolerance", [pytest.param(0.0, marks=pytest.mark.long), 0.03])
+@pytest.mark.parametrize("tolerance", [0.0, 0.03])
 def test_landmarks_side_by_side_move_the_map_no_farther_than_they_are_off(hearts, tolerance):
     source, target, truth, _ = hearts
     rows = np.linalg.norm(source.vertices - source.vertices[100], axis=1).argsort()[:60:6]
@@ -113,7 +113,7 @@ def larger():
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("resolution", [pytest.param("full", marks=pytest.mark.long), "fast"])
+@pytest.mark.parametrize("resolution", ["full", "fast"])
 def test_landmarks_are_held_at_every_resolution(larger, resolution):
     source, target = larger
     rows = np.arange(100, 3300, 640)
@@ -127,7 +127,7 @@ def test_landmarks_are_held_at_every_resolution(larger, resolution):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("part", [pytest.param("source", marks=pytest.mark.long), "target"])
+@pytest.mark.parametrize("part", ["source", "target"])
 def test_landmarks_of_parts_are_held(bodies, part):
     source, target, truth = bodies
     damaged = holes(source if part == "source" else target, 0.15, seed=4)
@@ -186,7 +186,7 @@ def edges_of(mesh):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("made", [points_of, pytest.param(edges_of, marks=pytest.mark.long)])
+@pytest.mark.parametrize("made", [points_of, edges_of])
 def test_landmarks_of_points_and_graphs_are_held(bodies, made):
     source, target, truth = bodies
     rows = np.arange(50, 1400, 300)

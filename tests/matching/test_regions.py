@@ -165,6 +165,7 @@ def test_the_outcome_speaks_of_regions(area, reason, outcome):
     assert outcome_of([region_evidence([region], 0.02)]) is outcome
 
 
+@pytest.mark.long
 def test_a_symmetric_shape_is_doubtful_nearly_everywhere(result):
     assert result.outcome is Outcome.SYMMETRY_AMBIGUOUS
     assert result.regions

@@ -96,7 +96,7 @@ def test_copies_of_symmetric_shapes_are_ambiguous(name):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("name", some_later(OTHERWISE_CUT, lambda name: name not in ("cube", "cylinder")))
+@pytest.mark.parametrize("name", OTHERWISE_CUT)
 def test_symmetric_shapes_of_other_triangles_are_ambiguous(name):
     found = match(SYMMETRIC[name](), disguised(OTHERWISE_CUT[name](), seed=2).mesh)
     assert found.outcome is Outcome.SYMMETRY_AMBIGUOUS

@@ -33,6 +33,7 @@ def assert_laws(mesh, **options):
     return mended
 
 
+@pytest.mark.long
 @given(any_mesh(), OPTIONS)
 @settings(max_examples=200, deadline=None)
 def test_laws_on_anything(mesh, options):

@@ -136,6 +136,7 @@ def test_a_pose_that_is_fitted_is_less_certain_than_one_that_is_given():
     assert (free.standard_deviation > fixed.standard_deviation).all()
 
 
+@pytest.mark.long
 def test_half_a_body_tells_of_the_other_half():
     base, shapes, m = bodies()
     alone = replace(m, modes=m.modes[:0], variances=m.variances[:0], scores=m.scores[:, :0])

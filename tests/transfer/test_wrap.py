@@ -72,6 +72,7 @@ def test_noise_of_a_map_is_smoothed_out(seed):
     assert wrapped.quality.distance < 1e-3
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["capsule", "tube"])
 @pytest.mark.parametrize("poses", [(0, 1), (2, 3)])
 def test_the_two_sides_of_a_thin_wall_stay_apart(kind, poses):

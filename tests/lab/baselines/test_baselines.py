@@ -90,7 +90,6 @@ def test_signature_is_that_of_match(method):
     assert list(inspect.signature(method).parameters) == expected
 
 
-@pytest.mark.long
 @pytest.mark.parametrize("method", some_later(ALL, lambda method: method not in (gmds, gdd)))
 def test_relabelled_copy_gives_the_relabelling(copies, method):
     area, uniform, truth = copies
@@ -161,7 +160,7 @@ def test_example_pair_with_landmarks(example, example_truth, prepared_example, m
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("signatures", [pytest.param("heat", marks=pytest.mark.long), "both"])
+@pytest.mark.parametrize("signatures", ["heat", "both"])
 def test_heat_kernel_signatures_serve_as_well(example, example_truth, prepared_example, signatures):
     landmarks = landmarks_of(prepared_example[0], example_truth)
     config = FunctionalMapsConfig(30, signatures=signatures)

@@ -100,6 +100,7 @@ def test_a_piece_that_falls_off_counts_as_removed():
     assert damaged.mesh.area == pytest.approx(0.7 * damaged.whole.area, rel=0.05)
 
 
+@pytest.mark.long
 def test_holes_are_discs():
     damaged = holes(BALL, 0.1, count=3, seed=5)
     weights = BALL.vertex_areas / BALL.area
