@@ -122,6 +122,7 @@ def test_a_match_without_a_map_leaves_an_earlier_result(shapes, result):
     assert before.items() <= {path.name: path.read_bytes() for path in result.iterdir()}.items()
 
 
+@pytest.mark.long
 def test_what_cannot_be_chosen_is_refused_and_nothing_changes(result, tmp_path, capsys):
     before = {path.name: path.read_bytes() for path in result.iterdir()}
     capsys.readouterr()

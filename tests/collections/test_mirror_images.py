@@ -155,6 +155,7 @@ def test_reflected_shapes_are_remembered_in_every_row(auto, capsys):
     assert "reflected before they were matched: l0, l1" in capsys.readouterr().out
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["l0", "l1", "r2"])
 def test_maps_are_right_and_fit_the_files_of_the_user(blobs, auto, name, tmp_path):
     collection = Collection.open(auto)

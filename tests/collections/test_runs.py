@@ -325,6 +325,7 @@ def test_shards_need_only_their_own_shapes_and_make_a_whole(small, finished, wor
     assert arrays_of(collection.folder) == {name: expected[name] for name in arrays_of(collection.folder)}
 
 
+@pytest.mark.long
 def test_two_shards_at_once(small, finished, tmp_path, capsys):
     collection = Collection.create(tmp_path, small.shapes, pairs="all", config=small.config)
     with ThreadPoolExecutor(2) as both:

@@ -167,7 +167,7 @@ def cases():
     """All commands with all kinds; those that take seconds, mostly in the long version."""
     for command in COMMANDS:
         for kind in (*KINDS, "allocation"):
-            is_long = command == "statistics" or command == "match"
+            is_long = command in ("statistics", "match") or (command == "export" and kind != "rename")
             yield pytest.param(
                 command, kind, 4 if command == "statistics" else 2, marks=[pytest.mark.long] * is_long
             )
@@ -206,7 +206,7 @@ def test_old_or_new(command, kind, growth, prepared, faults, tmp_path, monkeypat
 
 
 @pytest.mark.parametrize("growth", GROWTH)
-@pytest.mark.parametrize("kind", some_later([*KINDS, "row", "allocation"], {"rename", "row"}.__contains__))
+@pytest.mark.parametrize("kind", some_later([*KINDS, "row", "allocation"], lambda kind: kind == "row"))
 def test_collect(kind, growth, prepared, small, faults, tmp_path, monkeypatch, capsys):
     """Of a collection in which a shape, a map and a surface have to be made again."""
     monkeypatch.setattr(workers, "worker_processes", lambda _: ThreadPoolExecutor(1))

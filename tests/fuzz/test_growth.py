@@ -90,6 +90,7 @@ def test_time_is_linear(name):
     assert seconds(name, large) < SLOWER * max(seconds(name, small), 1e-3)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", FILES)
 def test_memory_is_twenty_times_the_file_beside_the_mesh(name):
     data = FILES[name](300_000)

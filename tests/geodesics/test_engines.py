@@ -104,6 +104,7 @@ def test_extreme_sizes(name):
         np.testing.assert_allclose(geodesic_distances(large, [5], name), expected, rtol=1e-5)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("threads", ["2", "5"])
 def test_threads_change_nothing(name, threads, example, monkeypatch):
     sources = np.arange(0, 2900, 200)

@@ -9,9 +9,10 @@ import pytest
 from isomatch import SettingError
 from isomatch.correspondence import Embedding
 from isomatch.matching import REFINEMENTS, Refinement, check_refinement
+from later import some_later
 
 
-@pytest.mark.parametrize("name", REFINEMENTS)
+@pytest.mark.parametrize("name", some_later(REFINEMENTS, lambda name: name == "joint"))
 def test_those_of_isomatch_keep_the_laws(name):
     check_refinement(REFINEMENTS[name], seed=1)
 
