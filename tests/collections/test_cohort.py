@@ -108,6 +108,7 @@ def test_every_trouble_is_named_and_nothing_else(troubled, plain):
     assert kinds(plain) == {}
 
 
+@pytest.mark.long
 def test_what_can_be_told_is_told_before_anything_is_matched(troubled):
     what = [event.what for event in troubled.events]
     assert what == ["shape"] * what.count("shape") + ["misfit"] * what.count("misfit") + [
@@ -125,6 +126,7 @@ def test_what_can_be_told_is_told_before_anything_is_matched(troubled):
     assert told["hole"].startswith("has a hole, ")
 
 
+@pytest.mark.long
 def test_status_and_the_first_page_name_them(troubled, capsys):
     assert main(["collect", "status", str(troubled.collection.folder)]) == 0
     said = capsys.readouterr().out
@@ -140,6 +142,7 @@ def test_status_and_the_first_page_name_them(troubled, capsys):
         assert f"<b>{name}</b>" in first
 
 
+@pytest.mark.long
 def test_without_them_everything_is_as_it_would_have_been(troubled, plain, tmp_path):
     """Shapes that are taken out leave the surfaces, the statistics, the pictures and the reports."""
     folder = shutil.copytree(troubled.collection.folder, tmp_path / "out")
@@ -165,6 +168,7 @@ def test_without_them_everything_is_as_it_would_have_been(troubled, plain, tmp_p
     np.testing.assert_allclose(model.variances, wanted.variances, rtol=1e-9)
 
 
+@pytest.mark.long
 def test_a_shape_whose_file_breaks_leaves_too(plain, tmp_path, small):
     shapes = shutil.copytree(plain.paths["good0"].parent, tmp_path / "shapes")
     folder = shutil.copytree(plain.folder, tmp_path / "out")
@@ -243,6 +247,7 @@ def test_units_of_strangers_and_unknown_units_are_refused(small, tmp_path):
             Collection.create(tmp_path, small.shapes, config=small.config, units=units)
 
 
+@pytest.mark.long
 def test_a_shape_unlike_the_others(plain, tmp_path):
     """As of a wrong map: its vertices are those of the others in another order."""
     collection = Collection.open(shutil.copytree(plain.folder, tmp_path / "out"))

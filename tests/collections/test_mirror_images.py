@@ -171,6 +171,7 @@ def test_maps_are_right_and_fit_the_files_of_the_user(blobs, auto, name, tmp_pat
     Correspondence.load(tmp_path / "out" / "maps" / f"r0__{name}.npz").check_fits(*files)
 
 
+@pytest.mark.long
 def test_surfaces_in_one_topology_are_those_of_the_reflected_shapes(blobs, auto):
     collection = Collection.open(auto)
     template = read_mesh(collection.layout.corresponded("r0"))
@@ -266,6 +267,7 @@ def test_a_reflection_that_the_match_does_not_bear_out_is_not_kept(
     assert "not reflected: l0: the other way round, the match ends with low confidence" in said
 
 
+@pytest.mark.long
 def test_a_match_that_fails_is_no_reflection(blobs, plain, tmp_path, monkeypatch):
     collection = star(blobs, shutil.copytree(plain, tmp_path / "out"), "auto")
     monkeypatch.setattr(jobs, "match_both", lambda *_, **__: 1 / 0)

@@ -137,6 +137,7 @@ def test_a_flipped_map_is_seen_as_in_the_files_and_hidden_when_turned_by_the_map
     assert difference(*panes(page)) < turned + 0.002
 
 
+@pytest.mark.long
 def test_layers_checker_and_wireframe_change_what_is_drawn(report, visit):
     page = visit(report)
     assert page.locator("#layer option").all_text_contents() == [
