@@ -19,16 +19,16 @@ $(VENV)/core: pyproject.toml
 	$(BIN)/python $(PIP) -e .
 	@touch $@
 
-$(VENV)/dev: pyproject.toml $(LOCK) | $(VENV)/uv  # with pip where uv does not reach what pip does
+$(VENV)/dev: pyproject.toml $(LOCK) | $(UV)  # with pip if uv fails
 	test -x $(BIN)/python || $(UV) venv --quiet --seed --allow-existing --python $(PYTHON) $(VENV)
 	$(UV) pip install --quiet --python $(BIN)/python --require-hashes -r $(LOCK) || \
 		$(BIN)/python $(PIP) --require-hashes -r $(LOCK)
-	$(UV) pip install --quiet --python $(BIN)/python --no-deps --no-build-isolation -e .
+	$(BIN)/python $(PIP) --no-deps --no-build-isolation -e .
 	@touch $(VENV)/core $@
 
-$(VENV)/uv:
-	$(PYTHON) -m venv $@
-	$@/bin/python $(PIP) uv
+$(UV):
+	$(PYTHON) -m venv $(VENV)/uv
+	$(VENV)/uv/bin/python $(PIP) uv
 
 demo: $(VENV)/core
 	$(BIN)/isomatch demo -o demo
@@ -43,7 +43,7 @@ docs: $(DOCS)/bin/sphinx-build
 	NUMBA_CACHE_DIR=$(CURDIR)/$(DOCS)/loops $< -n -W --keep-going docs docs/_build/html
 
 told:
-	@echo 'tests: about 7 minutes on two cores, 5 once all is compiled; `make test-long` runs 1658 others, about 30 minutes'
+	@echo 'tests: about 7 minutes on two cores, 5 once all is compiled; `make test-long` runs the others, about 30 minutes'
 
 test: told $(VENV)/dev lint  # types are checked beside the tests, and told in the end
 	$(BIN)/mypy >$(VENV)/types 2>&1 & checked=$$!; \
@@ -75,17 +75,17 @@ results: $(VENV)/dev
 microbenchmarks: $(VENV)/dev
 	$(BIN)/python -m pytest benchmarks/bench_*.py -s -o addopts= -o 'python_functions=bench_*' --benchmark-columns=min,median,rounds
 
-lock: $(VENV)/uv
+lock: $(UV)
 	$(UV) pip compile --quiet --upgrade --universal --generate-hashes --no-strip-extras --no-annotate --no-emit-index-url \
 		--python-version 3.11 --extra dev --custom-compile-command 'make lock' -o $(LOCK) pyproject.toml
 
-lowest: $(VENV)/uv
+lowest: $(UV)
 	$(UV) venv --quiet --clear --python 3.11 $(LOWEST)
 	$(UV) pip install --quiet --python $(LOWEST) --resolution lowest-direct -e '.[test]'
 	NUMBA_CACHE_DIR=$(CURDIR)/$(LOWEST)/loops $(LOWEST)/bin/python -m pytest $(WORKERS) \
 		$(addprefix tests/,surfaces assets mending resolution geodesics bases descriptors correspondence lab/baselines view cli)
 
-release-check: $(VENV)/dev $(VENV)/uv
+release-check: $(VENV)/dev $(UV)
 	PATH="$(CURDIR)/$(VENV)/uv/bin:$$PATH" $(BIN)/python release/check.py $(PYTHONS)
 
 clean:

@@ -335,5 +335,5 @@ def test_a_full_disk_is_no_damage(tmp_path, no_file_above):
 
 def test_a_reader_that_does_not_end_is_stopped(vtp, monkeypatch):
     monkeypatch.setattr(_vtk_process, "SECONDS", 0.01)
-    with pytest.raises(FormatError, match="the reader was not done with it after 0 s"):
+    with pytest.raises(FormatError, match="reading took more than 0 s and was ended"):
         read_asset(vtp)

@@ -5,6 +5,7 @@ import random
 import signal
 import threading
 import time
+from contextlib import suppress
 
 import pytest
 
@@ -12,7 +13,7 @@ from isomatch import InputError
 from isomatch.collections import Collection
 from isomatch.collections.workers import _n_threads_of
 from later import some_later
-from small_collections import arrays_of
+from small_collections import arrays_of, run
 
 distributed = pytest.importorskip("distributed")
 
@@ -45,10 +46,7 @@ def test_a_worker_that_dies_is_replaced_and_the_maps_are_those_of_local_workers(
 
 
 class Deaths(threading.Thread):
-    """Kills a worker, drawn by chance, every few seconds; only one that has finished something since the last death.
-
-    A cluster whose workers all die before they can do anything gets nothing done, whoever asks.
-    """
+    """Kills a worker, drawn by chance, again and again, but each time only after the run has made progress."""
 
     def __init__(self, cluster, seed, seconds, most):
         super().__init__()
@@ -57,18 +55,22 @@ class Deaths(threading.Thread):
 
     def run(self):
         while self.killed < self.most and not self.over.wait(self.draws.uniform(*self.seconds)):
-            self.progress.wait(5)
-            victim = self.draws.choice([*self.cluster.workers.values()])
-            process = victim.process and victim.process.process
-            if process and process.is_alive():
+            if not self.progress.wait(0.1):
+                continue
+            with suppress(
+                AttributeError, IndexError, ProcessLookupError, ValueError
+            ):  # one that has just ended
+                os.kill(
+                    self.draws.choice([*self.cluster.workers.values()]).process.process.pid, signal.SIGKILL
+                )
                 self.progress.clear()
-                os.kill(process.pid, signal.SIGKILL)
                 self.killed += 1
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
-@pytest.mark.parametrize("most", some_later([3, 1000], lambda most: most == 3))
+@pytest.mark.parametrize("most", some_later([2, 1000], lambda most: most == 2))
 def test_workers_that_die_at_random_during_a_whole_run(cluster, small, finished, tmp_path, most):
+    """A job beside which workers died three times is given up by name; the next run makes it."""
     collection = Collection.create(tmp_path, small.shapes, pairs="all", config=small.config)
     deaths = Deaths(cluster, seed=0, seconds=(0.2, 1.0), most=most)
     deaths.start()
@@ -77,9 +79,12 @@ def test_workers_that_die_at_random_during_a_whole_run(cluster, small, finished,
             deaths.progress.set()
     finally:
         deaths.over.set()
-        deaths.progress.set()
         deaths.join()
-    assert deaths.killed >= 3
+    assert deaths.killed >= 1
+    rows = collection.rows()
+    for row in (*rows.shapes.values(), *rows.pairs.values()):
+        assert row["state"] == "done" or "worker" in row["error"]
+    run(collection)
     assert {row["state"] for row in collection.rows().pairs.values()} == {"done"}
     assert arrays_of(tmp_path) == arrays_of(finished)
 

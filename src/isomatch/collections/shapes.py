@@ -8,13 +8,16 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from glob import glob
 from pathlib import Path
+from unicodedata import normalize
 
 from isomatch.assets import FORMATS
 from isomatch.errors import InputError
 from isomatch.storage.files import ignores_case, legible, read_csv
 
 BETWEEN = "__"  # of two names, in the name of the file of their maps
-_OF_DEVICES = re.compile("con|prn|aux|nul|(com|lpt)[0-9]", re.IGNORECASE)  # on Windows, whatever the suffix
+_OF_DEVICES = re.compile(
+    r"(con|prn|aux|nul|(com|lpt)[0-9])(\..*)?", re.IGNORECASE
+)  # on Windows, whatever the suffix
 
 
 @dataclass(frozen=True)
@@ -75,6 +78,12 @@ def entries_of(shapes: str | Path | Iterable[str | Path]) -> tuple[Entry, ...]:
             f"{shapes}: {', '.join(bad)} cannot be names of shapes: they are parts of file names, joined by {BETWEEN!r}; "
             "give a list.csv with columns name and path"
         )
+    devices = [entry.name for entry in entries if _OF_DEVICES.fullmatch(entry.name)]
+    if devices:
+        raise InputError(
+            f"{shapes}: {', '.join(devices)} cannot be names of shapes: files of such names are devices on Windows; give "
+            "a list.csv with columns name and path"
+        )
     return tuple(entries)
 
 
@@ -85,27 +94,21 @@ def unusable_names(names: Iterable[str]) -> list[str]:
     return [
         name
         for name in names
-        if not name
-        or BETWEEN in name
-        or (mixed and name.endswith("_"))
-        or set(name) & set('/\\:*?"<>|')
-        or _OF_DEVICES.fullmatch(name)
+        if not name or BETWEEN in name or (mixed and name.endswith("_")) or set(name) & set('/\\:*?"<>|')
     ]
 
 
 def require_files_of_their_own(names: Iterable[str], folder: Path) -> None:
     """Raise `InputError` if files of two names would be the same one in a folder that ignores case."""
-    if not ignores_case(folder):
-        return
     alike: dict[str, list[str]] = {}
     for name in names:
-        alike.setdefault(name.casefold(), []).append(name)
-    for same in alike.values():
-        if len(same) > 1:
-            raise InputError(
-                f"{folder}: has one file for the shapes {' and '.join(same)}, as it ignores case; give a list.csv with "
-                "columns name and path"
-            )
+        alike.setdefault(normalize("NFC", name).lower(), []).append(name)
+    twice = [same for same in alike.values() if len(same) > 1]
+    if twice and ignores_case(folder):
+        raise InputError(
+            f"{folder}: has one file for the shapes {' and '.join(twice[0])}, as it ignores case; give a list.csv with "
+            "columns name and path"
+        )
 
 
 def _in_folder(where: str) -> list[Entry]:

@@ -57,9 +57,10 @@ def match_both(
 ) -> BothDirections:
     """Match two surfaces in both directions; errors and parameters are those of `match`.
 
-    The shapes are prepared once, and hints are turned around. Of complete shapes that are matched automatically, the map
-    back is not searched again: the map there and its rivals, turned around, are the hypotheses, which are judged and
-    refined like any others. Otherwise the way back is matched like the way there. The first note of ``back`` says which.
+    The shapes are prepared once, and hints are turned around. Of complete shapes that are matched automatically, and
+    none of which alone seems to be inside out, the map back is not searched again: the map there and its rivals, turned
+    around, are the hypotheses, which are judged and refined like any others. Otherwise the way back is matched like the
+    way there. The first note of ``back`` says which.
 
     Returns
     -------

@@ -15,8 +15,8 @@ from isomatch.values.arrays import BoolArray, IntArray
 
 FEWEST_VERTICES = 50  # fewer leave no room for 8 columns and 20 functions
 INSIDE_OUT = (
-    "it seems to be inside out, and its openings are too large to turn it over unasked; `match` tries both windings of "
-    "its faces"
+    "it seems to be inside out, and its openings are too large to turn it over unasked; with a shape that does not, "
+    "`match` tries both windings of its faces"
 )
 LEFT_UNMATCHED = "are left unmatched"
 

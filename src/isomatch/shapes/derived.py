@@ -19,6 +19,7 @@ from isomatch.surfaces import Mesh, Surface, reflected
 from isomatch.values.arrays import BoolArray, IntArray
 from isomatch.values.cached import cached_method
 
+OF_EITHER_WINDING = "functions", "points", "handles", "boundary_length", "longest_boundary"
 OF_BODY = "functions", "index", "signatures", "curvature"  # what is kept of a body alone
 
 
@@ -177,7 +178,9 @@ def turned_over(shape: PreparedShape) -> PreparedShape:
         return Mesh(surface.vertices, surface.faces[:, ::-1]) if isinstance(surface, Mesh) else surface
 
     finer = shape.finer and replace(shape.finer, surface=rewound(shape.finer.surface))
-    return replace(shape, body=rewound(shape.body), finer=finer)
+    found = replace(shape, body=rewound(shape.body), finer=finer)
+    found.__dict__.update({name: value for name, value in vars(shape).items() if name in OF_EITHER_WINDING})
+    return found
 
 
 @cached_method

@@ -208,7 +208,7 @@ class PreparedShape(SmoothShape):
 
     @cached_property
     def seems_inside_out(self) -> bool:
-        """Whether the body looks inward, though its openings are too large to be sure; see `seems_inside_out`."""
+        """Whether the body looks inward, though its openings are too large to be sure; see `mending.seems_inside_out`."""
         return self.triangles is not None and self.boundary_length > 0 and seems_inside_out(self.triangles)
 
     @cached_property

@@ -16,6 +16,7 @@ from pathlib import Path
 from secrets import token_hex
 from shutil import rmtree
 from stat import S_ISREG
+from tempfile import NamedTemporaryFile
 from threading import Lock
 from typing import BinaryIO, NoReturn
 
@@ -282,12 +283,16 @@ def legible(name: str) -> str:
 
 
 def ignores_case(folder: Path) -> bool:
-    """Whether files whose names differ only in case are the same in a folder, which need not exist yet."""
-    for place in (folder, *folder.parents):
-        other = place.parent / place.name.swapcase()
-        if other != place and place.exists():
-            return other.exists() and other.samefile(place)
-    return False
+    """Whether files whose names differ only in case are the same in a folder, or in that in which it would be made.
+
+    Raises
+    ------
+    UnwritableFileError
+        If nothing can be written there.
+    """
+    place = next(one for one in (folder, *folder.parents) if os.path.isdir(one))
+    with writing(place), NamedTemporaryFile(prefix="isomatch-case-", dir=place) as probe:
+        return os.path.exists(place / Path(probe.name).name.upper())
 
 
 def write_text(path: Path, text: str) -> None:

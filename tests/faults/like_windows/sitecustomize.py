@@ -1,7 +1,8 @@
 """Processes that find this file on their path meet what Windows lacks or refuses, though they run on Linux.
 
-No ``fcntl``, ``resource``, ``os.fork`` and ``SIGHUP``; locks by ``msvcrt``; an open file is neither removed, nor renamed,
-nor replaced; new processes are spawned; a text is written with the line ends of Windows. The rest is as it is here.
+No ``fcntl``, ``resource`` and ``SIGHUP``, and of ``os`` no ``fork``, ``sched_getaffinity`` and ``sysconf``; locks by
+``msvcrt``; an open file is neither removed, nor renamed, nor replaced; new processes are spawned; a text is written with
+the line ends of Windows. The rest is as it is here.
 """
 
 import builtins
@@ -10,7 +11,6 @@ import functools
 import io
 import multiprocessing
 import os
-import pathlib
 import shutil
 import signal
 import subprocess  # noqa: F401 - decides by msvcrt, when it is imported, on what system it is
@@ -65,7 +65,7 @@ def _ending(opened):
 for name in ("replace", "rename", "unlink", "remove"):
     setattr(os, name, _refusing(getattr(os, name)))
 shutil._use_fd_functions = False
-builtins.open = io.open = pathlib.io.open = _ending(io.open)
+builtins.open = io.open = _ending(io.open)
 for module in ("fcntl", "resource"):
     sys.modules[module] = None
 sys.modules["msvcrt"] = types.SimpleNamespace(locking=_locking, LK_NBLCK=2)

@@ -13,15 +13,13 @@ import numpy as np
 from isomatch.assets.formats import _vtk_reader
 from isomatch.assets.formats._reading import damaged, on_disk, reading
 from isomatch.assets.formats._vtk_reader import ARRAYS, DISK, ENDED, PROBLEM
-from isomatch.errors import UnwritableFileError
+from isomatch.errors import FormatError, UnwritableFileError
 from isomatch.loading.packages import package
 from isomatch.runtime.memory import room_for
 from isomatch.values.arrays import AnyArray
 
-SECONDS = 60.0
-BYTES_A_SECOND = 1e6
-"""Time that a file may take to be read, and more of it for large ones; readers take a hundredth of that."""
-FREE_DISK = "make room on its disk, or set TMPDIR to a folder with more"
+# time that a file may take, and more for large ones; a triangle takes 0.5 s, a million points in 20 MB of VTP 1.9 s
+SECONDS, BYTES_A_SECOND = 60.0, 1e6
 
 
 @dataclass
@@ -94,10 +92,14 @@ def _read_by(reader: str, data: bytes, name: str, suffix: str, what: str) -> dic
         try:
             ended = subprocess.run(command, env=environment, capture_output=True, check=False, timeout=limit)
         except subprocess.TimeoutExpired:
-            raise damaged(name, what, f"the reader was not done with it after {limit:.0f} s") from None
+            raise FormatError(
+                f"{name}: reading took more than {limit:.0f} s and was ended; try again when the machine is less busy, "
+                "or export it in another format"
+            ) from None
         if ended.returncode == DISK:
             raise UnwritableFileError(
-                f"{path.parent}: what {name} holds cannot be written there; {FREE_DISK}"
+                f"{path.parent.parent}: what {name} holds cannot be written there; make room, or set TMPDIR to another "
+                "folder"
             )
         problem = path.with_name(PROBLEM)
         if problem.exists() or ended.returncode:
