@@ -43,7 +43,7 @@ docs: $(DOCS)/bin/sphinx-build
 	NUMBA_CACHE_DIR=$(CURDIR)/$(DOCS)/loops $< -n -W --keep-going docs docs/_build/html
 
 told:
-	@echo 'tests: about 7 minutes on two cores, 5 once all is compiled; `make test-long` runs the others, about 30 minutes'
+	@echo 'tests: about 7 minutes on two cores, 5 once all is compiled; `make test-long` runs the others, an hour or more'
 
 test: told $(VENV)/dev lint  # types are checked beside the tests, and told in the end
 	$(BIN)/mypy >$(VENV)/types 2>&1 & checked=$$!; \
