@@ -20,7 +20,7 @@ $(VENV)/core: pyproject.toml
 	@touch $@
 
 $(VENV)/dev: pyproject.toml $(LOCK) | $(UV)  # with pip if uv fails
-	test -x $(BIN)/python || $(UV) venv --quiet --seed --allow-existing --python $(PYTHON) $(VENV)
+	test -x $(BIN)/python || $(UV) venv --quiet --seed --allow-existing --python $(PYTHON) $(VENV) || $(PYTHON) -m venv $(VENV)
 	$(UV) pip install --quiet --python $(BIN)/python --require-hashes -r $(LOCK) || \
 		$(BIN)/python $(PIP) --require-hashes -r $(LOCK)
 	$(BIN)/python $(PIP) --no-deps --no-build-isolation -e .
