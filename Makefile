@@ -8,6 +8,7 @@ LOCK := requirements-dev.txt
 PYTHONS ?= 3.11 3.12 3.13
 UV := $(VENV)/uv/bin/uv
 PIP := -m pip install --quiet --disable-pip-version-check --no-compile  # Python compiles what is imported
+ONE_THREAD := ISOMATCH_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1  # for each worker
 WORKERS := -n auto --dist loadfile --no-loadscope-reorder  # a worker for each processor, files in the order of conftest.py
 
 unexport PYTHONDONTWRITEBYTECODE # or each of the processes that tests start compiles every module again
@@ -47,11 +48,11 @@ told:
 
 test: told $(VENV)/dev lint  # types are checked beside the tests, and told in the end
 	$(BIN)/mypy >$(VENV)/types 2>&1 & checked=$$!; \
-	ISOMATCH_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest $(WORKERS); tested=$$?; \
+	$(ONE_THREAD) $(BIN)/python -m pytest $(WORKERS); tested=$$?; \
 	wait $$checked; typed=$$?; cat $(VENV)/types; exit $$((tested | typed))
 
 test-long: $(VENV)/dev
-	ISOMATCH_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -m long $(WORKERS)
+	$(ONE_THREAD) $(BIN)/python -m pytest -m long $(WORKERS)
 
 fuzz: $(VENV)/dev
 	ISOMATCH_FUZZ_EXAMPLES=$(or $(EXAMPLES),20000) $(BIN)/python -m pytest tests/fuzz -n auto --hypothesis-show-statistics

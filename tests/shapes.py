@@ -124,3 +124,15 @@ def disguised(mesh: Mesh, seed: int = 0, scale: float = 1.0, rotate: bool = True
     if rotate:
         vertices = Rotation.random(random_state=seed).apply(vertices) + rng.normal(size=3)
     return Disguised(Mesh(scale * vertices, faces), new_vertex)
+
+
+def upper_share(mesh, axis=2, share=0.5):
+    """What lies above a plane, with a share of the faces."""
+    height = mesh.vertices[mesh.faces].mean(axis=1)[:, axis]
+    kept, number = np.unique(mesh.faces[height > np.quantile(height, 1 - share)], return_inverse=True)
+    return Mesh(mesh.vertices[kept], number.reshape(-1, 3))
+
+
+def inside_out(mesh):
+    """The same mesh with the corners of its faces reversed."""
+    return Mesh(mesh.vertices, mesh.faces[:, ::-1])

@@ -45,6 +45,10 @@ def test_a_worker_that_dies_is_replaced_and_the_maps_are_those_of_local_workers(
     assert threading.active_count() <= before + 1
 
 
+# what is raised of a worker, or its process, that has ended or is not yet there
+JUST_ENDED = AttributeError, IndexError, ProcessLookupError, ValueError
+
+
 class Deaths(threading.Thread):
     """Kills a worker, drawn by chance, again and again, but each time only after the run has made progress."""
 
@@ -57,12 +61,9 @@ class Deaths(threading.Thread):
         while self.killed < self.most and not self.over.wait(self.draws.uniform(*self.seconds)):
             if not self.progress.wait(0.1):
                 continue
-            with suppress(
-                AttributeError, IndexError, ProcessLookupError, ValueError
-            ):  # one that has just ended
-                os.kill(
-                    self.draws.choice([*self.cluster.workers.values()]).process.process.pid, signal.SIGKILL
-                )
+            with suppress(*JUST_ENDED):
+                victim = self.draws.choice([*self.cluster.workers.values()])
+                os.kill(victim.process.process.pid, signal.SIGKILL)
                 self.progress.clear()
                 self.killed += 1
 

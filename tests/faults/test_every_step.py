@@ -123,10 +123,6 @@ def state(folder):
     }
 
 
-def names(files):
-    return {*files}
-
-
 def fails(faults, kind, n, argv, capsys):
     """Run a command, of which a step fails; whether it did, which it has to say in one line."""
     with faults.at(kind, n):
@@ -187,7 +183,7 @@ def test_old_or_new(command, kind, growth, prepared, faults, tmp_path, monkeypat
     out = tmp_path / "out"
     out.mkdir()
     assert main(argv) == 0
-    new = names(state(out))
+    new = state(out).keys()
     capsys.readouterr()
     marked = {path: b"earlier" for path in state(out)}
     for n in steps(growth):
@@ -195,7 +191,7 @@ def test_old_or_new(command, kind, growth, prepared, faults, tmp_path, monkeypat
             (out / path).write_bytes(text)
         failed, reached = fails(faults, kind, n, argv, capsys)
         after = state(out)
-        assert names(after) == new
+        assert after.keys() == new
         assert not list(out.rglob("*.unfinished"))
         if failed:
             assert after == marked, f"the {n}th {kind}"

@@ -11,20 +11,9 @@ from isomatch.matching.pair import ShapePair
 from isomatch.resolution import decimate
 from isomatch.runtime.stage_timer import StageTimer
 from isomatch.shapes import turned_over
-from shapes import icosphere
+from shapes import icosphere, inside_out, upper_share
 
 NOTE = "seems to be inside out; of both windings of its faces, the map fits better with them"
-
-
-def half(mesh):
-    """The upper half, without its bottom."""
-    height = mesh.vertices[mesh.faces].mean(axis=1)[:, 2]
-    kept, number = np.unique(mesh.faces[height > np.median(height)], return_inverse=True)
-    return Mesh(mesh.vertices[kept], number.reshape(-1, 3))
-
-
-def inside_out(mesh):
-    return Mesh(mesh.vertices, mesh.faces[:, ::-1])
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +23,7 @@ def whole():
 
 @pytest.fixture(scope="module")
 def part():
-    return half(decimate(example_pair()[0].mesh, 900).mesh)
+    return upper_share(decimate(example_pair()[0].mesh, 900).mesh)
 
 
 @pytest.fixture(scope="module")

@@ -6,22 +6,10 @@ import pytest
 from isomatch import Mesh, prepare
 from isomatch.datasets import example_pair
 from isomatch.mending import repair, seems_inside_out
-from shapes import icosphere
+from shapes import icosphere, inside_out, upper_share
 from zoo import grid
 
 BODIES = [*(creature.mesh for creature in example_pair()), icosphere(3)]
-
-
-def cut(mesh, axis, share):
-    """What lies above a plane, with a share of the faces."""
-    height = mesh.vertices[mesh.faces].mean(axis=1)[:, axis]
-    faces = mesh.faces[height > np.quantile(height, 1 - share)]
-    kept, number = np.unique(faces, return_inverse=True)
-    return Mesh(mesh.vertices[kept], number.reshape(-1, 3))
-
-
-def reversed_(mesh):
-    return Mesh(mesh.vertices, mesh.faces[:, ::-1])
 
 
 @pytest.mark.parametrize("body", BODIES, ids=["standing", "running", "ball"])
@@ -29,10 +17,10 @@ def reversed_(mesh):
 @pytest.mark.parametrize("share", [0.2, 0.5])
 @pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
 def test_parts_of_bodies_with_large_openings(body, axis, share, scale):
-    part = cut(body, axis, share)
+    part = upper_share(body, axis, share)
     part = part.moved(scale * (part.vertices + 3))
     assert not seems_inside_out(part)
-    mended = repair(reversed_(part))
+    mended = repair(inside_out(part))
     was_turned = "rewound" in " ".join(
         mended.changes
     )  # as of the runner cut across, whose openings are small
@@ -44,10 +32,10 @@ def test_closed_and_flat_surfaces_tell_nothing():
     bumps = 0.02 * np.ptp(rough.vertices) * np.random.default_rng(0).normal(size=rough.vertices.shape)
     for mesh in (*BODIES, rough, rough.moved(rough.vertices + bumps), Mesh(np.zeros((0, 3)), [])):
         assert not seems_inside_out(mesh)
-        assert not seems_inside_out(reversed_(mesh))
+        assert not seems_inside_out(inside_out(mesh))
 
 
 def test_a_prepared_shape_says_so():
-    part = cut(BODIES[0], 2, 0.5)
+    part = upper_share(BODIES[0], 2, 0.5)
     assert not any("inside out" in note for note in prepare(part).notes)
-    assert any("seems to be inside out" in note for note in prepare(reversed_(part)).notes)
+    assert any("seems to be inside out" in note for note in prepare(inside_out(part)).notes)
