@@ -17,6 +17,9 @@ class RefinementSettings(Settings):
     sizes_without_positions, sizes_with_positions, final_sizes : tuple of int
         Functions in the steps of the three stages of the joint refinement; positions and normals take part in the last
         two. After each stage, maps that fit much worse than the best are given up.
+    sizes_again : tuple of int
+        Functions in the steps by which a map that survived them is refined once more, with positions and normals; the
+        last step is that of the stages before. The map of lower score stays.
     polished_sizes : tuple of int
         Functions in the steps that polish the map of a large mesh, on more vertices.
     position_unit : float
@@ -33,13 +36,16 @@ class RefinementSettings(Settings):
     """
 
     sizes_without_positions: tuple[int, ...] = setting(
-        (20, 40, 70, 100, 140), "Melzi et al. 2019, in larger steps", least=4, empty=True
+        (20, 25, 30, 35, 40, 45, 50), "Melzi et al. 2019; docs/notes/refinement.md", least=4, empty=True
     )
     sizes_with_positions: tuple[int, ...] = setting(
         (50, 75, 100), "ablation: no positions and normals", least=4, empty=True
     )
     final_sizes: tuple[int, ...] = setting(
         (125, 150, 200), "ablation: no positions and normals", least=4, empty=True
+    )
+    sizes_again: tuple[int, ...] = setting(
+        (20, 30, 40, 50, 75, 100, 125, 150), "docs/notes/refinement.md", least=4, empty=True
     )
     polished_sizes: tuple[int, ...] = setting((100, 150, 200), "docs/performance.md, resolution", least=4)
     position_unit: float = setting(0.08, "measured on 9 pairs: 0.08 2.06, 0.15 2.11, 0.3 2.14", least=1e-6)
