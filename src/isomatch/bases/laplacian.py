@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import robust_laplacian
-from scipy.sparse import coo_array, csc_array, diags_array
+from scipy.sparse import coo_array, csc_array, csr_array, diags_array, tril
 from scipy.sparse.linalg import splu
 
 from isomatch.bases.domain import require_areas
@@ -15,7 +15,7 @@ from isomatch.errors import MeshError, SettingError
 from isomatch.geodesics import MetricSpace
 from isomatch.loading.compiled import compiled
 from isomatch.surfaces import Graph, Mesh, PointCloud, Surface
-from isomatch.values.arrays import AnyArray, Float32Array, FloatArray, IntArray, single
+from isomatch.values.arrays import Float32Array, FloatArray, IntArray, single
 
 WIDTH = 16  # right-hand sides solved for at once in single precision: 64 bytes of each row
 
@@ -79,18 +79,24 @@ def factorised_single(stiffness: csc_array, diagonal: FloatArray) -> Callable[[F
 
     It takes less than half of the time of double precision, and several threads can solve at once.
     """
-    factors = _factors(stiffness, diagonal)
-    lower, n = csc_array(factors.L), len(diagonal)  # H + diag(d) = Pᵀ L D Lᵀ P
-    below = lower.indices != np.repeat(np.arange(n), np.diff(lower.indptr))
-    start = np.concatenate([[0], np.cumsum(below)])[lower.indptr]
-    rows, values = lower.indices[below], single(lower.data[below])
-    inverse, place = single(1 / factors.U.diagonal()), factors.perm_c
+    factors = _factors(stiffness, diagonal)  # H + diag(d) = Pᵀ L D Lᵀ P
+    strict = csr_array(tril(factors.L, -1))
+    columns = csc_array(strict)
+    sides = (
+        strict.indptr,
+        strict.indices,
+        single(strict.data),
+        columns.indptr,
+        columns.indices,
+        single(columns.data),
+    )
+    inverse, place, n = single(1 / factors.U.diagonal()), factors.perm_c, len(diagonal)
 
     def solve(right: FloatArray) -> Float32Array:
         q = right.shape[1]
         x = np.zeros((n, WIDTH), np.float32)
         x[place, :q] = right
-        _solve(start, rows, values, inverse, x)
+        _solve(*sides, inverse, x, np.zeros(WIDTH, np.float32))
         solution: Float32Array = x[place, :q]
         return solution
 
@@ -112,22 +118,39 @@ def _factors(stiffness: csc_array, diagonal: FloatArray) -> Any:
         ) from error
 
 
-@compiled(fastmath={"contract"})
+@compiled(fastmath={"contract", "nsz", "reassoc"})
 def _solve(
-    start: IntArray, rows: AnyArray, values: Float32Array, inverse: Float32Array, x: Float32Array
+    row_start: IntArray,
+    column: IntArray,
+    row_value: Float32Array,
+    column_start: IntArray,
+    row: IntArray,
+    column_value: Float32Array,
+    inverse: Float32Array,
+    x: Float32Array,
+    sums: Float32Array,
 ) -> None:
-    """Solve L D Lᵀ x = b in place, given the columns of L below its diagonal of ones, and D⁻¹."""
+    """Solve L D Lᵀ x = b in place, given the rows and the columns of L below its diagonal of ones, and D⁻¹.
+
+    Both ways values are gathered: to scatter them takes half as long again. ``sums`` are WIDTH zeros.
+    """
     n = len(inverse)
-    for j in range(n):
-        for at in range(start[j], start[j + 1]):
+    for i in range(n):
+        for at in range(row_start[i], row_start[i + 1]):
+            j, value = column[at], row_value[at]
             for c in range(WIDTH):
-                x[rows[at], c] -= values[at] * x[j, c]
-    for j in range(n - 1, -1, -1):
+                sums[c] += value * x[j, c]
         for c in range(WIDTH):
-            x[j, c] *= inverse[j]
-        for at in range(start[j], start[j + 1]):
+            x[i, c] -= sums[c]
+            sums[c] = 0.0
+    for j in range(n - 1, -1, -1):
+        for at in range(column_start[j], column_start[j + 1]):
+            i, value = row[at], column_value[at]
             for c in range(WIDTH):
-                x[j, c] -= values[at] * x[rows[at], c]
+                sums[c] += value * x[i, c]
+        for c in range(WIDTH):
+            x[j, c] = x[j, c] * inverse[j] - sums[c]
+            sums[c] = 0.0
 
 
 def require_mesh_or_points(surface: MetricSpace) -> Mesh | PointCloud:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import lru_cache
 from itertools import permutations
 
 import numpy as np
@@ -39,12 +40,20 @@ def _consistent_assignments(
     few, among = a.extremities[:count], b.extremities[: settings.n_candidate_extremities]
     if len(few) < count or len(among) < count:
         return []
-    choices = np.array(list(permutations(range(len(among)), count)))  # (c, count)
+    choices = _choices(len(among), count)
     d_few = a.extremity_columns[:count][:, few] / a.intrinsic_scale
     d_among = b.extremity_columns[: len(among)][:, among] / b.intrinsic_scale
     remote_few = a.average_distance[few] / a.intrinsic_scale
     remote_among = b.average_distance[among] / b.intrinsic_scale
-    cost = np.abs(d_few - d_among[choices[:, :, None], choices[:, None, :]]).mean(axis=(1, 2))
-    cost += settings.eccentricity_weight * np.abs(remote_few - remote_among[choices]).mean(axis=1)
+    remoteness = np.abs(remote_few[:, None] - remote_among)
+    cost = settings.eccentricity_weight / count * sum(each[c] for each, c in zip(remoteness, choices))
+    for i, j in permutations(range(count), 2):
+        cost += np.abs(d_few[i, j] - d_among)[choices[i], choices[j]] / count**2
     best = np.argsort(cost, kind="stable")[: settings.assignments]
-    return [(few, among[choices[c]]) for c in best]
+    return [(few, among[choices[:, c]]) for c in best]
+
+
+@lru_cache
+def _choices(n: int, count: int) -> IntArray:
+    """Every choice of some of n in order, (count, c)."""
+    return np.array(list(permutations(range(n), count))).T.copy()

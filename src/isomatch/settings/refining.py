@@ -51,7 +51,7 @@ class RefinementSettings(Settings):
     position_unit: float = setting(0.08, "measured on 9 pairs: 0.08 2.06, 0.15 2.11, 0.3 2.14", least=1e-6)
     normal_weight: float = setting(0.3, "docs/benchmarks.md, sensitivity", least=0)
     function_weight: float = setting(0.2, "docs/hints.md: functions known on both", least=0)
-    registration_steps: int = setting(4, "ablation: no registration", least=0)
+    registration_steps: int = setting(3, "docs/notes/refinement.md", least=0)
     laplace_steps_at_once: int = setting(0, "docs/paper.md, deviations: at once heals less", least=0)
 
     def __post_init__(self) -> None:

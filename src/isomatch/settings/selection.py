@@ -54,7 +54,7 @@ class SelectionSettings(Settings):
         0.75, "lopsided creatures up to 0.52; bodies with a left and a right side from 0.42", least=0
     )
     energy_limit: float = setting(3.0, "docs/benchmarks.md, sensitivity", least=1)
-    most_contenders: int = setting(6, "ablation: no contest (victoria1–victoria2, cat10–cat3)", least=1)
+    most_contenders: int = setting(4, "docs/notes/refinement.md: no other map than by 6", least=1)
     extension_functions: int = setting(
         50, "docs/benchmarks.md, sensitivity; as many as before the judgement", least=4
     )

@@ -203,7 +203,7 @@ class Isometry(Relation):
         """Upsample spectrally, joint with signatures, positions and normals, see `joint_coordinates`.
 
         After each of three stages, of which the first is without positions and normals, those are given up that arrived
-        at the same map as another, or fit much worse; see `survivors`. The others are refined once more, from few
+        at the same map as another, or fit much worse; see `survivors`. The best are refined once more, from few
         functions, and the better map stays. O(n_refine √n (K + q)) a step.
         """
         pair, settings = self.pair, self.pair.config.refining
@@ -220,17 +220,24 @@ class Isometry(Relation):
                 both_sides = pair.config.orientation == "any"
                 kept = survivors(refined, apart, pair.config.selection, with_positions, both_sides)
                 refined = [refined[i].standing_for(refined[j]) for i, j in kept]
-        return parallel_map(self._better_of_two, refined)
+        return self._refined_again([replace(fit, score=self.score(fit)) for fit in refined])
 
-    def _better_of_two(self, fit: Fit) -> Fit:
-        """Refine a map once more from few functions, in which a limb that is turned comes loose; keep the lower score."""
+    def _refined_again(self, fits: Sequence[Fit]) -> list[Fit]:
+        """Refine those that tie with the best once more, from few functions; of each two maps the better stays.
+
+        Through few functions a limb that is turned in its place comes loose.
+        """
         settings = self.pair.config.refining
-        first = replace(fit, score=self.score(fit))
-        if not settings.sizes_again:
-            return first
         last, with_positions = settings.last_step
-        again = self._stepped(fit, (*settings.sizes_again, *last), with_positions)
-        return min(first, replace(again, score=self.score(again)), key=attrgetter("score"))
+        limit = self.pair.config.outcome.tie * min((fit.score for fit in fits), default=0.0)
+
+        def better(fit: Fit) -> Fit:
+            if not settings.sizes_again or fit.score > limit:
+                return fit
+            again = self._stepped(fit, (*settings.sizes_again, *last), with_positions)
+            return min(fit, replace(again, score=self.score(again)), key=attrgetter("score"))
+
+        return parallel_map(better, fits)
 
     def _stepped(self, fit: Fit, sizes: tuple[int, ...], with_positions: bool) -> Fit:
         image, misfit = refined_images(self.pair, fit.image, fit.side, sizes, with_positions)
