@@ -25,7 +25,8 @@ from isomatch.values.settings import generator
 Precision = Literal["double", "single"]
 
 BLOCK = 8  # vectors solved for at once; larger blocks need more vectors to converge, smaller ones more time to solve
-TOLERANCE: dict[Precision, float] = {"double": 1e-4, "single": 0.01}  # see `smallest_eigenpairs`
+TOLERANCE: dict[Precision, float] = {"double": 1e-4, "single": 0.025}  # see `smallest_eigenpairs`
+SPACE = 2.4  # vectors for each function, from which convergence is tested
 DENSE = 1000  # vertices up to which a dense solver computes all eigenpairs
 RELATIVE_SHIFT = 0.1  # in eigenvalues of the last function; makes inverse iteration favour no single function
 SHIFT = 1e-2  # in 1 / area; makes the singular Laplacian definite
@@ -286,8 +287,7 @@ def smallest_eigenpairs(
             projected[first:size, last] += overlap
         block, coupling = _orthonormal_columns(image.T.astype(np.float64))
         full = size + width > limit
-        # convergence is tested from 2.6 k vectors on, at every 48: a test costs an eigendecomposition
-        if full or (size >= 2.6 * k and size % 48 == 0):
+        if full or (size >= SPACE * k and size % 48 == 0):  # a test costs an eigendecomposition
             values, mix = np.linalg.eigh(projected[:size, :size], UPLO="U")
             values, mix = values[: -k - 1 : -1], mix[:, : -k - 1 : -1]
             residual = np.linalg.norm(coupling @ mix[last], axis=0) / values

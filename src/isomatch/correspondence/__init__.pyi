@@ -1,6 +1,7 @@
 from isomatch.correspondence.alignment import (
     Alignment,
     alignment_residual,
+    closest_point_images,
     iterative_closest_points,
     signed_procrustes,
 )
@@ -77,6 +78,7 @@ __all__ = [
     "alignment_residual",
     "alignments_from_points",
     "assign_points",
+    "closest_point_images",
     "faces_around_vertices",
     "fit_functional_map",
     "geometric_median",

@@ -143,6 +143,26 @@ def iterative_closest_points(
     >>> alignment.target_row, round(alignment.residual, 6)
     (array([0, 1, 2, 3]), 0.0)
     """
+    images = closest_point_images(source, target, starts, max_iterations, unchanged)
+    rotations = signed_procrustes(source, target.at(images))
+    return [Alignment(i, c, alignment_residual(source, target.at(i), c)) for i, c in zip(images, rotations)]
+
+
+def closest_point_images(
+    source: SignedPoints,
+    target: SignedPoints,
+    starts: IntArray,
+    max_iterations: int,
+    unchanged: float = 0.99,
+) -> IntArray:
+    """Return the maps of `iterative_closest_points` alone, without the rotations: (h, m_s) target rows.
+
+    Examples
+    --------
+    >>> corners = SignedPoints(np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 3.0], [0.0, 4.0]]), np.ones(2))
+    >>> closest_point_images(corners, corners, np.array([[0, 1, 2, 2]]), max_iterations=10)
+    array([[0, 1, 2, 3]])
+    """
     images, moving = starts.copy(), np.arange(len(starts))
     for _ in range(max_iterations):
         previous = images[moving]
@@ -150,5 +170,4 @@ def iterative_closest_points(
         for i, points in zip(moving, turned):
             images[i] = nearest_of_few(points, source.coordinates)
         moving = moving[(images[moving] == previous).mean(axis=1) < unchanged]
-    rotations = signed_procrustes(source, target.at(images))
-    return [Alignment(i, c, alignment_residual(source, target.at(i), c)) for i, c in zip(images, rotations)]
+    return images

@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from isomatch.correspondence import Alignment, iterative_closest_points
+from isomatch.correspondence import Alignment, closest_point_images, iterative_closest_points
 from isomatch.matching.anchors import starts_from_anchors
 from isomatch.matching.contest import distinct
 from isomatch.matching.fit import Hypothesis
@@ -190,28 +190,32 @@ class Pool:
     def converged(self, starts: list[IntArray], steps: int) -> list[Alignment]:
         """Run iterative closest points from many first maps; one that meets another, or a known map, is dropped.
 
-        Most starts lead to few maps: comparing them every other iteration saves most of the work.
+        Most starts lead to few maps: comparing them every other iteration saves most of the work. So does leaving those
+        that have settled.
         """
-        settings = self._settings
-        alignments: list[Alignment] = []
+        settings, points = self._settings, self.pair.search_points
+        known, settled = [h.target_row for h in self.hypotheses], list[IntArray]()
         for _ in range(0, steps, settings.compare_every):
             starts = distinct(
                 starts,
                 lambda rows: rows,
                 self.pair.distances_between_maps,
                 settings.same_start,
-                known=[h.target_row for h in self.hypotheses],
+                known=[*known, *settled],
             )
             groups = [np.array(starts[i : i + AT_ONCE]) for i in range(0, len(starts), AT_ONCE)]
             moved = parallel_map(
-                lambda group: iterative_closest_points(
-                    *self.pair.search_points, group, settings.compare_every, settings.unchanged
+                lambda group: closest_point_images(
+                    *points, group, settings.compare_every, settings.unchanged
                 ),
                 groups,
             )
-            alignments = [alignment for group in moved for alignment in group]
-            starts = [alignment.target_row for alignment in alignments]
-        return alignments
+            images = [rows for group in moved for rows in group]
+            moving = [(rows == start).mean() < settings.unchanged for rows, start in zip(images, starts)]
+            settled += [rows for rows, moves in zip(images, moving) if not moves]
+            starts = [rows for rows, moves in zip(images, moving) if moves]
+        found = [*settled, *starts]
+        return iterative_closest_points(*points, np.array(found), 0) if found else []
 
 
 class FromExtremities(PoolStart):

@@ -45,7 +45,7 @@ class RefinementSettings(Settings):
         (125, 150, 200), "ablation: no positions and normals", least=4, empty=True
     )
     sizes_again: tuple[int, ...] = setting(
-        (20, 30, 40, 50, 75, 100, 125, 150), "docs/notes/refinement.md", least=4, empty=True
+        (20, 30, 50, 80, 130), "docs/notes/refinement.md", least=4, empty=True
     )
     polished_sizes: tuple[int, ...] = setting((100, 150, 200), "docs/performance.md, resolution", least=4)
     position_unit: float = setting(0.08, "measured on 9 pairs: 0.08 2.06, 0.15 2.11, 0.3 2.14", least=1e-6)
