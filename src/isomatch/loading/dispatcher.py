@@ -4,19 +4,31 @@ from __future__ import annotations
 
 import logging
 import pickle
+from collections.abc import Sequence
 from contextlib import suppress
 from functools import cache, update_wrapper
 from multiprocessing import current_process
+from pathlib import Path
 from types import FunctionType
 from typing import Any
 
 import numba
 from numba.core.caching import FunctionCache
 
+from isomatch.errors import UnwritableFileError
+from isomatch.loading.helper import ask_for_help
+from isomatch.loading.listed import MATCH, listed_loops
+from isomatch.runtime.locks import Turn
+
 UNREADABLE = (OSError, EOFError, pickle.UnpicklingError)
-COMPILING = "isomatch: compiling loops, which later runs find in the cache; all of them take about 4 s"
+PATIENCE = 30.0  # seconds to wait for another process that compiles a loop; the longest takes 1 s of a processor
+SECONDS = 0.25  # of a processor, to compile a loop of a first match: the mean, docs/performance.md
+COMPILING = (
+    "isomatch: compiling {count} loops, once, which takes about {seconds:.0f} s; later runs find them in the cache"
+)
+COMPILING_FEW = "isomatch: compiling loops for what has not run here before; later runs find them in the cache"
 UNCACHED = (
-    "isomatch: compiled loops cannot be cached here, so each run compiles them again (about 4 s); "
+    "isomatch: compiled loops cannot be cached here, so each run compiles them again, which takes seconds; "
     "set NUMBA_CACHE_DIR to a folder of your own that can be written"
 )
 logger = logging.getLogger(__name__)
@@ -26,7 +38,7 @@ def dispatcher_of(function: FunctionType, scope: dict[str, Any], options: dict[s
     """Make the dispatcher of a function with other globals and with options of `numba.njit`."""
     code, defaults, closure = function.__code__, function.__defaults__, function.__closure__
     inside = FunctionType(code, scope, function.__name__, defaults, closure)
-    dispatcher = numba.njit(nogil=True, **options)(update_wrapper(inside, function))
+    dispatcher = numba.njit(nogil=True, no_cfunc_wrapper=True, **options)(update_wrapper(inside, function))
     try:
         dispatcher._cache = _Cache(function)
     except RuntimeError:  # there is no folder that numba can write to
@@ -34,25 +46,95 @@ def dispatcher_of(function: FunctionType, scope: dict[str, Any], options: dict[s
     return dispatcher
 
 
+def compile_for(dispatcher: Any, types: Sequence[str], must_be_kept: bool = False) -> bool:
+    """Compile a loop for types of arguments as in `ListedLoop`, and tell whether that was necessary.
+
+    Raises
+    ------
+    UnwritableFileError
+        If it must be kept and the cache cannot be written.
+    """
+    if not hasattr(dispatcher, "stats"):  # numba is told to compile nothing
+        return False
+    before = sum(dispatcher.stats.cache_misses.values())
+    dispatcher.compile(tuple(map(_type_of, types)))
+    kept: Any = dispatcher._cache
+    if must_be_kept and not (isinstance(kept, _Cache) and kept.works):
+        where = f"{kept.cache_path}: " if isinstance(kept, _Cache) else ""
+        raise UnwritableFileError(
+            f"{where}compiled loops cannot be written; set NUMBA_CACHE_DIR to a folder that can be written"
+        )
+    return bool(sum(dispatcher.stats.cache_misses.values()) > before)
+
+
+def is_being_compiled(dispatcher: Any) -> bool:
+    """Whether another process compiles a loop now."""
+    kept: Any = dispatcher._cache
+    free = not isinstance(kept, _Cache) or kept.turn.take()
+    if isinstance(kept, _Cache):
+        kept.turn.end()
+    return not free
+
+
+def _type_of(word: str) -> Any:
+    kind, _, array = word.partition(":")
+    scalar = getattr(numba.types, kind)
+    return numba.types.Array(scalar, int(array[0]), array[1], readonly=array[2:] == "r") if array else scalar
+
+
 class _Cache(FunctionCache):
-    """A cache that the loops can do without: what cannot be read or written is compiled for this process."""
+    """A cache that the loops can do without: what cannot be read or written is compiled for this process.
+
+    Of several processes that lack a loop, one compiles it, and the others wait and find it in the cache.
+    """
+
+    def __init__(self, function: FunctionType):
+        super().__init__(function)
+        self.turn = Turn(Path(self._cache_file._index_path).with_suffix(".lock"))
+        self.works = True
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        found = None
+        found = self._found(sig, target_context)
+        if found is None:
+            self.turn.take(PATIENCE)
+            found = self._found(sig, target_context)
+            if found is None:
+                _begin_compiling()
+            else:
+                self.turn.end()
+        return found
+
+    def _found(self, sig: Any, target_context: Any) -> Any:
         try:
-            found = super().load_overload(sig, target_context)
+            return super().load_overload(sig, target_context)
         except UNREADABLE:
             with suppress(OSError):
                 self.flush()
-        if found is None:
-            _tell(COMPILING)
-        return found
+        return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
         try:
             super().save_overload(sig, data)
         except OSError:
+            self.works = False
             _tell(UNCACHED)
+        finally:
+            self.turn.end()
+
+    @property
+    def is_empty(self) -> bool:
+        return not Path(self._cache_file._index_path).exists()
+
+
+@cache  # once
+def _begin_compiling() -> None:
+    caches = [_Cache(function) for function in {one.loop.py_func: 0 for one in listed_loops(MATCH)}]
+    count = sum(one.is_empty for one in caches)
+    if count <= 1:
+        _tell(COMPILING_FEW)
+        return
+    hands = 1 + ask_for_help(caches[0].cache_path)
+    _tell(COMPILING.format(count=count, seconds=SECONDS * count / hands))
 
 
 @cache  # so that it is told once
