@@ -19,8 +19,8 @@ from numba.core import event
 
 def word(type):
     if not isinstance(type, types.Array):
-        return str(type)
-    return f"{type.dtype}:{type.ndim}{type.layout}" + "r" * (not type.mutable)
+        return "boolean" if type == types.boolean else str(type)
+    return f"{word(type.dtype)}:{type.ndim}{type.layout}" + "r" * (not type.mutable)
 
 class Recorder(event.Listener):
     depth = 0

@@ -41,7 +41,7 @@ def nearest_rows(candidates: FloatArray, queries: FloatArray) -> IntArray:
     array([0, 1])
     """
     centre = candidates.mean(axis=0)
-    x, y = candidates - centre, queries - centre
+    x, y = np.ascontiguousarray(candidates - centre), np.ascontiguousarray(queries - centre)
     norms = np.einsum("ij,ij->i", x, x)
     table = np.vstack([x.T, -0.5 * norms]).astype(np.float32)
     probes = np.hstack([y, np.ones((len(y), 1))]).astype(np.float32)

@@ -128,7 +128,7 @@ class _Cache(FunctionCache):
 
 @cache  # once
 def _begin_compiling() -> None:
-    caches = [_Cache(function) for function in {one.loop.py_func: 0 for one in listed_loops(MATCH)}]
+    caches = [_Cache(loop.py_func) for loop in {one.loop: 0 for one in listed_loops(MATCH)} if loop]
     count = sum(one.is_empty for one in caches)
     if count <= 1:
         _tell(COMPILING_FEW)

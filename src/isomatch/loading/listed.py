@@ -35,8 +35,9 @@ class ListedLoop(NamedTuple):
 
     @property
     def loop(self) -> Any:
-        """The loop itself."""
-        return getattr(import_module(self.module), self.name)
+        """The loop itself; None where the module has changed since the list was recorded."""
+        found = getattr(import_module(self.module), self.name, None)
+        return found if hasattr(found, "py_func") else None
 
 
 def listed_loops(*sections: str) -> list[ListedLoop]:
