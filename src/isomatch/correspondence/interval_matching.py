@@ -113,9 +113,7 @@ def assign_points(
         kept, of_kept = np.zeros(width, dtype=np.int64), np.zeros((width, width))
         latest = np.full(len(between), -1)
         apart_so_far = apart * (point + 1)
-        count = _keep_differing(
-            distances, parent, candidate, apart_so_far, between, latest, kept, of_kept
-        )
+        count = _keep_differing(distances, parent, candidate, apart_so_far, between, latest, kept, of_kept)
         kept, between = kept[:count], of_kept
         assigned, total = np.column_stack([assigned[parent[kept]], candidate[kept]]), children[best[kept]]
     return assigned, total
@@ -159,8 +157,8 @@ def _keep_differing(
     """Keep the first assignments whose summed distance to all kept before is at least ``apart``, and count them.
 
     Each assignment has a parent and one more candidate, the last. ``of_parents`` (h, h) holds the summed distances
-    between parents; those between the assignments kept are written to ``of_kept``. ``latest`` (h,) is −1 on entry. Most assignments are too near to the
-    latest one kept of the same parent, so they are compared with that one first.
+    between parents; those between the assignments kept are written to ``of_kept``. ``latest`` (h,) is −1 on entry. Most
+    assignments are too near to the latest one kept of the same parent, so they are compared with that one first.
     """
     n = 0
     for i in range(len(last)):

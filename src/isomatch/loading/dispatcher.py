@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import pickle
 from collections.abc import Sequence
 from contextlib import suppress
@@ -21,14 +22,17 @@ from isomatch.loading.listed import MATCH, listed_loops
 from isomatch.runtime.locks import Turn
 
 UNREADABLE = (OSError, EOFError, pickle.UnpicklingError)
-PATIENCE = 30.0  # seconds to wait for another process that compiles a loop; the longest takes 1 s of a processor
-SECONDS = 0.25  # of a processor, to compile a loop of a first match: the mean, docs/performance.md
-COMPILING = (
-    "isomatch: compiling {count} loops, once, which takes about {seconds:.0f} s; later runs find them in the cache"
+PATIENCE = (
+    30.0  # seconds to wait for another process that compiles a loop; the longest takes 1 s of a processor
 )
-COMPILING_FEW = "isomatch: compiling loops for what has not run here before; later runs find them in the cache"
+SECONDS = 0.3  # to compile a loop of a first match, the mean: docs/performance.md; slower processors take twice as long
+HELPED = 0.65  # of the time that it takes alone, with a second process
+COMPILING = "isomatch: compiling {count} loops, once, which takes {least} to {most} s; later runs find them in the cache"
+COMPILING_FEW = (
+    "isomatch: compiling loops for what has not run here before; later runs find them in the cache"
+)
 UNCACHED = (
-    "isomatch: compiled loops cannot be cached here, so each run compiles them again, which takes seconds; "
+    "isomatch: compiled loops cannot be cached here, so each run compiles them again, which takes 6 to 12 s for a match; "
     "set NUMBA_CACHE_DIR to a folder of your own that can be written"
 )
 logger = logging.getLogger(__name__)
@@ -58,13 +62,19 @@ def compile_for(dispatcher: Any, types: Sequence[str], must_be_kept: bool = Fals
         return False
     before = sum(dispatcher.stats.cache_misses.values())
     dispatcher.compile(tuple(map(_type_of, types)))
-    kept: Any = dispatcher._cache
-    if must_be_kept and not (isinstance(kept, _Cache) and kept.works):
-        where = f"{kept.cache_path}: " if isinstance(kept, _Cache) else ""
-        raise UnwritableFileError(
-            f"{where}compiled loops cannot be written; set NUMBA_CACHE_DIR to a folder that can be written"
-        )
+    if must_be_kept:
+        _require_kept(dispatcher._cache)
     return bool(sum(dispatcher.stats.cache_misses.values()) > before)
+
+
+def _require_kept(kept: Any) -> None:
+    wanted = numba.config.CACHE_DIR  # numba takes another folder if it cannot write there
+    is_there = isinstance(kept, _Cache) and kept.works
+    if not is_there or (wanted and not Path(kept.cache_path).is_relative_to(wanted)):
+        where = wanted or getattr(kept, "cache_path", "__pycache__ beside the package")
+        raise UnwritableFileError(
+            f"{where}: compiled loops cannot be written; set NUMBA_CACHE_DIR to a folder that can be written"
+        )
 
 
 def is_being_compiled(dispatcher: Any) -> bool:
@@ -133,8 +143,8 @@ def _begin_compiling() -> None:
     if count <= 1:
         _tell(COMPILING_FEW)
         return
-    hands = 1 + ask_for_help(caches[0].cache_path)
-    _tell(COMPILING.format(count=count, seconds=SECONDS * count / hands))
+    least = math.ceil(SECONDS * count * (HELPED if ask_for_help(caches[0].cache_path) else 1.0))
+    _tell(COMPILING.format(count=count, least=least, most=2 * least))
 
 
 @cache  # so that it is told once

@@ -24,7 +24,11 @@ except ImportError:  # Windows
         locking(file.fileno(), LK_NBLCK, 1)
 
 
-_HELD = (errno.EACCES, errno.EAGAIN, errno.EDEADLK)  # what the systems say of a lock that another process holds
+_HELD = (
+    errno.EACCES,
+    errno.EAGAIN,
+    errno.EDEADLK,
+)  # what the systems say of a lock that another process holds
 POLL = 0.02  # seconds between two attempts: little beside what is worth a lock
 
 
