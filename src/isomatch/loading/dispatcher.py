@@ -22,15 +22,11 @@ from isomatch.loading.listed import MATCH, listed_loops
 from isomatch.runtime.locks import Turn
 
 UNREADABLE = (OSError, EOFError, pickle.UnpicklingError)
-PATIENCE = (
-    30.0  # seconds to wait for another process that compiles a loop; the longest takes 1 s of a processor
-)
+PATIENCE = 30.0  # seconds to wait for another process that compiles a loop; the longest takes 1 s
 SECONDS = 0.3  # to compile a loop of a first match, the mean: docs/performance.md; slower processors take twice as long
 HELPED = 0.65  # of the time that it takes alone, with a second process
 COMPILING = "isomatch: compiling {count} loops, once, which takes {least} to {most} s; later runs find them in the cache"
-COMPILING_FEW = (
-    "isomatch: compiling loops for what has not run here before; later runs find them in the cache"
-)
+COMPILING_FEW = "isomatch: compiling loops of a step that is new here; later runs find them in the cache"
 UNCACHED = (
     "isomatch: compiled loops cannot be cached here, so each run compiles them again, which takes 6 to 12 s for a match; "
     "set NUMBA_CACHE_DIR to a folder of your own that can be written"

@@ -20,9 +20,7 @@ def ask_for_help(folder: str) -> bool:
     Whatever becomes of it, all loops that it has not compiled are compiled by those who call them. It ends with this
     process at the latest, and at once if another one helps in the folder of the cache.
     """
-    is_python = Path(sys.executable or "").name.startswith(
-        "python"
-    )  # and no program that Python is built into
+    is_python = Path(sys.executable or "").name.startswith("python")  # and no program around it
     if current_process().name != "MainProcess" or n_threads() < 2 or not is_python:
         return False
     path = os.pathsep.join(filter(None, sys.path))
