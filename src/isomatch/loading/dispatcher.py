@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import gc
 import logging
 import math
 import pickle
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
-from functools import cache, update_wrapper
+from functools import cache, update_wrapper, wraps
 from multiprocessing import current_process
 from pathlib import Path
 from types import FunctionType
-from typing import Any
+from typing import Any, TypeVar, cast
 
 import numba
 from numba.core.caching import FunctionCache
@@ -32,6 +33,7 @@ UNCACHED = (
     "set NUMBA_CACHE_DIR to a folder of your own that can be written"
 )
 logger = logging.getLogger(__name__)
+F = TypeVar("F", bound=Callable[..., Any])
 
 
 def dispatcher_of(function: FunctionType, scope: dict[str, Any], options: dict[str, Any]) -> Any:
@@ -39,11 +41,29 @@ def dispatcher_of(function: FunctionType, scope: dict[str, Any], options: dict[s
     code, defaults, closure = function.__code__, function.__defaults__, function.__closure__
     inside = FunctionType(code, scope, function.__name__, defaults, closure)
     dispatcher = numba.njit(nogil=True, no_cfunc_wrapper=True, **options)(update_wrapper(inside, function))
+    if hasattr(dispatcher, "compile"):
+        dispatcher.compile = _uncollected(dispatcher.compile)
     try:
         dispatcher._cache = _Cache(function)
     except RuntimeError:  # there is no folder that numba can write to
         _tell(UNCACHED)
     return dispatcher
+
+
+def _uncollected(function: F) -> F:
+    """Make a function run without Python's garbage collector, which takes an eighth of the time of numba."""
+
+    @wraps(function)
+    def changed(*arguments: Any) -> Any:
+        enabled = gc.isenabled()
+        gc.disable()
+        try:
+            return function(*arguments)
+        finally:
+            if enabled:
+                gc.enable()
+
+    return cast(F, changed)
 
 
 def compile_for(dispatcher: Any, types: Sequence[str], must_be_kept: bool = False) -> bool:
