@@ -144,13 +144,13 @@ def test_no_help_is_asked_for_where_it_is_not_wanted_or_cannot_be_had(reason, mo
 
 
 if __name__ == "__main__":
-    known, names = {}, set()
+    known, names = {}, []
     for section, program in {MATCH: OF_MATCH, FILES: OF_FILES, OTHERS: OF_OTHERS}.items():
         with tempfile.TemporaryDirectory() as folder:
             found = recorded(program, folder)
         if section == OTHERS:  # other types of arguments of the same loops are those of odd meshes
-            found = [line for line in found if line.split()[1] not in names]
-        names |= {line.split()[1] for line in found}
+            found = [line for line in found if line.split()[:2] not in names]
+        names += [line.split()[:2] for line in found]
         for line in found:
             known.setdefault(line, section)
     LIST.write_text(HEAD + "".join(f"{section} {line}\n" for line, section in known.items()))

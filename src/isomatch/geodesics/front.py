@@ -170,7 +170,7 @@ def _march(
     excess = np.zeros(n)
     slot = np.full(n, -1, dtype=np.int32)  # index in the heap, −1 for a vertex never reached
     heap = np.empty(n, dtype=np.int32)
-    missing = np.count_nonzero(awaited)
+    missing = int(np.count_nonzero(awaited))
     _advance(*stencil.arrays, source, distance, bound, awaited, missing, farthest, known, excess, slot, heap)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import logging
 import math
+import os
 import pickle
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -26,7 +27,10 @@ UNREADABLE = (OSError, EOFError, pickle.UnpicklingError)
 PATIENCE = 30.0  # seconds to wait for another process that compiles a loop; the longest takes 1 s
 SECONDS = 0.3  # to compile a loop of a first match, the mean: docs/performance.md; slower processors take twice as long
 HELPED = 0.65  # of the time that it takes alone, with a second process
-COMPILING = "isomatch: compiling {count} loops, once, which takes {least} to {most} s; later runs find them in the cache"
+COMPILING = (
+    "isomatch: compiling {count} loops or more, once, which takes {least} to {most} s; "
+    "later runs find them in the cache"
+)
 COMPILING_FEW = "isomatch: compiling loops of a step that is new here; later runs find them in the cache"
 UNCACHED = (
     "isomatch: compiled loops cannot be cached here, so each run compiles them again, which takes 6 to 12 s for a match; "
@@ -40,7 +44,8 @@ def dispatcher_of(function: FunctionType, scope: dict[str, Any], options: dict[s
     """Make the dispatcher of a function with other globals and with options of `numba.njit`."""
     code, defaults, closure = function.__code__, function.__defaults__, function.__closure__
     inside = FunctionType(code, scope, function.__name__, defaults, closure)
-    dispatcher = numba.njit(nogil=True, no_cfunc_wrapper=True, **options)(update_wrapper(inside, function))
+    options = {"nogil": True, "no_cfunc_wrapper": True, **options}  # C does not call loops
+    dispatcher: Any = numba.njit(**options)(update_wrapper(inside, function))
     if hasattr(dispatcher, "compile"):
         dispatcher.compile = _uncollected(dispatcher.compile)
     try:
@@ -84,7 +89,7 @@ def compile_for(dispatcher: Any, types: Sequence[str], must_be_kept: bool = Fals
 
 
 def _require_kept(kept: Any) -> None:
-    wanted = numba.config.CACHE_DIR  # numba takes another folder if it cannot write there
+    wanted = os.environ.get("NUMBA_CACHE_DIR")  # numba takes another folder if it cannot write there
     is_there = isinstance(kept, _Cache) and kept.works
     if not is_there or (wanted and not Path(kept.cache_path).is_relative_to(wanted)):
         where = wanted or getattr(kept, "cache_path", "__pycache__ beside the package")
@@ -104,8 +109,9 @@ def is_being_compiled(dispatcher: Any) -> bool:
 
 def _type_of(word: str) -> Any:
     kind, _, array = word.partition(":")
-    scalar = getattr(numba.types, kind)
-    return numba.types.Array(scalar, int(array[0]), array[1], readonly=array[2:] == "r") if array else scalar
+    types: Any = numba.types
+    scalar = getattr(types, kind)
+    return types.Array(scalar, int(array[0]), array[1], readonly=array[2:] == "r") if array else scalar
 
 
 class _Cache(FunctionCache):

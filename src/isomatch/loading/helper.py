@@ -17,8 +17,8 @@ _HELP = "import sys; from isomatch.loading.ahead import help_out; help_out(sys.a
 def ask_for_help(folder: str) -> bool:
     """Start the process, if this one is a program of its own that may use more than one thread; True if it was started.
 
-    Whatever becomes of it, all loops that it has not compiled are compiled by those who call them. It ends with this
-    process at the latest, and at once if another one helps in the folder of the cache.
+    Whatever becomes of it, the loops that it has not compiled are compiled by those who call them. It ends when all are
+    compiled, at once if another one helps in the folder of the cache, and is killed when this process exits.
     """
     is_python = Path(sys.executable or "").name.startswith("python")  # and no program around it
     if current_process().name != "MainProcess" or n_threads() < 2 or not is_python:
