@@ -25,6 +25,8 @@ from numba import types
 from numba.core import event
 
 def word(type):
+    if isinstance(type, types.UniTuple):
+        return f"{word(type.dtype)}x{type.count}"
     if not isinstance(type, types.Array):
         return "boolean" if type == types.boolean else str(type)
     return f"{word(type.dtype)}:{type.ndim}{type.layout}" + "r" * (not type.mutable)

@@ -108,8 +108,11 @@ def is_being_compiled(dispatcher: Any) -> bool:
 
 
 def _type_of(word: str) -> Any:
-    kind, _, array = word.partition(":")
     types: Any = numba.types
+    if "x" in word:
+        kind, _, count = word.partition("x")
+        return types.UniTuple(_type_of(kind), int(count))
+    kind, _, array = word.partition(":")
     scalar = getattr(types, kind)
     return types.Array(scalar, int(array[0]), array[1], readonly=array[2:] == "r") if array else scalar
 

@@ -24,8 +24,8 @@ class ListedLoop(NamedTuple):
     module, name : str
         Where the loop is.
     types : tuple of str
-        ``float64`` for a number, ``float64:2C`` for an array of two dimensions in C order, ``float64:2Cr`` for
-        one that is read only.
+        ``float64`` for a number, ``float64x7`` for a tuple of seven, ``float64:2C`` for an array of two dimensions in
+        C order, ``float64:2Cr`` for one that is read only.
     """
 
     section: str
