@@ -22,12 +22,12 @@ def warm(*, everything: Annotated[bool, Parameter(name="--all")] = False) -> Non
     """
     from isomatch.loading.ahead import compile_ahead  # imports numba, which is slow
 
-    begun = time.perf_counter()
+    begun = since = time.perf_counter()
     total = here = 0
     for listed, compiled in compile_ahead(everything):
-        total, here = total + 1, here + compiled
+        now = time.perf_counter()
         if compiled:
-            say(f"compiled {listed.module}.{listed.name}")
-    seconds = time.perf_counter() - begun
+            say(f"compiled in {now - since:.2f} s: {listed.module}.{listed.name}")
+        total, here, since = total + 1, here + compiled, now
     others = f"{total - here} were compiled before or by a second process"
-    say(f"{total} loops are in the cache: {here} were compiled now, {others}; {seconds:.1f} s")
+    say(f"{total} loops are in the cache: {here} were compiled now, {others}; {since - begun:.1f} s")
