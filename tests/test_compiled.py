@@ -17,8 +17,11 @@ from numba.core.caching import IndexDataCacheFile
 
 import isomatch
 from isomatch.geodesics.front import march
+from isomatch.loading import dispatcher
 from isomatch.loading.compiled import Loop
-from isomatch.loading.dispatcher import COMPILING, UNCACHED, _tell
+from isomatch.loading.dispatcher import COMPILING, COMPILING_FEW, UNCACHED, _begin_compiling, _tell
+from isomatch.loading.listed import ListedLoop
+from isomatch.runtime.locks import Turn
 from shapes import icosphere
 
 LOOP = """
@@ -39,12 +42,14 @@ def twice_each(values):
 
 
 @pytest.fixture
-def loaded(tmp_path, caplog):
+def loaded(tmp_path, monkeypatch, caplog):
     """Function that loads loops from a module as a new process would."""
     (tmp_path / "loops.py").write_text(LOOP)
-    _tell.cache_clear()
+    monkeypatch.setattr(dispatcher, "listed_loops", lambda section: [])
 
     def load():
+        _tell.cache_clear()
+        _begin_compiling.cache_clear()
         spec = importlib.util.spec_from_file_location("loops", tmp_path / "loops.py")
         module = importlib.util.module_from_spec(spec)
         spec.loader.exec_module(module)
@@ -94,9 +99,8 @@ def test_compilation_is_announced_once_and_a_cache_hit_is_not(loaded, tmp_path, 
     loops = loaded()
     assert not list(tmp_path.glob("__pycache__/*.nbi"))
     assert loops.twice(2) == loops.twice(2.0) == 4
-    assert [record.message for record in caplog.records] == [COMPILING]
+    assert [record.message for record in caplog.records] == [COMPILING_FEW]
     caplog.clear()
-    _tell.cache_clear()
     assert loaded().twice(2) == 4
     assert not caplog.records
 
@@ -115,14 +119,58 @@ def test_a_damaged_cache_is_made_anew(loaded, tmp_path, caplog):
     assert UNCACHED not in caplog.text
 
 
+def test_the_loops_of_a_first_match_are_counted_and_help_is_asked_for_once(loaded, monkeypatch, caplog):
+    loops, asked = loaded(), []
+    listed = [ListedLoop("match", "loops", name, ()) for name in ("twice", "twice", "twice_each", "gone")]
+    monkeypatch.setattr(dispatcher, "listed_loops", lambda section: listed)
+    monkeypatch.setattr(dispatcher, "ask_for_help", lambda folder: asked.append(folder) or True)
+    monkeypatch.setitem(sys.modules, "loops", loops)
+    assert loops.twice_each(np.arange(3)) == [0, 2, 4]
+    assert caplog.messages == [COMPILING.format(count=2, least=1, most=2)]
+    assert asked == [loops.twice.dispatcher._cache.cache_path]
+
+
+@pytest.mark.parametrize("patience", [0.0, 30.0])
+def test_a_loop_waits_for_another_process_that_compiles_it_but_not_for_ever(loaded, monkeypatch, patience):
+    loop = loaded().twice
+    lock = loop.dispatcher._cache.turn.path
+    monkeypatch.setattr(dispatcher, "PATIENCE", patience)
+    other = Turn(lock)
+    assert other.take()
+    with ThreadPoolExecutor(1) as pool:
+        call = pool.submit(loop, 2)
+        if patience:
+            with pytest.raises(TimeoutError):
+                call.result(0.2)
+            other.end()
+        assert call.result() == 4
+    other.end()
+    assert not lock.exists()
+
+
+@pytest.mark.long
+def test_of_several_processes_one_compiles_a_loop(loaded, tmp_path):
+    loaded()
+    lines = (
+        "import loops\nassert loops.twice_each([1, 2]) == [2, 4]\n"
+        "print(sum(loops.twice_each.dispatcher.stats.cache_misses.values()))"
+    )
+    started = [
+        subprocess.Popen([sys.executable, "-c", lines], cwd=tmp_path, stdout=subprocess.PIPE)
+        for _ in range(4)
+    ]
+    assert sum(int(process.communicate()[0]) for process in started) == 1
+    assert not list(tmp_path.glob("**/*.lock"))
+
+
 def test_a_full_disk_is_noted_once(loaded, monkeypatch, caplog):
     def full(*_):
         raise OSError(errno.ENOSPC, "No space left on device")
 
     monkeypatch.setattr(IndexDataCacheFile, "_open_for_write", full)
-    for loops in (loaded(), loaded()):
-        assert loops.twice(2) == 4
-    assert [record.message for record in caplog.records] == [COMPILING, UNCACHED]
+    loops = loaded()
+    assert loops.twice(2) == loops.twice_each(np.array([2]))[0] == 4
+    assert [record.message for record in caplog.records] == [COMPILING_FEW, UNCACHED]
 
 
 @pytest.mark.long

@@ -139,7 +139,7 @@ def test_a_system_without_locks_is_noted(tmp_path, monkeypatch, caplog):
     def unable(_):
         raise OSError(errno.ENOLCK, "No locks available")
 
-    monkeypatch.setattr("isomatch.storage.files._lock", unable)
+    monkeypatch.setattr("isomatch.runtime.locks._lock", unable)
     with claimed(tmp_path / "result"):
         assert "cannot be locked (No locks available)" in caplog.text
 

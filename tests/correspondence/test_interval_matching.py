@@ -56,7 +56,9 @@ def test_the_beam_keeps_what_comparing_whole_assignments_would_keep(points):
         if len(wanted) < 25 and all(between[whole[i], whole[k]].sum() >= 1.2 for k in wanted):
             wanted.append(i)
     kept, of_kept = np.zeros(25, dtype=np.int64), np.zeros((25, 25))
-    count = _keep_differing(between, parent, last, 1.2, of_parents, kept, of_kept)
+    count = _keep_differing(
+        between, parent, last, 1.2, of_parents, np.full(len(of_parents), -1), kept, of_kept
+    )
     assert kept[:count].tolist() == wanted
     sums = [[between[whole[i], whole[k]].sum() for k in wanted] for i in wanted]
     np.testing.assert_allclose(of_kept[:count, :count], sums, atol=1e-12)

@@ -24,6 +24,7 @@ from isomatch.cli.repair import repair
 from isomatch.cli.statistics import statistics
 from isomatch.cli.terminal import complain, print_anything
 from isomatch.cli.transfer import transfer
+from isomatch.cli.warm import warm
 from isomatch.errors import IsomatchError
 
 __all__ = ["main"]
@@ -54,6 +55,7 @@ for each in (
     bench,
     paper,
     info,
+    warm,
 ):
     app.command(each)
 app.register_install_completion_command(

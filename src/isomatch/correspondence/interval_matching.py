@@ -111,7 +111,9 @@ def assign_points(
         best = best[np.lexsort((best, children[best]))]  # least cost first, ties by number
         parent, candidate = np.divmod(best, c)
         kept, of_kept = np.zeros(width, dtype=np.int64), np.zeros((width, width))
-        count = _keep_differing(distances, parent, candidate, apart * (point + 1), between, kept, of_kept)
+        latest = np.full(len(between), -1)
+        apart_so_far = apart * (point + 1)
+        count = _keep_differing(distances, parent, candidate, apart_so_far, between, latest, kept, of_kept)
         kept, between = kept[:count], of_kept
         assigned, total = np.column_stack([assigned[parent[kept]], candidate[kept]]), children[best[kept]]
     return assigned, total
@@ -148,16 +150,16 @@ def _keep_differing(
     last: IntArray,
     apart: float,
     of_parents: FloatArray,
+    latest: IntArray,
     kept: IntArray,
     of_kept: FloatArray,
 ) -> int:
     """Keep the first assignments whose summed distance to all kept before is at least ``apart``, and count them.
 
     Each assignment has a parent and one more candidate, the last. ``of_parents`` (h, h) holds the summed distances
-    between parents; those between the assignments kept are written to ``of_kept``. Most assignments are too near to the
-    latest one kept of the same parent, so they are compared with that one first.
+    between parents; those between the assignments kept are written to ``of_kept``. ``latest`` (h,) is −1 on entry. Most
+    assignments are too near to the latest one kept of the same parent, so they are compared with that one first.
     """
-    latest = np.full(len(of_parents), -1)
     n = 0
     for i in range(len(last)):
         mine, here = parent[i], last[i]

@@ -41,7 +41,7 @@ def nearest_rows(candidates: FloatArray, queries: FloatArray) -> IntArray:
     array([0, 1])
     """
     centre = candidates.mean(axis=0)
-    x, y = candidates - centre, queries - centre
+    x, y = np.ascontiguousarray(candidates - centre), np.ascontiguousarray(queries - centre)
     norms = np.einsum("ij,ij->i", x, x)
     table = np.vstack([x.T, -0.5 * norms]).astype(np.float32)
     probes = np.hstack([y, np.ones((len(y), 1))]).astype(np.float32)
@@ -49,8 +49,10 @@ def nearest_rows(candidates: FloatArray, queries: FloatArray) -> IntArray:
 
     def block(first: int) -> IntArray:
         rows = slice(first, first + BLOCK)
-        best = np.zeros(len(probes[rows]), dtype=np.int64)
-        _settle(probes[rows] @ table, x, y[rows], slack, best)
+        scores = probes[rows] @ table
+        best = np.zeros(len(scores), dtype=np.int64)
+        bars = scores.max(axis=1, initial=-np.inf) - np.float32(slack)
+        _settle(scores, bars, x, y[rows], best)
         return best
 
     return _joined(parallel_map(block, range(0, len(y), BLOCK)))
@@ -175,17 +177,11 @@ def _joined(parts: list[IntArray]) -> IntArray:
 
 
 @compiled(fastmath={"nnan", "nsz", "reassoc", "contract"})
-def _settle(scores: Float32Array, x: FloatArray, y: FloatArray, slack: float, best: IntArray) -> None:
-    n = scores.shape[1]
+def _settle(scores: Float32Array, bars: Float32Array, x: FloatArray, y: FloatArray, best: IntArray) -> None:
     for i in range(len(scores)):
-        row = scores[i]
-        top = row[0]
-        for j in range(1, n):
-            top = max(top, row[j])
-        bar = top - np.float32(slack)
         winner, nearest = -1, np.inf
-        for j in range(n):
-            if row[j] >= bar:
+        for j in range(scores.shape[1]):
+            if scores[i, j] >= bars[i]:
                 distance = _squared(x, j, y, i)
                 if distance < nearest:
                     winner, nearest = j, distance

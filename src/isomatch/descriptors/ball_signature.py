@@ -289,12 +289,11 @@ def _moments(
 
     A vertex stands for a disk of radius ``half_cells``; a ball has the share of it that the front has passed.
     """
-    sums = np.zeros(10)
     for i in range(len(centres)):
         centre = centres[i]
         for j in range(len(radii)):
             r = radii[j]
-            sums[:] = 0.0
+            total = mx = my = mz = mxx = mxy = mxz = myy = myz = mzz = 0.0
             for e in range(start[i], start[i + 1]):
                 v = inside[e]
                 share = 0.5 + 0.5 * (r - distances[e]) / half_cells[v]
@@ -307,13 +306,14 @@ def _moments(
                 x = near * (points[v, 0] - points[centre, 0])
                 y = near * (points[v, 1] - points[centre, 1])
                 z = near * (points[v, 2] - points[centre, 2])
-                for k, moment in enumerate((1.0, x, y, z, x * x, x * y, x * z, y * y, y * z, z * z)):
-                    sums[k] += w * moment
-            x, y, z = sums[1] / sums[0], sums[2] / sums[0], sums[3] / sums[0]
+                total += w
+                mx, my, mz = mx + w * x, my + w * y, mz + w * z
+                mxx, mxy, mxz = mxx + w * (x * x), mxy + w * (x * y), mxz + w * (x * z)
+                myy, myz, mzz = myy + w * (y * y), myz + w * (y * z), mzz + w * (z * z)
+            x, y, z = mx / total, my / total, mz / total
             offsets[i, j] = x * normals[centre, 0] + y * normals[centre, 1] + z * normals[centre, 2]
-            xx, xy, xz, yy, yz, zz = sums[4:] / sums[0]
             c = covariances[i, j]
-            c[0, 0], c[1, 1], c[2, 2] = xx - x * x, yy - y * y, zz - z * z
-            c[0, 1] = c[1, 0] = xy - x * y
-            c[0, 2] = c[2, 0] = xz - x * z
-            c[1, 2] = c[2, 1] = yz - y * z
+            c[0, 0], c[1, 1], c[2, 2] = mxx / total - x * x, myy / total - y * y, mzz / total - z * z
+            c[0, 1] = c[1, 0] = mxy / total - x * y
+            c[0, 2] = c[2, 0] = mxz / total - x * z
+            c[1, 2] = c[2, 1] = myz / total - y * z

@@ -10,7 +10,7 @@ import numpy as np
 from isomatch.geodesics.stencil import Stencil
 from isomatch.loading.compiled import compiled
 from isomatch.runtime.threads import parallel_rows
-from isomatch.values.arrays import AnyArray, Float32Array, FloatArray, IntArray
+from isomatch.values.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray
 
 MOST_SHIFT = 0.02  # of an edge; limits how much the curvature correction changes a distance in one triangle
 MOST_FOCUS = 0.3  # a front converges at most to a focus 1 / 0.3 steps ahead
@@ -51,7 +51,7 @@ def march(stencil: Stencil, sources: IntArray) -> FloatArray:
     out = np.full((len(sources), stencil.n_vertices), np.inf)
 
     def front(row: int) -> None:
-        _march(*stencil.arrays, sources[row], out[row], _NO_BOUND, _TO_ALL, np.inf)
+        _march(stencil, sources[row], out[row], _NO_BOUND, _TO_ALL, np.inf)
 
     parallel_rows(front, len(sources))
     return out
@@ -91,7 +91,7 @@ def march_within(stencil: Stencil, sources: IntArray, radius: float) -> Balls:
 
     def front(row: int) -> None:
         column = np.full(stencil.n_vertices, np.inf)
-        _march(*stencil.arrays, sources[row], column, _NO_BOUND, _TO_ALL, radius)
+        _march(stencil, sources[row], column, _NO_BOUND, _TO_ALL, radius)
         inside = np.flatnonzero(column <= radius)
         parts[row] = inside, column[inside]
 
@@ -112,7 +112,7 @@ def march_to(stencil: Stencil, pairs: IntArray) -> FloatArray:
     def front(row: int) -> None:
         chosen = order[ends[row] : ends[row + 1]]
         column = np.full(stencil.n_vertices, np.inf)
-        _march(*stencil.arrays, sources[row], column, _NO_BOUND, pairs[chosen, 1], np.inf)
+        _march(stencil, sources[row], column, _NO_BOUND, pairs[chosen, 1], np.inf)
         distances[chosen] = column[pairs[chosen, 1]]
 
     parallel_rows(front, len(sources))
@@ -125,7 +125,7 @@ def march_bounded(stencil: Stencil, source: int, nearest: FloatArray) -> None:
     The fronts of p successive sources together cost about log p full ones.
     """
     distance = np.full(stencil.n_vertices, np.inf)
-    _march(*stencil.arrays, source, distance, nearest, _TO_ALL, np.inf)
+    _march(stencil, source, distance, nearest, _TO_ALL, np.inf)
     np.minimum(nearest, distance, out=nearest)
 
 
@@ -153,18 +153,8 @@ def _excess(before: float, radius: float, step: float, gauss: float) -> float:
     return min(max(bent, -MOST_FOCUS / step), 1.0 / step) - 1.0 / radius
 
 
-@compiled(fastmath={"contract", "arcp", "nsz"})
 def _march(
-    start: IntArray,
-    other: AnyArray,
-    target: AnyArray,
-    shape: Float32Array,
-    curvature: FloatArray,
-    source: int,
-    distance: FloatArray,
-    bound: FloatArray,
-    targets: IntArray,
-    farthest: float,
+    stencil: Stencil, source: int, distance: FloatArray, bound: FloatArray, targets: IntArray, farthest: float
 ) -> None:
     """Set distances in increasing order, as in Dijkstra's algorithm, with an indexed binary heap.
 
@@ -173,20 +163,35 @@ def _march(
     ``farthest``, or as soon as all ``targets`` are known, if there are any; entries of ``distance`` beyond are then
     meaningless.
     """
-    n = len(start) - 1
-    awaited = np.zeros(n if len(targets) else 0, np.bool_)
-    missing = 0
-    for v in targets:
-        missing += not awaited[v]
-        awaited[v] = True
-    known = np.empty(n, np.float64)  # final distances; inf while tentative, −1 where the bound is nearer
-    excess = np.empty(n, np.float64)
-    slot = np.empty(n, np.int32)  # index in the heap, −1 for a vertex never reached
-    heap = np.empty(n, np.int32)
-    for v in range(n):
-        known[v] = np.inf
-        excess[v] = 0.0
-        slot[v] = -1
+    n = len(distance)
+    awaited = np.zeros(n if len(targets) else 0, dtype=bool)
+    awaited[targets] = True
+    known = np.full(n, np.inf)  # final distances; inf while tentative, −1 where the bound is nearer
+    excess = np.zeros(n)
+    slot = np.full(n, -1, dtype=np.int32)  # index in the heap, −1 for a vertex never reached
+    heap = np.empty(n, dtype=np.int32)
+    missing = int(np.count_nonzero(awaited))
+    _advance(*stencil.arrays, source, distance, bound, awaited, missing, farthest, known, excess, slot, heap)
+
+
+@compiled(fastmath={"contract", "arcp", "nsz"})
+def _advance(
+    start: IntArray,
+    other: AnyArray,
+    target: AnyArray,
+    shape: Float32Array,
+    curvature: FloatArray,
+    source: int,
+    distance: FloatArray,
+    bound: FloatArray,
+    awaited: BoolArray,
+    missing: int,
+    farthest: float,
+    known: FloatArray,
+    excess: FloatArray,
+    slot: AnyArray,
+    heap: AnyArray,
+) -> None:
     size = 1
     heap[0] = source
     slot[source] = 0

@@ -100,20 +100,23 @@ def nearest_refinement_rows(pair: SmoothPair) -> IntArray:
     return rows
 
 
-@compiled()
 def _gradient_energy(x: FloatArray, edges: IntArray, lengths: FloatArray) -> FloatArray:
     """Squared slopes of all functions (n, K) along an edge, averaged over the edges at each vertex: (n,)."""
-    total, count = np.zeros(len(x)), np.zeros(len(x))
+    squared = np.zeros(len(edges))
+    _fill_squared(x, edges, squared)
+    at = edges.ravel()
+    total = np.bincount(at, np.repeat(squared / lengths**2, 2), len(x))
+    return np.asarray(total / np.maximum(np.bincount(at, minlength=len(x)), 1))
+
+
+@compiled()
+def _fill_squared(x: FloatArray, edges: IntArray, squared: FloatArray) -> None:
+    """Compute the squared differences of all functions between the ends of each edge, without a copy of the functions."""
     for e in range(len(edges)):
-        i, j = edges[e]
-        square = 0.0
+        i, j = edges[e, 0], edges[e, 1]
         for c in range(x.shape[1]):
             step = np.float64(x[i, c] - x[j, c])
-            square += step * step
-        for v in (i, j):
-            total[v] += square / lengths[e] ** 2
-            count[v] += 1
-    return total / np.maximum(count, 1)
+            squared[e] += step * step
 
 
 def diffused(shape: SmoothShape, values: FloatArray, radius: float) -> FloatArray:

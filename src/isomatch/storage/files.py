@@ -23,26 +23,10 @@ from typing import BinaryIO, NoReturn
 import numpy as np
 
 from isomatch.errors import FormatError, IsomatchError, MissingFileError, UnwritableFileError
+from isomatch.runtime.locks import locked, unlocked
 from isomatch.storage.cells import joined, unescaped
 from isomatch.values.arrays import IntArray
 
-try:
-    from fcntl import LOCK_EX, LOCK_NB, flock
-
-    def _lock(file: BinaryIO) -> None:
-        flock(file, LOCK_EX | LOCK_NB)
-except ImportError:  # Windows
-    from msvcrt import LK_NBLCK, locking  # type: ignore[attr-defined]
-
-    def _lock(file: BinaryIO) -> None:
-        locking(file.fileno(), LK_NBLCK, 1)
-
-
-_LOCKED = (
-    errno.EACCES,
-    errno.EAGAIN,
-    errno.EDEADLK,
-)  # what the systems say of a lock that another process holds
 _OF_ONE_FILE = (None, errno.ENAMETOOLONG, errno.EINVAL, errno.EILSEQ)  # the first: it is no regular file
 _REMEDIES = {
     errno.ENOSPC: "make room on its disk, and run again",
@@ -364,13 +348,7 @@ def claimed(path: Path, new: Iterable[Path] = ()) -> Iterator[None]:
         yield
     finally:
         with _changing:
-            try:
-                lock.unlink(missing_ok=True)  # before the lock is released, so that it is ours
-            except PermissionError:  # Windows does not remove open files
-                file.close()
-                with suppress(PermissionError):
-                    lock.unlink(missing_ok=True)
-            file.close()
+            unlocked(file, lock)
             _passed.remove(lock)
 
 
@@ -380,22 +358,15 @@ def _require_replaceable(path: Path) -> None:
 
 
 def _locked(lock: Path, path: Path) -> BinaryIO:
-    """Open and lock a file that no other process holds and that has not been removed meanwhile."""
-    while True:
-        file = lock.open("ab")
-        try:
-            _lock(file)
-        except OSError as error:
-            if error.errno in _LOCKED:
-                file.close()
-                raise UnwritableFileError(
-                    f"{path}: is being written by another run; wait until that ends, or choose another name with -o"
-                ) from None
-            logger.warning("%s: cannot be locked (%s); let no other run write there", path, error.strerror)
-        with suppress(FileNotFoundError):
-            if os.path.samestat(os.fstat(file.fileno()), lock.stat()):
-                return file
-        file.close()
+    def warn(error: OSError) -> None:
+        logger.warning("%s: cannot be locked (%s); let no other run write there", path, error.strerror)
+
+    file = locked(lock, warn)
+    if file is None:
+        raise UnwritableFileError(
+            f"{path}: is being written by another run; wait until that ends, or choose another name with -o"
+        )
+    return file
 
 
 @contextmanager

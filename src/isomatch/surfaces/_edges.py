@@ -117,7 +117,10 @@ def joined(parent: IntArray, i: int, j: int) -> bool:
     while parent[j] != j:
         parent[j] = parent[parent[j]]
         j = parent[j]
-    parent[max(i, j)] = min(i, j)
+    if i < j:
+        parent[j] = i
+    else:
+        parent[i] = j
     return i != j
 
 
