@@ -99,6 +99,7 @@ def test_what_is_listed_is_there():
     assert [one.section for one in listed] == sorted((one.section for one in listed), key=SECTIONS.index)
     for one in listed:
         assert all(map(_type_of, one.types))
+        assert len(one.types) == one.loop.py_func.__code__.co_argcount, one
     assert {MATCH, FILES, OTHERS} == {one.section for one in listed}
 
 
