@@ -7,7 +7,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from isomatch.correspondence import Embedding, SampledBasis, nearest_of_few, register_nonrigid
+from isomatch.correspondence import Embedding, nearest_of_few, register_nonrigid
 from isomatch.matching.pair import SmoothPair
 from isomatch.runtime.threads import parallel_map, row_product
 from isomatch.surfaces import vertex_normals
@@ -95,9 +95,8 @@ def registered(pair: SmoothPair, image: IntArray, side: float, smooth: bool) -> 
         signatures = np.s_[k : k + pair.signatures.source.shape[1]]
         embedding = Embedding(*(np.delete(x, signatures, axis=1) for x in embedding))
     source, target = pair.source, pair.target
-    displacements = SampledBasis(source.functions, pair.refinement_vertices)
     samples = target.sample_vertices[: target.config.n_refine]
-    return register_nonrigid(embedding, source.index, target.index, displacements, samples, steps)
+    return register_nonrigid(embedding, source.index, target.index, pair.spectra.source, samples, steps)
 
 
 def joint_coordinates(

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from isomatch.assets import SurfaceLike
-from isomatch.correspondence import Embedding, SampledBasis, SignedPoints, SpectralPair, nearest_of_few
+from isomatch.correspondence import Embedding, SignedPoints, SpectralPair, nearest_of_few
 from isomatch.errors import MemoryBudgetError, MeshError, NotConvergedError
 from isomatch.matching.extremity_assignments import extremity_assignments
 from isomatch.runtime.stage_timer import MATCHING, Progress, StageTimer
@@ -68,8 +68,11 @@ class SmoothPair:
     @cached_property
     def spectra(self) -> SpectralPair:
         """The Laplace–Beltrami bases, for maps from the refinement vertices to all vertices of the target."""
-        source = SampledBasis(self.source.laplace.vectors, self.refinement_vertices)
-        return SpectralPair(source, self.target.laplace.vectors, self.target.index.vertices)
+        return SpectralPair(
+            self.source.sampled_basis(self.source.config.n_refine),
+            self.target.laplace.vectors,
+            self.target.index.vertices,
+        )
 
     @property
     def n_functions(self) -> int:
@@ -146,7 +149,7 @@ class ShapePair(SmoothPair):
     @cached_property
     def search_spectra(self) -> SpectralPair:
         """The Laplace–Beltrami bases, for maps from search vertices to search vertices: rows."""
-        source = SampledBasis(self.source.laplace.vectors, self.source_vertices)
+        source = self.source.sampled_basis(self.source.config.n_search)
         return SpectralPair(source, self.target.laplace.vectors[self.target_vertices], nearest_of_few)
 
     @property

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from isomatch.correspondence import PrecisePoints, SampledBasis, alignment_residual, signed_procrustes
+from isomatch.correspondence import PrecisePoints, alignment_residual, signed_procrustes
 from isomatch.descriptors import BallSignature, deviation_of
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching.contest import Selection
@@ -51,7 +51,6 @@ def measure_quality(
     there = unit * target.distances.between(image[source.column_vertices], image[vertices])
     distortion = np.abs(source.columns[:, vertices] - there)
     aligned = source.points.at(vertices), target.points.at(image[vertices])
-    basis = SampledBasis(source.laplace.vectors, vertices)
     positions = image_positions(source.body, target.body, points)
     return Quality(
         misfit=selection.winner.misfit if selection else np.nan,
@@ -60,7 +59,7 @@ def measure_quality(
         residual=alignment_residual(*aligned, signed_procrustes(*aligned)),
         stretch=edge_stretch(source.body, positions, settings.torn),
         torn_off=torn_off_share(source.body, target.body.area, positions, settings.torn_apart),
-        orientation=orientation_of(source, basis, target, image[vertices], NORMAL_FUNCTIONS)
+        orientation=orientation_of(source, pair.spectra.source, target, image[vertices], NORMAL_FUNCTIONS)
         if pair.oriented
         else np.nan,
         distortion_mean=float(distortion.mean()),

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from isomatch.bases import DistanceBasis, refined_laplace_basis
-from isomatch.correspondence import SampledBasis, SignedPoints
+from isomatch.correspondence import SignedPoints
 from isomatch.descriptors import (
     BallSignature,
     ball_signature,
@@ -268,7 +268,7 @@ class PreparedShape(SmoothShape):
         """Maps of the shape onto itself, by rows of its search vertices."""
         settings = self.config.symmetry
         vertices = self.sample_vertices[: self.config.n_search]
-        basis = SampledBasis(self.laplace.vectors, vertices)
+        basis = self.sampled_basis(self.config.n_search)
         k = min(self.config.selection.normal_functions, len(self.laplace.values))
         return find_symmetries(
             self.points.at(vertices, self.config.search.start_columns),

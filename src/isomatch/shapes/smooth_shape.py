@@ -7,7 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from isomatch.bases import LaplaceBasis
-from isomatch.correspondence import UNMATCHED, Correspondence, PrecisePoints, SurfaceIndex, VertexCells
+from isomatch.correspondence import (
+    UNMATCHED,
+    Correspondence,
+    PrecisePoints,
+    SampledBasis,
+    SurfaceIndex,
+    VertexCells,
+)
 from isomatch.errors import DescriptorError, MeshError
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.resolution import Prolongation
@@ -17,7 +24,7 @@ from isomatch.shapes.levels import Detail, identity_transfer
 from isomatch.shapes.signatures import point_signatures
 from isomatch.surfaces import Mesh, Surface, vertex_normals
 from isomatch.values.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray, single
-from isomatch.values.cached import cached_property
+from isomatch.values.cached import cached_method, cached_property
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -87,6 +94,11 @@ class SmoothShape:
     def functions(self) -> Float32Array:
         """(n_body, K) Laplace–Beltrami functions in single precision."""
         return single(self.laplace.vectors)
+
+    @cached_method
+    def sampled_basis(self, count: int) -> SampledBasis:
+        """Return the functions, to be fitted to values at the first ``count`` sample vertices."""
+        return SampledBasis(self.laplace.vectors, self.sample_vertices[:count])
 
     @cached_property
     def position_coefficients(self) -> FloatArray:
