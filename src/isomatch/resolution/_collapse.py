@@ -204,9 +204,12 @@ def collapse_edges(
     scale: float,
     limit: float,
     most: int,
+    block: int,
     in_place: bool,
 ) -> int:
-    """Collapse edges of a cost below the limit, the cheapest first, until so many vertices are gone.
+    """Collapse edges of a cost below the limit, in each block of so many vertices the cheapest first.
+
+    At most so many of a block vanish. What is worked on then fits into the cache of a processor.
 
     PARENT becomes the vertex into which each was merged, the first of all that were merged with it.
 
@@ -218,51 +221,53 @@ def collapse_edges(
     for w in range(n):
         marks[w, VERSION] = marks[w, MARK] = 0
         marks[w, PARENT] = w
-    for i in range(N_BUCKETS + 1):
-        queue[i, 0] = -1
-    queue[N_BUCKETS, 1] = N_BUCKETS + 1
-    turn = 0
-    for w in range(n - 1, -1, -1):
-        turn += 1
-        _enqueue(w, w, vertices, marks, corners, queue, turn, scale, limit, in_place)
-    n_gone = bucket = 0
-    while n_gone < most:
-        while bucket < N_BUCKETS and queue[bucket, 0] < 0:
-            bucket += 1
-        if bucket == N_BUCKETS:
-            break
-        edge = queue[bucket, 0]
-        queue[bucket, 0] = queue[edge, 0]
-        queue[edge, 0] = queue[N_BUCKETS, 0]
-        queue[N_BUCKETS, 0] = edge
-        u, v = np.int64(queue[edge, 1]), np.int64(queue[edge, 2])
-        if (
-            marks[u, PARENT] != u
-            or marks[v, PARENT] != v
-            or queue[edge, 3] != marks[u, VERSION] + marks[v, VERSION]
-        ):
-            continue
-        turn += 2
-        if not _preserves_topology(u, v, marks, corners, turn):
-            continue
-        x, y, z, _ = _placement(vertices, marks, u, v, in_place)
-        spoils = False
-        for end, other_end in ((u, v), (v, u)):
-            spoils = spoils or _spoils(end, other_end, x, y, z, vertices, marks, corners)
-        if spoils:
-            continue
-        vertices[u, 0], vertices[u, 1], vertices[u, 2] = x, y, z
-        for i in range(3, 13):
-            vertices[u, i] += vertices[v, i]
-        marks[u, KIND] = max(marks[u, KIND], marks[v, KIND])
-        marks[u, VERSION] += 1
-        marks[v, PARENT] = u
-        n_gone += 1
-        _merge_corners(u, v, marks, corners)
-        turn += 2
-        queue[N_BUCKETS, 2] = bucket
-        _enqueue(u, n, vertices, marks, corners, queue, turn, scale, limit, in_place)
-        bucket = queue[N_BUCKETS, 2]
+    turn, n_gone = 0, 0
+    for first in range(0, n, block):
+        for i in range(N_BUCKETS + 1):
+            queue[i, 0] = -1
+        queue[N_BUCKETS, 1] = N_BUCKETS + 1
+        for w in range(min(first + block, n) - 1, first - 1, -1):
+            if marks[w, PARENT] == w:
+                turn += 1
+                _enqueue(w, w, vertices, marks, corners, queue, turn, scale, limit, in_place)
+        bucket, most_gone = 0, n_gone + most
+        while n_gone < most_gone:
+            while bucket < N_BUCKETS and queue[bucket, 0] < 0:
+                bucket += 1
+            if bucket == N_BUCKETS:
+                break
+            edge = queue[bucket, 0]
+            queue[bucket, 0] = queue[edge, 0]
+            queue[edge, 0] = queue[N_BUCKETS, 0]
+            queue[N_BUCKETS, 0] = edge
+            u, v = np.int64(queue[edge, 1]), np.int64(queue[edge, 2])
+            if (
+                marks[u, PARENT] != u
+                or marks[v, PARENT] != v
+                or queue[edge, 3] != marks[u, VERSION] + marks[v, VERSION]
+            ):
+                continue
+            turn += 2
+            if not _preserves_topology(u, v, marks, corners, turn):
+                continue
+            x, y, z, _ = _placement(vertices, marks, u, v, in_place)
+            spoils = False
+            for end, other_end in ((u, v), (v, u)):
+                spoils = spoils or _spoils(end, other_end, x, y, z, vertices, marks, corners)
+            if spoils:
+                continue
+            vertices[u, 0], vertices[u, 1], vertices[u, 2] = x, y, z
+            for i in range(3, 13):
+                vertices[u, i] += vertices[v, i]
+            marks[u, KIND] = max(marks[u, KIND], marks[v, KIND])
+            marks[u, VERSION] += 1
+            marks[v, PARENT] = u
+            n_gone += 1
+            _merge_corners(u, v, marks, corners)
+            turn += 2
+            queue[N_BUCKETS, 2] = bucket
+            _enqueue(u, n, vertices, marks, corners, queue, turn, scale, limit, in_place)
+            bucket = queue[N_BUCKETS, 2]
     for w in range(n):
         marks[w, PARENT] = marks[marks[w, PARENT], PARENT]  # which comes before v
     return n_gone

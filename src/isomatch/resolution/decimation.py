@@ -27,7 +27,8 @@ from isomatch.resolution._collapse import (
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import AnyArray, FloatArray, IntArray, read_only
 
-MOST_GONE = 0.75  # of the vertices, in a round
+MOST_GONE = 0.5  # of the vertices, in a round
+BLOCK = 2048  # vertices, of which
 SHARES = (0.4, 0.6, 0.8, 1.0)  # of the edges that a round may collapse; after little progress, the next
 LEAST_PROGRESS = 0.02  # of the vertices, in a round
 POINT_WEIGHT = 1e-2  # of squared distances to the merged vertices, beside those to the planes of faces
@@ -151,8 +152,8 @@ def decimations(
     for size in sizes:
         shared = None
         while rounds.n > size and not rounds.is_over:
-            if size > sizes[-1] and rounds.n * (1 - MOST_GONE) < size:
-                shared = shared or deepcopy(rounds)  # before a round that this size may have cut short
+            if size > sizes[-1] and not rounds.is_far_from(size):
+                shared = shared or deepcopy(rounds)  # before a round that may end at this size
             rounds.collapse(size)
         found.append(rounds.decimated(mesh, size))
         rounds = shared or rounds
@@ -208,6 +209,10 @@ class _Rounds:
         """Whether no edge can be collapsed."""
         return self.n_shares == len(SHARES) and not self.n_gone
 
+    def is_far_from(self, wanted: int) -> bool:
+        """Whether the next round cannot reach the number of vertices that is wanted."""
+        return self.n * (1 - MOST_GONE) > wanted + BLOCK
+
     def collapse(self, wanted: int) -> None:
         """Collapse edges in one round."""
         if self.n_gone <= LEAST_PROGRESS * self.n:
@@ -215,10 +220,10 @@ class _Rounds:
         scale, limit = _costs(
             self.vertices, self.marks, self.corners, SHARES[self.n_shares - 1], self.in_place
         )
-        most = min(self.n - wanted, int(MOST_GONE * self.n))
-        queue = np.empty((N_BUCKETS + 1 + len(self.corners) // 2, 4), dtype=np.int32)
+        block, most = (BLOCK, int(MOST_GONE * BLOCK)) if self.is_far_from(wanted) else (self.n, self.n - wanted)
+        queue = np.empty((N_BUCKETS + 1 + 3 * block, 4), dtype=np.int32)
         self.n_gone = collapse_edges(
-            self.vertices, self.marks, self.corners, queue, scale, limit, most, self.in_place
+            self.vertices, self.marks, self.corners, queue, scale, limit, most, block, self.in_place
         )
         self.n -= self.n_gone
         n_corners = remove_gaps(self.vertices, self.marks, self.corners, self.owner)
