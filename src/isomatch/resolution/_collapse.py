@@ -209,7 +209,8 @@ def collapse_edges(
 ) -> int:
     """Collapse edges of a cost below the limit, in each block of so many vertices the cheapest first.
 
-    At most so many of a block vanish. What is worked on then fits into the cache of a processor.
+    At most so many vertices of a block vanish. Where there are several blocks, what is worked on fits into the cache, and
+    a vertex takes part in one collapse.
 
     PARENT becomes the vertex into which each was merged, the first of all that were merged with it.
 
@@ -265,9 +266,10 @@ def collapse_edges(
             n_gone += 1
             _merge_corners(u, v, marks, corners)
             turn += 2
-            queue[N_BUCKETS, 2] = bucket
-            _enqueue(u, n, vertices, marks, corners, queue, turn, scale, limit, in_place)
-            bucket = queue[N_BUCKETS, 2]
+            if block == n:
+                queue[N_BUCKETS, 2] = bucket
+                _enqueue(u, n, vertices, marks, corners, queue, turn, scale, limit, in_place)
+                bucket = queue[N_BUCKETS, 2]
     for w in range(n):
         marks[w, PARENT] = marks[marks[w, PARENT], PARENT]  # which comes before v
     return n_gone

@@ -27,8 +27,10 @@ from isomatch.resolution._collapse import (
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import AnyArray, FloatArray, IntArray, read_only
 
-MOST_GONE = 0.5  # of the vertices, in a round
-BLOCK = 2048  # vertices, of which
+LARGE = 2**16  # vertices, beyond which a round goes block by block; up to there it would be no faster
+BLOCK = 2048  # vertices
+MOST_GONE = 0.5  # of the vertices of a block
+SHARE_IN_BLOCKS = 0.6  # in place of the first of SHARES: fewer rounds
 SHARES = (0.4, 0.6, 0.8, 1.0)  # of the edges that a round may collapse; after little progress, the next
 LEAST_PROGRESS = 0.02  # of the vertices, in a round
 POINT_WEIGHT = 1e-2  # of squared distances to the merged vertices, beside those to the planes of faces
@@ -210,17 +212,17 @@ class _Rounds:
         return self.n_shares == len(SHARES) and not self.n_gone
 
     def is_far_from(self, wanted: int) -> bool:
-        """Whether the next round cannot reach the number of vertices that is wanted."""
-        return self.n * (1 - MOST_GONE) > wanted + BLOCK
+        """Whether the mesh is large, and cannot reach the number of vertices that is wanted in a round by blocks."""
+        return self.n > LARGE and self.n * (1 - MOST_GONE) > wanted + BLOCK
 
     def collapse(self, wanted: int) -> None:
         """Collapse edges in one round."""
         if self.n_gone <= LEAST_PROGRESS * self.n:
             self.n_shares = min(self.n_shares + 1, len(SHARES))
-        scale, limit = _costs(
-            self.vertices, self.marks, self.corners, SHARES[self.n_shares - 1], self.in_place
-        )
-        block, most = (BLOCK, int(MOST_GONE * BLOCK)) if self.is_far_from(wanted) else (self.n, self.n - wanted)
+        share, block, most = SHARES[self.n_shares - 1], self.n, self.n - wanted
+        if self.is_far_from(wanted):
+            share, block, most = max(share, SHARE_IN_BLOCKS), BLOCK, int(MOST_GONE * BLOCK)
+        scale, limit = _costs(self.vertices, self.marks, self.corners, share, self.in_place)
         queue = np.empty((N_BUCKETS + 1 + 3 * block, 4), dtype=np.int32)
         self.n_gone = collapse_edges(
             self.vertices, self.marks, self.corners, queue, scale, limit, most, block, self.in_place
