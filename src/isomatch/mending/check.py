@@ -11,7 +11,7 @@ from isomatch.loading.compiled import compiled
 from isomatch.mending._winding import faces_to_rewind
 from isomatch.mending.report import SLIVER_RATIO, ZERO_AREA_RATIO, MeshReport
 from isomatch.mending.walls import WALL, double_walled_share
-from isomatch.surfaces import Mesh, fans, first_equal, linked, meetings, unsound_faces
+from isomatch.surfaces import Mesh, fans, first_equal, linked, same_direction, unsound_faces
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 
 
@@ -63,13 +63,12 @@ def check(mesh: SurfaceLike, *, wall: float = WALL) -> MeshReport:
     points = np.where(used[:, None], mesh.vertices, 0.0) / scale
     surface = mesh.moved(points) if len(sound) == mesh.n_faces else Mesh(points, faces)
     edges = surface.edge_table
-    met = meetings(edges, faces)
-    inconsistent = edges.ends[met.edge[met.is_pair & met.same_direction]]
+    inconsistent = edges.ends[same_direction(edges, faces)]
     doubled = 2 * surface.face_areas
     flatness = np.zeros(len(faces))
     _fill_flatness(surface.vertices, surface.faces, doubled, flatness)
     areas = np.where(flatness > ZERO_AREA_RATIO, doubled / 2, 0.0)
-    rewound = faces_to_rewind(surface, met)
+    rewound = faces_to_rewind(surface)
     components = _Components.of(surface, inconsistent, used, areas, rewound)
     return MeshReport(
         n_vertices=mesh.n_vertices,
@@ -90,7 +89,7 @@ def check(mesh: SurfaceLike, *, wall: float = WALL) -> MeshReport:
             finite & (first_equal(mesh.vertices) != np.arange(mesh.n_vertices))
         ),
         non_manifold_edges=edges.ends[edges.n_faces > 2],
-        non_manifold_vertices=np.flatnonzero(fans(faces, met, mesh.n_vertices) > 1),
+        non_manifold_vertices=np.flatnonzero(fans(faces, edges, mesh.n_vertices) > 1),
         inconsistent_edges=inconsistent,
         inward_components=components.inward,
         double_walled=double_walled_share(surface, wall, rewound) if wall else float("nan"),

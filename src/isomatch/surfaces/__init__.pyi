@@ -9,6 +9,7 @@ from isomatch.surfaces._edges import (
     joined,
     linked,
     meetings,
+    same_direction,
 )
 from isomatch.surfaces._faces import unsound_faces
 from isomatch.surfaces._normals import vertex_normals
@@ -41,6 +42,7 @@ __all__ = [
     "picture",
     "rasterise",
     "reflected",
+    "same_direction",
     "surface_in_use",
     "unsound_faces",
     "vertex_normals",
