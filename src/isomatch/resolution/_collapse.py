@@ -24,7 +24,6 @@ INSIDE, BOUNDARY, FIXED = range(3)  # kinds of vertices
 BOUNDARY_WEIGHT = 1.0  # of a plane through a boundary edge, beside a face as large as the square on that edge
 LARGEST_TURN = 0.2  # least cosine of the angle by which a face may turn in one collapse
 SLIVER = 0.2  # shape of a face, 4 √3 area / squared edges, below which it must not be halved
-MORTON_BITS = 10  # for each coordinate
 N_BUCKETS = 128  # of costs, in the order of which edges are collapsed; with 1024 the result is no better
 
 
@@ -37,55 +36,6 @@ def link_corners(marks: AnyArray, corners: AnyArray) -> None:
         v = corners[corner, 0]
         corners[corner, 1] = marks[v, FIRST]
         marks[v, FIRST] = corner
-
-
-@compiled()
-def put_in_spatial_order(
-    points: FloatArray, faces: IntArray, place: AnyArray, vertices: FloatArray, corners: AnyArray
-) -> None:
-    """Put points of the cube [−1, 1]³ in the order of Morton's curve: neighbours then lie near one another in memory.
-
-    Sets the ``place`` of each point, the positions in ``vertices``, and the vertices of ``corners``, faces in the order of
-    their first vertex.
-    """
-    n = len(points)
-    codes, order, sorted_codes = np.empty(n, np.int32), np.empty(n, np.int32), np.empty(n, np.int32)
-    for v in range(n):
-        code = 0
-        for x in range(3):
-            cell = int((points[v, x] + 1.0) * (2 ** (MORTON_BITS - 1) - 1))
-            for bit in range(MORTON_BITS):
-                code |= (cell >> bit & 1) << (3 * bit + x)
-        codes[v] = code
-    for v in range(n):
-        order[v] = v
-    start = np.empty(2**MORTON_BITS + 1, np.int32)
-    for digit in range(3):  # a radix sort
-        start[:] = 0
-        for i in range(n):
-            start[(codes[i] >> MORTON_BITS * digit & 2**MORTON_BITS - 1) + 1] += 1
-        for key in range(2**MORTON_BITS):
-            start[key + 1] += start[key]
-        for i in range(n):
-            key = codes[i] >> MORTON_BITS * digit & 2**MORTON_BITS - 1
-            place[start[key]], sorted_codes[start[key]] = order[i], codes[i]
-            start[key] += 1
-        order[:], codes[:] = place, sorted_codes
-    for i in range(n):
-        v = order[i]
-        place[v] = i
-        for x in range(3):
-            vertices[i, x] = points[v, x]
-    first = np.zeros(n + 1, np.int32)
-    for f in range(len(faces)):
-        first[min(place[faces[f, 0]], place[faces[f, 1]], place[faces[f, 2]]) + 1] += 1
-    for v in range(n):
-        first[v + 1] += first[v]
-    for f in range(len(faces)):
-        a, b, c = place[faces[f, 0]], place[faces[f, 1]], place[faces[f, 2]]
-        corner = 3 * first[min(a, b, c)]
-        first[min(a, b, c)] += 1
-        corners[corner, 0], corners[corner + 1, 0], corners[corner + 2, 0] = a, b, c
 
 
 @compiled()

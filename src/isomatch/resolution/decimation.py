@@ -21,11 +21,10 @@ from isomatch.resolution._collapse import (
     describe_vertices,
     link_corners,
     number_by_first,
-    put_in_spatial_order,
     remove_gaps,
 )
-from isomatch.surfaces import Mesh
-from isomatch.values.arrays import AnyArray, FloatArray, IntArray, read_only
+from isomatch.surfaces import Mesh, in_spatial_order
+from isomatch.values.arrays import AnyArray, FloatArray, IntArray
 
 LARGE = 2**16  # vertices, beyond which a round goes block by block; up to there it would be no faster
 BLOCK = 2048  # vertices
@@ -190,18 +189,18 @@ class _Rounds:
         """Start with vertices and faces in spatial order."""
         faces = _sound_faces(mesh)
         n = mesh.n_vertices
-        points, _, _ = normalised(mesh.vertices)
-        owner = np.empty(n, dtype=np.int32)
+        points, faces, order = in_spatial_order(normalised(mesh.vertices)[0], faces)
         vertices, marks = np.zeros((n, 13)), np.zeros((n, 5), dtype=np.int32)
+        vertices[:, :3] = points
         corners = np.empty((faces.size, 2), dtype=np.int32)
-        put_in_spatial_order(points, read_only(faces), owner, vertices, corners)
+        corners[:, 0] = faces.ravel()
+        owner = np.empty(n, dtype=np.int32)
+        owner[order] = np.arange(n, dtype=np.int32)
         link_corners(marks, corners)
         point_weight = IN_PLACE_WEIGHT if in_place else POINT_WEIGHT
         describe_vertices(vertices, marks, corners, np.empty((n, 2), dtype=np.int32), point_weight)
         if weights is not None:
-            sorted_weights = np.empty(n)
-            sorted_weights[owner] = weights
-            _describe_by_distances(vertices, sorted_weights)
+            _describe_by_distances(vertices, weights[order])
         if in_place:
             marks[marks[:, KIND] == BOUNDARY, KIND] = FIXED
         return cls(n, vertices, marks, corners, owner, in_place)
