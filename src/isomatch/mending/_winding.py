@@ -156,7 +156,8 @@ def _measured(
     def summed(of: IntArray, values: AnyArray, count: int = n_pieces) -> FloatArray:
         return np.bincount(of, values, count).astype(np.float64)
 
-    start, end, of = faces.ravel()[unpaired], faces[:, [1, 2, 0]].ravel()[unpaired], piece[unpaired // 3]
+    of, following = piece[unpaired // 3], unpaired + np.where(unpaired % 3 == 2, -2, 1)
+    start, end = faces.ravel()[unpaired], faces.ravel()[following]
     low, high = np.minimum(start, end), np.maximum(start, end)
     edge = first_equal(np.column_stack([of, low, high]))
     excess = summed(edge, np.where(start < end, 1.0, -1.0) * sign[unpaired // 3], len(edge))

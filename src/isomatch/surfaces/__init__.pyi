@@ -9,7 +9,6 @@ from isomatch.surfaces._edges import (
     joined,
     linked,
     meetings,
-    same_direction,
 )
 from isomatch.surfaces._faces import unsound_faces
 from isomatch.surfaces._normals import vertex_normals
@@ -44,7 +43,6 @@ __all__ = [
     "picture",
     "rasterise",
     "reflected",
-    "same_direction",
     "surface_in_use",
     "unsound_faces",
     "vertex_normals",

@@ -26,12 +26,15 @@ class EdgeTable:
         The sides of all edges, edge after edge; those of an edge in ascending order.
     opposite : (3 m,) array of int
         The other side at the edge of each side, −1 where not exactly two faces meet.
+    clash : (e,) array of bool
+        Which edges have exactly two sides, of the same direction, so that their faces are wound inconsistently.
     """
 
     ends: IntArray
     n_faces: AnyArray
     sides: AnyArray
     opposite: AnyArray
+    clash: BoolArray
 
 
 @dataclass(frozen=True)
@@ -62,7 +65,7 @@ def edge_table(faces: IntArray, n_vertices: int) -> EdgeTable:
 
 
 @compiled()
-def _grouped(faces: IntArray, n_vertices: int) -> tuple[IntArray, AnyArray, AnyArray, AnyArray]:
+def _grouped(faces: IntArray, n_vertices: int) -> tuple[IntArray, AnyArray, AnyArray, AnyArray, BoolArray]:
     """Sort sides by their smaller vertex by counting, and those of each vertex by the other one and their number."""
     start = np.zeros(n_vertices + 1, np.int64)
     for f in range(len(faces)):
@@ -92,7 +95,7 @@ def _grouped(faces: IntArray, n_vertices: int) -> tuple[IntArray, AnyArray, AnyA
             count += int(at == first or keys[at] >> 32 != keys[at - 1] >> 32)
     ends, n_faces = np.empty((count, 2), np.int64), np.zeros(count, np.int32)
     sides, opposite = np.empty(faces.size, np.int32), np.empty(faces.size, np.int32)
-    count = -1
+    clash, count = np.zeros(count, np.bool_), -1
     for v in range(n_vertices):
         for at in range(start[v], start[v + 1]):
             if at == start[v] or keys[at] >> 32 != keys[at - 1] >> 32:
@@ -102,10 +105,13 @@ def _grouped(faces: IntArray, n_vertices: int) -> tuple[IntArray, AnyArray, AnyA
             side = sides[at] = keys[at] & 2**32 - 1
             opposite[side] = -1
             if n_faces[count] == 2:
-                opposite[side], opposite[sides[at - 1]] = sides[at - 1], side
+                other = sides[at - 1]
+                opposite[side], opposite[other] = other, side
+                clash[count] = faces[side // 3, side % 3] == faces[other // 3, other % 3]
             elif n_faces[count] == 3:
                 opposite[sides[at - 1]] = opposite[sides[at - 2]] = -1
-    return ends, n_faces, sides, opposite
+                clash[count] = False
+    return ends, n_faces, sides, opposite, clash
 
 
 def lengths(points: FloatArray, ends: IntArray) -> FloatArray:
@@ -123,14 +129,6 @@ def meetings(edges: EdgeTable, faces: IntArray) -> Meetings:
     sides = np.column_stack([edges.sides[second - 1], edges.sides[second]]).astype(np.int64)
     start = faces.ravel()
     return Meetings(sides, edge, edges.n_faces[edge] == 2, start[sides[:, 0]] == start[sides[:, 1]])
-
-
-def same_direction(edges: EdgeTable, faces: IntArray) -> BoolArray:
-    """(e,) whether an edge has exactly two sides, of the same direction, so that the faces are wound inconsistently."""
-    here = edges.sides[np.minimum(np.cumsum(edges.n_faces), len(edges.sides)) - edges.n_faces]
-    opposite = edges.opposite[here]
-    start = faces.ravel()
-    return (opposite >= 0) & (start[here] == start[opposite])
 
 
 def linked(n_nodes: int, *pairs: tuple[IntArray, IntArray]) -> tuple[int, IntArray]:
