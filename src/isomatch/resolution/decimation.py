@@ -142,9 +142,7 @@ def decimations(
     """
     if min(sizes) < 1:
         raise SettingError(f"n_vertices = {min(sizes)} leaves nothing of the mesh; ask for at least 1")
-    small = [
-        Decimated(mesh, np.arange(mesh.n_vertices), size) for size in sizes if size >= mesh.n_vertices
-    ]
+    small = [Decimated(mesh, np.arange(mesh.n_vertices), size) for size in sizes if size >= mesh.n_vertices]
     sizes = sizes[len(small) :]
     if not sizes:
         return small

@@ -72,7 +72,9 @@ class PlacedMesh:
         """
         preimages = PrecisePoints.at_vertices(np.zeros(len(near), dtype=np.int64))
         arguments = positions, near, read_only(self.places), *self.groups, *self._linked_corners
-        by_group = VertexGroups.of(near[:, 0], len(self.groups.start) - 1).members  # neighbours, for the cache
+        by_group = VertexGroups.of(
+            near[:, 0], len(self.groups.start) - 1
+        ).members  # neighbours, for the cache
 
         def chunk(first: int) -> None:
             _inverse_image(by_group[first : first + CHUNK], *arguments, *preimages)
@@ -146,7 +148,9 @@ def _inverse_image(
                         nearest, least = v, squared
                 corner = linked[corner, 1]
         found[i, 0] = found[i, 1] = found[i, 2] = nearest
-        for k in range(3):  # around the nearest vertex, then, unless it is inside, the other corners of the face found
+        for k in range(
+            3
+        ):  # around the nearest vertex, then, unless it is inside, the other corners of the face found
             a = found[i, k]
             px, py, pz = qx - places[a, 0], qy - places[a, 1], qz - places[a, 2]
             corner = marks[a, 0]

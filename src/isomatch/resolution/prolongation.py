@@ -87,7 +87,14 @@ class Prolongation:
         normals = vertex_normals(points, self.fine.sound_faces)
         coarse = self._coarse
         start, near = _faces_near(coarse)
-        tables = coarse.vertices, NORMAL_WEIGHT * coarse.vertex_areas, coarse.faces, *_frames(coarse), start, near
+        tables = (
+            coarse.vertices,
+            NORMAL_WEIGHT * coarse.vertex_areas,
+            coarse.faces,
+            *_frames(coarse),
+            start,
+            near,
+        )
         places = PrecisePoints.at_vertices(self.coarse.owner)
 
         def chunk(first: int) -> None:
@@ -251,7 +258,9 @@ def _nearest_on_coarse(
                 cost = px * px + py * py + pz * pz + gain
             if cost >= best:
                 continue
-            facing = frames[f, 3] * normals[i, 0] + frames[f, 4] * normals[i, 1] + frames[f, 5] * normals[i, 2]
+            facing = (
+                frames[f, 3] * normals[i, 0] + frames[f, 4] * normals[i, 1] + frames[f, 5] * normals[i, 2]
+            )
             cost += tolerance[owner] * max(0.0, LEAST_COSINE - facing)
             if cost < best:
                 best, reach = cost, np.sqrt(max(cost, 0.0))
@@ -267,7 +276,9 @@ def _fill_nearest(fine: FloatArray, coarse: FloatArray, owner: IntArray, nearest
     for v in range(len(fine)):
         w = owner[v]
         squared = (
-            (fine[v, 0] - coarse[w, 0]) ** 2 + (fine[v, 1] - coarse[w, 1]) ** 2 + (fine[v, 2] - coarse[w, 2]) ** 2
+            (fine[v, 0] - coarse[w, 0]) ** 2
+            + (fine[v, 1] - coarse[w, 1]) ** 2
+            + (fine[v, 2] - coarse[w, 2]) ** 2
         )
         if squared <= least[w]:
             nearest[w], least[w] = v, squared
