@@ -114,7 +114,7 @@ def _pieces(mesh: Mesh) -> _Pieces:
 def _flood(
     faces: IntArray, opposite: AnyArray, piece: IntArray, rewound: BoolArray
 ) -> tuple[IntArray, BoolArray]:
-    """Number the pieces in the order of their first faces; returns these, and whether the pieces are one-sided."""
+    """Give pieces numbers in the order of their first faces; returns these, and which pieces are one-sided."""
     first, one_sided = np.empty(len(faces), np.int64), np.zeros(len(faces), np.bool_)
     reached, n_pieces = np.empty(len(faces), np.int32), 0
     for start in range(len(faces)):

@@ -63,7 +63,7 @@ def remove_gaps(vertices: FloatArray, marks: AnyArray, corners: AnyArray, owner:
 
 @compiled()
 def number_by_first(owner: AnyArray, number: IntArray, order: IntArray, numbered: IntArray) -> None:
-    """Number vertices in the order in which they are first met as owners."""
+    """Give vertices numbers in the order in which they are first met as owners."""
     count = 0
     for v in range(len(owner)):
         w = owner[v]

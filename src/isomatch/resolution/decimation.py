@@ -15,7 +15,6 @@ from isomatch.resolution._collapse import (
     FIXED,
     KIND,
     N_BUCKETS,
-    PARENT,
     collapse_edges,
     costs_of_edges,
     describe_vertices,

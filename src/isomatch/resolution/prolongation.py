@@ -195,8 +195,10 @@ def _listed(face: Index, v: Index, seen: AnyArray, near: AnyArray, count: int) -
 
 
 def _frames(mesh: Mesh) -> tuple[Float32Array, FloatArray]:
-    """Balls (m, 4) that hold the faces: centre, radius. And (m, 15): centre, normal, gradients of the weights of the
-    corners b and c, and the squared distances over which the weights change by 1; nan without area.
+    """Centres and radii (m, 4) of balls that hold the faces, and a frame of each face, (m, 15).
+
+    That is the centre, the normal, the gradients of the weights of corners b and c, and for each of the three weights the
+    squared distance over which it changes by 1; nan without area.
     """
     a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
     centre = (a + b + c) / 3

@@ -154,7 +154,7 @@ def _in_memory_order(mesh: Mesh) -> tuple[Mesh, IntArray | None]:
     """Put a large mesh in spatial order; returns it and the old number of each vertex, None if it stays as it is."""
     if mesh.n_vertices <= LARGE or not mesh.n_faces:
         return mesh, None
-    within = 0 <= mesh.faces.min() and mesh.faces.max() < mesh.n_vertices
+    within = mesh.faces.min() >= 0 and mesh.faces.max() < mesh.n_vertices
     if not within or not np.isfinite(mesh.vertices).all():
         return mesh, None
     _, faces, order = in_spatial_order(normalised(mesh.vertices)[0], mesh.faces)

@@ -41,7 +41,7 @@ def unsound_faces(vertices: FloatArray, faces: IntArray) -> UnsoundFaces:
 
 @compiled()
 def _classify(vertices: FloatArray, faces: IntArray, kind: AnyArray) -> None:
-    """Tell what is wrong with each face, 0 for nothing. Of sound faces, those with the same smallest vertex are compared."""
+    """Tell what is wrong with each face, 0 for nothing; sound ones with the same smallest vertex are compared."""
     n = len(vertices)
     start = np.zeros(n + 1, np.int64)
     for f in range(len(faces)):

@@ -34,7 +34,8 @@ def in_spatial_order(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray,
 
     Examples
     --------
-    >>> vertices, faces, order = in_spatial_order(np.array([[1.0, 1, 1], [-1, -1, -1], [1, 1, 0.9]]), np.array([[0, 1, 2]]))
+    >>> points = np.array([[1.0, 1, 1], [-1, -1, -1], [1, 1, 0.9]])
+    >>> vertices, faces, order = in_spatial_order(points, np.array([[0, 1, 2]]))
     >>> order.tolist(), faces.tolist()
     ([1, 2, 0], [[2, 0, 1]])
     """
