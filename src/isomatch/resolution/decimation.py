@@ -25,10 +25,9 @@ from isomatch.resolution._collapse import (
 from isomatch.surfaces import Mesh, in_spatial_order
 from isomatch.values.arrays import AnyArray, FloatArray, IntArray
 
-LARGE = 2**16  # vertices, beyond which a round goes block by block; up to there it would be no faster
-BLOCK = 2048  # vertices
+LARGE = 2**16  # vertices, beyond which a round goes block by block; the arrays of fewer mostly lie in the cache
+BLOCK = 2048  # vertices, of about 250 bytes each: half of a cache of 1 MB
 MOST_GONE = 0.5  # of the vertices of a block
-SHARE_IN_BLOCKS = 0.6  # in place of the first of SHARES: fewer rounds
 SHARES = (0.4, 0.6, 0.8, 1.0)  # of the edges that a round may collapse; after little progress, the next
 LEAST_PROGRESS = 0.02  # of the vertices, in a round
 POINT_WEIGHT = 1e-2  # of squared distances to the merged vertices, beside those to the planes of faces
@@ -217,7 +216,7 @@ class _Rounds:
             self.n_shares = min(self.n_shares + 1, len(SHARES))
         share, block, most = SHARES[self.n_shares - 1], self.n, self.n - wanted
         if self.is_far_from(wanted):
-            share, block, most = max(share, SHARE_IN_BLOCKS), BLOCK, int(MOST_GONE * BLOCK)
+            block, most = BLOCK, int(MOST_GONE * BLOCK)
         scale, limit = _costs(self.vertices, self.marks, self.corners, share, self.in_place)
         queue = np.empty((N_BUCKETS + 1 + 3 * block, 4), dtype=np.int32)
         self.n_gone = collapse_edges(
