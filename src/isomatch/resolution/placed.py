@@ -72,9 +72,10 @@ class PlacedMesh:
         """
         preimages = PrecisePoints.at_vertices(np.zeros(len(near), dtype=np.int64))
         arguments = positions, near, read_only(self.places), *self.groups, *self._linked_corners
+        n_groups = len(self.groups.start) - 1
         by_group = VertexGroups.of(
-            near[:, 0], len(self.groups.start) - 1
-        ).members  # neighbours, for the cache
+            near[:, 0], n_groups
+        ).members  # neighbours in a row, for the sake of the cache
 
         def chunk(first: int) -> None:
             _inverse_image(by_group[first : first + CHUNK], *arguments, *preimages)
@@ -148,9 +149,7 @@ def _inverse_image(
                         nearest, least = v, squared
                 corner = linked[corner, 1]
         found[i, 0] = found[i, 1] = found[i, 2] = nearest
-        for k in range(
-            3
-        ):  # around the nearest vertex, then, unless it is inside, the other corners of the face found
+        for k in range(3):  # around the nearest vertex, then around the other corners of the face found
             a = found[i, k]
             px, py, pz = qx - places[a, 0], qy - places[a, 1], qz - places[a, 2]
             corner = marks[a, 0]
@@ -164,7 +163,7 @@ def _inverse_image(
                     found[i, 0], found[i, 1], found[i, 2] = a, b, c
                     weights[i, 0], weights[i, 1], weights[i, 2] = 1.0 - s - t, s, t
             if min(weights[i, 0], weights[i, 1], weights[i, 2]) > INSIDE_A_FACE:
-                break  # inside a face
+                break
         sort_corners(found, weights, i)
 
 

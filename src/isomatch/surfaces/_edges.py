@@ -60,7 +60,7 @@ class Meetings:
 
 
 def edge_table(faces: IntArray, n_vertices: int) -> EdgeTable:
-    """Group the sides of faces with valid indices into edges, in O(n + m) time unless all edges share few vertices."""
+    """Group the sides of faces with valid indices into edges, in O(n + m) time, but O(k log k) for k at one vertex."""
     return EdgeTable(*_grouped(read_only(faces), n_vertices))
 
 
