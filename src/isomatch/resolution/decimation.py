@@ -25,9 +25,7 @@ from isomatch.resolution._collapse import (
 from isomatch.surfaces import Mesh, in_spatial_order
 from isomatch.values.arrays import AnyArray, FloatArray, IntArray
 
-LARGE = (
-    2**16
-)  # vertices, beyond which a round goes block by block; the arrays of fewer mostly lie in the cache
+LARGE = 2**16  # vertices, beyond which a round goes block by block; fewer mostly lie in the cache
 BLOCK = 2048  # vertices, of about 250 bytes each: half of a cache of 1 MB
 MOST_GONE = 0.5  # of the vertices of a block
 SHARES = (0.4, 0.6, 0.8, 1.0)  # of the edges that a round may collapse; after little progress, the next

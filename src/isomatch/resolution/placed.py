@@ -73,9 +73,7 @@ class PlacedMesh:
         preimages = PrecisePoints.at_vertices(np.zeros(len(near), dtype=np.int64))
         arguments = positions, near, read_only(self.places), *self.groups, *self._linked_corners
         n_groups = len(self.groups.start) - 1
-        by_group = VertexGroups.of(
-            near[:, 0], n_groups
-        ).members  # neighbours in a row, for the sake of the cache
+        by_group = VertexGroups.of(near[:, 0], n_groups).members  # for the sake of the cache
 
         def chunk(first: int) -> None:
             _inverse_image(by_group[first : first + CHUNK], *arguments, *preimages)
