@@ -24,6 +24,7 @@ from isomatch.datasets.organs import organ, organ_truth
 from isomatch.lab.damage import cut, weld
 from isomatch.matching import Hints, prepare_pair
 from isomatch.shapes import capped_shape, components_of
+from isomatch.shapes.body import body_of
 from shapes import box, disguised, icosphere
 
 pytestmark = pytest.mark.usefixtures("prepared_once")
@@ -599,3 +600,38 @@ def test_a_part(made, truth, shapes, part):
     assert sum("matched on 1000 of" in note for note in found.notes) == 2
     assert not any("polished" in note for note in found.notes)
     assert "polish" not in found.timings
+
+
+@pytest.mark.parametrize("defect", ["none", "seam", "unused", "reversed"])
+def test_a_large_body_lies_in_spatial_order_and_knows_the_users_vertices(defect, made, monkeypatch):
+    mesh = made[0].mesh
+    random = np.random.default_rng(0)
+    place = random.permutation(mesh.n_vertices)
+    vertices, faces = np.empty_like(mesh.vertices), random.permutation(place[mesh.faces])
+    vertices[place] = mesh.vertices
+    if defect == "seam":
+        vertices, faces = np.concatenate([vertices, vertices[faces[0]]]), faces.copy()
+        faces[0] = len(vertices) - 3 + np.arange(3)
+    elif defect == "unused":
+        vertices = np.concatenate([[[9.0, 9, 9]], vertices])
+        faces = faces + 1
+    elif defect == "reversed":
+        faces = faces.copy()
+        faces[:100] = faces[:100, ::-1]
+    shuffled = Mesh(vertices, faces)
+    plain = body_of(shuffled, COARSE.preparation)
+    monkeypatch.setattr("isomatch.shapes.body.LARGE", 1000)
+    ordered = body_of(shuffled, COARSE.preparation)
+    assert ordered.notes == plain.notes
+    assert ordered.scale == pytest.approx(plain.scale, rel=1e-12)
+    used = plain.body_vertex >= 0
+    assert np.array_equal(ordered.body_vertex >= 0, used)
+    for found in (plain, ordered):
+        offset = found.scale * found.surface.vertices - vertices[found.user_vertex]
+        assert np.ptp(offset, axis=0) == pytest.approx(0, abs=1e-12)
+        assert np.array_equal(vertices[found.user_vertex][found.body_vertex[used]], vertices[used])
+        assert found.surface.volume > 0
+    steps = [
+        np.linalg.norm(np.diff(each.surface.vertices, axis=0), axis=1).mean() for each in (plain, ordered)
+    ]
+    assert steps[1] < 0.2 * steps[0]

@@ -10,7 +10,7 @@ from tests.shapes import box, cylinder, flat_grid, icosphere, planar_delaunay
 from isomatch import Mesh
 from isomatch.errors import MeshError, SettingError
 from isomatch.mending import check, repair
-from isomatch.resolution import decimate
+from isomatch.resolution import decimate, decimations
 from isomatch.surfaces import Graph
 
 
@@ -87,6 +87,36 @@ def test_the_topology_is_preserved(mesh, share):
         assert coarse.is_stalled
         assert coarse.mesh.n_vertices < 0.05 * mesh.n_vertices
         assert "wanted" in repr(coarse)
+
+
+@pytest.fixture
+def by_blocks(monkeypatch):
+    """Take every mesh for a large one, which is decimated block by block."""
+    monkeypatch.setattr("isomatch.resolution.decimation.LARGE", 0)
+    monkeypatch.setattr("isomatch.resolution.decimation.BLOCK", 64)
+
+
+@pytest.mark.parametrize("mesh", SURFACES.values(), ids=SURFACES)
+def test_blocks_preserve_the_topology_and_spread_the_vertices(mesh, by_blocks):
+    n = mesh.n_vertices // 8
+    coarse = decimate(mesh, n)
+    assert topology(coarse.mesh) == topology(mesh)
+    assert coarse.mesh.n_vertices == n
+    assert np.quantile(np.bincount(coarse.owner), 0.99) < 40
+
+
+@pytest.mark.parametrize("large", [False, True])
+def test_several_sizes_at_once_are_those_made_one_by_one(large, request):
+    if large:
+        request.getfixturevalue("by_blocks")
+    mesh = SURFACES["irregular"]
+    sizes = [2000, 700, 400, 60]
+    for coarse, size in zip(decimations(mesh, sizes), sizes, strict=True):
+        alone = decimate(mesh, size)
+        assert np.array_equal(coarse.mesh.vertices, alone.mesh.vertices)
+        assert np.array_equal(coarse.mesh.faces, alone.mesh.faces)
+        assert np.array_equal(coarse.owner, alone.owner)
+        assert coarse.wanted == size
 
 
 @pytest.mark.parametrize("mesh", [SURFACES["holes"], SURFACES["two components"]])

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from isomatch.errors import MeshError
-from isomatch.surfaces import Mesh, vertex_normals
+from isomatch.surfaces import Mesh, fans, in_spatial_order, unsound_faces, vertex_normals
 from isomatch.surfaces._coincident import first_equal
 from zoo import grid, specimen, torus, zoo
 
@@ -64,8 +64,68 @@ def test_edges_and_components_are_those_found_one_by_one(faces):
     assert table.ends.tolist() == [list(edge) for edge in sorted(sides)]
     assert table.n_faces.tolist() == [len(sides[edge]) for edge in sorted(sides)]
     assert table.sides.tolist() == [side for edge in sorted(sides) for side in sides[edge]]
+    opposite = np.full(faces.size, -1)
+    for pair in sides.values():
+        opposite[pair] = pair[::-1] if len(pair) == 2 else -1
+    assert table.opposite.tolist() == opposite.tolist()
+    start = faces.ravel()
+    clash = [len(pair) == 2 and start[pair[0]] == start[pair[1]] for _, pair in sorted(sides.items())]
+    assert table.clash.tolist() == clash
     first_seen = list(dict.fromkeys(label))
     assert mesh.components.tolist() == [first_seen.index(same) for same in label]
+
+
+@given(arrays(np.int64, st.tuples(st.integers(0, 12), st.just(3)), elements=st.integers(0, 6)))
+@settings(max_examples=100, deadline=None)
+def test_fans_are_those_found_corner_by_corner(faces):
+    table = Mesh(np.zeros((7, 3)), faces).edge_table
+    label = list(range(faces.size))
+
+    def join(i: int, j: int) -> None:
+        label[:] = [label[i] if same == label[j] else same for same in label]
+
+    def after(corner: int) -> int:
+        return corner - corner % 3 + (corner + 1) % 3
+
+    start, first = faces.ravel(), 0
+    for count in table.n_faces.tolist():
+        for here, there in zip(
+            table.sides[first : first + count - 1], table.sides[first + 1 : first + count]
+        ):
+            there_ends = (there, after(there)) if start[here] == start[there] else (after(there), there)
+            join(int(here), int(there_ends[0]))
+            join(after(int(here)), int(there_ends[1]))
+        first += count
+    expected = [len({same for same, v in zip(label, start) if v == w}) for w in range(7)]
+    assert fans(faces, table, 7).tolist() == expected
+
+
+def test_vertices_with_many_faces_are_sorted_too():
+    n = 100
+    hub = np.column_stack([np.zeros(n, int), np.arange(1, n + 1), 1 + np.arange(1, n + 1) % n])
+    faces = np.random.default_rng(0).permutation(np.concatenate([hub, hub[::7, ::-1]]))
+    mesh = Mesh(np.ones((n + 1, 3)), faces)
+    expected, counts = np.unique(
+        np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)), axis=0, return_counts=True
+    )
+    assert np.array_equal(mesh.edges, expected)
+    assert np.array_equal(mesh.edge_table.n_faces, counts)
+    _, first = np.unique(np.sort(faces), axis=0, return_index=True)
+    assert np.array_equal(np.flatnonzero(~unsound_faces(mesh.vertices, faces).duplicate), np.sort(first))
+
+
+def test_in_spatial_order_the_mesh_is_the_same_and_what_is_near_is_near_in_memory():
+    mesh = torus(60, 30)
+    random = np.random.default_rng(0)
+    place = random.permutation(mesh.n_vertices)
+    vertices, faces = np.empty_like(mesh.vertices), random.permutation(place[mesh.faces])
+    vertices[place] = mesh.vertices / np.abs(mesh.vertices).max()
+    ordered, renumbered, order = in_spatial_order(vertices, faces)
+    assert np.array_equal(ordered, vertices[order])
+    assert sorted(map(tuple, order[renumbered])) == sorted(map(tuple, faces))
+    assert (np.diff(renumbered.min(axis=1)) >= 0).all()
+    apart = np.linalg.norm(np.diff(ordered, axis=0), axis=1)
+    assert np.median(apart) < 0.1 * np.median(np.linalg.norm(np.diff(vertices, axis=0), axis=1))
 
 
 NUMBER = st.sampled_from([0.0, -0.0, 1.0, np.nan, np.inf, 5e-324])

@@ -51,10 +51,12 @@ def _precise(faces: AnyArray, weights: FloatArray, image: IntArray, n_target: in
     if faces.size and faces.dtype.kind not in "iu":
         raise MapError(f"faces have type {faces.dtype}, expected integers: three target vertices each")
     held = image >= 0
-    if ((faces[held] < 0) | (faces[held] >= n_target)).any():
+    rows = slice(None) if held.all() else held  # which spares copies
+    if faces[rows].min(initial=0) < 0 or faces[rows].max(initial=-1) >= n_target:
         raise MapError(f"faces name vertices outside the target's 0…{n_target - 1}")
-    smallest = weights[held].min(initial=0.0)
-    sums = np.where(np.isfinite(weights), weights, np.inf)[held].sum(axis=1)
+    smallest = weights[rows].min(initial=0.0)
+    with np.errstate(invalid="ignore"):
+        sums = weights[rows, 0] + weights[rows, 1] + weights[rows, 2]
     if smallest < -1e-9 or not (np.abs(sums - 1) <= 1e-6).all():
         raise MapError("barycentric weights must be numbers that are not negative and sum to 1 in each row")
     corners = faces.astype(np.int64)

@@ -9,7 +9,7 @@ import numpy as np
 
 from isomatch.loading.compiled import compiled
 from isomatch.runtime.memory import memory_budget, require_memory
-from isomatch.surfaces import Mesh, fans, meetings
+from isomatch.surfaces import Mesh, fans
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 
 TIE = 1e-14  # of a distance; a vertex is reached anew only by what is shorter by more
@@ -77,7 +77,7 @@ class UnfoldedFaces(NamedTuple):
         straight[edges.ends[edges.n_faces == 1]] = np.pi
         bends = total > straight * (1 + FLAT)
         bends[edges.ends[edges.n_faces > 2]] = True
-        bends |= fans(faces, meetings(edges, faces), mesh.n_vertices) > 1
+        bends |= fans(faces, edges, mesh.n_vertices) > 1
         return cls(faces, length, apex, edge, first, sides, corner_first, corners, bends)
 
 

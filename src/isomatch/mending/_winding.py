@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from isomatch.loading.compiled import compiled
-from isomatch.surfaces import Meetings, Mesh, first_equal, linked, meetings
-from isomatch.values.arrays import AnyArray, BoolArray, FloatArray, IntArray
+from isomatch.surfaces import Mesh, first_equal, linked
+from isomatch.values.arrays import AnyArray, BoolArray, FloatArray, IntArray, read_only
 
 LEAST_VOLUME = 0.01
 """Volume over area^(3/2) that tells where an open surface looks: 0.03 of a cat and 0.09 of a ball, and more of parts of
@@ -17,15 +17,14 @@ NEARLY_CLOSED = 0.1
 """A piece is nearly closed if flat discs with the lengths of its boundary loops have at most this share of its area."""
 
 
-def faces_to_rewind(mesh: Mesh, met: Meetings | None = None) -> BoolArray:
+def faces_to_rewind(mesh: Mesh) -> BoolArray:
     """Find the faces to rewind, (m,), so that orientable pieces are wound consistently, and outward if nearly closed.
 
-    A piece is a set of faces connected through edges of exactly two faces. In the orientation double cover each face
-    has two copies, one as it is and one rewound, and copies with consistent winding are linked across an edge. An
-    orientable piece gives two components of this cover, its two consistent windings. A one-sided piece gives one
-    component, and is left as it is. A piece that is not nearly closed keeps the winding of most of its faces.
+    A piece is a set of faces connected through edges of exactly two faces. From its first face on, each face across an
+    edge tells how the next one is wound. A piece in which two ways to a face contradict each other is one-sided, and is
+    left as it is. A piece that is not nearly closed keeps the winding of most of its faces.
     """
-    pieces = _pieces(mesh, met)
+    pieces = _pieces(mesh)
     volume = np.where(pieces.openings <= NEARLY_CLOSED, pieces.volume, 0.0)
     reverse = np.where(volume == 0, pieces.majority, volume) < 0
     to_rewind: BoolArray = (pieces.rewound ^ reverse[pieces.piece]) & ~pieces.one_sided[pieces.piece]
@@ -58,9 +57,9 @@ def seems_inside_out(mesh: Mesh) -> bool:
     >>> seems_inside_out(Mesh(corners, outward)), seems_inside_out(Mesh(corners, outward[:, ::-1]))
     (False, True)
     """
-    if not mesh.n_faces:
-        return False
-    pieces = _pieces(mesh, None)
+    if (mesh.edge_table.n_faces == 2).all():
+        return False  # there are no openings
+    pieces = _pieces(mesh)
     largest = int(pieces.area.argmax())
     volume = pieces.volume[largest] * np.sign(pieces.majority[largest])
     return bool(
@@ -98,28 +97,46 @@ class _Pieces:
     openings: FloatArray
 
 
-def _pieces(mesh: Mesh, met: Meetings | None) -> _Pieces:
-    m = mesh.n_faces
-    met = met or meetings(mesh.edge_table, mesh.faces)
-    paired = met.sides if met.is_pair.all() else met.sides[met.is_pair]
-    here, there = (paired // 3).T
-    n_pieces, piece = linked(m, (here, there))
-    first = np.zeros(n_pieces, dtype=np.int64)
-    first[piece[::-1]] = np.arange(m)[::-1]
-    rewound, one_sided = np.zeros(m, dtype=bool), np.zeros(n_pieces, dtype=bool)
-    if (met.same_direction & met.is_pair).any():
-        turn = m * met.same_direction[met.is_pair]
-        _, winding = linked(2 * m, (here, there + turn), (here + m, there + m - turn))
-        rewound = winding[:m] != winding[first][piece]  # relative to the first face of the piece
-        one_sided = (winding[:m] == winding[m:])[first]
-
-    unpaired = np.ones(3 * m, dtype=bool)
-    unpaired[paired] = False
+def _pieces(mesh: Mesh) -> _Pieces:
+    opposite = mesh.edge_table.opposite
+    piece, rewound = np.full(mesh.n_faces, -1, dtype=np.int64), np.zeros(mesh.n_faces, dtype=bool)
+    first, one_sided = _flood(read_only(mesh.faces), opposite, piece, rewound)
+    rewound &= ~one_sided[piece]
+    n_pieces = len(first)
     sign = np.where(rewound, -1.0, 1.0)
-    measured = _measured(mesh, sign, np.flatnonzero(unpaired), piece, first)
+    measured = _measured(mesh, sign, np.flatnonzero(opposite < 0), piece, first)
     return _Pieces(
         piece, rewound, one_sided, np.bincount(piece, sign, n_pieces).astype(np.float64), *measured
     )
+
+
+@compiled()
+def _flood(
+    faces: IntArray, opposite: AnyArray, piece: IntArray, rewound: BoolArray
+) -> tuple[IntArray, BoolArray]:
+    """Give pieces numbers in the order of their first faces; returns these, and which pieces are one-sided."""
+    first, one_sided = np.empty(len(faces), np.int64), np.zeros(len(faces), np.bool_)
+    reached, n_pieces = np.empty(len(faces), np.int32), 0
+    for start in range(len(faces)):
+        if piece[start] >= 0:
+            continue
+        first[n_pieces], piece[start], reached[0], n_reached = start, n_pieces, start, 1
+        while n_reached:
+            n_reached -= 1
+            f = reached[n_reached]
+            for i in range(3):
+                there = opposite[3 * f + i]
+                if there < 0:
+                    continue
+                g = there // 3
+                is_rewound = rewound[f] ^ (faces[f, i] == faces[g, there % 3])
+                if piece[g] < 0:
+                    piece[g], rewound[g], reached[n_reached] = n_pieces, is_rewound, g
+                    n_reached += 1
+                elif rewound[g] != is_rewound:
+                    one_sided[n_pieces] = True
+        n_pieces += 1
+    return first[:n_pieces], one_sided[:n_pieces]
 
 
 def _measured(
@@ -139,7 +156,8 @@ def _measured(
     def summed(of: IntArray, values: AnyArray, count: int = n_pieces) -> FloatArray:
         return np.bincount(of, values, count).astype(np.float64)
 
-    start, end, of = faces.ravel()[unpaired], faces[:, [1, 2, 0]].ravel()[unpaired], piece[unpaired // 3]
+    of, following = piece[unpaired // 3], unpaired + np.where(unpaired % 3 == 2, -2, 1)
+    start, end = faces.ravel()[unpaired], faces.ravel()[following]
     low, high = np.minimum(start, end), np.maximum(start, end)
     edge = first_equal(np.column_stack([of, low, high]))
     excess = summed(edge, np.where(start < end, 1.0, -1.0) * sign[unpaired // 3], len(edge))

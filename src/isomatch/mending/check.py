@@ -11,7 +11,7 @@ from isomatch.loading.compiled import compiled
 from isomatch.mending._winding import faces_to_rewind
 from isomatch.mending.report import SLIVER_RATIO, ZERO_AREA_RATIO, MeshReport
 from isomatch.mending.walls import WALL, double_walled_share
-from isomatch.surfaces import Mesh, fans, first_equal, linked, meetings, unsound_faces
+from isomatch.surfaces import Mesh, fans, first_equal, linked, unsound_faces
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 
 
@@ -54,22 +54,21 @@ def check(mesh: SurfaceLike, *, wall: float = WALL) -> MeshReport:
     mesh = mesh_from(mesh)
     bad = unsound_faces(mesh.vertices, mesh.faces)
     sound = np.flatnonzero(~bad.any)
-    faces = mesh.faces[sound]
-    used = np.zeros(mesh.n_vertices, dtype=bool)
-    used[faces] = True
-    finite = np.isfinite(mesh.vertices).all(axis=1)
+    whole = mesh if len(sound) == mesh.n_faces else Mesh(mesh.vertices, mesh.faces[sound])
+    faces, edges = whole.faces, whole.edge_table
+    n_fans = fans(faces, edges, mesh.n_vertices)
+    used = n_fans > 0
+    finite = np.logical_and.reduce([np.isfinite(x) for x in mesh.vertices.T])
+    points = mesh.vertices if used.all() else np.where(used[:, None], mesh.vertices, 0.0)
     # Dividing by the largest coordinate keeps squares and products from overflowing.
-    scale = float(np.abs(mesh.vertices[used]).max(initial=0.0)) or 1.0
-    points = np.where(used[:, None], mesh.vertices, 0.0) / scale
-    surface = mesh.moved(points) if len(sound) == mesh.n_faces else Mesh(points, faces)
-    edges = surface.edge_table
-    met = meetings(edges, faces)
-    inconsistent = edges.ends[met.edge[met.is_pair & met.same_direction]]
+    scale = float(max(points.max(initial=0.0), -points.min(initial=0.0))) or 1.0
+    surface = whole.moved(points / scale)
+    inconsistent = edges.ends[edges.clash]
     doubled = 2 * surface.face_areas
     flatness = np.zeros(len(faces))
     _fill_flatness(surface.vertices, surface.faces, doubled, flatness)
     areas = np.where(flatness > ZERO_AREA_RATIO, doubled / 2, 0.0)
-    rewound = faces_to_rewind(surface, met)
+    rewound = faces_to_rewind(surface)
     components = _Components.of(surface, inconsistent, used, areas, rewound)
     return MeshReport(
         n_vertices=mesh.n_vertices,
@@ -78,7 +77,7 @@ def check(mesh: SurfaceLike, *, wall: float = WALL) -> MeshReport:
         component_vertices=components.n_vertices,
         component_shares=components.shares,
         boundary_edges=edges.ends[edges.n_faces == 1],
-        boundary_lengths=_boundary_lengths(points, edges.ends[edges.n_faces == 1], scale),
+        boundary_lengths=_boundary_lengths(surface.vertices, edges.ends[edges.n_faces == 1], scale),
         non_finite_vertices=np.flatnonzero(~finite),
         out_of_range_faces=np.flatnonzero(bad.out_of_range),
         repeated_index_faces=np.flatnonzero(bad.repeated_index),
@@ -90,7 +89,7 @@ def check(mesh: SurfaceLike, *, wall: float = WALL) -> MeshReport:
             finite & (first_equal(mesh.vertices) != np.arange(mesh.n_vertices))
         ),
         non_manifold_edges=edges.ends[edges.n_faces > 2],
-        non_manifold_vertices=np.flatnonzero(fans(faces, met, mesh.n_vertices) > 1),
+        non_manifold_vertices=np.flatnonzero(n_fans > 1),
         inconsistent_edges=inconsistent,
         inward_components=components.inward,
         double_walled=double_walled_share(surface, wall, rewound) if wall else float("nan"),

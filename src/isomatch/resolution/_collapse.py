@@ -38,6 +38,42 @@ def link_corners(marks: AnyArray, corners: AnyArray) -> None:
         marks[v, FIRST] = corner
 
 
+@compiled()
+def remove_gaps(vertices: FloatArray, marks: AnyArray, corners: AnyArray, owner: AnyArray) -> int:
+    """Move what is left after a round to the front, and return the number of corners; owners follow PARENT."""
+    n_left = 0
+    for v in range(len(vertices)):
+        if marks[v, PARENT] == v:
+            for i in range(vertices.shape[1]):
+                vertices[n_left, i] = vertices[v, i]
+            marks[n_left, KIND] = marks[v, KIND]
+            marks[v, VERSION] = n_left
+            n_left += 1
+        else:
+            marks[v, VERSION] = marks[marks[v, PARENT], VERSION]
+    for v in range(len(owner)):
+        owner[v] = marks[owner[v], VERSION]
+    n_corners = 0
+    for corner in range(len(corners)):
+        if corners[corner, 0] >= 0:
+            corners[n_corners, 0] = marks[corners[corner, 0], VERSION]
+            n_corners += 1
+    return n_corners
+
+
+@compiled()
+def number_by_first(owner: AnyArray, number: IntArray, order: IntArray, numbered: IntArray) -> None:
+    """Give vertices numbers in the order in which they are first met as owners."""
+    count = 0
+    for v in range(len(owner)):
+        w = owner[v]
+        if number[w] < 0:
+            number[w] = count
+            order[count] = w
+            count += 1
+        numbered[v] = number[w]
+
+
 @compiled(error_model="numpy")
 def describe_vertices(
     vertices: FloatArray, marks: AnyArray, corners: AnyArray, link: AnyArray, point_weight: float
@@ -118,9 +154,13 @@ def collapse_edges(
     scale: float,
     limit: float,
     most: int,
+    block: int,
     in_place: bool,
 ) -> int:
-    """Collapse edges of a cost below the limit, the cheapest first, until so many vertices are gone.
+    """Collapse edges of a cost below the limit, in each block of so many vertices the cheapest first.
+
+    At most so many vertices of a block vanish. Where there are several blocks, what is worked on fits into the cache, and
+    a vertex takes part in one collapse.
 
     PARENT becomes the vertex into which each was merged, the first of all that were merged with it.
 
@@ -132,51 +172,54 @@ def collapse_edges(
     for w in range(n):
         marks[w, VERSION] = marks[w, MARK] = 0
         marks[w, PARENT] = w
-    for i in range(N_BUCKETS + 1):
-        queue[i, 0] = -1
-    queue[N_BUCKETS, 1] = N_BUCKETS + 1
-    turn = 0
-    for w in range(n - 1, -1, -1):
-        turn += 1
-        _enqueue(w, w, vertices, marks, corners, queue, turn, scale, limit, in_place)
-    n_gone = bucket = 0
-    while n_gone < most:
-        while bucket < N_BUCKETS and queue[bucket, 0] < 0:
-            bucket += 1
-        if bucket == N_BUCKETS:
-            break
-        edge = queue[bucket, 0]
-        queue[bucket, 0] = queue[edge, 0]
-        queue[edge, 0] = queue[N_BUCKETS, 0]
-        queue[N_BUCKETS, 0] = edge
-        u, v = np.int64(queue[edge, 1]), np.int64(queue[edge, 2])
-        if (
-            marks[u, PARENT] != u
-            or marks[v, PARENT] != v
-            or queue[edge, 3] != marks[u, VERSION] + marks[v, VERSION]
-        ):
-            continue
-        turn += 2
-        if not _preserves_topology(u, v, marks, corners, turn):
-            continue
-        x, y, z, _ = _placement(vertices, marks, u, v, in_place)
-        spoils = False
-        for end, other_end in ((u, v), (v, u)):
-            spoils = spoils or _spoils(end, other_end, x, y, z, vertices, marks, corners)
-        if spoils:
-            continue
-        vertices[u, 0], vertices[u, 1], vertices[u, 2] = x, y, z
-        for i in range(3, 13):
-            vertices[u, i] += vertices[v, i]
-        marks[u, KIND] = max(marks[u, KIND], marks[v, KIND])
-        marks[u, VERSION] += 1
-        marks[v, PARENT] = u
-        n_gone += 1
-        _merge_corners(u, v, marks, corners)
-        turn += 2
-        queue[N_BUCKETS, 2] = bucket
-        _enqueue(u, n, vertices, marks, corners, queue, turn, scale, limit, in_place)
-        bucket = queue[N_BUCKETS, 2]
+    turn, n_gone = 0, 0
+    for first in range(0, n, block):
+        for i in range(N_BUCKETS + 1):
+            queue[i, 0] = -1
+        queue[N_BUCKETS, 1] = N_BUCKETS + 1
+        for w in range(min(first + block, n) - 1, first - 1, -1):
+            if marks[w, PARENT] == w:
+                turn += 1
+                _enqueue(w, w, vertices, marks, corners, queue, turn, scale, limit, in_place)
+        bucket, most_gone = 0, n_gone + most
+        while n_gone < most_gone:
+            while bucket < N_BUCKETS and queue[bucket, 0] < 0:
+                bucket += 1
+            if bucket == N_BUCKETS:
+                break
+            edge = queue[bucket, 0]
+            queue[bucket, 0] = queue[edge, 0]
+            queue[edge, 0] = queue[N_BUCKETS, 0]
+            queue[N_BUCKETS, 0] = edge
+            u, v = np.int64(queue[edge, 1]), np.int64(queue[edge, 2])
+            if (
+                marks[u, PARENT] != u
+                or marks[v, PARENT] != v
+                or queue[edge, 3] != marks[u, VERSION] + marks[v, VERSION]
+            ):
+                continue
+            turn += 2
+            if not _preserves_topology(u, v, marks, corners, turn):
+                continue
+            x, y, z, _ = _placement(vertices, marks, u, v, in_place)
+            spoils = False
+            for end, other_end in ((u, v), (v, u)):
+                spoils = spoils or _spoils(end, other_end, x, y, z, vertices, marks, corners)
+            if spoils:
+                continue
+            vertices[u, 0], vertices[u, 1], vertices[u, 2] = x, y, z
+            for i in range(3, 13):
+                vertices[u, i] += vertices[v, i]
+            marks[u, KIND] = max(marks[u, KIND], marks[v, KIND])
+            marks[u, VERSION] += 1
+            marks[v, PARENT] = u
+            n_gone += 1
+            _merge_corners(u, v, marks, corners)
+            turn += 2
+            if block == n:
+                queue[N_BUCKETS, 2] = bucket
+                _enqueue(u, n, vertices, marks, corners, queue, turn, scale, limit, in_place)
+                bucket = queue[N_BUCKETS, 2]
     for w in range(n):
         marks[w, PARENT] = marks[marks[w, PARENT], PARENT]  # which comes before v
     return n_gone

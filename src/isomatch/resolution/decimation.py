@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from copy import deepcopy
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
@@ -12,15 +15,19 @@ from isomatch.resolution._collapse import (
     FIXED,
     KIND,
     N_BUCKETS,
-    PARENT,
     collapse_edges,
     costs_of_edges,
     describe_vertices,
     link_corners,
+    number_by_first,
+    remove_gaps,
 )
-from isomatch.surfaces import Mesh
+from isomatch.surfaces import Mesh, in_spatial_order
 from isomatch.values.arrays import AnyArray, FloatArray, IntArray
 
+LARGE = 2**16  # vertices, beyond which a round goes block by block; fewer mostly lie in the cache
+BLOCK = 2048  # vertices, of about 250 bytes each: half of a cache of 1 MB
+MOST_GONE = 0.5  # of the vertices of a block
 SHARES = (0.4, 0.6, 0.8, 1.0)  # of the edges that a round may collapse; after little progress, the next
 LEAST_PROGRESS = 0.02  # of the vertices, in a round
 POINT_WEIGHT = 1e-2  # of squared distances to the merged vertices, beside those to the planes of faces
@@ -106,60 +113,129 @@ def decimate(
     >>> decimate(Mesh(points, np.array(faces) % 40), 20)
     Decimated(40 → 20 vertices)
     """
-    if n_vertices < 1:
-        raise SettingError(f"n_vertices = {n_vertices} leaves nothing of the mesh; ask for at least 1")
-    owner: IntArray = np.arange(mesh.n_vertices)
-    if n_vertices >= mesh.n_vertices:
-        return Decimated(mesh, owner, n_vertices)
-    faces = _sound_faces(mesh)
-    n = mesh.n_vertices
-    points, centre, size = normalised(mesh.vertices)
-    order = _spatial_order(points)
-    vertices, marks = np.zeros((n, 13)), np.zeros((n, 5), dtype=np.int32)
-    vertices[:, :3] = points[order]
-    owner[order] = np.arange(n)
-    faces = owner[faces]
-    corners = np.empty((faces.size, 2), dtype=np.int32)
-    corners[:, 0] = faces[np.argsort(faces.min(axis=1), kind="stable")].ravel()
-    link_corners(marks, corners)
-    point_weight = IN_PLACE_WEIGHT if in_place else POINT_WEIGHT
-    describe_vertices(vertices, marks, corners, np.empty((n, 2), dtype=np.int32), point_weight)
-    if weights is not None:
-        _describe_by_distances(vertices, weights[order])
-    if in_place:
-        marks[marks[:, KIND] == BOUNDARY, KIND] = FIXED
-    rounds = iter(SHARES)
-    share, n_gone = 0.0, 0
-    while n > n_vertices:
-        if n_gone <= LEAST_PROGRESS * n:
-            if share == 1.0 and not n_gone:
-                break
-            share = next(rounds, 1.0)
-        scale, limit = _costs(vertices, marks, corners, share, in_place)
-        queue = np.empty((N_BUCKETS + 1 + len(corners) // 2, 4), dtype=np.int32)
-        n_gone = collapse_edges(vertices, marks, corners, queue, scale, limit, n - n_vertices, in_place)
-        parent = marks[:, PARENT]
-        is_kept = parent == np.arange(n)
-        number = np.cumsum(is_kept) - 1
-        owner = number[parent[owner]]
-        n, vertices, marks = n - n_gone, vertices[is_kept], marks[is_kept]
-        corners = corners[corners[:, 0] >= 0]
-        corners[:, 0] = number[corners[:, 0]]
+    return decimations(mesh, [n_vertices], in_place=in_place, weights=weights)[0]
+
+
+def decimations(
+    mesh: Mesh, sizes: Sequence[int], *, in_place: bool = False, weights: FloatArray | None = None
+) -> list[Decimated]:
+    """Make several coarser meshes, each the same as by `decimate`; the rounds that they have in common are done once.
+
+    Parameters
+    ----------
+    mesh, in_place, weights
+        See `decimate`.
+    sizes : sequence of int
+        Numbers of vertices to keep, descending.
+
+    Returns
+    -------
+    list of Decimated
+        One for each size.
+
+    Raises
+    ------
+    MeshError, SettingError
+        As for `decimate`.
+    """
+    if min(sizes) < 1:
+        raise SettingError(f"n_vertices = {min(sizes)} leaves nothing of the mesh; ask for at least 1")
+    small = [Decimated(mesh, np.arange(mesh.n_vertices), size) for size in sizes if size >= mesh.n_vertices]
+    sizes = sizes[len(small) :]
+    if not sizes:
+        return small
+    rounds = _Rounds.of(mesh, in_place, weights)
+    found = []
+    for size in sizes:
+        shared = None
+        while rounds.n > size and not rounds.is_over:
+            if size > sizes[-1] and not rounds.is_far_from(size):
+                shared = shared or deepcopy(rounds)  # before a round that may end at this size
+            rounds.collapse(size)
+        found.append(rounds.decimated(mesh, size))
+        rounds = shared or rounds
+    return small + found
+
+
+@dataclass(eq=False)
+class _Rounds:
+    """A mesh on its way to a coarser one: the arrays of `_collapse`, in which rounds leave room at the end.
+
+    Parameters
+    ----------
+    n : int
+        Vertices left.
+    vertices, marks, corners : arrays
+        See `_collapse`; the first n rows, and those of the faces left, are used.
+    owner : (n_fine,) array of int32
+        The vertex into which each vertex of the mesh was merged.
+    """
+
+    n: int
+    vertices: FloatArray
+    marks: AnyArray
+    corners: AnyArray
+    owner: AnyArray
+    in_place: bool
+    n_shares: int = 0
+    n_gone: int = 0
+
+    @classmethod
+    def of(cls, mesh: Mesh, in_place: bool, weights: FloatArray | None) -> Self:
+        """Start with vertices and faces in spatial order."""
+        faces = _sound_faces(mesh)
+        n = mesh.n_vertices
+        points, faces, order = in_spatial_order(normalised(mesh.vertices)[0], faces)
+        vertices, marks = np.zeros((n, 13)), np.zeros((n, 5), dtype=np.int32)
+        vertices[:, :3] = points
+        corners = np.empty((faces.size, 2), dtype=np.int32)
+        corners[:, 0] = faces.ravel()
+        owner = np.empty(n, dtype=np.int32)
+        owner[order] = np.arange(n, dtype=np.int32)
         link_corners(marks, corners)
-    _, first = np.unique(owner, return_index=True)
-    order = np.argsort(first)
-    number = np.argsort(order)
-    coarse = Mesh(vertices[order, :3] * size + centre, number[corners[:, 0]].reshape(-1, 3))
-    return Decimated(coarse, number[owner], n_vertices)
+        point_weight = IN_PLACE_WEIGHT if in_place else POINT_WEIGHT
+        describe_vertices(vertices, marks, corners, np.empty((n, 2), dtype=np.int32), point_weight)
+        if weights is not None:
+            _describe_by_distances(vertices, weights[order])
+        if in_place:
+            marks[marks[:, KIND] == BOUNDARY, KIND] = FIXED
+        return cls(n, vertices, marks, corners, owner, in_place)
 
+    @property
+    def is_over(self) -> bool:
+        """Whether no edge can be collapsed."""
+        return self.n_shares == len(SHARES) and not self.n_gone
 
-def _spatial_order(points: FloatArray) -> IntArray:
-    """Order points of the cube [−1, 1]³ by Morton's curve: neighbours then lie near one another in memory."""
-    cell = ((points + 1) * (2**9 - 1)).astype(np.int64)
-    for shift, mask in ((16, 0x030000FF), (8, 0x0300F00F), (4, 0x030C30C3), (2, 0x09249249)):
-        cell = (cell | cell << shift) & mask
-    order: IntArray = np.argsort(cell @ np.array([1, 2, 4]), kind="stable")
-    return order
+    def is_far_from(self, wanted: int) -> bool:
+        """Whether the mesh is large, and cannot reach the number of vertices that is wanted in a round by blocks."""
+        return self.n > LARGE and self.n * (1 - MOST_GONE) > wanted + BLOCK
+
+    def collapse(self, wanted: int) -> None:
+        """Collapse edges in one round."""
+        if self.n_gone <= LEAST_PROGRESS * self.n:
+            self.n_shares = min(self.n_shares + 1, len(SHARES))
+        share, block, most = SHARES[self.n_shares - 1], self.n, self.n - wanted
+        if self.is_far_from(wanted):
+            block, most = BLOCK, int(MOST_GONE * BLOCK)
+        scale, limit = _costs(self.vertices, self.marks, self.corners, share, self.in_place)
+        queue = np.empty((N_BUCKETS + 1 + 3 * block, 4), dtype=np.int32)
+        self.n_gone = collapse_edges(
+            self.vertices, self.marks, self.corners, queue, scale, limit, most, block, self.in_place
+        )
+        self.n -= self.n_gone
+        n_corners = remove_gaps(self.vertices, self.marks, self.corners, self.owner)
+        self.vertices, self.marks = self.vertices[: self.n], self.marks[: self.n]
+        self.corners = self.corners[:n_corners]
+        link_corners(self.marks, self.corners)
+
+    def decimated(self, mesh: Mesh, wanted: int) -> Decimated:
+        """Return what is left."""
+        _, centre, size = normalised(mesh.vertices)
+        owner, order = np.empty(len(self.owner), dtype=np.int64), np.empty(self.n, dtype=np.int64)
+        number = np.full(self.n, -1, dtype=np.int64)
+        number_by_first(self.owner, number, order, owner)
+        faces = number[self.corners[:, 0]].reshape(-1, 3)
+        return Decimated(Mesh(self.vertices[order, :3] * size + centre, faces), owner, wanted)
 
 
 def _describe_by_distances(vertices: FloatArray, weights: FloatArray) -> None:
@@ -187,7 +263,7 @@ def _costs(
 
 def normalised(vertices: FloatArray) -> tuple[FloatArray, FloatArray, float]:
     """Vertices about their middle, of size 1 or less; the middle, and the size."""
-    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    low, high = (np.array([extreme(x) for x in vertices.T]) for extreme in (np.min, np.max))  # fast
     centre = low / 2 + high / 2
     size = float((high / 2 - low / 2).max()) or 1.0
     return (vertices - centre) / size, centre, size

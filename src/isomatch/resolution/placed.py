@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import csr_array
 
 from isomatch.loading.compiled import compiled
 from isomatch.resolution._collapse import Index, difference, link_corners, other_vertices
@@ -15,7 +14,8 @@ from isomatch.surfaces import Mesh, PrecisePoints, nearest_in_triangle
 from isomatch.values.arrays import AnyArray, FloatArray, IntArray, read_only
 from isomatch.values.cached import cached_property
 
-MOST_TRIED = 32  # vertices of each group, where steps to the nearest of all may start
+MOST_TRIED = 8  # vertices of each group, where steps to the nearest of all may start
+INSIDE_A_FACE = 1e-9  # least weight of a corner, far above rounding
 CHUNK = 8192  # points at once; fixed, so that results do not depend on the number of threads
 
 
@@ -28,10 +28,9 @@ class VertexGroups(NamedTuple):
     @classmethod
     def of(cls, group: IntArray, n_groups: int) -> VertexGroups:
         """Sort vertices by their group (n,), −1 for none."""
-        (grouped,) = np.nonzero(group >= 0)
-        entries = np.ones(len(grouped), dtype=bool), (group[grouped], grouped)
-        table = csr_array(entries, shape=(n_groups, len(group)))
-        return cls(table.indptr, table.indices)
+        start, members = np.zeros(n_groups + 1, dtype=np.int64), np.empty(len(group), dtype=np.int32)
+        _sort_into_groups(group, start, members)
+        return cls(start, members[: start[-1]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +72,8 @@ class PlacedMesh:
         """
         preimages = PrecisePoints.at_vertices(np.zeros(len(near), dtype=np.int64))
         arguments = positions, near, read_only(self.places), *self.groups, *self._linked_corners
-        by_group = np.argsort(near[:, 0])  # neighbours one after the other, for the sake of the cache
+        n_groups = len(self.groups.start) - 1
+        by_group = VertexGroups.of(near[:, 0], n_groups).members  # for the sake of the cache
 
         def chunk(first: int) -> None:
             _inverse_image(by_group[first : first + CHUNK], *arguments, *preimages)
@@ -84,16 +84,36 @@ class PlacedMesh:
     @cached_property
     def _linked_corners(self) -> tuple[AnyArray, AnyArray]:
         """The corners of the faces, listed at each vertex."""
-        marks = np.empty((self.mesh.n_vertices, 1), dtype=np.int32)
-        corners = np.empty((self.mesh.faces.size, 2), dtype=np.int32)
-        corners[:, 0] = self.mesh.sound_faces.ravel()
-        link_corners(marks, corners)
-        return marks, corners
+        return linked_corners(self.mesh)
+
+
+def linked_corners(mesh: Mesh) -> tuple[AnyArray, AnyArray]:
+    """List the corners of the faces at each vertex; see `_collapse`."""
+    marks = np.empty((mesh.n_vertices, 1), dtype=np.int32)
+    corners = np.empty((mesh.faces.size, 2), dtype=np.int32)
+    corners[:, 0] = mesh.sound_faces.ravel()
+    link_corners(marks, corners)
+    return marks, corners
+
+
+@compiled()
+def _sort_into_groups(group: IntArray, start: IntArray, members: AnyArray) -> None:
+    """Sort vertices by their group, by counting."""
+    for v in range(len(group)):
+        if group[v] >= 0:
+            start[group[v] + 1] += 1
+    for a in range(1, len(start)):
+        start[a] += start[a - 1]
+    end = start[:-1].copy()
+    for v in range(len(group)):
+        if group[v] >= 0:
+            members[end[group[v]]] = v
+            end[group[v]] += 1
 
 
 @compiled(error_model="numpy")
 def _inverse_image(
-    rows: IntArray,
+    rows: AnyArray,
     queries: FloatArray,
     corners: IntArray,
     places: FloatArray,
@@ -140,6 +160,8 @@ def _inverse_image(
                     least = squared
                     found[i, 0], found[i, 1], found[i, 2] = a, b, c
                     weights[i, 0], weights[i, 1], weights[i, 2] = 1.0 - s - t, s, t
+            if min(weights[i, 0], weights[i, 1], weights[i, 2]) > INSIDE_A_FACE:
+                break
         sort_corners(found, weights, i)
 
 

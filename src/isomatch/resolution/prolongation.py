@@ -5,19 +5,26 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import csr_array
 
 from isomatch.errors import MeshError
 from isomatch.loading.compiled import compiled
-from isomatch.resolution._collapse import difference
+from isomatch.resolution._collapse import FIRST, Index, other_vertices
 from isomatch.resolution.decimation import Decimated, normalised
-from isomatch.resolution.placed import CHUNK, PlacedMesh, VertexGroups, nearest_in_face, sort_corners
+from isomatch.resolution.placed import (
+    CHUNK,
+    PlacedMesh,
+    VertexGroups,
+    linked_corners,
+    nearest_in_face,
+    sort_corners,
+)
 from isomatch.runtime.threads import parallel_map
 from isomatch.surfaces import Mesh, PrecisePoints, vertex_normals
-from isomatch.values.arrays import AnyArray, FloatArray, IntArray
+from isomatch.values.arrays import AnyArray, Float32Array, FloatArray, IntArray, single
 from isomatch.values.cached import cached_property
 
 LEAST_COSINE = 0.5  # between the normals of a vertex and of a face; what is missing costs, NORMAL_WEIGHT
+ROUNDING = 1e-6  # of positions in single precision
 NORMAL_WEIGHT = 0.2  # times the area of a coarse vertex, beside squared distances
 
 
@@ -73,27 +80,26 @@ class Prolongation:
         """The place of each fine vertex on the coarse mesh, n points; the corner of greatest weight comes first.
 
         This is the nearest point of the coarse faces around its owner and the neighbours of that. A face counts as
-        farther away if its normal differs by more than 60° from that of the vertex. About 25 n faces.
+        farther away if its normal differs by more than 60° from that of the vertex. About 25 n faces, of which those
+        around the owner come first, so that most others can be passed over.
         """
         points, _, _ = normalised(self.fine.vertices)
         normals = vertex_normals(points, self.fine.sound_faces)
         coarse = self._coarse
         start, near = _faces_near(coarse)
+        tables = (
+            coarse.vertices,
+            NORMAL_WEIGHT * coarse.vertex_areas,
+            coarse.faces,
+            *_frames(coarse),
+            start,
+            near,
+        )
         places = PrecisePoints.at_vertices(self.coarse.owner)
-        by_owner = self._groups.members
 
         def chunk(first: int) -> None:
-            _nearest_on_coarse(
-                by_owner[first : first + CHUNK],
-                points,
-                normals,
-                coarse.vertices,
-                NORMAL_WEIGHT * coarse.vertex_areas,
-                coarse.faces,
-                start,
-                near,
-                *places,
-            )
+            last = min(first + CHUNK, len(points))
+            _nearest_on_coarse(first, last, points, normals, *tables, *places)
 
         parallel_map(chunk, range(0, self.fine.n_vertices, CHUNK))
         return places
@@ -101,11 +107,8 @@ class Prolongation:
     @cached_property
     def nearest_members(self) -> IntArray:
         """(n_coarse,) the nearest of the fine vertices merged into each coarse one."""
-        owner = self.coarse.owner
-        apart = ((self.fine.vertices - self.coarse.mesh.vertices[owner]) ** 2).sum(axis=1)
-        nearest = np.zeros(self.coarse.mesh.n_vertices, dtype=np.int64)
-        farthest_first = np.argsort(-apart, kind="stable")
-        nearest[owner[farthest_first]] = farthest_first  # of several, the last one stays
+        nearest = np.full(self.coarse.mesh.n_vertices, -1, dtype=np.int64)
+        _fill_nearest(self.fine.vertices, self.coarse.mesh.vertices, self.coarse.owner, nearest)
         return nearest
 
     def near_fine(self, positions: FloatArray, corners: IntArray) -> PrecisePoints:
@@ -142,8 +145,7 @@ class Prolongation:
     @cached_property
     def _placed(self) -> PlacedMesh:
         """The fine mesh with its vertices at their places on the coarse one."""
-        places: FloatArray = self.on_coarse.interpolation(self._coarse.n_vertices) @ self._coarse.vertices
-        return PlacedMesh(self.fine, places, self._groups)
+        return PlacedMesh(self.fine, self.on_coarse.interpolated(self._coarse.vertices), self._groups)
 
     @cached_property
     def _groups(self) -> VertexGroups:
@@ -151,49 +153,134 @@ class Prolongation:
 
 
 def _faces_near(mesh: Mesh) -> tuple[AnyArray, AnyArray]:
-    """Faces around each vertex a and around its neighbours: ``near[start[a]:start[a + 1]]``."""
-    entries = (
-        np.ones(mesh.faces.size, dtype=bool),
-        (mesh.faces.ravel(), np.repeat(np.arange(mesh.n_faces), 3)),
-    )
-    around = csr_array(entries, shape=(mesh.n_vertices, mesh.n_faces))
-    near = (around @ around.T) @ around
-    near.sort_indices()
-    return near.indptr, near.indices
+    """Faces around each vertex a, then those around its neighbours: ``near[start[a]:start[a + 1]]``."""
+    marks, corners = linked_corners(mesh)
+    start, seen = np.zeros(mesh.n_vertices + 1, dtype=np.int64), np.full(mesh.n_faces, -1, dtype=np.int32)
+    _list_near(marks, corners, seen, start, np.empty(0, dtype=np.int32))
+    near = np.empty(start[-1], dtype=np.int32)
+    seen[:] = -1
+    _list_near(marks, corners, seen, start, near)
+    return start, near
+
+
+@compiled()
+def _list_near(marks: AnyArray, corners: AnyArray, seen: AnyArray, start: IntArray, near: AnyArray) -> None:
+    """List the faces near each vertex, or only count them where there is no room."""
+    count = 0
+    for v in range(len(marks)):
+        corner = marks[v, FIRST]
+        while corner >= 0:
+            count = _listed(corner // 3, v, seen, near, count)
+            corner = corners[corner, 1]
+        corner = marks[v, FIRST]
+        while corner >= 0:
+            for w in other_vertices(corners, corner):
+                around = marks[w, FIRST]
+                while around >= 0:
+                    count = _listed(around // 3, v, seen, near, count)
+                    around = corners[around, 1]
+            corner = corners[corner, 1]
+        start[v + 1] = count
+
+
+@compiled(inline="always")
+def _listed(face: Index, v: Index, seen: AnyArray, near: AnyArray, count: int) -> int:
+    """List a face that was not yet seen from v."""
+    if seen[face] == v:
+        return count
+    seen[face] = v
+    if len(near):
+        near[count] = face
+    return count + 1
+
+
+def _frames(mesh: Mesh) -> tuple[Float32Array, FloatArray]:
+    """Centres and radii (m, 4) of balls that hold the faces, and a frame of each face, (m, 15).
+
+    That is the centre, the normal, the gradients of the weights of corners b and c, and for each of the three weights the
+    squared distance over which it changes by 1; nan without area.
+    """
+    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
+    centre = (a + b + c) / 3
+    radius = np.sqrt(np.max([((x - centre) ** 2).sum(axis=1) for x in (a, b, c)], axis=0)) + ROUNDING
+    cross = mesh.face_cross
+    squared = (cross**2).sum(axis=1)
+    squared[squared == 0] = np.nan
+    of_b, of_c = np.cross(c - a, cross) / squared[:, None], np.cross(cross, b - a) / squared[:, None]
+    heights = [1 / (g**2).sum(axis=1) for g in (of_b + of_c, of_b, of_c)]
+    frames = np.column_stack([centre, cross / np.sqrt(squared)[:, None], of_b, of_c, *heights])
+    return single(np.column_stack([centre, radius])), frames
 
 
 @compiled(error_model="numpy")
 def _nearest_on_coarse(
-    rows: AnyArray,
+    first: int,
+    last: int,
     points: FloatArray,
     normals: FloatArray,
     x: FloatArray,
     tolerance: FloatArray,
     faces: IntArray,
+    balls: Float32Array,
+    frames: FloatArray,
     start: AnyArray,
     near: AnyArray,
     corners: IntArray,
     barycentric: FloatArray,
 ) -> None:
     """Replace the owners in ``corners`` by the nearest points of the faces near them, the nearest corner first."""
-    for i in rows:
+    for i in range(first, last):
         owner = corners[i, 0]
-        best = np.inf
+        best = reach = np.inf
         for at in range(start[owner], start[owner + 1]):
-            a, b, c = faces[near[at], 0], faces[near[at], 1], faces[near[at], 2]
-            px, py, pz = points[i, 0] - x[a, 0], points[i, 1] - x[a, 1], points[i, 2] - x[a, 2]
-            s, t, gain = nearest_in_face(x, a, b, c, px, py, pz)
-            cost = px * px + py * py + pz * pz + gain
+            f = near[at]
+            px, py, pz = points[i, 0] - balls[f, 0], points[i, 1] - balls[f, 1], points[i, 2] - balls[f, 2]
+            if px * px + py * py + pz * pz >= (reach + balls[f, 3]) ** 2:
+                continue
+            px, py, pz = points[i, 0] - frames[f, 0], points[i, 1] - frames[f, 1], points[i, 2] - frames[f, 2]
+            height = px * frames[f, 3] + py * frames[f, 4] + pz * frames[f, 5]
+            s = px * frames[f, 6] + py * frames[f, 7] + pz * frames[f, 8] + 1 / 3
+            t = px * frames[f, 9] + py * frames[f, 10] + pz * frames[f, 11] + 1 / 3
+            r = 1.0 - s - t
+            cost = height * height
+            a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+            if not (r >= 0.0 and s >= 0.0 and t >= 0.0):  # beyond an edge, at least as far as from its line
+                outside = 0.0
+                if r < 0.0:
+                    outside = r * r * frames[f, 12]
+                if s < 0.0:
+                    outside = max(outside, s * s * frames[f, 13])
+                if t < 0.0:
+                    outside = max(outside, t * t * frames[f, 14])
+                if cost + outside >= best:
+                    continue
+                px, py, pz = points[i, 0] - x[a, 0], points[i, 1] - x[a, 1], points[i, 2] - x[a, 2]
+                s, t, gain = nearest_in_face(x, a, b, c, px, py, pz)
+                r = 1.0 - s - t
+                cost = px * px + py * py + pz * pz + gain
             if cost >= best:
                 continue
-            ux, uy, uz = difference(x, b, a)
-            vx, vy, vz = difference(x, c, a)
-            nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-            facing = nx * normals[i, 0] + ny * normals[i, 1] + nz * normals[i, 2]
-            facing /= max(np.sqrt(nx * nx + ny * ny + nz * nz), 1e-300)
+            facing = (
+                frames[f, 3] * normals[i, 0] + frames[f, 4] * normals[i, 1] + frames[f, 5] * normals[i, 2]
+            )
             cost += tolerance[owner] * max(0.0, LEAST_COSINE - facing)
             if cost < best:
-                best = cost
+                best, reach = cost, np.sqrt(max(cost, 0.0))
                 corners[i, 0], corners[i, 1], corners[i, 2] = a, b, c
-                barycentric[i, 0], barycentric[i, 1], barycentric[i, 2] = 1.0 - s - t, s, t
+                barycentric[i, 0], barycentric[i, 1], barycentric[i, 2] = r, s, t
         sort_corners(corners, barycentric, i)
+
+
+@compiled()
+def _fill_nearest(fine: FloatArray, coarse: FloatArray, owner: IntArray, nearest: IntArray) -> None:
+    """Find, for each coarse vertex, the nearest of the fine ones that it owns."""
+    least = np.full(len(coarse), np.inf)
+    for v in range(len(fine)):
+        w = owner[v]
+        squared = (
+            (fine[v, 0] - coarse[w, 0]) ** 2
+            + (fine[v, 1] - coarse[w, 1]) ** 2
+            + (fine[v, 2] - coarse[w, 2]) ** 2
+        )
+        if squared <= least[w]:
+            nearest[w], least[w] = v, squared

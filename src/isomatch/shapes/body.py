@@ -9,8 +9,9 @@ import numpy as np
 from isomatch.errors import MeshError
 from isomatch.geodesics import distance_engine, ordinary_unit
 from isomatch.mending import check, repair, seems_inside_out, separate_sheets
+from isomatch.resolution import normalised
 from isomatch.settings import PreparationSettings
-from isomatch.surfaces import Graph, Mesh, PointCloud, Surface
+from isomatch.surfaces import Graph, Mesh, PointCloud, Surface, in_spatial_order
 from isomatch.values.arrays import BoolArray, IntArray
 
 FEWEST_VERTICES = 50  # fewer leave no room for 8 columns and 20 functions
@@ -26,6 +27,7 @@ GRAPH_AVERAGE_DISTANCE = 0.75
 # share of the area from which a further component is matched by itself; an eye has a thousandth of a body
 LEAST_COMPONENT = 0.001
 
+LARGE = 2**16  # vertices, beyond which the arrays of a mesh do not fit into the cache of a processor
 SIGNS_OF_SHEETS = ("non_manifold_edges", "non_manifold_vertices", "duplicate_faces", "coincident_vertices")
 
 
@@ -125,23 +127,45 @@ def _repaired(shape: Surface, sheet_distance: float) -> tuple[Surface, float, In
     if isinstance(shape, Graph):
         everything = np.arange(shape.n_vertices)
         return shape, 1.0, everything, everything, []
-    report = check(shape, wall=0.0)
+    mesh, order = _in_memory_order(shape)
+    report = check(mesh, wall=0.0)
     if report.fatal:
         raise MeshError("; ".join(report.fatal))
-    repaired = repair(shape, report=report)
+    repaired = repair(mesh, report=report)
     new_index, old_index, notes = repaired.new_index, repaired.vertex_index, list(repaired.changes)
     if any(len(getattr(report, defect)) for defect in SIGNS_OF_SHEETS):
-        glued = repair(shape, remove_duplicates=False, orient=False)
+        glued = repair(mesh, remove_duplicates=False, orient=False)
         apart = separate_sheets(glued.mesh, sheet_distance)
         if apart.seams:
             repaired = repair(apart.mesh, weld=False)
             new_index = np.append(repaired.new_index, -1)[glued.new_index]
             old_index = glued.vertex_index[apart.vertex_index[repaired.vertex_index]]
-            notes = [*glued.changes, *repaired.changes, _seams_described(apart.seams, glued.vertex_index)]
+            of_shape = glued.vertex_index if order is None else order[glued.vertex_index]
+            notes = [*glued.changes, *repaired.changes, _seams_described(apart.seams, of_shape)]
+    if order is not None:
+        new_index, old_index = _renumbered(new_index, order), order[old_index]
     if seems_inside_out(repaired.mesh):
         notes.append(INSIDE_OUT)
     unit = float(np.abs(repaired.mesh.vertices).max())
     return repaired.mesh.moved(repaired.mesh.vertices / unit), unit, new_index, old_index, notes
+
+
+def _in_memory_order(mesh: Mesh) -> tuple[Mesh, IntArray | None]:
+    """Put a large mesh in spatial order; returns it and the old number of each vertex, None if it stays as it is."""
+    if mesh.n_vertices <= LARGE or not mesh.n_faces:
+        return mesh, None
+    within = mesh.faces.min() >= 0 and mesh.faces.max() < mesh.n_vertices
+    if not within or not np.isfinite(mesh.vertices).all():
+        return mesh, None
+    _, faces, order = in_spatial_order(normalised(mesh.vertices)[0], mesh.faces)
+    return Mesh(mesh.vertices[order], faces), order.astype(np.int64)
+
+
+def _renumbered(values: IntArray, order: IntArray) -> IntArray:
+    """Give each value to the old number of its row."""
+    renumbered = np.empty_like(values)
+    renumbered[order] = values
+    return renumbered
 
 
 def _seams_described(seams: tuple[IntArray, ...], vertex_index: IntArray) -> str:
@@ -184,5 +208,9 @@ def _normalised(whole: Surface, kept: BoolArray, graph_average_distance: float) 
     length = float(np.sqrt(part_of.area))
     points = (part_of.vertices - np.average(part_of.vertices, axis=0, weights=part_of.vertex_areas)) / length
     if isinstance(part_of, Mesh):
+        if (
+            part_of.n_vertices > LARGE
+        ):  # its edges take twice the memory of its faces, and are hardly needed again
+            return Mesh(points, part_of.faces), length
         return part_of.moved(points), length
     return PointCloud(points, part_of.n_neighbours), length

@@ -6,8 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from isomatch.resolution import Decimated, Prolongation, decimate
-from isomatch.runtime.threads import parallel_map
+from isomatch.resolution import Decimated, Prolongation, decimations
 from isomatch.settings import Config
 from isomatch.shapes.body import Body
 from isomatch.surfaces import Mesh, Surface
@@ -90,7 +89,8 @@ def coarse_levels(found: Body, body: Mesh, sizes: list[int]) -> list[Level]:
     """Coarser levels of a mesh, of about so many vertices each, finer first; each is made from the body in full."""
     levels: list[Level] = []
     finer: Prolongation | None = None
-    for transfer in parallel_map(lambda size: Prolongation(body, decimate(body, size)), sizes):
+    for coarse in decimations(body, sizes):
+        transfer = Prolongation(body, coarse)
         refining = transfer
         if finer:
             owner = transfer.coarse.owner[finer.nearest_members]

@@ -17,14 +17,17 @@ from isomatch.correspondence import (
 )
 from isomatch.errors import DescriptorError, MeshError
 from isomatch.geodesics import distance_along_edges_to_nearest
+from isomatch.loading.compiled import compiled
 from isomatch.resolution import Prolongation
-from isomatch.runtime.threads import row_product
+from isomatch.runtime.threads import parallel_map, row_product
 from isomatch.settings import Config
 from isomatch.shapes.levels import Detail, identity_transfer
 from isomatch.shapes.signatures import point_signatures
 from isomatch.surfaces import Mesh, Surface, vertex_normals
 from isomatch.values.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray, single
 from isomatch.values.cached import cached_method, cached_property
+
+TINY = np.finfo(float).tiny
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -172,14 +175,8 @@ class SmoothShape:
         corners = _lifted(there, source_body.body_vertex, UNMATCHED)
         weights = _lifted(points.barycentric, source_body.body_vertex)
         weights[corners[:, 0] == UNMATCHED] = [1.0, 0.0, 0.0]
-        return Correspondence(
-            corners[:, 0],
-            target.surface.n_vertices,
-            corners,
-            weights,
-            self.surface.content_hash,
-            target.surface.content_hash,
-        )
+        hashes = parallel_map(lambda shape: shape.surface.content_hash, (self, target))
+        return Correspondence(corners[:, 0], target.surface.n_vertices, corners, weights, *hashes)
 
     def _in_full(
         self, target: SmoothShape, points: PrecisePoints, matched: BoolArray
@@ -200,28 +197,49 @@ class SmoothShape:
         positions = points.interpolated(target.transfer.coarse.mesh.vertices)
         if self.detail:
             here = self.detail.transfer.coarse.mesh.vertices
-            apart, stretched = (_from_first_corner(x, places.corners) for x in (here, positions))
-            usual = np.median(stretched[:, 1:] / np.maximum(apart[:, 1:], np.finfo(float).tiny))
-            apart_too_far = stretched > np.sqrt(self.config.outcome.torn) * usual * apart
-            left_out = apart_too_far | ~matched[places.corners]
-            left_out[:, 0] = False
-            weights = np.where(left_out, 0.0, places.barycentric)
-            places = PrecisePoints(places.corners, weights / weights.sum(axis=1, keepdims=True))
+            stretches, weights = np.empty((len(owner), 2)), places.barycentric.copy()
+            _fill_stretches(here, positions, places.corners, stretches)
+            limit = np.sqrt(self.config.outcome.torn) * np.median(stretches)
+            _leave_out(stretches, limit, matched, places.corners, weights)
+            places = PrecisePoints(places.corners, weights)
         return target.transfer.near_fine(places.interpolated(positions), points.corners[owner]), matched[
             owner
         ]
 
 
-def _from_first_corner(points: FloatArray, corners: IntArray) -> FloatArray:
-    """Distances (m, 3) of corners from the first of them."""
-    lengths: FloatArray = np.linalg.norm(points[corners] - points[corners[:, :1]], axis=2)
-    return lengths
+@compiled(error_model="numpy")
+def _fill_stretches(before: FloatArray, after: FloatArray, corners: IntArray, stretches: FloatArray) -> None:
+    """By how much the distances (m, 2) of corners (m, 3) from the first of them grow."""
+    for i in range(len(corners)):
+        a = corners[i, 0]
+        for k in range(2):
+            b = corners[i, k + 1]
+            apart = (before[b, 0] - before[a, 0]) ** 2
+            apart += (before[b, 1] - before[a, 1]) ** 2 + (before[b, 2] - before[a, 2]) ** 2
+            moved = (after[b, 0] - after[a, 0]) ** 2
+            moved += (after[b, 1] - after[a, 1]) ** 2 + (after[b, 2] - after[a, 2]) ** 2
+            stretches[i, k] = np.sqrt(moved) / max(np.sqrt(apart), TINY)
+
+
+@compiled(error_model="numpy")
+def _leave_out(
+    stretches: FloatArray, limit: float, matched: BoolArray, corners: IntArray, weights: FloatArray
+) -> None:
+    """Set the weights of corners to 0 that are too far from the first one, or unmatched; the sum stays 1."""
+    for i in range(len(corners)):
+        total = weights[i, 0]
+        for k in range(1, 3):
+            if stretches[i, k - 1] > limit or not matched[corners[i, k]]:
+                weights[i, k] = 0.0
+            total += weights[i, k]
+        for k in range(3):
+            weights[i, k] /= total
 
 
 def _lifted(values: AnyArray, body_vertex: IntArray, missing: float = np.nan) -> AnyArray:
     kind = np.result_type(values, np.float64) if missing != missing else values.dtype
-    padded = np.concatenate([values, np.full((1, *values.shape[1:]), missing)]).astype(kind)
-    lifted: AnyArray = padded[body_vertex]  # −1, for vertices left out, picks the last row
+    lifted: AnyArray = values[body_vertex].astype(kind, copy=False)
+    lifted[body_vertex < 0] = missing
     return lifted
 
 

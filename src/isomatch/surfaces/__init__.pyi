@@ -12,6 +12,7 @@ from isomatch.surfaces._edges import (
 )
 from isomatch.surfaces._faces import unsound_faces
 from isomatch.surfaces._normals import vertex_normals
+from isomatch.surfaces._spatial_order import in_spatial_order
 from isomatch.surfaces.graph import Graph
 from isomatch.surfaces.mesh import Mesh
 from isomatch.surfaces.picture import picture
@@ -34,6 +35,7 @@ __all__ = [
     "edge_table",
     "fans",
     "first_equal",
+    "in_spatial_order",
     "joined",
     "linked",
     "meetings",

@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 
 from isomatch.loading.compiled import compiled
-from isomatch.values.arrays import AnyArray, BoolArray, FloatArray, IntArray
+from isomatch.values.arrays import AnyArray, BoolArray, FloatArray, IntArray, read_only
+
+MANY = 32  # sides of a vertex, from which insertion is the slower sort
 
 
 @dataclass(frozen=True)
@@ -23,11 +24,17 @@ class EdgeTable:
         Number of faces that meet at each edge.
     sides : (3 m,) array of int
         The sides of all edges, edge after edge; those of an edge in ascending order.
+    opposite : (3 m,) array of int
+        The other side at the edge of each side, −1 where not exactly two faces meet.
+    clash : (e,) array of bool
+        Which edges have exactly two sides, of the same direction, so that their faces are wound inconsistently.
     """
 
     ends: IntArray
-    n_faces: IntArray
+    n_faces: AnyArray
     sides: AnyArray
+    opposite: AnyArray
+    clash: BoolArray
 
 
 @dataclass(frozen=True)
@@ -53,24 +60,58 @@ class Meetings:
 
 
 def edge_table(faces: IntArray, n_vertices: int) -> EdgeTable:
-    """Group the sides of faces with valid indices into edges, in O(n + m) time."""
-    start, end = faces.ravel(), faces[:, [1, 2, 0]].ravel()
-    low, high = np.minimum(start, end), np.maximum(start, end)
-    order = _stable_order(high, n_vertices)
-    order = order[_stable_order(low[order], n_vertices)]
-    low, high = low[order], high[order]
-    is_new = np.ones(len(order), dtype=bool)
-    is_new[1:] = (low[1:] != low[:-1]) | (high[1:] != high[:-1])
-    first = np.flatnonzero(is_new)
-    return EdgeTable(np.column_stack([low[first], high[first]]), np.diff(first, append=len(order)), order)
+    """Group the sides of faces with valid indices into edges, in O(n + m) time, but O(k log k) for k at one vertex."""
+    return EdgeTable(*_grouped(read_only(faces), n_vertices))
 
 
-def _stable_order(keys: IntArray, n_keys: int) -> AnyArray:
-    """Order keys 0…n_keys - 1, stably: a counting sort, which is what the transposition of a sparse matrix does."""
-    ones, start = np.ones(len(keys), dtype=np.int8), np.arange(len(keys) + 1)
-    one_a_row = scipy.sparse.csr_array((ones, keys, start), shape=(len(keys), n_keys))
-    order: AnyArray = one_a_row.tocsc().indices
-    return order
+@compiled()
+def _grouped(faces: IntArray, n_vertices: int) -> tuple[IntArray, AnyArray, AnyArray, AnyArray, BoolArray]:
+    """Sort sides by their smaller vertex by counting, and those of each vertex by the other one and their number."""
+    start = np.zeros(n_vertices + 1, np.int64)
+    for f in range(len(faces)):
+        for i in range(3):
+            start[min(faces[f, i], faces[f, (i + 1) % 3]) + 1] += 1
+    for v in range(n_vertices):
+        start[v + 1] += start[v]
+    keys, end = np.empty(faces.size, np.int64), start[:-1].copy()
+    for f in range(len(faces)):
+        for i in range(3):
+            a, b = faces[f, i], faces[f, (i + 1) % 3]
+            keys[end[min(a, b)]] = max(a, b) << 32 | 3 * f + i
+            end[min(a, b)] += 1
+    count = 0
+    for v in range(n_vertices):
+        first, last = start[v], start[v + 1]
+        if last - first > MANY:
+            keys[first:last] = np.sort(keys[first:last])
+        else:
+            for here in range(first + 1, last):
+                key, at = keys[here], here
+                while at > first and keys[at - 1] > key:
+                    keys[at] = keys[at - 1]
+                    at -= 1
+                keys[at] = key
+        for at in range(first, last):
+            count += int(at == first or keys[at] >> 32 != keys[at - 1] >> 32)
+    ends, n_faces = np.empty((count, 2), np.int64), np.zeros(count, np.int32)
+    sides, opposite = np.empty(faces.size, np.int32), np.empty(faces.size, np.int32)
+    clash, count = np.zeros(count, np.bool_), -1
+    for v in range(n_vertices):
+        for at in range(start[v], start[v + 1]):
+            if at == start[v] or keys[at] >> 32 != keys[at - 1] >> 32:
+                count += 1
+                ends[count, 0], ends[count, 1] = v, keys[at] >> 32
+            n_faces[count] += 1
+            side = sides[at] = keys[at] & 2**32 - 1
+            opposite[side] = -1
+            if n_faces[count] == 2:
+                other = sides[at - 1]
+                opposite[side], opposite[other] = other, side
+                clash[count] = faces[side // 3, side % 3] == faces[other // 3, other % 3]
+            elif n_faces[count] == 3:
+                opposite[sides[at - 1]] = opposite[sides[at - 2]] = -1
+                clash[count] = False
+    return ends, n_faces, sides, opposite, clash
 
 
 def lengths(points: FloatArray, ends: IntArray) -> FloatArray:
@@ -137,15 +178,52 @@ def _number(parent: IntArray) -> int:
     return count
 
 
-def fans(faces: IntArray, met: Meetings, n_vertices: int) -> IntArray:
+def fans(faces: IntArray, edges: EdgeTable, n_vertices: int) -> IntArray:
     """Count the fans of faces around each vertex, (n,): 1 on a manifold, 0 for a vertex without faces.
 
     Two corners at a vertex are in the same fan if their faces share an edge of that vertex.
     """
-    count, labels = linked(faces.size, *corner_links(met.sides[:, 0], met.sides[:, 1], met.same_direction))
-    vertex_of_fan = np.zeros(count, dtype=np.int64)
+    count = np.zeros(n_vertices, dtype=np.int64)
+    if (edges.n_faces <= 2).all():
+        _count_fans(read_only(faces), edges.opposite, count)
+        return count
+    met = meetings(edges, faces)
+    n_fans, labels = linked(faces.size, *corner_links(met.sides[:, 0], met.sides[:, 1], met.same_direction))
+    vertex_of_fan = np.zeros(n_fans, dtype=np.int64)
     vertex_of_fan[labels] = faces.ravel()
     return np.bincount(vertex_of_fan, minlength=n_vertices)
+
+
+@compiled()
+def _count_fans(faces: IntArray, opposite: AnyArray, count: IntArray) -> None:
+    """Walk around each vertex, both ways from a corner, from face to face across the sides that end there."""
+    seen = np.zeros(faces.size, np.bool_)
+    for corner in range(faces.size):
+        if seen[corner]:
+            continue
+        seen[corner] = True
+        count[faces[corner // 3, corner % 3]] += 1
+        for way in range(2):
+            at_start = way == 0  # of the side to be crossed
+            side = corner if at_start else _before(corner)
+            while opposite[side] >= 0:
+                there = opposite[side]
+                at_start ^= faces[there // 3, there % 3] != faces[side // 3, side % 3]
+                here = there if at_start else _after(there)
+                if seen[here]:
+                    break
+                seen[here] = True
+                side, at_start = _before(here) if at_start else here, not at_start
+
+
+@compiled(inline="always")
+def _after(corner: int) -> int:
+    return corner - 2 if corner % 3 == 2 else corner + 1
+
+
+@compiled(inline="always")
+def _before(corner: int) -> int:
+    return corner + 2 if corner % 3 == 0 else corner - 1
 
 
 def corner_links(

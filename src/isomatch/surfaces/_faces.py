@@ -7,8 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from isomatch.errors import MeshError, some
-from isomatch.surfaces._coincident import first_equal
-from isomatch.values.arrays import BoolArray, FloatArray, IntArray
+from isomatch.loading.compiled import compiled
+from isomatch.values.arrays import AnyArray, BoolArray, FloatArray, IntArray, read_only
+
+OUT_OF_RANGE, NON_FINITE, REPEATED, DUPLICATE = range(1, 5)
+MANY = 16  # faces, from which they are sorted to be compared
 
 
 @dataclass(frozen=True)
@@ -31,27 +34,70 @@ def unsound_faces(vertices: FloatArray, faces: IntArray) -> UnsoundFaces:
 
     A duplicate has the same three vertices as an earlier face, in any order. The earlier face is not a duplicate.
     """
-    out_of_range: BoolArray = np.any((faces < 0) | (faces >= len(vertices)), axis=1)
-    good: BoolArray = np.logical_not(out_of_range)
-    non_finite, repeated, duplicate = (np.zeros(len(faces), dtype=bool) for _ in range(3))
+    kind = np.zeros(len(faces), dtype=np.int8)
+    _classify(read_only(vertices), read_only(faces), kind)
+    return UnsoundFaces(*(kind == k for k in (OUT_OF_RANGE, NON_FINITE, REPEATED, DUPLICATE)))
 
-    finite: BoolArray = np.all(np.isfinite(vertices), axis=1)
-    non_finite[good] = ~finite[faces[good]].all(axis=1)
-    good &= ~non_finite
 
-    a, b, c = faces[good].T
-    repeated[good] = (a == b) | (b == c) | (c == a)
-    good &= ~repeated
+@compiled()
+def _classify(vertices: FloatArray, faces: IntArray, kind: AnyArray) -> None:
+    """Tell what is wrong with each face, 0 for nothing; sound ones with the same smallest vertex are compared."""
+    n = len(vertices)
+    start = np.zeros(n + 1, np.int64)
+    for f in range(len(faces)):
+        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        if min(a, b, c) < 0 or max(a, b, c) >= n:
+            kind[f] = OUT_OF_RANGE
+            continue
+        total = 0.0
+        for i in range(3):
+            for x in range(3):
+                total += 0.0 * vertices[faces[f, i], x]
+        if total != 0.0:
+            kind[f] = NON_FINITE
+        elif a == b or b == c or c == a:
+            kind[f] = REPEATED
+        else:
+            start[min(a, b, c) + 1] += 1
+    for v in range(n):
+        start[v + 1] += start[v]
+    number, end = np.empty(start[n], np.int32), start[:-1].copy()
+    for f in range(len(faces)):
+        if kind[f] == 0:
+            low = min(faces[f, 0], faces[f, 1], faces[f, 2])
+            number[end[low]] = f
+            end[low] += 1
+    for v in range(n):
+        first, last = start[v], start[v + 1]
+        if last - first < 2:
+            continue
+        if last - first <= MANY:
+            for at in range(first + 1, last):
+                for before in range(first, at):
+                    if _sorted(faces, number[at]) == _sorted(faces, number[before]):
+                        kind[number[at]] = DUPLICATE
+                        break
+            continue
+        keys = np.empty(last - first, np.int64)
+        for at in range(first, last):
+            _, mid, high = _sorted(faces, number[at])
+            keys[at - first] = mid * n + high
+        order = np.argsort(keys, kind="mergesort")
+        for k in range(1, len(order)):
+            if keys[order[k]] == keys[order[k - 1]]:
+                kind[number[first + order[k]]] = DUPLICATE
 
-    first = first_equal(np.sort(faces[good], axis=1))
-    duplicate[good] = first != np.arange(len(first))
-    return UnsoundFaces(out_of_range, non_finite, repeated, duplicate)
+
+@compiled()
+def _sorted(faces: IntArray, f: int) -> tuple[int, int, int]:
+    a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+    return min(a, b, c), a + b + c - min(a, b, c) - max(a, b, c), max(a, b, c)
 
 
 def require_vertices(faces: IntArray, n_vertices: int) -> None:
     """Raise `MeshError` if a vertex index is out of range."""
-    bad = np.flatnonzero(((faces < 0) | (faces >= n_vertices)).any(axis=1))
-    if len(bad):
+    if faces.size and not (faces.min() >= 0 and faces.max() < n_vertices):
+        bad = np.flatnonzero(((faces < 0) | (faces >= n_vertices)).any(axis=1))
         raise MeshError(
             f"faces {some(bad)} refer to vertices outside 0…{n_vertices - 1}, so the surface is "
             "undefined there; remove these faces with repair(mesh), or export the file again"

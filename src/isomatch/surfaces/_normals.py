@@ -1,4 +1,4 @@
-"""Normals of faces and vertices."""
+"""Normals and areas of faces and vertices."""
 
 from __future__ import annotations
 
@@ -19,9 +19,22 @@ def vertex_normals(vertices: FloatArray, faces: IntArray) -> FloatArray:
     """
     require_vertices(faces, len(vertices))
     normals = np.zeros((len(vertices), 3))
-    cross = cross_products(np.ascontiguousarray(vertices, dtype=np.float64), faces)
-    _add_normals(read_only(faces), cross, normals)
+    _add_normals(read_only(np.ascontiguousarray(vertices, dtype=np.float64)), read_only(faces), normals)
     return normals
+
+
+def areas_of(points: FloatArray, faces: IntArray) -> FloatArray:
+    """Areas (m,) of faces."""
+    areas = np.zeros(len(faces))
+    _fill_areas(read_only(points), read_only(faces), areas)
+    return areas
+
+
+def thirds_of(face_areas: FloatArray, faces: IntArray, n_vertices: int) -> FloatArray:
+    """Areas (n,) of vertices: a third of each of their faces."""
+    areas = np.zeros(n_vertices)
+    _add_thirds(face_areas, read_only(faces), areas)
+    return areas
 
 
 def cross_products(points: FloatArray, faces: IntArray) -> FloatArray:
@@ -34,21 +47,41 @@ def cross_products(points: FloatArray, faces: IntArray) -> FloatArray:
 @compiled()
 def _fill_cross(points: FloatArray, faces: IntArray, cross: FloatArray) -> None:
     for f in range(len(faces)):
-        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
-        ux, uy, uz = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2]
-        vx, vy, vz = points[c, 0] - points[a, 0], points[c, 1] - points[a, 1], points[c, 2] - points[a, 2]
-        cross[f, 0] = uy * vz - uz * vy
-        cross[f, 1] = uz * vx - ux * vz
-        cross[f, 2] = ux * vy - uy * vx
+        cross[f, 0], cross[f, 1], cross[f, 2] = _cross(points, faces, f)
 
 
 @compiled()
-def _add_normals(faces: IntArray, cross: FloatArray, normals: FloatArray) -> None:
+def _fill_areas(points: FloatArray, faces: IntArray, areas: FloatArray) -> None:
+    for f in range(len(faces)):
+        x, y, z = _cross(points, faces, f)
+        areas[f] = 0.5 * np.sqrt(x * x + y * y + z * z)
+
+
+@compiled()
+def _add_thirds(face_areas: FloatArray, faces: IntArray, areas: FloatArray) -> None:
     for f in range(len(faces)):
         for corner in range(3):
-            for x in range(3):
-                normals[faces[f, corner], x] += cross[f, x]
+            areas[faces[f, corner]] += face_areas[f] / 3
+
+
+@compiled()
+def _add_normals(points: FloatArray, faces: IntArray, normals: FloatArray) -> None:
+    for f in range(len(faces)):
+        x, y, z = _cross(points, faces, f)
+        for corner in range(3):
+            v = faces[f, corner]
+            normals[v, 0] += x
+            normals[v, 1] += y
+            normals[v, 2] += z
     for v in range(len(normals)):
         length = np.sqrt(normals[v, 0] ** 2 + normals[v, 1] ** 2 + normals[v, 2] ** 2)
-        for x in range(3):
-            normals[v, x] = normals[v, x] / length if length > 0 else 0.0
+        for i in range(3):
+            normals[v, i] = normals[v, i] / length if length > 0 else 0.0
+
+
+@compiled(inline="always")
+def _cross(points: FloatArray, faces: IntArray, f: int) -> tuple[float, float, float]:
+    a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+    ux, uy, uz = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2]
+    vx, vy, vz = points[c, 0] - points[a, 0], points[c, 1] - points[a, 1], points[c, 2] - points[a, 2]
+    return uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx

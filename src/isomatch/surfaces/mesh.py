@@ -11,7 +11,7 @@ from isomatch.errors import MeshError
 from isomatch.surfaces._content_hash import hash_of
 from isomatch.surfaces._edges import EdgeTable, edge_table, lengths, linked
 from isomatch.surfaces._faces import require_vertices
-from isomatch.surfaces._normals import cross_products, vertex_normals
+from isomatch.surfaces._normals import areas_of, cross_products, thirds_of, vertex_normals
 from isomatch.surfaces.picture import picture
 from isomatch.values.arrays import FloatArray, IntArray, array_of, numbers_of
 from isomatch.values.cached import cached_property
@@ -86,16 +86,12 @@ class Mesh:
     @cached_property
     def face_areas(self) -> FloatArray:
         """(m,) area of each face, in squared mesh units."""
-        with np.errstate(over="ignore"):
-            areas: FloatArray = 0.5 * np.linalg.norm(self.face_cross, axis=1)
-        return areas
+        return areas_of(self.vertices, self.sound_faces)
 
     @cached_property
     def vertex_areas(self) -> FloatArray:
         """(n,) barycentric area of each vertex, a third of the area of its faces; 0 if no face uses it."""
-        thirds = np.repeat(self.face_areas / 3, 3)
-        areas: FloatArray = np.bincount(self.sound_faces.ravel(), thirds, self.n_vertices).astype(np.float64)
-        return areas
+        return thirds_of(self.face_areas, self.sound_faces, self.n_vertices)
 
     @cached_property
     def area(self) -> float:

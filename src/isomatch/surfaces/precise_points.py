@@ -73,8 +73,8 @@ def nearest_in_triangle(uu: float, uv: float, vv: float, up: float, vp: float) -
 
     Notes
     -----
-    The minimum is inside, or else on one of the edges: all four are tried. The inside of a triangle without area is left
-    out.
+    The minimum is a if p lies behind both edges from there; or inside; or else on one of the edges, which are tried. The
+    inside of a triangle without area is left out.
 
     Examples
     --------
@@ -85,9 +85,16 @@ def nearest_in_triangle(uu: float, uv: float, vv: float, up: float, vp: float) -
     >>> nearest_in_triangle(1.0, 0.0, 1.0, 2.0, 2.0)
     (0.5, 0.5, -3.5)
     """
+    if up <= 0.0 and vp <= 0.0:
+        return 0.0, 0.0, 0.0
+    determinant = uu * vv - uv * uv
+    if determinant > 1e-12 * uu * vv:
+        s, t = (up * vv - vp * uv) / determinant, (vp * uu - up * uv) / determinant
+        if s >= 0.0 and t >= 0.0 and s + t <= 1.0:
+            return s, t, -(s * up + t * vp)
     best_s = best_t = best = 0.0
-    # the edges (a, b), (a, c), (b, c), then the inside
-    for case in range(4):
+    # the edges (a, b), (a, c), (b, c)
+    for case in range(3):
         s = t = 0.0
         if case == 0 and uu > 0.0:
             s = min(max(up / uu, 0.0), 1.0)
@@ -98,13 +105,6 @@ def nearest_in_triangle(uu: float, uv: float, vv: float, up: float, vp: float) -
             if across > 0.0:
                 t = min(max((uu - uv + vp - up) / across, 0.0), 1.0)
                 s = 1.0 - t
-        elif case == 3:
-            determinant = uu * vv - uv * uv
-            if determinant <= 1e-12 * uu * vv:
-                continue
-            s, t = (up * vv - vp * uv) / determinant, (vp * uu - up * uv) / determinant
-            if s < 0.0 or t < 0.0 or s + t > 1.0:
-                continue
         gain = s * s * uu + 2.0 * s * t * uv + t * t * vv - 2.0 * (s * up + t * vp)
         if gain < best:
             best_s, best_t, best = s, t, gain
