@@ -189,10 +189,10 @@ def test_a_fit_from_the_identity_stays_there(species):
     fit = ElasticFit(samples, samples, signatures, NONE)
     pairs = np.column_stack([samples.vertices, samples.vertices])
     step = Step(100, 0.0, 2, False)
-    drawn, images = fit.run(fit.from_pairs(pairs, step), (step,))
+    _, images = fit.run(fit.from_pairs(pairs, step), (step,))
     assert (images.forth == samples.vertices).mean() > 0.95
     assert (images.back == samples.vertices).mean() > 0.95
-    assert fit.orientation(drawn, images) > 0.9
+    assert images.orientation > 0.9
 
 
 def test_starts_respect_landmarks(species):

@@ -26,7 +26,7 @@ from isomatch.matching.quality import contradicted_landmarks, mean_known, measur
 from isomatch.matching.regions import doubt_in, lifted, regions_of_doubt
 from isomatch.matching.relations.bending import Bent
 from isomatch.matching.relations.elastic_bending import ElasticBending
-from isomatch.matching.relations.elastic_fit import Coefficients, ElasticFit, Step, coarse_steps
+from isomatch.matching.relations.elastic_fit import Coefficients, ElasticFit, Images, Step, coarse_steps
 from isomatch.matching.relations.elastic_shape import N_COARSE, ElasticShape
 from isomatch.matching.relations.elastic_starts import anchor_starts
 from isomatch.matching.relations.isometry import Measured
@@ -102,6 +102,8 @@ class StretchedFit(Fit):
     ----------
     coefficients : Coefficients
         Of the smooth maps both ways.
+    images : Images, optional
+        Of the samples of the coarse fit, both ways.
     bent : two Bent
         The source on the target, and the target on the source; none before they are bent.
     is_ordinary : bool
@@ -111,6 +113,7 @@ class StretchedFit(Fit):
     """
 
     coefficients: Coefficients
+    images: Images | None = None
     bent: tuple[Bent, ...] = ()
     is_ordinary: bool = False
     is_given: bool = False
@@ -275,17 +278,22 @@ class Elastic(Relation):
 
     def _stepped(self, fit: StretchedFit, step: Step) -> StretchedFit | None:
         """Take a coarse step; None if the map reverses the orientation before, or is twisted afterwards."""
-        coarse, coefficients = self._coarse, fit.coefficients
-        images = coarse.images(coefficients)
-        if coarse.orientation(coefficients, images) < 0:
+        coarse = self._coarse
+        images = fit.images or coarse.images(fit.coefficients)
+        if images.orientation < 0:
             return None
-        coefficients, images = coarse.run(coefficients, (step,), images)
-        if coarse.orientation(coefficients, images) < LEAST_ORIENTATION:
+        coefficients, images = coarse.run(fit.coefficients, (step,), images)
+        if images.orientation < LEAST_ORIENTATION:
             return None
         penalty = (ASYMMETRY_UNIT + coarse.asymmetry(images)) ** ASYMMETRY_EXPONENT
         image = coarse.target.targets[images.forth]
         return replace(
-            fit, image=image, misfit=images.misfit, score=images.misfit * penalty, coefficients=coefficients
+            fit,
+            image=image,
+            misfit=images.misfit,
+            score=images.misfit * penalty,
+            coefficients=coefficients,
+            images=images,
         )
 
     def _begun(self, fit: StretchedFit) -> StretchedFit:

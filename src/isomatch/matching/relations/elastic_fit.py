@@ -6,12 +6,14 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import solve
+from numpy.linalg import LinAlgError
+from scipy.linalg.lapack import dposv
 
 from isomatch.correspondence import Embedding, nearest_rows
 from isomatch.matching.relations.elastic_shape import ElasticShape, Samples
 from isomatch.surfaces import vertex_normals
-from isomatch.values.arrays import FloatArray, IntArray
+from isomatch.values.arrays import FloatArray, IntArray, single
+from isomatch.values.cached import cached_property
 
 # factor of the Dirichlet energy in these steps; its root is a length in √area; chosen with coarse_functions
 COARSE_SMOOTHNESS = (0.01, 0.01, 0.007)
@@ -54,11 +56,28 @@ def coarse_steps() -> tuple[Step, ...]:
 
 
 class Images(NamedTuple):
-    """Images of the samples both ways, as rows of the vertices sought, and their mean distance."""
+    """Images of the samples both ways, as rows of the vertices sought.
+
+    Parameters
+    ----------
+    forth, back : (m_s,) and (m_t,) array of int
+    misfit : float
+        Their mean distance.
+    orientation : float
+        Mean cosine between the normals of either shape and of its copy drawn on the other, of the wanted side.
+    """
 
     forth: IntArray
     back: IntArray
     misfit: float
+    orientation: float
+
+
+class _Drawn(NamedTuple):
+    """A shape drawn on the vertices sought of another: canonical coordinates (c, d), and normals (c, 3)."""
+
+    canonical: FloatArray
+    normals: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,53 +167,98 @@ class ElasticFit:
             one(target, source, images.back, images.forth, self.landmarks[:, ::-1]),
         )
 
+    def images(self, found: Coefficients) -> Images:
+        """Nearest images both ways, in the coordinates of `embedding`."""
+        source, target, drawn = self.source, self.target, self._drawn(found)
+        if source.everywhere or target.everywhere:
+            a, b = self._embedding(drawn)
+            from_source, from_target = a[source.row], b[target.row]
+            forth, back = _nearest(target, b, from_source), _nearest(source, a, from_target)
+            apart = (
+                np.linalg.norm(from_source - b[forth], axis=1),
+                np.linalg.norm(from_target - a[back], axis=1),
+            )
+        else:
+            forth, back, *apart = self._nearest_samples(drawn)
+        there = target.targets[forth], source.targets[back]
+        cosines = [
+            np.einsum(
+                "ij,ij->i", drawn[0].normals[source.row], target.shape.mesh.vertex_normals[there[0]]
+            ).mean(),
+            np.einsum(
+                "ij,ij->i", drawn[1].normals[target.row], source.shape.mesh.vertex_normals[there[1]]
+            ).mean(),
+        ]
+        misfit = float(apart[0].mean() + apart[1].mean())
+        return Images(forth, back, misfit, self.side * float(np.mean(cosines)))
+
     def embedding(self, found: Coefficients) -> Embedding:
         """Coordinates of the vertices sought of both shapes, in which images are nearest."""
-        source, target = self.source, self.target
-        target_here, its_normals = _drawn(source, found.source)
-        source_there, own_normals = _drawn(target, found.target)
+        return self._embedding(self._drawn(found))
+
+    def _embedding(self, drawn: tuple[_Drawn, _Drawn]) -> Embedding:
+        return Embedding(
+            *(
+                np.hstack([moving, SIGNATURE_WEIGHT * signatures[onto.targets]])
+                for moving, signatures, onto in zip(
+                    self._moving(drawn), self.signatures, (self.source, self.target)
+                )
+            )
+        )
+
+    def _drawn(self, found: Coefficients) -> tuple[_Drawn, _Drawn]:
+        """The target drawn on the source, and the source on the target."""
+        return _drawn(self.source, found.source), _drawn(self.target, found.target)
+
+    def _moving(self, drawn: tuple[_Drawn, _Drawn]) -> Embedding:
+        """The same coordinates but for the signatures, which are the same under all maps."""
+        source, target, (target_here, source_there) = self.source, self.target, drawn
         weight, on_source, on_target = self.normal_weight, source.targets, target.targets
         return Embedding(
             np.hstack(
                 [
-                    target_here,
+                    target_here.canonical,
                     source.shape.canonical[on_source],
-                    SIGNATURE_WEIGHT * self.signatures.source[on_source],
-                    self.side * weight * its_normals,
+                    self.side * weight * target_here.normals,
                     weight * source.shape.mesh.vertex_normals[on_source],
                 ]
             ),
             np.hstack(
                 [
                     target.shape.canonical[on_target],
-                    source_there,
-                    SIGNATURE_WEIGHT * self.signatures.target[on_target],
+                    source_there.canonical,
                     weight * target.shape.mesh.vertex_normals[on_target],
-                    self.side * weight * own_normals,
+                    self.side * weight * source_there.normals,
                 ]
             ),
         )
 
-    def images(self, found: Coefficients) -> Images:
-        """Nearest images both ways."""
-        source, target, (a, b) = self.source, self.target, self.embedding(found)
-        from_source, from_target = a[source.row], b[target.row]
-        forth, back = _nearest(target, b, from_source), _nearest(source, a, from_target)
-        misfit = np.linalg.norm(from_source - b[forth], axis=1).mean()
-        misfit += np.linalg.norm(from_target - a[back], axis=1).mean()
-        return Images(forth, back, float(misfit))
+    @cached_property
+    def _unlike(self) -> FloatArray:
+        """(m_s, m_t) squared distances of the weighted signatures of the samples of both."""
+        a, b = (
+            SIGNATURE_WEIGHT * values[samples.vertices]
+            for values, samples in zip(self.signatures, (self.source, self.target))
+        )
+        return np.stack([((row - b) ** 2).sum(axis=1) for row in a])
 
-    def orientation(self, found: Coefficients, images: Images) -> float:
-        """Mean cosine between the normals of either shape and of its copy drawn on the other, of the wanted side."""
-        cosines = []
-        for onto, other, coefficients, image in (
-            (self.source, self.target, found.source, images.forth),
-            (self.target, self.source, found.target, images.back),
-        ):
-            _, normals = _drawn(onto, coefficients)
-            there = other.shape.mesh.vertex_normals[other.targets[image]]
-            cosines.append(np.einsum("ij,ij->i", normals[onto.row], there).mean())
-        return self.side * float(np.mean(cosines))
+    def _nearest_samples(
+        self, drawn: tuple[_Drawn, _Drawn]
+    ) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
+        """Nearest samples both ways, by one product for both: rows (m_s,) and (m_t,), and how far they are."""
+        a, b = self._moving(drawn)
+        between = single(a) @ single(-2 * b).T
+        between += single(self._unlike)
+        between += single(np.einsum("ij,ij->i", b, b))
+        forth = between.argmin(axis=1)
+        between += single(np.einsum("ij,ij->i", a, a))[:, None]
+        back = between.argmin(axis=0)
+
+        def apart(i: IntArray, j: IntArray) -> FloatArray:
+            return np.sqrt(((a[i] - b[j]) ** 2).sum(axis=1) + self._unlike[i, j])
+
+        rows = np.arange(len(a)), np.arange(len(b))
+        return forth, back, apart(rows[0], forth), apart(back, rows[1])
 
     def asymmetry(self, images: Images) -> float:
         """How far the maps are from exchanging mirror images: a mean distance; 0 unless both are nearly symmetric."""
@@ -213,15 +277,17 @@ class ElasticFit:
 
 
 def _nearest(among: Samples, candidates: FloatArray, queries: FloatArray) -> IntArray:
-    if len(candidates) == among.shape.mesh.n_vertices:
+    if among.everywhere:
         return among.shape.prepared.index.vertices(candidates, queries)
     return nearest_rows(candidates, queries)
 
 
-def _drawn(onto: Samples, coefficients: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Draw the other shape on the vertices sought: canonical coordinates (c, d), and normals (c, 3)."""
-    drawn = onto.functions[:, : len(coefficients)] @ coefficients
-    return drawn[onto.sought, :-3], vertex_normals(drawn[:, -3:], onto.faces)[onto.sought]
+def _drawn(onto: Samples, coefficients: FloatArray) -> _Drawn:
+    """Draw the other shape on the vertices sought."""
+    k = len(coefficients)
+    canonical = onto.functions_sought[:, :k] @ coefficients[:, :-3]
+    normals = vertex_normals(onto.functions[:, :k] @ coefficients[:, -3:], onto.faces)
+    return _Drawn(canonical, normals[onto.sought])
 
 
 def _smooth(
@@ -238,5 +304,7 @@ def _smooth(
     weighted = functions * (weights / weights.sum())[:, None]
     gram = weighted.T @ functions
     gram[np.diag_indices_from(gram)] += smoothness * laplace.values[:k] + RIDGE
-    coefficients: FloatArray = solve(gram, weighted.T @ values, assume_a="pos")
-    return coefficients
+    _, coefficients, failed = dposv(gram, weighted.T @ values)
+    if failed:
+        raise LinAlgError(f"{k} functions of a shape cannot be fitted to {len(vertices)} vertices")
+    return np.asarray(coefficients)
