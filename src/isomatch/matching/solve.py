@@ -53,16 +53,7 @@ def solve(pair: ShapePair, hints: Hints, stages: Stages, timer: StageTimer) -> S
     if role == "both":
         return _solve_two_parts(pair, hints, stages, timer)
     if role:
-        closed = None
-        if pair.config.parts.close:
-            timer.start("holes closed")
-            closed = match_closed(pair, hints, stages, timer)
-        if closed and (cut := fused_limbs_cut(closed.relation, closed.found, pair, hints, timer)):
-            solution = cut.solution(timer).with_evidence(Evidence(partial=True))
-            if solution.outcome is Outcome.PARTIAL or CLEARLY_BETTER * cut.score < closed.score:
-                return solution
-            closed = cut
-        return Part(role, closed).on(pair, hints, stages).solution(timer)
+        return _solve_part(Part(role).on(pair, hints, stages), timer)
     relation = Isometry().on(pair, hints, stages)
     return solve_touching(relation, relation.match(timer), timer)[0]
 
@@ -233,6 +224,35 @@ def _elastic(relation: Isometry, found: IsometricMatch) -> Elastic:
     ]
     fits = not fits_badly(found.measured.quality, pair.config.outcome)
     return Elastic(found.selection.winner, others, fits).on(pair, relation.hints, relation.stages)
+
+
+def _solve_part(part: Part, timer: StageTimer) -> Solution:
+    """Match a part as it is, and with its holes closed, unless the first of the two is sure.
+
+    Where much is missing, the part as it is comes first. Where little is, the shapes with their holes closed do, and if
+    that is sure, the part is matched from there without a search of its own.
+    """
+    pair, hints, stages, closed = part.pair, part.hints, part.stages, None
+    if not pair.config.parts.close:
+        return part.solution(timer)
+    touching = _seeks_contacts(pair, hints, stages) and max(pair.source.handles, pair.target.handles) > 0
+    if not (touching or part.misses_little):
+        with suppress(NotConvergedError):
+            own = part.solution(timer)
+            if part.is_sure(own):
+                return own
+    timer.start("holes closed")
+    closed = match_closed(pair, hints, stages, timer)
+    if closed and (cut := fused_limbs_cut(closed.relation, closed.found, pair, hints, timer)):
+        solution = cut.solution(timer).with_evidence(Evidence(partial=True))
+        if solution.outcome is Outcome.PARTIAL or CLEARLY_BETTER * cut.score < closed.score:
+            return solution
+        closed = cut
+    if closed and part.misses_little and closed.solution(timer).outcome is Outcome.CONVERGED:
+        led = part.led_by(closed, alone=True).solution(timer)
+        if led.outcome is Outcome.PARTIAL:
+            return led
+    return part.led_by(closed).solution(timer)
 
 
 def _solve_two_parts(pair: ShapePair, hints: Hints, stages: Stages, timer: StageTimer) -> Solution:

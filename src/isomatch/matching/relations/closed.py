@@ -29,7 +29,7 @@ from isomatch.runtime.threads import parallel_map
 from isomatch.settings import Config
 from isomatch.shapes import PreparedShape, capped_shape, crease_length, creased_shape, cut_shape
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
-from isomatch.values.cached import cached_property
+from isomatch.values.cached import cached_method, cached_property
 
 # best hypotheses whose flips are tried, as the best one is more often wrong than of complete shapes;
 # mesh018–mesh014 with holes: 30 with 3
@@ -130,6 +130,7 @@ class ClosedMatch:
             rival = max(1.0, other.cost / fit.cost)
         return PartDoubt(fit.bent_cost, rival, pair.trusted, config.parts)
 
+    @cached_method
     def solution(self, timer: StageTimer) -> Solution:
         """Sum up the map, in the users' vertices; what lands on a cap is unmatched."""
         timer.start("quality")

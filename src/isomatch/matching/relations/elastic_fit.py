@@ -207,11 +207,11 @@ class ElasticFit:
         )
 
     def _drawn(self, found: Coefficients) -> tuple[_Drawn, _Drawn]:
-        """The target drawn on the source, and the source on the target."""
+        """Draw the target on the source, and the source on the target."""
         return _drawn(self.source, found.source), _drawn(self.target, found.target)
 
     def _moving(self, drawn: tuple[_Drawn, _Drawn]) -> Embedding:
-        """The same coordinates but for the signatures, which are the same under all maps."""
+        """Leave the signatures out, which are the same under all maps."""
         source, target, (target_here, source_there) = self.source, self.target, drawn
         weight, on_source, on_target = self.normal_weight, source.targets, target.targets
         return Embedding(

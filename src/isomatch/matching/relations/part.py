@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import replace
 from itertools import product
 from operator import attrgetter
-from typing import Literal, cast
+from typing import Literal, Self, cast
 
 import numpy as np
 
@@ -90,7 +91,7 @@ class Part(Relation):
     def __init__(self, side: PartSide = "source", closed: ClosedMatch | None = None) -> None:
         if side not in ("source", "target"):
             raise SettingError(f"side = {side!r}; the part is the 'source' or the 'target'")
-        self.side, self.closed = side, closed
+        self.side, self.closed, self.searches = side, closed, True
 
     @property
     def source(self) -> PreparedShape:
@@ -131,6 +132,26 @@ class Part(Relation):
         refinement = cast(PartFit, fit).refinement
         return refinement.embedding(fit.image, ALL_FUNCTIONS, np.arange(self.source.body.n_vertices))
 
+    @property
+    def misses_little(self) -> bool:
+        """Whether so much of the whole is there, by the units of the files, that its holes are closed first."""
+        pair = self.fits.pair
+        return bool(pair.knows_unit and pair.share >= pair.config.parts.little_missing)
+
+    def is_sure(self, solution: Solution) -> bool:
+        """Whether no other match is needed beside one of the part as it is: it fits well, and is no mirror image."""
+        bound = LITTLE_DOUBT * self.pair.config.parts.poor_doubt
+        return solution.outcome is Outcome.PARTIAL and solution.quality.doubt <= bound
+
+    def led_by(self, closed: ClosedMatch | None, alone: bool = False) -> Self:
+        """Let the match with the holes closed contend; ``alone``, without a search of other maps, and of mirror images.
+
+        What this match of the part has found remains known.
+        """
+        led = copy(self)
+        led.closed, led.searches = closed, not alone
+        return led
+
     def match(self) -> Selection[PartFit]:
         """Search, refine, settle the best and select.
 
@@ -141,7 +162,7 @@ class Part(Relation):
         """
         config, settings, fits_of = self.pair.config, self.pair.config.parts, self.fits
         first_maps = self._first_maps()
-        only_given = config.hypotheses == "given" and not starts_of(self)
+        only_given = not self.searches or (config.hypotheses == "given" and not starts_of(self))
         rough = [] if only_given else self._rough_fits(first_maps)
         kept = self._distinct(rough, N_CONTENDERS)
         hopeful = [fit for fit in kept if fit.promise <= settings.hopeless * kept[0].promise]
@@ -161,7 +182,10 @@ class Part(Relation):
         rules = Rules(
             rival_distance=APART, tie=settings.tie, mirror_tie=settings.tie, landmark_slack=LANDMARK_SLACK
         )
-        return select(fits, apart, rules, scores=costs)
+        selection = select(fits, apart, rules, scores=costs)
+        if not self.searches and self.closed:  # which has looked for others
+            return replace(selection, rival=min(selection.rival, self.closed.found.selection.rival))
+        return selection
 
     def mismatch(self, fit: Fit) -> FloatArray:
         """How differently part and whole look in space around the vertices (r,) and their images."""
@@ -193,17 +217,26 @@ class Part(Relation):
 
     def _rough_fits(self, first_maps: list[tuple[PartPair, IntArray, str]]) -> list[PartFit]:
         """Refine starts and given maps roughly, and vary the best by maps of the whole onto itself; the best first."""
-        promise, fits_of, pair = attrgetter("promise"), self.fits, self.fits.pair
-        # landmarks tell the sides
-        onto_itself = [] if len(pair.landmarks) else self_maps(pair.whole, pair.config)
-        fits: list[PartFit] = []
-        if any(isinstance(start, FromAnchors) for start in starts_of(self)):
-            anchored = PartStarts(pair, fits_of.coordinates.signatures, onto_itself)()
-            fits += [fit for fit in parallel_map(fits_of.rough, anchored) if fit]
-        fits += [fit for fit in parallel_map(lambda x: fits_of.roughly(*x), first_maps) if fit]
-        best = self._distinct(sorted(fits, key=promise), N_VARIED)
-        varied = parallel_map(lambda x: fits_of.varied(*x), list(product(best, onto_itself)))
-        return sorted([*fits, *(fit for fit in varied if fit)], key=promise)
+        promise, fits_of = attrgetter("promise"), self.fits
+        fits = [*self._anchored, *parallel_map(lambda x: fits_of.roughly(*x), first_maps)]
+        known = sorted((fit for fit in fits if fit), key=promise)
+        best = self._distinct(known, N_VARIED)
+        varied = parallel_map(lambda x: fits_of.varied(*x), list(product(best, self._onto_itself)))
+        return sorted([*known, *(fit for fit in varied if fit)], key=promise)
+
+    @cached_property
+    def _onto_itself(self) -> list[IntArray]:
+        """Maps of the whole nearly onto itself; none with landmarks, which tell the sides."""
+        pair = self.fits.pair
+        return [] if len(pair.landmarks) else self_maps(pair.whole, pair.config)
+
+    @cached_property
+    def _anchored(self) -> list[PartFit | None]:
+        """The starts of the part's own search, refined roughly; None for mirror images."""
+        if not any(isinstance(start, FromAnchors) for start in starts_of(self)):
+            return []
+        signatures = self.fits.coordinates.signatures
+        return parallel_map(self.fits.rough, PartStarts(self.fits.pair, signatures, self._onto_itself)())
 
     def _first_maps(self) -> list[tuple[PartPair, IntArray, str]]:
         """Map the rough vertices, each time in its unit: with the holes closed, by hints, and by starts handed in.
@@ -259,7 +292,7 @@ class Part(Relation):
         doubt = PartDoubt(best.bent_cost, selection.rival, best.pair.trusted, settings)
         share = best.share
         doubtful = doubt.doubt > LITTLE_DOUBT * settings.poor_doubt or doubt.evidence.ambiguous
-        if doubtful and self._mirror_image_fits(best):
+        if doubtful and self.searches and self._mirror_image_fits(best):
             return self._summed_up(selection, (Evidence(mirrored=True),), doubt, share, timer)
         evidence: tuple[Evidence, ...] = (doubt.evidence,)
         if self.closed is not None:
