@@ -164,7 +164,7 @@ class Elastic(Relation):
     ) -> None:
         self.ordinary, self.others, self.ordinary_fits = ordinary, others, ordinary_fits
 
-    def match(self) -> tuple[Selection[StretchedFit], str]:
+    def match(self, timer: StageTimer | None = None) -> tuple[Selection[StretchedFit], str]:
         """Fit first maps coarsely, bend the shapes by the best, and select among these and the maps known before.
 
         Returns
@@ -178,10 +178,15 @@ class Elastic(Relation):
         NotConvergedError
             If there is no ordinary map, and none that keeps the orientation was found.
         """
+        timer = timer or StageTimer()
+        timer.start("mirror images")
+        _ = self._shapes
+        timer.start("search")
         starts = self._starts()
         kept = [self._first(start, origin) for start, origin in starts]
         for step, most in zip(coarse_steps(), N_FOLLOWED):
             kept = self._roughly(kept, step, most)
+        timer.start("bending")
         if self.ordinary is not None:
             kept.append(self._drawn_ordinary(self.ordinary))
         if len(self.hints.initial_pairs):
@@ -425,9 +430,12 @@ class Elastic(Relation):
         """Find the map, and the evidence for it, where no other relation was tried."""
         self.require_sides()
         self.require_hints()
-        timer.start("elastic match")
-        selection, reason = self.match()
-        pair, measured = self.pair, self.measure(selection, reason)
+        with timer.within("elastic match"):
+            selection, reason = self.match(timer)
+            timer.start("precision")
+            measured = self.measure(selection, reason)
+        timer.start("quality")
+        pair = self.pair
         against = contradicted_landmarks(pair, measured.points, self.hints)
         far = measured_evidence(pair, measured.quality, pair.config.orientation, self.hints.any, far=True)
         regions = regions_of_doubt(pair, measured.mismatch)

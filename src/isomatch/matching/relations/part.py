@@ -152,7 +152,7 @@ class Part(Relation):
         led.closed, led.searches = closed, not alone
         return led
 
-    def match(self) -> Selection[PartFit]:
+    def match(self, timer: StageTimer | None = None) -> Selection[PartFit]:
         """Search, refine, settle the best and select.
 
         Raises
@@ -160,6 +160,8 @@ class Part(Relation):
         NotConvergedError
             If no map that keeps the orientation was found.
         """
+        timer = timer or StageTimer()
+        timer.start("search")
         config, settings, fits_of = self.pair.config, self.pair.config.parts, self.fits
         first_maps = self._first_maps()
         only_given = not self.searches or (config.hypotheses == "given" and not starts_of(self))
@@ -173,8 +175,10 @@ class Part(Relation):
                 "no map of the part keeps the orientation of the faces; give three to five landmarks, or start = 'pose' "
                 "if the shapes are roughly aligned in space"
             )
+        timer.start("refinement")
         begun = parallel_map(lambda contender: fits_of.begun(*contender), contenders)
         fits, costs = self._by_cost(cast(list[PartFit], self.contest(begun)))
+        timer.start("settling")
         n_settled = sum(cost <= settings.hopeless * costs[0] for cost in costs[: settings.n_settled])
         fits[:n_settled] = parallel_map(lambda fit: fits_of.settled(fit, self._again), fits[:n_settled])
         fits, costs = self._by_cost(fits)
@@ -286,13 +290,17 @@ class Part(Relation):
         self.require_sides()
         self.require_hints()
         self.require_no_descriptors("a whole and its part")
-        timer.start("parts")
-        selection = self.match()
+        with timer.within("part"):
+            selection = self.match(timer)
         best, settings = selection.winner, self.pair.config.parts
         doubt = PartDoubt(best.bent_cost, selection.rival, best.pair.trusted, settings)
         share = best.share
         doubtful = doubt.doubt > LITTLE_DOUBT * settings.poor_doubt or doubt.evidence.ambiguous
-        if doubtful and self.searches and self._mirror_image_fits(best):
+        with timer.within("part"):
+            timer.start("mirror image" if doubtful else "quality")
+            mirrored = doubtful and self.searches and self._mirror_image_fits(best)
+            timer.start("quality")
+        if mirrored:
             return self._summed_up(selection, (Evidence(mirrored=True),), doubt, share, timer)
         evidence: tuple[Evidence, ...] = (doubt.evidence,)
         if self.closed is not None:
@@ -343,7 +351,9 @@ class Part(Relation):
     ) -> Solution:
         """Bend the part in full, and sum up the map in the direction asked for."""
         pair, hints, best = self.pair, self.hints, selection.winner
-        bent = self.bent(best)
+        with timer.within("part"):
+            timer.start("bending")
+            bent = self.bent(best)
         onto_whole, (onto_part, covered) = bent.points, bent.onto_part()
         errors, area = (
             expected_errors_of_part(best.pair, onto_whole),
