@@ -110,8 +110,8 @@ def assign_points(
         added += total[:, None] + unary[point]
         children = added.ravel()  # (h c,): child = parent c + candidate
         take = min(len(children), 12 * width)  # more than are kept, because variants of one are dropped
-        best = np.argpartition(children, take - 1)[:take]
-        best = best[np.lexsort((best, children[best]))]  # least cost first, ties by number
+        best = np.sort(np.argpartition(children, take - 1)[:take])
+        best = best[np.argsort(children[best], kind="stable")]  # least cost first, ties by number
         parent, candidate = np.divmod(best, c)
         kept = np.zeros(width, dtype=np.int64)
         count = _keep_differing(distances, parent, candidate, apart * (point + 1), between, kept, of_kept)

@@ -327,10 +327,7 @@ class Part(Relation):
         images = [] if self.closed is None or self.hints.any else self.closed.mirrored_images(self.side)
         if not images:
             return False
-        known = self._from_part.known
-        fits = PartFits(
-            PartPair.of(mirror_image(self.source), self.target, self.pair.config, functions=known)
-        )
+        fits = self.fits.of_part(mirror_image(self.source))
         rough = self.source.sample_vertices[:N_ROUGH_VERTICES]
         begun = [fits.begun(fits.pair.in_unit_of(image), image[rough], "") for image in images]
         refined = parallel_map(fits.refined, begun)
