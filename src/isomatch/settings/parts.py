@@ -56,7 +56,7 @@ class PartSettings(Settings):
     )
     close: bool = setting(True, "docs/robustness.md: holes closed")
     closed_score: float = setting(1.1, "chosen, not measured", least=0)
-    little_missing: float = setting(0.6, "docs/robustness.md: parts, which way comes first", least=0)
+    little_missing: float = setting(0.6, "docs/notes/two_ways.md", least=0)
     bending: tuple[float, ...] = setting(
         (0.3, 0.25, 0.2, 0.17, 0.14, 0.11, 0.09, 0.075, 0.06, 0.05), "docs/robustness.md: parts", least=1e-3
     )

@@ -164,7 +164,7 @@ class Part(Relation):
         timer.start("search")
         config, settings, fits_of = self.pair.config, self.pair.config.parts, self.fits
         first_maps = self._first_maps()
-        only_given = not self.searches or (config.hypotheses == "given" and not starts_of(self))
+        only_given = config.hypotheses == "given" and not starts_of(self)
         rough = [] if only_given else self._rough_fits(first_maps)
         kept = self._distinct(rough, N_CONTENDERS)
         hopeful = [fit for fit in kept if fit.promise <= settings.hopeless * kept[0].promise]
@@ -222,8 +222,10 @@ class Part(Relation):
     def _rough_fits(self, first_maps: list[tuple[PartPair, IntArray, str]]) -> list[PartFit]:
         """Refine starts and given maps roughly, and vary the best by maps of the whole onto itself; the best first."""
         promise, fits_of = attrgetter("promise"), self.fits
-        fits = [*self._anchored, *parallel_map(lambda x: fits_of.roughly(*x), first_maps)]
+        fits = [*(self._anchored if self.searches else []), *parallel_map(lambda x: fits_of.roughly(*x), first_maps)]
         known = sorted((fit for fit in fits if fit), key=promise)
+        if not self.searches:
+            return known
         best = self._distinct(known, N_VARIED)
         varied = parallel_map(lambda x: fits_of.varied(*x), list(product(best, self._onto_itself)))
         return sorted([*known, *(fit for fit in varied if fit)], key=promise)
