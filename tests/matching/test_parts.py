@@ -179,6 +179,38 @@ def test_with_the_holes_closed_the_evidence_is_that_of_a_part(bodies, prepared, 
     assert found.outcome is outcome
 
 
+def ways(found):
+    return {stage.split(":")[0] for stage in found.timings if stage.endswith(": search")}
+
+
+@pytest.mark.long
+def test_holes_are_closed_only_in_doubt_where_much_is_missing(bodies, prepared):
+    """The second way does not change the map of one that is sure by the first."""
+    part = cut(bodies[0], 0.55, seed=4).mesh
+    sure, doubted = (
+        match(part, prepared, config=Config(parts=PartSettings(poor_doubt=bound)))
+        for bound in (PartSettings().poor_doubt, 0.0)
+    )
+    assert (sure.outcome, ways(sure)) == (Outcome.PARTIAL, {"part"})
+    assert (doubted.outcome, ways(doubted)) == (Outcome.LOW_CONFIDENCE, {"part", "holes closed"})
+    np.testing.assert_array_equal(sure.map.vertices, doubted.map.vertices)
+
+
+@pytest.mark.long
+def test_where_little_is_missing_a_part_is_searched_only_in_doubt(bodies, prepared):
+    part = limb_removed(bodies[0], 0.05, seed=1)
+    sure, searched = (
+        match(part.mesh, prepared, config=Config(parts=PartSettings(little_missing=least)))
+        for least in (PartSettings().little_missing, 2.0)
+    )
+    assert sure.outcome is searched.outcome is Outcome.PARTIAL
+    assert ways(sure) == {"holes closed", "part"}
+    assert ways(searched) == {"part"}
+    truth, real = bodies[2][part.original], sure.map.matched & searched.map.matched
+    errors = [mean_error(prepared, found.map.vertices[real], truth[real]) for found in (sure, searched)]
+    assert errors[0] < 1.1 * errors[1]
+
+
 @pytest.mark.long
 def test_a_body_without_a_foot_is_a_part_but_not_one_with_small_holes(bodies):
     """The longest piece of the boundary decides, not its length in all."""

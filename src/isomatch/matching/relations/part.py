@@ -222,7 +222,10 @@ class Part(Relation):
     def _rough_fits(self, first_maps: list[tuple[PartPair, IntArray, str]]) -> list[PartFit]:
         """Refine starts and given maps roughly, and vary the best by maps of the whole onto itself; the best first."""
         promise, fits_of = attrgetter("promise"), self.fits
-        fits = [*(self._anchored if self.searches else []), *parallel_map(lambda x: fits_of.roughly(*x), first_maps)]
+        fits = [
+            *(self._anchored if self.searches else []),
+            *parallel_map(lambda x: fits_of.roughly(*x), first_maps),
+        ]
         known = sorted((fit for fit in fits if fit), key=promise)
         if not self.searches:
             return known
