@@ -237,14 +237,14 @@ def _elastic(relation: Isometry, found: IsometricMatch) -> Elastic:
 def _solve_part(part: Part, timer: StageTimer) -> Solution:
     """Match a part as it is, and with its holes closed, unless the first of the two is sure.
 
-    Where much is missing, the part as it is comes first. Where little is, the shapes with their holes closed do, and if
-    that is sure, the part is matched from there without a search of its own.
+    The part as it is comes first, unless little is missing or little is known of distances on the whole. Then the shapes
+    with their holes closed do, and if that is sure, the part is matched from there without a search of its own.
     """
     pair, hints, stages, closed = part.pair, part.hints, part.stages, None
     if not pair.config.parts.close:
         return part.solution(timer)
     touching = _seeks_contacts(pair, hints, stages) and max(pair.source.handles, pair.target.handles) > 0
-    if not (touching or part.misses_little):
+    if not (touching or part.closes_first):
         with suppress(NotConvergedError):
             own = part.solution(timer)
             if part.is_sure(own):
@@ -256,7 +256,7 @@ def _solve_part(part: Part, timer: StageTimer) -> Solution:
         if solution.outcome is Outcome.PARTIAL or CLEARLY_BETTER * cut.score < closed.score:
             return solution
         closed = cut
-    if closed and part.misses_little and closed.solution(timer).outcome is Outcome.CONVERGED:
+    if closed and part.closes_first and closed.solution(timer).outcome is Outcome.CONVERGED:
         led = part.led_by(closed, alone=True).solution(timer)
         if led.outcome is Outcome.PARTIAL:
             return led

@@ -133,10 +133,11 @@ class Part(Relation):
         return refinement.embedding(fit.image, ALL_FUNCTIONS, np.arange(self.source.body.n_vertices))
 
     @property
-    def misses_little(self) -> bool:
-        """Whether so much of the whole is there, by the units of the files, that its holes are closed first."""
-        pair = self.fits.pair
-        return bool(pair.knows_unit and pair.share >= pair.config.parts.little_missing)
+    def closes_first(self) -> bool:
+        """Whether its holes are closed first: little is missing, by the units of the files, or little is known."""
+        pair, settings = self.fits.pair, self.pair.config.parts
+        misses_little = pair.knows_unit and pair.share >= settings.little_missing
+        return bool(misses_little or pair.trusted < settings.little_trusted)
 
     def is_sure(self, solution: Solution) -> bool:
         """Whether no other match is needed beside one of the part as it is: it fits well, and is no mirror image."""
