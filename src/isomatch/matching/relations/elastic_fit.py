@@ -9,7 +9,7 @@ import numpy as np
 from numpy.linalg import LinAlgError
 from scipy.linalg.lapack import dposv
 
-from isomatch.correspondence import Embedding, nearest_rows
+from isomatch.correspondence import Embedding
 from isomatch.matching.relations.elastic_shape import ElasticShape, Samples
 from isomatch.surfaces import vertex_normals
 from isomatch.values.arrays import FloatArray, IntArray, single
@@ -170,26 +170,14 @@ class ElasticFit:
     def images(self, found: Coefficients) -> Images:
         """Nearest images both ways, in the coordinates of `embedding`."""
         source, target, drawn = self.source, self.target, self._drawn(found)
-        if source.everywhere or target.everywhere:
-            a, b = self._embedding(drawn)
-            from_source, from_target = a[source.row], b[target.row]
-            forth, back = _nearest(target, b, from_source), _nearest(source, a, from_target)
-            apart = (
-                np.linalg.norm(from_source - b[forth], axis=1),
-                np.linalg.norm(from_target - a[back], axis=1),
-            )
-        else:
-            forth, back, *apart = self._nearest_samples(drawn)
-        there = target.targets[forth], source.targets[back]
+        nearest = self._nearest_anywhere if source.everywhere else self._nearest_samples
+        forth, back, misfit = nearest(drawn)
         cosines = [
             np.einsum(
-                "ij,ij->i", drawn[0].normals[source.row], target.shape.mesh.vertex_normals[there[0]]
-            ).mean(),
-            np.einsum(
-                "ij,ij->i", drawn[1].normals[target.row], source.shape.mesh.vertex_normals[there[1]]
-            ).mean(),
+                "ij,ij->i", shape.normals[onto.row], other.shape.mesh.vertex_normals[other.targets[image]]
+            ).mean()
+            for shape, onto, other, image in zip(drawn, (source, target), (target, source), (forth, back))
         ]
-        misfit = float(apart[0].mean() + apart[1].mean())
         return Images(forth, back, misfit, self.side * float(np.mean(cosines)))
 
     def embedding(self, found: Coefficients) -> Embedding:
@@ -240,12 +228,20 @@ class ElasticFit:
             SIGNATURE_WEIGHT * values[samples.vertices]
             for values, samples in zip(self.signatures, (self.source, self.target))
         )
-        return np.stack([((row - b) ** 2).sum(axis=1) for row in a])
+        unlike: FloatArray = np.stack([((row - b) ** 2).sum(axis=1) for row in a])
+        return unlike
 
-    def _nearest_samples(
-        self, drawn: tuple[_Drawn, _Drawn]
-    ) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
-        """Nearest samples both ways, by one product for both: rows (m_s,) and (m_t,), and how far they are."""
+    def _nearest_anywhere(self, drawn: tuple[_Drawn, _Drawn]) -> tuple[IntArray, IntArray, float]:
+        """Find the images (m_s,) and (m_t,) of the samples both ways, and the sum of both mean distances."""
+        source, target, (a, b) = self.source, self.target, self._embedding(drawn)
+        from_source, from_target = a[source.row], b[target.row]
+        forth = target.shape.prepared.index.vertices(b, from_source)
+        back = source.shape.prepared.index.vertices(a, from_target)
+        misfit = np.linalg.norm(from_source - b[forth], axis=1).mean()
+        return forth, back, float(misfit + np.linalg.norm(from_target - a[back], axis=1).mean())
+
+    def _nearest_samples(self, drawn: tuple[_Drawn, _Drawn]) -> tuple[IntArray, IntArray, float]:
+        """Do the same among the samples, by one product for both ways."""
         a, b = self._moving(drawn)
         between = single(a) @ single(-2 * b).T
         between += single(self._unlike)
@@ -254,11 +250,10 @@ class ElasticFit:
         between += single(np.einsum("ij,ij->i", a, a))[:, None]
         back = between.argmin(axis=0)
 
-        def apart(i: IntArray, j: IntArray) -> FloatArray:
-            return np.sqrt(((a[i] - b[j]) ** 2).sum(axis=1) + self._unlike[i, j])
+        def apart(i: IntArray, j: IntArray) -> float:
+            return float(np.sqrt(((a[i] - b[j]) ** 2).sum(axis=1) + self._unlike[i, j]).mean())
 
-        rows = np.arange(len(a)), np.arange(len(b))
-        return forth, back, apart(rows[0], forth), apart(back, rows[1])
+        return forth, back, apart(np.arange(len(a)), forth) + apart(back, np.arange(len(b)))
 
     def asymmetry(self, images: Images) -> float:
         """How far the maps are from exchanging mirror images: a mean distance; 0 unless both are nearly symmetric."""
@@ -274,12 +269,6 @@ class ElasticFit:
             there = other.shape.canonical[other.targets[image[onto.mirror_row]]]
             apart.append(np.linalg.norm(mirrored - there, axis=1).mean())
         return float(np.mean(apart))
-
-
-def _nearest(among: Samples, candidates: FloatArray, queries: FloatArray) -> IntArray:
-    if among.everywhere:
-        return among.shape.prepared.index.vertices(candidates, queries)
-    return nearest_rows(candidates, queries)
 
 
 def _drawn(onto: Samples, coefficients: FloatArray) -> _Drawn:
