@@ -173,7 +173,7 @@ def test_a_part_in_doubt_is_not_sure(bodies, prepared, close):
 @pytest.mark.parametrize(("poor_doubt", "outcome"), [(0.0, Outcome.LOW_CONFIDENCE), (1.0, Outcome.PARTIAL)])
 def test_with_the_holes_closed_the_evidence_is_that_of_a_part(bodies, prepared, poor_doubt, outcome):
     part = cut(bodies[0], 0.3, seed=4)
-    settings = PartSettings(poor_doubt=poor_doubt, closed_score=np.inf)
+    settings = PartSettings(poor_doubt=poor_doubt, closed_score=np.inf, little_missing=0.0)
     found = match(part.mesh, prepared, config=Config(parts=settings))
     assert any("with its holes closed" in note for note in found.notes)
     assert found.outcome is outcome

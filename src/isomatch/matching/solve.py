@@ -237,8 +237,8 @@ def _elastic(relation: Isometry, found: IsometricMatch) -> Elastic:
 def _solve_part(part: Part, timer: StageTimer) -> Solution:
     """Match a part as it is, and with its holes closed, unless the first of the two is sure.
 
-    The part as it is comes first, unless little is missing or little is known of distances on the whole. Then the shapes
-    with their holes closed do, and if that is sure, the part is matched from there without a search of its own.
+    The part as it is comes first, unless little is missing. Then the shapes with their holes closed do, and if that is
+    sure, the part is matched from there without a search of its own.
     """
     pair, hints, stages, closed = part.pair, part.hints, part.stages, None
     if not pair.config.parts.close:

@@ -134,10 +134,11 @@ class Part(Relation):
 
     @property
     def closes_first(self) -> bool:
-        """Whether its holes are closed first: little is missing, by the units of the files, or little is known."""
+        """Whether its holes are closed first: little is missing by the units of the files, less so if little is known."""
         pair, settings = self.fits.pair, self.pair.config.parts
-        misses_little = pair.knows_unit and pair.share >= settings.little_missing
-        return bool(misses_little or pair.trusted < settings.little_trusted)
+        known = pair.trusted >= settings.little_trusted
+        least = settings.little_missing if known else settings.most_there
+        return bool(pair.knows_unit and pair.share >= least)
 
     def is_sure(self, solution: Solution) -> bool:
         """Whether no other match is needed beside one of the part as it is: it fits well, and is no mirror image."""
