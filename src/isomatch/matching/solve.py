@@ -240,7 +240,7 @@ def _solve_part(part: Part, timer: StageTimer) -> Solution:
     The part as it is comes first, unless little is missing. Then the shapes with their holes closed do, and if that is
     sure, the part is matched from there without a search of its own.
     """
-    pair, hints, stages, closed = part.pair, part.hints, part.stages, None
+    pair, hints, stages = part.pair, part.hints, part.stages
     if not pair.config.parts.close:
         return part.solution(timer)
     touching = _seeks_contacts(pair, hints, stages) and max(pair.source.handles, pair.target.handles) > 0

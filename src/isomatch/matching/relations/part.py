@@ -304,7 +304,7 @@ class Part(Relation):
         share = best.share
         doubtful = doubt.doubt > LITTLE_DOUBT * settings.poor_doubt or doubt.evidence.ambiguous
         with timer.within("part"):
-            timer.start("mirror image" if doubtful else "quality")
+            timer.start("mirror image")
             mirrored = doubtful and self.searches and self._mirror_image_fits(best)
             timer.start("quality")
         if mirrored:
