@@ -12,7 +12,7 @@ from scipy.linalg.lapack import dposv
 from isomatch.correspondence import Embedding
 from isomatch.matching.relations.elastic_shape import ElasticShape, Samples
 from isomatch.surfaces import vertex_normals
-from isomatch.values.arrays import FloatArray, IntArray, single
+from isomatch.values.arrays import Float32Array, FloatArray, IntArray, single
 from isomatch.values.cached import cached_property
 
 # factor of the Dirichlet energy in these steps; its root is a length in √area; chosen with coarse_functions
@@ -173,9 +173,7 @@ class ElasticFit:
         nearest = self._nearest_anywhere if source.everywhere else self._nearest_samples
         forth, back, misfit = nearest(drawn)
         cosines = [
-            np.einsum(
-                "ij,ij->i", shape.normals[onto.row], other.shape.mesh.vertex_normals[other.targets[image]]
-            ).mean()
+            np.einsum("ij,ij->i", shape.normals[onto.row], other.normals[image]).mean()
             for shape, onto, other, image in zip(drawn, (source, target), (target, source), (forth, back))
         ]
         return Images(forth, back, misfit, self.side * float(np.mean(cosines)))
@@ -201,35 +199,34 @@ class ElasticFit:
     def _moving(self, drawn: tuple[_Drawn, _Drawn]) -> Embedding:
         """Leave the signatures out, which are the same under all maps."""
         source, target, (target_here, source_there) = self.source, self.target, drawn
-        weight, on_source, on_target = self.normal_weight, source.targets, target.targets
+        weight = self.normal_weight
         return Embedding(
             np.hstack(
                 [
                     target_here.canonical,
-                    source.shape.canonical[on_source],
+                    source.canonical,
                     self.side * weight * target_here.normals,
-                    weight * source.shape.mesh.vertex_normals[on_source],
+                    weight * source.normals,
                 ]
             ),
             np.hstack(
                 [
-                    target.shape.canonical[on_target],
+                    target.canonical,
                     source_there.canonical,
-                    weight * target.shape.mesh.vertex_normals[on_target],
+                    weight * target.normals,
                     self.side * weight * source_there.normals,
                 ]
             ),
         )
 
     @cached_property
-    def _unlike(self) -> FloatArray:
+    def _unlike(self) -> Float32Array:
         """(m_s, m_t) squared distances of the weighted signatures of the samples of both."""
         a, b = (
             SIGNATURE_WEIGHT * values[samples.vertices]
             for values, samples in zip(self.signatures, (self.source, self.target))
         )
-        unlike: FloatArray = np.stack([((row - b) ** 2).sum(axis=1) for row in a])
-        return unlike
+        return single(np.stack([((row - b) ** 2).sum(axis=1) for row in a]))
 
     def _nearest_anywhere(self, drawn: tuple[_Drawn, _Drawn]) -> tuple[IntArray, IntArray, float]:
         """Find the images (m_s,) and (m_t,) of the samples both ways, and the sum of both mean distances."""
@@ -243,17 +240,14 @@ class ElasticFit:
     def _nearest_samples(self, drawn: tuple[_Drawn, _Drawn]) -> tuple[IntArray, IntArray, float]:
         """Do the same among the samples, by one product for both ways."""
         a, b = self._moving(drawn)
-        between = single(a) @ single(-2 * b).T
-        between += single(self._unlike)
-        between += single(np.einsum("ij,ij->i", b, b))
-        forth = between.argmin(axis=1)
-        between += single(np.einsum("ij,ij->i", a, a))[:, None]
-        back = between.argmin(axis=0)
-
-        def apart(i: IntArray, j: IntArray) -> float:
-            return float(np.sqrt(((a[i] - b[j]) ** 2).sum(axis=1) + self._unlike[i, j]).mean())
-
-        return forth, back, apart(np.arange(len(a)), forth) + apart(back, np.arange(len(b)))
+        squared = single(a) @ single(-2 * b).T
+        squared += self._unlike
+        squared += single(np.einsum("ij,ij->i", b, b))
+        squared += single(np.einsum("ij,ij->i", a, a))[:, None]
+        forth, back = squared.argmin(axis=1), squared.argmin(axis=0)
+        nearest = squared[np.arange(len(a)), forth], squared[back, np.arange(len(b))]
+        misfit = sum(np.sqrt(np.maximum(each, 0.0)).mean(dtype=np.float64) for each in nearest)
+        return forth, back, float(misfit)
 
     def asymmetry(self, images: Images) -> float:
         """How far the maps are from exchanging mirror images: a mean distance; 0 unless both are nearly symmetric."""

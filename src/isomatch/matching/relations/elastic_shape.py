@@ -133,6 +133,16 @@ class Samples:
         return self.functions if self.everywhere else self.functions[self.sought]
 
     @cached_property
+    def canonical(self) -> FloatArray:
+        """(c, d) canonical coordinates of the vertices sought."""
+        return np.asarray(self.shape.canonical[self.targets])
+
+    @cached_property
+    def normals(self) -> FloatArray:
+        """(c, 3) their normals."""
+        return np.asarray(self.shape.mesh.vertex_normals[self.targets])
+
+    @cached_property
     def targets(self) -> IntArray:
         """(c,) vertices sought."""
         return self.ring[self.sought]
