@@ -310,6 +310,21 @@ def test_match_starts_from_the_pose(tmp_path, capsys):
     assert json.loads(capsys.readouterr().out)["config"]["start"] == "pose"
 
 
+@pytest.mark.long
+def test_json_says_where_the_time_went(shapes, tmp_path, capsys):
+    files = [str(shapes / f"{name}.ply") for name in ("source", "target")]
+    settings = ["--config", str(shapes / "quick.toml"), "-o", str(tmp_path / "out"), "--no-report"]
+    assert main(["match", *files, *settings, "--json"]) == 0
+    timings = json.loads(capsys.readouterr().out)["timings"]
+    own = {stage for stage in timings if stage.startswith(("source: ", "target: "))}
+    assert {"source: distances", "target: functions"} <= own
+    assert min(timings.values()) >= 0
+    total = timings.pop("total")
+    assert sum(spent for stage, spent in timings.items() if stage not in own) == pytest.approx(
+        total, rel=0.03
+    )
+
+
 def test_repair_keeps_the_outermost_surface(tmp_path, capsys):
     sphere = icosphere(3)
     nested = np.concatenate([sphere.vertices, sphere.vertices / 2])

@@ -158,8 +158,8 @@ def test_a_map_that_fits_and_keeps_lengths_stays_what_it_was(animals):
     bodies = prepare(animals[0].mesh), prepare(moved)
     without = match(*bodies)
     sought = match(*bodies, config=Config(elastic=ElasticSettings(sought=0.0)))
-    assert "elastic match" in sought.timings
-    assert "elastic match" not in without.timings
+    assert any(stage.startswith("elastic match") for stage in sought.timings)
+    assert not any(stage.startswith("elastic match") for stage in without.timings)
     np.testing.assert_array_equal(sought.map.vertices, without.map.vertices)
     assert sought.outcome is without.outcome
     assert sought.notes == without.notes
@@ -189,10 +189,10 @@ def test_a_fit_from_the_identity_stays_there(species):
     fit = ElasticFit(samples, samples, signatures, NONE)
     pairs = np.column_stack([samples.vertices, samples.vertices])
     step = Step(100, 0.0, 2, False)
-    drawn, images = fit.run(fit.from_pairs(pairs, step), (step,))
+    _, images = fit.run(fit.from_pairs(pairs, step), (step,))
     assert (images.forth == samples.vertices).mean() > 0.95
     assert (images.back == samples.vertices).mean() > 0.95
-    assert fit.orientation(drawn, images) > 0.9
+    assert images.orientation > 0.9
 
 
 def test_starts_respect_landmarks(species):

@@ -173,10 +173,42 @@ def test_a_part_in_doubt_is_not_sure(bodies, prepared, close):
 @pytest.mark.parametrize(("poor_doubt", "outcome"), [(0.0, Outcome.LOW_CONFIDENCE), (1.0, Outcome.PARTIAL)])
 def test_with_the_holes_closed_the_evidence_is_that_of_a_part(bodies, prepared, poor_doubt, outcome):
     part = cut(bodies[0], 0.3, seed=4)
-    settings = PartSettings(poor_doubt=poor_doubt, closed_score=np.inf)
+    settings = PartSettings(poor_doubt=poor_doubt, closed_score=np.inf, little_missing=0.0)
     found = match(part.mesh, prepared, config=Config(parts=settings))
     assert any("with its holes closed" in note for note in found.notes)
     assert found.outcome is outcome
+
+
+def ways(found):
+    return {stage.split(":")[0] for stage in found.timings if stage.endswith(": search")}
+
+
+@pytest.mark.long
+def test_holes_are_closed_only_in_doubt_where_much_is_missing(bodies, prepared):
+    """The second way does not change the map of one that is sure by the first."""
+    part = cut(bodies[0], 0.55, seed=4).mesh
+    sure, doubted = (
+        match(part, prepared, config=Config(parts=PartSettings(poor_doubt=bound)))
+        for bound in (PartSettings().poor_doubt, 0.0)
+    )
+    assert (sure.outcome, ways(sure)) == (Outcome.PARTIAL, {"part"})
+    assert (doubted.outcome, ways(doubted)) == (Outcome.LOW_CONFIDENCE, {"part", "holes closed"})
+    np.testing.assert_array_equal(sure.map.vertices, doubted.map.vertices)
+
+
+@pytest.mark.long
+def test_where_little_is_missing_a_part_is_searched_only_in_doubt(bodies, prepared):
+    part = limb_removed(bodies[0], 0.05, seed=1)
+    sure, searched = (
+        match(part.mesh, prepared, config=Config(parts=PartSettings(little_missing=least)))
+        for least in (PartSettings().little_missing, 2.0)
+    )
+    assert sure.outcome is searched.outcome is Outcome.PARTIAL
+    assert ways(sure) == {"holes closed", "part"}
+    assert ways(searched) == {"part"}
+    truth, real = bodies[2][part.original], sure.map.matched & searched.map.matched
+    errors = [mean_error(prepared, found.map.vertices[real], truth[real]) for found in (sure, searched)]
+    assert errors[0] < 1.1 * errors[1]
 
 
 @pytest.mark.long

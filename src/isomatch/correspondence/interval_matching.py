@@ -101,20 +101,22 @@ def assign_points(
     m, c = unary.shape
     distances, lower, upper = map(np.ascontiguousarray, (distances, lower, upper))
     # of h partial assignments: candidates (h, point), costs (h,), summed distances Σ_a d(x_a, y_a) of each two (h, h)
-    assigned, total, between = np.zeros((1, 0), dtype=np.int64), np.zeros(1), np.zeros((1, 1))
+    assigned, total = np.zeros((1, 0), dtype=np.int64), np.zeros(1)
+    between, of_kept, room = np.zeros((width, width)), np.zeros((width, width)), np.zeros((width, c))
     for point in range(m):
-        added = np.zeros((len(assigned), c))
+        added = room[: len(assigned)]
+        added[:] = 0.0
         _add_costs(distances, assigned, lower[point, :point], upper[point, :point], *cost.numbers, added)
-        children = (total[:, None] + unary[point] + added).ravel()  # (h c,): child = parent c + candidate
+        added += total[:, None] + unary[point]
+        children = added.ravel()  # (h c,): child = parent c + candidate
         take = min(len(children), 12 * width)  # more than are kept, because variants of one are dropped
-        best = np.argpartition(children, take - 1)[:take]
-        best = best[np.lexsort((best, children[best]))]  # least cost first, ties by number
+        best = np.sort(np.argpartition(children, take - 1)[:take])
+        best = best[np.argsort(children[best], kind="stable")]  # least cost first, ties by number
         parent, candidate = np.divmod(best, c)
-        kept, of_kept = np.zeros(width, dtype=np.int64), np.zeros((width, width))
-        latest = np.full(len(between), -1)
+        kept, latest = np.zeros(width, dtype=np.int64), np.full(len(between), -1)
         apart_so_far = apart * (point + 1)
         count = _keep_differing(distances, parent, candidate, apart_so_far, between, latest, kept, of_kept)
-        kept, between = kept[:count], of_kept
+        kept, between, of_kept = kept[:count], of_kept, between
         assigned, total = np.column_stack([assigned[parent[kept]], candidate[kept]]), children[best[kept]]
     return assigned, total
 

@@ -13,7 +13,11 @@ CHUNK = 2048  # points at once; fixed, so that results do not depend on the numb
 
 
 def nearest_points(
-    coordinates: FloatArray, queries: FloatArray, faces: IntArray, nearest_vertex: IntArray
+    coordinates: FloatArray,
+    queries: FloatArray,
+    faces: IntArray,
+    nearest_vertex: IntArray,
+    around: tuple[IntArray, IntArray] | None = None,
 ) -> PrecisePoints:
     """Find the nearest point of the triangles around the nearest vertex.
 
@@ -27,6 +31,8 @@ def nearest_points(
         The triangles.
     nearest_vertex : (m,) array of int
         Nearest vertex of each query; the first corner of the result.
+    around : two arrays of int, optional
+        What `faces_around_vertices` gives, if that is known.
 
     Returns
     -------
@@ -48,7 +54,7 @@ def nearest_points(
     array([[0.5 , 0.25, 0.25],
            [0.5 , 0.5 , 0.  ]])
     """
-    start, order = faces_around_vertices(faces, len(coordinates))
+    start, order = around or faces_around_vertices(faces, len(coordinates))
     points = PrecisePoints.at_vertices(nearest_vertex)
 
     def chunk(first: int) -> None:

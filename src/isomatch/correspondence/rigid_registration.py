@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from isomatch.correspondence.surface_index import SurfaceIndex
 from isomatch.errors import SettingError
 from isomatch.surfaces import Mesh, PrecisePoints
 from isomatch.values.arrays import FloatArray, IntArray
-from isomatch.values.cached import cached_property
+from isomatch.values.cached import cached_method, cached_property
 
 NORMAL_UNIT = 0.1  # for surfaces of area 1
 ROTATED = 2  # times that the rotations are fitted between two searches for nearest points
@@ -94,6 +94,9 @@ class RigidRegistration:
     ----------
     source : Mesh
         The surface that is bent.
+    keeps : bool
+        Whether the factors of each length are kept for further registrations, about 1 kB a vertex and length. They are
+        the same for all with equal lengths, scale and vertices that are held.
 
     Examples
     --------
@@ -107,12 +110,25 @@ class RigidRegistration:
     True
     """
 
-    def __init__(self, source: Mesh) -> None:
+    def __init__(self, source: Mesh, keeps: bool = False) -> None:
         self.source = source
+        self._solver = self._kept_solver if keeps else self._new_solver
 
     @cached_property
     def _energy(self) -> RigidEnergy:
         return RigidEnergy.of_surface(self.source)
+
+    def _new_solver(
+        self, length: float, scale: float, held: tuple[int, ...]
+    ) -> tuple[FloatArray, Callable[[FloatArray], FloatArray]]:
+        """How strongly each vertex is drawn (n,), and the function that solves for where all go."""
+        # ∇E = 0 over ℓ²: (L + a / ℓ²) y = a p / ℓ² + Σ_j w_ij ½ (R_i + R_j) (x_i − x_j), where a = scale² areas, and
+        # π ℓ², a disc of that radius, for vertices that are held
+        pull = self._energy.areas * (scale / length) ** 2
+        pull[list(held)] = np.pi
+        return pull, factorised(self._energy.stiffness, pull)
+
+    _kept_solver = cached_method(_new_solver)
 
     def __call__(
         self,
@@ -154,13 +170,9 @@ class RigidRegistration:
             if step > 0:
                 nearest = nearest_with_normals(self.source.moved(moved), target, index, normal_unit)
                 wanted = nearest.interpolated(target.vertices)
-            # ∇E = 0 over ℓ²: (L + a / ℓ²) y = a p / ℓ² + Σ_j w_ij ½ (R_i + R_j) (x_i − x_j), where a = scale² areas, and
-            # π ℓ², a disc of that radius, for vertices that are held
-            pull = energy.areas * (scale / length) ** 2
-            pull[vertices] = np.pi
+            pull, solve = self._solver(length, scale, tuple(vertices.tolist()))
             drawn = pull[:, None] * wanted
             drawn[vertices] = np.pi * points
-            solve = factorised(energy.stiffness, pull)
             for _ in range(ROTATED):
                 pulled, turn = energy.pulled(before, moved, turn, most_scaled)
                 moved = np.ascontiguousarray(solve(drawn + pulled))

@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from isomatch.correspondence.nearest_neighbours import VertexCells, nearest_in_cells
-from isomatch.correspondence.nearest_points import nearest_points
+from isomatch.correspondence.nearest_points import faces_around_vertices, nearest_points
 from isomatch.surfaces import PrecisePoints
 from isomatch.values.arrays import FloatArray, IntArray
+from isomatch.values.cached import cached_property
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,10 +37,15 @@ class SurfaceIndex:
     faces: IntArray
     cells: VertexCells
 
+    @cached_property
+    def _around(self) -> tuple[IntArray, IntArray]:
+        return faces_around_vertices(self.faces, len(self.cells.members))
+
     def vertices(self, coordinates: FloatArray, queries: FloatArray) -> IntArray:
         """Vertex (m,) nearest to each query (m, d), given coordinates (n, d); see `nearest_in_cells`."""
         return nearest_in_cells(coordinates, queries, self.cells)
 
     def points(self, coordinates: FloatArray, queries: FloatArray) -> PrecisePoints:
         """Nearest point on the triangles around the nearest vertex, see `nearest_points`; that vertex comes first."""
-        return nearest_points(coordinates, queries, self.faces, self.vertices(coordinates, queries))
+        nearest = self.vertices(coordinates, queries)
+        return nearest_points(coordinates, queries, self.faces, nearest, self._around)

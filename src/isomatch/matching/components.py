@@ -83,7 +83,9 @@ def match_components(
     hints = ComponentHints(pair, landmarks, initial_map, initial_descriptors)
     components = _Components(pair, hints, stages, timer)
     matches, tied = components.large_ones()
+    timer.start("components")
     matches += components.carried_ones(matches)
+    timer.start("quality")
     return composed(pair, matches, tied, hints)
 
 
@@ -167,11 +169,12 @@ class _Components:
         """Match two components: by themselves, or starting from where they are carried to."""
         pair = ShapePair(self.sources[i], self.targets[j], self.pair.config, self.pair.functions)
         hints = self.hints.on(pair)
-        if carrier is None or hints.any:
-            return ComponentMatch(
-                solve_either_winding(pair, hints, self.stages, self.timer), hinted=hints.any
-            )
-        return self._carried(pair, carrier)
+        with self.timer.within(f"component {i + 1}"):
+            if carrier is None or hints.any:
+                solution = solve_either_winding(pair, hints, self.stages, self.timer)
+                return ComponentMatch(solution, hinted=hints.any)
+            self.timer.start("quality")
+            return self._carried(pair, carrier)
 
     def _carried(self, pair: ShapePair, carrier: Carrier) -> ComponentMatch:
         """Match two components that are carried to each other.

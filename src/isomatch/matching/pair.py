@@ -261,6 +261,9 @@ def prepare_pair(
         return _prepared(side, shape, settings, seed, reach)
 
     first, second = parallel_map(prepared, range(2))
+    for (side, given), shape in zip(sides, (first, second)):
+        if timer and shape is not given:
+            timer.beside(side, {stage: spent for stage, spent in shape.timings.items() if stage != "total"})
     return ShapePair(first, second, settings)
 
 

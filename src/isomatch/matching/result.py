@@ -199,7 +199,10 @@ class MatchResult:
     alternatives : tuple of Alternative
         Distinct other maps, best first.
     timings : dict of str to float
-        Seconds of each stage.
+        Wall seconds of each stage, and of all as ``"total"``. Stages follow one another and add up to the total. Those
+        of a way that was tried are named after it, as ``"holes closed: search"`` or ``"component 2: part: search"``. Both
+        shapes are prepared at the same time, within ``"prepare"``: stages of their own, such as ``"source: distances"``,
+        do not count towards the total, and with several threads may add up to more than ``"prepare"``.
     notes : tuple of str
         What was repaired, left out or replaced on the way.
     engine : str

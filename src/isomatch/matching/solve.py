@@ -53,16 +53,7 @@ def solve(pair: ShapePair, hints: Hints, stages: Stages, timer: StageTimer) -> S
     if role == "both":
         return _solve_two_parts(pair, hints, stages, timer)
     if role:
-        closed = None
-        if pair.config.parts.close:
-            timer.start("holes closed")
-            closed = match_closed(pair, hints, stages, timer)
-        if closed and (cut := fused_limbs_cut(closed.relation, closed.found, pair, hints, timer)):
-            solution = cut.solution(timer).with_evidence(Evidence(partial=True))
-            if solution.outcome is Outcome.PARTIAL or CLEARLY_BETTER * cut.score < closed.score:
-                return solution
-            closed = cut
-        return Part(role, closed).on(pair, hints, stages).solution(timer)
+        return _solve_part(Part(role).on(pair, hints, stages), timer)
     relation = Isometry().on(pair, hints, stages)
     return solve_touching(relation, relation.match(timer), timer)[0]
 
@@ -104,8 +95,8 @@ def fused_limbs_cut(
     more = max(ours - theirs, 0), max(theirs - ours, 0)
     for counts in dict.fromkeys([more, (ours, theirs)]):
         if max(counts):
-            timer.start("contacts cut")
-            cut = match_cut(pair, hints, stages, timer, *counts)
+            with timer.within("contacts cut"):
+                cut = match_cut(pair, hints, stages, timer, *counts)
             if cut and cut.score < score:
                 best, score = cut, cut.score
 
@@ -121,10 +112,10 @@ def fused_limbs_cut(
     for counts, both in tried:
         if not fits_poorly():
             break
-        timer.start("creases cut")
-        for cut in match_creased(pair, hints, stages, timer, counts, score, both):
-            if cut.score < score:
-                best, score = cut, cut.score
+        with timer.within("creases cut"):
+            for cut in match_creased(pair, hints, stages, timer, counts, score, both):
+                if cut.score < score:
+                    best, score = cut, cut.score
     return best
 
 
@@ -160,12 +151,13 @@ def _limbs_apart(solution: Solution, hints: Hints, stages: Stages, timer: StageT
         poor and more > 0 and pair.config.orientation == "preserve" and _seeks_contacts(pair, hints, stages)
     ):
         return None
-    timer.start("limbs apart")
-    opened = opened_shape(pair.source, more)
+    with timer.within("limbs apart"):
+        timer.start("prepare")
+        opened = opened_shape(pair.source, more)
     if opened is None:
         return None
     apart = replace(pair, source=opened)
-    with suppress(NotConvergedError):
+    with suppress(NotConvergedError), timer.within("limbs apart"):
         found = Part("source").on(apart, hints, stages).solution(timer)
         if looks_apart(pair, found) < looks_apart(pair, solution):
             return replace(found, pair=pair).with_evidence(Evidence(poor=True))
@@ -208,15 +200,22 @@ def solve_complete(relation: Isometry, found: IsometricMatch, timer: StageTimer)
     timer.start("quality")
     measured = found.measured
     if far_from_isometric(relation, measured.quality):
-        timer.start("elastic match")
         elastic = _elastic(relation, found)
-        if elastic.is_needless:
+        with timer.within("elastic match"):
+            timer.start("bending")
+            needless = elastic.is_needless
+            selection, reason = (None, "") if needless else elastic.match(timer)
+        timer.start("quality")
+        if selection is None:
             return relation.summed_up(found, measured, timer)
-        selection, reason = elastic.match()
         if elastic.keeps_lengths(selection.winner):
             quality = replace(measured.quality, rival=selection.rival, bend_misfit=selection.winner.score)
             return relation.summed_up(found, replace(measured, quality=quality), timer, FAR_KEPT)
-        return relation.summed_up(found, elastic.measure(selection, reason), timer, FAR)
+        with timer.within("elastic match"):
+            timer.start("precision")
+            stretched = elastic.measure(selection, reason)
+        timer.start("quality")
+        return relation.summed_up(found, stretched, timer, FAR)
     return relation.summed_up(found, measured, timer)
 
 
@@ -233,6 +232,35 @@ def _elastic(relation: Isometry, found: IsometricMatch) -> Elastic:
     ]
     fits = not fits_badly(found.measured.quality, pair.config.outcome)
     return Elastic(found.selection.winner, others, fits).on(pair, relation.hints, relation.stages)
+
+
+def _solve_part(part: Part, timer: StageTimer) -> Solution:
+    """Match a part as it is, and with its holes closed, unless the first of the two is sure.
+
+    The part as it is comes first, unless little is missing. Then the shapes with their holes closed do, and if that is
+    sure, the part is matched from there without a search of its own.
+    """
+    pair, hints, stages = part.pair, part.hints, part.stages
+    if not pair.config.parts.close:
+        return part.solution(timer)
+    touching = _seeks_contacts(pair, hints, stages) and max(pair.source.handles, pair.target.handles) > 0
+    if not (touching or part.closes_first):
+        with suppress(NotConvergedError):
+            own = part.solution(timer)
+            if part.is_sure(own):
+                return own
+    with timer.within("holes closed"):
+        closed = match_closed(pair, hints, stages, timer)
+    if closed and (cut := fused_limbs_cut(closed.relation, closed.found, pair, hints, timer)):
+        solution = cut.solution(timer).with_evidence(Evidence(partial=True))
+        if solution.outcome is Outcome.PARTIAL or CLEARLY_BETTER * cut.score < closed.score:
+            return solution
+        closed = cut
+    if closed and part.closes_first and closed.solution(timer).outcome is Outcome.CONVERGED:
+        led = part.led_by(closed, alone=True).solution(timer)
+        if led.outcome is Outcome.PARTIAL:
+            return led
+    return part.led_by(closed).solution(timer)
 
 
 def _solve_two_parts(pair: ShapePair, hints: Hints, stages: Stages, timer: StageTimer) -> Solution:
@@ -252,8 +280,8 @@ def _solve_two_parts(pair: ShapePair, hints: Hints, stages: Stages, timer: Stage
         overlapping = BothParts().on(pair, hints, stages).solution(timer)
         if overlapping.outcome in SURE:
             return overlapping
-    timer.start("holes closed")
-    closed = match_closed(pair, hints, stages, timer) if pair.config.parts.close else None
+    with timer.within("holes closed"):
+        closed = match_closed(pair, hints, stages, timer) if pair.config.parts.close else None
     if closed and closed.found.selection.winner.misfit <= found.selection.winner.misfit:
         with_caps = _two_closed_parts(closed, timer)
         return with_caps if with_caps.outcome in SURE or overlapping is None else overlapping

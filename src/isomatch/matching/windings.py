@@ -43,9 +43,9 @@ def solve_either_winding(pair: ShapePair, hints: Hints, stages: Stages, timer: S
     solutions: dict[str, Solution] = {}
     failure = None
     for how, wound in (("as they are", pair), ("turned over", turned)):
-        timer.start(f"faces {how}")
         try:
-            solutions[how] = solve(wound, hints, stages, timer)
+            with timer.within(f"faces {how}"):
+                solutions[how] = solve(wound, hints, stages, timer)
         except NotConvergedError as error:
             failure = error
     if failure and not solutions:
@@ -56,6 +56,7 @@ def solve_either_winding(pair: ShapePair, hints: Hints, stages: Stages, timer: S
         looks = looks_apart(found.pair, found)
         return min(found.outcome.sureness, LEAST_SURE), -looks if np.isfinite(looks) else -np.inf
 
+    timer.start("quality")
     fits = max(solutions, key=fit)
     note = f"the {side} seems to be inside out; of both windings of its faces, the map fits better with them {fits}"
     return replace(solutions[fits], pair=pair, notes=(note, *solutions[fits].notes))

@@ -6,7 +6,8 @@ import inspect
 import logging
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from threading import Lock
 from typing import Any, TypeAlias
 
@@ -28,7 +29,8 @@ MATCHING = {
     "selection": 0.62,
     "refinement": 0.65,
     "quality": 0.8,
-    "elastic match": 0.82,
+    "mirror images": 0.82,
+    "precision": 0.84,
     "polish": 0.85,
     "carry": 0.95,
     "pins": 0.98,
@@ -67,6 +69,8 @@ class StageTimer:
         self._share = 0.0
         self._telling = Lock()
         self._seconds: dict[str, float] = {}
+        self._beside: dict[str, float] = {}
+        self._scope = ""
         self._stage: str | None = None
         self.restart()
 
@@ -77,9 +81,22 @@ class StageTimer:
     def start(self, stage: str) -> None:
         """End the stage under way and begin another."""
         self._finish()
-        self._stage = stage
-        logger.info("%s", stage)
-        self.reach(stage, self._begins.get(stage, 0.0))
+        self._stage = self._scope + stage
+        logger.info("%s", self._stage)
+        self.reach(self._stage, self._begins.get(stage, 0.0))
+
+    @contextmanager
+    def within(self, what: str) -> Iterator[None]:
+        """Name the stages that start here after what they belong to, as ``what: stage``."""
+        outside, self._scope = self._scope, f"{self._scope}{what}: "
+        try:
+            yield
+        finally:
+            self._scope = outside
+
+    def beside(self, what: str, seconds: Mapping[str, float]) -> None:
+        """Take in, as ``what: stage``, what was done within the stage under way on a thread of its own."""
+        self._beside |= {f"{what}: {stage}": spent for stage, spent in seconds.items()}
 
     def reach(self, what: str, share: float) -> None:
         """Tell what is done now, and the share of the work that is over; from any thread."""
@@ -92,9 +109,9 @@ class StageTimer:
             progress(what, self._share)
 
     def stop(self) -> dict[str, float]:
-        """End the last stage; give the seconds of each, and of all as ``"total"``."""
+        """End the last stage; give the seconds of each, of what was done beside, and of all as ``"total"``."""
         self._finish()
-        return {**self._seconds, "total": time.perf_counter() - self._begun}
+        return {**self._seconds, **self._beside, "total": time.perf_counter() - self._begun}
 
     def _finish(self) -> None:
         now = time.perf_counter()

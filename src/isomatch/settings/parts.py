@@ -22,6 +22,10 @@ class PartSettings(Settings):
         Also match the shapes with their holes closed, as complete ones.
     closed_score : float
         The map with the holes closed is returned if its cost is less than this times that of the best map of a part.
+    little_missing, most_there : float
+        Shares of the area of the whole, by the units of the files, from which a part is matched with its holes closed
+        first; the second one where few distances are known (``little_trusted``). If that is sure, the part is matched
+        from there, without a search of its own.
     bending : tuple of float
         Lengths, in √area of the whole, over which the part resists being stretched when it is bent onto the whole; see
         `register_as_rigid_as_possible`.
@@ -53,6 +57,8 @@ class PartSettings(Settings):
     )
     close: bool = setting(True, "docs/robustness.md: holes closed")
     closed_score: float = setting(1.1, "chosen, not measured", least=0)
+    little_missing: float = setting(0.85, "docs/notes/two_ways.md", least=0)
+    most_there: float = setting(0.6, "docs/notes/two_ways.md", least=0)
     bending: tuple[float, ...] = setting(
         (0.3, 0.25, 0.2, 0.17, 0.14, 0.11, 0.09, 0.075, 0.06, 0.05), "docs/robustness.md: parts", least=1e-3
     )

@@ -174,7 +174,11 @@ class PreparedShape(SmoothShape):
 
     def mean_distances(self, a: IntArray, others: Sequence[IntArray]) -> FloatArray:
         """Mean of these distances between the vertices of a list (r,) and those of each of q others: (q,)."""
-        return np.array([self.mean_distance(a, b) for b in others])
+        if not others:
+            return np.zeros(0)
+        return np.asarray(
+            self.distance(np.tile(a, len(others)), np.concatenate(others)).reshape(-1, len(a)).mean(axis=1)
+        )
 
     def distances_between(self, vertices: IntArray) -> FloatArray:
         """Low-rank geodesic distances between m vertices, (m, m), in √area."""

@@ -99,7 +99,7 @@ class Bending:
 
     def __init__(self, shape: Mesh, n_vertices: int) -> None:
         self._coarse = Prolongation(shape, decimate(shape, n_vertices))
-        self._coarsely = RigidRegistration(self._coarse.coarse.mesh)
+        self._coarsely = RigidRegistration(self._coarse.coarse.mesh, keeps=True)
         self._in_full = RigidRegistration(shape)
 
     @property

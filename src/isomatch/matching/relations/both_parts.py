@@ -111,7 +111,7 @@ class BothParts(Relation):
         self.require_sides()
         self.require_hints()
         self.require_no_descriptors("two parts")
-        timer.start("parts")
+        timer.start("overlapping parts")
         regions = self.match()
         best = regions[0]
         rivals = (each for each in regions[1:] if each.held >= best.held and self._differs(best, each))

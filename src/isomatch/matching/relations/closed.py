@@ -29,7 +29,7 @@ from isomatch.runtime.threads import parallel_map
 from isomatch.settings import Config
 from isomatch.shapes import PreparedShape, capped_shape, crease_length, creased_shape, cut_shape
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
-from isomatch.values.cached import cached_property
+from isomatch.values.cached import cached_method, cached_property
 
 # best hypotheses whose flips are tried, as the best one is more often wrong than of complete shapes;
 # mesh018–mesh014 with holes: 30 with 3
@@ -130,6 +130,7 @@ class ClosedMatch:
             rival = max(1.0, other.cost / fit.cost)
         return PartDoubt(fit.bent_cost, rival, pair.trusted, config.parts)
 
+    @cached_method
     def solution(self, timer: StageTimer) -> Solution:
         """Sum up the map, in the users' vertices; what lands on a cap is unmatched."""
         timer.start("quality")
@@ -199,6 +200,7 @@ def match_closed(pair: ShapePair, hints: Hints, stages: Stages, timer: StageTime
     """Match two shapes with all their holes closed, by landmarks and the initial map; None if no map was found."""
     if {pair.source.distances.engine, pair.target.distances.engine} & GIVEN:
         return None  # distances across caps are not known
+    timer.start("prepare")
     source, target = parallel_map(capped_shape, (pair.source, pair.target))
     flipped = max(FLIPPED, pair.config.search.flipped)
     config = replace(pair.config, search=replace(pair.config.search, flipped=flipped))
@@ -209,6 +211,7 @@ def match_cut(
     pair: ShapePair, hints: Hints, stages: Stages, timer: StageTimer, n_source: int, n_target: int
 ) -> ClosedMatch | None:
     """Match two shapes, cut along the seams of so many contacts; None if there are no seams, or no map was found."""
+    timer.start("prepare")
     source, target = (cut_shape(pair.source, n_source), cut_shape(pair.target, n_target))
     if source is None and target is None:
         return None
@@ -253,6 +256,7 @@ def match_creased(
     one = max(range(2), key=lambda i: (handles[i], crease_length(shapes[i])))
     last = None
     for _ in range(CREASED):
+        timer.start("prepare")
         creased = [
             creased_shape(shapes[i], handles[i], torn[i]) if both or i == one else None for i in range(2)
         ]

@@ -26,7 +26,7 @@ from isomatch.matching.quality import contradicted_landmarks, mean_known, measur
 from isomatch.matching.regions import doubt_in, lifted, regions_of_doubt
 from isomatch.matching.relations.bending import Bent
 from isomatch.matching.relations.elastic_bending import ElasticBending
-from isomatch.matching.relations.elastic_fit import Coefficients, ElasticFit, Step, coarse_steps
+from isomatch.matching.relations.elastic_fit import Coefficients, ElasticFit, Images, Step, coarse_steps
 from isomatch.matching.relations.elastic_shape import N_COARSE, ElasticShape
 from isomatch.matching.relations.elastic_starts import anchor_starts
 from isomatch.matching.relations.isometry import Measured
@@ -102,6 +102,8 @@ class StretchedFit(Fit):
     ----------
     coefficients : Coefficients
         Of the smooth maps both ways.
+    images : Images, optional
+        Of the samples of the coarse fit, both ways.
     bent : two Bent
         The source on the target, and the target on the source; none before they are bent.
     is_ordinary : bool
@@ -111,6 +113,7 @@ class StretchedFit(Fit):
     """
 
     coefficients: Coefficients
+    images: Images | None = None
     bent: tuple[Bent, ...] = ()
     is_ordinary: bool = False
     is_given: bool = False
@@ -161,7 +164,7 @@ class Elastic(Relation):
     ) -> None:
         self.ordinary, self.others, self.ordinary_fits = ordinary, others, ordinary_fits
 
-    def match(self) -> tuple[Selection[StretchedFit], str]:
+    def match(self, timer: StageTimer | None = None) -> tuple[Selection[StretchedFit], str]:
         """Fit first maps coarsely, bend the shapes by the best, and select among these and the maps known before.
 
         Returns
@@ -175,10 +178,15 @@ class Elastic(Relation):
         NotConvergedError
             If there is no ordinary map, and none that keeps the orientation was found.
         """
+        timer = timer or StageTimer()
+        timer.start("mirror images")
+        _ = self._shapes
+        timer.start("search")
         starts = self._starts()
         kept = [self._first(start, origin) for start, origin in starts]
         for step, most in zip(coarse_steps(), N_FOLLOWED):
             kept = self._roughly(kept, step, most)
+        timer.start("bending")
         if self.ordinary is not None:
             kept.append(self._drawn_ordinary(self.ordinary))
         if len(self.hints.initial_pairs):
@@ -275,17 +283,22 @@ class Elastic(Relation):
 
     def _stepped(self, fit: StretchedFit, step: Step) -> StretchedFit | None:
         """Take a coarse step; None if the map reverses the orientation before, or is twisted afterwards."""
-        coarse, coefficients = self._coarse, fit.coefficients
-        images = coarse.images(coefficients)
-        if coarse.orientation(coefficients, images) < 0:
+        coarse = self._coarse
+        images = fit.images or coarse.images(fit.coefficients)
+        if images.orientation < 0:
             return None
-        coefficients, images = coarse.run(coefficients, (step,), images)
-        if coarse.orientation(coefficients, images) < LEAST_ORIENTATION:
+        coefficients, images = coarse.run(fit.coefficients, (step,), images)
+        if images.orientation < LEAST_ORIENTATION:
             return None
         penalty = (ASYMMETRY_UNIT + coarse.asymmetry(images)) ** ASYMMETRY_EXPONENT
         image = coarse.target.targets[images.forth]
         return replace(
-            fit, image=image, misfit=images.misfit, score=images.misfit * penalty, coefficients=coefficients
+            fit,
+            image=image,
+            misfit=images.misfit,
+            score=images.misfit * penalty,
+            coefficients=coefficients,
+            images=images,
         )
 
     def _begun(self, fit: StretchedFit) -> StretchedFit:
@@ -417,9 +430,12 @@ class Elastic(Relation):
         """Find the map, and the evidence for it, where no other relation was tried."""
         self.require_sides()
         self.require_hints()
-        timer.start("elastic match")
-        selection, reason = self.match()
-        pair, measured = self.pair, self.measure(selection, reason)
+        with timer.within("elastic match"):
+            selection, reason = self.match(timer)
+            timer.start("precision")
+            measured = self.measure(selection, reason)
+        timer.start("quality")
+        pair = self.pair
         against = contradicted_landmarks(pair, measured.points, self.hints)
         far = measured_evidence(pair, measured.quality, pair.config.orientation, self.hints.any, far=True)
         regions = regions_of_doubt(pair, measured.mismatch)

@@ -6,12 +6,14 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import solve
+from numpy.linalg import LinAlgError
+from scipy.linalg.lapack import dposv
 
-from isomatch.correspondence import Embedding, nearest_rows
+from isomatch.correspondence import Embedding
 from isomatch.matching.relations.elastic_shape import ElasticShape, Samples
 from isomatch.surfaces import vertex_normals
-from isomatch.values.arrays import FloatArray, IntArray
+from isomatch.values.arrays import Float32Array, FloatArray, IntArray, single
+from isomatch.values.cached import cached_property
 
 # factor of the Dirichlet energy in these steps; its root is a length in √area; chosen with coarse_functions
 COARSE_SMOOTHNESS = (0.01, 0.01, 0.007)
@@ -54,11 +56,28 @@ def coarse_steps() -> tuple[Step, ...]:
 
 
 class Images(NamedTuple):
-    """Images of the samples both ways, as rows of the vertices sought, and their mean distance."""
+    """Images of the samples both ways, as rows of the vertices sought.
+
+    Parameters
+    ----------
+    forth, back : (m_s,) and (m_t,) array of int
+    misfit : float
+        Their mean distance.
+    orientation : float
+        Mean cosine between the normals of either shape and of its copy drawn on the other, of the wanted side.
+    """
 
     forth: IntArray
     back: IntArray
     misfit: float
+    orientation: float
+
+
+class _Drawn(NamedTuple):
+    """A shape drawn on the vertices sought of another: canonical coordinates (c, d), and normals (c, 3)."""
+
+    canonical: FloatArray
+    normals: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,53 +167,87 @@ class ElasticFit:
             one(target, source, images.back, images.forth, self.landmarks[:, ::-1]),
         )
 
+    def images(self, found: Coefficients) -> Images:
+        """Nearest images both ways, in the coordinates of `embedding`."""
+        source, target, drawn = self.source, self.target, self._drawn(found)
+        nearest = self._nearest_anywhere if source.everywhere else self._nearest_samples
+        forth, back, misfit = nearest(drawn)
+        cosines = [
+            np.einsum("ij,ij->i", shape.normals[onto.row], other.normals[image]).mean()
+            for shape, onto, other, image in zip(drawn, (source, target), (target, source), (forth, back))
+        ]
+        return Images(forth, back, misfit, self.side * float(np.mean(cosines)))
+
     def embedding(self, found: Coefficients) -> Embedding:
         """Coordinates of the vertices sought of both shapes, in which images are nearest."""
-        source, target = self.source, self.target
-        target_here, its_normals = _drawn(source, found.source)
-        source_there, own_normals = _drawn(target, found.target)
-        weight, on_source, on_target = self.normal_weight, source.targets, target.targets
+        return self._embedding(self._drawn(found))
+
+    def _embedding(self, drawn: tuple[_Drawn, _Drawn]) -> Embedding:
+        return Embedding(
+            *(
+                np.hstack([moving, SIGNATURE_WEIGHT * signatures[onto.targets]])
+                for moving, signatures, onto in zip(
+                    self._moving(drawn), self.signatures, (self.source, self.target)
+                )
+            )
+        )
+
+    def _drawn(self, found: Coefficients) -> tuple[_Drawn, _Drawn]:
+        """Draw the target on the source, and the source on the target."""
+        return _drawn(self.source, found.source), _drawn(self.target, found.target)
+
+    def _moving(self, drawn: tuple[_Drawn, _Drawn]) -> Embedding:
+        """Leave the signatures out, which are the same under all maps."""
+        source, target, (target_here, source_there) = self.source, self.target, drawn
+        weight = self.normal_weight
         return Embedding(
             np.hstack(
                 [
-                    target_here,
-                    source.shape.canonical[on_source],
-                    SIGNATURE_WEIGHT * self.signatures.source[on_source],
-                    self.side * weight * its_normals,
-                    weight * source.shape.mesh.vertex_normals[on_source],
+                    target_here.canonical,
+                    source.canonical,
+                    self.side * weight * target_here.normals,
+                    weight * source.normals,
                 ]
             ),
             np.hstack(
                 [
-                    target.shape.canonical[on_target],
-                    source_there,
-                    SIGNATURE_WEIGHT * self.signatures.target[on_target],
-                    weight * target.shape.mesh.vertex_normals[on_target],
-                    self.side * weight * own_normals,
+                    target.canonical,
+                    source_there.canonical,
+                    weight * target.normals,
+                    self.side * weight * source_there.normals,
                 ]
             ),
         )
 
-    def images(self, found: Coefficients) -> Images:
-        """Nearest images both ways."""
-        source, target, (a, b) = self.source, self.target, self.embedding(found)
-        from_source, from_target = a[source.row], b[target.row]
-        forth, back = _nearest(target, b, from_source), _nearest(source, a, from_target)
-        misfit = np.linalg.norm(from_source - b[forth], axis=1).mean()
-        misfit += np.linalg.norm(from_target - a[back], axis=1).mean()
-        return Images(forth, back, float(misfit))
+    @cached_property
+    def _unlike(self) -> Float32Array:
+        """(m_s, m_t) squared distances of the weighted signatures of the samples of both."""
+        a, b = (
+            SIGNATURE_WEIGHT * values[samples.vertices]
+            for values, samples in zip(self.signatures, (self.source, self.target))
+        )
+        return single(np.stack([((row - b) ** 2).sum(axis=1) for row in a]))
 
-    def orientation(self, found: Coefficients, images: Images) -> float:
-        """Mean cosine between the normals of either shape and of its copy drawn on the other, of the wanted side."""
-        cosines = []
-        for onto, other, coefficients, image in (
-            (self.source, self.target, found.source, images.forth),
-            (self.target, self.source, found.target, images.back),
-        ):
-            _, normals = _drawn(onto, coefficients)
-            there = other.shape.mesh.vertex_normals[other.targets[image]]
-            cosines.append(np.einsum("ij,ij->i", normals[onto.row], there).mean())
-        return self.side * float(np.mean(cosines))
+    def _nearest_anywhere(self, drawn: tuple[_Drawn, _Drawn]) -> tuple[IntArray, IntArray, float]:
+        """Find the images (m_s,) and (m_t,) of the samples both ways, and the sum of both mean distances."""
+        source, target, (a, b) = self.source, self.target, self._embedding(drawn)
+        from_source, from_target = a[source.row], b[target.row]
+        forth = target.shape.prepared.index.vertices(b, from_source)
+        back = source.shape.prepared.index.vertices(a, from_target)
+        misfit = np.linalg.norm(from_source - b[forth], axis=1).mean()
+        return forth, back, float(misfit + np.linalg.norm(from_target - a[back], axis=1).mean())
+
+    def _nearest_samples(self, drawn: tuple[_Drawn, _Drawn]) -> tuple[IntArray, IntArray, float]:
+        """Do the same among the samples, by one product for both ways."""
+        a, b = self._moving(drawn)
+        squared = single(a) @ single(-2 * b).T
+        squared += self._unlike
+        squared += single(np.einsum("ij,ij->i", b, b))
+        squared += single(np.einsum("ij,ij->i", a, a))[:, None]
+        forth, back = squared.argmin(axis=1), squared.argmin(axis=0)
+        nearest = squared[np.arange(len(a)), forth], squared[back, np.arange(len(b))]
+        misfit = sum(np.sqrt(np.maximum(each, 0.0)).mean(dtype=np.float64) for each in nearest)
+        return forth, back, float(misfit)
 
     def asymmetry(self, images: Images) -> float:
         """How far the maps are from exchanging mirror images: a mean distance; 0 unless both are nearly symmetric."""
@@ -212,16 +265,12 @@ class ElasticFit:
         return float(np.mean(apart))
 
 
-def _nearest(among: Samples, candidates: FloatArray, queries: FloatArray) -> IntArray:
-    if len(candidates) == among.shape.mesh.n_vertices:
-        return among.shape.prepared.index.vertices(candidates, queries)
-    return nearest_rows(candidates, queries)
-
-
-def _drawn(onto: Samples, coefficients: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Draw the other shape on the vertices sought: canonical coordinates (c, d), and normals (c, 3)."""
-    drawn = onto.functions[:, : len(coefficients)] @ coefficients
-    return drawn[onto.sought, :-3], vertex_normals(drawn[:, -3:], onto.faces)[onto.sought]
+def _drawn(onto: Samples, coefficients: FloatArray) -> _Drawn:
+    """Draw the other shape on the vertices sought."""
+    k = len(coefficients)
+    canonical = onto.functions_sought[:, :k] @ coefficients[:, :-3]
+    normals = vertex_normals(onto.functions[:, :k] @ coefficients[:, -3:], onto.faces)
+    return _Drawn(canonical, normals[onto.sought])
 
 
 def _smooth(
@@ -238,5 +287,7 @@ def _smooth(
     weighted = functions * (weights / weights.sum())[:, None]
     gram = weighted.T @ functions
     gram[np.diag_indices_from(gram)] += smoothness * laplace.values[:k] + RIDGE
-    coefficients: FloatArray = solve(gram, weighted.T @ values, assume_a="pos")
-    return coefficients
+    _, coefficients, failed = dposv(gram, weighted.T @ values)
+    if failed:
+        raise LinAlgError(f"{k} functions of a shape cannot be fitted to {len(vertices)} vertices")
+    return np.asarray(coefficients)

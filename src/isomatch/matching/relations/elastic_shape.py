@@ -86,7 +86,7 @@ class ElasticShape:
         if self.mirrored is not None:
             d = self.canonical.shape[1]
             mirror_row = nearest_rows(self.canonical[vertices], self.mirrored[vertices, :d])
-        return Samples(self, vertices, row, ring, sought, faces, mirror_row)
+        return Samples(self, everywhere, vertices, row, ring, sought, faces, mirror_row)
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,6 +96,8 @@ class Samples:
     Parameters
     ----------
     shape : ElasticShape
+    everywhere : bool
+        Whether images are sought among all vertices, and not among the samples.
     vertices : (m,) array of int
         The samples.
     row : (m,) array of int
@@ -111,6 +113,7 @@ class Samples:
     """
 
     shape: ElasticShape
+    everywhere: bool
     vertices: IntArray
     row: IntArray
     ring: IntArray
@@ -123,6 +126,21 @@ class Samples:
         """(r, K) Laplace–Beltrami functions on the ring."""
         functions: FloatArray = self.shape.prepared.laplace.vectors[self.ring]
         return functions
+
+    @cached_property
+    def functions_sought(self) -> FloatArray:
+        """(c, K) the same on the vertices sought."""
+        return self.functions if self.everywhere else self.functions[self.sought]
+
+    @cached_property
+    def canonical(self) -> FloatArray:
+        """(c, d) canonical coordinates of the vertices sought."""
+        return np.asarray(self.shape.canonical[self.targets])
+
+    @cached_property
+    def normals(self) -> FloatArray:
+        """(c, 3) their normals."""
+        return np.asarray(self.shape.mesh.vertex_normals[self.targets])
 
     @cached_property
     def targets(self) -> IntArray:

@@ -53,7 +53,7 @@ def with_mirror(prepared: PreparedShape, config: Config) -> ElasticShape:
     def first(start: IntArray) -> _SelfMap | None:
         found = fit.from_pairs(start, steps[0])
         images = fit.images(found)
-        return None if fit.orientation(found, images) < 0 else _SelfMap(found, images)
+        return None if images.orientation < 0 else _SelfMap(found, images)
 
     def stepped(known: _SelfMap, step: Step) -> _SelfMap:
         return _SelfMap(*fit.run(known.coefficients, (step,), known.images))
@@ -66,7 +66,7 @@ def with_mirror(prepared: PreparedShape, config: Config) -> ElasticShape:
     for step, most in zip(steps, N_FOLLOWED):
         maps = parallel_map(partial(stepped, step=step), maps)
         maps = sorted(maps, key=lambda each: each.images.misfit)[:most]
-    clear = [each for each in maps if fit.orientation(*each) >= MIRROR_ORIENTATION]
+    clear = [each for each in maps if each.images.orientation >= MIRROR_ORIENTATION]
     if not clear or clear[0].images.misfit > MIRROR_MISFIT:
         return shape
     drawn = clear[0].coefficients.source

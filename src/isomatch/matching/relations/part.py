@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import replace
 from itertools import product
 from operator import attrgetter
-from typing import Literal, cast
+from typing import Literal, Self, cast
 
 import numpy as np
 
@@ -90,7 +91,7 @@ class Part(Relation):
     def __init__(self, side: PartSide = "source", closed: ClosedMatch | None = None) -> None:
         if side not in ("source", "target"):
             raise SettingError(f"side = {side!r}; the part is the 'source' or the 'target'")
-        self.side, self.closed = side, closed
+        self.side, self.closed, self.searches = side, closed, True
 
     @property
     def source(self) -> PreparedShape:
@@ -131,7 +132,29 @@ class Part(Relation):
         refinement = cast(PartFit, fit).refinement
         return refinement.embedding(fit.image, ALL_FUNCTIONS, np.arange(self.source.body.n_vertices))
 
-    def match(self) -> Selection[PartFit]:
+    @property
+    def closes_first(self) -> bool:
+        """Whether its holes are closed first: little is missing by the units of the files, less so if little is known."""
+        pair, settings = self.fits.pair, self.pair.config.parts
+        known = pair.trusted >= settings.little_trusted
+        least = settings.little_missing if known else settings.most_there
+        return bool(pair.knows_unit and pair.share >= least)
+
+    def is_sure(self, solution: Solution) -> bool:
+        """Whether no other match is needed beside one of the part as it is: it fits well, and is no mirror image."""
+        bound = LITTLE_DOUBT * self.pair.config.parts.poor_doubt
+        return solution.outcome is Outcome.PARTIAL and solution.quality.doubt <= bound
+
+    def led_by(self, closed: ClosedMatch | None, alone: bool = False) -> Self:
+        """Let the match with the holes closed contend; ``alone``, without a search of other maps, and of mirror images.
+
+        What this match of the part has found remains known.
+        """
+        led = copy(self)
+        led.closed, led.searches = closed, not alone
+        return led
+
+    def match(self, timer: StageTimer | None = None) -> Selection[PartFit]:
         """Search, refine, settle the best and select.
 
         Raises
@@ -139,6 +162,8 @@ class Part(Relation):
         NotConvergedError
             If no map that keeps the orientation was found.
         """
+        timer = timer or StageTimer()
+        timer.start("search")
         config, settings, fits_of = self.pair.config, self.pair.config.parts, self.fits
         first_maps = self._first_maps()
         only_given = config.hypotheses == "given" and not starts_of(self)
@@ -152,8 +177,10 @@ class Part(Relation):
                 "no map of the part keeps the orientation of the faces; give three to five landmarks, or start = 'pose' "
                 "if the shapes are roughly aligned in space"
             )
+        timer.start("refinement")
         begun = parallel_map(lambda contender: fits_of.begun(*contender), contenders)
         fits, costs = self._by_cost(cast(list[PartFit], self.contest(begun)))
+        timer.start("settling")
         n_settled = sum(cost <= settings.hopeless * costs[0] for cost in costs[: settings.n_settled])
         fits[:n_settled] = parallel_map(lambda fit: fits_of.settled(fit, self._again), fits[:n_settled])
         fits, costs = self._by_cost(fits)
@@ -161,7 +188,10 @@ class Part(Relation):
         rules = Rules(
             rival_distance=APART, tie=settings.tie, mirror_tie=settings.tie, landmark_slack=LANDMARK_SLACK
         )
-        return select(fits, apart, rules, scores=costs)
+        selection = select(fits, apart, rules, scores=costs)
+        if not self.searches and self.closed:  # which has looked for others
+            return replace(selection, rival=min(selection.rival, self.closed.found.selection.rival))
+        return selection
 
     def mismatch(self, fit: Fit) -> FloatArray:
         """How differently part and whole look in space around the vertices (r,) and their images."""
@@ -193,17 +223,31 @@ class Part(Relation):
 
     def _rough_fits(self, first_maps: list[tuple[PartPair, IntArray, str]]) -> list[PartFit]:
         """Refine starts and given maps roughly, and vary the best by maps of the whole onto itself; the best first."""
-        promise, fits_of, pair = attrgetter("promise"), self.fits, self.fits.pair
-        # landmarks tell the sides
-        onto_itself = [] if len(pair.landmarks) else self_maps(pair.whole, pair.config)
-        fits: list[PartFit] = []
-        if any(isinstance(start, FromAnchors) for start in starts_of(self)):
-            anchored = PartStarts(pair, fits_of.coordinates.signatures, onto_itself)()
-            fits += [fit for fit in parallel_map(fits_of.rough, anchored) if fit]
-        fits += [fit for fit in parallel_map(lambda x: fits_of.roughly(*x), first_maps) if fit]
-        best = self._distinct(sorted(fits, key=promise), N_VARIED)
-        varied = parallel_map(lambda x: fits_of.varied(*x), list(product(best, onto_itself)))
-        return sorted([*fits, *(fit for fit in varied if fit)], key=promise)
+        promise, fits_of = attrgetter("promise"), self.fits
+        fits = [
+            *(self._anchored if self.searches else []),
+            *parallel_map(lambda x: fits_of.roughly(*x), first_maps),
+        ]
+        known = sorted((fit for fit in fits if fit), key=promise)
+        if not self.searches:
+            return known
+        best = self._distinct(known, N_VARIED)
+        varied = parallel_map(lambda x: fits_of.varied(*x), list(product(best, self._onto_itself)))
+        return sorted([*known, *(fit for fit in varied if fit)], key=promise)
+
+    @cached_property
+    def _onto_itself(self) -> list[IntArray]:
+        """Maps of the whole nearly onto itself; none with landmarks, which tell the sides."""
+        pair = self.fits.pair
+        return [] if len(pair.landmarks) else self_maps(pair.whole, pair.config)
+
+    @cached_property
+    def _anchored(self) -> list[PartFit | None]:
+        """The starts of the part's own search, refined roughly; None for mirror images."""
+        if not any(isinstance(start, FromAnchors) for start in starts_of(self)):
+            return []
+        signatures = self.fits.coordinates.signatures
+        return parallel_map(self.fits.rough, PartStarts(self.fits.pair, signatures, self._onto_itself)())
 
     def _first_maps(self) -> list[tuple[PartPair, IntArray, str]]:
         """Map the rough vertices, each time in its unit: with the holes closed, by hints, and by starts handed in.
@@ -253,13 +297,17 @@ class Part(Relation):
         self.require_sides()
         self.require_hints()
         self.require_no_descriptors("a whole and its part")
-        timer.start("parts")
-        selection = self.match()
+        with timer.within("part"):
+            selection = self.match(timer)
         best, settings = selection.winner, self.pair.config.parts
         doubt = PartDoubt(best.bent_cost, selection.rival, best.pair.trusted, settings)
         share = best.share
         doubtful = doubt.doubt > LITTLE_DOUBT * settings.poor_doubt or doubt.evidence.ambiguous
-        if doubtful and self._mirror_image_fits(best):
+        with timer.within("part"):
+            timer.start("mirror image")
+            mirrored = doubtful and self.searches and self._mirror_image_fits(best)
+            timer.start("quality")
+        if mirrored:
             return self._summed_up(selection, (Evidence(mirrored=True),), doubt, share, timer)
         evidence: tuple[Evidence, ...] = (doubt.evidence,)
         if self.closed is not None:
@@ -286,10 +334,7 @@ class Part(Relation):
         images = [] if self.closed is None or self.hints.any else self.closed.mirrored_images(self.side)
         if not images:
             return False
-        known = self._from_part.known
-        fits = PartFits(
-            PartPair.of(mirror_image(self.source), self.target, self.pair.config, functions=known)
-        )
+        fits = self.fits.of_part(mirror_image(self.source))
         rough = self.source.sample_vertices[:N_ROUGH_VERTICES]
         begun = [fits.begun(fits.pair.in_unit_of(image), image[rough], "") for image in images]
         refined = parallel_map(fits.refined, begun)
@@ -310,7 +355,9 @@ class Part(Relation):
     ) -> Solution:
         """Bend the part in full, and sum up the map in the direction asked for."""
         pair, hints, best = self.pair, self.hints, selection.winner
-        bent = self.bent(best)
+        with timer.within("part"):
+            timer.start("bending")
+            bent = self.bent(best)
         onto_whole, (onto_part, covered) = bent.points, bent.onto_part()
         errors, area = (
             expected_errors_of_part(best.pair, onto_whole),

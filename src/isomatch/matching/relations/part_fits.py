@@ -19,6 +19,7 @@ from isomatch.matching.relations.part_refinement import (
 )
 from isomatch.matching.relations.part_starts import PartStart, completed, composed
 from isomatch.matching.search import FromAnchors
+from isomatch.shapes import PreparedShape
 from isomatch.values.arrays import FloatArray, IntArray
 from isomatch.values.cached import cached_property
 
@@ -119,14 +120,26 @@ class PartFits:
         The shapes, in any unit.
     hinted : (n_part,) array of int, optional
         Vertices of the whole that a given map has as images.
+    coordinates : WholeCoordinates, optional
+        Those of the whole, if they are known.
     """
 
-    def __init__(self, pair: PartPair, hinted: IntArray | None = None) -> None:
+    def __init__(
+        self, pair: PartPair, hinted: IntArray | None = None, coordinates: WholeCoordinates | None = None
+    ) -> None:
         config = pair.config
         self.pair, self._config, self._hinted, self._samples = pair, config, hinted, PartSamples(pair)
-        self.coordinates = WholeCoordinates(pair.whole, config, pair.landmarks, pair.functions.target)
+        self.coordinates = coordinates or WholeCoordinates(
+            pair.whole, config, pair.landmarks, pair.functions.target
+        )
         self.bending = PartBending(pair.meshes[0], config.parts.n_bent_vertices)
         self._known: dict[tuple[float, int], PartRefinement] = {}
+        self._refined: dict[tuple[float, bytes], PartFit] = {}
+        self._settled: dict[tuple[float, bytes], PartFit] = {}
+
+    def of_part(self, part: PreparedShape) -> PartFits:
+        """Return those of another part on which distances are the same, as of a mirror image."""
+        return PartFits(replace(self.pair, part=part), self._hinted, self.coordinates)
 
     def _refinement(self, pair: PartPair, n_rows: int) -> PartRefinement:
         """Refine some vertices in the unit of a pair."""
@@ -170,7 +183,10 @@ class PartFits:
         return PartFit(image, origin=origin, pair=pair, refinement=refinement, bending=self.bending)
 
     def refined(self, fit: PartFit) -> PartFit:
-        """Refine a map to the end."""
+        """Refine a map to the end, unless the same was refined before."""
+        return _remembered(self._refined, fit, self._refined_now)
+
+    def _refined_now(self, fit: PartFit) -> PartFit:
         settings = self._config.refining
         image, misfit = fit.refinement.refined(fit.image, settings.sizes_without_positions, False)
         if sizes := (*settings.sizes_with_positions, *settings.final_sizes):
@@ -179,11 +195,14 @@ class PartFits:
 
     def settled(self, fit: PartFit, again: Callable[[PartFit], PartFit]) -> PartFit:
         """Refine a map again from where the part lies that was bent by it, bend the part by the new map, and so on."""
-        for _ in range(N_BENT):
-            fit = again(
-                replace(fit, image=self.bending.image(fit.bent, fit.refinement.vertices), misfit=np.inf)
-            )
-        return fit
+
+        def settled_now(fit: PartFit) -> PartFit:
+            for _ in range(N_BENT):
+                image = self.bending.image(fit.bent, fit.refinement.vertices)
+                fit = again(replace(fit, image=image, misfit=np.inf))
+            return fit
+
+        return _remembered(self._settled, fit, settled_now)
 
     def refined_again(self, fit: PartFit) -> PartFit:
         """Take the last steps of the refinement."""
@@ -207,6 +226,17 @@ class PartFits:
             error = pair.whole.mean_distance(image, self._hinted[refinement.vertices])
         k = N_FINE_FUNCTIONS
         return _fit(refinement, pair, image, misfit, anchors, k, self.bending, origin, lengths, error)
+
+
+def _remembered(
+    known: dict[tuple[float, bytes], PartFit], fit: PartFit, function: Callable[[PartFit], PartFit]
+) -> PartFit:
+    """Apply a function to a map, unless it was applied to the same one before."""
+    key = fit.pair.unit, fit.image.tobytes()
+    if key not in known:
+        known[key] = function(fit)
+    found = known[key]
+    return found if found.origin == fit.origin else replace(found, origin=fit.origin)
 
 
 def _fit(

@@ -10,7 +10,7 @@ import numpy as np
 from isomatch.descriptors import mean_curvature
 from isomatch.matching.relations.part_pair import PartPair
 from isomatch.shapes import CURVATURE_WEIGHT, WAVE_WEIGHT, PreparedShape
-from isomatch.values.arrays import FloatArray
+from isomatch.values.arrays import FloatArray, IntArray
 from isomatch.values.cached import cached_method, cached_property
 
 N_ENERGIES = 20
@@ -84,20 +84,30 @@ class WholeSignatures:
     @cached_method
     def of_part(self, pair: PartPair) -> PartSignatures:
         """Signatures of a part in the unit of a pair."""
+        return self._of_part(pair, np.arange(len(pair.to_boundary)))
+
+    @cached_method
+    def of_anchors(self, pair: PartPair) -> PartSignatures:
+        """Those of its anchors alone, (m, 23 + q)."""
+        return self._of_part(pair, pair.anchors)
+
+    def _of_part(self, pair: PartPair, vertices: IntArray) -> PartSignatures:
         part, sizes = pair.part, pair.config.preparation.curvature_functions
-        whole_values, distance = self.whole.laplace.values[1:], pair.to_boundary[:, None]
+        whole_values, distance = self.whole.laplace.values[1:], pair.to_boundary[vertices, None]
         waves, curvatures = self._raw
-        of_part = self._waves(part.laplace.vectors[:, 1:] / pair.unit, part.laplace.values[1:] / pair.share)
+        vectors, values = part.laplace.vectors[vertices, 1:], part.laplace.values[1:]
+        of_part = self._waves(vectors / pair.unit, values / pair.share)
         signatures = [self._weights[0] * _standardised(of_part, waves)]
         weights = [1 - np.exp(-((distance * np.exp(self._energies / 2) / REACH) ** 2))]
         for column, size in zip(curvatures.T, sizes):
             k = min(size, len(whole_values))
             k_part = int(np.clip(round(k * pair.share), 8, len(part.laplace.values) - 1))
-            here = _standardised(self._curvature_of_part(part, k_part) / pair.unit, column)
+            curvature = self._curvature_of_part(part, k_part)[vertices]
+            here = _standardised(curvature / pair.unit, column)
             there = _standardised(column, column)
             signatures.append(self._weights[1] * np.clip(here, there.min(), there.max())[:, None])
             weights.append(1 - np.exp(-((distance * np.sqrt(whole_values[k - 2]) / CURVATURE_REACH) ** 2)))
-        known = pair.functions.source
+        known = pair.functions.source[vertices]
         return PartSignatures(np.hstack([*signatures, known]), np.hstack([*weights, np.ones_like(known)]))
 
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from isomatch.matching.search import flips
 from isomatch.runtime.threads import parallel_map
 from isomatch.settings import Config
 from isomatch.shapes import SAME_SYMMETRY, PreparedShape
-from isomatch.values.arrays import FloatArray, IntArray
+from isomatch.values.arrays import FloatArray, IntArray, single
 from isomatch.values.cached import cached_method
 
 # mean distance, in √area, by which partial assignments and maps that are kept differ;
@@ -92,13 +93,19 @@ class PartStart:
         return fine[trilaterate(lower.T, upper.T, there, pair.cost)]
 
 
-def completed(pair: PartPair, images: IntArray, rounds: int) -> IntArray:
-    """Trilaterate all anchors from the images (q,) of the first ones, several times: vertices (m,) of the whole."""
+def completed(
+    pair: PartPair, images: IntArray, rounds: int, to_samples: Callable[[IntArray], FloatArray] | None = None
+) -> IntArray:
+    """Trilaterate all anchors from the images (q,) of the first ones, several times: vertices (m,) of the whole.
+
+    ``to_samples`` gives distances (q, r) of images to the samples of the whole, if they are known.
+    """
     fine = pair.whole.sample_vertices
+    to_samples = to_samples or partial(pair.whole.distances.between, columns=fine)
     lower, upper = pair.anchor_intervals
     for _ in range(rounds):
         q = len(images)
-        there = np.maximum(pair.whole.distances.between(images, fine), 0.0)
+        there = np.maximum(to_samples(images), 0.0)
         images = fine[trilaterate(lower[:, :q], upper[:, :q], there, pair.cost)]
         images[: len(pair.landmarks)] = pair.landmarks
     return images
@@ -132,7 +139,10 @@ class PartStarts:
             np.concatenate([samples, whole.extremities, whole.column_vertices, pair.landmarks])
         )
         self._places = np.union1d(whole.sample_vertices, self._candidates)
-        self._balls = self._areas_of_balls()
+        self._to_samples = single(whole.distances.between(self._places, whole.sample_vertices))
+        areas = areas_of_samples(whole, whole.sample_vertices)
+        # areas (p, q) of the balls of all radii around all places
+        self._balls = np.stack([(self._to_samples < r) @ areas for r in RADII], axis=1)
         self._areas = areas_of_samples(pair.part, pair.part.sample_vertices)
         self._at = lru_cache(pair.with_unit)
         self._mean_signatures = np.abs(signatures.values).mean(axis=0)
@@ -176,7 +186,7 @@ class PartStarts:
         """Trilaterate all anchors from those that a region has assigned, the others with −1."""
         fine, placed = pair.whole.sample_vertices, np.flatnonzero(row >= 0)
         lower, upper = pair.anchor_intervals
-        there = np.maximum(pair.whole.distances.between(self._candidates[row[placed]], fine), 0.0)
+        there = np.maximum(self._distances_to_samples(self._candidates[row[placed]]), 0.0)
         images = fine[trilaterate(lower[:, placed], upper[:, placed], there, pair.cost)]
         return self._start(pair, images, 1)
 
@@ -208,10 +218,10 @@ class PartStarts:
 
     def _start(self, pair: PartPair, images: IntArray, rounds: int) -> PartStart:
         """Complete images of the first anchors, and again in the unit that they ask for."""
-        images = completed(pair, images, rounds)
+        images = completed(pair, images, rounds, self._distances_to_samples)
         scaled = self._at(pair.unit_of(images))
         if scaled.unit != pair.unit:
-            images = completed(scaled, images, 1)
+            images = completed(scaled, images, 1, self._distances_to_samples)
         unary = self._unary(scaled, np.arange(len(images)), np.searchsorted(self._places, images))
         unary[: len(scaled.landmarks)] = 0.0
         cost = scaled.stress(images) + unary.mean() * 2 / (N_PLACED - 1)
@@ -229,11 +239,9 @@ class PartStarts:
         whole = self._pair.whole
         return distinct(order, lambda start: start.images, whole.mean_distances, self._apart, most)
 
-    def _areas_of_balls(self) -> FloatArray:
-        """Areas (p, q) of the balls of all radii around all places."""
-        whole, fine = self._pair.whole, self._pair.whole.sample_vertices
-        areas, there = areas_of_samples(whole, fine), whole.distances.between(self._places, fine)
-        return np.stack([(there < r) @ areas for r in RADII], axis=1)
+    def _distances_to_samples(self, places: IntArray) -> FloatArray:
+        """Distances (q, r) of places, which are vertices, to the samples of the whole."""
+        return self._to_samples[np.searchsorted(self._places, places)]
 
     def _assigned_alone(self, pair: PartPair, placed: int) -> FloatArray:
         """Cost (m, c) of each candidate for each of the first m anchors by itself."""
@@ -248,7 +256,7 @@ class PartStarts:
         above = self._balls[places] - most[anchors] * (1 + BALL_TOLERANCE)
         violation = np.maximum(np.maximum(below, above), 0.0) / self._balls.mean(axis=0)
         cost = np.asarray(np.minimum(violation, MOST_BALL).mean(axis=-1))
-        of_part, weights = (values[pair.anchors[anchors]] for values in self._signatures.of_part(pair))
+        of_part, weights = (values[anchors] for values in self._signatures.of_anchors(pair))
         of_whole = self._signatures.values
         apart = weights * np.abs(of_part - of_whole[self._places[places]]) / (2 * self._mean_signatures)
         cost += SIGNATURE_COST * np.minimum(apart, 1.0).mean(axis=-1)
