@@ -9,6 +9,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from isomatch.correspondence.rotation import nearest_rotation
+from isomatch.runtime.threads import parallel_map
 from isomatch.values.arrays import FloatArray, IntArray
 
 KEPT = 4  # poses that are refined, nearest first: a solid may lie on its axes in as many ways
@@ -76,12 +77,10 @@ def poses_between(source: FloatArray, target: FloatArray, mirrored: bool = False
     (True, 2.0, [5.0, 5.0, 5.0])
     """
     tree = cKDTree(target)
-    found = []
-    for way in _axes_on_axes(source[:, :3], target[:, :3], mirrored):
-        distances, nearest = tree.query(_moved(source, *way))
-        found.append((distances.mean(), nearest))
-    found.sort(key=lambda first: first[0])
-    poses = [_settled(source, tree, nearest, mirrored) for _, nearest in found[:KEPT]]
+    ways = _axes_on_axes(source[:, :3], target[:, :3], mirrored)
+    found = parallel_map(lambda way: tree.query(_moved(source, *way)), ways)
+    found.sort(key=lambda first: first[0].mean())
+    poses = parallel_map(lambda first: _settled(source, tree, first[1], mirrored), found[:KEPT])
     return sorted(poses, key=lambda pose: pose.distance)
 
 
