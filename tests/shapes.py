@@ -45,21 +45,26 @@ def icosphere(level: int) -> Mesh:
     a, b, c = (vertices[faces[:, i]] for i in range(3))
     inward = np.einsum("ij,ij->i", np.cross(b - a, c - a), a) < 0
     faces[inward] = faces[inward][:, ::-1]
+    sphere = Mesh(vertices, faces)
     for _ in range(level):
-        vertices, faces = _split_in_four(vertices, faces)
-    return Mesh(vertices / np.linalg.norm(vertices, axis=1, keepdims=True), faces)
+        sphere = _unit(split_in_four(_unit(sphere)))
+    return _unit(sphere)
 
 
-def _split_in_four(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _unit(mesh: Mesh) -> Mesh:
+    return Mesh(mesh.vertices / np.linalg.norm(mesh.vertices, axis=1, keepdims=True), mesh.faces)
+
+
+def split_in_four(mesh: Mesh) -> Mesh:
+    """The same surface with each face split at the middles of its edges; the old vertices come first."""
+    vertices, faces = mesh.vertices, mesh.faces
     ends = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
     edges, of_face = np.unique(ends, axis=0, return_inverse=True)
-    middles = vertices[edges].mean(axis=1)
-    middles /= np.linalg.norm(middles, axis=1, keepdims=True)
     middle = len(vertices) + of_face.reshape(-1, 3)
     (a, b, c), (ab, bc, ca) = faces.T, middle.T
     quarters = [[a, ab, ca], [b, bc, ab], [c, ca, bc], [ab, bc, ca]]
     split = np.concatenate([np.stack(corners, axis=1) for corners in quarters])
-    return np.vstack([vertices / np.linalg.norm(vertices, axis=1, keepdims=True), middles]), split
+    return Mesh(np.vstack([vertices, vertices[edges].mean(axis=1)]), split)
 
 
 def cylinder(around: int, along: int) -> Mesh:
