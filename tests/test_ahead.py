@@ -66,7 +66,7 @@ OTHER_TESTS = (
     "resolution", "correspondence", "mending/test_contacts.py", "mending/test_outer.py", "assets/test_io_ply.py",
     "assets/test_concave_polygons.py", "geodesics/test_paths.py", "geodesics/test_against_exact.py", "landmarks",
     "datasets", "lab/baselines/test_gmds.py", "view/test_surface_image.py", "transfer/test_wrap.py",
-    "matching/test_elastic.py", "matching/test_fused_limbs.py",
+    "matching/test_elastic.py", "matching/test_fused_limbs.py", "matching/test_levels.py",
 )  # fmt: skip
 ROOT = Path(__file__).parents[1]
 OF_OTHERS = f"""
@@ -116,6 +116,12 @@ def test_a_first_match_compiles_nothing_after_warming(tmp_path):
     assert (again.stderr, again.stdout[: len(f"{count} ")]) == ("", f"{count} ")
     assert "0 were compiled now" in again.stdout
     assert recorded(OF_FILES, tmp_path) == []
+
+
+@pytest.mark.long
+def test_every_listed_loop_takes_the_listed_arguments():
+    for one in listed_loops(*SECTIONS):
+        one.loop.dispatcher.compile(tuple(map(_type_of, one.types)))
 
 
 @pytest.mark.long

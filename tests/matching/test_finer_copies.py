@@ -10,7 +10,6 @@ from isomatch.lab.sets import relabelled
 from isomatch.matching import Hints, Isometry, prepare_pair
 from shapes import split_in_four
 
-
 LABELLINGS = 0, 10
 """Seeds, over which errors are averaged: one labelling of a mesh differs from another by 5 %."""
 

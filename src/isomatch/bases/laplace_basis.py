@@ -25,8 +25,12 @@ from isomatch.values.settings import generator
 Precision = Literal["double", "single"]
 
 BLOCK = 8  # vectors solved for at once; larger blocks need more vectors to converge, smaller ones more time to solve
-TOLERANCE: dict[Precision, float] = {"double": 1e-4, "single": 0.025}  # see `smallest_eigenpairs`
-SPACE = 2.4  # vectors for each function, from which convergence is tested
+TOLERANCE: dict[Precision, float] = {
+    "double": 1e-4,
+    "single": 0.025,
+}  # see `smallest_eigenpairs`; docs/notes/refinement.md
+SPACE = 2.4  # vectors for each function, from which convergence is tested: as many as it takes
+TESTED_EVERY = 48  # vectors, a multiple of the width of either precision; a test costs an eigendecomposition
 DENSE = 1000  # vertices up to which a dense solver computes all eigenpairs
 RELATIVE_SHIFT = 0.1  # in eigenvalues of the last function; makes inverse iteration favour no single function
 SHIFT = 1e-2  # in 1 / area; makes the singular Laplacian definite
@@ -287,7 +291,7 @@ def smallest_eigenpairs(
             projected[first:size, last] += overlap
         block, coupling = _orthonormal_columns(image.T.astype(np.float64))
         full = size + width > limit
-        if full or (size >= SPACE * k and size % 48 == 0):  # a test costs an eigendecomposition
+        if full or (size >= SPACE * k and size % TESTED_EVERY == 0):
             values, mix = np.linalg.eigh(projected[:size, :size], UPLO="U")
             values, mix = values[: -k - 1 : -1], mix[:, : -k - 1 : -1]
             residual = np.linalg.norm(coupling @ mix[last], axis=0) / values

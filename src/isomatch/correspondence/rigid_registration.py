@@ -112,7 +112,7 @@ class RigidRegistration:
 
     def __init__(self, source: Mesh, keeps: bool = False) -> None:
         self.source = source
-        self._solver = self._kept_solver if keeps else self._new_solver
+        self.keeps = keeps
 
     @cached_property
     def _energy(self) -> RigidEnergy:
@@ -170,7 +170,8 @@ class RigidRegistration:
             if step > 0:
                 nearest = nearest_with_normals(self.source.moved(moved), target, index, normal_unit)
                 wanted = nearest.interpolated(target.vertices)
-            pull, solve = self._solver(length, scale, tuple(vertices.tolist()))
+            solver = self._kept_solver if self.keeps else self._new_solver
+            pull, solve = solver(length, scale, tuple(vertices.tolist()))
             drawn = pull[:, None] * wanted
             drawn[vertices] = np.pi * points
             for _ in range(ROTATED):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -24,15 +25,18 @@ def compile_ahead(everything: bool = False) -> Iterator[tuple[ListedLoop, bool]]
         If the cache cannot be written.
     """
     for listed in listed_loops(MATCH, FILES, *([OTHERS] if everything else [])):
-        yield listed, compile_for(listed.loop.dispatcher, listed.types, must_be_kept=True)
+        if listed.loop:
+            yield listed, compile_for(listed.loop.dispatcher, listed.types, must_be_kept=True)
 
 
 def help_out(folder: str) -> None:
     """Compile loops of a first match from the last one on, for a process that begins with the first."""
-    turn = Turn(Path(folder, "helper.lock"))
+    turn, parent = Turn(Path(folder, "helper.lock")), os.getppid()
     if not turn.take():
         return
     for listed in (*reversed(listed_loops(MATCH)), *listed_loops(FILES)):
-        if not is_being_compiled(listed.loop.dispatcher):
+        if os.getppid() != parent:  # which was killed
+            break
+        if listed.loop and not is_being_compiled(listed.loop.dispatcher):
             compile_for(listed.loop.dispatcher, listed.types)
     turn.end()

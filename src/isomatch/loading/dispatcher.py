@@ -17,6 +17,7 @@ from typing import Any, TypeVar, cast
 
 import numba
 from numba.core.caching import FunctionCache
+from numba.core.errors import TypingError
 
 from isomatch.errors import UnwritableFileError
 from isomatch.loading.helper import ask_for_help
@@ -49,7 +50,9 @@ def dispatcher_of(function: FunctionType, scope: dict[str, Any], options: dict[s
     if hasattr(dispatcher, "compile"):
         dispatcher.compile = _uncollected(dispatcher.compile)
     try:
-        dispatcher._cache = _Cache(function)
+        dispatcher._cache = kept = _Cache(function)
+        if hasattr(dispatcher, "compile"):
+            dispatcher.compile = _with_its_turn(dispatcher.compile, kept)
     except RuntimeError:  # there is no folder that numba can write to
         _tell(UNCACHED)
     return dispatcher
@@ -71,6 +74,19 @@ def _uncollected(function: F) -> F:
     return cast(F, changed)
 
 
+def _with_its_turn(function: F, kept: _Cache) -> F:
+    """Let others compile a loop once this process has compiled it, or failed to."""
+
+    @wraps(function)
+    def changed(*arguments: Any) -> Any:
+        try:
+            return function(*arguments)
+        finally:
+            kept.turn.end()
+
+    return cast(F, changed)
+
+
 def compile_for(dispatcher: Any, types: Sequence[str], must_be_kept: bool = False) -> bool:
     """Compile a loop for types of arguments as in `ListedLoop`, and tell whether that was necessary.
 
@@ -82,7 +98,8 @@ def compile_for(dispatcher: Any, types: Sequence[str], must_be_kept: bool = Fals
     if not hasattr(dispatcher, "stats"):  # numba is told to compile nothing
         return False
     before = sum(dispatcher.stats.cache_misses.values())
-    dispatcher.compile(tuple(map(_type_of, types)))
+    with suppress(TypingError):  # the loop takes other arguments since the list was recorded
+        dispatcher.compile(tuple(map(_type_of, types)))
     if must_be_kept:
         _require_kept(dispatcher._cache)
     return bool(sum(dispatcher.stats.cache_misses.values()) > before)
@@ -153,8 +170,6 @@ class _Cache(FunctionCache):
         except OSError:
             self.works = False
             _tell(UNCACHED)
-        finally:
-            self.turn.end()
 
     @property
     def is_empty(self) -> bool:

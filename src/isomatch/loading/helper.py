@@ -23,7 +23,7 @@ def ask_for_help(folder: str) -> bool:
     is_python = Path(sys.executable or "").name.startswith("python")  # and no program around it
     if current_process().name != "MainProcess" or n_threads() < 2 or not is_python:
         return False
-    path = os.pathsep.join(filter(None, sys.path))
+    path = os.pathsep.join(entry for entry in sys.path if isinstance(entry, str) and entry)
     try:
         process = subprocess.Popen(
             [sys.executable, "-P", "-c", _HELP, folder],

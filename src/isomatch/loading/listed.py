@@ -36,7 +36,10 @@ class ListedLoop(NamedTuple):
     @property
     def loop(self) -> Any:
         """The loop itself; None where the module has changed since the list was recorded."""
-        found = getattr(import_module(self.module), self.name, None)
+        try:
+            found = getattr(import_module(self.module), self.name, None)
+        except ModuleNotFoundError:
+            return None
         return found if hasattr(found, "py_func") else None
 
 

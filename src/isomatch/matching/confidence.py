@@ -105,7 +105,7 @@ def _gradient_energy(x: FloatArray, edges: IntArray, lengths: FloatArray) -> Flo
     squared = np.zeros(len(edges))
     _fill_squared(x, edges, squared)
     at = edges.ravel()
-    total = np.bincount(at, np.repeat(squared / lengths**2, 2), len(x))
+    total = np.bincount(at, np.repeat(squared / np.maximum(lengths, np.finfo(float).tiny) ** 2, 2), len(x))
     return np.asarray(total / np.maximum(np.bincount(at, minlength=len(x)), 1))
 
 

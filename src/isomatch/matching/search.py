@@ -215,7 +215,9 @@ class Pool:
             settled += [rows for rows, moves in zip(images, moving) if not moves]
             starts = [rows for rows, moves in zip(images, moving) if moves]
         found = [*settled, *starts]
-        return iterative_closest_points(*points, np.array(found), 0) if found else []
+        groups = [np.array(found[i : i + AT_ONCE]) for i in range(0, len(found), AT_ONCE)]
+        aligned = parallel_map(lambda group: iterative_closest_points(*points, group, 0), groups)
+        return [alignment for group in aligned for alignment in group]
 
 
 class FromExtremities(PoolStart):

@@ -160,7 +160,7 @@ def collapse_edges(
     """Collapse edges of a cost below the limit, in each block of so many vertices the cheapest first.
 
     At most so many vertices of a block vanish. Where there are several blocks, what is worked on fits into the cache, and
-    a vertex takes part in one collapse.
+    a vertex takes part in one collapse of each block.
 
     PARENT becomes the vertex into which each was merged, the first of all that were merged with it.
 

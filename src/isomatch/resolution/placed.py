@@ -16,6 +16,7 @@ from isomatch.values.cached import cached_property
 
 MOST_TRIED = 8  # vertices of each group, where steps to the nearest of all may start
 INSIDE_A_FACE = 1e-9  # least weight of a corner, far above rounding
+ON_A_FACE = 1e-20  # squared distance, in the units of the normalised mesh, far below a face
 CHUNK = 8192  # points at once; fixed, so that results do not depend on the number of threads
 
 
@@ -29,7 +30,7 @@ class VertexGroups(NamedTuple):
     def of(cls, group: IntArray, n_groups: int) -> VertexGroups:
         """Sort vertices by their group (n,), −1 for none."""
         start, members = np.zeros(n_groups + 1, dtype=np.int64), np.empty(len(group), dtype=np.int32)
-        _sort_into_groups(group, start, members)
+        _sort_into_groups(np.ascontiguousarray(group, dtype=np.int64), start, members)
         return cls(start, members[: start[-1]])
 
 
@@ -160,7 +161,7 @@ def _inverse_image(
                     least = squared
                     found[i, 0], found[i, 1], found[i, 2] = a, b, c
                     weights[i, 0], weights[i, 1], weights[i, 2] = 1.0 - s - t, s, t
-            if min(weights[i, 0], weights[i, 1], weights[i, 2]) > INSIDE_A_FACE:
+            if least <= ON_A_FACE and min(weights[i, 0], weights[i, 1], weights[i, 2]) > INSIDE_A_FACE:
                 break
         sort_corners(found, weights, i)
 

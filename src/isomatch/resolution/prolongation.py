@@ -263,7 +263,9 @@ def _nearest_on_coarse(
             facing = (
                 frames[f, 3] * normals[i, 0] + frames[f, 4] * normals[i, 1] + frames[f, 5] * normals[i, 2]
             )
-            cost += tolerance[owner] * max(0.0, LEAST_COSINE - facing)
+            if not facing <= LEAST_COSINE:  # of a face without area it is not a number
+                facing = LEAST_COSINE if facing > LEAST_COSINE else 0.0
+            cost += tolerance[owner] * (LEAST_COSINE - facing)
             if cost < best:
                 best, reach = cost, np.sqrt(max(cost, 0.0))
                 corners[i, 0], corners[i, 1], corners[i, 2] = a, b, c

@@ -17,9 +17,11 @@ class RefinementSettings(Settings):
     sizes_without_positions, sizes_with_positions, final_sizes : tuple of int
         Functions in the steps of the three stages of the joint refinement; positions and normals take part in the last
         two. After each stage, maps that fit much worse than the best are given up.
+    sizes_of_parts : tuple of int
+        Functions in further steps without positions, of the map of a part.
     sizes_again : tuple of int
-        Functions in the steps by which a map that survived them is refined once more, with positions and normals; the
-        last step is that of the stages before. The map of lower score stays.
+        Functions in the steps by which a map that ties with the best is refined once more, with positions and normals if
+        the stages before end with them; the last step is theirs. The map of lower score stays.
     polished_sizes : tuple of int
         Functions in the steps that polish the map of a large mesh, on more vertices.
     position_unit : float
@@ -43,6 +45,9 @@ class RefinementSettings(Settings):
     )
     final_sizes: tuple[int, ...] = setting(
         (125, 150, 200), "ablation: no positions and normals", least=4, empty=True
+    )
+    sizes_of_parts: tuple[int, ...] = setting(
+        (70, 100, 140), "docs/notes/refinement.md, parts", least=4, empty=True
     )
     sizes_again: tuple[int, ...] = setting(
         (20, 30, 50, 80, 130), "docs/notes/refinement.md", least=4, empty=True

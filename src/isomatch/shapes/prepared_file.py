@@ -26,7 +26,7 @@ from isomatch.values.arrays import AnyArray
 FORMAT = ArrayFormat(
     what="a prepared shape",
     writer="PreparedShape.save",
-    version=2,  # raise it whenever shapes are prepared in another way: earlier files are not read
+    version=3,  # raise it whenever shapes are prepared in another way: earlier files are not read
     arrays={"about": Stored("text"), "digest": Stored("text")},
 )
 _ARRAY = re.compile(r"array_[0-9]{1,9}")

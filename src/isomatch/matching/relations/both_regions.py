@@ -127,12 +127,20 @@ def overlaps(bent: BentPart) -> BoolArray:
 def rough(config: Config) -> Config:
     """Change settings so that a refinement takes less time, for regions that may be wrong."""
     refining = config.refining
-    steps = refining.sizes_without_positions, refining.sizes_with_positions, refining.final_sizes
-    without, with_positions, final = (tuple(k for k in sizes if k <= ROUGH_FUNCTIONS) for sizes in steps)
+    steps = (
+        refining.sizes_without_positions,
+        refining.sizes_of_parts,
+        refining.sizes_with_positions,
+        refining.final_sizes,
+    )
+    without, of_parts, with_positions, final = (
+        tuple(k for k in sizes if k <= ROUGH_FUNCTIONS) for sizes in steps
+    )
     if without or with_positions or final:
         refining = replace(
             refining,
             sizes_without_positions=without,
+            sizes_of_parts=of_parts,
             sizes_with_positions=with_positions,
             final_sizes=final,
         )

@@ -288,6 +288,6 @@ def _smooth(
     gram = weighted.T @ functions
     gram[np.diag_indices_from(gram)] += smoothness * laplace.values[:k] + RIDGE
     _, coefficients, failed = dposv(gram, weighted.T @ values)
-    if failed:
+    if failed or not np.isfinite(coefficients).all():
         raise LinAlgError(f"{k} functions of a shape cannot be fitted to {len(vertices)} vertices")
     return np.asarray(coefficients)

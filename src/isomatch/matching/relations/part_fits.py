@@ -188,7 +188,8 @@ class PartFits:
 
     def _refined_now(self, fit: PartFit) -> PartFit:
         settings = self._config.refining
-        image, misfit = fit.refinement.refined(fit.image, settings.sizes_without_positions, False)
+        sizes = (*settings.sizes_without_positions, *settings.sizes_of_parts)
+        image, misfit = fit.refinement.refined(fit.image, sizes, False)
         if sizes := (*settings.sizes_with_positions, *settings.final_sizes):
             image, misfit = fit.refinement.refined(image, sizes)
         return self._finely(fit.pair, image, misfit, self._config.parts.bending[::2], fit.origin)
