@@ -25,10 +25,8 @@ from isomatch.values.settings import generator
 Precision = Literal["double", "single"]
 
 BLOCK = 8  # vectors solved for at once; larger blocks need more vectors to converge, smaller ones more time to solve
-TOLERANCE: dict[Precision, float] = {
-    "double": 1e-4,
-    "single": 0.025,
-}  # see `smallest_eigenpairs`; docs/notes/refinement.md
+# see `smallest_eigenpairs`; docs/notes/refinement.md
+TOLERANCE: dict[Precision, float] = {"double": 1e-4, "single": 0.025}
 SPACE = 2.4  # vectors for each function, from which convergence is tested: as many as it takes
 TESTED_EVERY = 48  # vectors, a multiple of the width of either precision; a test costs an eigendecomposition
 DENSE = 1000  # vertices up to which a dense solver computes all eigenpairs

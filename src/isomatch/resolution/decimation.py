@@ -103,8 +103,8 @@ def decimate(
     the surface at boundaries, and a small multiple of the squared distance to the merged vertices, so that flat parts get
     even triangles. An edge is collapsed if that preserves the topology (Dey, Edelsbrunner, Guha & Nekhayev, *Topology
     preserving edge contraction*, 1999), and turns no face too far nor makes it a sliver. In rounds: each collapses edges
-    below a cost, the cheapest first, on a mesh that is compact in memory; above 65 536 vertices the cheapest of each block
-    of vertices. O(n) time, about 300 bytes for each vertex.
+    below a cost, the cheapest first, on a mesh that is compact in memory; above 65 536 vertices those of each block of
+    vertices. O(n) time, about 300 bytes for each vertex.
 
     Examples
     --------
