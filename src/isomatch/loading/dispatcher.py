@@ -75,14 +75,15 @@ def _uncollected(function: F) -> F:
 
 
 def _with_its_turn(function: F, kept: _Cache) -> F:
-    """Let others compile a loop once this process has compiled it, or failed to."""
+    """Let others compile a loop that this process failed to compile."""
 
     @wraps(function)
     def changed(*arguments: Any) -> Any:
         try:
             return function(*arguments)
-        finally:
+        except BaseException:
             kept.turn.end()
+            raise
 
     return cast(F, changed)
 
@@ -170,6 +171,8 @@ class _Cache(FunctionCache):
         except OSError:
             self.works = False
             _tell(UNCACHED)
+        finally:
+            self.turn.end()
 
     @property
     def is_empty(self) -> bool:

@@ -89,7 +89,7 @@ class Turn:
 
     def end(self) -> None:
         """Let the next one have it."""
-        if self._file:
+        file, self._file = self._file, None
+        if file:
             with suppress(OSError):
-                unlocked(self._file, self.path)
-            self._file = None
+                unlocked(file, self.path)
