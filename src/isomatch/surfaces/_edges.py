@@ -9,8 +9,6 @@ import numpy as np
 from isomatch.loading.compiled import compiled
 from isomatch.values.arrays import AnyArray, BoolArray, FloatArray, IntArray, read_only
 
-MANY = 32  # sides of a vertex, from which insertion is the slower sort
-
 
 @dataclass(frozen=True)
 class EdgeTable:
@@ -60,43 +58,68 @@ class Meetings:
 
 
 def edge_table(faces: IntArray, n_vertices: int) -> EdgeTable:
-    """Group the sides of faces with valid indices into edges, in O(n + m) time, but O(k log k) for k at one vertex."""
-    return EdgeTable(*_grouped(read_only(faces), n_vertices))
+    """Group the sides of faces with valid indices into edges, in O(n + m) time, but O(k^1.5) for k at one vertex."""
+    faces = read_only(faces)
+    start, keys = np.zeros(n_vertices + 2, dtype=np.int64), np.empty(faces.size, dtype=np.int64)
+    n_edges = _sort_sides(faces, start, keys)
+    ends, n_faces = np.empty((n_edges, 2), dtype=np.int64), np.zeros(n_edges, dtype=np.int32)
+    sides, opposite = np.empty(faces.size, dtype=np.int32), np.empty(faces.size, dtype=np.int32)
+    clash = np.zeros(n_edges, dtype=bool)
+    _group_sides(faces, start, keys, ends, n_faces, sides, opposite, clash)
+    return EdgeTable(ends, n_faces, sides, opposite, clash)
 
 
 @compiled()
-def _grouped(faces: IntArray, n_vertices: int) -> tuple[IntArray, AnyArray, AnyArray, AnyArray, BoolArray]:
-    """Sort sides by their smaller vertex by counting, and those of each vertex by the other one and their number."""
-    start = np.zeros(n_vertices + 1, np.int64)
+def _sort_sides(faces: IntArray, start: IntArray, keys: IntArray) -> int:
+    """Sort sides by their smaller vertex by counting, and those of each vertex by the other one and their number.
+
+    ``start`` (n + 2,) is 0 on entry; the keys of vertex v are those from ``start[v]`` to ``start[v + 1]``. Returns the
+    number of edges.
+    """
+    n = len(start) - 2
     for f in range(len(faces)):
         for i in range(3):
-            start[min(faces[f, i], faces[f, (i + 1) % 3]) + 1] += 1
-    for v in range(n_vertices):
-        start[v + 1] += start[v]
-    keys, end = np.empty(faces.size, np.int64), start[:-1].copy()
+            start[min(faces[f, i], faces[f, (i + 1) % 3]) + 2] += 1
+    for v in range(n):
+        start[v + 2] += start[v + 1]
     for f in range(len(faces)):
         for i in range(3):
             a, b = faces[f, i], faces[f, (i + 1) % 3]
-            keys[end[min(a, b)]] = max(a, b) << 32 | 3 * f + i
-            end[min(a, b)] += 1
+            keys[start[min(a, b) + 1]] = max(a, b) << 32 | 3 * f + i
+            start[min(a, b) + 1] += 1
     count = 0
-    for v in range(n_vertices):
+    for v in range(n):
         first, last = start[v], start[v + 1]
-        if last - first > MANY:
-            keys[first:last] = np.sort(keys[first:last])
-        else:
-            for here in range(first + 1, last):
+        gap = 1
+        while gap < (last - first) // 3:
+            gap = 3 * gap + 1
+        while gap > 0:  # Shell's sort: by insertion, but where there are many
+            for here in range(first + gap, last):
                 key, at = keys[here], here
-                while at > first and keys[at - 1] > key:
-                    keys[at] = keys[at - 1]
-                    at -= 1
+                while at - gap >= first and keys[at - gap] > key:
+                    keys[at] = keys[at - gap]
+                    at -= gap
                 keys[at] = key
+            gap //= 3
         for at in range(first, last):
             count += int(at == first or keys[at] >> 32 != keys[at - 1] >> 32)
-    ends, n_faces = np.empty((count, 2), np.int64), np.zeros(count, np.int32)
-    sides, opposite = np.empty(faces.size, np.int32), np.empty(faces.size, np.int32)
-    clash, count = np.zeros(count, np.bool_), -1
-    for v in range(n_vertices):
+    return count
+
+
+@compiled()
+def _group_sides(
+    faces: IntArray,
+    start: IntArray,
+    keys: IntArray,
+    ends: IntArray,
+    n_faces: AnyArray,
+    sides: AnyArray,
+    opposite: AnyArray,
+    clash: BoolArray,
+) -> None:
+    """Fill the table of edges from the sides, sorted."""
+    count = -1
+    for v in range(len(start) - 2):
         for at in range(start[v], start[v + 1]):
             if at == start[v] or keys[at] >> 32 != keys[at - 1] >> 32:
                 count += 1
@@ -111,7 +134,6 @@ def _grouped(faces: IntArray, n_vertices: int) -> tuple[IntArray, AnyArray, AnyA
             elif n_faces[count] == 3:
                 opposite[sides[at - 1]] = opposite[sides[at - 2]] = -1
                 clash[count] = False
-    return ends, n_faces, sides, opposite, clash
 
 
 def lengths(points: FloatArray, ends: IntArray) -> FloatArray:

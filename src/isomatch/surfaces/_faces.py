@@ -11,7 +11,6 @@ from isomatch.loading.compiled import compiled
 from isomatch.values.arrays import AnyArray, BoolArray, FloatArray, IntArray, read_only
 
 OUT_OF_RANGE, NON_FINITE, REPEATED, DUPLICATE = range(1, 5)
-MANY = 16  # faces, from which they are sorted to be compared
 
 
 @dataclass(frozen=True)
@@ -34,16 +33,21 @@ def unsound_faces(vertices: FloatArray, faces: IntArray) -> UnsoundFaces:
 
     A duplicate has the same three vertices as an earlier face, in any order. The earlier face is not a duplicate.
     """
-    kind = np.zeros(len(faces), dtype=np.int8)
-    _classify(read_only(vertices), read_only(faces), kind)
+    kind, start = np.zeros(len(faces), dtype=np.int8), np.zeros(len(vertices) + 2, dtype=np.int64)
+    number = np.empty(len(faces), dtype=np.int32)
+    _classify(read_only(vertices), read_only(faces), start, number, kind)
     return UnsoundFaces(*(kind == k for k in (OUT_OF_RANGE, NON_FINITE, REPEATED, DUPLICATE)))
 
 
 @compiled()
-def _classify(vertices: FloatArray, faces: IntArray, kind: AnyArray) -> None:
-    """Tell what is wrong with each face, 0 for nothing; sound ones with the same smallest vertex are compared."""
+def _classify(
+    vertices: FloatArray, faces: IntArray, start: IntArray, number: AnyArray, kind: AnyArray
+) -> None:
+    """Tell what is wrong with each face, 0 for nothing; sound ones with the same smallest vertex are sorted and compared.
+
+    ``start`` (n + 2,) and ``kind`` are 0 on entry; ``number`` (m,) is room for the sound faces of each vertex.
+    """
     n = len(vertices)
-    start = np.zeros(n + 1, np.int64)
     for f in range(len(faces)):
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
         if min(a, b, c) < 0 or max(a, b, c) >= n:
@@ -58,34 +62,42 @@ def _classify(vertices: FloatArray, faces: IntArray, kind: AnyArray) -> None:
         elif a == b or b == c or c == a:
             kind[f] = REPEATED
         else:
-            start[min(a, b, c) + 1] += 1
+            start[min(a, b, c) + 2] += 1
     for v in range(n):
-        start[v + 1] += start[v]
-    number, end = np.empty(start[n], np.int32), start[:-1].copy()
+        start[v + 2] += start[v + 1]
     for f in range(len(faces)):
         if kind[f] == 0:
             low = min(faces[f, 0], faces[f, 1], faces[f, 2])
-            number[end[low]] = f
-            end[low] += 1
+            number[start[low + 1]] = f
+            start[low + 1] += 1
     for v in range(n):
         first, last = start[v], start[v + 1]
-        if last - first < 2:
-            continue
-        if last - first <= MANY:
-            for at in range(first + 1, last):
-                for before in range(first, at):
-                    if _sorted(faces, number[at]) == _sorted(faces, number[before]):
-                        kind[number[at]] = DUPLICATE
-                        break
-            continue
-        keys = np.empty(last - first, np.int64)
-        for at in range(first, last):
-            _, mid, high = _sorted(faces, number[at])
-            keys[at - first] = mid * n + high
-        order = np.argsort(keys, kind="mergesort")
-        for k in range(1, len(order)):
-            if keys[order[k]] == keys[order[k - 1]]:
-                kind[number[first + order[k]]] = DUPLICATE
+        gap = 1
+        while gap < (last - first) // 3:
+            gap = 3 * gap + 1
+        while gap > 0:  # Shell's sort
+            for here in range(first + gap, last):
+                face, at = number[here], here
+                while at - gap >= first and _is_before(faces, face, number[at - gap]):
+                    number[at] = number[at - gap]
+                    at -= gap
+                number[at] = face
+            gap //= 3
+        for at in range(first + 1, last):
+            if _sorted(faces, number[at]) == _sorted(faces, number[at - 1]):
+                kind[number[at]] = DUPLICATE
+
+
+@compiled()
+def _is_before(faces: IntArray, f: int, g: int) -> bool:
+    """Whether the larger vertices of a face come before those of another one, or are the same and its number does."""
+    _, mid, high = _sorted(faces, f)
+    _, other_mid, other_high = _sorted(faces, g)
+    if mid != other_mid:
+        return mid < other_mid
+    if high != other_high:
+        return high < other_high
+    return f < g
 
 
 @compiled()
