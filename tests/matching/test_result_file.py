@@ -167,7 +167,7 @@ def test_what_is_no_prepared_shape(tmp_path, prepared_example, result):
     np.savez(path, **{name: array for name, array in arrays.items() if name != "format_version"})
     with pytest.raises(FormatError, match="not a prepared shape"):
         PreparedShape.load(path)
-    for version, message in ((1, "prepared in another way"), (3, "upgrade isomatch")):
+    for version, message in ((2, "prepared in another way"), (4, "upgrade isomatch")):
         np.savez(path, **{**arrays, "format_version": version})
         with pytest.raises(FormatError, match=message):
             PreparedShape.load(path)
