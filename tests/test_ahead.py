@@ -9,7 +9,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from isomatch.loading import helper
+from isomatch.loading import second_process
 from isomatch.loading.dispatcher import _type_of
 from isomatch.loading.listed import FILES, MATCH, OTHERS, SECTIONS, listed_loops
 
@@ -143,12 +143,12 @@ def test_no_help_is_asked_for_where_it_is_not_wanted_or_cannot_be_had(reason, mo
         started.append(arguments)
         raise OSError
 
-    monkeypatch.setattr(helper.subprocess, "Popen", start)
+    monkeypatch.setattr(second_process.subprocess, "Popen", start)
     if reason == "worker":
-        monkeypatch.setattr(helper, "current_process", lambda: SimpleNamespace(name="SpawnProcess-1"))
+        monkeypatch.setattr(second_process, "current_process", lambda: SimpleNamespace(name="SpawnProcess-1"))
     if reason == "another program":
         monkeypatch.setattr(sys, "executable", "/opt/blender")
-    assert not helper.ask_for_help(str(tmp_path))
+    assert not second_process.ask_for_help(str(tmp_path))
     assert len(started) == (reason == "no process")
 
 

@@ -20,8 +20,8 @@ from numba.core.caching import FunctionCache
 from numba.core.errors import TypingError
 
 from isomatch.errors import UnwritableFileError
-from isomatch.loading.helper import ask_for_help
 from isomatch.loading.listed import MATCH, listed_loops
+from isomatch.loading.second_process import ask_for_help
 from isomatch.runtime.locks import Turn
 
 UNREADABLE = (OSError, EOFError, pickle.UnpicklingError)

@@ -208,9 +208,8 @@ def _normalised(whole: Surface, kept: BoolArray, graph_average_distance: float) 
     length = float(np.sqrt(part_of.area))
     points = (part_of.vertices - np.average(part_of.vertices, axis=0, weights=part_of.vertex_areas)) / length
     if isinstance(part_of, Mesh):
-        if (
-            part_of.n_vertices > LARGE
-        ):  # its edges take twice the memory of its faces, and are hardly needed again
+        # the edges of a large mesh take twice the memory of its faces, and are hardly needed again
+        if part_of.n_vertices > LARGE:
             return Mesh(points, part_of.faces), length
         return part_of.moved(points), length
     return PointCloud(points, part_of.n_neighbours), length

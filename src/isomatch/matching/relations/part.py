@@ -11,7 +11,7 @@ from typing import Literal, Self, cast
 
 import numpy as np
 
-from isomatch.correspondence import Embedding, PrecisePoints, SampledBasis, SpectralPair
+from isomatch.correspondence import Embedding, PrecisePoints, SpectralPair
 from isomatch.errors import NotConvergedError, SettingError
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching.confidence import expected_errors
@@ -111,7 +111,7 @@ class Part(Relation):
     @cached_property
     def spectra(self) -> SpectralPair:
         """The Laplace–Beltrami bases, for maps from these vertices of the part to all vertices of the whole."""
-        basis = SampledBasis(self.source.laplace.vectors, self.vertices)
+        basis = self.source.sampled_basis(self.pair.config.n_refine)
         return SpectralPair(basis, self.target.laplace.vectors, self.target.index.vertices)
 
     def refined(self, fits: Sequence[Fit]) -> list[Fit]:

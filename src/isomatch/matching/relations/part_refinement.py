@@ -107,10 +107,9 @@ class PartSamples:
     def __init__(self, pair: PartPair) -> None:
         self._pair = pair
 
-    @cached_method
     def basis(self, n_rows: int) -> SampledBasis:
         """Functions of the part, to be fitted to values at its first sample vertices."""
-        return SampledBasis(self._pair.part.laplace.vectors, self._pair.part.sample_vertices[:n_rows])
+        return self._pair.part.sampled_basis(n_rows)
 
     @cached_property
     def near(self) -> tuple[BoolArray, BoolArray, FloatArray]:
