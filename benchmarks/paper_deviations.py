@@ -46,7 +46,8 @@ def as_usual(config: Config, pair: BenchmarkPair) -> Config:
 MIXED = Config(preparation=PreparationSettings(block_diagonal=False))
 UNFLIPPED = Config(search=SearchSettings(flip_landmarks=False))
 MESH_UNITS = Config(preparation=PreparationSettings(distance_unit="user"))
-AT_ONCE = Config(refining=RefinementSettings(laplace_steps_at_once=AT_ONCE_STEPS))
+POST = Config(n_functions=200)
+AT_ONCE = replace(POST, refining=RefinementSettings(laplace_steps_at_once=AT_ONCE_STEPS))
 VARIANTS: dict[str, tuple[Callable[..., MatchResult], Config, Callable[..., Config]]] = {
     "GDD": (gdd, Config(), as_usual),
     "GDD, area weights": (match, Config(refinement="none", hypotheses="given"), as_usual),
@@ -56,10 +57,10 @@ VARIANTS: dict[str, tuple[Callable[..., MatchResult], Config, Callable[..., Conf
     "GDD, flips of the start not tried": (gdd, UNFLIPPED, as_usual),
     "GDD, k = 30, p = 60": (gdd, Config(rank=30, n_columns=60), as_usual),
     "GDD, k = 100, p = 200": (gdd, Config(rank=100, n_columns=200), as_usual),
-    "post": (gdd_post, Config(), as_usual),
+    "post": (gdd_post, POST, as_usual),
     "post, 200 functions at once, F orthogonal": (gdd_post, AT_ONCE, as_usual),
-    "post, area weights": (match, Config(refinement="laplace_icp", hypotheses="given"), as_usual),
-    "post, iterated on all vertices": (gdd_post, Config(), whole),
+    "post, area weights": (match, replace(POST, refinement="laplace_icp", hypotheses="given"), as_usual),
+    "post, iterated on all vertices": (gdd_post, POST, whole),
     "post, 100 functions": (gdd_post, Config(n_functions=100), as_usual),
 }
 

@@ -125,7 +125,9 @@ class Config(Settings):
 
     n_columns: int = setting(100, "Shamai & Kimmel 2017: p = 2 k", least=8)
     rank: int = setting(50, "Shamai & Kimmel 2017: k = 50", least=4)
-    n_functions: int = setting(200, "Melzi et al. 2019: 200 functions at 5 000 vertices", least=20)
+    n_functions: int = setting(
+        150, "docs/notes/refinement.md: 200 take a tenth more time and gain nothing", least=20
+    )
     weights: Weighting = setting("area", "docs/paper.md, deviations: area weights")
     engine: str | None = setting(
         None, "docs/benchmarks.md, engines: fast marching is most accurate for its time"

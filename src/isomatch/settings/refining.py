@@ -44,7 +44,7 @@ class RefinementSettings(Settings):
         (50, 75, 100), "ablation: no positions and normals", least=4, empty=True
     )
     final_sizes: tuple[int, ...] = setting(
-        (125, 150, 200), "ablation: no positions and normals", least=4, empty=True
+        (125, 150), "ablation: no positions and normals", least=4, empty=True
     )
     sizes_of_parts: tuple[int, ...] = setting(
         (70, 100, 140), "docs/notes/refinement.md, parts", least=4, empty=True
@@ -52,7 +52,7 @@ class RefinementSettings(Settings):
     sizes_again: tuple[int, ...] = setting(
         (20, 30, 50, 80, 130), "docs/notes/refinement.md", least=4, empty=True
     )
-    polished_sizes: tuple[int, ...] = setting((100, 150, 200), "docs/performance.md, resolution", least=4)
+    polished_sizes: tuple[int, ...] = setting((100, 150), "docs/performance.md, resolution", least=4)
     position_unit: float = setting(0.08, "measured on 9 pairs: 0.08 2.06, 0.15 2.11, 0.3 2.14", least=1e-6)
     normal_weight: float = setting(0.3, "docs/benchmarks.md, sensitivity", least=0)
     function_weight: float = setting(0.2, "docs/hints.md: functions known on both", least=0)

@@ -31,7 +31,7 @@ NOT_JUDGED = (
 )
 
 
-AT_FULL_RESOLUTION = Config(resolution="full")
+AT_FULL_RESOLUTION = Config(resolution="full", n_functions=200)  # as in Melzi et al. 2019
 
 
 @dataclass(frozen=True, eq=False)
