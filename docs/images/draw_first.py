@@ -1,7 +1,7 @@
 """The three pictures that the readme begins with: a pose, two species, a part.
 
-Run ``python docs/images/draw_first.py DATA`` to draw them again, with the folder of FAUST remeshed, SMAL and SHREC'16 cuts
-as archives. It takes half a minute.
+Run ``python docs/images/draw_first.py DATA`` to draw them again, with the folder of remeshed FAUST, SMAL and SHREC'16
+cuts as archives. It takes half a minute.
 """
 
 import sys
@@ -13,7 +13,7 @@ from isomatch import Mesh, match
 from isomatch.view import draw_map
 
 HERE = Path(__file__).parent
-OVER = np.diag([1.0, -1.0, -1.0])  # SMAL's animals lie on their backs
+AS_IS, OVER = np.eye(3), np.diag([1.0, -1.0, -1.0])  # SMAL's animals lie on their backs
 
 
 def remeshed(path):
@@ -22,7 +22,7 @@ def remeshed(path):
         return Mesh(arrays["vertices"], arrays["faces"])
 
 
-def shape(folder, name, turn=np.eye(3)):
+def shape(folder, name, turn=AS_IS):
     """Read one shape of an archive, with its vertices in another order: equal indices tell nothing."""
     with np.load(folder / "shapes.npz") as arrays:
         vertices, faces = arrays[name].astype(float) @ turn, arrays[f"{name}_faces"]

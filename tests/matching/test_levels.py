@@ -134,7 +134,7 @@ def test_fast_takes_levels_of_its_own(made):
 
 def test_polished_functions_are_those_of_the_finer_level(shapes):
     shape = shapes[0].polishable
-    assert shape.laplace.vectors.shape == (1800, 200)
+    assert shape.laplace.vectors.shape == (1800, Config().n_functions)
     np.testing.assert_array_equal(shape.body_vertex[shape.user_vertex], np.arange(1800))
     assert len(np.unique(shape.sample_vertices)) == len(shapes[0].sample_vertices)
     apart = shape.body.vertices[shape.sample_vertices] - shapes[0].body.vertices[shapes[0].sample_vertices]

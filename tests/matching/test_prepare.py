@@ -34,7 +34,7 @@ def test_sizes_are_those_of_the_settings(shape):
     n = shape.body.n_vertices
     assert shape.columns.shape == (100, n)
     assert shape.distances.vectors.shape == (n, 50)
-    assert shape.laplace.vectors.shape == (n, 200)
+    assert shape.laplace.vectors.shape == (n, 150)
     assert len(np.unique(shape.sample_vertices)) == len(shape.sample_vertices) == 1000
 
 

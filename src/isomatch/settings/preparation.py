@@ -52,7 +52,7 @@ class PreparationSettings(Settings):
         least=1,
     )
     curvature_functions: tuple[int, ...] = setting(
-        (50, 100, 200), "docs/benchmarks.md, sensitivity; coarse to fine, by doubling", least=4
+        (50, 100, 150), "docs/benchmarks.md, sensitivity; coarse to fine", least=4
     )
     energy_curvature_functions: int = setting(
         100, "docs/benchmarks.md, sensitivity; the middle of curvature_functions", least=4
