@@ -4,7 +4,7 @@
 
 needs uv in the environment, which finds or fetches the Pythons. The wheel is built from the sdist. In each environment
 it is imported, and the examples of the readme are run as they are printed; then the doctests, one of which needs an
-extra. The files are left in ``dist``.
+extra. ``uvx`` runs the command without an installation, and the conda recipe is rendered. The files are left in ``dist``.
 """
 
 from __future__ import annotations
@@ -21,6 +21,14 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / "tests"))
 from test_code_blocks import RUN, SHELL, commands, write_shapes
+
+
+RENDER = """
+import sys
+from pathlib import Path
+from rattler_build import Stage0Recipe, VariantConfig
+print(*Stage0Recipe.from_yaml(Path(sys.argv[1]).read_text()).render(VariantConfig()))
+"""
 
 
 def run(*command: object, **options: object) -> None:
@@ -70,4 +78,7 @@ def tried(python: str, wheel: Path) -> str:
 
 if __name__ == "__main__":
     wheel = built()
+    run("uvx", "--from", wheel, "isomatch", "info")
+    recipe = ROOT / "release" / "recipe.yaml"
+    run("uv", "run", "--no-project", "--with", "py-rattler-build>=0.60", "python", "-c", RENDER, recipe)
     print(*[tried(python, wheel) for python in sys.argv[1:]], wheel, sep="\n")
