@@ -22,7 +22,6 @@ ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / "tests"))
 from test_code_blocks import RUN, SHELL, commands, write_shapes
 
-
 RENDER = """
 import sys
 from pathlib import Path

@@ -65,7 +65,7 @@ def test_readme_of_the_package_has_no_dangling_links(with_whole_links):
     whole = with_whole_links(text, "https://example.org/isomatch", "1.2")
     assert whole.count("](https://example.org/isomatch/") == len(own)
     assert "![" in whole
-    assert "](https://example.org/isomatch/raw/v1.2/docs/images/demo.png)" in whole
+    assert "](https://example.org/isomatch/raw/v1.2/docs/images/first_pose.png)" in whole
 
 
 def test_links_that_are_whole_stay(with_whole_links):
