@@ -452,14 +452,29 @@ def read_map(
     *,
     counts_from: int | None = None,
     variable: str | None = None,
+    allow_doubt: bool = False,
 ) -> MapFile:
     """Read a map as `Correspondence.load` does, and say how its indices were taken, in place of a warning.
 
-    The arguments and errors are those of `Correspondence.load`.
+    Parameters
+    ----------
+    path, n_target, n_source, counts_from, variable
+        As for `Correspondence.load`, and so are the errors.
+    allow_doubt : bool
+        Return a map of MATLAB that can count from 0 or from 1, counted from 0 and not certain, and do not refuse it.
+
+    Returns
+    -------
+    MapFile
     """
     path = Path(path)
     try:
         parts, counted = map_parts(path, n_target, n_source, counts_from, variable)
+        if path.suffix.lower() == ".mat" and not (counted.is_certain or allow_doubt):
+            held = parts["vertices"][parts["vertices"] >= 0]
+            raise FormatError(
+                f"{path}: can count from 0 or from 1, with indices {held.min()}…{held.max()}; say which it does"
+            )
         return MapFile(Correspondence(**parts), counted.counts_from, counted.is_certain, counted.note)
     except MapError as error:
         raise FormatError(f"{path}: {error}") from None

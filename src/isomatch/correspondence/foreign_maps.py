@@ -77,12 +77,13 @@ def counted_from_zero(
     """Read indices that count from 0 or from 1, where −1 and nan, and 0 if they count from 1, mean unmatched.
 
     Unless it is said, they count from 1 where the largest is the number of target vertices and none is 0, as no other
-    reading fits, and otherwise from 0; those of MATLAB only if there is a 0.
+    reading fits. Otherwise they are taken to count from 0, which is certain only where there is a 0; in files of MATLAB,
+    where 0 often means unmatched, only where there is one or −1 as well.
 
     Raises
     ------
     FormatError
-        If entries are no such indices, or fit both readings and it cannot be told which is meant.
+        If entries are no such indices, or fit neither reading.
     SettingError
         If ``counts_from`` is neither 0 nor 1.
     """
@@ -96,7 +97,7 @@ def counted_from_zero(
     image = given.astype(np.int64)
     held = image[image != -1]
     least, most = int(held.min(initial=n_target or 1)), int(held.max(initial=-1))
-    fits_one = 1 <= least and (n_target is None or most <= n_target)
+    fits_one = least >= 1 and (n_target is None or most <= n_target)
     if counts_from == 1:
         return Counted(np.where(image > 0, image - 1, np.where(image == 0, -1, image)), 1, True)
     if counts_from == 0 or not len(held):
@@ -108,21 +109,20 @@ def counted_from_zero(
                 "unmatched, say that it counts from 1, or else give the map of these two shapes"
             )
         if fits_one:
-            note = f"{path.name}: counts from 1, as its largest index, {most}, is the number of target vertices"
-            return Counted(image - 1, 1, True, note)
-    if least <= 0:
-        zeros = int((held == 0).sum())
-        if is_matlab and least == 0 and zeros > 1 and not (image == -1).any():
-            raise FormatError(
-                f"{path}: has 0 {zeros} times, which is a vertex if it counts from 0 and means unmatched if it counts from "
-                "1, as MATLAB does; say which"
+            note = (
+                f"{path.name}: counts from 1, as its largest index, {most}, is the number of target vertices"
             )
-        return Counted(image, 0, True)
-    if is_matlab:
-        raise FormatError(
-            f"{path}: can count from 0 or from 1, as its indices are {least}…{most}"
-            + (f" of {n_target} target vertices" if n_target is not None else "")
-            + "; say which"
+            return Counted(image - 1, 1, True, note)
+    ambiguous = is_matlab and least == 0 and (held == 0).sum() > 1 and not (image == -1).any()
+    if ambiguous:
+        return Counted(
+            image, 0, False, f"{path.name}: has several 0, which may be a vertex or mean unmatched"
         )
-    note = "" if n_target is None else f"{path.name}: taken to count from 0, though it has neither 0 nor {n_target}"
+    if least <= 0:
+        return Counted(image, 0, True)
+    note = (
+        ""
+        if n_target is None
+        else f"{path.name}: taken to count from 0, though it has neither 0 nor {n_target}"
+    )
     return Counted(image, 0, False, note)

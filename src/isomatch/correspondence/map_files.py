@@ -110,7 +110,11 @@ def map_parts(
         else counted_from_zero(path, parts["vertices"], known, counts_from, is_matlab)
     )
     image = counted.image
-    return {"n_target": int(image.max(initial=-1)) + 1 if known is None else known, **parts, "vertices": image}, counted
+    return {
+        "n_target": int(image.max(initial=-1)) + 1 if known is None else known,
+        **parts,
+        "vertices": image,
+    }, counted
 
 
 def _read_arrays(

@@ -13,7 +13,18 @@ from typing import Any
 from isomatch.storage.files import write_text
 
 MOST_PAIRS = 20  # worst pairs shown
-WORDS = ("set", "damage", "pair", "method", "outcome", "problem", "judged_at", "version")  # columns of text
+WORDS = (
+    "set",
+    "damage",
+    "group",
+    "pair",
+    "method",
+    "outcome",
+    "notes",
+    "problem",
+    "judged_at",
+    "version",
+)  # columns of text
 MEANINGS = {
     "damage": "what was done to the target, or to the shape named after @, and how much; errors and distortions are "
     "measured on the whole shapes, at the points that remain",
@@ -25,6 +36,12 @@ MEANINGS = {
     "direct, mirrored": "error against the truth, and against the truth after a left–right flip, where that is known; "
     "the error is the smaller of both for shapes that are truly symmetric, otherwise the direct one",
     "either": "the smaller of direct and mirrored, with one decision for each pair",
+    "unmatched": "share of the points with a true image that the map leaves without one; each is an error of 100",
+    "error_matched": "mean error of the others alone, where it is known which vertices have a counterpart",
+    "iou, precision, recall": "of the matched vertices and those that have a counterpart: area of those that are both over "
+    "that of those that are either; share of the matched that have one; share of those that have one that are matched",
+    "group": "the group of the pair in its set",
+    "notes": "what was decided when truth and maps were read",
     "distortion_l2, distortion_l2_truth": "mean squared change of geodesic distances, each shape's divided by its √area, "
     "by the map and by the truth; 100 × 1000 random points",
     "distortion_table, distortion_table_truth": "the same as in the paper's table: over the distances within one set of "
@@ -43,12 +60,14 @@ MEANINGS = {
 }
 SUMMARY = (
     "set", "damage", "method", "judged_at", "version", "pairs", "mean", "median", "max", "either", "failures", "problems",
+    "unmatched", "error_matched", "iou", "precision", "recall",
     "auc", "within_05", "within_10", "within_25", "distortion_l2", "distortion_l2_truth", "distortion_table",
     "distortion_table_truth", "cycle", "image_area", "smoothness", "seconds",
 )  # fmt: skip
 WORST = (
-    "set", "damage", "pair", "method", "error", "median", "p95", "direct", "mirrored", "distortion_l2", "cycle",
-    "image_area", "smoothness", "seconds", "outcome", "problem",
+    "set", "damage", "group", "pair", "method", "error", "median", "p95", "direct", "mirrored", "unmatched",
+    "error_matched", "iou", "distortion_l2", "cycle", "image_area", "smoothness", "seconds", "outcome", "notes",
+    "problem",
 )  # fmt: skip
 GAINS = '<h2>Started from the map of another method</h2>\n<div class="wide">{}</div>'
 
