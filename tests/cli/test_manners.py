@@ -233,7 +233,7 @@ def test_evaluate_refuses_a_map_of_other_shapes(shapes, monkeypatch, tmp_path, c
 def test_evaluate_refuses_the_other_direction(shapes, monkeypatch, capsys):
     monkeypatch.chdir(shapes)
     assert main(["evaluate", "truth.txt", "truth.txt", "b.ply", "a.ply"]) == 1
-    assert "outside the target's vertices 0…2967" in capsys.readouterr().err
+    assert "give the map of these two shapes in this direction" in capsys.readouterr().err
 
 
 @pytest.mark.long

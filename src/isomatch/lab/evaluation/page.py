@@ -36,7 +36,8 @@ MEANINGS = {
     "direct, mirrored": "error against the truth, and against the truth after a left–right flip, where that is known; "
     "the error is the smaller of both for shapes that are truly symmetric, otherwise the direct one",
     "either": "the smaller of direct and mirrored, with one decision for each pair",
-    "unmatched": "share of the points with a true image that the map leaves without one; each is an error of 100",
+    "unmatched": "share of the points with a true image that the map leaves without one; "
+    "each of these counts as an error of 100",
     "error_matched": "mean error of the others alone, where it is known which vertices have a counterpart",
     "iou, precision, recall": "of the matched vertices and those that have a counterpart: area of those that are both over "
     "that of those that are either; share of the matched that have one; share of those that have one that are matched",

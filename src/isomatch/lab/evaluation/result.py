@@ -81,12 +81,15 @@ class BenchmarkResult:
         return f"<table><thead><tr>{titles}</tr></thead><tbody>{lines}</tbody></table>{remarks}"
 
     def _table(self) -> list[list[str]]:
-        """Titles and lines of the columns that some method fills; problems only if there are any."""
+        """Titles and lines of the columns that tell something of some method."""
+        empty = {"mean": (), "iou": (None, 1), "error_matched": (None,)}
         shown = [
             key
             for key in COLUMNS
-            if any(line.get(key) not in (None, 0) for line in self.summary) or key == "mean"
+            if any(line.get(key) not in empty.get(key, (None, 0)) for line in self.summary)
         ]
+        if not any(line.get("unmatched") for line in self.summary):
+            shown = [key for key in shown if key != "error_matched"]
         return [
             [COLUMNS[key] for key in shown],
             *([_cell(line.get(key)) for key in shown] for line in self.summary),

@@ -297,8 +297,11 @@ def own_set(root: str | Path) -> FolderSet | StoredSet:
     settings = FolderSettings.read(root)
     if (root / SHAPES).is_file() and (root / TRUTH).is_file():
         return stored_set(root, settings.symmetric)
-    folders = [root / name for name in settings.shapes or SHAPE_FOLDERS if (root / name).is_dir()]
-    folders = folders if settings.shapes else folders[:1] or [root]
+    folders = [root / name for name in settings.shapes]
+    missing = [folder for folder in folders if not folder.is_dir()]
+    if missing:
+        raise MissingFileError(f"{root / SETTINGS}: there is no folder {missing[0]} of shapes")
+    folders = folders or [root / name for name in SHAPE_FOLDERS if (root / name).is_dir()][:1] or [root]
     shapes: dict[str, Path] = {}
     for path in sorted(path for folder in folders for path in folder.iterdir()):
         if path.suffix.lower() not in SHAPE_SUFFIXES or not path.is_file():
@@ -328,7 +331,7 @@ def _kind_in(root: Path, beside: list[Path]) -> str:
         found.append("vts")
     if any(path.suffix == ".baryc_gt" for folder in beside for path in folder.iterdir()):
         found.append("onto")
-    if (root / TRUTH_FOLDERS[0]).is_dir() and "vts" not in found:
+    if any((root / name).is_dir() for name in ("truth", "maps")) and not found:
         found.append("pairs")
     if (root / LANDMARKS).is_dir():
         found.append(LANDMARKS)

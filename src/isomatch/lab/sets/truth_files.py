@@ -136,7 +136,9 @@ def _table(path: Path, n_source: int) -> FloatArray | None:
         if len(first.replace(",", " ").split()) == 2:
 
             def refuse(number: int, line: str) -> NoReturn:
-                raise FormatError(f"{path}:{number}: {line[:80]!r} is not two vertices, of source and target")
+                raise FormatError(
+                    f"{path}:{number}: {line[:80]!r} is not a pair; write a source vertex and a target vertex"
+                )
 
             return read_integers(path, 2, refuse).astype(np.float64)
         tables = [_text_table(path)] if len(first.replace(",", " ").split()) == 4 else []
@@ -258,6 +260,6 @@ def _whole(path: Path, table: FloatArray) -> IntArray:
 def _require_within(path: Path, what: str, indices: IntArray, least: int, n: int) -> None:
     if indices.min(initial=0) < least or indices.max(initial=-1) >= n:
         raise FormatError(
-            f"{path}: {what} {indices.min()}…{indices.max()} lie outside 0…{n - 1}, counted from 0; give the truth of "
+            f"{path}: names {what} {indices.min()}…{indices.max()}, outside 0…{n - 1}, counted from 0; give the truth of "
             "these two shapes in this direction, and say what it counts from"
         )
