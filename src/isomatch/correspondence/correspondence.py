@@ -437,6 +437,11 @@ class MapFile(NamedTuple):
         Whether the file says so or was said to, or no other reading fits.
     note : str
         What was decided; empty if nothing had to be.
+
+    Examples
+    --------
+    >>> MapFile(Correspondence([1, 0], 2), counts_from=0, is_certain=True, note="").map
+    Correspondence(source 2 → target 2)
     """
 
     map: Correspondence
@@ -466,6 +471,16 @@ def read_map(
     Returns
     -------
     MapFile
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = Path(folder) / "map.txt"
+    ...     _ = file.write_text("3\\n1\\n2\\n")
+    ...     found = read_map(file, n_target=3)
+    >>> found.map.vertices.tolist(), found.counts_from, found.note
+    ([2, 0, 1], 1, 'map.txt: counts from 1, as its largest index, 3, is the number of target vertices')
     """
     path = Path(path)
     try:

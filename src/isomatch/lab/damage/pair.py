@@ -109,7 +109,7 @@ def damaged_pair(
         )
     whole = [rows[left] for rows in truths]
     given = [moved(rows) for rows in whole]
-    points = None if pair.points is None else PrecisePoints(*(array[left] for array in pair.points))
+    points = pair.points and PrecisePoints(pair.points.corners[left], pair.points.barycentric[left])
     on_source, on_target = moved(pair.truth).T
     merged = np.isin(pair.truth[:, 1], target.merged)
     gone = on_source[(on_source >= 0) & (on_target < 0) & ~merged]

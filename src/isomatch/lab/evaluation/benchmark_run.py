@@ -101,7 +101,7 @@ class BenchmarkRun(Settings):
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the methods."""
-        return tuple(each if isinstance(each, str) else each.name for each in self.methods)
+        return tuple(str(getattr(each, "name", each)) for each in self.methods)
 
     @cached_property
     def _own(self) -> dict[str, OwnFunction | MapsInFolder]:

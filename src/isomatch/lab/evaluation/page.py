@@ -38,9 +38,9 @@ MEANINGS = {
     "either": "the smaller of direct and mirrored, with one decision for each pair",
     "unmatched": "share of the points with a true image that the map leaves without one; "
     "each of these counts as an error of 100",
-    "error_matched": "mean error of the others, where the truth tells which vertices have one",
+    "error_matched": "mean error of the others, where the truth tells which have a counterpart",
     "iou": "area of the vertices that are matched and have a counterpart, over that of those that are or have",
-    "precision, recall": "share of the matched vertices that have a counterpart; of those with one, share that is matched",
+    "precision, recall": "shares of the matched vertices that have a counterpart, and of the latter that are matched",
     "group": "the group of the pair in its set",
     "notes": "what was decided when truth and maps were read",
     "distortion_l2, distortion_l2_truth": "mean squared change of geodesic distances, each shape's divided by its √area, "

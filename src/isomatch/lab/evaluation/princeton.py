@@ -115,7 +115,8 @@ def _distances_to_points(
         points.barycentric > 0, points.barycentric * to_corners, 0.0
     )  # 0 × inf counts nothing
     straight = np.linalg.norm(points.interpolated(target.vertices) - target.vertices[vertices], axis=1)
-    return np.where((points.corners == vertices[:, None]).any(axis=1), straight, weighted.sum(axis=1))
+    is_corner = (points.corners == vertices[:, None]).any(axis=1)
+    return np.asarray(np.where(is_corner, straight, weighted.sum(axis=1)))
 
 
 def sided_errors(

@@ -145,7 +145,7 @@ def benchmark(
     Examples
     --------
     >>> def first_vertex(source, target):
-    ...     return np.zeros(source.n_vertices, dtype=int)
+    ...     return [0] * source.n_vertices
     >>> result = benchmark("example", first_vertex, n_points=20, distortion=False)
     >>> result.means["first_vertex"] > 50
     True
