@@ -477,7 +477,7 @@ def read_map(
     >>> import tempfile
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     file = Path(folder) / "map.txt"
-    ...     _ = file.write_text("3\\n1\\n2\\n")
+    ...     np.savetxt(file, [3, 1, 2], fmt="%d")
     ...     found = read_map(file, n_target=3)
     >>> found.map.vertices.tolist(), found.counts_from, found.note
     ([2, 0, 1], 1, 'map.txt: counts from 1, as its largest index, 3, is the number of target vertices')

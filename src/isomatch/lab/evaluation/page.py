@@ -13,18 +13,8 @@ from typing import Any
 from isomatch.storage.files import write_text
 
 MOST_PAIRS = 20  # worst pairs shown
-WORDS = (
-    "set",
-    "damage",
-    "group",
-    "pair",
-    "method",
-    "outcome",
-    "notes",
-    "problem",
-    "judged_at",
-    "version",
-)  # columns of text
+WORDS = ("set", "damage", "group", "pair", "method", "outcome", "judged_at", "version")  # columns of text
+TOLD = ("notes", "problem")  # of sentences
 MEANINGS = {
     "damage": "what was done to the target, or to the shape named after @, and how much; errors and distortions are "
     "measured on the whole shapes, at the points that remain",
@@ -114,7 +104,9 @@ def write_page(
 def _table(columns: Iterable[str], rows: list[dict[str, Any]]) -> str:
     """HTML table of the columns that some row fills."""
     shown = [column for column in columns if any(row.get(column) not in (None, "") for row in rows)]
-    kind = {column: " class=words" if column in WORDS else "" for column in shown}
+    kind = (
+        dict.fromkeys(shown, "") | dict.fromkeys(WORDS, " class=words") | dict.fromkeys(TOLD, " class=told")
+    )
     head = "".join(f"<th scope=col{kind[column]}>{escape(column)}</th>" for column in shown)
     body = "".join(
         f"<tr{' class=bad' if 'problem' in row else ''}>"
