@@ -78,7 +78,7 @@ def counted_from_zero(
 
     Unless it is said, they count from 1 where the largest is the number of target vertices and none is 0, as no other
     reading fits. Otherwise they are taken to count from 0, which is certain only where there is a 0; in files of MATLAB,
-    where 0 often means unmatched, only where there is one or −1 as well.
+    where several 0 often mean unmatched, only where there is one or −1 as well.
 
     Raises
     ------
@@ -95,34 +95,24 @@ def counted_from_zero(
             raise FormatError(f"{path}: not a map (fractions are no vertices); give whole numbers")
         given = numbers
     image = given.astype(np.int64)
-    held = image[image != -1]
-    least, most = int(held.min(initial=n_target or 1)), int(held.max(initial=-1))
-    fits_one = least >= 1 and (n_target is None or most <= n_target)
     if counts_from == 1:
         return Counted(np.where(image > 0, image - 1, np.where(image == 0, -1, image)), 1, True)
+    held = image[image != -1]
     if counts_from == 0 or not len(held):
         return Counted(image, 0, True)
-    if n_target is not None and most == n_target:
-        if least == 0:
-            raise FormatError(
-                f"{path}: has both 0 and {n_target}, the number of target vertices; if it counts from 1, and 0 means "
-                "unmatched, say that it counts from 1, or else give the map of these two shapes"
-            )
-        if fits_one:
-            note = (
-                f"{path.name}: counts from 1, as its largest index, {most}, is the number of target vertices"
-            )
-            return Counted(image - 1, 1, True, note)
-    ambiguous = is_matlab and least == 0 and (held == 0).sum() > 1 and not (image == -1).any()
-    if ambiguous:
-        return Counted(
-            image, 0, False, f"{path.name}: has several 0, which may be a vertex or mean unmatched"
+    least, most = int(held.min()), int(held.max())
+    if most == n_target and least == 0:
+        raise FormatError(
+            f"{path}: has both 0 and {n_target}, the number of target vertices; if it counts from 1, and 0 means "
+            "unmatched, say that it counts from 1, or else give the map of these two shapes"
         )
+    if most == n_target and least > 0:
+        note = f"{path.name}: counts from 1, as its largest index, {most}, is the number of target vertices"
+        return Counted(np.where(image > 0, image - 1, -1), 1, True, note)
+    if is_matlab and least == 0 and (held == 0).sum() > 1 and len(held) == len(image):
+        note = f"{path.name}: has several 0, which may be a vertex or mean unmatched"
+        return Counted(image, 0, False, note)
     if least <= 0:
         return Counted(image, 0, True)
-    note = (
-        ""
-        if n_target is None
-        else f"{path.name}: taken to count from 0, though it has neither 0 nor {n_target}"
-    )
+    note = "" if n_target is None else f"{path.name}: taken to count from 0; it has neither 0 nor {n_target}"
     return Counted(image, 0, False, note)

@@ -80,16 +80,12 @@ def map_parts(
         If the file holds no map, or one between other numbers of vertices.
     """
     suffix = path.suffix.lower()
-    is_matlab = suffix == ".mat"
-    if is_matlab:
+    declared, stored = False, None
+    if suffix == ".mat":
         arrays = read_mat(path, "a map", "one array of target vertices")
-        declared, stored, parts = False, None, {"vertices": the_vector(path, arrays, n_source, variable)}
+        parts: dict[str, Any] = {"vertices": the_vector(path, arrays, n_source, variable)}
     elif suffix == ".npy":
-        declared, stored, parts = (
-            False,
-            None,
-            {"vertices": the_vector(path, {"the array": read_array(path)}, n_source)},
-        )
+        parts = {"vertices": the_vector(path, {"the array": read_array(path)}, n_source)}
     elif suffix == ".npz":
         declared, stored, parts = _read_arrays(path, n_source, variable)
     else:
@@ -104,17 +100,13 @@ def map_parts(
             "shapes in this direction"
         )
     known = n_target if stored is None else stored
-    counted = (
-        Counted(parts["vertices"], 0, True)
-        if declared
-        else counted_from_zero(path, parts["vertices"], known, counts_from, is_matlab)
-    )
-    image = counted.image
-    return {
-        "n_target": int(image.max(initial=-1)) + 1 if known is None else known,
-        **parts,
-        "vertices": image,
-    }, counted
+    counted = Counted(parts["vertices"], 0, True)
+    if not declared:
+        counted = counted_from_zero(path, parts["vertices"], known, counts_from, suffix == ".mat")
+    parts |= {"vertices": counted.image, "n_target": known}
+    if known is None:
+        parts["n_target"] = int(counted.image.max(initial=-1)) + 1
+    return parts, counted
 
 
 def _read_arrays(
