@@ -141,16 +141,14 @@ def test_functions_of_a_file_are_kept_while_its_text_is_the_same(folder, tmp_pat
     file = tmp_path / "mine.py"
     file.write_text(MODULE)
     run = {"set_name": str(folder), "methods": (f"{file}:right",), **QUICK}
-    assert [row["method"] for row in run_benchmark(BenchmarkRun(**run), tmp_path / "out")] == [
-        *run["methods"]
-    ]
-    assert list(run_benchmark(BenchmarkRun(**run), tmp_path / "out")) == []
+    assert [row["method"] for row in run_benchmark(BenchmarkRun(**run), folder / "out")] == [*run["methods"]]
+    assert list(run_benchmark(BenchmarkRun(**run), folder / "out")) == []
     file.write_text(MODULE + "# changed\n")
-    assert len(list(run_benchmark(BenchmarkRun(**run), tmp_path / "out"))) == 1
+    assert len(list(run_benchmark(BenchmarkRun(**run), folder / "out"))) == 1
     truth = folder / "truth" / "a__b.txt"
     truth.write_text(truth.read_text() + "# the set was corrected\n")
-    assert len(list(run_benchmark(BenchmarkRun(**run), tmp_path / "out"))) == 1
-    assert len(read_rows(tmp_path / "out")) == 3
+    assert len(list(run_benchmark(BenchmarkRun(**run), folder / "out"))) == 1
+    assert len(read_rows(folder / "out")) == 3
 
 
 @pytest.mark.long

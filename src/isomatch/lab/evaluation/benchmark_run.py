@@ -13,7 +13,7 @@ from isomatch.lab.damage import DamageChoice, DamagedPair, damaged_pair
 from isomatch.lab.evaluation.ledger import Row
 from isomatch.lab.evaluation.methods import METHODS, Method, digest_of, parts_of
 from isomatch.lab.evaluation.own_methods import MapsInFolder, NamedPair, OwnFunction, stamps
-from isomatch.lab.sets import BenchmarkSet, benchmark_set, folder_of
+from isomatch.lab.sets import BenchmarkSet, benchmark_set
 from isomatch.values.settings import Settings, setting
 
 PairNames: TypeAlias = tuple[str, str]
@@ -119,9 +119,8 @@ class BenchmarkRun(Settings):
         return {}
 
     def __getstate__(self) -> dict[str, Any]:
-        return {
-            name: value for name, value in vars(self).items() if name != "_sets"
-        }  # made sets do not travel
+        # what loads the pairs of a made set does not travel to other processes
+        return {name: value for name, value in vars(self).items() if name != "_sets"}
 
     def _opened(self, landmarks: str | None) -> BenchmarkSet:
         if landmarks not in self._sets:
@@ -131,18 +130,12 @@ class BenchmarkRun(Settings):
     @cached_property
     def _data(self) -> str | None:
         """Hash of names, sizes and times of change of the files of a set of one's own; None for others."""
-        own = folder_of(self.set_name, self.folder)
-        return None if own is None else stamps(path for path in own.rglob("*") if path.is_file())
+        files = self._opened(None).files
+        return stamps(files) if files else None
 
     def _digest(self, name: str) -> str:
         base, ending = parts_of(name, self._own)
         return digest_of((self._own.get(base) or METHODS[base]).to_dict(), ending)
-
-    @property
-    def label(self) -> str:
-        """Name of the set in tables: that of its folder, if it is one of your own."""
-        own = folder_of(self.set_name, self.folder)
-        return self.set_name if own is None else own.resolve().name
 
     @property
     def in_this_process(self) -> bool:
@@ -181,7 +174,7 @@ class BenchmarkRun(Settings):
     def identity(self, names: PairNames, method: str) -> Row:
         """Values that identify the row of a pair and a method."""
         return {
-            "set": self.label,
+            "set": self._opened(None).name,
             "damage": self.damage,
             "pair": "-".join(names),
             "method": method,

@@ -48,11 +48,9 @@ class OwnFunction:
     @classmethod
     def named(cls, name: str) -> OwnFunction:
         """Find "MODULE:FUNCTION" or "FILE.py:FUNCTION"; `SettingError` if there is none."""
-        function = _found(name)
-        file = sys.modules[function.__module__].__file__ if function.__module__ in sys.modules else None
-        place = name.rpartition(":")[0]
-        text = Path(place if place.endswith(".py") else file or "").read_bytes() if place else b""
-        return cls(name, None, sha256(text).hexdigest())
+        module = sys.modules.get(getattr(_found(name), "__module__", None) or "")
+        file = getattr(module, "__file__", None)
+        return cls(name, None, sha256(Path(file).read_bytes()).hexdigest() if file else "")
 
     @property
     def is_of_this_process(self) -> bool:

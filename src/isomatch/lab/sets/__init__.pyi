@@ -1,4 +1,4 @@
-from isomatch.lab.sets.benchmarks import BenchmarkSet, benchmark_set, folder_of
+from isomatch.lab.sets.benchmarks import BenchmarkSet, benchmark_set
 from isomatch.lab.sets.folder_set import FolderSet, FolderSettings, own_set
 from isomatch.lab.sets.published import faust, remeshed, scape, tosca
 from isomatch.lab.sets.shape_files import read_indices
@@ -17,7 +17,6 @@ __all__ = [
     "Truth",
     "benchmark_set",
     "faust",
-    "folder_of",
     "own_set",
     "read_indices",
     "read_truth",

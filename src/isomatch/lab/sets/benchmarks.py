@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -47,18 +47,21 @@ class BenchmarkSet:
         Source and target names.
     load : callable
         Loads a pair by its two names.
+    files : tuple of Path
+        All files of a set of one's own: when one changes, what was measured with it is out of date.
     """
 
     name: str
     pairs: tuple[tuple[str, str], ...]
     load: Callable[[str, str], BenchmarkPair] = field(repr=False)
+    files: tuple[Path, ...] = field(default=(), repr=False)
 
     def chosen(self, count: int | None, seed: int = 0) -> BenchmarkSet:
         """Draw ``count`` pairs without replacement and keep their order; all if None."""
         if count is None or count >= len(self.pairs):
             return self
         keep = np.sort(generator(seed).choice(len(self.pairs), count, replace=False))
-        return BenchmarkSet(self.name, tuple(self.pairs[i] for i in keep), self.load)
+        return replace(self, pairs=tuple(self.pairs[i] for i in keep))
 
     def __iter__(self) -> Iterator[BenchmarkPair]:
         return (self.load(*pair) for pair in self.pairs)
@@ -108,7 +111,7 @@ def benchmark_set(
                 f"the set {name!r} has no hand-picked landmarks; leave them out, or choose from {', '.join(OPENERS)}"
             )
         return MADE[name]()
-    own = folder_of(name, folder)
+    own = _own_folder(name, folder)
     if own is not None:
         shapes: Shapes = own_set(own)
     elif name not in OPENERS:
@@ -131,12 +134,13 @@ def benchmark_set(
             )
         shapes = shapes.with_landmarks(landmarks)
     label = name if own is None else own.resolve().name
-    return BenchmarkSet(label, shapes.pairs, partial(_relabelled_pair, shapes))
+    files = shapes.files if isinstance(shapes, FolderSet | StoredSet) else ()
+    return BenchmarkSet(label, shapes.pairs, partial(_relabelled_pair, shapes), files)
 
 
-def folder_of(name: str, folder: str | Path | None = None) -> Path | None:
+def _own_folder(name: str, folder: str | Path | None = None) -> Path | None:
     """Folder of a set that is known by no name of its own: a path, or a name in the folder of the sets; else None."""
-    if name in MADE or name in OPENERS:
+    if name in OPENERS:
         return None
     places = [Path(name)] if folder is None else [Path(folder) / name, Path(name)]
     return next((place for place in places if place.is_dir()), None)

@@ -120,6 +120,13 @@ class FolderSet:
         """Names of the pairs."""
         return self.listed.pairs
 
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """Its files."""
+        others = (self.root / name for name in (SETTINGS, *FILES))
+        found = (*self.shapes.values(), *self.truths.values(), *others)
+        return tuple(dict.fromkeys(path for path in found if path.is_file()))
+
     def mesh(self, name: str) -> Mesh:
         """Read a shape; `FormatError` if it has no triangles."""
         mesh = read_shape(self.shapes[name], name)
@@ -138,34 +145,7 @@ class FolderSet:
             If a file cannot be read, or the truth does not fit the shapes.
         """
         meshes = self.mesh(source), self.mesh(target)
-        mirrored: IntArray | None = None
-        notes: tuple[str, ...] = ()
-        truth = Truth(np.zeros((0, 2), dtype=np.int64), None, None, 0, True)
-        kind = self.settings.truth
-        if kind == "vertices":
-            truth = truth._replace(rows=self._equal_vertices(source, target, *meshes))
-        elif kind == "vts":
-            rows = np.column_stack(self._marks(source, target, meshes, ""))
-            truth = truth._replace(rows=rows)
-            if any(f"{target}{ending}" in self.truths for ending in MIRRORED):
-                ending = next(ending for ending in MIRRORED if f"{target}{ending}" in self.truths)
-                mirrored = np.column_stack([rows[:, 0], self._marks(source, target, meshes, ending)[1]])
-        elif kind == LANDMARKS:
-            files = [self._file(name) for name in (source, target)]
-            if all(file.suffix == ".mat" for file in files):
-                truth = read_marked(files[0], files[1], meshes[1])
-            else:
-                truth = truth._replace(rows=read_landmarks(files[0], *meshes, files[1]))
-        else:
-            path = self._truth_of(source, target)
-            truth = self._truth(path, *meshes)
-            notes = (truth.note,) if truth.note else ()
-            other = self._truth_of(source, target, MIRRORED)
-            if other is not None:
-                flipped = self._truth(other, *meshes)
-                if not np.array_equal(flipped.rows[:, 0], truth.rows[:, 0]):
-                    raise FormatError(f"{other}: tells of other source vertices than {path}; give the same")
-                mirrored = flipped.rows
+        truth, mirrored = self._known(source, target, meshes)
         for side, column, mesh in zip((source, target), truth.rows.T, meshes):
             if column.min() < 0 or column.max() >= mesh.n_vertices:
                 raise FormatError(
@@ -174,11 +154,38 @@ class FolderSet:
                 )
         return BenchmarkPair(
             f"{source}-{target}", *meshes, truth.rows, mirrored, self.settings.symmetric,
-            alone=truth.alone, points=truth.points, group=self.listed.group(source, target), notes=notes,
+            alone=truth.alone, points=truth.points, group=self.listed.group(source, target),
+            notes=(truth.note,) if truth.note else (),
         )  # fmt: skip
 
-    def _truth(self, path: Path | None, source: Mesh, target: Mesh) -> Truth:
-        assert path is not None
+    def _known(self, source: str, target: str, meshes: tuple[Mesh, Mesh]) -> tuple[Truth, IntArray | None]:
+        """Read the truth of a pair, and rows of the mirrored truth if there is one."""
+        kind = self.settings.truth
+        if kind == "vertices":
+            return _of_rows(self._equal_vertices(source, target, *meshes)), None
+        if kind == "vts":
+            rows = np.column_stack(self._marks(source, target, meshes, ""))
+            for ending in MIRRORED:
+                if target + ending in self.truths:
+                    images = self._marks(source, target, meshes, ending)[1]
+                    return _of_rows(rows), np.column_stack([rows[:, 0], images])
+            return _of_rows(rows), None
+        if kind == LANDMARKS:
+            files = self._file(source), self._file(target)
+            if all(file.suffix == ".mat" for file in files):
+                return read_marked(*files, meshes[1]), None
+            return _of_rows(read_landmarks(files[0], *meshes, files[1])), None
+        path, other = self._truth_of(source, target), self._mirrored_of(source, target)
+        truth = self._truth(path, *meshes)
+        if other is None:
+            return truth, None
+        flipped = self._truth(other, *meshes)
+        if not np.array_equal(flipped.rows[:, 0], truth.rows[:, 0]):
+            raise FormatError(f"{other}: tells of other source vertices than {path}; give the same")
+        return truth, flipped.rows
+
+    def _truth(self, path: Path, source: Mesh, target: Mesh) -> Truth:
+        """Read a file of truth; what it counts from is decided by the settings, by itself, or by other files."""
         if path.suffix in ONTO_SUFFIXES:
             return read_truth(path, source, target, 1)
         truth = read_truth(path, source, target, self.settings.counts_from)
@@ -195,14 +202,15 @@ class FolderSet:
     def _shown_to_count_from(self) -> int | None:
         """What the first file of truth counts from that allows one reading only; None if there is none."""
         for source, target in self.pairs:
-            path = self._truth_of(source, target)
-            if path is not None and path.suffix not in ONTO_SUFFIXES:
-                try:
-                    truth = read_truth(path, self.mesh(source), self.mesh(target))
-                except IsomatchError:  # is reported with its own pair
+            try:
+                path = self._truth_of(source, target)
+                if path.suffix in ONTO_SUFFIXES:
                     continue
-                if truth.is_certain:
-                    return truth.counts_from
+                truth = read_truth(path, self.mesh(source), self.mesh(target))
+            except IsomatchError:  # is reported with its own pair
+                continue
+            if truth.is_certain:
+                return truth.counts_from
         return None
 
     def _equal_vertices(self, source: str, target: str, a: Mesh, b: Mesh) -> IntArray:
@@ -238,15 +246,27 @@ class FolderSet:
             raise MissingFileError(f"{self.root}: there is no file {what} with the truth of {name}")
         return self.truths[name]
 
-    def _truth_of(self, source: str, target: str, endings: tuple[str, ...] = ("",)) -> Path | None:
-        """File of the truth of a pair; with endings, of its mirrored truth, which may be missing."""
-        stems = [source] if self.settings.truth == "onto" else [f"{source}{sep}{target}" for sep in BETWEEN]
-        found = [self.truths[stem + end] for stem in stems for end in endings if stem + end in self.truths]
-        if not found and endings == ("",):
+    def _stems(self, source: str, target: str) -> list[str]:
+        """Names that the file of a pair may have."""
+        return [source] if self.settings.truth == "onto" else [f"{source}{sep}{target}" for sep in BETWEEN]
+
+    def _truth_of(self, source: str, target: str) -> Path:
+        stems = self._stems(source, target)
+        found = [self.truths[stem] for stem in stems if stem in self.truths]
+        if not found:
             raise MissingFileError(
                 f"{self.root}: no truth of {source} and {target}; expected {TRUTH_FOLDERS[0]}/{stems[0]}.txt"
             )
-        return found[0] if found else None
+        return found[0]
+
+    def _mirrored_of(self, source: str, target: str) -> Path | None:
+        names = (stem + ending for stem in self._stems(source, target) for ending in MIRRORED)
+        return next((self.truths[name] for name in names if name in self.truths), None)
+
+
+def _of_rows(rows: IntArray) -> Truth:
+    """Take rows of vertices as a truth that tells of these alone."""
+    return Truth(rows, None, None, 0, True)
 
 
 def own_set(root: str | Path) -> FolderSet | StoredSet:

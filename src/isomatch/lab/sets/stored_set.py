@@ -43,6 +43,11 @@ class StoredSet:
         """Names of the pairs."""
         return self.listed.pairs
 
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """Its files."""
+        return tuple(path for path in self.root.iterdir() if path.suffix in (".npz", ".txt", ".toml"))
+
     def pair(self, source: str, target: str) -> BenchmarkPair:
         """Read two shapes and the truth between them; `FormatError` if these do not fit."""
         path, key = self.root / TRUTH, f"{source}|{target}"
