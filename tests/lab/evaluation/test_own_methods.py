@@ -340,3 +340,25 @@ def test_real_sets_do_not_depend_on_the_numbers_of_the_target(name, tmp_path):
         (row,) = benchmark(root, MapsInFolder(root / "maps", 0), n_points=200, **QUICK).rows
         errors.append(row["error"])
     assert errors[0] == pytest.approx(errors[1], rel=1e-4)
+
+
+def test_damage_adds_to_what_has_no_counterpart(tmp_path):
+    """Also where the truth lies in triangles, which are gone from a damaged target but not from the whole."""
+    root = tmp_path / "sheets"
+    (root / "truth").mkdir(parents=True)
+    for name in "ab":
+        write_mesh(root / f"{name}.off", SHEET)
+    table = np.column_stack([np.arange(N) * 7 % SHEET.n_faces, np.full((N, 3), 1 / 3)])
+    table[:7, 0] = -1
+    np.savetxt(root / "truth" / "a__b.txt", table)
+    (root / "set.toml").write_text("counts_from = 0\n")
+
+    def all_on_one(source, target):
+        return np.zeros(source.n_vertices, dtype=int)
+
+    whole, cut = (benchmark(root, all_on_one, damage=each, **QUICK).rows[0] for each in (None, "cut:0.3"))
+    assert whole["precision"] == pytest.approx(1 - 7 / N)
+    assert cut["precision"] < whole["precision"] - 0.1
+    assert whole["iou"] > cut["iou"] > 0.3
+    assert whole["recall"] == cut["recall"] == 1
+    assert 20 < cut["error"] < 200
