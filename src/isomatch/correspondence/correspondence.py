@@ -488,7 +488,8 @@ def read_map(
         if path.suffix.lower() == ".mat" and not (counted.is_certain or allow_doubt):
             held = parts["vertices"][parts["vertices"] >= 0]
             raise FormatError(
-                f"{path}: can count from 0 or from 1, with indices {held.min()}…{held.max()}; say which it does"
+                f"{path}: can count from 0 or from 1, with indices {held.min()}…{held.max()}; say which by "
+                "counts_from (--counts-from), or save it as a text that counts from 0"
             )
         return MapFile(Correspondence(**parts), counted.counts_from, counted.is_certain, counted.note)
     except MapError as error:

@@ -155,6 +155,26 @@ def test_parts_of_one_whole_as_published(folder, image):
     assert np.argsort(pair.moved)[pair.mirrored[:, 1]].tolist() == B.faces[faces[::-1], 1].tolist()
 
 
+def test_folders_as_they_are_published(folder, image):
+    """As SMAL, PARTIALSMAL and TOPKIDS: other names of the folders, and of files of truth."""
+    (folder / "truth").rmdir()
+    (folder / "shapes").rename(folder / "off")
+    (folder / "corres").mkdir()
+    for name, marks in (("a", np.arange(N)), ("b", image)):
+        np.savetxt(folder / "corres" / f"{name}.vts", marks + 1, fmt="%d")
+    assert images_of(benchmark_set(str(folder)).load("a", "b")) == dict(enumerate(image.tolist()))
+    for path in (folder / "corres").iterdir():
+        path.unlink()
+    (folder / "corres").rename(folder / "maps")
+    np.savetxt(folder / "maps" / "a_b.map", [*image, *np.ones(N)], fmt="%d")
+    assert images_of(only_pair(folder)) == dict(enumerate(image.tolist()))
+    (folder / "maps" / "a_b.map").unlink()
+    (folder / "maps").rename(folder / "truth")
+    (folder / "set.toml").write_text('truth = "onto"\ntarget = "b"\n')
+    np.savetxt(folder / "truth" / "a_ref.txt", image + 1, fmt="%d")
+    assert images_of(only_pair(folder)) == dict(enumerate(image.tolist()))
+
+
 def test_landmarks(folder):
     (folder / "truth").rmdir()
     (folder / "landmarks").mkdir()

@@ -69,11 +69,12 @@ _worker: _Worker  # of this process, see `_begin`
 
 
 def _begin(run: BenchmarkRun) -> None:
-    """Start a worker process: one thread in our loops and in linear algebra, and every compiled loop loaded."""
+    """Start a worker process: one thread in our loops and in linear algebra, and every compiled loop loaded if needed."""
     global _worker
     begin_worker(1)
-    source, target = example_pair()
-    match(source.mesh, target.mesh)
+    if run.needs_our_loops:
+        source, target = example_pair()
+        match(source.mesh, target.mesh)
     _worker = _Worker(run)
 
 

@@ -142,6 +142,11 @@ class BenchmarkRun(Settings):
         """Whether a method is a function that other processes would not find, as in a notebook."""
         return any(isinstance(each, OwnFunction) and each.is_of_this_process for each in self._own.values())
 
+    @property
+    def needs_our_loops(self) -> bool:
+        """Whether a method uses loops of isomatch, whose loading its seconds should not count: not if all are your own."""
+        return any(name not in self._own for name in self.names)
+
     def method(self, base: str) -> Method:
         """Take a method by its name, without what it continues with."""
         own = self._own.get(base)
