@@ -144,7 +144,7 @@ class BenchmarkRun(Settings):
 
     @property
     def needs_our_loops(self) -> bool:
-        """Whether a method uses loops of isomatch, whose loading its seconds should not count: not if all are your own."""
+        """Whether a method uses loops of isomatch, whose loading must not count in its seconds."""
         return any(name not in self._own for name in self.names)
 
     def method(self, base: str) -> Method:
