@@ -45,7 +45,8 @@ def bench(
         a folder of your own consists of.
     output : Path
         Folder for rows.jsonl, index.html, pairs.csv, summary.csv, improvements.csv and curves. Rows that are already
-        there are not computed again, unless isomatch or the settings of the method have changed.
+        there are not computed again, unless isomatch, the settings of the method, or files of your own set or method have
+        changed.
     data : Path
         Folder of the sets, each in a folder of its name, as archives or as published; creatures, organs and example need
         none.
