@@ -6,8 +6,17 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.io import savemat
 
-from isomatch import Correspondence, DescriptorError, FormatError, MapError, MissingFileError
+from isomatch import (
+    Correspondence,
+    DescriptorError,
+    FormatError,
+    MapError,
+    MissingFileError,
+    SettingError,
+)
+from isomatch.correspondence import read_map
 
 
 @st.composite
@@ -346,3 +355,120 @@ def test_what_was_given_for_unmatched_vertices_is_of_no_account():
     f = Correspondence([1, -1], 2, [[1, 0, 0], [9, 9, 9]], [[0.5, 0.5, 0], [np.nan, 0, 0]])
     np.testing.assert_array_equal(f.faces, [[1, 0, 0], [-1, -1, -1]])
     np.testing.assert_array_equal(f.pull_back([2.0, 4.0]), [3.0, np.nan])
+
+
+def mat(path, **variables):
+    savemat(path, variables)
+    return path
+
+
+def npy(path, values):
+    np.save(path, values)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("values", "options", "image", "first"),
+    [
+        ([2, 0, 1], {"n_target": 3}, [2, 0, 1], 0),
+        ([3, 1, 2], {"n_target": 3}, [2, 0, 1], 1),
+        ([3, -1, 2], {"n_target": 3}, [2, -1, 1], 1),
+        ([3.0, np.nan, 2.0], {"n_target": 3}, [2, -1, 1], 1),
+        ([3, 0, 2], {"n_target": 3, "counts_from": 1}, [2, -1, 1], 1),
+        ([1, 2, 2], {"n_target": 4, "counts_from": 1}, [0, 1, 1], 1),
+        ([1, 2, 2], {"n_target": 4, "counts_from": 0}, [1, 2, 2], 0),
+        ([2, -1, 0], {"n_target": 4}, [2, -1, 0], 0),
+        ([-1, -1, -1], {"n_target": 4}, [-1, -1, -1], 0),
+    ],
+)
+@pytest.mark.parametrize("suffix", ["mat", "npy"])
+def test_maps_of_other_programs(tmp_path, suffix, values, options, image, first):
+    path = tmp_path / f"map.{suffix}"
+    mat(path, T=np.array([values]).T) if suffix == "mat" else npy(path, np.array([values]))
+    found = read_map(path, **options)
+    assert (found.map.vertices.tolist(), found.counts_from, found.is_certain) == (image, first, True)
+    assert bool(found.note) == (first == 1 and "counts_from" not in options)
+    assert found.map.n_target == options["n_target"]
+
+
+def test_a_map_that_fits_both_readings(tmp_path, caplog):
+    for path in (npy(tmp_path / "a.npy", np.array([1, 2, 2])), tmp_path / "a.txt"):
+        if path.suffix == ".txt":
+            path.write_text("1\n2\n2\n")
+        found = read_map(path, 4)
+        assert (found.map.vertices.tolist(), found.is_certain) == ([1, 2, 2], False), (
+            "these count from 0 by contract"
+        )
+        assert found.note.endswith("taken to count from 0; it has neither 0 nor 4")
+    path = mat(tmp_path / "a.mat", T=np.array([1.0, 2, 2]))
+    with pytest.raises(FormatError, match=r"a\.mat: can count from 0 or from 1, with indices 1…2; say which"):
+        Correspondence.load(path, 4)
+    assert not read_map(path, 4, allow_doubt=True).is_certain
+    mat(path, T=np.array([0.0, 0, 2]))
+    with pytest.raises(FormatError, match="can count from 0 or from 1"):
+        Correspondence.load(path, 4)
+    Correspondence.load(npy(tmp_path / "b.npy", np.array([4, 1])), 4)
+    assert "b.npy: counts from 1, as its largest index, 4, is the number of target vertices" in caplog.text
+
+
+def test_the_variable_of_a_map_is_found_by_its_shape(tmp_path):
+    arrays = {"T12": np.arange(5.0), "T21": np.arange(7.0), "C": np.eye(5), "name": "cat"}
+    path = mat(tmp_path / "map.mat", **arrays)
+    assert Correspondence.load(path, 7, 5).vertices.tolist() == [0, 1, 2, 3, 4]
+    assert Correspondence.load(path, 7, variable="T21").shape == (7, 7)
+    np.savez(tmp_path / "map.npz", **{name: arrays[name] for name in ("T12", "T21", "C")})
+    assert Correspondence.load(tmp_path / "map.npz", 7, 5).shape == (5, 7)
+    for one in (path, tmp_path / "map.npz"):
+        with pytest.raises(
+            FormatError, match="T12, T21 could each be the map of the source's vertices; name one"
+        ):
+            Correspondence.load(one, 7)
+        with pytest.raises(FormatError, match=r"for each of the source's 9 vertices\); it holds T12"):
+            Correspondence.load(one, 7, 9)
+        with pytest.raises(FormatError, match="has no variable 'T'; it holds T12"):
+            Correspondence.load(one, 7, variable="T")
+
+
+@pytest.mark.parametrize(
+    ("values", "options", "message"),
+    [
+        ([0.5, 1], {}, "fractions are no vertices"),
+        (
+            [0, 4],
+            {"n_target": 4},
+            "has both 0 and 4, the number of target vertices; if it counts from 1, and 0 means",
+        ),
+        ([0, 5], {"n_target": 4}, "mapped outside the target's vertices"),
+        ([0, 1], {"n_source": 3}, "no array has one number for each of the source's 3 vertices"),
+        ([[0, 1], [1, 0]], {}, r"it holds the array \(2, 2\)"),
+        (["a"], {}, "no array has one number"),
+    ],
+)
+def test_arrays_that_are_no_map(tmp_path, values, options, message):
+    with pytest.raises(FormatError, match=rf"map\.npy: .*{message}"):
+        Correspondence.load(npy(tmp_path / "map.npy", np.array(values)), **options)
+
+
+def test_files_of_arrays_that_are_damaged(tmp_path):
+    path = npy(tmp_path / "map.npy", np.arange(9))
+    whole = path.read_bytes()
+    for damaged in (b"", whole[:40], whole[:-9], whole.replace(b"(9,)", b"(9999999999,)")[: len(whole)]):
+        path.write_bytes(damaged)
+        with pytest.raises(FormatError, match=r"map\.npy: not an array"):
+            Correspondence.load(path)
+    np.save(path, np.array([{}]), allow_pickle=True)
+    with pytest.raises(
+        FormatError, match=r"map\.npy: not an array \(it declares shape \(1,\) of type object"
+    ):
+        Correspondence.load(path)
+    (tmp_path / "map.mat").write_bytes(b"MATLAB 7.3 " * 40)
+    with pytest.raises(
+        FormatError, match=r"map\.mat: not a map \(.*\); expected a MATLAB file before version 7.3"
+    ):
+        Correspondence.load(tmp_path / "map.mat")
+    with pytest.raises(SettingError, match="counts_from = 2 is neither 0 nor 1"):
+        Correspondence.load(npy(path, np.arange(9)), counts_from=2)
+    Correspondence([1, 2], 4).save(tmp_path / "map.txt")
+    assert Correspondence.load(tmp_path / "map.txt", counts_from=1).vertices.tolist() == [1, 2], (
+        "ours count from 0"
+    )

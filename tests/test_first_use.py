@@ -83,7 +83,8 @@ def test_a_package_has_the_names_of_its_stub_and_no_others(name):
         for alias in node.names
     }
     assert sorted(homes) == sorted(package.__all__)
-    assert set(package.__all__) <= set(dir(package))
+    listed = {name for name in dir(package) if not (name.startswith("__") and name.endswith("__"))}
+    assert listed == set(package.__all__), "no private name, and no module that was imported on the way"
     for public, home in homes.items():
         assert getattr(package, public) is getattr(importlib.import_module(home), public)
 

@@ -9,6 +9,7 @@ import sys
 import numpy as np
 import pytest
 from matplotlib.image import imread
+from scipy.io import savemat
 
 import isomatch
 from isomatch.cli import app, main
@@ -204,6 +205,30 @@ def test_evaluate_knows_a_perfect_map_and_counts_what_is_missing(shapes, monkeyp
     assert "error, mean" in capsys.readouterr().out
 
 
+def test_evaluate_reads_maps_and_truths_of_other_programs(shapes, monkeypatch, tmp_path, capsys):
+    monkeypatch.chdir(shapes)
+    truth = np.loadtxt("truth.txt", dtype=int)
+    n = isomatch.read_mesh("b.ply").n_vertices
+    reference = evaluated(capsys, "evaluate truth.txt truth.txt a.ply b.ply")
+    savemat(tmp_path / "map.mat", {"T12": np.append(truth[:-1], n - 1) + 1.0, "C": np.eye(3)})
+    np.save(tmp_path / "map.npy", truth)
+    corners = np.column_stack([np.arange(len(truth)) % 7, np.full((len(truth), 3), 1 / 3)])
+    np.savetxt(tmp_path / "faces.txt", corners)
+    one = evaluated(capsys, f"evaluate {tmp_path}/map.mat {tmp_path}/map.npy a.ply b.ply")
+    assert one["median"] == reference["median"] == 0
+    assert one["notes"] == [
+        f"map.mat: counts from 1, as its largest index, {n}, is the number of target vertices"
+    ]
+    points = evaluated(capsys, f"evaluate {tmp_path}/map.npy {tmp_path}/faces.txt a.ply b.ply --points 20")
+    assert 0.1 < points["mean"] < 2
+    savemat(tmp_path / "map.mat", {"T12": np.clip(truth, 1, n - 2)})
+    command = f"evaluate {tmp_path}/map.mat truth.txt a.ply b.ply --points 50"
+    assert main(command.split()) == 1
+    assert "map.mat: can count from 0 or from 1" in capsys.readouterr().err
+    assert evaluated(capsys, f"{command} --counts-from 0")["median"] == 0
+    assert evaluated(capsys, f"{command} --counts-from 1")["median"] > 0
+
+
 @pytest.mark.parametrize(
     ("truth", "complaint"),
     [
@@ -233,7 +258,7 @@ def test_evaluate_refuses_a_map_of_other_shapes(shapes, monkeypatch, tmp_path, c
 def test_evaluate_refuses_the_other_direction(shapes, monkeypatch, capsys):
     monkeypatch.chdir(shapes)
     assert main(["evaluate", "truth.txt", "truth.txt", "b.ply", "a.ply"]) == 1
-    assert "outside the target's vertices 0…2967" in capsys.readouterr().err
+    assert "give the map of these two shapes in this direction" in capsys.readouterr().err
 
 
 @pytest.mark.long

@@ -3,6 +3,7 @@
 import io
 import json
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -13,7 +14,8 @@ from isomatch import Config, Correspondence, Mesh, read_landmarks
 from isomatch.cli.inputs import read_config
 from isomatch.errors import IsomatchError
 from isomatch.lab.evaluation.ledger import FILE, IDENTITY, identity_of, read_rows
-from isomatch.lab.sets import tosca
+from isomatch.lab.sets import FolderSettings, read_truth, tosca
+from isomatch.lab.sets.pair_list import PairList
 from isomatch.lab.sets.shape_files import read_indices
 from zoo import grid
 
@@ -29,6 +31,12 @@ def matlab(compress):
 def rows():
     row = dict.fromkeys(IDENTITY, "x") | {"error": 1.5, "curve": [0.1, 0.2], "notes": []}
     return "".join(json.dumps(row | {"pair": pair}) + "\n" for pair in "abc").encode()
+
+
+def saved(array):
+    buffer = io.BytesIO()
+    np.save(buffer, array)
+    return buffer.getvalue()
 
 
 SETTINGS = b"""n_columns = 60
@@ -63,6 +71,13 @@ FILES = {
     "nose.pp": (PICKED, lambda path: marked(path, path)),
     "nose.csv": (b"name,x,y,z\nnose,0,0,0\n", lambda path: marked(path, path)),
     "map.txt": (MAP, Correspondence.load),
+    "map.npy": (saved(np.arange(5)), Correspondence.load),
+    "truth.txt": (
+        b"0 0.2 0.3 0.5\n-1 0 0 0\n1 1 0 0\n1 0 0 1\n",
+        lambda path: read_truth(path, SQUARE, SQUARE),
+    ),
+    "pairs.txt": (b"# mine\ncats a b\nb a\n", lambda path: PairList.read(path.parent, "ab")),
+    "set.toml": (b'truth = "pairs"\ncounts_from = 1\n', lambda path: FolderSettings.read(path.parent)),
     "config.toml": (SETTINGS, read_config),
     "cat0.vts": (b"1\n2.0\n3\n", read_indices),
     "cat0.mat": (matlab(False), lambda path: tosca(path.parent)["cat0"]),

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import sys
 from itertools import product
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
+from isomatch.cli.outputs import say_notes
 from isomatch.cli.terminal import TALK, Talk, part, say
 from isomatch.lab import evaluation
+
+NOTES = 5  # shown at most
 
 
 def bench(
@@ -17,7 +21,10 @@ def bench(
     sets: Annotated[str, Parameter(name="--set")],
     output: Annotated[Path, Parameter(name=["--output", "-o"])],
     data: Path | None = None,
-    methods: str = "isomatch",
+    methods: str | None = None,
+    method: tuple[str, ...] = (),
+    maps: tuple[Path, ...] = (),
+    maps_from: Literal[0, 1] | None = None,
     pairs: int | None = None,
     points: int = 1000,
     seed: int = 0,
@@ -33,10 +40,13 @@ def bench(
     Parameters
     ----------
     sets : str
-        faust_r, tosca_iso_r, scape_r, faust, scape, tosca, cross, creatures, organs, example; several with commas.
+        A folder of your own with shapes and truth, or the name of one in DATA; or faust_r, tosca_iso_r, scape_r, faust,
+        scape, tosca, cross, creatures, organs, example; several with commas. docs/how_to/own_benchmark.md describes what
+        a folder of your own consists of.
     output : Path
         Folder for rows.jsonl, index.html, pairs.csv, summary.csv, improvements.csv and curves. Rows that are already
-        there are not computed again, unless isomatch or the settings of the method have changed.
+        there are not computed again, unless isomatch, the settings of the method, or files of your own set or method have
+        changed.
     data : Path
         Folder of the sets, each in a folder of its name, as archives or as published; creatures, organs and example need
         none.
@@ -44,7 +54,16 @@ def bench(
         isomatch, isomatch_5pt, gdd, gdd_post, phi, functional_maps, functional_maps_5pt, zoomout, zoomout_5pt, gmds,
         gmds_5pt, gw, gw_5pt, sgmds, sgmds_5pt, sgf, sgf_5pt, pyfm; several with commas. gdd, gdd_post, phi and those
         named 5pt are given five true landmarks, far from one another. NAME+isomatch is isomatch started from the map of
-        NAME; NAME+gdd and NAME+gdd_post are the paper's methods started from it.
+        NAME; NAME+gdd and NAME+gdd_post are the paper's methods started from it. By default isomatch, or those of METHOD
+        and MAPS alone.
+    method : str
+        A function of your own, MODULE:FUNCTION or FILE.py:FUNCTION, that takes two meshes, source and target, and returns
+        the target vertex of each source vertex, or a map. May be repeated.
+    maps : Path
+        Folder of the maps that another program found, SOURCE__TARGET with the suffix .txt, .npy, .npz or .mat: the target
+        vertex of each source vertex, in the order of the files of the set. May be repeated.
+    maps_from : int
+        What these maps count from, 0 or 1; by default the first that allows one reading only decides for all.
     pairs : int
         Number of pairs to draw from each set; all by default.
     points : int
@@ -69,12 +88,17 @@ def bench(
         What is told.
     """
     curves = [] if published is None else evaluation.read_published_curves(published)
-    asked = list(product(sets.split(","), damage or (None,)))
+    asked = list(product([sets] if Path(sets).is_dir() else sets.split(","), damage or (None,)))
+    chosen: list[Any] = methods.split(",") if methods else [] if method or maps else ["isomatch"]
+    chosen += [*method, *(evaluation.MapsInFolder(folder, maps_from) for folder in maps)]
+    if method:
+        sys.path.insert(0, str(Path.cwd()))  # as python -m does
+    notes: list[str] = []
     with talk.progress() as tell:
         for number, (name, each) in enumerate(asked):
             run = evaluation.BenchmarkRun(
                 set_name=name,
-                methods=tuple(methods.split(",")),
+                methods=tuple(chosen),
                 folder=None if data is None else str(data),
                 n_pairs=pairs,
                 n_points=points,
@@ -86,20 +110,23 @@ def bench(
             )
             reach = part(tell, number / len(asked), (number + 1) / len(asked))
             reach(f"{name}: reading", 0.0)
-            total = len(run.chosen_pairs()) * len(run.methods)
+            total = len(run.chosen_pairs()) * len(run.names)
             done = len(evaluation.rows_of(run, output))
             for row in evaluation.run_benchmark(run, output):
                 done += 1
+                notes += [row["notes"]] if row.get("notes") else []
+                notes += [f"{row['pair']} by {row['method']}: {row['problem']}"] if "problem" in row else []
                 reach(
                     f"{evaluation.set_label(row)}: last {row['pair']} by {row['method']}",
                     min(done / total, 1.0),
                 )
         tell("done", 1.0)
     table = evaluation.write_tables(output, curves)
-    talk.result({"summary": table, "folder": str(output)}, lambda: _say(table, output))
+    notes = list(dict.fromkeys(notes))
+    talk.result({"summary": table, "folder": str(output), "notes": notes}, lambda: _say(table, output, notes))
 
 
-def _say(table: list[dict[str, Any]], output: Path) -> None:
+def _say(table: list[dict[str, Any]], output: Path, notes: list[str]) -> None:
     say("mean geodesic error × 100 / √(target area)", "bold")
     names = [evaluation.set_label(row) for row in table]
     width = max([12, *map(len, names)])
@@ -112,8 +139,17 @@ def _say(table: list[dict[str, Any]], output: Path) -> None:
             f"{_number(row['max'])} {row['failures']:5d} {_number(row['seconds']):>8}"
             + ("  at landmarks" if row["judged_at"] == "landmarks" else "")
             + (f"  cycle error {row['cycle']:.2f}" if row["cycle"] is not None else "")
+            + (f"  IoU {row['iou']:.0%}" if (row["iou"] or 1) < 1 else "")
+            + (
+                f"  where matched {row['error_matched']:.2f}"
+                if row["error_matched"] and row["unmatched"]
+                else ""
+            )
             + (f"  {row['problems']} with a problem" if row["problems"] else "")
         )
+    say_notes(notes[:NOTES])
+    if len(notes) > NOTES:
+        say(f"note: {len(notes) - NOTES} more notes are in pairs.csv")
     say(f"written to {output}: index.html, pairs.csv, summary.csv, curves.png, curves.svg")
 
 

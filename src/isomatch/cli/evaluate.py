@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from cyclopts import Parameter
 
 import isomatch
 from isomatch import correspondence
-from isomatch.cli.inputs import read_pairs
+from isomatch.cli.outputs import say_notes
 from isomatch.cli.terminal import TALK, Talk, say_table
 from isomatch.errors import FormatError
 from isomatch.lab import evaluation, sets
-from isomatch.storage.files import text_lines
 from isomatch.values.arrays import IntArray
 
 CURVE = (0.01, 0.02, 0.05, 0.1, 0.25)  # √(target area)
@@ -28,6 +27,9 @@ def evaluate(
     /,
     *,
     target_marks: Path | None = None,
+    counts_from: Literal[0, 1] | None = None,
+    truth_counts_from: Literal[0, 1] | None = None,
+    variable: str | None = None,
     points: int | None = None,
     seed: int = 0,
     talk: Talk = TALK,
@@ -37,11 +39,11 @@ def evaluate(
     Parameters
     ----------
     map_file : Path
-        The map: a text file with the 0-based target vertex of each source vertex, one a line (-1: unmatched), or an
-        .npz file with such an array, named vertices.
+        The map: a text file with the target vertex of each source vertex, one a line (-1: unmatched), an .npy or .npz
+        file with such an array, or a .mat file with such a variable.
     truth : Path
-        The truth: another map; or a text file with two columns of 0-based vertex indices (source, target); or, with
-        --target-marks, the marks of the source.
+        The truth: another map; or two columns of vertices that correspond (source, target); or four, a triangle of the
+        target and three barycentric weights for each source vertex; or, with --target-marks, the marks of the source.
     source : Path
         Mesh that the map leads from.
     target : Path
@@ -49,6 +51,13 @@ def evaluate(
     target_marks : Path
         Marks of the target, such as a .vts file: the vertex on each line, counted from 1, corresponds to that on the
         same line of TRUTH.
+    counts_from : int
+        What MAP counts from, 0 or 1. By default from 1 where its largest index is the number of target vertices and none
+        is 0, which a note tells, and otherwise from 0; of a .mat file that can count from either, it has to be said.
+    truth_counts_from : int
+        The same of TRUTH.
+    variable : str
+        Name of the map in a .mat or .npz file that holds several arrays of its length.
     points : int
         Number of truth points to judge, drawn without replacement; all by default.
     seed : int
@@ -60,18 +69,27 @@ def evaluate(
         tell("reading", 0.0)
         shapes = isomatch.read_mesh(source), isomatch.read_mesh(target)
         sizes = shapes[0].n_vertices, shapes[1].n_vertices
-        judged = isomatch.Correspondence.load(map_file, sizes[1])
-        if judged.shape != sizes:
-            raise FormatError(
-                f"{map_file}: maps {len(judged.vertices)} vertices, but {source} has {sizes[0]}; give the map of these "
-                "two shapes in this direction"
-            )
+        read = correspondence.read_map(map_file, *sizes[::-1], counts_from=counts_from, variable=variable)
+        judged, notes = read.map, [read.note]
         judged.check_fits(*shapes)
-        pairs = _truth(truth, sizes[1]) if target_marks is None else _of_marks(truth, target_marks)
-        _require_within(truth, pairs, sizes)
+        points_there = None
+        if target_marks is None:
+            known = sets.read_truth(truth, *shapes, truth_counts_from)
+            pairs, points_there = known.rows, known.points
+            notes.append(known.note)
+            if truth.suffix.lower() == ".mat" and not known.is_certain:
+                raise FormatError(f"{truth}: can count from 0 or from 1; say which by --truth-counts-from")
+        else:
+            pairs = _of_marks(truth, target_marks)
+            _require_within(truth, pairs, sizes)
         tell("geodesic distances", 0.1)
         errors = evaluation.geodesic_errors(
-            shapes[1], judged, pairs, None if points is None else min(points, len(pairs)), seed
+            shapes[1],
+            judged,
+            pairs,
+            None if points is None else min(points, len(pairs)),
+            seed,
+            points=points_there,
         )
         coverage = evaluation.coverage(shapes[1], judged)
         tell("done", 1.0)
@@ -90,19 +108,14 @@ def evaluate(
             str(at): float(share) for at, share in zip(CURVE, evaluation.cumulative_curve(errors, CURVE))
         },
         "coverage": coverage,
+        "notes": [note for note in notes if note],
     }
-    talk.result(record, lambda: say_table(_rows(record)), is_answer=True)
+    talk.result(record, lambda: _say(record), is_answer=True)
 
 
-def _truth(path: Path, n_target: int) -> IntArray:
-    """Read a truth, (m, 2): pairs, or a map without its unmatched vertices."""
-    if path.suffix != ".npz":
-        _, first = next(text_lines(path), (0, ""))
-        if len(first.replace(",", " ").split()) == 2:
-            return read_pairs(path, "a pair", "of the source and of the target")
-    image = isomatch.Correspondence.load(path, n_target).vertices
-    mapped = np.flatnonzero(image != correspondence.UNMATCHED)
-    return np.column_stack([mapped, image[mapped]])
+def _say(record: dict[str, Any]) -> None:
+    say_table(_rows(record))
+    say_notes(record["notes"])
 
 
 def _of_marks(of_source: Path, of_target: Path) -> IntArray:

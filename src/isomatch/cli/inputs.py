@@ -6,13 +6,11 @@ import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import NoReturn
 
 import numpy as np
 
 import isomatch
 from isomatch.errors import FormatError, IsomatchError, MeshError, SettingError
-from isomatch.storage.files import read_integers
 from isomatch.values.arrays import FloatArray, IntArray
 
 
@@ -40,21 +38,6 @@ def naming_files(**files: Path) -> Iterator[None]:
             rf"(^|; )({'|'.join(files)}): ", lambda at: f"{at[1]}{at[2]} {files[at[2]]}: ", str(error)
         )
         raise type(error)(message) from error
-
-
-def read_pairs(path: Path, what: str, whose: str) -> IntArray:
-    """Read pairs of 0-based vertex indices.
-
-    Each line has one pair, separated by a comma or blanks; ``#`` starts a comment. ``what`` a pair is and ``whose``
-    vertices it names is for the message.
-    """
-
-    def refuse(number: int, line: str) -> NoReturn:
-        raise FormatError(
-            f"{path}:{number}: {line[:80]!r} is not {what}; write two 0-based vertex indices, {whose}"
-        )
-
-    return read_integers(path, 2, refuse)
 
 
 def read_functions(path: Path, names: list[str], n: int) -> FloatArray:

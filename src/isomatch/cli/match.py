@@ -77,7 +77,7 @@ def match(
     pin : float
         Landmarks hold: the map is bent around those farther off than this, in √area; 0 holds all exactly.
     initial_map : Path
-        A map to start from: a text file with one 0-based target index per line (-1: unknown), or a map.npz.
+        A map to start from: a text file with one target vertex per line (-1: unknown), an .npy, .mat or map.npz.
     hypotheses : str
         Whether automatic maps compete with the hints (all, the default), or only rivals of them are reported (given).
     function : list of str

@@ -116,7 +116,7 @@ def run(
         allometry, why_not = _allometry(own, sizes, share, seed)
         notes += why_not
         turned = _asymmetry(model, seed) if mirror is not None else None
-        unlabelled = [name for name in model.names if groups and name not in labels]
+        unlabelled = [name for name in own.names if groups and name not in labels]
         if unlabelled:
             notes.append(f"without a group: {', '.join(unlabelled)}")
         done = iter(range(len(shapes)))

@@ -43,8 +43,8 @@ def transfer(
     Parameters
     ----------
     map_file : Path
-        Map source -> target of these two files: map.npz, as match writes it, or a text of one 0-based target vertex on
-        each line.
+        Map source -> target of these two files: map.npz, as match writes it, or that of another program: a text of
+        one target vertex on each line, an .npy or .mat.
     source : Path
         Mesh that the map starts from.
     target : Path
@@ -110,7 +110,10 @@ def transfer(
             [word.strip() for word in data.split(",")] if data else [each.name for each in given] or ["all"]
         )
         n_target = None if map_file.suffix == ".npz" else len(assets[1].points)
-        correspondence = isomatch.Correspondence.load(map_file, n_target)
+        n_source = (
+            len(assets[0].points) if map_file.suffix == ".mat" else None
+        )  # of several arrays, by which it is found
+        correspondence = isomatch.Correspondence.load(map_file, n_target, n_source)
         tell("carrying", 0.3)
         names: tuple[str, ...]
         taken: tuple[str, ...] = ()

@@ -8,7 +8,7 @@ from isomatch.correspondence.alignment import (
 from isomatch.correspondence.boundary import Boundary
 from isomatch.correspondence.checked_map import UNMATCHED
 from isomatch.correspondence.common_regions import Intervals, grow_common_regions, trilaterate_common
-from isomatch.correspondence.correspondence import Correspondence
+from isomatch.correspondence.correspondence import Correspondence, MapFile, read_map
 from isomatch.correspondence.functional_maps import (
     Embedding,
     FunctionalMap,
@@ -64,6 +64,7 @@ __all__ = [
     "FunctionalMap",
     "IntervalCost",
     "Intervals",
+    "MapFile",
     "Pose",
     "PrecisePoints",
     "RigidRegistration",
@@ -96,6 +97,7 @@ __all__ = [
     "nearest_with_normals",
     "pin_first",
     "poses_between",
+    "read_map",
     "register_as_rigid_as_possible",
     "register_nonrigid",
     "signed_procrustes",

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,10 +17,12 @@ from isomatch.correspondence.carried_values import pulled_back, pushed_forward
 from isomatch.correspondence.checked_map import UNMATCHED, checked_map
 from isomatch.correspondence.composition import composed, inverse
 from isomatch.correspondence.functional_maps import FunctionalMap, fit_functional_map
-from isomatch.correspondence.map_files import read_map, write_map
+from isomatch.correspondence.map_files import map_parts, write_map
 from isomatch.errors import DescriptorError, FormatError, MapError
 from isomatch.surfaces import Mesh, PrecisePoints, picture, surface_in_use
 from isomatch.values.arrays import AnyArray, FloatArray, IntArray, array_of
+
+logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -372,16 +376,34 @@ class Correspondence:
         write_map(Path(path), vars(self))
 
     @classmethod
-    def load(cls, path: str | Path, n_target: int | None = None) -> Correspondence:
-        """Read what `save` wrote, or any text file with one 0-based target vertex on each line.
+    def load(
+        cls,
+        path: str | Path,
+        n_target: int | None = None,
+        n_source: int | None = None,
+        *,
+        counts_from: int | None = None,
+        variable: str | None = None,
+    ) -> Correspondence:
+        """Read what `save` wrote, or the map of any other program: one target vertex for each source vertex.
 
         Parameters
         ----------
         path : path_like
-            An ``.npz`` file, or text (any other suffix). Files of earlier versions of isomatch are read too.
+            An ``.npz`` file, an array (``.npy``), variables of MATLAB (``.mat``, before version 7.3), or text with one
+            vertex on each line (any other suffix). Files of earlier versions of isomatch are read too.
         n_target : int, optional
             Number of target vertices. A file that names another number is refused; for a file that names none the
             default is its largest index + 1.
+        n_source : int, optional
+            Number of source vertices. A map of another number is refused; of several arrays in a file, the one of this
+            length is the map.
+        counts_from : {0, 1}, optional
+            What the indices count from. By default from 1 where the largest is ``n_target`` and none is 0, which is
+            logged as a warning, and otherwise from 0. Where MATLAB's could count from either, it has to be said. What
+            isomatch wrote counts from 0. −1 and nan, and 0 if they count from 1, mean unmatched.
+        variable : str, optional
+            Name of the array, where a file has several of the same length.
 
         Returns
         -------
@@ -391,10 +413,84 @@ class Correspondence:
         Raises
         ------
         FormatError
-            If the file is missing (`MissingFileError`), holds no map or one onto another target, or was written by an
-            isomatch that is too new.
+            If the file is missing (`MissingFileError`), holds no map, several, or one between other shapes, could count
+            from 0 or from 1, or was written by an isomatch that is too new.
+        SettingError
+            If ``counts_from`` is neither 0 nor 1.
         """
-        try:
-            return cls(**read_map(Path(path), n_target))
-        except MapError as error:
-            raise FormatError(f"{path}: {error}") from None
+        found = read_map(path, n_target, n_source, counts_from=counts_from, variable=variable)
+        if found.note:
+            logger.warning("%s", found.note)
+        return found.map
+
+
+class MapFile(NamedTuple):
+    """A map that was read from a file, and how its indices were taken.
+
+    Parameters
+    ----------
+    map : Correspondence
+        The map source → target.
+    counts_from : int
+        What the indices in the file count from, 0 or 1.
+    is_certain : bool
+        Whether the file says so or was said to, or no other reading fits.
+    note : str
+        What was decided; empty if nothing had to be.
+
+    Examples
+    --------
+    >>> MapFile(Correspondence([1, 0], 2), counts_from=0, is_certain=True, note="").map
+    Correspondence(source 2 → target 2)
+    """
+
+    map: Correspondence
+    counts_from: int
+    is_certain: bool
+    note: str
+
+
+def read_map(
+    path: str | Path,
+    n_target: int | None = None,
+    n_source: int | None = None,
+    *,
+    counts_from: int | None = None,
+    variable: str | None = None,
+    allow_doubt: bool = False,
+) -> MapFile:
+    """Read a map as `Correspondence.load` does, and say how its indices were taken, in place of a warning.
+
+    Parameters
+    ----------
+    path, n_target, n_source, counts_from, variable
+        As for `Correspondence.load`, and so are the errors.
+    allow_doubt : bool
+        Return a map of MATLAB that can count from 0 or from 1, counted from 0 and not certain, and do not refuse it.
+
+    Returns
+    -------
+    MapFile
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = Path(folder) / "map.txt"
+    ...     np.savetxt(file, [3, 1, 2], fmt="%d")
+    ...     found = read_map(file, n_target=3)
+    >>> found.map.vertices.tolist(), found.counts_from, found.note
+    ([2, 0, 1], 1, 'map.txt: counts from 1, as its largest index, 3, is the number of target vertices')
+    """
+    path = Path(path)
+    try:
+        parts, counted = map_parts(path, n_target, n_source, counts_from, variable)
+        if path.suffix.lower() == ".mat" and not (counted.is_certain or allow_doubt):
+            held = parts["vertices"][parts["vertices"] >= 0]
+            raise FormatError(
+                f"{path}: can count from 0 or from 1, with indices {held.min()}…{held.max()}; say which by "
+                "counts_from (--counts-from), or save it as a text that counts from 0"
+            )
+        return MapFile(Correspondence(**parts), counted.counts_from, counted.is_certain, counted.note)
+    except MapError as error:
+        raise FormatError(f"{path}: {error}") from None

@@ -1,4 +1,4 @@
-"""Files of maps: all arrays in an ``.npz`` file, or the vertices alone in a text."""
+"""Files of maps: all arrays in an ``.npz`` file, or the vertices alone in a text; and those of other programs."""
 
 from __future__ import annotations
 
@@ -8,15 +8,20 @@ from typing import Any, NoReturn
 
 import numpy as np
 
+from isomatch.correspondence.foreign_maps import Counted, counted_from_zero, the_vector
 from isomatch.errors import FormatError
 from isomatch.storage.array_file import (
     FIRST_VERSION,
+    Archive,
     ArrayFormat,
     Stored,
+    read_array,
     require_known_version,
     save_arrays,
 )
 from isomatch.storage.files import opened, read_integers, replaced
+from isomatch.storage.mat_file import read_mat
+from isomatch.values.arrays import AnyArray
 
 DIRECTION = "source -> target"
 FORMAT = ArrayFormat(
@@ -60,29 +65,76 @@ def write_map(path: Path, parts: dict[str, Any]) -> None:
         np.savetxt(file, parts["vertices"], fmt="%d", header=header)
 
 
-def read_map(path: Path, n_target: int | None) -> dict[str, Any]:
-    """Read the parts of a map, by name; `FormatError` if it is one onto another number of target vertices."""
-    stored, parts = _read_arrays(path) if path.suffix == ".npz" else _read_text(path)
-    if stored is None:
-        stored = int(parts["vertices"].max(initial=-1)) + 1 if n_target is None else n_target
-    elif n_target not in (None, stored):
+def map_parts(
+    path: Path,
+    n_target: int | None,
+    n_source: int | None = None,
+    counts_from: int | None = None,
+    variable: str | None = None,
+) -> tuple[dict[str, Any], Counted]:
+    """Read the parts of a map, by name, and how its indices were taken; for the arguments see `Correspondence.load`.
+
+    Raises
+    ------
+    FormatError
+        If the file holds no map, or one between other numbers of vertices.
+    """
+    suffix = path.suffix.lower()
+    declared, stored = False, None
+    if suffix == ".mat":
+        arrays = read_mat(path, "a map", "one array of target vertices")
+        parts: dict[str, Any] = {"vertices": the_vector(path, arrays, n_source, variable)}
+    elif suffix == ".npy":
+        parts = {"vertices": the_vector(path, {"the array": read_array(path)}, n_source)}
+    elif suffix == ".npz":
+        declared, stored, parts = _read_arrays(path, n_source, variable)
+    else:
+        declared, stored, parts = _read_text(path)
+    if stored is not None and n_target not in (None, stored):
         raise FormatError(
             f"{path}: is a map onto a target of {stored} vertices, not {n_target}; give the map of these two shapes"
         )
-    return {"n_target": stored, **parts}
+    if n_source is not None and len(parts["vertices"]) != n_source:
+        raise FormatError(
+            f"{path}: maps {len(parts['vertices'])} vertices, but the source has {n_source}; give the map of these two "
+            "shapes in this direction"
+        )
+    known = n_target if stored is None else stored
+    counted = Counted(parts["vertices"], 0, True)
+    if not declared:
+        counted = counted_from_zero(path, parts["vertices"], known, counts_from, suffix == ".mat")
+    parts |= {"vertices": counted.image, "n_target": known}
+    if known is None:
+        parts["n_target"] = int(counted.image.max(initial=-1)) + 1
+    return parts, counted
 
 
-def _read_arrays(path: Path) -> tuple[int | None, dict[str, Any]]:
-    """Read the number of target vertices, if the file has it, and the arrays of a map from an ``.npz`` file."""
+def _read_arrays(
+    path: Path, n_source: int | None, variable: str | None
+) -> tuple[bool, int | None, dict[str, Any]]:
+    """Read a map from an ``.npz`` file: whether isomatch wrote it, its number of target vertices, if any, and arrays."""
+
+    def refuse(problem: str) -> NoReturn:
+        raise FormatError(f"{path}: not a map ({problem}); expected a file written by {FORMAT.writer}")
+
+    with Archive.opened(path, refuse) as file:
+        names = file.names
+        if variable is not None or not {*FORMAT.arrays, "format_version"} & set(names):
+            if not names:
+                refuse("it has no array 'vertices'")
+            found: dict[str, AnyArray] = file.read_all(names)
+            return False, None, {"vertices": the_vector(path, found, n_source, variable)}
     arrays = FORMAT.read(path)
+    declared = "direction" in arrays
     if arrays.pop("direction", DIRECTION) != DIRECTION:
         raise FormatError(f"{path}: does not map {DIRECTION}; exchange the shapes, or give another map")
     n_target = arrays.pop("n_target", None)
-    return None if n_target is None else int(n_target), arrays
+    declared = declared or n_target is not None or "faces" in arrays  # of which others know nothing
+    return declared, None if n_target is None else int(n_target), arrays
 
 
-def _read_text(path: Path) -> tuple[int | None, dict[str, Any]]:
-    """Read the number of target vertices, if the header has it, and the vertices of a map from a text file."""
+def _read_text(path: Path) -> tuple[bool, int | None, dict[str, Any]]:
+    """Read a map from a text file: whether isomatch wrote it, its number of target vertices, if any, and vertices."""
     with opened(path) as file:
         header = _HEADER.match(file.read(LONGEST_HEADER).decode("utf-8-sig", errors="replace"))
     if header:
@@ -100,4 +152,4 @@ def _read_text(path: Path) -> tuple[int | None, dict[str, Any]]:
     if not (header or len(image)):
         raise FormatError(f"{path}: no target vertices; {_LINES}")
     hashes = {name: header[name] or "" for name in ("source_hash", "target_hash")} if header else {}
-    return int(header["n_target"]) if header else None, {"vertices": image, **hashes}
+    return header is not None, int(header["n_target"]) if header else None, {"vertices": image, **hashes}

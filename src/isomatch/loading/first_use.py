@@ -36,7 +36,8 @@ class _Package(ModuleType):
         return import_module, (self.__name__,)
 
     def __dir__(self) -> list[str]:
-        return sorted({*super().__dir__(), *self._homes})
+        """List the public names, and those that Python gives to every module; not what made the package work."""
+        return sorted({*self.__all__, *(name for name in super().__dir__() if name[:2] == "__" == name[-2:])})
 
 
 def names_at_first_use(package: str) -> list[str]:

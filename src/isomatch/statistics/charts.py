@@ -132,7 +132,7 @@ def draw_quality(path: str | Path, compact: FloatArray, general: ModelCurve, spe
     """
     from matplotlib.figure import Figure
 
-    figure = Figure((10, 3.2), layout="constrained")
+    figure = Figure((8.4, 2.9), layout="constrained")
     panels = figure.subplots(1, 3)
     panels[0].plot(np.arange(len(compact)), compact, color=BLUE, marker=".")
     panels[0].set(title="compactness: share of the variance", ylim=(0, 1.03))
@@ -149,7 +149,7 @@ def draw_quality(path: str | Path, compact: FloatArray, general: ModelCurve, spe
     for axes in panels:
         axes.set_xlabel("modes")
         axes.xaxis.get_major_locator().set_params(integer=True)
-        axes.title.set_fontsize("medium")
+        axes.title.set_fontsize("small")
     save_figure(figure, path)
 
 

@@ -64,9 +64,10 @@ def doubtful_shapes(shapes: CorrespondedShapes) -> list[Doubt]:
         - *mirrored*: mirror images are nearer, in Procrustes distance without size, to most of the other shapes. They are
           not found among bodies whose poses differ more than left and right.
         - *twice*: two shapes are the same but for a motion and their size.
-        - *far*: the centroid lies more than ten sizes from those of the others. Alignment removes it.
-        - *unlike*: the median distance from the others is an outlier, at least twice the usual one; or all vertices are
-          at one position.
+        - *far*: of four shapes or more, the centroid lies more than ten median sizes from the middle of all, and is an
+          outlier of six standard deviations. Alignment removes it.
+        - *unlike*: of four shapes or more, the median distance from the others is an outlier of six standard deviations,
+          at least twice the usual one; or all vertices are at one position.
 
         All vertices count alike. O(m² n) time for m shapes.
 

@@ -60,6 +60,34 @@ def require_known_version(path: Path, found: int, known: int) -> None:
         )
 
 
+def read_array(path: Path) -> AnyArray:
+    """Read an ``.npy`` file of numbers or text; `FormatError` if it is none, or holds more or less than it declares."""
+
+    def refuse(problem: str) -> NoReturn:
+        raise FormatError(f"{path}: not an array ({problem}); expected a file written by numpy.save")
+
+    with opened(path) as file:
+        data = BytesIO(file.read())
+    size = len(data.getbuffer())
+    try:
+        with warnings.catch_warnings(action="ignore"):
+            header = Header(*_read_shape(BytesIO(data.getvalue()[:LONGEST_HEADER])))
+            if header.dtype.kind not in _NUMBERS_OR_TEXT or header.n_bytes > size:
+                refuse(f"it declares shape {header.shape} of type {header.dtype}")
+            array: AnyArray = npy.read_array(data, allow_pickle=False)
+    except _DAMAGED as error:
+        if isinstance(error, FormatError):
+            raise
+        refuse(str(error).partition("\n")[0] or type(error).__name__)
+    return array
+
+
+def _read_shape(start: BinaryIO) -> tuple[tuple[int, ...], np.dtype[np.generic]]:
+    """Read the shape and type that the header of an array declares."""
+    shape, _, dtype = _READ_HEADER[npy.read_magic(start)](start)
+    return shape, dtype
+
+
 @dataclass(frozen=True)
 class Stored:
     """What one array of a file has to be.
@@ -244,8 +272,8 @@ class Archive:
             self.refuse(f"{name} is compressed by a method other than deflate")
         with self._refusing_damage(), self._zip.open(info) as member:
             start = BytesIO(member.read(LONGEST_HEADER))  # a header may declare to be longer than memory
-            shape, _, dtype = _READ_HEADER[npy.read_magic(start)](start)
-        header = Header(shape, dtype)
+            header = Header(*_read_shape(start))
+        shape, dtype = header
         if dtype.kind not in _NUMBERS_OR_TEXT or min(shape, default=0) < 0:
             self.refuse(f"{name} is not an array of numbers or text")
         ratio = LARGEST_RATIO if info.compress_type == zipfile.ZIP_DEFLATED else 1

@@ -9,6 +9,7 @@ import numpy as np
 from isomatch.errors import InputError
 from isomatch.lab.damage.damaged import Damaged, undamaged
 from isomatch.lab.sets import BenchmarkPair
+from isomatch.surfaces import PrecisePoints
 from isomatch.values.arrays import IntArray
 
 
@@ -29,7 +30,7 @@ class DamagedPair:
     source, target : Damaged
         What was done to each shape.
     alone : (m,) array of int
-        Vertices of the damaged source whose counterparts are gone.
+        Vertices of the damaged source whose counterparts are gone, or that had none.
     """
 
     given: BenchmarkPair
@@ -108,12 +109,25 @@ def damaged_pair(
         )
     whole = [rows[left] for rows in truths]
     given = [moved(rows) for rows in whole]
+    points = pair.points and PrecisePoints(pair.points.corners[left], pair.points.barycentric[left])
     on_source, on_target = moved(pair.truth).T
     merged = np.isin(pair.truth[:, 1], target.merged)
-    alone = np.setdiff1d(on_source[(on_source >= 0) & (on_target < 0) & ~merged], given[0][:, 0])
+    gone = on_source[(on_source >= 0) & (on_target < 0) & ~merged]
+    before = np.zeros(0, dtype=np.int64) if pair.alone is None else became[0][pair.alone]
+    alone = np.setdiff1d(np.concatenate([gone, before[before >= 0]]), given[0][:, 0])
+    damaged = replace(
+        pair,
+        source=source.mesh,
+        target=target.mesh,
+        truth=given[0],
+        mirrored=(*given, None)[1],
+        alone=alone if len(alone) or pair.alone is not None else None,
+        points=None,
+        moved=None,
+    )
     return DamagedPair(
-        replace(pair, source=source.mesh, target=target.mesh, truth=given[0], mirrored=(*given, None)[1]),
-        replace(pair, truth=whole[0], mirrored=(*whole, None)[1]),
+        damaged,
+        replace(pair, truth=whole[0], mirrored=(*whole, None)[1], points=points),
         source,
         target,
         alone,

@@ -5,6 +5,7 @@ from isomatch.lab.evaluation.caching import CachingEngine
 from isomatch.lab.evaluation.distortion import MetricDistortion, distance_table, metric_distortion
 from isomatch.lab.evaluation.ledger import read_rows, set_label
 from isomatch.lab.evaluation.methods import CONTINUATIONS, METHODS, Method
+from isomatch.lab.evaluation.own_methods import MapsInFolder, OwnFunction
 from isomatch.lab.evaluation.princeton import (
     LIMIT,
     THRESHOLDS,
@@ -16,6 +17,7 @@ from isomatch.lab.evaluation.princeton import (
     sided_errors,
 )
 from isomatch.lab.evaluation.published_curves import PublishedCurve, read_published_curves
+from isomatch.lab.evaluation.result import BenchmarkResult, benchmark
 from isomatch.lab.evaluation.smoothness import dirichlet_energy
 from isomatch.lab.evaluation.tables import improvements, summaries, write_tables
 from isomatch.lab.evaluation.true_landmarks import true_landmarks
@@ -25,13 +27,17 @@ __all__ = [
     "LIMIT",
     "METHODS",
     "THRESHOLDS",
+    "BenchmarkResult",
     "BenchmarkRun",
     "CachingEngine",
+    "MapsInFolder",
     "Method",
     "MetricDistortion",
+    "OwnFunction",
     "PublishedCurve",
     "SidedErrors",
     "area_under_curve",
+    "benchmark",
     "counted",
     "coverage",
     "cumulative_curve",

@@ -11,7 +11,7 @@ from typing import TypeAlias
 from isomatch.datasets import example_pair
 from isomatch.lab.evaluation.benchmark_run import BenchmarkRun, PairNames
 from isomatch.lab.evaluation.ledger import Row, appending, identity_of, read_rows
-from isomatch.lab.evaluation.methods import CONTINUATIONS, METHODS, parts_of
+from isomatch.lab.evaluation.methods import CONTINUATIONS
 from isomatch.lab.evaluation.subject import Subject
 from isomatch.matching import match
 from isomatch.runtime.threads import n_threads
@@ -26,14 +26,14 @@ def run_benchmark(run: BenchmarkRun, out: str | Path) -> Iterator[Row]:
 
     Rows are appended to ``out/rows.jsonl`` at once. A pair that fails gives a row that names the problem. Complete rows
     of the same version and settings that are already there are not computed again, so that an interrupted run continues
-    where it stopped.
+    where it stopped. `benchmark` runs it and makes the tables, in one call.
     """
     out = Path(out)
     done = {identity_of(row) for row in read_rows(out) if run.is_complete(row)}
     jobs: dict[Job, list[str]] = {}  # continuations of one map belong to one job
     for pair in run.chosen_pairs():
-        for method in run.methods:
-            base, ending = parts_of(method)
+        for method in run.names:
+            base, _, ending = method.partition("+")
             if identity_of(run.identity(pair, method)) not in done:
                 endings = jobs.setdefault((pair, base), [])
                 if ending and not endings and identity_of(run.identity(pair, base)) not in done:
@@ -49,14 +49,12 @@ def run_benchmark(run: BenchmarkRun, out: str | Path) -> Iterator[Row]:
 def rows_of(run: BenchmarkRun, out: str | Path) -> list[Row]:
     """Read the rows of a folder that belong to a run: its pairs and methods, by this version with these settings."""
     rows = {identity_of(row): row for row in read_rows(out)}
-    wanted = [
-        identity_of(run.identity(pair, method)) for pair in run.chosen_pairs() for method in run.methods
-    ]
+    wanted = [identity_of(run.identity(pair, method)) for pair in run.chosen_pairs() for method in run.names]
     return [rows[identity] for identity in wanted if identity in rows]
 
 
 def _new_rows(run: BenchmarkRun, jobs: dict[Job, list[str]]) -> Iterator[Row]:
-    at_once = run.jobs or n_threads()
+    at_once = 1 if run.in_this_process else run.jobs or n_threads()
     if at_once == 1:
         worker = _Worker(run)
         for job, endings in jobs.items():
@@ -71,11 +69,12 @@ _worker: _Worker  # of this process, see `_begin`
 
 
 def _begin(run: BenchmarkRun) -> None:
-    """Start a worker process: one thread in our loops and in linear algebra, and every compiled loop loaded."""
+    """Start a worker process: one thread in our loops and in linear algebra, and every compiled loop loaded if needed."""
     global _worker
     begin_worker(1)
-    source, target = example_pair()
-    match(source.mesh, target.mesh)
+    if run.needs_our_loops:
+        source, target = example_pair()
+        match(source.mesh, target.mesh)
     _worker = _Worker(run)
 
 
@@ -96,7 +95,7 @@ class _Worker:
         directions = (False, True) if self._run.cycles else (False,)  # whether to match backwards
         try:
             subject = self._subject(names)
-            starts = [subject.match(METHODS[base], backwards=backwards) for backwards in directions]
+            starts = [subject.match(self._run.method(base), backwards=backwards) for backwards in directions]
         except Exception as problem:  # a benchmark reports every failure of a method; nothing is hidden
             return [row | _problem(problem) for row in rows]
         for row, ending in zip(rows, endings):

@@ -47,6 +47,7 @@ def metric_distortion(
     normalised: bool = True,
     seed: int = 0,
     engines: tuple[DistanceEngine, DistanceEngine] | None = None,
+    unit: float | None = None,
 ) -> MetricDistortion:
     """Compare geodesic distances between random points with those between their images.
 
@@ -70,6 +71,9 @@ def metric_distortion(
         Seed of the draws.
     engines : two DistanceEngine, optional
         Distances on the source and on the target; by default by fast marching.
+    unit : float, optional
+        By what the distances of both shapes are divided, in place of each shape's √area: √area of the whole, for two
+        parts.
 
     Returns
     -------
@@ -115,7 +119,7 @@ def metric_distortion(
         rows = columns[:n_rows]
     else:
         rows, columns = (pairs[rng.permutation(len(pairs))[:count]] for count in (n_rows, n_columns))
-    units = [np.sqrt(mesh.area) if normalised else 1.0 for mesh in (source, target)]
+    units = [unit or np.sqrt(mesh.area) if normalised else 1.0 for mesh in (source, target)]
     source_engine, target_engine = engines or (distance_engine(source), distance_engine(target))
     here = distance_table(source_engine, rows[:, 0], columns[:, 0]) / units[0]
 

@@ -17,7 +17,7 @@ from isomatch.storage.files import claimed, writing
 Row: TypeAlias = dict[str, Any]
 """Measurements for one pair and one method, or the problem that prevented them."""
 
-IDENTITY = ("set", "damage", "pair", "method", "points", "seed", "judged_at", "version", "settings")
+IDENTITY = ("set", "damage", "pair", "method", "points", "seed", "judged_at", "version", "settings", "data")
 FILE = "rows.jsonl"
 logger = logging.getLogger(__name__)
 
@@ -34,8 +34,8 @@ def read_rows(out: str | Path) -> list[Row]:
     -------
     list of dict
         In the order of writing. Of several rows with the same set, damage, pair, method, points, seed, kind of truth,
-        version of isomatch and settings of the method, the last one. An incomplete last line, as an interrupted run
-        leaves it, is left out, with a warning in the log.
+        version of isomatch, settings of the method and files of the set, the last one. An incomplete last line, as an
+        interrupted run leaves it, is left out, with a warning in the log.
 
     Raises
     ------

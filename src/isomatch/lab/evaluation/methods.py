@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
 from hashlib import sha256
 from typing import Any, TypeAlias
@@ -16,7 +16,6 @@ from isomatch.matching import MatchResult, match
 from isomatch.settings import Config
 from isomatch.shapes import PreparedShape
 from isomatch.surfaces import Mesh
-from isomatch.values.arrays import IntArray
 from isomatch.values.settings import Settings
 
 MatchInput: TypeAlias = Mesh | PreparedShape
@@ -36,19 +35,25 @@ class Method:
         Settings of the prepared shapes that the method is given; None if it is given meshes.
     config : optional
         Settings that the method is given; None if it takes none.
+    reads_maps : bool
+        The method is given the names of the pair as well, as `MapsInFolder` is.
     """
 
-    function: Callable[..., MatchResult | Correspondence]
+    function: Callable[..., Any]
     n_landmarks: int = 0
     preparation: Config | None = field(default_factory=Config)
     config: Settings | None = None
+    reads_maps: bool = False
 
     def __call__(
-        self, source: MatchInput, target: MatchInput, hints: Mapping[str, IntArray]
+        self, source: MatchInput, target: MatchInput, hints: Mapping[str, Any]
     ) -> tuple[Correspondence, dict[str, Any]]:
         """Match source to target with hints, by argument name; return the map and the method's diagnostics."""
         settings = {} if self.config is None else {"config": self.config}
         result = self.function(source, target, **hints, **settings)
+        if self.reads_maps:
+            found, note = result
+            return found, {"read": note} if note else {}
         return (result.map, result.to_dict()) if isinstance(result, MatchResult) else (result, {})
 
     def to_dict(self) -> dict[str, Any]:
@@ -91,8 +96,8 @@ CONTINUATIONS = {
 """Methods that can start from the map of another: "sgmds_5pt+gdd" is GDD started from the map of SGMDS."""
 
 
-def parts_of(name: str) -> tuple[str, str]:
-    """Split the name of a method into a key of ``METHODS`` and one of ``CONTINUATIONS``, or "".
+def parts_of(name: str, own: Collection[str] = ()) -> tuple[str, str]:
+    """Split the name of a method into a key of ``METHODS`` or a name of one's own, and one of ``CONTINUATIONS``, or "".
 
     Raises
     ------
@@ -100,10 +105,11 @@ def parts_of(name: str) -> tuple[str, str]:
         If there is no such method.
     """
     base, plus, ending = name.partition("+")
-    if base not in METHODS or (plus and ending not in CONTINUATIONS):
+    if base not in (*METHODS, *own) or (plus and ending not in CONTINUATIONS):
         raise SettingError(
-            f"unknown method {name}; choose from {', '.join(METHODS)}, and any of them followed by "
+            f"unknown method {name}; choose from {', '.join([*METHODS, *own])}, and any of them followed by "
             + " or ".join(f"+{known}" for known in CONTINUATIONS)
+            + "; a function of your own is MODULE:FUNCTION"
         )
     return base, ending
 
@@ -119,5 +125,10 @@ def settings_digest(name: str) -> str:
     (True, False)
     """
     base, ending = parts_of(name)
-    settings = [METHODS[base].to_dict()] + ([CONTINUATIONS[ending].to_dict()] if ending else [])
-    return sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest()[:12]
+    return digest_of(METHODS[base].to_dict(), ending)
+
+
+def digest_of(settings: Mapping[str, Any], ending: str = "") -> str:
+    """Hash the settings of a method, and of the continuation named by ``ending``, see `settings_digest`."""
+    every = [settings] + ([CONTINUATIONS[ending].to_dict()] if ending else [])
+    return sha256(json.dumps(every, sort_keys=True).encode()).hexdigest()[:12]

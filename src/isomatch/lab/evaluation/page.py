@@ -13,7 +13,8 @@ from typing import Any
 from isomatch.storage.files import write_text
 
 MOST_PAIRS = 20  # worst pairs shown
-WORDS = ("set", "damage", "pair", "method", "outcome", "problem", "judged_at", "version")  # columns of text
+WORDS = ("set", "damage", "group", "pair", "method", "outcome", "judged_at", "version")  # columns of text
+TOLD = ("notes", "problem")  # of sentences
 MEANINGS = {
     "damage": "what was done to the target, or to the shape named after @, and how much; errors and distortions are "
     "measured on the whole shapes, at the points that remain",
@@ -25,6 +26,13 @@ MEANINGS = {
     "direct, mirrored": "error against the truth, and against the truth after a left–right flip, where that is known; "
     "the error is the smaller of both for shapes that are truly symmetric, otherwise the direct one",
     "either": "the smaller of direct and mirrored, with one decision for each pair",
+    "unmatched": "share of the points with a true image that the map leaves without one; "
+    "each of these counts as an error of 100",
+    "error_matched": "mean error of the others, where the truth tells which have a counterpart",
+    "iou": "area of the vertices that are matched and have a counterpart, over that of those that are or have",
+    "precision, recall": "shares of the matched vertices that have a counterpart, and of the latter that are matched",
+    "group": "the group of the pair in its set",
+    "notes": "what was decided when truth and maps were read",
     "distortion_l2, distortion_l2_truth": "mean squared change of geodesic distances, each shape's divided by its √area, "
     "by the map and by the truth; 100 × 1000 random points",
     "distortion_table, distortion_table_truth": "the same as in the paper's table: over the distances within one set of "
@@ -43,12 +51,14 @@ MEANINGS = {
 }
 SUMMARY = (
     "set", "damage", "method", "judged_at", "version", "pairs", "mean", "median", "max", "either", "failures", "problems",
+    "unmatched", "error_matched", "iou", "precision", "recall",
     "auc", "within_05", "within_10", "within_25", "distortion_l2", "distortion_l2_truth", "distortion_table",
     "distortion_table_truth", "cycle", "image_area", "smoothness", "seconds",
 )  # fmt: skip
 WORST = (
-    "set", "damage", "pair", "method", "error", "median", "p95", "direct", "mirrored", "distortion_l2", "cycle",
-    "image_area", "smoothness", "seconds", "outcome", "problem",
+    "set", "damage", "group", "pair", "method", "error", "median", "p95", "direct", "mirrored", "unmatched",
+    "error_matched", "iou", "distortion_l2", "cycle", "image_area", "smoothness", "seconds", "outcome", "notes",
+    "problem",
 )  # fmt: skip
 GAINS = '<h2>Started from the map of another method</h2>\n<div class="wide">{}</div>'
 
@@ -94,7 +104,9 @@ def write_page(
 def _table(columns: Iterable[str], rows: list[dict[str, Any]]) -> str:
     """HTML table of the columns that some row fills."""
     shown = [column for column in columns if any(row.get(column) not in (None, "") for row in rows)]
-    kind = {column: " class=words" if column in WORDS else "" for column in shown}
+    kind = (
+        dict.fromkeys(shown, "") | dict.fromkeys(WORDS, " class=words") | dict.fromkeys(TOLD, " class=told")
+    )
     head = "".join(f"<th scope=col{kind[column]}>{escape(column)}</th>" for column in shown)
     body = "".join(
         f"<tr{' class=bad' if 'problem' in row else ''}>"

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from isomatch.correspondence import Correspondence
 from isomatch.errors import MapError
 from isomatch.geodesics import DistanceEngine, distance_engine, pair_distances
-from isomatch.surfaces import Mesh
+from isomatch.surfaces import Mesh, PrecisePoints
 from isomatch.values.arrays import FloatArray, IntArray
 from isomatch.values.settings import generator
 
@@ -52,6 +52,9 @@ def geodesic_errors(
     n_points: int | None = None,
     seed: int = 0,
     engine: DistanceEngine | None = None,
+    *,
+    points: PrecisePoints | None = None,
+    unit: float | None = None,
 ) -> FloatArray:
     """Geodesic distance on the target between image and truth, divided by √(target area).
 
@@ -69,6 +72,10 @@ def geodesic_errors(
         Seed of the draw.
     engine : DistanceEngine, optional
         Distances on the target; by default by fast marching.
+    points : PrecisePoints, optional
+        The q true images, where they are known as points in triangles; the vertices of ``truth`` are then of no account.
+    unit : float, optional
+        By what distances are divided, in place of √(target area), such as √area of a whole of which the target is a part.
 
     Returns
     -------
@@ -78,16 +85,38 @@ def geodesic_errors(
     Notes
     -----
     Kim, Lipman & Funkhouser, *Blended Intrinsic Maps*, SIGGRAPH 2011. One front for each distinct true image, which by
-    fast marching goes no farther than the image; no n × n matrix.
+    fast marching goes no farther than the image; no n × n matrix. The distance to a point in a triangle is interpolated
+    between those to its corners, and a straight line if the image is one of them; with one front for each distinct image.
     """
     if n_points is not None and n_points < len(truth):
-        truth = truth[np.sort(generator(seed).choice(len(truth), n_points, replace=False))]
+        drawn = np.sort(generator(seed).choice(len(truth), n_points, replace=False))
+        truth = truth[drawn]
+        points = None if points is None else PrecisePoints(points.corners[drawn], points.barycentric[drawn])
     image = correspondence.vertices[truth[:, 0]]
     matched = image >= 0
     errors = np.full(len(truth), np.inf)
-    pairs = np.column_stack([truth[matched, 1], image[matched]])
-    errors[matched] = pair_distances(engine or distance_engine(target), pairs) / np.sqrt(target.area)
+    engine = engine or distance_engine(target)
+    if points is None:
+        apart = pair_distances(engine, np.column_stack([truth[matched, 1], image[matched]]))
+    else:
+        held = PrecisePoints(points.corners[matched], points.barycentric[matched])
+        apart = _distances_to_points(target, engine, image[matched], held)
+    errors[matched] = apart / (np.sqrt(target.area) if unit is None else unit)
     return errors
+
+
+def _distances_to_points(
+    target: Mesh, engine: DistanceEngine, vertices: IntArray, points: PrecisePoints
+) -> FloatArray:
+    """Distance (m,) from each of m vertices to a point in a triangle."""
+    pairs = np.column_stack([np.repeat(vertices, 3), points.corners.ravel()])
+    to_corners = pair_distances(engine, pairs).reshape(-1, 3)
+    weighted = np.where(
+        points.barycentric > 0, points.barycentric * to_corners, 0.0
+    )  # 0 × inf counts nothing
+    straight = np.linalg.norm(points.interpolated(target.vertices) - target.vertices[vertices], axis=1)
+    is_corner = (points.corners == vertices[:, None]).any(axis=1)
+    return np.asarray(np.where(is_corner, straight, weighted.sum(axis=1)))
 
 
 def sided_errors(
@@ -98,13 +127,16 @@ def sided_errors(
     n_points: int | None = None,
     seed: int = 0,
     engine: DistanceEngine | None = None,
+    *,
+    points: PrecisePoints | None = None,
+    unit: float | None = None,
 ) -> SidedErrors:
     """Geodesic errors against the direct and the mirrored truth of a pair of symmetric shapes.
 
     Parameters
     ----------
-    target, correspondence, truth, n_points, seed, engine
-        As for `geodesic_errors`.
+    target, correspondence, truth, n_points, seed, engine, points, unit
+        As for `geodesic_errors`; the points are those of the direct truth.
     mirrored : (q, 2) array of int, optional
         The truth after a left–right flip of one shape, with the same source vertex in each row.
 
@@ -130,10 +162,10 @@ def sided_errors(
     if mirrored is not None and not np.array_equal(truth[:, 0], mirrored[:, 0]):
         raise MapError("direct and mirrored truth differ in their source vertices; give the same rows")
     return SidedErrors(
-        geodesic_errors(target, correspondence, truth, n_points, seed, engine),
+        geodesic_errors(target, correspondence, truth, n_points, seed, engine, points=points, unit=unit),
         None
         if mirrored is None
-        else geodesic_errors(target, correspondence, mirrored, n_points, seed, engine),
+        else geodesic_errors(target, correspondence, mirrored, n_points, seed, engine, unit=unit),
     )
 
 

@@ -65,7 +65,7 @@ class Subject:
     """A pair of a benchmark run, with the engines, landmarks and prepared shapes that its methods share."""
 
     def __init__(self, run: BenchmarkRun, names: PairNames) -> None:
-        self._run = run
+        self._run, self._names = run, names
         self._dense, self._judged = run.load(names)
         self.pair = self._dense.given
         limit = memory_budget() / (8 * (run.jobs or n_threads()))
@@ -93,7 +93,9 @@ class Subject:
     def match(self, method: Method, start: Found | None = None, backwards: bool = False) -> Found:
         """Match source to target, or backwards, from another map or from true landmarks if the method needs them."""
         (source, target), _ = self._prepared(method.preparation)
-        hints = {} if start is None else {"initial_map": start.map.vertices}
+        hints: dict[str, Any] = {} if start is None else {"initial_map": start.map.vertices}
+        if method.reads_maps:
+            hints["pair"] = self._run.named(self._names, self._dense)
         if method.n_landmarks:
             hints["landmarks"] = self._landmarks(method.n_landmarks)[:, :: -1 if backwards else 1]
         started = time.perf_counter()
@@ -130,7 +132,9 @@ class Subject:
             "n_source": pair.source.n_vertices,
             "n_target": pair.target.n_vertices,
             "seconds": found.seconds + sum(self._prepared(config)[1] for config in found.preparations),
+            "group": pair.group,
             "outcome": found.diagnostics.get("outcome", ""),
+            "notes": "; ".join(filter(None, (*pair.notes, found.diagnostics.get("read")))),
             "details": found.diagnostics,
             **self._errors(found.map),
             **_plain(numbers | self._matched(found.map)),
@@ -145,7 +149,15 @@ class Subject:
         n_points = run.n_points if run.landmarks is None else None
         sides = smallest(
             sided_errors(
-                judged.target, lift, judged.truth, judged.mirrored, n_points, run.seed, self._whole_engines[1]
+                judged.target,
+                lift,
+                judged.truth,
+                judged.mirrored,
+                n_points,
+                run.seed,
+                self._whole_engines[1],
+                points=judged.points,
+                unit=judged.unit,
             )
             for lift in self._lifted(found)
         )
@@ -161,6 +173,8 @@ class Subject:
             "unmatched": np.isinf(sides.direct).mean(),
             "auc": area_under_curve(errors),
         }
+        if self.pair.alone is not None and np.isfinite(sides.direct).any():
+            numbers["error_matched"] = 100 * errors[np.isfinite(sides.direct)].mean()
         for threshold, share in zip(SHARES, cumulative_curve(errors, SHARES)):
             numbers[f"within_{100 * threshold:02.0f}"] = share
         curves = {"curve": direct, "curve_either": better}
@@ -170,13 +184,21 @@ class Subject:
         }
 
     def _matched(self, found: Correspondence) -> dict[str, float]:
-        """Precision and recall of the matched vertices, where some vertices have no counterpart."""
-        has, alone = np.unique(self.pair.truth[:, 0]), self._dense.alone
-        if not len(alone):
+        """Precision, recall and overlap of the matched vertices, where it is known which have a counterpart.
+
+        The overlap is the area of those that have a counterpart and an image over that of those that have either.
+        """
+        has, alone = np.unique(self.pair.truth[:, 0]), self.pair.alone
+        if alone is None:
             return {}
-        right = (found.vertices[has] >= 0).sum()
-        wrong = (found.vertices[alone] >= 0).sum()
-        return {"precision": right / max(right + wrong, 1), "recall": right / len(has)}
+        areas = self.pair.source.vertex_areas
+        right, wrong = has[found.matched[has]], alone[found.matched[alone]]
+        either = areas[has].sum() + areas[wrong].sum()
+        return {
+            "precision": len(right) / max(len(right) + len(wrong), 1),
+            "recall": len(right) / len(has),
+            "iou": areas[right].sum() / either if either > 0 else np.nan,
+        }
 
     def _lifted(self, found: Correspondence) -> list[Correspondence]:
         """Carry a map between the damaged shapes to the whole ones."""
@@ -193,6 +215,7 @@ class Subject:
             whole.truth,
             seed=self._run.seed,
             engines=self._whole_engines,
+            unit=whole.unit,
             **draw,
         )
         return {name: distortion.l2, f"{name}_truth": distortion.truth.l2 if distortion.truth else np.nan}

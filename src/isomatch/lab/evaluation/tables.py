@@ -16,12 +16,13 @@ from isomatch.storage.files import write_csv
 
 FAILURE = 10.0  # mean error × 100 above which a pair counts as failed
 COLUMNS = (
-    "set", "damage", "pair", "method", "points", "seed", "judged_at", "version", "settings", "n_source", "n_target",
-    "error", "median", "p95", "direct", "mirrored", "either", "unmatched", "auc", "within_05", "within_10",
-    "within_25", "distortion_l2", "distortion_l2_truth", "distortion_table", "distortion_table_truth", "cycle",
-    "image_area", "smoothness", "seconds", "outcome", "problem",
+    "set", "damage", "group", "pair", "method", "points", "seed", "judged_at", "version", "settings", "data", "n_source",
+    "n_target", "error", "median", "p95", "direct", "mirrored", "either", "unmatched", "error_matched", "precision",
+    "recall", "iou", "auc", "within_05", "within_10", "within_25",
+    "distortion_l2", "distortion_l2_truth", "distortion_table", "distortion_table_truth", "cycle",
+    "image_area", "smoothness", "seconds", "outcome", "notes", "problem",
 )  # fmt: skip
-AVERAGED = ("either", *COLUMNS[COLUMNS.index("auc") : COLUMNS.index("outcome")])
+AVERAGED = ("either", *COLUMNS[COLUMNS.index("unmatched") : COLUMNS.index("outcome")])
 
 
 def write_tables(out: str | Path, published: Sequence[PublishedCurve] = ()) -> list[dict[str, Any]]:

@@ -6,11 +6,10 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 from zlib import crc32
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from isomatch.datasets import (
     PLANS,
@@ -24,12 +23,15 @@ from isomatch.datasets import (
 )
 from isomatch.errors import MissingFileError, SettingError
 from isomatch.lab.sets.cross_species import CrossSpecies, cross_species
+from isomatch.lab.sets.folder_set import FolderSet, own_set
 from isomatch.lab.sets.published import faust, remeshed, scape, tosca
-from isomatch.lab.sets.shape_set import BenchmarkPair, ShapeSet
+from isomatch.lab.sets.shape_set import BenchmarkPair, ShapeSet, relabelled
+from isomatch.lab.sets.stored_set import StoredSet
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import IntArray
 from isomatch.values.settings import generator
 
+Shapes: TypeAlias = ShapeSet | CrossSpecies | FolderSet | StoredSet
 EXPECTED = "docs/benchmarks.md describes the layout of the folder and where to obtain the sets"
 
 
@@ -45,18 +47,21 @@ class BenchmarkSet:
         Source and target names.
     load : callable
         Loads a pair by its two names.
+    files : tuple of Path
+        All files of a set of one's own: when one changes, what was measured with it is out of date.
     """
 
     name: str
     pairs: tuple[tuple[str, str], ...]
     load: Callable[[str, str], BenchmarkPair] = field(repr=False)
+    files: tuple[Path, ...] = field(default=(), repr=False)
 
     def chosen(self, count: int | None, seed: int = 0) -> BenchmarkSet:
         """Draw ``count`` pairs without replacement and keep their order; all if None."""
         if count is None or count >= len(self.pairs):
             return self
         keep = np.sort(generator(seed).choice(len(self.pairs), count, replace=False))
-        return BenchmarkSet(self.name, tuple(self.pairs[i] for i in keep), self.load)
+        return replace(self, pairs=tuple(self.pairs[i] for i in keep))
 
     def __iter__(self) -> Iterator[BenchmarkPair]:
         return (self.load(*pair) for pair in self.pairs)
@@ -76,17 +81,18 @@ OPENERS: dict[str, Callable[[Path], ShapeSet | CrossSpecies]] = {
 def benchmark_set(
     name: str, folder: str | Path | None = None, landmarks: str | Path | None = None
 ) -> BenchmarkSet:
-    """Open a benchmark set.
+    """Open a benchmark set: one of those known by name, or any folder of shapes with truth.
 
     Parameters
     ----------
-    name : {"faust_r", "tosca_iso_r", "scape_r", "faust", "scape", "tosca", "cross", "creatures", "organs", "example"}
-        Name of the set. The remeshed sets have their published test pairs. The others have every ordered pair of poses
-        within a class, unless a ``test_pairs.txt`` lists others; `BenchmarkSet.chosen` draws some. "cross" has two pairs
-        for each two classes whose correspondence is known.
+    name : str
+        One of faust_r, tosca_iso_r, scape_r, faust, scape, tosca, cross, creatures, organs, example; or the path of a
+        folder, or its name in ``folder``, with a layout that `own_set` describes. The remeshed sets have their published
+        test pairs. The others have every ordered pair of poses within a class, unless a ``test_pairs.txt`` lists others;
+        `BenchmarkSet.chosen` draws some. "cross" has two pairs for each two classes whose correspondence is known.
     folder : path_like, optional
         Folder of the sets, each in a folder of its name, as archives or as published: see `tosca`, `scape`, `faust` and
-        `remeshed`. "creatures", "organs" and "example" need none.
+        `remeshed`. "creatures", "organs", "example" and paths need none.
     landmarks : path_like, optional
         Folder of hand-picked landmarks, which then are the truth, see `ShapeSet.with_landmarks`.
 
@@ -96,6 +102,8 @@ def benchmark_set(
         If the set is unknown, needs a folder, or has no landmarks.
     MissingFileError
         If the set is not in the folder.
+    FormatError
+        If a folder has a layout that cannot be read.
     """
     if name in MADE:
         if landmarks is not None:
@@ -103,43 +111,47 @@ def benchmark_set(
                 f"the set {name!r} has no hand-picked landmarks; leave them out, or choose from {', '.join(OPENERS)}"
             )
         return MADE[name]()
-    if name not in OPENERS:
-        raise SettingError(f"unknown benchmark set {name!r}; choose from {', '.join([*OPENERS, *MADE])}")
-    if folder is None:
+    own = _own_folder(name, folder)
+    if own is not None:
+        shapes: Shapes = own_set(own)
+    elif name not in OPENERS:
+        raise SettingError(
+            f"unknown benchmark set {name!r}; choose from {', '.join([*OPENERS, *MADE])}, or give a folder of your own"
+        )
+    elif folder is None:
         raise SettingError(
             f"benchmark set {name!r} has to be read from a folder, but none was given; {EXPECTED}"
         )
-    if not (Path(folder) / name).is_dir():
+    elif not (Path(folder) / name).is_dir():
         raise MissingFileError(f"benchmark set {name!r} not found in {folder}; {EXPECTED}")
-    shapes = OPENERS[name](Path(folder) / name)
+    else:
+        shapes = OPENERS[name](Path(folder) / name)
     if landmarks is not None:
         if not isinstance(shapes, ShapeSet):
-            raise SettingError(f"the set {name!r} has no hand-picked landmarks; leave them out")
+            raise SettingError(
+                f"the set {name!r} has no hand-picked landmarks; "
+                + ("leave them out" if own is None else "put them into its folder, in a folder landmarks")
+            )
         shapes = shapes.with_landmarks(landmarks)
-    return BenchmarkSet(name, shapes.pairs, partial(_relabelled_pair, shapes))
+    label = name if own is None else own.resolve().name
+    files = shapes.files if isinstance(shapes, FolderSet | StoredSet) else ()
+    return BenchmarkSet(label, shapes.pairs, partial(_relabelled_pair, shapes), files)
 
 
-def _relabelled_pair(shapes: ShapeSet | CrossSpecies, source: str, target: str) -> BenchmarkPair:
+def _own_folder(name: str, folder: str | Path | None = None) -> Path | None:
+    """Folder of a set that is known by no name of its own: a path, or a name in the folder of the sets; else None."""
+    if name in OPENERS:
+        return None
+    places = [Path(name)] if folder is None else [Path(folder) / name, Path(name)]
+    return next((place for place in places if place.is_dir()), None)
+
+
+def _relabelled_pair(shapes: Shapes, source: str, target: str) -> BenchmarkPair:
     """Read a pair; a target is relabelled and rotated unless the shapes were remeshed independently."""
     pair = shapes.pair(source, target)
     if isinstance(shapes, ShapeSet) and not shapes.shared:
         return pair
-    mesh, new = relabelled(pair.target, crc32(pair.name.encode()))
-
-    def moved(rows: IntArray) -> IntArray:
-        return np.column_stack([rows[:, 0], new[rows[:, 1]]])
-
-    mirrored = None if pair.mirrored is None else moved(pair.mirrored)
-    return replace(pair, target=mesh, truth=moved(pair.truth), mirrored=mirrored)
-
-
-def relabelled(mesh: Mesh, seed: int) -> tuple[Mesh, IntArray]:
-    """Shuffle vertices and faces and rotate at random; also return the new index of each old vertex."""
-    rng = generator(seed)
-    new = rng.permutation(mesh.n_vertices)
-    vertices = np.empty_like(mesh.vertices)
-    vertices[new] = mesh.vertices @ Rotation.random(rng=rng).as_matrix().T
-    return Mesh(vertices, new[mesh.faces][rng.permutation(mesh.n_faces)]), new
+    return pair.relabelled(crc32(pair.name.encode()))
 
 
 def _creatures() -> BenchmarkSet:

@@ -2,38 +2,21 @@
 
 from __future__ import annotations
 
-import struct
-import zlib
 from functools import lru_cache, partial
-from io import BytesIO
 from itertools import chain
 from pathlib import Path
 from typing import NoReturn
 
 import numpy as np
-from scipy.io import loadmat
-from scipy.io.matlab import MatReadError
 
 from isomatch.assets import read_mesh
 from isomatch.errors import FormatError, some
 from isomatch.storage.array_file import Archive
-from isomatch.storage.files import opened, text_lines
+from isomatch.storage.files import text_lines
+from isomatch.storage.mat_file import read_mat
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import AnyArray, FloatArray, IntArray
 
-_NOT_MATLAB = (
-    *(
-        OSError,
-        ValueError,
-        TypeError,
-        LookupError,
-        ArithmeticError,
-        AttributeError,
-        MemoryError,
-        RuntimeError,
-    ),
-    *(MatReadError, zlib.error, struct.error),
-)  # what `loadmat` raises for damaged files
 SUFFIXES = (".mat", ".npz", ".obj", ".off", ".ply", ".vert")
 
 
@@ -135,17 +118,15 @@ def arrays(path: Path) -> dict[str, AnyArray]:
 
 
 def _read_mat(path: Path) -> Mesh:
-    with opened(path) as file:
-        data = BytesIO(file.read())
+    expected = "a struct 'surface' of X, Y, Z and TRIV"
     try:
-        surface = loadmat(data, squeeze_me=True, struct_as_record=False)["surface"]
+        surface = read_mat(path, "a shape", expected)["surface"]
         vertices = np.column_stack([surface.X, surface.Y, surface.Z])
         faces = np.asarray(surface.TRIV)
-    except _NOT_MATLAB as error:
-        raise FormatError(
-            f"{path}: not a shape ({error}); expected a MATLAB file before version 7.3 with a struct 'surface' of "
-            "X, Y, Z and TRIV"
-        ) from error
+    except (LookupError, AttributeError, ValueError, TypeError) as error:
+        if isinstance(error, FormatError):
+            raise
+        raise FormatError(f"{path}: not a shape ({error}); expected {expected}") from error
     return Mesh(vertices, _from(1, path, faces))
 
 

@@ -7,11 +7,13 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from isomatch.errors import FormatError, MissingFileError
 from isomatch.lab.sets.shape_files import arrays, read_indices, read_landmarks, read_shape, stored_indices
-from isomatch.surfaces import Mesh
+from isomatch.surfaces import Mesh, PrecisePoints
 from isomatch.values.arrays import IntArray
+from isomatch.values.settings import generator
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +52,19 @@ class BenchmarkPair:
     symmetric : bool
         The shapes are truly symmetric, so that the mirrored truth is as good as the direct one. Otherwise errors against
         the mirrored truth are only reported in addition.
+    alone : (m,) array of int, optional
+        Source vertices that have no counterpart, where the truth tells of every vertex which has one.
+    points : PrecisePoints, optional
+        The q true images as points in target triangles, where they are known so precisely; ``truth`` then has the nearest
+        corner.
+    unit : float, optional
+        By what errors are divided, in mesh units: by default √(target area). For a part, √area of the whole.
+    moved : (n_target,) array of int, optional
+        Where the target was relabelled, the vertex that each vertex of its file became.
+    group : str
+        Name of the group of pairs in its set.
+    notes : tuple of str
+        What was decided when the truth was read.
     """
 
     name: str
@@ -58,6 +73,37 @@ class BenchmarkPair:
     truth: IntArray
     mirrored: IntArray | None = None
     symmetric: bool = True
+    alone: IntArray | None = None
+    points: PrecisePoints | None = None
+    unit: float | None = None
+    moved: IntArray | None = None
+    group: str = ""
+    notes: tuple[str, ...] = ()
+
+    def relabelled(self, seed: int) -> BenchmarkPair:
+        """Shuffle and rotate the target, see `relabelled`, so that equal indices and a common pose do not help."""
+        target, new = relabelled(self.target, seed)
+
+        def moved(rows: IntArray) -> IntArray:
+            return np.column_stack([rows[:, 0], new[rows[:, 1]]])
+
+        return replace(
+            self,
+            target=target,
+            truth=moved(self.truth),
+            mirrored=None if self.mirrored is None else moved(self.mirrored),
+            points=None if self.points is None else self.points._replace(corners=new[self.points.corners]),
+            moved=new,
+        )
+
+
+def relabelled(mesh: Mesh, seed: int) -> tuple[Mesh, IntArray]:
+    """Shuffle vertices and faces and rotate at random; also return the new index of each old vertex."""
+    rng = generator(seed)
+    new = rng.permutation(mesh.n_vertices)
+    vertices = np.empty_like(mesh.vertices)
+    vertices[new] = mesh.vertices @ Rotation.random(rng=rng).as_matrix().T
+    return Mesh(vertices, new[mesh.faces][rng.permutation(mesh.n_faces)]), new
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,73 @@
+"""The list of pairs of a set: ``pairs.txt``, with a group in front of each pair if there are groups."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from isomatch.errors import FormatError, MissingFileError
+from isomatch.storage.files import text_lines
+
+FILES = ("pairs.txt", "test_pairs.txt")
+_MOST_NAMED = 8  # shapes that a message lists
+
+
+@dataclass(frozen=True)
+class PairList:
+    """Pairs of names, and the group of each.
+
+    Parameters
+    ----------
+    pairs : tuple of (str, str)
+        Source and target of each pair.
+    groups : mapping of (str, str) to str
+        Groups of pairs that are in one.
+    """
+
+    pairs: tuple[tuple[str, str], ...]
+    groups: Mapping[tuple[str, str], str] = field(default_factory=dict)
+
+    def group(self, source: str, target: str) -> str:
+        """Group of a pair, or an empty text."""
+        return self.groups.get((source, target), "")
+
+    @classmethod
+    def read(cls, root: Path, names: Collection[str]) -> PairList | None:
+        """Read the list in a folder, if there is one.
+
+        Raises
+        ------
+        FormatError
+            If a line has neither two nor three words, or a pair is listed twice.
+        MissingFileError
+            If a line names a shape that is not among ``names``.
+        """
+        path = next((root / name for name in FILES if (root / name).is_file()), None)
+        if path is None:
+            return None
+        groups: dict[tuple[str, str], str] = {}
+        for number, line in text_lines(path):
+            words = line.replace(",", " ").split()
+            if len(words) not in (2, 3):
+                raise FormatError(
+                    f"{path}:{number}: {line[:80]!r} is no pair; write source and target, after their group if there is "
+                    "one"
+                )
+            source, target = (_named(word, names, f"{path}:{number}") for word in words[-2:])
+            if (source, target) in groups:
+                raise FormatError(f"{path}:{number}: {source} and {target} are listed twice; remove one line")
+            groups[source, target] = words[0] if len(words) == 3 else ""
+        if not groups:
+            raise FormatError(f"{path}: lists no pairs; write source and target on each line")
+        return cls(tuple(groups), groups)
+
+
+def _named(word: str, names: Collection[str], where: str) -> str:
+    """Name of a shape, which may be written with the suffix of its file."""
+    if word in names:
+        return word
+    if Path(word).stem in names:
+        return Path(word).stem
+    known = ", ".join([*sorted(names)[:_MOST_NAMED], *["…"] * (len(names) > _MOST_NAMED)])
+    raise MissingFileError(f"{where}: there is no shape {word!r}; the set has {known}")
