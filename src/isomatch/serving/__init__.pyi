@@ -1,0 +1,6 @@
+from isomatch.serving.app import PageServer, app_of
+from isomatch.serving.guard import Guard
+from isomatch.serving.job import Job
+from isomatch.serving.session import Keeper, Session
+
+__all__ = ["Guard", "Job", "Keeper", "PageServer", "Session", "app_of"]
