@@ -64,58 +64,60 @@ def open_page(
     browser : bool
         Whether to open the page in a browser. Its address is printed in any case.
     seed : int
-        Seed of the sampling and of the eigensolver.
+        Seed of the sampling and of the eigensolver; a result that is opened has its own.
     force : bool
         Replace an existing result in the folder.
     """
     if target is None:
-        if not source.is_dir():
-            raise SettingError(
-                f"{source}: isomatch open needs two shapes, or the folder of a result of isomatch match"
-            )
-        given = {
+        own = {
             "-o": output,
             "--landmarks": landmarks,
             "--target-landmarks": target_landmarks,
             "--config": config,
         }
-        for option, value in given.items():
-            if value is not None:
-                raise SettingError(f"{option} does not go with the folder of a result, which has its own")
+        _require_result(source, [option for option, value in own.items() if value is not None])
         earlier = Earlier.read(source)
-        surfaces = earlier.surfaces()
-        result = earlier.result(*surfaces)
-        settings, seed, pairs = result.config, result.seed, earlier.landmarks
         keeper = _Files(
-            earlier.source, earlier.target, surfaces, earlier.folder, again=earlier.record["match_again"]
+            earlier.source, earlier.target, earlier.surfaces(), earlier.folder, earlier.record["match_again"]
         )
-        force = True
+        result = earlier.result(*keeper.surfaces)
+        begun: dict[str, Any] = {"result": result, "config": result.config, "seed": result.seed}
+        pairs, force = earlier.landmarks, True
     else:
-        result, settings = None, read_config(config) or isomatch.Config()
         if landmarks is None and target_landmarks is not None:
             raise isomatch.LandmarkError("--target-landmarks needs --landmarks with the points of the source")
-        surfaces = read_surface(source), read_surface(target)
-        marked = landmarks and isomatch.read_landmarks(landmarks, *surfaces, target_landmarks)
-        pairs = [] if marked is None else marked.tolist()
+        begun = {"config": read_config(config), "seed": seed}
+        surfaces, pairs = (read_surface(source), read_surface(target)), []
+        if landmarks is not None:
+            pairs = isomatch.read_landmarks(landmarks, *surfaces, target_landmarks).tolist()
         again = with_landmarks(source, target, output=output or Path("out"), config=config, seed=seed)
-        keeper = _Files(source, target, surfaces, output and ResultFolder(output), again=again)
+        keeper = _Files(source, target, surfaces, ResultFolder(output) if output else None, again)
     page = view.WorkPage(*keeper.drawn, names=keeper.names, landmarks=pairs)
     with keeper.claimed(force):
-        session = serving.Session(
-            surfaces, page, keeper, config=settings, seed=seed, result=result, landmarks=pairs
+        server = serving.PageServer(
+            serving.Session(keeper.surfaces, page, keeper, landmarks=pairs, **begun), port
         )
-        server = serving.PageServer(session, port)
         say(
-            f"{server.address}\nThe page is open to browsers of this machine that have this address. Ctrl-C ends it."
+            f"{server.address}\nBrowsers of this machine that have this address show the page. Ctrl-C ends it."
         )
         if browser:
             webbrowser.open(server.once)
         server.run()
 
 
+def _require_result(folder: Path, options: list[str]) -> None:
+    """Require the folder of a result, and no options that it has itself."""
+    if not folder.is_dir():
+        raise SettingError(
+            f"{folder}: isomatch open needs two shapes, or the folder of a result of isomatch match"
+        )
+    if options:
+        raise SettingError(f"{', '.join(options)}: the result in {folder} has its own; leave the option out")
+
+
 @dataclass(frozen=True)
 class _Files:
-    """Writes what `isomatch match` writes, see `serving.Keeper`."""
+    """Writes what `isomatch match` writes, see `serving.Keeper`; ``again`` is the command that matches again."""
 
     source: Path
     target: Path
@@ -144,7 +146,7 @@ class _Files:
             with self.results.claimed(force):
                 yield
 
-    def write(self, result: isomatch.MatchResult, landmarks: list[tuple[int, int]]) -> str:
+    def write(self, result: isomatch.MatchResult, landmarks: serving.Pairs) -> str:
         if self.results is None:
             raise SettingError("there is no folder to save into; start isomatch open with -o DIR")
         record = self._write(self.results, result, landmarks)
@@ -153,7 +155,7 @@ class _Files:
             f"Saved {', '.join(Path(path).name for path in record['files'].values())} in {self.folder}{left}."
         )
 
-    def packed(self, result: isomatch.MatchResult, landmarks: list[tuple[int, int]]) -> bytes:
+    def packed(self, result: isomatch.MatchResult, landmarks: serving.Pairs) -> bytes:
         archive = BytesIO()
         with TemporaryDirectory() as folder, ZipFile(archive, "w", ZIP_DEFLATED) as zipped:
             results = ResultFolder(Path(folder))
@@ -165,7 +167,7 @@ class _Files:
         return archive.getvalue()
 
     def _write(
-        self, results: ResultFolder, result: isomatch.MatchResult, landmarks: list[tuple[int, int]]
+        self, results: ResultFolder, result: isomatch.MatchResult, landmarks: serving.Pairs
     ) -> dict[str, Any]:
         source_name, target_name = self.names
         return results.write(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from math import nan
+from typing import Any
 
 from numpy.typing import ArrayLike
 
@@ -62,12 +63,13 @@ def continue_with(
     if not isinstance(result.config, Config):
         raise SettingError(f"the result is of {type(result.config).__name__}; only maps of match are refined")
     chosen = others[number - 1]
+    start: Any = chosen.map  # with the hashes of its surfaces
     config = replace(result.config, hypotheses="given", start="auto")
     found = match(
         source,
         target,
         landmarks=None if config.pin is None else landmarks,
-        initial_map=chosen.map,
+        initial_map=start,
         config=config,
         seed=result.seed,
         progress=progress,

@@ -102,7 +102,7 @@ class Guard:
 
 async def _body(receive: Receive) -> bytes | None:
     """Read the body; None if it is too large."""
-    body = b""
+    body: bytes = b""
     while True:
         message = await receive()
         body += message.get("body", b"")

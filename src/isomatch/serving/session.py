@@ -18,15 +18,16 @@ from isomatch.view import WorkPage
 
 logger = logging.getLogger(__name__)
 
-Pairs = list[tuple[int, int]]
+Pairs = Sequence[Sequence[int]]  # (source vertex, target vertex)
 DRAWING = 0.97  # share of a match after which its result is drawn
 
 
 class Keeper(Protocol):
     """Writes the files of a result."""
 
-    folder: str
-    """Where it writes them, for the page; empty if nowhere, and then `write` raises `SettingError`."""
+    @property
+    def folder(self) -> str:
+        """Where it writes them, for the page; empty if nowhere, and then `write` raises `SettingError`."""
 
     def write(self, result: MatchResult, landmarks: Pairs) -> str:
         """Write them into the folder, and say in words what was done."""
@@ -52,7 +53,7 @@ class Session:
         Their seed.
     result : MatchResult, optional
         A result to begin with.
-    landmarks : list of (int, int)
+    landmarks : sequence of (int, int)
         Landmarks with which it was found.
     """
 
@@ -65,7 +66,7 @@ class Session:
         config: Config | None = None,
         seed: int = 0,
         result: MatchResult | None = None,
-        landmarks: Sequence[tuple[int, int]] = (),
+        landmarks: Pairs = (),
     ) -> None:
         self._surfaces, self._page, self._keeper = surfaces, page, keeper
         self._config, self._seed = config or Config(), seed
@@ -129,7 +130,7 @@ class Session:
 
         Parameters
         ----------
-        landmarks : list of (int, int)
+        landmarks : sequence of (int, int)
             Pairs (source vertex, target vertex).
         only : bool
             Whether only maps that follow the landmarks may win.
@@ -145,13 +146,14 @@ class Session:
             start=start,
             orientation=orientation,
         )
-        before = self._result and self._result.map
+        before = None if self._result is None else self._result.map
 
         def work(tell: Tell) -> tuple[MatchResult, Pairs, dict[str, Any]]:
-            shapes = self._preparation.wait()
+            source, target = self._preparation.wait()
             tell("match", 0.0)
             result = match(
-                *shapes,
+                source,
+                target,
                 landmarks=landmarks or None,
                 config=config,
                 seed=self._seed,
@@ -167,11 +169,12 @@ class Session:
         result, landmarks = self._matched(), self._landmarks
 
         def work(tell: Tell) -> tuple[MatchResult, Pairs, dict[str, Any]]:
-            shapes = self._preparation.wait()
+            source, target = self._preparation.wait()
             chosen = continue_with(
                 result,
                 number,
-                *shapes,
+                source,
+                target,
                 landmarks or None,
                 lambda stage, share: tell(stage, DRAWING * share),
             )

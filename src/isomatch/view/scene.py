@@ -105,7 +105,7 @@ class DrawnPair:
         self, maps: Mapping[str, Correspondence], layers: Mapping[str, Layer] | None = None
     ) -> dict[str, Any]:
         """Return ``maps`` of `scene_of`, and the ``filed`` of the first; ``layers`` are values under that."""
-        packed = []
+        packed: list[dict[str, Any]] = []
         for name, correspondence in maps.items():
             own = {"stretch": stretch(self._source, self._target, correspondence)}
             own |= {} if packed else dict(layers or {})

@@ -12,6 +12,7 @@ from isomatch.correspondence import Correspondence
 from isomatch.matching import MatchResult
 from isomatch.settings import Config, Orientation
 from isomatch.surfaces import Mesh
+from isomatch.values.arrays import IntArray
 from isomatch.view.layers import LARGE_ERROR, doubt, expected_error, mismatch
 from isomatch.view.report import (
     COLOURS,
@@ -170,8 +171,7 @@ class WorkPage:
                 for (name, found), origin in zip(maps.items(), origins)
             ],
             "landmarks": [
-                {"pair": pair, "off": off}
-                for pair, off in zip(pairs.tolist(), self._off(result.map, pairs).tolist())
+                {"pair": pair, "off": off} for pair, off in zip(pairs.tolist(), self._off(result.map, pairs))
             ],
             "details": self._details(result, facts or {}),
             "scene": self._drawn.maps(maps, layers),
@@ -213,8 +213,8 @@ class WorkPage:
         apart |= found.matched != other.matched
         return float(self._source.vertex_areas[apart].sum() / self._source.vertex_areas.sum())
 
-    def _off(self, found: Correspondence, pairs: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    def _off(self, found: Correspondence, pairs: IntArray) -> list[float]:
         """Distance of each landmark on the target from its image, in √area; −1 where it has none."""
         images = found.pull_back(self._target.vertices)[pairs[:, 0]]
         off = np.linalg.norm(images - self._target.vertices[pairs[:, 1]], axis=1) / np.sqrt(self._target.area)
-        return np.nan_to_num(off, nan=-1.0)
+        return [-1.0 if np.isnan(far) else float(far) for far in off]
