@@ -192,11 +192,11 @@ class WorkPage:
         if not areas[known].sum():
             return said
         errors, weights = result.expected_error[known], areas[known] / areas[known].sum()
-        condition = "If it is right as a whole, its" if result.outcome.is_doubtful else "Its"
+        condition = "If the map is right as a whole, images" if result.outcome.is_doubtful else "Images"
         exact = weights[errors < LARGE_ERROR].sum()
         where = "everywhere" if exact > 1 - LEAST_SHARE else f"on {exact:.0%} of the source"
         return (
-            f"{said}{condition} images are expected to be {errors @ weights:.1%} of the target's size (√area) off on "
+            f"{said}{condition} are expected to lie {errors @ weights:.1%} of the target's size (√area) off on "
             f"average, and less than {LARGE_ERROR:.0%} {where if exact > LEAST_SHARE else 'nowhere'}."
         )
 
