@@ -36,6 +36,12 @@ def browser():
 
 
 @pytest.fixture
+def server():
+    with serving((bent(), bent())) as page:
+        yield page
+
+
+@pytest.fixture
 def visit(browser):
     """Open an address; fail if the page complains or asks for anything elsewhere."""
     faults, contexts = [], []
@@ -55,6 +61,7 @@ def visit(browser):
         settled(page)
         return page
 
+    opened.faults = faults
     yield opened
     for context in contexts:
         context.close()
@@ -104,42 +111,41 @@ def pairs(page):
     return [[int(end) for end in line.split(", ")] for line in lines]
 
 
-def test_landmarks_are_picked_and_corrected_and_the_map_is_shown_chosen_and_kept(visit):
-    with serving((bent(), bent())) as server:
-        page = visit(server.address)
-        assert page.text_content("#advice").startswith("Press Match.")
-        assert not page.is_visible("#found")
-        pick(page, ON_A_PANE[:2])
-        assert page.is_disabled("#match")
-        assert "at least 3 are needed" in page.text_content("#step")
-        pick(page, ON_A_PANE[2:])
-        assert page.text_content("#match") == "Match with 3 pairs"
-        assert page.locator(".pin").count() == 6
-        first = pairs(page)
-        assert all(source == target for source, target in first)
-        page.click("#match")
-        done(page)
-        assert page.text_content("#outcome") in {outcome.value.capitalize() for outcome in isomatch.Outcome}
-        assert "of the target's size" in page.text_content("#sure")
+def test_landmarks_are_picked_and_corrected_and_the_map_is_shown_chosen_and_kept(server, visit):
+    page = visit(server.address)
+    assert page.text_content("#advice").startswith("Press Match.")
+    assert not page.is_visible("#found")
+    pick(page, ON_A_PANE[:2])
+    assert page.is_disabled("#match")
+    assert "at least 3 are needed" in page.text_content("#step")
+    pick(page, ON_A_PANE[2:])
+    assert page.text_content("#match") == "Match with 3 pairs"
+    assert page.locator(".pin").count() == 6
+    first = pairs(page)
+    assert all(source == target for source, target in first)
+    page.click("#match")
+    done(page)
+    assert page.text_content("#outcome") in {outcome.value.capitalize() for outcome in isomatch.Outcome}
+    assert "of the target's size" in page.text_content("#sure")
 
-        drag(page, 1, ON_A_PANE[0], (0.45, 0.3))
-        corrected = pairs(page)
-        assert [row[0] for row in corrected] == [row[0] for row in first]
-        assert [a != b for a, b in zip(corrected, first)] == [True, False, False]
-        page.keyboard.press("Control+z")
-        assert pairs(page) == first
-        drag(page, 1, ON_A_PANE[0], (0.45, 0.3))
-        assert pairs(page) == corrected
-        page.click("#match")
-        done(page)
-        assert page.is_visible("#since")
-        assert page.locator("#rivals label").last.text_content().startswith("before")
+    drag(page, 1, ON_A_PANE[0], (0.45, 0.3))
+    corrected = pairs(page)
+    assert [row[0] for row in corrected] == [row[0] for row in first]
+    assert [a != b for a, b in zip(corrected, first)] == [True, False, False]
+    page.keyboard.press("Control+z")
+    assert pairs(page) == first
+    drag(page, 1, ON_A_PANE[0], (0.45, 0.3))
+    assert pairs(page) == corrected
+    page.click("#match")
+    done(page)
+    assert page.is_visible("#since")
+    assert page.locator("#rivals label").last.text_content().startswith("before")
 
-        page.click("#write")
-        done(page)
-        assert page.text_content("#written") == "Saved <all>."
-        ((_, landmarks),) = server.keeper.results
-        assert [list(pair) for pair in landmarks] == corrected
+    page.click("#write")
+    done(page)
+    assert page.text_content("#written") == "Saved <all>."
+    ((_, landmarks),) = server.keeper.results
+    assert [list(pair) for pair in landmarks] == corrected
 
 
 @pytest.fixture(scope="module")
@@ -163,6 +169,7 @@ def opened(animals):
         assert re.fullmatch(r"http://127\.0\.0\.1:\d+/\?token=[\w-]{43}", address)
         return address
 
+    run.processes = started
     yield run
     for process in started:
         process.send_signal(signal.SIGINT)
@@ -172,7 +179,7 @@ def opened(animals):
 
 @pytest.mark.long
 @pytest.mark.parametrize("viewport", [DESKTOP, PHONE], ids=["desktop", "phone"])
-def test_animals_from_files_to_files(visit, opened, tmp_path, viewport):
+def test_animals_from_files_to_files(opened, visit, tmp_path, viewport):
     phone = viewport is PHONE
     page = visit(opened("standing.ply", "running.ply", "-o", tmp_path / "out"), viewport, has_touch=phone)
     page.click("#match")
@@ -218,7 +225,7 @@ def test_animals_from_files_to_files(visit, opened, tmp_path, viewport):
 
 
 @pytest.mark.long
-def test_a_folder_of_a_result_is_opened(visit, opened, animals, tmp_path):
+def test_a_folder_of_a_result_is_opened(opened, visit, animals, tmp_path):
     from isomatch.cli import main
 
     ends = [str(animals / f"{name}.ply") for name in ("standing", "running")]
@@ -239,71 +246,73 @@ def test_a_folder_of_a_result_is_opened(visit, opened, animals, tmp_path):
 @pytest.mark.long
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("viewport", [DESKTOP, PHONE], ids=["desktop", "phone"])
-def test_nothing_sticks_out_and_buttons_are_reached_by_keys(visit, viewport, scheme):
-    with serving((bent(), bent())) as server:
-        page = visit(server.address, viewport, color_scheme=scheme)
-        page.focus("#match")
-        page.keyboard.press("Enter")
-        done(page)
-        settled(page)
-        assert page.evaluate("document.documentElement.scrollWidth") <= viewport["width"]
-        for item in page.locator("#work button:visible").all():
-            item.focus()
-            box = item.bounding_box()
-            assert box["x"] >= 0
-            assert box["x"] + box["width"] <= viewport["width"]
-        assert page.get_by_role("button", name="Match again").is_enabled()
+def test_nothing_sticks_out_and_buttons_are_reached_by_keys(server, visit, viewport, scheme):
+    page = visit(server.address, viewport, color_scheme=scheme)
+    page.focus("#match")
+    page.keyboard.press("Enter")
+    done(page)
+    settled(page)
+    assert page.evaluate("document.documentElement.scrollWidth") <= viewport["width"]
+    for item in page.locator("#work button:visible").all():
+        item.focus()
+        box = item.bounding_box()
+        assert box["x"] >= 0
+        assert box["x"] + box["width"] <= viewport["width"]
+    assert page.get_by_role("button", name="Match again").is_enabled()
 
 
 @pytest.mark.long
-def test_a_match_is_cancelled_and_a_server_that_ended_is_told(visit, opened):
+def test_a_match_is_cancelled_and_a_server_that_ended_is_told(opened, visit):
     page = visit(opened("standing.ply", "running.ply"))
     page.click("#match")
     page.click("#cancel")
     done(page)
     assert not page.is_visible("#found")
     assert not page.is_visible("#write")
+    opened.processes[0].send_signal(signal.SIGINT)
+    page.wait_for_selector("#trouble:visible")
+    assert page.text_content("#trouble").startswith("isomatch open has ended.")
+    assert all("ERR_" in fault for fault in visit.faults)
+    visit.faults.clear()
 
 
 @pytest.mark.long
-def test_errors_come_in_words(visit):
-    with serving((bent(), bent())) as server:
-        page = visit(server.address)
-        page.click("summary")
-        page.fill("#noted", "0, 0\n1, 1\n2, 999999\n")
-        page.click("#match")
-        page.wait_for_selector("#trouble:visible")
-        assert "outside 0…641" in page.text_content("#trouble")
-        page.fill("#noted", "0, 0\nfive, 1\n")
-        assert "Line 2 is not a pair" in page.text_content("#problem")
+def test_errors_come_in_words(server, visit):
+    page = visit(server.address)
+    page.click("summary")
+    page.fill("#noted", "0, 0\n1, 1\n2, 999999\n")
+    page.click("#match")
+    page.wait_for_selector("#trouble:visible")
+    assert "outside 0…641" in page.text_content("#trouble")
+    page.fill("#noted", "0, 0\nfive, 1\n")
+    assert "Line 2 is not a pair" in page.text_content("#problem")
 
 
 @pytest.mark.long
-def test_two_fingers_zoom_and_a_finger_turns(visit):
-    with serving((bent(), bent())) as server:
-        page = visit(server.address, PHONE, has_touch=True)
-        before = page.locator("#view").screenshot()
-        asks = page.context.new_cdp_session(page)
-        box = page.locator("#view").bounding_box()
-        x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 4
+def test_two_fingers_zoom_and_a_finger_turns(server, visit):
+    page = visit(server.address, PHONE, has_touch=True)
+    before = page.locator("#view").screenshot()
+    asks = page.context.new_cdp_session(page)
+    box = page.locator("#view").bounding_box()
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 4
 
-        def touch(kind, *points):
-            asks.send(
-                "Input.dispatchTouchEvent",
-                {"type": kind, "touchPoints": [{"x": a, "y": b, "id": k} for k, (a, b) in enumerate(points)]},
-            )
+    def touch(kind, *points):
+        asks.send(
+            "Input.dispatchTouchEvent",
+            {"type": kind, "touchPoints": [{"x": a, "y": b, "id": k} for k, (a, b) in enumerate(points)]},
+        )
 
-        touch("touchStart", (x - 20, y), (x + 20, y))
-        touch("touchMove", (x - 40, y), (x + 60, y))
-        touch("touchEnd")
-        settled(page)
-        zoomed = page.locator("#view").screenshot()
-        assert zoomed != before
-        touch("touchStart", (x, y))
-        touch("touchMove", (x + 30, y))
-        touch("touchMove", (x + 60, y))
-        touch("touchEnd")
-        settled(page)
-        assert page.locator("#view").screenshot() != zoomed
-        assert page.locator(".pin").count() == 0
-        assert page.evaluate("scrollY") == 0
+    touch("touchStart", (x - 20, y), (x + 20, y))
+    touch("touchMove", (x - 40, y), (x + 60, y))
+    touch("touchEnd")
+    settled(page)
+    zoomed = page.locator("#view").screenshot()
+    assert zoomed != before
+    touch("touchStart", (x, y))
+    touch("touchMove", (x + 30, y))
+    touch("touchMove", (x + 60, y))
+    touch("touchEnd")
+    settled(page)
+    assert page.locator("#view").screenshot() != zoomed
+    assert page.locator(".pin").count() == 0
+    assert page.evaluate("scrollY") == 0

@@ -68,6 +68,7 @@ def open_page(
     force : bool
         Replace an existing result in the folder.
     """
+    serving.require_server()
     if target is None:
         own = {
             "-o": output,

@@ -20,6 +20,12 @@ REFUSED = 400  # answer to what cannot be done, with the reason in words
 MANY = 2**31  # no surface has so many vertices
 
 
+def require_server() -> None:
+    """Raise `MissingDependencyError` if starlette or uvicorn is not installed."""
+    for name in ("starlette", "uvicorn"):
+        package(name, EXTRA, WHAT)
+
+
 def app_of(session: Session, token: str, port: int, once: str = "") -> App:
     """Make the ASGI application of a session.
 
