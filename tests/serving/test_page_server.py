@@ -144,6 +144,11 @@ def test_a_match_is_shown_corrected_and_kept(shape):
         assert second["since"]
         assert second["rivals"][-1]["name"] == "before"
 
+        assert page.match(PAIRS, start="pose", orientation="any")[0] == 202
+        assert (page.settled()["error"], page.state()["revision"]) == ("", 3)
+        assert page.match(PAIRS, only=True, hold=True)[0] == 202
+        assert page.settled()["revision"] == 4
+
         assert page.code("POST", "/write", {}) == 202
         state = page.settled()
         assert (state["written"], state["unsaved"]) == ("Saved <all>.", False)

@@ -233,6 +233,7 @@ class Session:
         if job.name in ("match", "choose"):
             self._result, self._landmarks, self._shown = came
             self._revision += 1
+            self._written = ""
         elif job.name == "save":
             self._saved, self._written = came
         else:

@@ -165,17 +165,21 @@ const report = (() => {
     const made = document.createElementNS(by("pins").namespaceURI, name);
     Object.entries(attributes).forEach(([key, value]) => made.setAttribute(key, value)); made.append(...inner); return made;
   };
-  const guess = ([own, goal]) => { // the missing end of a pair by the map that is shown; undefined if there is none
-    const map = now(), from = where[0].get(own), to = where[1].get(goal);
-    if (!map || !landmarks.guesses) return undefined;
-    if (from !== undefined) return map.images[from];
-    let best, least = Infinity; // the vertex whose image is nearest
-    for (let k = 0; to !== undefined && k < map.images.length; k++) {
-      const away = map.images[k] < 0 ? Infinity
-        : [0, 1, 2].reduce((sum, c) => sum + (map.points[3 * k + c] - shapes[1].vertices[3 * to + c]) ** 2, 0);
-      if (away < least) { least = away; best = shapes[0].index[k]; }
+  const nearest = (points, p, counts) => { // number of the nearest of some points, of those that count
+    let best, least = Infinity;
+    for (let k = 0; 3 * k < points.length; k++) {
+      const away = (points[3 * k] - p[0]) ** 2 + (points[3 * k + 1] - p[1]) ** 2 + (points[3 * k + 2] - p[2]) ** 2;
+      if (away < least && counts(k)) { least = away; best = k; }
     }
     return best;
+  };
+  const guess = ([own, goal]) => { // the missing end of a pair by the map that is shown; undefined if there is none
+    const map = now(), from = where[0].get(own), to = where[1].get(goal), at = (points, k) => points.slice(3 * k, 3 * k + 3);
+    if (!map || !landmarks.guesses) return undefined;
+    if (to !== undefined) return shapes[0].index[nearest(map.points, at(shapes[1].vertices, to), (k) => map.images[k] >= 0)];
+    if (from === undefined || map.images[from] < 0) return undefined;
+    if (where[1].has(map.images[from])) return map.images[from];
+    return shapes[1].index[nearest(shapes[1].vertices, at(map.points, from), () => true)];  // of those that are shown
   };
   const TOUCHED = 20, POINTED = 11; // pixels around a pin that belong to it
   let pins = [];

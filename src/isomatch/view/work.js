@@ -66,7 +66,7 @@
   const doubts = (regions) => regions.map(({ area, vertex, image, rival, reason }) => {
     const buttons = make("div", { className: "row" }, small("Look", () => report?.look(0, vertex), "Turn it to the front"));
     const settle = (goal) => { if (!landmarks.rows.some((row) => row[0] === vertex)) landmarks.pair(vertex, goal); };
-    if (image >= 0) buttons.append(small("It is right", () => settle(image), "Adds its middle and the image as a pair"));
+    if (image !== null) buttons.append(small("It is right", () => settle(image), "Adds its middle and the image as a pair"));
     if (rival !== null) buttons.append(small("The other place", () => settle(rival), "Adds its middle and the image by the other map as a pair"));
     buttons.append(small("Pick", () => { settle(null); report?.look(0, vertex); }, "Adds its middle; then click the right place"));
     return make("li", {}, make("strong", {}, area), ` of the surface around vertex ${vertex}: ${reason}.`, buttons);
@@ -112,7 +112,10 @@
       const before = state;
       state = await (await ask("state")).json();
       if (state.error) trouble(state.error);
-      if (state.revision !== before.revision) take(await (await ask("result")).json());
+      if (state.revision !== before.revision) {
+        take(await (await ask("result")).json());
+        if (before.revision) by("written").textContent = "This result is not saved yet.";
+      }
       if (state.written !== before.written && state.written) by("written").textContent = state.written;
       if (state.packed !== before.packed && state.packed) await fetched();
       doing(); enable();

@@ -8,8 +8,8 @@ from typing import Any, get_args
 
 import numpy as np
 
-from isomatch.correspondence import Correspondence
-from isomatch.matching import MatchResult
+from isomatch.correspondence import UNMATCHED, Correspondence
+from isomatch.matching import DoubtfulRegion, MatchResult
 from isomatch.settings import Config, Orientation
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import IntArray
@@ -29,6 +29,7 @@ from isomatch.view.report_sections import paragraphs, quality_rows, sentence, ta
 from isomatch.view.scene import DrawnPair
 
 STAYED = 0.05  # √area; an image that is moved by less is at the same place
+ALMOST = 0.99  # the largest share that is not everywhere
 LEAST_SHARE = 0.001  # of the surface worth telling
 THE_MAP, BEFORE = "the map", "before"
 
@@ -152,16 +153,7 @@ class WorkPage:
             "colour": COLOURS.get(result.outcome, UNDECIDED),
             "sure": self._sure(result),
             "since": "" if before is None else self._since(self._moved(result.map, before)),
-            "regions": [
-                {
-                    "area": f"{region.area:.1%}",
-                    "vertex": int(region.vertices[0]),
-                    "image": int(result.map.vertices[region.vertices[0]]),
-                    "rival": None if region.rival is None else int(region.rival[0]),
-                    "reason": region.reason,
-                }
-                for region in result.regions
-            ],
+            "regions": [self._region(region, result.map) for region in result.regions],
             "rivals": [
                 {
                     "name": name,
@@ -175,6 +167,22 @@ class WorkPage:
             ],
             "details": self._details(result, facts or {}),
             "scene": self._drawn.maps(maps, layers),
+        }
+
+    def _region(self, region: DoubtfulRegion, found: Correspondence) -> dict[str, Any]:
+        """Tell of a region its share, its most doubtful vertex with the images by both maps, and the reason."""
+        vertex = self._drawn.shown_near("source", int(region.vertices[0]))
+        image, rival = found.vertices[vertex], None if region.rival is None else region.rival[0]
+        goals = [
+            None if goal is None or goal == UNMATCHED else self._drawn.shown_near("target", int(goal))
+            for goal in (image, rival)
+        ]
+        return {
+            "area": f"{region.area:.1%}",
+            "vertex": vertex,
+            "image": goals[0],
+            "rival": goals[1],
+            "reason": region.reason,
         }
 
     def _details(self, result: MatchResult, facts: Mapping[str, object]) -> str:
@@ -194,7 +202,7 @@ class WorkPage:
         errors, weights = result.expected_error[known], areas[known] / areas[known].sum()
         condition = "If the map is right as a whole, images" if result.outcome.is_doubtful else "Images"
         exact = weights[errors < LARGE_ERROR].sum()
-        where = "everywhere" if exact > 1 - LEAST_SHARE else f"on {exact:.0%} of the source"
+        where = "everywhere" if exact > 1 - LEAST_SHARE else f"on {min(exact, ALMOST):.0%} of the source"
         return (
             f"{said}{condition} are expected to lie {errors @ weights:.1%} of the target's size (√area) off on "
             f"average, and less than {LARGE_ERROR:.0%} {where if exact > LEAST_SHARE else 'nowhere'}."
