@@ -223,6 +223,18 @@ def test_animals_from_files_to_files(opened, visit, tmp_path, viewport):
     page.wait_for_selector("#found:visible")
     assert page.locator("#rivals label").count() == 1 + len(record["alternatives"])
 
+    page.click("#propose")
+    assert page.locator("#pairs .unsure").count() == 3
+    assert page.locator(".pin.guess").count() == 3
+    for _ in range(3):
+        page.focus("#pairs button:has-text('Confirm')")
+        page.keyboard.press("Enter")
+        assert page.evaluate("document.activeElement.tagName") == "BUTTON"
+    assert len({target for _, target in pairs(page)}) == 3
+    page.click("#match")
+    done(page)
+    assert page.text_content("#outcome") == "Converged"
+
 
 @pytest.mark.long
 def test_a_folder_of_a_result_is_opened(opened, visit, animals, tmp_path):

@@ -286,9 +286,15 @@ const report = (() => {
     rotate(2, 0, Math.atan2(x, z)); rotate(2, 1, Math.atan2(y, Math.hypot(x, z)));
     mark = { pane, vertex: at }; pinned = true; redraw();
   };
+  const farthest = (taken) => { // the vertex with an image that is farthest from some, or from the middle
+    const at = (k) => shapes[0].vertices.slice(3 * k, 3 * k + 3), known = taken.map((vertex) => where[0].get(vertex)).filter((k) => k !== undefined);
+    const from = known.length ? known.map(at) : [[0, 0, 0]], { images } = maps[0];
+    const away = Array.from(shapes[0].index, (_, k) => (images[k] < 0 ? -1 : Math.min(...from.map((p) => Math.hypot(...at(k).map((x, c) => x - p[c]))))));
+    return shapes[0].index[away.indexOf(away.reduce((a, b) => Math.max(a, b)))];
+  };
   const show = (number) => { which.selectedIndex = number; offer(); };
   const colour = (name) => { layer.value = name; paint(); };
   by("flat").hidden = !stage.querySelector("img"); turned.checked = false; reset(); pickingOrNot();
   stage.classList.add("usable", "live"); begin();
-  return { take, look, show, colour, guess };
+  return { take, look, show, colour, guess, farthest };
 })();

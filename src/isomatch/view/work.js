@@ -39,6 +39,7 @@
   const listed = () => {
     by("step").textContent = step();
     const off = new Map((shown?.landmarks ?? []).map(({ pair, off: far }) => [pair.join(), far]));
+    const focus = [...by("pairs").querySelectorAll("button")].indexOf(document.activeElement);
     by("pairs").replaceChildren(...landmarks.rows.map((row, k) => {
       const open = row.includes(null), guess = open ? report?.guess(row) : undefined, far = off.get(row.join());
       const ends = make("span", { className: "ends" }, `${end(row, 0)} → ${end(row, 1)}`);
@@ -51,6 +52,7 @@
       item.append(Object.assign(small("×", () => landmarks.drop(k), "Remove"), { ariaLabel: `Remove pair ${k + 1}` }));
       return item;
     }));
+    if (focus >= 0) [...by("pairs").querySelectorAll("button")].slice(0, focus + 1).pop()?.focus(); // it is not lost with the list
     enable();
   };
   const enable = () => {
@@ -59,13 +61,16 @@
     by("match").textContent = shown ? "Match again" : n ? `Match with ${several(n)}` : "Match";
     by("cancel").hidden = !busy; by("progress").hidden = !busy;
     ["choose", "write", "download"].forEach((id) => { by(id).disabled = busy; });
-    by("clear").disabled = !landmarks.rows.length;
+    by("clear").disabled = !landmarks.rows.length; by("propose").hidden = !shown || !report;
     ["only", "hold"].forEach((id) => { by(id).disabled = !n; });
   };
 
   const doubts = (regions) => regions.map(({ area, vertex, image, rival, reason }) => {
     const buttons = make("div", { className: "row" }, small("Look", () => report?.look(0, vertex), "Turn it to the front"));
-    const settle = (goal) => { if (!landmarks.rows.some((row) => row[0] === vertex)) landmarks.pair(vertex, goal); };
+    const settle = (goal) => {
+      const row = landmarks.rows.findIndex((each) => each[0] === vertex);
+      if (row < 0) landmarks.extend([[vertex, goal]]); else landmarks.put(row, 1, goal);
+    };
     if (image !== null) buttons.append(small("It is right", () => settle(image), "Adds its middle and the image as a pair"));
     if (rival !== null) buttons.append(small("The other place", () => settle(rival), "Adds its middle and the image by the other map as a pair"));
     buttons.append(small("Pick", () => { settle(null); report?.look(0, vertex); }, "Adds its middle; then click the right place"));
@@ -141,6 +146,13 @@
   const match = () => start("match", { landmarks: landmarks.whole, only: by("only").checked, hold: by("hold").checked,
     start: by("pose").checked ? "pose" : "auto", orientation: by("orientation").value });
   by("match").onclick = match;
+  by("propose").onclick = () => { // points that are far from one another, with the map's images to be confirmed
+    const taken = landmarks.rows.map(([own]) => own).filter((own) => own !== null), rows = [];
+    while (!rows.length || landmarks.rows.length + rows.length < FEWEST) {
+      rows.push([report.farthest([...taken, ...rows.map(([own]) => own)]), null]);
+    }
+    landmarks.extend(rows);
+  };
   by("cancel").onclick = () => start("cancel", {});
   by("choose").onclick = () => start("choose", { number: Number(by("choose").value) });
   by("write").onclick = () => start("write", {});
