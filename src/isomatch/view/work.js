@@ -48,7 +48,7 @@
         make("span", { className: "chip" }, `${k + 1}`), ends);
       item.style.setProperty("--own", `var(--pin${k % 8})`);
       if (guess >= 0) item.append(small("Confirm", () => landmarks.put(k, row.indexOf(null), guess), "The point lies where the map puts it"));
-      if (!open) item.append(small("Look", () => report?.look(0, row[0]), "Turn the point to the front"));
+      if (row[0] !== null) item.append(small("Look", () => report?.look(0, row[0]), "Turn the point to the front"));
       item.append(Object.assign(small("×", () => landmarks.drop(k), "Remove"), { ariaLabel: `Remove pair ${k + 1}` }));
       return item;
     }));
