@@ -27,7 +27,7 @@ shapes landmarks
 matching
 transfer view datasets
 statistics
-collections
+collections serving
 lab.sets
 lab.damage
 lab.baselines

@@ -372,7 +372,8 @@ def test_the_source_returns_to_how_it_lies_in_its_file(pair):
 @pytest.mark.skipif(shutil.which("node") is None, reason="needs node")
 def test_the_script_is_sound_javascript():
     script = "".join(
-        (files("isomatch.view") / name).read_text(encoding="utf-8") for name in ("landmarks.js", "report.js")
+        (files("isomatch.view") / name).read_text(encoding="utf-8")
+        for name in ("landmarks.js", "report.js", "work.js")
     )
     done = subprocess.run(["node", "--check", "-"], input=script, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr

@@ -19,6 +19,7 @@ from isomatch.cli.distance import distance
 from isomatch.cli.evaluate import evaluate
 from isomatch.cli.info import info
 from isomatch.cli.match import match
+from isomatch.cli.open import open_page
 from isomatch.cli.paper import paper
 from isomatch.cli.repair import repair
 from isomatch.cli.statistics import statistics
@@ -58,6 +59,7 @@ for each in (
     warm,
 ):
     app.command(each)
+app.command(open_page, name="open")
 app.register_install_completion_command(
     help="Complete commands and options in the shell: writes a script and adds a line to the shell's start-up file."
 )

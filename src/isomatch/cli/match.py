@@ -159,7 +159,7 @@ def match(
                 "names": (source.name, target.name),
                 "facts": {what: str(path) for what, path in inputs.items() if path is not None},
                 "landmarks": pairs,
-                "command": _with_landmarks(source, target, **again),
+                "command": with_landmarks(source, target, **again),
             }
             run: Callable[..., tuple[isomatch.MatchResult, isomatch.MatchResult | None]]
             run = isomatch.match_both if both else _one_way
@@ -222,7 +222,7 @@ def _require_faces(**shapes: isomatch.Mesh | isomatch.PointCloud) -> None:
             )
 
 
-def _with_landmarks(source: Path, target: Path, **options: Any) -> str:
+def with_landmarks(source: Path, target: Path, **options: Any) -> str:
     """Write the command that matches again with landmarks."""
     words = ["isomatch", "match", str(source), str(target)]
     for name, value in options.items():

@@ -1,4 +1,5 @@
 from isomatch.matching.both import BothDirections, match_both
+from isomatch.matching.chosen import continue_with
 from isomatch.matching.confidence import expected_errors
 from isomatch.matching.coordinates import joint_coordinates
 from isomatch.matching.fit import Candidate, Fit, Hypothesis
@@ -46,6 +47,7 @@ __all__ = [
     "Stages",
     "Start",
     "check_refinement",
+    "continue_with",
     "contradicted_landmarks",
     "covered_share",
     "default_starts",

@@ -6,11 +6,13 @@ from isomatch.view.points import drawable
 from isomatch.view.report import MOST_ALTERNATIVES, write_landmark_picker, write_report
 from isomatch.view.stills import ValuePanel, draw_map
 from isomatch.view.surface_image import surface_image
+from isomatch.view.work_page import WorkPage
 
 __all__ = [
     "MOST_ALTERNATIVES",
     "Measure",
     "ValuePanel",
+    "WorkPage",
     "arranged_panels",
     "camera_of",
     "colour_scale",

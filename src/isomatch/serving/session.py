@@ -1,0 +1,265 @@
+"""What a page works on: two shapes, prepared once; one job at a time; the result so far."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any, Protocol
+
+from isomatch.errors import IsomatchError, SettingError
+from isomatch.matching import MatchResult, continue_with, match
+from isomatch.runtime.threads import parallel_map
+from isomatch.serving.job import Job, Tell
+from isomatch.settings import Config, Orientation, Start
+from isomatch.shapes import PreparedShape, prepare
+from isomatch.surfaces import Surface
+from isomatch.view import WorkPage
+
+logger = logging.getLogger(__name__)
+
+Pairs = Sequence[Sequence[int]]  # (source vertex, target vertex)
+DRAWING = 0.97  # share of a match after which its result is drawn
+
+
+class Keeper(Protocol):
+    """Writes the files of a result."""
+
+    @property
+    def folder(self) -> str:
+        """Where it writes them, for the page; empty if nowhere, and then `write` raises `SettingError`."""
+
+    def write(self, result: MatchResult, landmarks: Pairs) -> str:
+        """Write them into the folder, and say in words what was done."""
+
+    def packed(self, result: MatchResult, landmarks: Pairs) -> bytes:
+        """Return them in a zip archive."""
+
+
+class Session:
+    """The state behind a page; its methods are called from one thread.
+
+    Parameters
+    ----------
+    surfaces : (Surface, Surface)
+        Source and target. Their preparation begins at once.
+    page : WorkPage
+        Draws them.
+    keeper : Keeper
+        Keeps results.
+    config : Config
+        Settings of matches.
+    seed : int
+        Their seed.
+    result : MatchResult, optional
+        A result to begin with.
+    landmarks : sequence of (int, int)
+        Landmarks with which it was found.
+    """
+
+    def __init__(
+        self,
+        surfaces: tuple[Surface, Surface],
+        page: WorkPage,
+        keeper: Keeper,
+        *,
+        config: Config | None = None,
+        seed: int = 0,
+        result: MatchResult | None = None,
+        landmarks: Pairs = (),
+    ) -> None:
+        self._surfaces, self._page, self._keeper = surfaces, page, keeper
+        self._config, self._seed = config or Config(), seed
+        self._result, self._landmarks = result, list(landmarks)
+        self._shown: dict[str, Any] | None = None if result is None else page.result(result, None, landmarks)
+        self._revision = int(result is not None)
+        self._saved = self._revision
+        self._job: Job | None = None
+        self._given_up: list[Job] = []
+        self._last: dict[str, Any] | None = None
+        self._error = ""
+        self._written, self._packed = "", (0, b"")
+        self._preparation = Job("prepare", self._prepare)
+
+    def html(self) -> str:
+        """Make the page, before it asks for a result."""
+        return self._page.html(self._keeper.folder, self._config)
+
+    def shown(self) -> dict[str, Any]:
+        """Tell all that the page shows of the result; `SettingError` if there is none."""
+        if self._shown is None:
+            raise SettingError("there is no result yet; match first")
+        return self._shown
+
+    def archive(self) -> bytes:
+        """Return the archive that `pack` made last; empty if none was made."""
+        return self._packed[1]
+
+    def state(self) -> dict[str, Any]:
+        """Tell in plain values what is done now, and what has changed."""
+        self._settle()
+        job = self._job
+        stage, share = "", 0.0
+        if job is not None:
+            stage, share = job.now()
+            if not stage and not self._preparation.is_over:
+                stage, share = self._preparation.now()
+        return {
+            "job": job and job.name,
+            "stage": stage,
+            "share": share,
+            "seconds": job.seconds if job else 0.0,
+            "last": self._last,
+            "error": self._error,
+            "revision": self._revision,
+            "unsaved": self._saved != self._revision,
+            "written": self._written,
+            "packed": self._packed[0],
+        }
+
+    def match(
+        self,
+        landmarks: Pairs,
+        *,
+        only: bool = False,
+        hold: bool = False,
+        start: Start = "auto",
+        orientation: Orientation = "preserve",
+    ) -> None:
+        """Begin a match with landmarks, or without any if there are none.
+
+        Parameters
+        ----------
+        landmarks : sequence of (int, int)
+            Pairs (source vertex, target vertex).
+        only : bool
+            Whether only maps that follow the landmarks may win.
+        hold : bool
+            Whether the map goes through them exactly, or as the settings say.
+        start, orientation : str
+            See `Config`.
+        """
+        config = replace(
+            self._config,
+            hypotheses="given" if only and landmarks else "all",
+            pin=(self._config.pin or 0.0) if hold and landmarks else None,
+            start=start,
+            orientation=orientation,
+        )
+        before = None if self._result is None else self._result.map
+
+        def work(tell: Tell) -> tuple[MatchResult, Pairs, dict[str, Any]]:
+            source, target = self._preparation.wait()
+            tell("match", 0.0)
+            result = match(
+                source,
+                target,
+                landmarks=landmarks or None,
+                config=config,
+                seed=self._seed,
+                progress=lambda stage, share: tell(stage, DRAWING * share),
+            )
+            tell("drawing", DRAWING)
+            return result, landmarks, self._page.result(result, before, landmarks)
+
+        self._begin("match", work)
+
+    def choose(self, number: int) -> None:
+        """Begin to make an alternative of the result, counted from 1, the map."""
+        result, landmarks = self._matched(), self._landmarks
+
+        def work(tell: Tell) -> tuple[MatchResult, Pairs, dict[str, Any]]:
+            source, target = self._preparation.wait()
+            chosen = continue_with(
+                result,
+                number,
+                source,
+                target,
+                landmarks or None,
+                lambda stage, share: tell(stage, DRAWING * share),
+            )
+            return chosen, landmarks, self._page.result(chosen, None, landmarks)
+
+        self._begin("choose", work)
+
+    def write(self) -> None:
+        """Begin to write the files of the result into the folder that was named at the start."""
+        result, landmarks, revision = self._matched(), self._landmarks, self._revision
+        self._begin("save", lambda tell: (revision, self._keeper.write(result, landmarks)))
+
+    def pack(self) -> None:
+        """Begin to make an archive of the same files."""
+        result, landmarks, revision = self._matched(), self._landmarks, self._revision
+        self._begin("download", lambda tell: (revision, self._keeper.packed(result, landmarks)))
+
+    def cancel(self) -> None:
+        """Give up what is done now; what it has computed so far is dropped."""
+        if self._job is not None:
+            self._job.give_up()
+            self._given_up.append(self._job)
+            self._job = None
+
+    def _matched(self) -> MatchResult:
+        self._settle()
+        if self._result is None:
+            raise SettingError("there is no result yet; match first")
+        return self._result
+
+    def _begin(self, name: str, work: Callable[[Tell], Any]) -> None:
+        self._settle()
+        if self._job is not None:
+            raise SettingError(f"isomatch is busy ({self._job.name}); wait, or cancel that first")
+        self._error = ""
+        given_up = [job for job in self._given_up if not job.is_over]
+
+        def alone(tell: Tell) -> Any:
+            for job in given_up:
+                job.wait()
+            return work(tell)
+
+        self._job, self._given_up = Job(name, alone), given_up
+
+    def _settle(self) -> None:
+        """Take in what a job has come to that has ended."""
+        if self._job is None or not self._job.is_over:
+            return
+        job, self._job = self._job, None
+        self._last = {"job": job.name, "seconds": job.seconds}
+        try:
+            came = job.wait()
+        except Exception as error:
+            self._error = _in_words(error)
+            return
+        if job.name in ("match", "choose"):
+            self._result, self._landmarks, self._shown = came
+            self._revision += 1
+            self._written = ""
+        elif job.name == "save":
+            self._saved, self._written = came
+        else:
+            self._saved, archive = came
+            self._packed = self._packed[0] + 1, archive
+
+    def _prepare(self, tell: Tell) -> list[PreparedShape]:
+        shares = {0: 0.0, 1: 0.0}
+
+        def prepared(side: int) -> PreparedShape:
+            def told(stage: str, share: float) -> None:
+                shares[side] = share
+                tell("both shapes are prepared, once", sum(shares.values()) / 2)
+
+            return prepare(self._surfaces[side], self._config, self._seed, progress=told)
+
+        return parallel_map(prepared, (0, 1))
+
+
+def _in_words(error: Exception) -> str:
+    """Say what went wrong; of an error that is not of isomatch, the log has the place."""
+    if isinstance(error, IsomatchError):
+        return str(error)
+    if isinstance(error, MemoryError):
+        return f"memory does not suffice ({str(error) or 'no more is given'}); close other programs"
+    if isinstance(error, OSError):
+        return f"{error.filename or 'a file'}: {(error.strerror or str(error)).lower()}"
+    logger.error("unexpected error", exc_info=error)
+    return f"this is a defect of isomatch: {type(error).__name__}: {error}"

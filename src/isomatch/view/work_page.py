@@ -1,0 +1,228 @@
+"""The page to work in: the report's view with a panel that matches, corrects and keeps; a server fills it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from html import escape
+from typing import Any, get_args
+
+import numpy as np
+
+from isomatch.correspondence import UNMATCHED, Correspondence
+from isomatch.matching import DoubtfulRegion, MatchResult
+from isomatch.settings import Config, Orientation
+from isomatch.surfaces import Mesh
+from isomatch.values.arrays import IntArray
+from isomatch.view.layers import LARGE_ERROR, doubt, expected_error, mismatch
+from isomatch.view.report import (
+    COLOURS,
+    MOST_ALTERNATIVES,
+    UNDECIDED,
+    advice_on,
+    page_of,
+    pairs_on,
+    simplified,
+    template,
+    text_of,
+)
+from isomatch.view.report_sections import paragraphs, quality_rows, sentence, tables_of_run
+from isomatch.view.scene import DrawnPair
+
+STAYED = 0.05  # √area; an image that is moved by less is at the same place
+ALMOST = 0.99  # the largest share that is not everywhere
+LEAST_SHARE = 0.001  # of the surface worth telling
+THE_MAP, BEFORE = "the map", "before"
+
+
+class WorkPage:
+    """What a browser shows of two shapes while they are matched.
+
+    Parameters
+    ----------
+    source, target : Mesh
+        The shapes.
+    names : (str, str)
+        Their names, such as those of their files.
+    landmarks : sequence of (int, int)
+        Landmarks with which the list begins.
+
+    Raises
+    ------
+    LandmarkError
+        If landmarks are not pairs of integers.
+    """
+
+    def __init__(
+        self,
+        source: Mesh,
+        target: Mesh,
+        *,
+        names: tuple[str, str] = ("source", "target"),
+        landmarks: Sequence[Sequence[int]] = (),
+    ) -> None:
+        self._source, self._target, self._names = source, target, names
+        self._pairs = pairs_on(landmarks or None, source, target)
+        self._drawn = DrawnPair(source, target, landmarks=self._pairs)
+
+    def html(self, folder: str, config: Config) -> str:
+        """Make the page before any match.
+
+        Parameters
+        ----------
+        folder : str
+            Where results are saved; empty if nowhere.
+        config : Config
+            Settings with which the options of the page begin.
+        """
+        scene = {**self._drawn.shapes(), "maps": []}
+        panel = template("work.html").substitute(
+            only=" checked" * (config.hypotheses == "given"),
+            hold=" checked" * (config.pin is not None),
+            pose=" checked" * (config.start == "pose"),
+            orientations="".join(
+                f"<option{' selected' * (name == config.orientation)}>{name}</option>"
+                for name in get_args(Orientation)
+            ),
+            unwritable="" if folder else " hidden",
+            keeps=escape(
+                f"Save writes into {folder}; Download gives the same files."
+                if folder
+                else "Start isomatch open with -o DIR to save into a folder."
+            ),
+        )
+        return page_of(
+            (self._source, self._target),
+            self._names,
+            scene,
+            self._pairs,
+            style=text_of("work.css"),
+            policy="; connect-src 'self'; form-action 'none'; base-uri 'none'",
+            kind=' class="work"',
+            work=f"<script>\n{text_of('work.js')}</script>",
+            colour=UNDECIDED,
+            headline=escape(f"{self._names[0]} → {self._names[1]}"),
+            advice="",
+            picture="",
+            plain="",
+            maps="",
+            remarks=paragraphs(simplified(scene)),
+            picking=" checked",
+            landmarks=panel,
+            details="",
+            run="",
+        )
+
+    def result(
+        self,
+        result: MatchResult,
+        before: Correspondence | None = None,
+        landmarks: Sequence[Sequence[int]] = (),
+        facts: Mapping[str, object] | None = None,
+    ) -> dict[str, Any]:
+        """Tell in plain values all that the page shows of a result.
+
+        Parameters
+        ----------
+        result : MatchResult
+            A result for the two shapes.
+        before : Correspondence, optional
+            The map that it replaces.
+        landmarks : sequence of (int, int)
+            Landmarks with which it was found.
+        facts : mapping of str to object, optional
+            Rows for the table about the run.
+
+        Returns
+        -------
+        dict
+            ``headline``, ``advice``, ``colour``, ``sure`` and ``since`` in words; ``regions`` of doubt; ``rivals``, which
+            says of each map that is drawn what it is; ``landmarks`` with the distance of each from its image, in √area
+            of the target and through space; ``details``, which is HTML; and the ``scene``, see `scene_of`.
+        """
+        others = result.alternatives[:MOST_ALTERNATIVES]
+        maps = {THE_MAP: result.map}
+        maps |= {f"alternative {i}": other.map for i, other in enumerate(others, 1)}
+        maps |= {BEFORE: before} if before else {}
+        origins = [result.origin, *(other.origin for other in others), "the map that this one replaced"]
+        pairs = pairs_on(landmarks or None, self._source, self._target)
+        layers = {**doubt(result), **expected_error(result), **mismatch(result)}
+        return {
+            "outcome": result.outcome.name,
+            "headline": sentence(result.outcome.value),
+            "advice": advice_on(result.outcome),
+            "colour": COLOURS.get(result.outcome, UNDECIDED),
+            "sure": self._sure(result),
+            "since": "" if before is None else self._since(self._moved(result.map, before)),
+            "regions": [self._region(region, result.map) for region in result.regions],
+            "rivals": [
+                {
+                    "name": name,
+                    "origin": origin,
+                    "moved": None if name == THE_MAP else f"{self._moved(result.map, found):.0%}",
+                }
+                for (name, found), origin in zip(maps.items(), origins)
+            ],
+            "landmarks": [
+                {"pair": pair, "off": off} for pair, off in zip(pairs.tolist(), self._off(result.map, pairs))
+            ],
+            "details": self._details(result, facts or {}),
+            "scene": self._drawn.maps(maps, layers),
+        }
+
+    def _region(self, region: DoubtfulRegion, found: Correspondence) -> dict[str, Any]:
+        """Tell of a region its share, its most doubtful vertex with the images by both maps, and the reason."""
+        vertex = self._drawn.shown_near("source", int(region.vertices[0]))
+        image, rival = found.vertices[vertex], None if region.rival is None else region.rival[0]
+        goals = [
+            None if goal is None or goal == UNMATCHED else self._drawn.shown_near("target", int(goal))
+            for goal in (image, rival)
+        ]
+        return {
+            "area": f"{region.area:.1%}",
+            "vertex": vertex,
+            "image": goals[0],
+            "rival": goals[1],
+            "reason": region.reason,
+        }
+
+    def _details(self, result: MatchResult, facts: Mapping[str, object]) -> str:
+        return template("work_details.html").substitute(
+            quality=quality_rows(result),
+            notes=paragraphs(map(sentence, result.notes or ["Nothing was repaired, left out or replaced."])),
+            run=tables_of_run(result, facts),
+        )
+
+    def _sure(self, result: MatchResult) -> str:
+        """Say how exact the map should be, and how much of the source has an image."""
+        areas = self._source.vertex_areas / self._source.vertex_areas.sum()
+        known, matched = np.isfinite(result.expected_error), result.map.matched
+        said = "" if matched.all() else f"{areas[~matched].sum():.0%} of the source has no image. "
+        if not areas[known].sum():
+            return said
+        errors, weights = result.expected_error[known], areas[known] / areas[known].sum()
+        condition = "If the map is right as a whole, images" if result.outcome.is_doubtful else "Images"
+        exact = weights[errors < LARGE_ERROR].sum()
+        where = "everywhere" if exact > 1 - LEAST_SHARE else f"on {min(exact, ALMOST):.0%} of the source"
+        return (
+            f"{said}{condition} are expected to lie {errors @ weights:.1%} of the target's size (√area) off on "
+            f"average, and less than {LARGE_ERROR:.0%} {where if exact > LEAST_SHARE else 'nowhere'}."
+        )
+
+    @staticmethod
+    def _since(moved: float) -> str:
+        if moved < LEAST_SHARE:
+            return "It is the same map as before."
+        return f"Against the map before, {moved:.1%} of the source has another image."
+
+    def _moved(self, found: Correspondence, other: Correspondence) -> float:
+        """Share of the source's area whose images differ by more than `STAYED`."""
+        one, two = (each.pull_back(self._target.vertices) for each in (found, other))
+        apart = np.linalg.norm(one - two, axis=1) > STAYED * np.sqrt(self._target.area)
+        apart |= found.matched != other.matched
+        return float(self._source.vertex_areas[apart].sum() / self._source.vertex_areas.sum())
+
+    def _off(self, found: Correspondence, pairs: IntArray) -> list[float]:
+        """Distance of each landmark on the target from its image, in √area; −1 where it has none."""
+        images = found.pull_back(self._target.vertices)[pairs[:, 0]]
+        off = np.linalg.norm(images - self._target.vertices[pairs[:, 1]], axis=1) / np.sqrt(self._target.area)
+        return [-1.0 if np.isnan(far) else float(far) for far in off]

@@ -1,0 +1,110 @@
+"""`isomatch open`: what is refused before a page is served, and the files that the page keeps."""
+
+import json
+import sys
+import zipfile
+from io import BytesIO
+
+import numpy as np
+import pytest
+
+import isomatch
+from isomatch import serving
+from isomatch.cli import main
+from isomatch.matching import match
+from served_pages import PAIRS, QUICK, bent
+
+pytest.importorskip("starlette", reason="needs the extra open")
+pytest.importorskip("uvicorn", reason="needs the extra open")
+pytestmark = pytest.mark.usefixtures("small_pictures")
+
+
+@pytest.fixture
+def shapes(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name in "ab":
+        isomatch.write_mesh(f"{name}.ply", bent())
+    return tmp_path
+
+
+@pytest.fixture
+def served(monkeypatch):
+    """The command serves nothing; what it would have served, and with what."""
+    kept = []
+
+    class Recorded(serving.Session):
+        def __init__(self, surfaces, page, keeper, **options):
+            kept.append((keeper, options))
+            super().__init__(surfaces, page, keeper, **options)
+
+    monkeypatch.setattr(serving, "Session", Recorded)
+    monkeypatch.setattr(serving.PageServer, "run", lambda server: server._socket.close())
+    monkeypatch.setattr("webbrowser.open", lambda address: kept.append(address))
+    return kept
+
+
+@pytest.mark.parametrize("name", ["starlette", "uvicorn"])
+def test_a_missing_package_is_named_at_once(name, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, name, None)
+    assert main(["open", "nowhere.ply", "either.ply"]) == 1
+    assert f"isomatch open needs the package {name}; pip install 'isomatch[open]'" in capsys.readouterr().err
+
+
+def test_the_browser_gets_an_address_that_works_once(shapes, served, capsys):
+    assert main(["open", "a.ply", "b.ply"]) == 0
+    address = capsys.readouterr().out.splitlines()[0]
+    assert address.startswith("http://127.0.0.1:")
+    assert "/?token=" in address
+    assert served[1].partition("?")[0] == address.partition("?")[0]
+    assert served[1].partition("?")[2].startswith("once=")
+    assert main(["open", "a.ply", "b.ply", "--no-browser"]) == 0
+    assert len(served) == 3
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("a.ply", "a.ply: isomatch open needs two shapes, or the folder of a result"),
+        (". -o out --config x.toml", "-o, --config: the result in . has its own"),
+        (".", "result.json: no such file"),
+        ("a.ply b.ply --target-landmarks x.txt", "--target-landmarks needs --landmarks"),
+        ("a.ply b.ply -o full", "full/map.npz: already exists"),
+        ("a.ply b.ply --port 70000", "--port 70000 cannot be used"),
+    ],
+)
+def test_what_is_refused(words, said, shapes, served, capsys):
+    (shapes / "full").mkdir()
+    (shapes / "full" / "map.npz").write_bytes(b"a result")
+    assert main(["open", *words.split()]) == 1
+    assert said in capsys.readouterr().err
+    assert not (shapes / "out").exists()
+
+
+def test_a_result_is_written_and_packed_as_match_writes_it(shapes, served):
+    (shapes / "pairs.txt").write_text("".join(f"{i}, {j}\n" for i, j in PAIRS))
+    (shapes / "quick.toml").write_text("n_columns = 90\n")
+    words = "a.ply b.ply -o out --landmarks pairs.txt --config quick.toml --seed 3"
+    assert main(["open", *words.split()]) == 0
+    keeper, options = served[0]
+    assert (options["landmarks"], options["config"].n_columns, options["seed"]) == (PAIRS, 90, 3)
+    assert not (shapes / "out").exists()  # nothing was saved
+    result = match(bent(), bent(), landmarks=PAIRS, config=QUICK)
+    archive = zipfile.ZipFile(BytesIO(keeper.packed(result, PAIRS)))
+    with keeper.claimed(force=False):
+        assert keeper.write(result, PAIRS).startswith(
+            "Saved map.npz, map.txt, result.json, map.png, report.html"
+        )
+    written, packed = (
+        json.loads((shapes / "out" / "result.json").read_text()),
+        json.loads(archive.read("result.json")),
+    )
+    assert set(archive.namelist()) == {path.name for path in (shapes / "out").iterdir()}
+    assert {**written, "files": 0} == {**packed, "files": 0}
+    assert written["match_again"] == (
+        "isomatch match a.ply b.ply --output out --config quick.toml --seed 3 --landmarks landmarks.txt --force"
+    )
+    assert main(["open", "out"]) == 0
+    again = served[-2][1]
+    np.testing.assert_array_equal(again["result"].map.vertices, result.map.vertices)
+    assert (again["landmarks"], again["config"]) == (PAIRS, QUICK)
+    assert len(again["result"].alternatives) == len(result.alternatives)
