@@ -5,7 +5,9 @@ const landmarks = (() => {
   const [text, problem, save, picking] = ["noted", "problem", "save", "picking"].map(by);
   const given = JSON.parse(by("given").textContent), key = "isomatch " + JSON.stringify(given);
   const HEAD = "# source, target", MISSING = "?";
-  const list = { rows: [], changed: () => {} };  // rows are [source vertex, target vertex], null where it is still missing
+  // rows are [source vertex, target vertex], null where it is still missing; the next click replaces the chosen end
+  const list = { rows: [], chosen: null, changed: () => {} };
+  const past = []; // texts before each change
 
   const written = (rows) => [HEAD, ...rows.map((row) => row.map((vertex) => vertex ?? MISSING).join(", "))].join("\n") + "\n";
   const stored = (value) => { // some browsers keep nothing for pages that are opened as files
@@ -15,28 +17,43 @@ const landmarks = (() => {
     } catch { by("kept").textContent = "This browser does not keep the list. Save it before you close the page."; }
     return null;
   };
+  let before = "";
   const read = () => {
     const lines = text.value.split("\n").map((line) => line.split("#")[0].trim());
     const pairs = lines.map((line) => line.match(/^(\d+|\?)(?:\s*,\s*|\s+)(\d+|\?)$/));
     const wrong = lines.findIndex((line, k) => line && !pairs[k]);
     problem.textContent = wrong < 0 ? "" : `Line ${wrong + 1} is not a pair of vertices and is left out.`;
     list.rows = pairs.filter(Boolean).map((pair) => pair.slice(1).map((word) => (word === MISSING ? null : Number(word))));
-    const whole = list.rows.filter((row) => !row.includes(null));
-    save.href = "data:text/plain;charset=utf-8," + encodeURIComponent(written(whole));
+    list.whole = list.rows.filter((row) => !row.includes(null));
+    save.href = "data:text/plain;charset=utf-8," + encodeURIComponent(written(list.whole));
     if (list.rows.length || picking.checked) by("landmarks").hidden = false;
-    stored(text.value); list.changed();
+    by("undo").disabled = !past.length;
+    before = text.value; stored(text.value); list.changed();
   };
-  const write = (rows) => { text.value = written(rows); read(); };
+  const write = (rows, again = false) => { // "again" if it goes on with the change before
+    if (!again) past.push(before);
+    text.value = written(rows); read();
+  };
 
+  list.put = (row, pane, vertex, again) =>
+    write(list.rows.map((each, k) => (k === row ? each.map((own, side) => (side === pane ? vertex : own)) : each)), again);
   list.add = (pane, vertex) => {
-    const rows = [...list.rows], row = rows.findIndex((each) => each[pane] === null);
-    if (row < 0) rows.push(pane ? [null, vertex] : [vertex, null]);
-    else rows[row] = pane ? [rows[row][0], vertex] : [vertex, rows[row][1]];
-    write(rows);
+    const { chosen } = list, row = list.rows.findIndex((each) => each[pane] === null);
+    list.chosen = null;
+    if (chosen && chosen.pane === pane) list.put(chosen.row, pane, vertex);
+    else if (row < 0) write([...list.rows, pane ? [null, vertex] : [vertex, null]]);
+    else list.put(row, pane, vertex);
   };
-  text.addEventListener("input", read); picking.addEventListener("change", read);
-  by("undo").addEventListener("click", () => write(list.rows.slice(0, -1)));
-  by("clear").addEventListener("click", () => write([]));
+  list.pair = (...row) => write([...list.rows, row]);
+  list.drop = (row) => { list.chosen = null; write(list.rows.filter((_, k) => k !== row)); };
+  list.choose = (end) => { // again: not any more
+    const { chosen } = list;
+    list.chosen = end && chosen && chosen.row === end.row && chosen.pane === end.pane ? null : end; list.changed();
+  };
+  list.undo = () => { if (past.length) { list.chosen = null; text.value = past.pop(); read(); } };
+  text.addEventListener("input", () => { past.push(before); read(); }); picking.addEventListener("change", read);
+  by("undo").addEventListener("click", list.undo);
+  by("clear").addEventListener("click", () => { list.chosen = null; write([]); });
   text.value = stored() ?? written(given.landmarks); read();
   return list;
 })();

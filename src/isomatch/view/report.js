@@ -1,20 +1,22 @@
-// Both shapes in one view: dragging rotates both, the wheel zooms, pointing at the source shows the image of a vertex,
-// and clicks place landmarks.
+// Both shapes in one view: dragging rotates both, wheel or two fingers zoom, pointing at the source shows the image of a
+// vertex, clicks place landmarks, and dragging moves them.
 "use strict";
-(() => {
+const report = (() => {
   const by = (id) => document.getElementById(id);
   const [canvas, stage, status, which, layer, checker, wire, turned, picking] =
     ["view", "stage", "status", "which", "layer", "checker", "wire", "turned", "picking"].map(by);
   const gl = canvas.getContext("webgl2", { antialias: true });
-  if (!gl) { status.textContent += " This browser has no WebGL 2, so there is no 3D view."; return; }
+  if (!gl) { status.textContent += " This browser has no WebGL 2, so there is no 3D view."; return null; }
 
   const KINDS = { index: Uint32Array, faces: Uint32Array, images: Int32Array, vertices: Float32Array,
     points: Float32Array, normals: Int8Array, colours: Uint8Array, levels: Uint8Array };
   const unpack = (item) => Object.fromEntries(Object.entries(item).map(([key, value]) => [key,
     key in KINDS ? new KINDS[key](Uint8Array.from(atob(value), (c) => c.charCodeAt(0)).buffer) : value]));
   const scene = JSON.parse(by("scene").textContent);
-  const shapes = [scene.source, scene.target].map(unpack), maps = scene.maps.map(unpack);
-  maps.forEach((map) => Object.keys(map.layers).forEach((name) => { map.layers[name] = unpack(map.layers[name]); }));
+  const shapes = [scene.source, scene.target].map(unpack);
+  const unpacked = (given) => given.maps.map(unpack).map((map) => ({ ...map,
+    layers: Object.fromEntries(Object.entries(map.layers).map(([name, layer]) => [name, unpack(layer)])) }));
+  let maps = unpacked(scene), { filed } = scene; // others may be taken later
   const now = () => maps[which.selectedIndex];  // undefined where there is no map
   const shown = () => now()?.layers[layer.value];  // undefined where colours are those of positions
   const where = shapes.map((shape) => new Map(Array.from(shape.index, (vertex, k) => [vertex, k])));
@@ -24,7 +26,7 @@
     const shader = gl.createShader(kind);
     gl.shaderSource(shader, by(id).textContent.trim()); gl.compileShader(shader); gl.attachShader(program, shader);
   }
-  gl.linkProgram(program); if (!gl.getProgramParameter(program, gl.LINK_STATUS)) return; // the still picture remains
+  gl.linkProgram(program); if (!gl.getProgramParameter(program, gl.LINK_STATUS)) return null; // the still picture remains
   gl.useProgram(program); gl.clearColor(0, 0, 0, 0);
   [gl.DEPTH_TEST, gl.SCISSOR_TEST, gl.BLEND].forEach((switched) => gl.enable(switched));
   gl.blendFuncSeparate(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA, gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
@@ -88,8 +90,12 @@
   // turn has the rows right, up, towards the viewer; panes are [left, top, width, height] in CSS pixels
   let turn, zoom, pan, panes, scale, queued = false, mark = null, pinned = false;
   const reset = () => { turn = [1, 0, 0, 0, 1, 0, 0, 0, 1]; zoom = 1; pan = [0, 0]; };
-  const rotation = (pane) => (pane || turned.checked ? turn : // rows of turn · filed: the source as in its file
-    turn.map((_, k) => [0, 1, 2].reduce((sum, m) => sum + turn[3 * Math.floor(k / 3) + m] * scene.filed[3 * m + k % 3], 0)));
+  const product = (a, b) => a.map((_, k) => [0, 1, 2].reduce((sum, m) => sum + a[3 * Math.floor(k / 3) + m] * b[3 * m + k % 3], 0));
+  const transposed = (a) => a.map((_, k) => a[3 * (k % 3) + Math.floor(k / 3)]);
+  const rotation = (pane) => { // scene.filed brings the source to how it lies in its file, filed from there to the target
+    if (pane) return turn;
+    return product(turned.checked ? product(turn, transposed(filed)) : turn, scene.filed);
+  };
   const seen = (r, v, i) => [0, 3, 6].map((k) => r[k] * v[3 * i] + r[k + 1] * v[3 * i + 1] + r[k + 2] * v[3 * i + 2]);
   const rotate = (row, other, angle) => { // points in the direction of row ``other`` move towards ``row``
     const c = Math.cos(angle), s = Math.sin(angle);
@@ -159,11 +165,35 @@
     const made = document.createElementNS(by("pins").namespaceURI, name);
     Object.entries(attributes).forEach(([key, value]) => made.setAttribute(key, value)); made.append(...inner); return made;
   };
-  const pin = () => by("pins").replaceChildren(...landmarks.rows.flatMap((row, k) => row.flatMap((vertex, pane) => {
-    const at = where[pane].get(vertex); if (at === undefined) return [];
-    const made = svg("g", { class: row.includes(null) ? "pin half" : "pin" }, svg("circle", { r: 8 }), svg("text", {}, k + 1));
-    place(made, pane, shapes[pane].vertices, shapes[pane].normals, at); return [made];
-  })));
+  const guess = ([own, goal]) => { // the missing end of a pair by the map that is shown; undefined if there is none
+    const map = now(), from = where[0].get(own), to = where[1].get(goal);
+    if (!map || !landmarks.guesses) return undefined;
+    if (from !== undefined) return map.images[from];
+    let best, least = Infinity; // the vertex whose image is nearest
+    for (let k = 0; to !== undefined && k < map.images.length; k++) {
+      const away = map.images[k] < 0 ? Infinity
+        : [0, 1, 2].reduce((sum, c) => sum + (map.points[3 * k + c] - shapes[1].vertices[3 * to + c]) ** 2, 0);
+      if (away < least) { least = away; best = shapes[0].index[k]; }
+    }
+    return best;
+  };
+  const TOUCHED = 20, POINTED = 11; // pixels around a pin that belong to it
+  let pins = [];
+  const pin = () => {
+    pins = landmarks.rows.flatMap((row, k) => row.flatMap((own, pane) => {
+      const at = where[pane].get(own ?? guess(row)), { chosen } = landmarks; if (at === undefined) return [];
+      const kind = [own === null ? "guess" : row.includes(null) && "half", chosen?.row === k && chosen.pane === pane && "chosen"];
+      const made = svg("g", { class: ["pin", ...kind.filter(Boolean)].join(" "), style: `--own: var(--pin${k % 8})` },
+        svg("circle", { r: 9 }), svg("text", {}, k + 1));
+      return [{ row: k, pane, made, at: place(made, pane, shapes[pane].vertices, shapes[pane].normals, at) }];
+    }));
+    by("pins").replaceChildren(...pins.map(({ made }) => made));
+  };
+  const gripped = (e) => { // the pin at the pointer, of those that face the viewer
+    const away = ({ at }) => Math.hypot(at[0] - e.offsetX, at[1] - e.offsetY);
+    const near = pins.filter((each) => away(each) < (e.pointerType === "touch" ? TOUCHED : POINTED) && !each.made.classList.contains("far"));
+    return near.sort((a, b) => away(a) - away(b))[0] ?? null;
+  };
   const describe = () => {
     const marks = ["dot0", "dot1", "link"].map(by), [, , link] = marks;
     for (const item of marks) item.setAttribute("visibility", "hidden");
@@ -189,24 +219,46 @@
     pan = [x, y].map((from, k) => from + (pan[k] - from) * next / zoom); zoom = next; redraw();
   };
 
-  let held = null, way = 0;
+  let grip = null, way = 0;
+  const fingers = new Map(); // where each pointer that is down was last
   const on = (item, name, act) => item.addEventListener(name, act, { passive: false });
-  on(canvas, "pointerdown", (e) => { held = [e.clientX, e.clientY]; way = 0; canvas.setPointerCapture(e.pointerId); });
-  on(canvas, "pointermove", (e) => {
-    if (!held) { if (!pinned) { mark = under(e); redraw(); } return; }
-    const [dx, dy] = [e.clientX - held[0], e.clientY - held[1]]; held = [e.clientX, e.clientY]; way += Math.hypot(dx, dy);
-    rotate(0, 2, dx / 150); rotate(2, 1, dy / 150); redraw();
+  on(canvas, "pointerdown", (e) => {
+    fingers.set(e.pointerId, [e.offsetX, e.offsetY]); canvas.setPointerCapture(e.pointerId);
+    way = fingers.size > 1 ? Infinity : 0; grip = picking.checked && fingers.size === 1 ? gripped(e) : null;
   });
-  on(canvas, "pointerup", (e) => { if (held && way < 4) click(under(e)); held = null; });
-  ["pointercancel", "lostpointercapture"].forEach((name) => on(canvas, name, () => { held = null; }));
-  on(canvas, "pointerleave", () => { if (!held && !pinned) { mark = null; redraw(); } });
+  on(canvas, "pointermove", (e) => {
+    const from = fingers.get(e.pointerId), to = [e.offsetX, e.offsetY], still = e.pointerType === "touch" ? 10 : 4;
+    if (!from) {
+      canvas.style.cursor = picking.checked && gripped(e) ? "move" : "";
+      if (!pinned) { mark = under(e); redraw(); }
+      return;
+    }
+    fingers.set(e.pointerId, to);
+    way += Math.hypot(to[0] - from[0], to[1] - from[1]);
+    if (fingers.size === 2) {
+      const [other] = [...fingers].filter(([id]) => id !== e.pointerId).map(([, at]) => at), [x, y] = middle(inside(0, other) ? 0 : 1);
+      const far = (at) => Math.hypot(at[0] - other[0], at[1] - other[1]);
+      closer(far(to) / Math.max(far(from), 1), (to[0] + other[0]) / 2 - x, (to[1] + other[1]) / 2 - y);
+      pan = pan.map((along, k) => along + (to[k] - from[k]) / 2);
+    } else if (grip) {
+      const hit = way < still ? null : under(e);
+      if (hit?.pane === grip.pane) { landmarks.put(grip.row, grip.pane, shapes[hit.pane].index[hit.vertex], grip.moved); grip.moved = true; }
+    } else { rotate(0, 2, (to[0] - from[0]) / 150); rotate(2, 1, (to[1] - from[1]) / 150); redraw(); }
+  });
+  on(canvas, "pointerup", (e) => {
+    if (fingers.has(e.pointerId) && way < (e.pointerType === "touch" ? 10 : 4)) {
+      if (grip) landmarks.choose({ row: grip.row, pane: grip.pane }); else click(under(e));
+    }
+  });
+  ["pointerup", "pointercancel", "lostpointercapture"].forEach((name) => on(canvas, name, (e) => { fingers.delete(e.pointerId); grip = null; }));
+  on(canvas, "pointerleave", () => { if (!fingers.size && !pinned) { mark = null; redraw(); } });
   on(canvas, "wheel", (e) => {
     const [x, y] = middle(inside(0, [e.offsetX, e.offsetY]) ? 0 : 1);
     e.preventDefault(); closer(Math.exp(-e.deltaY * (e.deltaMode ? 0.05 : 0.0015)), e.offsetX - x, e.offsetY - y);
   });
   const keys = { ArrowLeft: () => rotate(0, 2, -0.1), ArrowRight: () => rotate(0, 2, 0.1),
     ArrowUp: () => rotate(2, 1, -0.1), ArrowDown: () => rotate(2, 1, 0.1), "+": () => closer(1.2, 0, 0),
-    "-": () => closer(1 / 1.2, 0, 0), Escape: () => click(null) };
+    "-": () => closer(1 / 1.2, 0, 0), Escape: () => { landmarks.choose(null); click(null); } };
   on(canvas, "keydown", (e) => { if (keys[e.key]) { e.preventDefault(); keys[e.key](); redraw(); } });
   on(canvas, "webglcontextlost", () => stage.classList.remove("usable", "live"));
   on(by("reset"), "click", () => { reset(); redraw(); });
@@ -215,10 +267,23 @@
   [checker, wire, turned].forEach((box) => on(box, "change", redraw));
   const pickingOrNot = () => stage.classList.toggle("picking", picking.checked);
   on(picking, "change", pickingOrNot); landmarks.changed = redraw;
-  const same = scene.filed[0] + scene.filed[4] + scene.filed[8] > 3 - 1e-6;
-  by("turning").hidden = same || !maps.length;
-  ["layers", "checkers"].forEach((id) => { by(id).hidden = !maps.length; });
-  by("maps").hidden = maps.length < 2; by("flat").hidden = !stage.querySelector("img");
-  which.selectedIndex = 0; turned.checked = false; reset(); pickingOrNot();
-  stage.classList.add("usable", "live"); offer();
+  const begin = () => { // with the first of the maps
+    by("turning").hidden = filed[0] + filed[4] + filed[8] > 3 - 1e-6 || !maps.length;
+    ["layers", "checkers"].forEach((id) => { by(id).hidden = !maps.length; });
+    by("maps").hidden = maps.length < 2; which.selectedIndex = 0; offer();
+  };
+  const take = (given) => { // maps in place of those before, of the same shapes
+    maps = unpacked(given); filed = given.filed; mark = null; pinned = false;
+    which.replaceChildren(...maps.map(({ name }) => new Option(name))); begin();
+  };
+  const look = (pane, vertex) => { // turn a vertex to the viewer
+    const at = where[pane].get(vertex); if (at === undefined) return;
+    const [x, y, z] = seen(rotation(pane), shapes[pane].normals, at);
+    rotate(2, 0, Math.atan2(x, z)); rotate(2, 1, Math.atan2(y, Math.hypot(x, z)));
+    mark = { pane, vertex: at }; pinned = true; redraw();
+  };
+  const show = (number) => { which.selectedIndex = number; offer(); };
+  by("flat").hidden = !stage.querySelector("img"); turned.checked = false; reset(); pickingOrNot();
+  stage.classList.add("usable", "live"); begin();
+  return { take, look, show, guess };
 })();

@@ -20,11 +20,11 @@ from isomatch.surfaces import Mesh
 from isomatch.values.arrays import IntArray, array_of
 from isomatch.view import lighting
 from isomatch.view.layers import doubt, expected_error, mismatch, user_layers
+from isomatch.view.picture import png
 from isomatch.view.report_sections import (
     drawn,
     paragraphs,
     pictures_of_alternatives,
-    png,
     quality_rows,
     sentence,
     table,
@@ -40,8 +40,8 @@ LEAST_TURN = 0.1  # degrees of a turn worth telling
 COMMAND = "isomatch match SOURCE TARGET -o DIR --landmarks landmarks.txt"
 
 # safe for the colour-blind (Okabe & Ito); the text states the outcome as well
-_COLOURS = {Outcome.CONVERGED: "#0072b2", Outcome.LOW_CONFIDENCE: "#d55e00", Outcome.MIRROR_IMAGE: "#d55e00"}
-_UNDECIDED = "#e69f00"
+COLOURS = {Outcome.CONVERGED: "#0072b2", Outcome.LOW_CONFIDENCE: "#d55e00", Outcome.MIRROR_IMAGE: "#d55e00"}
+UNDECIDED = "#e69f00"
 _SIDES = ("source", "target")
 _INLINED = {"style": "report.css", "landmark_script": "landmarks.js", "script": "report.js"}
 _HELPED_BY_LANDMARKS = (Outcome.HINTS_CONTRADICTED, Outcome.SYMMETRY_AMBIGUOUS, Outcome.LOW_CONFIDENCE)
@@ -105,7 +105,7 @@ def write_report(
     others = result.alternatives[:MOST_ALTERNATIVES]
     maps = {"returned": result.map}
     maps |= {f"alternative {i}": other.map for i, other in enumerate(others, 1)}
-    pairs = _pairs(landmarks, source, target)
+    pairs = pairs_on(landmarks, source, target)
     scene = scene_of(
         source,
         target,
@@ -118,36 +118,35 @@ def write_report(
         },
         landmarks=pairs,
     )
-    titles = _title("source", names[0]), _title("target", names[1])
+    titles = title_of("source", names[0]), title_of("target", names[1])
     if picture is None:
         still = png(drawn(source, target, result.map, titles, WIDTH))
     else:
         still = png(Path(picture).read_bytes()) if picture else ""
     helped = result.outcome in _HELPED_BY_LANDMARKS
-    details = _template("details.html").substitute(
+    details = template("details.html").substitute(
         regions=table_of_regions(result),
         quality=quality_rows(result),
         alternatives=pictures_of_alternatives(source, target, others),
         notes=paragraphs(map(sentence, result.notes or ["Nothing was repaired, left out or replaced."])),
     )
-    page = _page(
+    page = page_of(
         (source, target),
         names,
         scene,
         pairs,
-        colour=_COLOURS.get(result.outcome, _UNDECIDED),
+        colour=COLOURS.get(result.outcome, UNDECIDED),
         headline=escape(sentence(result.outcome.value)),
-        advice=escape(_advice(result.outcome)),
+        advice=escape(advice_on(result.outcome)),
         picture=f'<img src="{still}" alt="Source on the left, target on the right; points of the same colour '
         'correspond.">'
         if still
         else "",
         plain="Points of the same colour correspond.",
         maps="".join(f"<option>{escape(name)}</option>" for name in maps),
-        remarks=paragraphs(_remarks(scene, result)),
+        remarks=paragraphs(remarks_on(scene, result)),
         picking=" checked" if helped else "",
-        unpicked="" if helped or len(pairs) else " hidden",
-        command=escape(command),
+        landmarks=_list(command, shown=helped or bool(len(pairs))),
         details=details,
         run=tables_of_run(result, facts or {}),
     )
@@ -181,65 +180,85 @@ def write_landmark_picker(
     UnwritableFileError
         If the file cannot be written.
     """
-    pairs = _pairs(landmarks, source, target)
+    pairs = pairs_on(landmarks, source, target)
     scene = scene_of(source, target, {}, landmarks=pairs)
-    page = _page(
+    page = page_of(
         (source, target),
         names,
         scene,
         pairs,
-        colour=_COLOURS[Outcome.LOW_CONFIDENCE],
+        colour=COLOURS[Outcome.LOW_CONFIDENCE],
         headline="No map was found",
         advice=escape(sentence(reason.rstrip(".")) + "."),
         picture="",
         plain="Pick landmarks below.",
         maps="",
-        remarks=paragraphs(_simplified(scene)),
+        remarks=paragraphs(simplified(scene)),
         picking=" checked",
-        unpicked="",
-        command=escape(command),
+        landmarks=_list(command, shown=True),
         details="",
         run=table("Run", {**(facts or {}), **versions()}),
     )
     write_text(Path(path), page)
 
 
-def _page(
+def _list(command: str, *, shown: bool) -> str:
+    """Make the list of landmarks, with the command that matches again."""
+    unpicked = "" if shown else " hidden"
+    return template("landmarks.html").substitute(unpicked=unpicked, command=escape(command))
+
+
+def page_of(
     shapes: tuple[Mesh, Mesh],
     names: tuple[str, str],
     scene: Mapping[str, Any],
-    landmarks: IntArray,
+    pairs: IntArray,
+    *,
+    style: str = "",
+    policy: str = "",
+    kind: str = "",
+    work: str = "",
     **parts: str,
 ) -> str:
-    """Fill the template with the contents of every page, and with the given parts as HTML."""
+    """Fill the template with the contents of every page, and with the given parts as HTML.
+
+    ``pairs`` are the landmarks with which the list begins; a page that is served adds to ``style`` and to the content
+    security ``policy``, has a ``kind``, and a script to ``work`` with.
+    """
     # the list is kept for these shapes and landmarks
-    given = {"shapes": [mesh.content_hash for mesh in shapes], "landmarks": landmarks.tolist()}
-    return _template("report.html").substitute(
+    given = {"shapes": [mesh.content_hash for mesh in shapes], "landmarks": pairs.tolist()}
+    inlined = {name: text_of(file) for name, file in _INLINED.items()}
+    return template("report.html").substitute(
         **parts,
+        policy=policy,
+        kind=kind,
+        work=work,
         title=escape(f"isomatch: {names[0]} → {names[1]}"),
         pair=escape(" → ".join(f"{n} ({m.n_vertices:,} vertices)" for n, m in zip(names, shapes))),
-        source_name=escape(_title("source", names[0])),
-        target_name=escape(_title("target", names[1])),
+        source_name=escape(title_of("source", names[0])),
+        target_name=escape(title_of("target", names[1])),
         given=_json(given),
         scene=_json(scene),
         **_lights(),
-        **{name: _text(file) for name, file in _INLINED.items()},
+        **{**inlined, "style": inlined["style"] + style},
     )
 
 
-def _text(name: str) -> str:
+def text_of(name: str) -> str:
+    """Read a file beside this module."""
     return (files("isomatch.view") / name).read_text(encoding="utf-8")
 
 
-def _template(name: str) -> Template:
-    return Template(_text(name))
+def template(name: str) -> Template:
+    """Read a file beside this module, with places to fill."""
+    return Template(text_of(name))
 
 
 def _json(value: object) -> str:
     return json.dumps(value).replace("<", "\\u003c")  # so that no text in it can end the element
 
 
-def _pairs(landmarks: ArrayLike | None, source: Mesh, target: Mesh) -> IntArray:
+def pairs_on(landmarks: ArrayLike | None, source: Mesh, target: Mesh) -> IntArray:
     """Return those landmarks whose vertices both shapes have, (q, 2)."""
     pairs = array_of(
         np.zeros((0, 2), dtype=np.int64) if landmarks is None else landmarks, "landmarks", LandmarkError
@@ -262,15 +281,16 @@ def _lights() -> dict[str, str]:
     }
 
 
-def _advice(outcome: Outcome) -> str:
+def advice_on(outcome: Outcome) -> str:
+    """Say what to do about an outcome."""
     if outcome is Outcome.CONVERGED:
         return f"{outcome.advice} No outcome is a proof, so look at the picture."
     return outcome.advice
 
 
-def _remarks(scene: Mapping[str, Any], result: MatchResult) -> list[str]:
+def remarks_on(scene: Mapping[str, Any], result: MatchResult) -> list[str]:
     """Explain what the view leaves out, and from which side it shows the source."""
-    remarks = _simplified(scene)
+    remarks = simplified(scene)
     if not result.map.matched.all():
         remarks.insert(0, f"Grey: {(~result.map.matched).sum():,} source vertices without an image.")
     angle = np.degrees(np.arccos(np.clip((np.trace(np.reshape(scene["filed"], (3, 3))) - 1) / 2, -1, 1)))
@@ -283,7 +303,8 @@ def _remarks(scene: Mapping[str, Any], result: MatchResult) -> list[str]:
     return remarks
 
 
-def _simplified(scene: Mapping[str, Any]) -> list[str]:
+def simplified(scene: Mapping[str, Any]) -> list[str]:
+    """Say which shape is drawn with fewer vertices than it has."""
     return [
         f"In 3D the {side} is simplified to {shown:,} of its {used:,} vertices; pictures and numbers are those of the "
         "full shape."
@@ -292,5 +313,6 @@ def _simplified(scene: Mapping[str, Any]) -> list[str]:
     ]
 
 
-def _title(side: str, name: str) -> str:
+def title_of(side: str, name: str) -> str:
+    """Name a shape by its side and its file."""
     return side if name == side else f"{side}: {name}"
