@@ -3,7 +3,6 @@ from isomatch.view.colours import position_colours, to_screen
 from isomatch.view.inline import ResultView, show_result
 from isomatch.view.measures import Measure, quality_bounds, quality_measures
 from isomatch.view.panels import arranged_panels, colour_scale
-from isomatch.view.picture import Picture
 from isomatch.view.plots import plot_basis, plot_surface
 from isomatch.view.points import drawable
 from isomatch.view.report import MOST_ALTERNATIVES, write_landmark_picker, write_report
@@ -15,7 +14,6 @@ from isomatch.view.value_panel import ValuePanel
 __all__ = [
     "MOST_ALTERNATIVES",
     "Measure",
-    "Picture",
     "ResultView",
     "ValuePanel",
     "arranged_panels",

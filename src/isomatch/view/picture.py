@@ -21,8 +21,8 @@ from isomatch.view.value_panel import ValuePanel
 DPI = 200
 SHARPNESS = 2  # pixels of a picture for each pixel of a page, as many as sharp screens have
 TALLEST = 1.15  # largest height of a panel over its width
-MARGIN, TITLE, COLOUR_BAR = 30, 70, 150  # pixels
-TEXT = 8  # points
+MARGIN, TITLE, COLOUR_BAR = 30, 70, 175  # pixels
+TEXT = 9  # points
 
 
 class Picture(Figure):
@@ -37,7 +37,8 @@ class Picture(Figure):
     """
 
     def __init__(self, width: int, height: int, seen: str = "") -> None:
-        super().__init__((width / DPI, height / DPI), dpi=DPI, facecolor="white")
+        whole = 1e-6  # of a pixel, so that rounding loses none
+        super().__init__(((width + whole) / DPI, (height + whole) / DPI), dpi=DPI, facecolor="white")
         FigureCanvasAgg(self)
         self.seen = seen
 

@@ -163,7 +163,7 @@ def _(basis: LaplaceBasis) -> str:
     rows: dict[str, object] = {
         "points": f"{n:,}",
         "functions": k,
-        "eigenvalues": f"{basis.values[0]:.3g} … {basis.values[-1]:.3g} / squared mesh units",
+        "eigenvalues": f"up to {basis.values[-1]:.3g} / squared mesh units",
         "size": _size(basis.vectors.nbytes, n),
         "notes": "; ".join(basis.notes),
     }
