@@ -197,7 +197,7 @@ const report = (() => {
   const describe = () => {
     const marks = ["dot0", "dot1", "link"].map(by), [, , link] = marks;
     for (const item of marks) item.setAttribute("visibility", "hidden");
-    if (!mark) { status.textContent = now() ? status.dataset.help : "Drag to rotate both shapes, use the wheel to zoom."; return; }
+    if (!mark) { status.textContent = now() ? status.dataset.help : "Drag to rotate both shapes; the wheel or two fingers zoom."; return; }
     const { pane, vertex } = mark, map = now(), image = map?.images[vertex], item = shown();
     const own = place(marks[0], pane, shapes[pane].vertices, shapes[pane].normals, vertex);
     status.textContent = `${pane ? "target" : "source"} vertex ${shapes[pane].index[vertex]}`;
@@ -270,7 +270,7 @@ const report = (() => {
   const begin = () => { // with the first of the maps
     by("turning").hidden = filed[0] + filed[4] + filed[8] > 3 - 1e-6 || !maps.length;
     ["layers", "checkers"].forEach((id) => { by(id).hidden = !maps.length; });
-    by("maps").hidden = maps.length < 2; which.selectedIndex = 0; offer();
+    by("maps").hidden = maps.length < 2; which.selectedIndex = 0; layer.value = "position"; offer();
   };
   const take = (given) => { // maps in place of those before, of the same shapes
     maps = unpacked(given); filed = given.filed; mark = null; pinned = false;
@@ -283,7 +283,8 @@ const report = (() => {
     mark = { pane, vertex: at }; pinned = true; redraw();
   };
   const show = (number) => { which.selectedIndex = number; offer(); };
+  const colour = (name) => { layer.value = name; paint(); };
   by("flat").hidden = !stage.querySelector("img"); turned.checked = false; reset(); pickingOrNot();
   stage.classList.add("usable", "live"); begin();
-  return { take, look, show, guess };
+  return { take, look, show, colour, guess };
 })();

@@ -56,32 +56,70 @@ def scene_of(
         user's index of the target vertex, −1 if unmatched), ``points`` and ``normals`` of the precise images,
         ``colours``, and the ``layers`` by name, see `Layer.packed`. Arrays are little-endian, in base 64.
     """
-    source, target = of_ordinary_size(source), of_ordinary_size(target)
-    camera, first = camera_of(target), next(iter(maps), None)
-    turn = np.eye(3) if first is None else turn_to_target(source, target, maps[first])
-    kept = np.zeros((2, 0), dtype=np.int64) if landmarks is None else landmarks.T
-    from_source = _Shown(source, camera @ turn, most, kept[0])
-    from_target = _Shown(target, camera, most, kept[1])
-    colours = position_colours(target)
-    packed = []
-    for name, correspondence in maps.items():
-        map_layers = {
-            "stretch": stretch(source, target, correspondence),
-            **(layers or {} if name == first else {}),
+    first = next(iter(maps.values()), None)
+    drawn = DrawnPair(source, target, first, landmarks=landmarks, most=most)
+    return {**drawn.shapes(), **drawn.maps(maps, layers)}
+
+
+class DrawnPair:
+    """Both shapes as a browser draws them; maps between them can be added later.
+
+    Parameters
+    ----------
+    source, target, landmarks, most
+        As for `scene_of`.
+    facing : Correspondence, optional
+        Map by which the source is turned to face like the target; by default it lies as in its file.
+    """
+
+    def __init__(
+        self,
+        source: Mesh,
+        target: Mesh,
+        facing: Correspondence | None = None,
+        *,
+        landmarks: IntArray | None = None,
+        most: int = MOST_SHOWN,
+    ) -> None:
+        self._source, self._target = of_ordinary_size(source), of_ordinary_size(target)
+        self._camera = camera_of(self._target)
+        self._turn = self._turn_of(facing)
+        kept = np.zeros((2, 0), dtype=np.int64) if landmarks is None else landmarks.T
+        self._from_source = _Shown(self._source, self._camera @ self._turn, most, kept[0])
+        self._from_target = _Shown(self._target, self._camera, most, kept[1])
+        self._colours = position_colours(self._target)
+
+    def shapes(self) -> dict[str, Any]:
+        """Return ``source``, ``target`` and ``filed`` of `scene_of`."""
+        lying = self._from_source.points[self._from_source.index] @ self._filed(self._turn).T
+        at_source = self._from_source.packed()
+        at_source["extent"] = np.maximum(at_source["extent"], 2 * np.abs(lying).max(axis=0)).tolist()
+        colours = _colours(self._colours[self._from_target.index])
+        return {
+            "source": at_source,
+            "target": {**self._from_target.packed(), "colours": colours},
+            "filed": self._filed(self._turn).ravel().tolist(),
         }
-        packed.append(
-            {"name": name, **_packed_map(from_source, from_target, colours, correspondence, map_layers)}
-        )
-    filed = camera @ turn.T @ camera.T
-    lying = from_source.points[from_source.index] @ filed.T
-    at_source = from_source.packed()
-    at_source["extent"] = np.maximum(at_source["extent"], 2 * np.abs(lying).max(axis=0)).tolist()
-    return {
-        "source": at_source,
-        "target": {**from_target.packed(), "colours": _colours(colours[from_target.index])},
-        "filed": filed.ravel().tolist(),
-        "maps": packed,
-    }
+
+    def maps(
+        self, maps: Mapping[str, Correspondence], layers: Mapping[str, Layer] | None = None
+    ) -> dict[str, Any]:
+        """Return ``maps`` of `scene_of`, and the ``filed`` of the first; ``layers`` are values under that."""
+        packed: list[dict[str, Any]] = []
+        for name, correspondence in maps.items():
+            own = {"stretch": stretch(self._source, self._target, correspondence)}
+            own |= {} if packed else dict(layers or {})
+            ready = _packed_map(self._from_source, self._from_target, self._colours, correspondence, own)
+            packed.append({"name": name, **ready})
+        turn = self._turn_of(next(iter(maps.values()), None))
+        return {"filed": self._filed(turn).ravel().tolist(), "maps": packed}
+
+    def _turn_of(self, found: Correspondence | None) -> FloatArray:
+        return np.eye(3) if found is None else turn_to_target(self._source, self._target, found)
+
+    def _filed(self, turn: FloatArray) -> FloatArray:
+        """In camera coordinates, the rotation that takes back a turn of the source."""
+        return self._camera @ turn.T @ self._camera.T
 
 
 class _Shown:
