@@ -24,7 +24,6 @@ from isomatch import (
     Mesh,
     Outcome,
     PointCloud,
-    Quality,
     distance_basis,
     laplace_basis,
     match,
@@ -32,13 +31,12 @@ from isomatch import (
     show_progress,
 )
 from isomatch.errors import DescriptorError, MapError, MeshError, MissingDependencyError, SettingError
-from isomatch.matching import MatchResult
 from isomatch.view import ValuePanel, camera_of, html_of, representations
 from shapes import icosphere
+from view_results import QUALITY, map_of, result_of
 from zoo import zoo
 
 BALL = icosphere(2)
-QUALITY = Quality(0.3, 1.0, 1.0, 0.1, 1.0, 0.9, 0.01, 0.02, 1.0, 1.0, np.nan, np.nan)
 SIZES = {name: getattr(representations, name) for name in ("PAIR_WIDTH", "ALONE_WIDTH")}
 HAS_ANYWIDGET = find_spec("anywidget") is not None
 
@@ -48,31 +46,6 @@ def small(monkeypatch):
     """Pictures take time as their pixels do."""
     for name, wide in SIZES.items():
         monkeypatch.setattr(representations, name, wide // 4)
-
-
-def map_of(mesh, image=None):
-    hashes = mesh.content_hash, mesh.content_hash
-    return Correspondence(
-        np.arange(mesh.n_vertices) if image is None else image, mesh.n_vertices, None, None, *hashes
-    )
-
-
-def result_of(mesh, **changes):
-    made = MatchResult(
-        map=map_of(mesh),
-        outcome=Outcome.LOW_CONFIDENCE,
-        quality=QUALITY,
-        expected_error=np.linspace(0, 0.1, mesh.n_vertices),
-        alternatives=(),
-        timings={"total": 1.0},
-        notes=("<b>a note</b> & more",),
-        engine="fast_marching",
-        origin="extremities",
-        reason="least misfit",
-        config=Config(rank=40),
-        seed=0,
-    )
-    return replace(made, **changes)
 
 
 @pytest.fixture(scope="module")

@@ -144,7 +144,11 @@ def plot_basis(
     for k, (column, value) in enumerate(zip(basis.vectors.T[:N_SHOWN], values), 1):
         most = float(np.abs(column).max()) or 1.0
         even = ValuePanel([-most, most], colour_map=colour_map)
-        panels.append(Panel(painted(mesh, camera, even, column), f"vector {k}, eigenvalue {value:.3g}".replace("-", "−")))
+        panels.append(
+            Panel(
+                painted(mesh, camera, even, column), f"vector {k}, eigenvalue {value:.3g}".replace("-", "−")
+            )
+        )
     return pictured(panels, width, title=title, seen=f"The first {len(panels)} vectors of {basis!r}")
 
 
