@@ -31,7 +31,7 @@ from isomatch.view.report_sections import paragraphs, sentence
 from isomatch.view.scene import scene_of
 
 SANDBOX = "allow-scripts allow-downloads"  # the page reaches neither the notebook nor anything else
-FETCHED = "Each pair that you click is in <code>view.landmarks</code> at once, if <code>view = result.show()</code>:"
+FETCHED = "After <code>view = result.show()</code>, what you click is in <code>view.landmarks</code> at once:"
 STATIC = (
     "To have the pairs that you click in Python, install <code>isomatch[notebook]</code> and show the result again. "
     "Until then, save the list and read it:"
