@@ -45,7 +45,7 @@ HAS_ANYWIDGET = find_spec("anywidget") is not None
 def small(monkeypatch):
     """Pictures take time as their pixels do."""
     for name, wide in SIZES.items():
-        monkeypatch.setattr(representations, name, wide // 4)
+        monkeypatch.setattr(representations, name, wide // 3)
 
 
 @pytest.fixture(scope="module")
@@ -228,6 +228,8 @@ def test_what_cannot_be_drawn_is_refused():
         BALL.plot([1, 2, 3])
     with pytest.raises(DescriptorError, match="3 columns"):
         BALL.plot(np.ones((5, 3)))
+    with pytest.raises(SettingError, match="width = 20"):
+        BALL.plot(width=20)
     with pytest.raises(SettingError, match="no colour map"):
         BALL.plot(np.ones(BALL.n_vertices), colour_map="none such")
     with pytest.raises(MeshError, match=r"no faces of any area.*repair\(mesh\)"):

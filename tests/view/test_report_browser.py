@@ -197,9 +197,10 @@ def test_landmarks_are_picked_listed_kept_saved_and_removed(report, visit, tmp_p
     assert "Line 5 is not a pair" in page.text_content("#problem")
     assert page.locator(".pin").count() == 7
     page.click("#undo")
-    page.click("#undo")
     settled(page)
-    assert page.locator(".pin").count() == 4
+    assert page.input_value("#noted") == listed
+    assert page.locator(".pin").count() == 6
+    assert page.is_disabled("#undo")
     page.click("#clear")
     settled(page)
     assert page.locator(".pin").count() == 0

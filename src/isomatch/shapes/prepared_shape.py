@@ -178,6 +178,8 @@ class PreparedShape(SmoothShape, Shown):
         ------
         DescriptorError, SettingError
             If the values do not fit, or there is no such colour map.
+        TypeError
+            If the shape is a graph, which has no positions.
         """
         if values is None:
             values, label = self.lift(self.average_distance), label or "average distance / √area"

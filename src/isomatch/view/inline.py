@@ -14,6 +14,7 @@ from isomatch.loading.packages import package
 from isomatch.matching import MatchResult, Outcome
 from isomatch.surfaces import Surface
 from isomatch.values.arrays import IntArray
+from isomatch.values.cached import cached_property
 from isomatch.view.layers import doubt, expected_error, mismatch
 from isomatch.view.points import drawable
 from isomatch.view.report import (
@@ -56,10 +57,10 @@ class ResultView:
     """
 
     def __init__(self, page: str, pairs: IntArray, height: int) -> None:
-        self._page, self._height = page, height
-        self._widget = (
-            _widget_class()(page=page, pairs=pairs.tolist(), height=height) if clicks_return() else None
-        )
+        self._page, self._pairs, self._height = page, pairs.tolist(), height
+
+    def __repr__(self) -> str:
+        return "ResultView, which a notebook shows where it is the last line of a cell"
 
     @property
     def landmarks(self) -> IntArray:
@@ -72,14 +73,14 @@ class ResultView:
         """
         return np.array(self.widget.pairs, dtype=np.int64).reshape(-1, 2)
 
-    @property
+    @cached_property
     def widget(self) -> Any:
         """The widget, for layouts of ipywidgets and for ``observe(function, "pairs")``; errors as for ``landmarks``."""
-        return self._widget or package("anywidget", EXTRA, WHAT)
+        return _widget_class()(page=self._page, pairs=self._pairs, height=self._height)
 
     def _repr_mimebundle_(self, **options: Any) -> Any:
         """Give the widget where there is one, and the page alone for notebooks that are kept or exported without it."""
-        shown = self._widget._repr_mimebundle_(**options) if self._widget else {}
+        shown = self.widget._repr_mimebundle_(**options) if clicks_return() else {}
         data, about = shown if isinstance(shown, tuple) else (shown, {})
         return {"text/plain": repr(self), **(data or {}), "text/html": self._repr_html_()}, about
 
@@ -105,10 +106,8 @@ def show_result(
     maps = {"returned": result.map} | {f"alternative {i}": other.map for i, other in others}
     layers = {**doubt(result), **expected_error(result), **mismatch(result)}
     scene = scene_of(source, target, maps, layers=layers, landmarks=pairs)
-    panel = template("inline_landmarks.html").substitute(
-        told=FETCHED if clicks_return() else STATIC,
-        command=escape(MATCH_AGAIN if clicks_return() else MATCH_SAVED),
-    )
+    told, command = (FETCHED, MATCH_AGAIN) if clicks_return() else (STATIC, MATCH_SAVED)
+    panel = template("inline_landmarks.html").substitute(told=told, command=escape(command))
     page = page_of(
         (source, target),
         ("source", "target"),

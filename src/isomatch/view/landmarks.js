@@ -51,7 +51,7 @@ const landmarks = (() => {
     list.chosen = end && chosen && chosen.row === end.row && chosen.pane === end.pane ? null : end; list.changed();
   };
   list.undo = () => { if (past.length) { list.chosen = null; text.value = past.pop(); read(); } };
-  text.addEventListener("input", () => { past.push(before); read(); }); picking.addEventListener("change", read);
+  text.addEventListener("input", () => { if (text.value !== before) past.push(before); read(); }); picking.addEventListener("change", read);
   by("undo").addEventListener("click", list.undo);
   by("clear").addEventListener("click", () => { list.chosen = null; write([]); });
   text.value = stored() ?? written(given.landmarks); read();

@@ -14,6 +14,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties, findfont, get_font
 
+from isomatch.errors import SettingError
 from isomatch.values.arrays import FloatArray
 from isomatch.view.surface_image import SurfaceView
 from isomatch.view.value_panel import ValuePanel
@@ -21,6 +22,7 @@ from isomatch.view.value_panel import ValuePanel
 DPI = 200
 SHARPNESS = 2  # pixels of a picture for each pixel of a page, as many as sharp screens have
 TALLEST = 1.15  # largest height of a panel over its width
+LEAST_WIDTH = 200  # pixels of a picture
 MARGIN, TITLE, COLOUR_BAR = 30, 70, 175  # pixels
 TEXT = 9  # points
 
@@ -82,7 +84,14 @@ def pictured(
         Values whose colours a bar at the right explains.
     title, seen : str
         Title above all, and what the picture shows, for who cannot see it.
+
+    Raises
+    ------
+    SettingError
+        If there is no room for the panels.
     """
+    if width < LEAST_WIDTH:
+        raise SettingError(f"width = {width} is below {LEAST_WIDTH} pixels; give at least as many")
     right = 0 if values is None else COLOUR_BAR
     above, below = (TITLE if any(texts) else 0 for texts in ([title], [panel.title for panel in panels]))
     extents = np.array([panel.view.extent() for panel in panels])  # (panels, 2)

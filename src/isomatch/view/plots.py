@@ -69,7 +69,9 @@ def plot_surface(
     MeshError
         If the surface has no area.
     SettingError
-        If there is no such colour map.
+        If there is no such colour map, or the width is below 200 pixels.
+    TypeError
+        If it is a graph, which has no positions.
 
     Notes
     -----

@@ -112,7 +112,7 @@ const report = (() => {
       if (canvas[side] !== Math.round(length * ratio)) canvas[side] = Math.round(length * ratio);
     });
     panes = w < h ? [[0, 0, w, h / 2], [0, h / 2, w, h / 2]] : [[0, 0, w / 2, h], [w / 2, 0, w / 2, h]];
-    scale = Math.min(...shapes.map((s, k) => Math.min(0.88 * panes[k][2] / s.extent[0], (panes[k][3] - 72) / s.extent[1])));
+    scale = Math.min(...shapes.map((s, k) => Math.min(0.88 * panes[k][2] / s.extent[0], (panes[k][3] - Math.min(72, 0.22 * panes[k][3])) / s.extent[1])));
     [0, 1].forEach((k) => Object.assign(by("name" + k).style,
       { left: middle(k)[0] + "px", top: panes[k][1] + panes[k][3] - 28 + "px" }));
     return [w, h, ratio];
@@ -247,7 +247,7 @@ const report = (() => {
   });
   on(canvas, "pointerup", (e) => {
     if (fingers.has(e.pointerId) && way < (e.pointerType === "touch" ? 10 : 4)) {
-      if (grip) landmarks.choose({ row: grip.row, pane: grip.pane }); else click(under(e));
+      if (grip && !grip.made.classList.contains("guess")) landmarks.choose({ row: grip.row, pane: grip.pane }); else click(under(e));
     }
   });
   ["pointerup", "pointercancel", "lostpointercapture"].forEach((name) => on(canvas, name, (e) => { fingers.delete(e.pointerId); grip = null; }));

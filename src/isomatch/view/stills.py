@@ -66,6 +66,8 @@ def draw_map(
         If there is not a value for each source vertex.
     MeshError
         If coordinates differ so much that floats have no area for a shape, or a shape has none.
+    SettingError
+        If the width is below 200 pixels.
     UnwritableFileError
         If the file cannot be written.
 
