@@ -40,7 +40,7 @@ STATIC = (
 MATCH_AGAIN = "match(source, target, landmarks=view.landmarks)"
 MATCH_SAVED = 'match(source, target, landmarks=read_landmarks("landmarks.txt", source, target))'
 EXTRA = "notebook"
-WHAT = "landmarks clicked in a notebook"
+WHAT = "bringing clicked landmarks to Python"
 
 
 class ResultView:
