@@ -44,7 +44,7 @@ const landmarks = (() => {
     else if (row < 0) write([...list.rows, pane ? [null, vertex] : [vertex, null]]);
     else list.put(row, pane, vertex);
   };
-  list.pair = (...row) => write([...list.rows, row]);
+  list.extend = (rows) => write([...list.rows, ...rows]);
   list.drop = (row) => { list.chosen = null; write(list.rows.filter((_, k) => k !== row)); };
   list.choose = (end) => { // again: not any more
     const { chosen } = list;

@@ -112,7 +112,7 @@ const report = (() => {
       if (canvas[side] !== Math.round(length * ratio)) canvas[side] = Math.round(length * ratio);
     });
     panes = w < h ? [[0, 0, w, h / 2], [0, h / 2, w, h / 2]] : [[0, 0, w / 2, h], [w / 2, 0, w / 2, h]];
-    scale = Math.min(...shapes.map((s, k) => Math.min(0.88 * panes[k][2] / s.extent[0], (panes[k][3] - Math.min(72, 0.22 * panes[k][3])) / s.extent[1])));
+    scale = Math.min(...shapes.map((s, k) => Math.min(0.88 * panes[k][2] / s.extent[0], (panes[k][3] - Math.min(72, 0.3 * panes[k][3])) / s.extent[1])));
     [0, 1].forEach((k) => Object.assign(by("name" + k).style,
       { left: middle(k)[0] + "px", top: panes[k][1] + panes[k][3] - 28 + "px" }));
     return [w, h, ratio];
@@ -165,17 +165,21 @@ const report = (() => {
     const made = document.createElementNS(by("pins").namespaceURI, name);
     Object.entries(attributes).forEach(([key, value]) => made.setAttribute(key, value)); made.append(...inner); return made;
   };
-  const guess = ([own, goal]) => { // the missing end of a pair by the map that is shown; undefined if there is none
-    const map = now(), from = where[0].get(own), to = where[1].get(goal);
-    if (!map || !landmarks.guesses) return undefined;
-    if (from !== undefined) return map.images[from];
-    let best, least = Infinity; // the vertex whose image is nearest
-    for (let k = 0; to !== undefined && k < map.images.length; k++) {
-      const away = map.images[k] < 0 ? Infinity
-        : [0, 1, 2].reduce((sum, c) => sum + (map.points[3 * k + c] - shapes[1].vertices[3 * to + c]) ** 2, 0);
-      if (away < least) { least = away; best = shapes[0].index[k]; }
+  const nearest = (points, p, counts) => { // number of the nearest of some points, of those that count
+    let best, least = Infinity;
+    for (let k = 0; 3 * k < points.length; k++) {
+      const away = (points[3 * k] - p[0]) ** 2 + (points[3 * k + 1] - p[1]) ** 2 + (points[3 * k + 2] - p[2]) ** 2;
+      if (away < least && counts(k)) { least = away; best = k; }
     }
     return best;
+  };
+  const guess = ([own, goal]) => { // the missing end of a pair by the map that is shown; undefined if there is none
+    const map = now(), from = where[0].get(own), to = where[1].get(goal), at = (points, k) => points.slice(3 * k, 3 * k + 3);
+    if (!map || !landmarks.guesses) return undefined;
+    if (to !== undefined) return shapes[0].index[nearest(map.points, at(shapes[1].vertices, to), (k) => map.images[k] >= 0)];
+    if (from === undefined || map.images[from] < 0) return undefined;
+    if (where[1].has(map.images[from])) return map.images[from];
+    return shapes[1].index[nearest(shapes[1].vertices, at(map.points, from), () => true)];  // of those that are shown
   };
   const TOUCHED = 20, POINTED = 11; // pixels around a pin that belong to it
   let pins = [];
@@ -282,9 +286,15 @@ const report = (() => {
     rotate(2, 0, Math.atan2(x, z)); rotate(2, 1, Math.atan2(y, Math.hypot(x, z)));
     mark = { pane, vertex: at }; pinned = true; redraw();
   };
+  const farthest = (taken) => { // the vertex with an image that is farthest from some, or from the middle
+    const at = (k) => shapes[0].vertices.slice(3 * k, 3 * k + 3), known = taken.map((vertex) => where[0].get(vertex)).filter((k) => k !== undefined);
+    const from = known.length ? known.map(at) : [[0, 0, 0]], { images } = maps[0];
+    const away = Array.from(shapes[0].index, (_, k) => (images[k] < 0 ? -1 : Math.min(...from.map((p) => Math.hypot(...at(k).map((x, c) => x - p[c]))))));
+    return shapes[0].index[away.indexOf(away.reduce((a, b) => Math.max(a, b)))];
+  };
   const show = (number) => { which.selectedIndex = number; offer(); };
   const colour = (name) => { layer.value = name; paint(); };
   by("flat").hidden = !stage.querySelector("img"); turned.checked = false; reset(); pickingOrNot();
   stage.classList.add("usable", "live"); begin();
-  return { take, look, show, colour, guess };
+  return { take, look, show, colour, guess, farthest };
 })();

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from base64 import b64encode
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,6 +16,7 @@ from isomatch.view.camera import camera_of, of_ordinary_size, seen_from, turn_to
 from isomatch.view.colours import UNMATCHED_GREY, position_colours, to_screen
 from isomatch.view.layers import Layer, stretch
 
+Side = Literal["source", "target"]
 MOST_SHOWN = 30_000  # vertices of one shape
 COARSER = 1.15  # growth of the grid cells from one attempt at simplification to the next
 
@@ -113,6 +114,14 @@ class DrawnPair:
             packed.append({"name": name, **ready})
         turn = self._turn_of(next(iter(maps.values()), None))
         return {"filed": self._filed(turn).ravel().tolist(), "maps": packed}
+
+    def shown_near(self, side: Side, vertex: int) -> int:
+        """Return a vertex if it is shown, or else the nearest one that is; user's indices."""
+        shape = self._from_source if side == "source" else self._from_target
+        if vertex in shape.index:
+            return vertex
+        apart = np.linalg.norm(shape.points[shape.index] - shape.points[vertex], axis=1)
+        return int(shape.index[apart.argmin()])
 
     def _turn_of(self, found: Correspondence | None) -> FloatArray:
         return np.eye(3) if found is None else turn_to_target(self._source, self._target, found)
