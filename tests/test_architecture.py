@@ -199,6 +199,21 @@ def test_only_the_command_line_prints_or_exits():
                 )
 
 
+def test_only_what_shows_itself_reaches_the_room_of_pictures():
+    """A method that shows its own object calls `view_room`, which imports a later room; nothing else may."""
+    showing = {"plot", "show", "_repr_html_"}
+    for path in FILES:
+        calls = {
+            node.lineno: function.name
+            for function in ast.walk(parsed(path))
+            if isinstance(function, ast.FunctionDef)
+            for node in ast.walk(function)
+            if isinstance(node, ast.Call) and ast.unparse(node.func) == "view_room"
+        }
+        wrong = {line: name for line, name in calls.items() if name not in showing}
+        assert not wrong, f"{path}: {wrong} call view_room; only {showing} may"
+
+
 def test_loops_are_compiled_in_one_way():
     """`compiled` works without a cache and waits for the first call, and coverage leaves out what it decorates."""
     users = {path.name for path in FILES if "import numba" in path.read_text(encoding="utf-8")}

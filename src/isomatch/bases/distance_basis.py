@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, DTypeLike
 from scipy.linalg import qr
 
 from isomatch.bases.low_rank_distances import low_rank_distances
+from isomatch.bases.plotted import PlottedBasis
 from isomatch.bases.signs import fix_signs
 from isomatch.errors import MeshError, SettingError, some
 from isomatch.geodesics import Sampling, points_of
@@ -39,7 +40,7 @@ NULL_VALUE = 1e-12  # of the largest eigenvalue; smaller ones are rounding error
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class DistanceBasis:
+class DistanceBasis(PlottedBasis):
     """A low-rank form D ≈ Q Λ Qᵀ of the matrix of all geodesic distances, n × k numbers in place of n × n.
 
     Parameters

@@ -12,6 +12,7 @@ from scipy.sparse import csc_array, csr_array
 from isomatch.assets import SurfaceLike, surface_from
 from isomatch.bases.domain import require_one_component
 from isomatch.bases.laplacian import WIDTH, factorised, factorised_single, stiffness_and_masses
+from isomatch.bases.plotted import PlottedBasis
 from isomatch.bases.seams import shared_weights
 from isomatch.bases.signs import fix_signs
 from isomatch.errors import MeshError, NotConvergedError, SettingError, some
@@ -40,7 +41,7 @@ SINGLE_SHIFT = (
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class LaplaceBasis:
+class LaplaceBasis(PlottedBasis):
     """The first eigenfunctions of the Laplace–Beltrami operator.
 
     Parameters

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,14 +19,18 @@ from isomatch.correspondence.composition import composed, inverse
 from isomatch.correspondence.functional_maps import FunctionalMap, fit_functional_map
 from isomatch.correspondence.map_files import map_parts, write_map
 from isomatch.errors import DescriptorError, FormatError, MapError
-from isomatch.surfaces import Mesh, PrecisePoints, picture, surface_in_use
+from isomatch.loading.notebooks import Shown, view_room
+from isomatch.surfaces import PrecisePoints, Surface, surface_in_use
 from isomatch.values.arrays import AnyArray, FloatArray, IntArray, array_of
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Correspondence:
+class Correspondence(Shown):
     """A map from a source to a target, source → target.
 
     Parameters
@@ -90,18 +94,80 @@ class Correspondence:
         tail = f", {missing} unmatched" if missing else ""
         return f"Correspondence(source {len(self.vertices)} → target {self.n_target}{tail})"
 
-    def _repr_html_(self) -> str:
-        """Picture of both meshes in corresponding colours, as long as they are in use, for notebooks."""
-        source, target = surface_in_use(self.source_hash), surface_in_use(self.target_hash)
-        pictures = ""
-        if isinstance(source, Mesh) and isinstance(target, Mesh):
-            low, high = target.vertices.min(axis=0), target.vertices.max(axis=0)
-            colours = 0.1 + 0.9 * (target.vertices - low) / np.where(high > low, high - low, 1.0)
-            pictures = "".join(
-                picture(mesh.vertices, mesh.faces, repr(mesh), values)
-                for mesh, values in ((source, self.pull_back(colours)), (target, colours))
-            )
-        return f"<p>{self!r}</p>{pictures}"
+    def plot(
+        self,
+        source: SurfaceLike = None,
+        target: SurfaceLike = None,
+        *,
+        values: ArrayLike | None = None,
+        label: str = "",
+        colour_map: str | None = None,
+        title: str = "",
+        width: int = 1800,
+        view: tuple[float, float] | None = None,
+    ) -> Figure:
+        """Draw both surfaces side by side, in the same colour what corresponds; see `isomatch.view.draw_map`.
+
+        Parameters
+        ----------
+        source, target : Mesh, PointCloud, or what `surface_from` takes, optional
+            The surfaces; by default those that the map was made for, as long as a variable holds them.
+        values : (n_source,) array_like of float, optional
+            Numbers, such as an expected error, in whose colours the source is drawn once more; ``nan`` is grey.
+        label : str
+            What the numbers are, with their unit.
+        colour_map : str, optional
+            Name of a colour map of matplotlib for the numbers.
+        title : str
+            Title above all.
+        width : int
+            Width in pixels; notebooks show two of them for each pixel of the page.
+        view : (float, float), optional
+            Where the viewer of the target is, in degrees around it and above the horizon: by default (32, 14).
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+
+        Raises
+        ------
+        MapError
+            If the surfaces are others, or are not given and no longer held.
+        DescriptorError, MeshError, SettingError
+            If the values do not fit, a surface has no area, or there is no such colour map.
+        """
+        room, surfaces = view_room(), self.surfaces(source, target)
+        figure: Figure = room.draw_map(
+            *map(room.drawable, surfaces),
+            self,
+            values=None if values is None else room.ValuePanel(values, label, colour_map=colour_map),
+            title=title,
+            width=width,
+            view=view,
+        )
+        return figure
+
+    def surfaces(self, source: SurfaceLike = None, target: SurfaceLike = None) -> tuple[Surface, Surface]:
+        """Return the surfaces of the map: those given, or those that it was made for while a variable holds them.
+
+        Raises
+        ------
+        MapError
+            If they are others, or are not given and no longer held.
+        """
+        self.check_fits(source, target)
+        found = []
+        for name, given, own_hash in (
+            ("source", source, self.source_hash),
+            ("target", target, self.target_hash),
+        ):
+            surface = surface_in_use(own_hash) if given is None else surface_from(given)
+            if not isinstance(surface, Surface):
+                raise MapError(
+                    f"the {name} of this map is no longer held by any variable; give source and target"
+                )
+            found.append(surface)
+        return found[0], found[1]
 
     @property
     def shape(self) -> tuple[int, int]:

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from isomatch.assets import SurfaceLike
 from isomatch.correspondence import UNMATCHED, iterative_closest_points
+from isomatch.loading.notebooks import view_room
 from isomatch.matching.fit import Hypothesis
 from isomatch.matching.hints import Hints, checked_initial_map, checked_landmarks
 from isomatch.matching.judge import Evidence, judged
@@ -38,6 +39,10 @@ class BothDirections(NamedTuple):
 
     there: MatchResult
     back: MatchResult
+
+    def _repr_html_(self) -> str:
+        html: str = view_room().html_of(self)  # a named tuple has no other base
+        return html
 
 
 def match_both(

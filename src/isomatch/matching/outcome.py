@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from enum import Enum
 
+from isomatch.loading.notebooks import Shown
 
-class Outcome(Enum):
+
+class Outcome(Shown, Enum):
     """How a match ended; ``advice`` says what it means and what to do. Where several hold, the first one is given."""
 
     HINTS_CONTRADICTED = "hints contradicted"

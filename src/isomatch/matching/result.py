@@ -7,15 +7,16 @@ import math
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
-from html import escape
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from isomatch.assets import SurfaceLike
 from isomatch.correspondence import UNMATCHED, Correspondence, wrap
 from isomatch.errors import FormatError, InputError
+from isomatch.loading.notebooks import Shown, view_room
 from isomatch.matching.outcome import Outcome
 from isomatch.matching.regions import DoubtfulRegion, packed, unpacked
 from isomatch.settings import MatchSettings
@@ -24,6 +25,9 @@ from isomatch.surfaces import Mesh
 from isomatch.values.arrays import FloatArray
 from isomatch.values.cached import cached_property
 from isomatch.values.settings import Settings
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 MAP_ARRAYS = {
     "vertices": Stored("integer", ("n",)),
@@ -52,7 +56,7 @@ FORMAT = ArrayFormat(
 
 
 @dataclass(frozen=True)
-class Quality:
+class Quality(Shown):
     """Measures of a map that need no ground truth.
 
     Of large meshes, they are those of the level on which they are matched, before polishing. Of shapes of several
@@ -182,7 +186,7 @@ def _settings(name: str, values: dict[str, Any]) -> MatchSettings:
 
 
 @dataclass(frozen=True, eq=False)
-class MatchResult:
+class MatchResult(Shown):
     """Result of `match`, or of a baseline.
 
     Parameters
@@ -251,6 +255,67 @@ class MatchResult:
     def overlap(self) -> tuple[float, float]:
         """Shares of both shapes that the map says they have in common: ``quality.matched`` and ``quality.coverage``."""
         return self.quality.matched, self.quality.coverage
+
+    def plot(
+        self,
+        source: SurfaceLike = None,
+        target: SurfaceLike = None,
+        *,
+        values: ArrayLike | None = None,
+        label: str = "",
+        colour_map: str | None = None,
+        title: str = "",
+        width: int = 1800,
+        view: tuple[float, float] | None = None,
+    ) -> Figure:
+        """Draw both surfaces side by side, in the same colour what corresponds: `Correspondence.plot` of the map."""
+        return self.map.plot(
+            source,
+            target,
+            values=values,
+            label=label,
+            colour_map=colour_map,
+            title=title,
+            width=width,
+            view=view,
+        )
+
+    def show(
+        self,
+        source: SurfaceLike = None,
+        target: SurfaceLike = None,
+        *,
+        landmarks: ArrayLike | None = None,
+        height: int = 720,
+    ) -> Any:
+        """Show the view of the report in a notebook: both shapes in 3D, layers of colour, landmarks to be clicked.
+
+        Parameters
+        ----------
+        source, target : Mesh, PointCloud, or what `surface_from` takes, optional
+            The surfaces; by default those that were matched, as long as a variable holds them.
+        landmarks : (q, 2) array_like of int, optional
+            Pairs (source vertex, target vertex) with which the list of landmarks begins.
+        height : int
+            Height in pixels of the page.
+
+        Returns
+        -------
+        ResultView
+            What a notebook shows if it is the last line of a cell. With the extra ``notebook``, its ``landmarks`` are
+            those clicked so far, which `match` takes.
+
+        Raises
+        ------
+        MapError
+            If the surfaces are others, or are not given and no longer held.
+        LandmarkError
+            If landmarks are not pairs of integers.
+        """
+        shown: Any = view_room().show_result(
+            self, *self.map.surfaces(source, target), landmarks=landmarks, height=height
+        )
+        return shown
 
     def as_mesh(self, source: SurfaceLike, target: SurfaceLike) -> Mesh:
         """Bend the source onto the target: its surface with the vertices and faces of the source, see `isomatch.wrap`.
@@ -361,17 +426,6 @@ class MatchResult:
             regions=tuple(map(DoubtfulRegion.from_dict, summary.get("regions", []))),
             **{name: summary[name] for name in _PLAIN if name not in ("notes", "symmetries")},
         )
-
-    def _repr_html_(self) -> str:
-        """Table of the outcome and the quality, and the picture of the map, for notebooks."""
-        rows = {"outcome": f"{self.outcome.name}: {self.outcome.advice}"}
-        rows |= {
-            name: f"{value:.4g}" for name, value in asdict(self.quality).items() if not math.isnan(value)
-        }
-        rows |= {"doubtful": "; ".join(map(str, self.regions))} if self.regions else {}
-        rows |= {"notes": "; ".join(self.notes)} if self.notes else {}
-        table = "".join(f"<tr><th>{name}</th><td>{escape(text)}</td></tr>" for name, text in rows.items())
-        return f"<table>{table}</table>{self.map._repr_html_()}"
 
     def _errors_described(self) -> dict[str, float | None]:
         """Mean and 95th percentile of the expected error; share of vertices whose confidence is below ½."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 import logging
-import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -118,41 +117,3 @@ class StageTimer:
         if self._stage:
             self._seconds[self._stage] = self._seconds.get(self._stage, 0.0) + now - self._since
         self._since = now
-
-
-class _Line:
-    """One line on standard error with stage, share and seconds, which each call writes anew."""
-
-    def __init__(self) -> None:
-        self._since = 0.0
-
-    def __call__(self, stage: str, share: float) -> None:
-        now = time.perf_counter()
-        if share == 0.0 or not self._since:
-            self._since = now
-        end = "\n" if share == 1.0 else ""
-        sys.stderr.write(f"\r{share:4.0%} {now - self._since:6.1f} s  {stage:24.24}{end}")
-        sys.stderr.flush()
-
-
-_line = _Line()
-
-
-def show_progress(stage: str, share: float) -> None:
-    """Show stage, share and elapsed time in one line on standard error, which works in terminals and notebooks.
-
-    Parameters
-    ----------
-    stage : str
-        What is being done.
-    share : float
-        Share of the work that is done; 0 starts the clock, 1 ends the line.
-
-    Examples
-    --------
-    >>> from isomatch import match
-    >>> from isomatch.datasets import example_pair
-    >>> source, target = example_pair()
-    >>> result = match(source.mesh, target.mesh, progress=show_progress)
-    """
-    _line(stage, share)

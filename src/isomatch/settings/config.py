@@ -10,6 +10,7 @@ from typing import Any, Literal, Protocol, Self
 from isomatch.bases import Weighting
 from isomatch.errors import FormatError, SettingError
 from isomatch.geodesics import engine_names
+from isomatch.loading.notebooks import Shown
 from isomatch.settings import (
     ElasticSettings,
     LevelSettings,
@@ -52,7 +53,7 @@ LARGEST_FILE = 2**14  # bytes; all settings together take a fifth of it
 
 
 @dataclass(frozen=True)
-class Config(Settings):
+class Config(Settings, Shown):
     """Settings of `prepare` and `match`; the defaults are those that the benchmarks recommend.
 
     Parameters

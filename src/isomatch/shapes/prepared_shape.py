@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from isomatch.bases import DistanceBasis, refined_laplace_basis
 from isomatch.correspondence import SignedPoints
@@ -19,6 +21,7 @@ from isomatch.descriptors import (
 )
 from isomatch.errors import SettingError
 from isomatch.geodesics import distance_along_edges_to_nearest
+from isomatch.loading.notebooks import Shown, view_room
 from isomatch.mending import check, handles, seems_inside_out
 from isomatch.resolution import Prolongation
 from isomatch.settings import Config
@@ -31,12 +34,15 @@ from isomatch.shapes.symmetries import Symmetry, find_symmetries
 from isomatch.values.arrays import Float32Array, FloatArray, IntArray
 from isomatch.values.cached import cached_property
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 # vertices whose balls are computed, of 5000; the others get means of near ones
 N_BALLS = 500
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class PreparedShape(SmoothShape):
+class PreparedShape(SmoothShape, Shown):
     """One shape, ready to be matched.
 
     All vertices below are vertices of the *body*, except in ``body_vertex`` and ``user_vertex``.
@@ -143,6 +149,44 @@ class PreparedShape(SmoothShape):
                 f"{what} was prepared with {name} = {used!r}, the match asks for {asked!r}; prepare both shapes "
                 "with the settings of the match"
             )
+
+    def plot(
+        self,
+        values: ArrayLike | None = None,
+        *,
+        label: str = "",
+        colour_map: str | None = None,
+        title: str = "",
+        width: int = 1000,
+        view: tuple[float, float] | None = None,
+    ) -> Figure:
+        """Draw the user's shape, coloured by values at its vertices; see `isomatch.view.plot_surface`.
+
+        Parameters
+        ----------
+        values : (n,) or (n, 3) array_like of float, optional
+            As for `isomatch.view.plot_surface`; by default the average distance of each vertex to all of the body, in
+            √area of the body, from the distance basis. Vertices that were left out are grey.
+        label, colour_map, title, width, view
+            As there.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+
+        Raises
+        ------
+        DescriptorError, SettingError
+            If the values do not fit, or there is no such colour map.
+        TypeError
+            If the shape is a graph, which has no positions.
+        """
+        if values is None:
+            values, label = self.lift(self.average_distance), label or "average distance / √area"
+        figure: Figure = view_room().plot_surface(
+            self.surface, values, label=label, colour_map=colour_map, title=title, width=width, view=view
+        )
+        return figure
 
     @property
     def seconds(self) -> float:

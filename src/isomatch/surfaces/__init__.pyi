@@ -15,7 +15,6 @@ from isomatch.surfaces._normals import vertex_normals
 from isomatch.surfaces._spatial_order import in_spatial_order
 from isomatch.surfaces.graph import Graph
 from isomatch.surfaces.mesh import Mesh
-from isomatch.surfaces.picture import picture
 from isomatch.surfaces.point_cloud import PointCloud
 from isomatch.surfaces.precise_points import PrecisePoints, nearest_in_triangle
 from isomatch.surfaces.raster import Raster, rasterise
@@ -40,7 +39,6 @@ __all__ = [
     "linked",
     "meetings",
     "nearest_in_triangle",
-    "picture",
     "rasterise",
     "reflected",
     "surface_in_use",

@@ -12,13 +12,13 @@ from isomatch.surfaces._content_hash import hash_of
 from isomatch.surfaces._edges import EdgeTable, edge_table, lengths, linked
 from isomatch.surfaces._faces import require_vertices
 from isomatch.surfaces._normals import areas_of, cross_products, thirds_of, vertex_normals
-from isomatch.surfaces.picture import picture
+from isomatch.surfaces.plotted import Plotted
 from isomatch.values.arrays import FloatArray, IntArray, array_of, numbers_of
 from isomatch.values.cached import cached_property
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Mesh:
+class Mesh(Plotted):
     """An immutable triangle mesh.
 
     Only the shapes and types of the arrays are checked here, so that a defective mesh can still be loaded, examined
@@ -54,10 +54,6 @@ class Mesh:
 
     def __repr__(self) -> str:
         return f"Mesh({self.n_vertices} vertices, {self.n_faces} faces)"
-
-    def _repr_html_(self) -> str:
-        """Picture, for notebooks."""
-        return f"<p>{self!r}</p>{picture(self.vertices, self.faces, repr(self))}"
 
     @property
     def n_vertices(self) -> int:

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from isomatch.errors import MeshError, SettingError, some
 from isomatch.surfaces._content_hash import hash_of
 from isomatch.surfaces._edges import lengths, linked
+from isomatch.surfaces.plotted import Plotted
 from isomatch.values.arrays import FloatArray, IntArray, numbers_of
 from isomatch.values.cached import cached_property
 
@@ -19,7 +20,7 @@ FEWEST_POINTS = 4  # fewer have no local triangulation
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class PointCloud:
+class PointCloud(Plotted):
     """An immutable set of points that sample a surface; distances are measured along edges to nearest neighbours.
 
     Parameters

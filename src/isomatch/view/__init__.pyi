@@ -1,16 +1,21 @@
 from isomatch.view.camera import camera_of, turn_to_target
 from isomatch.view.colours import position_colours, to_screen
+from isomatch.view.inline import ResultView, show_result
 from isomatch.view.measures import Measure, quality_bounds, quality_measures
 from isomatch.view.panels import arranged_panels, colour_scale
+from isomatch.view.plots import plot_basis, plot_surface
 from isomatch.view.points import drawable
 from isomatch.view.report import MOST_ALTERNATIVES, write_landmark_picker, write_report
-from isomatch.view.stills import ValuePanel, draw_map
+from isomatch.view.representations import html_of
+from isomatch.view.stills import draw_map
 from isomatch.view.surface_image import surface_image
+from isomatch.view.value_panel import ValuePanel
 from isomatch.view.work_page import WorkPage
 
 __all__ = [
     "MOST_ALTERNATIVES",
     "Measure",
+    "ResultView",
     "ValuePanel",
     "WorkPage",
     "arranged_panels",
@@ -18,9 +23,13 @@ __all__ = [
     "colour_scale",
     "draw_map",
     "drawable",
+    "html_of",
+    "plot_basis",
+    "plot_surface",
     "position_colours",
     "quality_bounds",
     "quality_measures",
+    "show_result",
     "surface_image",
     "to_screen",
     "turn_to_target",

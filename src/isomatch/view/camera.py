@@ -12,7 +12,8 @@ from isomatch.geodesics import ordinary_unit
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import FloatArray, IntArray
 
-AZIMUTH, ELEVATION = np.radians(32.0), np.radians(14.0)  # from the broad side, and above the horizon
+THREE_QUARTER = 32.0, 14.0  # degrees from the broad side, and above the horizon
+FROM_ABOVE = 0.0, 0.0  # of a sheet, whose broad side is its face
 FLAT = 0.1  # thickness over width below which a shape is a sheet, and is seen from above
 UPRIGHT = 1.6  # length over depth above which the long axis of a shape that can stand on it is upright, as of a person
 CONTACT = 0.06  # of the height; vertices this close to the ground support the shape
@@ -21,15 +22,18 @@ LEAN = np.radians(65.0)  # a source rotated by less than this is left as it is; 
 SNAP = np.radians(35.0)  # a rotation within this angle of quarter turns is replaced by them
 
 
-def camera_of(mesh: Mesh, up_axis: int | None = None) -> FloatArray:
+def camera_of(mesh: Mesh, up_axis: int | None = None, view: tuple[float, float] | None = None) -> FloatArray:
     """Choose a view of a mesh.
 
     Parameters
     ----------
     mesh : Mesh
-        A sheet, which is seen from above, or a shape whose y or z axis points up, as in nearly all files.
+        A sheet, whose broad side is its face, or a shape whose y or z axis points up, as in nearly all files.
     up_axis : {1, 2}, optional
         The axis that points up; by default it is guessed from how the shape stands.
+    view : (float, float), optional
+        Where the viewer is, in degrees: how far around the shape from its broad side, and how far above the horizon. By
+        default (32, 14), and (0, 0) for a sheet; (212, 14) is from behind, (90, 0) from the end, (0, 90) from above.
 
     Returns
     -------
@@ -38,16 +42,20 @@ def camera_of(mesh: Mesh, up_axis: int | None = None) -> FloatArray:
     """
     areas = mesh.vertex_areas
     moments, axes = _principal_axes(mesh.vertices, areas)
-    if moments[0] < FLAT**2 * moments[1]:
-        return np.array([axes[:, 2], np.cross(axes[:, 0], axes[:, 2]), axes[:, 0]])
-    up = np.eye(3)[_up_axis(mesh) if up_axis is None else up_axis]
-    _, level_axes = _principal_axes(mesh.vertices - np.outer(mesh.vertices @ up, up), areas)
-    front = np.array([0.3, -1.0, 0.0]) if up[2] else np.array([0.3, 0.0, 1.0])
-    narrow = level_axes[:, 1]  # column 0 is the up axis, along which the projected points have no extent
-    narrow = narrow * (1.0 if narrow @ front >= 0 else -1.0)
-    broad = np.cross(up, narrow)
-    level_view = np.cos(AZIMUTH) * narrow + np.sin(AZIMUTH) * broad
-    towards = np.cos(ELEVATION) * level_view + np.sin(ELEVATION) * up
+    is_sheet = moments[0] < FLAT**2 * moments[1]
+    if is_sheet:
+        narrow, broad = axes[:, 0], axes[:, 2]
+        up = np.cross(narrow, broad)
+    else:
+        up = np.eye(3)[_up_axis(mesh) if up_axis is None else up_axis]
+        _, level_axes = _principal_axes(mesh.vertices - np.outer(mesh.vertices @ up, up), areas)
+        front = np.array([0.3, -1.0, 0.0]) if up[2] else np.array([0.3, 0.0, 1.0])
+        narrow = level_axes[:, 1]  # column 0 is the up axis, along which the projected points have no extent
+        narrow = narrow * (1.0 if narrow @ front >= 0 else -1.0)
+        broad = np.cross(up, narrow)
+    azimuth, elevation = np.radians(view or (FROM_ABOVE if is_sheet else THREE_QUARTER))
+    level_view = np.cos(azimuth) * narrow + np.sin(azimuth) * broad
+    towards = np.cos(elevation) * level_view + np.sin(elevation) * up
     right = np.cross(up, level_view)
     return np.array([right, np.cross(towards, right), towards])
 

@@ -20,11 +20,11 @@ from isomatch.surfaces import Mesh
 from isomatch.values.arrays import IntArray, array_of
 from isomatch.view import lighting
 from isomatch.view.layers import doubt, expected_error, mismatch, user_layers
+from isomatch.view.picture import png
 from isomatch.view.report_sections import (
     drawn,
     paragraphs,
     pictures_of_alternatives,
-    png,
     quality_rows,
     sentence,
     table,
@@ -144,7 +144,7 @@ def write_report(
         else "",
         plain="Points of the same colour correspond.",
         maps="".join(f"<option>{escape(name)}</option>" for name in maps),
-        remarks=paragraphs(_remarks(scene, result)),
+        remarks=paragraphs(remarks_on(scene, result)),
         picking=" checked" if helped else "",
         landmarks=_list(command, shown=helped or bool(len(pairs))),
         details=details,
@@ -288,7 +288,7 @@ def advice_on(outcome: Outcome) -> str:
     return outcome.advice
 
 
-def _remarks(scene: Mapping[str, Any], result: MatchResult) -> list[str]:
+def remarks_on(scene: Mapping[str, Any], result: MatchResult) -> list[str]:
     """Explain what the view leaves out, and from which side it shows the source."""
     remarks = simplified(scene)
     if not result.map.matched.all():

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from base64 import b64encode
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from importlib.metadata import PackageNotFoundError, version
-from io import BytesIO
 from platform import python_version
 from typing import Any
 
@@ -17,6 +15,7 @@ from isomatch.matching import Alternative, MatchResult
 from isomatch.settings import MatchSettings
 from isomatch.surfaces import Mesh
 from isomatch.view.measures import quality_measures
+from isomatch.view.picture import png
 from isomatch.view.stills import draw_map
 
 STILL_WIDTH = 640  # pixels of the picture of an alternative
@@ -115,14 +114,7 @@ def sentence(text: str) -> str:
 
 def drawn(source: Mesh, target: Mesh, shown: Correspondence, titles: tuple[str, str], width: int) -> bytes:
     """Draw a map as PNG."""
-    still = BytesIO()
-    draw_map(source, target, shown, still, titles=titles, width=width)
-    return still.getvalue()
-
-
-def png(data: bytes) -> str:
-    """Embed a PNG file."""
-    return "data:image/png;base64," + b64encode(data).decode("ascii")
+    return draw_map(source, target, shown, titles=titles, width=width).png()
 
 
 def versions() -> dict[str, str]:

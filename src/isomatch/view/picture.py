@@ -1,0 +1,155 @@
+"""A figure of surfaces in a row, pixel for pixel, which notebooks show sharply and at the size it was made for."""
+
+from __future__ import annotations
+
+from base64 import b64encode
+from collections.abc import Sequence
+from dataclasses import dataclass
+from html import escape
+from io import BytesIO
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.cm import ScalarMappable
+from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties, findfont, get_font
+
+from isomatch.errors import SettingError
+from isomatch.values.arrays import FloatArray
+from isomatch.view.surface_image import SurfaceView
+from isomatch.view.value_panel import ValuePanel
+
+DPI = 200
+SHARPNESS = 2  # pixels of a picture for each pixel of a page, as many as sharp screens have
+TALLEST = 1.15  # largest height of a panel over its width
+LEAST_WIDTH = 200  # pixels of a picture
+MARGIN, TITLE, COLOUR_BAR = 30, 70, 175  # pixels
+TEXT = 9  # points
+
+
+class Picture(Figure):
+    """A figure of matplotlib that belongs to nobody but its holder: pyplot does not know it, and no backend is chosen.
+
+    Parameters
+    ----------
+    width, height : int
+        Size in pixels. Notebooks show it at half of that, as sharp screens have two pixels for each of a page.
+    seen : str
+        What it shows, for who cannot see it.
+    """
+
+    def __init__(self, width: int, height: int, seen: str = "") -> None:
+        whole = 1e-6  # of a pixel, so that rounding loses none
+        super().__init__(((width + whole) / DPI, (height + whole) / DPI), dpi=DPI, facecolor="white")
+        FigureCanvasAgg(self)
+        self.seen = seen
+
+    def png(self, *, transparent: bool = False) -> bytes:
+        """Return the picture as a PNG file."""
+        file = BytesIO()
+        self.savefig(file, format="png", dpi=DPI, facecolor="none" if transparent else "white")
+        return file.getvalue()
+
+    def html(self, *, transparent: bool = False) -> str:
+        """Return the picture as an element of a page, as wide as it was made for or as there is room."""
+        return (
+            f'<img alt="{escape(self.seen)}" width="{round(self.bbox.width / SHARPNESS)}" '
+            f'style="max-width:100%;height:auto" src="{png(self.png(transparent=transparent))}">'
+        )
+
+    def _repr_html_(self) -> str:
+        return self.html()
+
+
+@dataclass(frozen=True, eq=False)
+class Panel:
+    """A surface in a picture, and the title below it."""
+
+    view: SurfaceView
+    title: str = ""
+
+
+def pictured(
+    panels: Sequence[Panel], width: int, *, values: ValuePanel | None = None, title: str = "", seen: str = ""
+) -> Picture:
+    """Place panels in a row, all at the same scale.
+
+    Parameters
+    ----------
+    panels : sequence of Panel
+        At least one.
+    width : int
+        Width in pixels; the height follows from the shapes.
+    values : ValuePanel, optional
+        Values whose colours a bar at the right explains.
+    title, seen : str
+        Title above all, and what the picture shows, for who cannot see it.
+
+    Raises
+    ------
+    SettingError
+        If there is no room for the panels.
+    """
+    if width < LEAST_WIDTH:
+        raise SettingError(f"width = {width} is below {LEAST_WIDTH} pixels; give at least as many")
+    right = 0 if values is None else COLOUR_BAR
+    above, below = (TITLE if any(texts) else 0 for texts in ([title], [panel.title for panel in panels]))
+    extents = np.array([panel.view.extent() for panel in panels])  # (panels, 2)
+    room = max(width - right - MARGIN * (len(panels) + 1), len(panels))
+    tallest = TALLEST * room / len(panels)
+    scale = min(room / extents[:, 0].sum(), tallest / extents[:, 1].max())
+    height = max(int(np.ceil(scale * extents[:, 1].max())), 1)
+    widths = np.ceil(scale * extents[:, 0]).astype(int)
+    spare = (room - int(widths.sum())) // len(panels)
+    widths = np.maximum(widths + spare, 1)
+    picture = Picture(width, height + 2 * MARGIN + above + below, seen)
+    bottom, left = below + MARGIN, MARGIN
+    for panel, panel_width in zip(panels, widths.tolist()):
+        image = panel.view.pixels(panel_width, height, scale)
+        _add_image(picture, image, left, bottom)
+        _add_text(picture, panel.title, left + panel_width / 2, bottom / 2)
+        left += panel_width + MARGIN
+    _add_text(picture, title, width / 2, bottom + height + MARGIN + above / 2, size=TEXT + 2)
+    if values is not None:
+        _add_colour_bar(picture, values, bottom, height)
+    return picture
+
+
+def _add_image(picture: Picture, image: FloatArray, left: int, bottom: int) -> None:
+    """Show an image (h, w, 4) in axes of its own, pixel for pixel."""
+    height, width = image.shape[:2]
+    size = np.array([picture.bbox.width, picture.bbox.height] * 2)
+    axes = picture.add_axes(tuple(np.array([left, bottom, width, height]) / size))
+    axes.set_axis_off()
+    axes.imshow((255 * image).round().astype(np.uint8), interpolation="none", aspect="auto")
+
+
+def _add_text(picture: Picture, text: str, x: float, y: float, size: int = TEXT) -> None:
+    """Write a text with its middle at a pixel; a dollar sign in it does not start a formula."""
+    x, y = x / picture.bbox.width, y / picture.bbox.height
+    picture.text(x, y, _drawable(text), ha="center", va="center", size=size, color="black", parse_math=False)
+
+
+def _drawable(text: str) -> str:
+    """Replace the characters that the font lacks, such as line ends and bytes that are no text."""
+    font = get_font(findfont(FontProperties()))
+    return "".join(
+        character if font.get_char_index(ord(character)) else "\N{REPLACEMENT CHARACTER}"
+        for character in text
+    )
+
+
+def _add_colour_bar(picture: Picture, values: ValuePanel, bottom: int, height: int) -> None:
+    whole = picture.bbox.width, picture.bbox.height
+    left, thick = 1 - COLOUR_BAR / whole[0], 0.14 * COLOUR_BAR / whole[0]
+    axes = picture.add_axes((left, (bottom + 0.15 * height) / whole[1], thick, 0.7 * height / whole[1]))
+    mappable = ScalarMappable(values.scale(), values.colours)
+    bar = picture.colorbar(mappable, cax=axes, extend=values.beyond)
+    bar.ax.tick_params(labelsize=TEXT - 2, colors="black")
+    bar.ax.yaxis.offsetText.set_fontsize(TEXT - 2)
+    bar.set_label(_drawable(values.label), size=TEXT - 2, color="black")
+
+
+def png(data: bytes) -> str:
+    """Embed a PNG file."""
+    return "data:image/png;base64," + b64encode(data).decode("ascii")

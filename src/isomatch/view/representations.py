@@ -1,0 +1,270 @@
+"""What notebooks show of an object: a few words, a picture, and a table; readable on light and on dark pages."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from functools import singledispatch
+from html import escape
+from operator import attrgetter
+from typing import Any
+
+import numpy as np
+
+from isomatch.bases import DistanceBasis, LaplaceBasis
+from isomatch.correspondence import Correspondence
+from isomatch.errors import MapError, MeshError
+from isomatch.matching import BothDirections, MatchResult, Outcome, Quality
+from isomatch.settings import Config
+from isomatch.shapes import PreparedShape
+from isomatch.surfaces import Graph, Mesh, PointCloud, Surface, unsound_faces
+from isomatch.view.measures import MEASURES, Measure, quality_measures
+from isomatch.view.picture import SHARPNESS
+from isomatch.view.plots import plot_surface
+from isomatch.view.points import drawable
+from isomatch.view.report import COLOURS, UNDECIDED
+from isomatch.view.report_sections import sentence
+from isomatch.view.stills import draw_map, paintable
+
+PAIR_WIDTH, ALONE_WIDTH = 880, 380  # pixels of the page
+_LINE = "1px solid rgba(128,128,128,.35)"  # seen on light and on dark pages
+_CELL = f"text-align:left;vertical-align:top;padding:.2em 1.2em .2em 0;border:0;border-bottom:{_LINE};white-space:normal"
+
+
+@singledispatch
+def html_of(thing: object) -> str:
+    """Represent an object of isomatch as HTML, as notebooks show it.
+
+    Parameters
+    ----------
+    thing : object
+        A surface, basis, prepared shape, map, result, outcome, quality or configuration; of anything else, its ``repr``.
+
+    Returns
+    -------
+    str
+        One element with its styles in place; every text of the user is escaped. Nothing is loaded from elsewhere.
+
+    Examples
+    --------
+    >>> from isomatch import Outcome
+    >>> "The evidence agrees on one map." in html_of(Outcome.CONVERGED)
+    True
+    """
+    return _card(repr(thing))
+
+
+@html_of.register
+def _(outcome: Outcome) -> str:
+    return _verdict(outcome)
+
+
+@html_of.register
+def _(quality: Quality) -> str:
+    rows = [(MEASURES[name], number) for name, number in vars(quality).items() if not np.isnan(number)]
+    return _card(
+        "Quality",
+        _table([(m.name, m.value(x), m.unit) for m, x in rows], ("measure", "value", "to compare with")),
+    )
+
+
+@html_of.register
+def _(result: MatchResult) -> str:
+    n_source, n_target = result.map.shape
+    rows: dict[str, object] = {"map": f"{n_source:,} → {n_target:,} vertices"}
+    if unmatched := int((~result.map.matched).sum()):
+        rows["unmatched"] = f"{unmatched:,} source vertices, grey in the picture"
+    for number, region in enumerate(result.regions, 1):
+        rows[f"region of doubt {number}"] = str(region)
+    if result.notes:
+        rows["notes"] = "; ".join(result.notes)
+    found = {
+        "first map from": result.origin,
+        "chosen by": result.reason,
+        "geodesic engine": result.engine,
+        "seed": result.seed,
+        "settings changed": _listed(result.config.changed()),
+        "seconds": f"{result.timings['total']:.2f}" if "total" in result.timings else "",
+    }
+    measures = list(quality_measures(result))
+    against = [measure.name for measure, _, against in measures if against]
+    told = f"against the map: {', '.join(against)}" if against else "none is against the map"
+    return _card(
+        "",
+        _verdict(result.outcome),
+        _pair_picture(result.map),
+        _table(rows.items()),
+        _folded(f"{len(measures)} measures of quality, {told}", _measured(measures)),
+        _folded("How it was found", _table((name, text) for name, text in found.items() if text != "")),
+    )
+
+
+@html_of.register
+def _(both: BothDirections) -> str:
+    return _card(
+        "",
+        *(
+            f"<p><b>{title}</b></p>{html_of(result)}"
+            for title, result in (
+                ("there: source → target", both.there),
+                ("back: target → source", both.back),
+            )
+        ),
+    )
+
+
+@html_of.register
+def _(correspondence: Correspondence) -> str:
+    return _card(repr(correspondence), _pair_picture(correspondence))
+
+
+@html_of.register(Mesh)
+@html_of.register(PointCloud)
+def _(surface: Mesh | PointCloud) -> str:
+    return _card(repr(surface), _alone_picture(surface))
+
+
+@html_of.register
+def _(shape: PreparedShape) -> str:
+    rows: dict[str, object] = {
+        "shape": repr(shape.surface),
+        "body that is matched": f"{shape.body!r}, {shape.share:.1%} of the area",
+        "distances": f"rank {shape.distances.rank}, {len(shape.column_vertices)} columns by {shape.distances.engine}",
+        "functions": f"{len(shape.laplace.values)} of the Laplacian",
+        "further components": len(shape.others) or "",
+        "settings changed": _listed(shape.requested.changed()),
+        "notes": "; ".join(shape.notes),
+        "seconds": f"{shape.seconds:.2f}",
+    }
+    table = _table((name, text) for name, text in rows.items() if text != "")
+    return _card("PreparedShape", _alone_picture(shape.surface), table)
+
+
+@html_of.register
+def _(basis: DistanceBasis) -> str:
+    n, k = basis.vectors.shape
+    rows: dict[str, object] = {
+        "points": f"{n:,}",
+        "rank": k,
+        "method": f"{basis.method}, from {len(basis.samples)} columns by {basis.engine}",
+        "size": _size(basis.vectors.nbytes, n),
+        "error": "not known: no columns were held out",
+        "notes": "; ".join(basis.notes),
+    }
+    if basis.held_out:
+        rows["error"] = (
+            f"{basis.error_estimate():.2%} of the distances, on {len(basis.held_out.vertices)} columns held out"
+        )
+    return _card("DistanceBasis", _table((name, text) for name, text in rows.items() if text != ""))
+
+
+@html_of.register
+def _(basis: LaplaceBasis) -> str:
+    n, k = basis.vectors.shape
+    rows: dict[str, object] = {
+        "points": f"{n:,}",
+        "functions": k,
+        "eigenvalues": f"up to {basis.values[-1]:.3g} / squared mesh units",
+        "size": _size(basis.vectors.nbytes, n),
+        "notes": "; ".join(basis.notes),
+    }
+    return _card("LaplaceBasis", _table((name, text) for name, text in rows.items() if text != ""))
+
+
+@html_of.register
+def _(config: Config) -> str:
+    default, settings = Config(), config.to_dict()
+    changed = [(name, value, attrgetter(name)(default)) for name, value in config.changed().items()]
+    stages = {name: settings.pop(name) for name in list(settings) if isinstance(settings[name], Mapping)}
+    every = {**settings, **{f"{stage}.{name}": x for stage, own in stages.items() for name, x in own.items()}}
+    told = (
+        _table(changed, ("changed", "value", "default"))
+        if changed
+        else "<p>All settings have their defaults.</p>"
+    )
+    return _card("Config", told, _folded("All settings", _table(every.items())))
+
+
+def _verdict(outcome: Outcome) -> str:
+    """Say how a match ended and what to do, beside a bar in the colour of the outcome."""
+    return (
+        f'<div style="border-left:.35em solid {COLOURS.get(outcome, UNDECIDED)};padding:.1em 0 .1em .8em;margin:.4em 0">'
+        f"<b>{escape(sentence(outcome.value))}</b> <code>Outcome.{outcome.name}</code>"
+        f"<br>{escape(outcome.advice)}</div>"
+    )
+
+
+def _measured(measures: Iterable[tuple[Measure, float, bool]]) -> str:
+    rows = []
+    for measure, number, against in measures:
+        bound = measure.bound + " (violated)" * against
+        rows.append((measure.name, measure.value(number), bound, measure.unit))
+    return _table(rows, ("measure", "value", "bound", "to compare with"))
+
+
+def _pair_picture(correspondence: Correspondence) -> str:
+    try:
+        surfaces = correspondence.surfaces()
+    except MapError:
+        return "<p>To see it, give the surfaces, which are no longer in use: <code>.plot(source, target)</code></p>"
+    source, target = map(_sound, surfaces)
+    if source is None or target is None:
+        return ""
+    drawn = draw_map(source, target, correspondence, titles=("", ""), width=SHARPNESS * PAIR_WIDTH)
+    below = "".join(f'<span style="width:50%">{side}</span>' for side in ("source", "target"))
+    return (
+        f'{drawn.html(transparent=True)}<div style="display:flex;text-align:center;opacity:.75">{below}</div>'
+    )
+
+
+def _alone_picture(surface: Surface) -> str:
+    mesh = _sound(surface)
+    if mesh is None:
+        return ""
+    return plot_surface(mesh, width=SHARPNESS * ALONE_WIDTH).html(transparent=True)
+
+
+def _sound(surface: Surface) -> Mesh | None:
+    """Return what can be drawn of a surface, with all its vertices; None if nothing can."""
+    if isinstance(surface, Graph):
+        return None
+    mesh = drawable(surface)
+    unsound = unsound_faces(mesh.vertices, mesh.faces).any
+    if unsound.any():
+        vertices = np.where(np.isfinite(mesh.vertices), mesh.vertices, 0.0)
+        mesh = Mesh(vertices, mesh.faces[~unsound])
+    try:
+        paintable(mesh, "")
+    except MeshError:
+        return None
+    return mesh
+
+
+def _card(title: str, *parts: str) -> str:
+    head = f"<p><b>{escape(title)}</b></p>" if title else ""
+    return f'<div style="max-width:{PAIR_WIDTH}px;line-height:1.5">{head}{"".join(parts)}</div>'
+
+
+def _table(rows: Iterable[tuple[object, ...]], heads: tuple[str, ...] = ()) -> str:
+    """Make a table; the first entry of each row is its name."""
+    head = "".join(f'<th style="{_CELL};opacity:.75;font-weight:400">{escape(name)}</th>' for name in heads)
+    body = "".join(
+        f'<tr style="background:none"><th style="{_CELL};font-weight:400;opacity:.75">{escape(str(name))}</th>'
+        + "".join(f'<td style="{_CELL}">{escape(str(text))}</td>' for text in rest)
+        + "</tr>"
+        for name, *rest in rows
+    )
+    head = f"<thead><tr>{head}</tr></thead>" if heads else ""
+    style = "color:inherit;border-collapse:collapse;margin:.4em 0;font-size:.95em;font-variant-numeric:tabular-nums"
+    return f'<table style="{style}">{head}<tbody>{body}</tbody></table>'
+
+
+def _folded(title: str, content: str) -> str:
+    return f'<details style="margin:.3em 0"><summary style="cursor:pointer">{escape(title)}</summary>{content}</details>'
+
+
+def _listed(settings: Mapping[str, Any]) -> str:
+    return ", ".join(f"{name} = {value!r}" for name, value in settings.items())
+
+
+def _size(n_bytes: int, n: int) -> str:
+    return f"{n_bytes / 2**20:,.1f} MiB, where the matrix of all would take {8 * n * n / 2**20:,.0f}"
