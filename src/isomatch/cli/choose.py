@@ -7,7 +7,9 @@ from dataclasses import replace
 from json import loads
 from math import nan
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+from cyclopts import Parameter
 
 import isomatch
 from isomatch import matching, view
@@ -32,7 +34,14 @@ _NEEDED: dict[str, type] = {
 }
 
 
-def choose(folder: Path, number: int, /, *, talk: Talk = TALK) -> None:
+def choose(
+    folder: Path,
+    number: int,
+    /,
+    *,
+    details: Annotated[bool, Parameter(negative=())] = False,
+    talk: Talk = TALK,
+) -> None:
     """Make an alternative the map: refine and measure it, and replace the files of the result.
 
     The former map becomes alternative 1, and the other alternatives follow. A map of the other direction is removed.
@@ -43,6 +52,8 @@ def choose(folder: Path, number: int, /, *, talk: Talk = TALK) -> None:
         Folder that isomatch match wrote. The two meshes are read from where they were then.
     number : int
         Number of the alternative in the report, from 1.
+    details : bool
+        Print every measure too, with its bound, and the seconds of each stage.
     talk : Talk
         What is told.
     """
@@ -95,7 +106,7 @@ def choose(folder: Path, number: int, /, *, talk: Talk = TALK) -> None:
         )
 
     def summary() -> None:
-        say_result(result)
+        say_result(result, details)
         say_files(record)
 
     talk.result(record, summary)

@@ -5,11 +5,14 @@ from isomatch.view.panels import arranged_panels, colour_scale
 from isomatch.view.points import drawable
 from isomatch.view.report import MOST_ALTERNATIVES, write_landmark_picker, write_report
 from isomatch.view.stills import ValuePanel, draw_map
+from isomatch.view.summary import HEADLINES, Summary, summary_of
 from isomatch.view.surface_image import surface_image
 
 __all__ = [
+    "HEADLINES",
     "MOST_ALTERNATIVES",
     "Measure",
+    "Summary",
     "ValuePanel",
     "arranged_panels",
     "camera_of",
@@ -19,6 +22,7 @@ __all__ = [
     "position_colours",
     "quality_bounds",
     "quality_measures",
+    "summary_of",
     "surface_image",
     "to_screen",
     "turn_to_target",
