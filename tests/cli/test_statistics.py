@@ -51,7 +51,7 @@ def test_everything(folder, tmp_path, capsys):
     argv = ["statistics", str(folder), "-o", str(out), "--groups", str(groups), "--score", str(new)]
     assert main([*argv, "--modes", "2"]) == 0
     said = capsys.readouterr().out
-    assert "ShapeModel(7 modes of 8 shapes, 42 vertices), scale keep" in said
+    assert "8 shapes of 42 vertices vary in 7 modes" in said
     assert "note: left out: odd: other faces than most shapes" in said
     assert "note: without a group: s007" in said
     assert "a (4) and b (3) differ on" in said
@@ -113,7 +113,7 @@ def test_mirror_images_and_doubtful_maps(tmp_path, capsys):
     argv = ["statistics", str(out), "-o", str(tmp_path / "out"), "--mirror", str(tmp_path / "sides.txt")]
     assert main(argv) == 0
     said = capsys.readouterr().out
-    assert "1 mode of 4 shapes" in said
+    assert "4 shapes of 42 vertices vary in 1 mode\n" in said
     assert "note: e01 may be matched wrongly: LOW_CONFIDENCE" in said
     assert "e00 may" not in said
     assert "common to all shapes is" in said

@@ -162,7 +162,7 @@ def run(
 
     def summary() -> None:
         _say(model, record)
-        say(f"wrote {output}: {len(into.written)} files")
+        say(f"open first: {output / 'index.html'}; {len(into.written)} files are there")
 
     talk.result({**record, "output": str(output), "files": into.written}, summary)
 
@@ -311,7 +311,8 @@ def _lines(record: dict[str, Any]) -> list[str]:
 
 
 def _say(model: shape_statistics.ShapeModel, record: dict[str, Any]) -> None:
-    say(f"{model!r}, scale {record['scale']}")
+    size = f"{len(model.names)} shapes of {len(model.mean):,} vertices"
+    say(f"{size} vary in {model.n_modes} mode{'s' * (model.n_modes != 1)}", "bold")
     total = 0.0
     rows = []
     for i, (share, deviation) in enumerate(zip(record["shares"][:10], model.deviations.tolist())):
