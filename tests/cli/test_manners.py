@@ -162,14 +162,15 @@ def test_a_folder_is_checked_in_a_table(tmp_path, capsys):
     assert main(["check", str(tmp_path)]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert [line.split()[0] for line in lines[:3]] == ["file", "good.off", "small.off"]
-    assert lines[1].endswith("  distance, basis, match")
+    assert lines[1].endswith("2  everything")  # the diameter of the sphere
+    assert lines[2].endswith("  distance")
     assert any(line.startswith("  not fit for match: ") for line in lines[3:])
-    assert max(map(len, lines)) <= 80
+    assert max(map(len, lines[:-1])) <= 80
     assert main(["check", str(tmp_path), "--for", "match"]) == 1
     assert "1 of 2 meshes are not fit: " in capsys.readouterr().err
     (tmp_path / "bad.off").write_text("nothing")
     assert main(["check", str(tmp_path)]) == 1
-    assert re.search(r"(?m)^bad\.off +– +–  nothing\n  \S", capsys.readouterr().out)
+    assert re.search(r"(?m)^bad\.off +– +– +–  nothing\n  \S", capsys.readouterr().out)
     assert main(["check", str(tmp_path / "good.off"), str(tmp_path / "bad.off"), "--json"]) == 1
     good, bad = json.loads(capsys.readouterr().out)
     assert good["ok"]
