@@ -297,7 +297,7 @@ def test_a_shape_is_completed(model, tmp_path, capsys):
     assert main(argv) == 0
     said = capsys.readouterr().out
     assert "completed from 33 points" in said
-    assert "note: 33 of 42 vertices have a position" in said
+    assert "note        33 of 42 vertices have a position" in said
     whole = isomatch.read_asset(out)
     np.testing.assert_allclose(whole.points, truth, atol=0.01)
     record = json.loads((tmp_path / "whole.json").read_text())

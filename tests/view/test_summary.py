@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ import pytest
 from isomatch import Config, Mesh, Outcome, match
 from isomatch.matching import DoubtfulRegion
 from isomatch.view import HEADLINES, summary_of
+from isomatch.view.summary import ANOTHER_IS_BETTER, MOSTLY_RIGHT
 from shapes import icosphere
 
 JARGON = re.compile(r"misfit|rival|residual|coverage|orientation-|isometr|stress|torn|bound", re.IGNORECASE)
@@ -45,6 +47,14 @@ def test_settings_that_are_advised_exist(sure, outcome):
         assert getattr(Config(**{name: value}), name) == value
         assert f"{name} = '{value}'" in summary.advice_in_python
     assert "--" not in summary.advice_in_python
+
+
+def test_the_page_about_outcomes_has_each_sentence():
+    page = (Path(__file__).parents[2] / "docs" / "understand.md").read_text(encoding="utf-8")
+    for outcome, headline in HEADLINES.items():
+        _, section = page.split(f"\n## {headline}\n")
+        assert f"`{outcome.name}`" in section.split("\n## ")[0]
+    assert all(f"*{headline}*" in page for headline in (MOSTLY_RIGHT, ANOTHER_IS_BETTER))
 
 
 def test_doubt_is_a_share_of_the_surface(sure):

@@ -244,15 +244,24 @@ def require_writable(path: Path) -> None:
 
 def say_wrapped(record: dict[str, Any]) -> None:
     """Print where the target is in the source's topology, and how good it is."""
-    say(
-        f"wrote {record['file']}: the target with the faces of the source; {record['turned']:.2%} of them are turned "
-        f"over, almost no edge is stretched by more than {record['stretch']:.2f}, and vertices are "
-        f"{record['distance']:.4f} √area off on average"
+    extended = record["extended"]
+    say_rows(
+        [
+            ("as mesh", f"{record['file']}: the target with the faces of the source"),
+            (
+                "",
+                f"{record['turned']:.2%} of the faces are turned over, almost no edge is stretched by more than "
+                f"{record['stretch']:.2f} ×, vertices are {record['distance']:.2%} of the size (√area) off on average",
+            ),
+            ("", f"materials: {', '.join(record['files_beside'])}" if record["files_beside"] else ""),
+            (
+                "",
+                f"{extended} vertices have no counterpart and are placed by those around them"
+                if extended
+                else "",
+            ),
+        ]
     )
-    if record["files_beside"]:
-        say(f"with its materials in {', '.join(record['files_beside'])}")
-    if record["extended"]:
-        say(f"{record['extended']} vertices have no counterpart and are placed by those around them")
     say_left_out(record["left_out"], record["file"])
     say_notes(record["notes"])
 

@@ -121,7 +121,7 @@ def _link(collection: Collection, path: Any) -> str:
 
 
 def _in_doubt(pair: Mapping[str, Any]) -> float | None:
-    """Share of the surface in the regions of doubt of a pair; None where it was not matched, or may be wrong throughout."""
+    """Share of the surface in the regions of doubt of a pair; None without a map, or if all of it may be wrong."""
     result = pair.get("there") or {}
     regions = result.get("regions", [])
     if not result or (Outcome[result["outcome"]].is_doubtful and not regions):

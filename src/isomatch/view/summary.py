@@ -23,8 +23,8 @@ HEADLINES = {
 }
 """What came out, in a sentence, by outcome."""
 
-_MOSTLY_RIGHT = "Most of this map looks right, but not all of it."
-_ANOTHER_IS_BETTER = "This map is doubtful: another one fits as well or better."
+MOSTLY_RIGHT = "Most of this map looks right, but not all of it."
+ANOTHER_IS_BETTER = "This map is doubtful: another one fits as well or better."
 
 _ADVICE = {
     Outcome.HINTS_CONTRADICTED: "Check the landmarks or the first map: vertices count from 0, source first. If they are "
@@ -88,9 +88,9 @@ def summary_of(result: MatchResult) -> Summary:
     parts = [_partners(result), _doubt(result)]
     if result.outcome is Outcome.LOW_CONFIDENCE:
         if result.quality.rival < 1.0:
-            headline = _ANOTHER_IS_BETTER
+            headline = ANOTHER_IS_BETTER
         elif result.regions and not any(against for _, _, against in quality_measures(result)):
-            headline = _MOSTLY_RIGHT
+            headline = MOSTLY_RIGHT
         elif not result.regions:
             parts.append("No single place stands out: it may be wrong altogether.")
     if result.outcome in (
