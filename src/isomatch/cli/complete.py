@@ -13,7 +13,7 @@ import isomatch.statistics as shape_statistics
 from isomatch.assets import Asset, Attribute
 from isomatch.cli.inputs import read_config
 from isomatch.cli.outputs import claimed_files, require_writable, say_left_out
-from isomatch.cli.terminal import TALK, Talk, json_text, part, say, say_rows
+from isomatch.cli.terminal import INDENT, TALK, Talk, json_text, part, say, say_rows
 from isomatch.storage.files import write_text
 
 
@@ -121,8 +121,7 @@ def _say(record: dict[str, Any], about: Path) -> None:
                 f"most; {record['residual']:.4g} is what the modes do not describe",
             ),
             *(("note", note) for note in record["notes"]),
-            ("open first", record["file"]),
-            ("also there", about.name),
         ]
     )
+    say(f"{'  wrote':<{INDENT}}{record['file']}, {about}")
     say_left_out(record["left_out"], record["file"])

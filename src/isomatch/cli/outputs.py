@@ -12,7 +12,7 @@ from typing import Any
 import isomatch
 from isomatch import view
 from isomatch.assets import Attribute, Frame
-from isomatch.cli.terminal import json_text, say, say_rows, say_table
+from isomatch.cli.terminal import INDENT, json_text, say, say_rows, say_table
 from isomatch.storage.files import claimed, made_folder, staged, write_text
 from isomatch.values.arrays import FloatArray
 
@@ -245,23 +245,15 @@ def require_writable(path: Path) -> None:
 def say_wrapped(record: dict[str, Any]) -> None:
     """Print where the target is in the source's topology, and how good it is."""
     extended = record["extended"]
-    say_rows(
-        [
-            ("as mesh", f"{record['file']}: the target with the faces of the source"),
-            (
-                "",
-                f"{record['turned']:.2%} of the faces are turned over, almost no edge is stretched by more than "
-                f"{record['stretch']:.2f} ×, vertices are {record['distance']:.2%} of the size (√area) off on average",
-            ),
-            ("", f"materials: {', '.join(record['files_beside'])}" if record["files_beside"] else ""),
-            (
-                "",
-                f"{extended} vertices have no counterpart and are placed by those around them"
-                if extended
-                else "",
-            ),
-        ]
-    )
+    say(f"{'  as mesh':<{INDENT}}{record['file']}")
+    lines = [
+        f"the target with the faces of the source; {record['turned']:.2%} of them are turned over, almost no edge is "
+        f"stretched by more than {record['stretch']:.2f} ×, vertices are {record['distance']:.2%} of the size (√area) off "
+        "on average",
+        f"materials: {', '.join(record['files_beside'])}" if record["files_beside"] else "",
+        f"{extended} vertices have no counterpart and are placed by those around them" if extended else "",
+    ]
+    say_rows(("", line) for line in lines)
     say_left_out(record["left_out"], record["file"])
     say_notes(record["notes"])
 
@@ -299,14 +291,10 @@ def say_files(record: Mapping[str, Any]) -> None:
     alternatives = {name for name in names if name.startswith("alternative_")}
     short = {"alternative_*.npz"} if len(alternatives) > 1 else alternatives
     sizes = f"{record['n_source']:,} → {record['n_target']:,} vertices"
-    say_rows(
-        [
-            *(("note", note) for note in record["undrawn"]),
-            ("took", f"{record['timings']['total']:.1f} s, {sizes}"),
-            ("open first", first),
-            ("also there", ", ".join(sorted((names - alternatives) | short))),
-        ]
-    )
+    say_rows(("note", note) for note in record["undrawn"])
+    say_rows([("took", f"{record['timings']['total']:.1f} s, {sizes}")])
+    say(f"{'  open first':<{INDENT}}{first}")  # whole, to be copied
+    say_rows([("also there", ", ".join(sorted((names - alternatives) | short)))])
 
 
 def _quality_rows(result: isomatch.MatchResult) -> list[tuple[str, ...]]:

@@ -300,7 +300,9 @@ def _lines(record: dict[str, Any]) -> list[str]:
         first, second = (f"{name} ({count})" for name, count in zip(tested["names"], tested["counts"]))
         share = tested["significant_share_of_area"]
         lines += [
-            f"{first} and {second} differ on {share:.1%} of the area, at a false discovery rate of 5 %",
+            f"{first} and {second} "
+            + (f"differ on {share:.1%} of the area" if share else "do not differ significantly at any vertex")
+            + ", at a false discovery rate of 5 %",
             f"the groups describe {_told(tested)}",
         ]
     if record["allometry"]:
