@@ -401,7 +401,7 @@ def test_info_tells_versions(capsys):
 def test_demo_is_accurate_and_writes_again(tmp_path, capsys):
     (tmp_path / "map.npz").write_bytes(b"an earlier demo")
     assert main(["demo", "-o", str(tmp_path)]) == 0
-    assert "error, mean" in capsys.readouterr().out
+    assert "in truth    0." in capsys.readouterr().out
     names = sorted(path.name for path in tmp_path.iterdir() if "alternative" not in path.name)
     assert names == ["demo.png", "map.npz", "map.txt", "report.html", "result.json"]
     assert json.loads((tmp_path / "result.json").read_text())["mean_error_over_sqrt_target_area"] < 0.015

@@ -82,7 +82,9 @@ def test_everything(folder, tmp_path, capsys):
     page = (out / "index.html").read_text()
     shown = set(re.findall(r'<img src="([^"]*)"', page))
     assert shown == {path.name for path in out.glob("*.png")}
-    assert all(sentence in page for sentence in ("left out: odd", "a (4) and b (3) do not differ significantly"))
+    assert all(
+        sentence in page for sentence in ("left out: odd", "a (4) and b (3) do not differ significantly")
+    )
 
     assert main(argv) == 1
     assert "already exists" in complaint(capsys)
