@@ -82,13 +82,26 @@ def test_match_writes_all_files_in_agreement(matched):
     assert record["config"]["n_columns"] == 40
     assert matplotlib.image.imread(folder / "map.png").shape[1] >= 1600
     report = (folder / "report.html").read_text(encoding="utf-8")
-    assert isomatch.Outcome[record["outcome"]].advice in report
+    assert isomatch.view.HEADLINES[isomatch.Outcome[record["outcome"]]] in report
     assert base64.b64encode((folder / "map.png").read_bytes()).decode() in report
 
 
-def test_match_tells_outcome_quality_and_files(matched):
+def test_match_tells_in_a_few_lines_what_came_out_and_what_to_open(matched):
     folder, said = matched
-    for word in ("distortion, mean", "of √area", "seconds: prepare", str(folder / "map.png")):
+    lines = said.splitlines()
+    record = json.loads((folder / "result.json").read_text())
+    assert lines[0] == isomatch.view.HEADLINES[isomatch.Outcome[record["outcome"]]]
+    assert f"  open first  {folder / 'report.html'}" in lines
+    assert "map.npz, map.png, map.txt, result.json" in lines[-1]
+    assert max(len(line) for line in lines if str(folder) not in line) <= 80
+    assert 5 <= len(lines) <= 8
+
+
+@pytest.mark.long
+def test_match_tells_all_measures_in_detail(shapes, tmp_path, capsys):
+    assert run_match(shapes, tmp_path / "out", "--details") == 0
+    said = capsys.readouterr().out
+    for word in ("distortion, mean", "of √area", "seconds     prepare", "≤ 0.66"):
         assert word in said
 
 
@@ -113,7 +126,7 @@ def test_a_map_is_not_lost_with_a_drawing_that_fails(shapes, tmp_path, monkeypat
     (tmp_path / name).write_text("of an earlier run")
     assert run_match(shapes, tmp_path, "--force") == 0
     told = f"there is no {what}: too far away"
-    assert f"note: {told}" in capsys.readouterr().out
+    assert f"note        {told}" in capsys.readouterr().out
     record = json.loads((tmp_path / "result.json").read_text())
     assert record["undrawn"] == [told]
     assert {Path(path).name for path in record["files"].values()} == {
@@ -279,9 +292,9 @@ def test_check_says_what_a_mesh_is_fit_for(tmp_path, capsys):
     file = str(tmp_path / "small.off")
     isomatch.write_mesh(file, icosphere(1))
     assert main(["check", file]) == 0
-    said = capsys.readouterr().out
-    assert "\nfit for distance\nnot fit for basis: 42 vertices are too few for 100" in said
-    assert "\nnot fit for match: the largest component has 42 vertices, at least 50 are needed" in said
+    said = " ".join(capsys.readouterr().out.split())
+    assert " fit for distance not fit for basis: 42 vertices are too few for 100" in said
+    assert " not fit for match: the largest component has 42 vertices, at least 50 are needed" in said
     assert main(["check", file, "--json"]) == 0
     reasons = json.loads(capsys.readouterr().out)["refused_by"]
     assert reasons["distance"] is None
@@ -388,7 +401,7 @@ def test_info_tells_versions(capsys):
 def test_demo_is_accurate_and_writes_again(tmp_path, capsys):
     (tmp_path / "map.npz").write_bytes(b"an earlier demo")
     assert main(["demo", "-o", str(tmp_path)]) == 0
-    assert "error, mean" in capsys.readouterr().out
+    assert "in truth    0." in capsys.readouterr().out
     names = sorted(path.name for path in tmp_path.iterdir() if "alternative" not in path.name)
     assert names == ["demo.png", "map.npz", "map.txt", "report.html", "result.json"]
     assert json.loads((tmp_path / "result.json").read_text())["mean_error_over_sqrt_target_area"] < 0.015

@@ -93,7 +93,7 @@ def test_match_writes_everything(tmp_path, monkeypatch):
     out = NAMES["not UTF-8"]
     code, said = printed(["match", *ends, "-o", out, "--config", "quick.toml"])
     assert code == 0
-    assert "wrote no\\udcfftext" in said
+    assert "open first  no\\udcfftext" in said
     record = json.loads((tmp_path / out / "result.json").read_text(encoding="utf-8"))
     assert [record["source"], record["target"]] == ends
     assert "wolf🐺" in (tmp_path / out / "report.html").read_text(encoding="utf-8")

@@ -209,7 +209,7 @@ def test_a_map_that_was_contradicted_stays_so_when_its_match_fails(copied):
 def test_the_status_of_a_collection_that_was_not_run(small, tmp_path, capsys):
     Collection.create(tmp_path, small.shapes, config=small.config)
     assert main(["collect", "status", str(tmp_path)]) == 0
-    assert "0 of 4 shapes prepared; template not yet chosen" in capsys.readouterr().out
+    assert "0 of 4 shapes prepared\ntemplate not yet chosen" in capsys.readouterr().out
 
 
 def test_the_command_line_exports(star, tmp_path, capsys):

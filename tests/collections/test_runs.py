@@ -277,7 +277,7 @@ def test_failed_pairs_are_not_said_to_be_done(copied, capsys):
             ("s1", "s3"), {**ledger.rows.pairs["s1", "s3"], "state": "failed", "error": "no luck"}
         )
     assert main(["collect", "status", str(copied.folder)]) == 0
-    assert f"{len(PAIRS) - 1} of {len(PAIRS)} pairs done, 1 failed" in capsys.readouterr().out
+    assert f"{len(PAIRS) - 1} of {len(PAIRS)} pairs matched, 1 failed" in capsys.readouterr().out
 
 
 def test_a_folder_with_other_settings_is_refused(small, copied):

@@ -19,7 +19,7 @@ from isomatch.correspondence import Correspondence
 from isomatch.datasets import example_pair, ground_truth
 from isomatch.errors import DescriptorError, LandmarkError
 from isomatch.matching import Alternative, DoubtfulRegion, MatchResult
-from isomatch.view import position_colours, report, write_report
+from isomatch.view import HEADLINES, position_colours, report, summary_of, write_report
 from isomatch.view.colours import to_screen
 from isomatch.view.layers import stretch
 from isomatch.view.measures import MEASURES, quality_bounds, quality_measures
@@ -159,8 +159,8 @@ def test_what_the_user_named_is_shown_and_never_obeyed(written, page):
 
 
 def test_outcome_numbers_and_settings_are_those_of_the_result(page, result):
-    assert page.by_id("outcome")["text"] == "Low confidence"
-    assert page.by_id("advice")["text"] == result.outcome.advice
+    assert page.by_id("outcome")["text"] == summary_of(result).headline
+    assert page.by_id("advice")["text"] == summary_of(result).advice_in_python
     rows = [row["text"] for row in page.all("tr")]
     for start in ("misfit0.71at most 0.66 (violated)", "next best mapnoneat least 1.25 ×"):
         assert any(row.startswith(start) for row in rows)
@@ -244,9 +244,9 @@ def test_the_report_says_that_a_shape_was_simplified(pair, result, tmp_path, mon
     assert re.search(r"target is simplified to [\d,]+ of its 3,242 vertices", told)
     assert "source is simplified" not in told
     assert "hidden" in page.by_id("landmarks")
-    assert "There are none here." in told
+    assert "There are none." in told
     assert "Nothing was repaired" in told
-    assert page.by_id("outcome")["text"] == "Converged"
+    assert page.by_id("outcome")["text"] == HEADLINES[Outcome.CONVERGED]
     assert b64decode(page.all("img")[0]["src"].split(",")[1]) == b"a picture"
 
 

@@ -127,18 +127,20 @@ def bench(
 
 
 def _say(table: list[dict[str, Any]], output: Path, notes: list[str]) -> None:
+    """Print a line for each method, by set, in 80 columns; what is rare stands behind it in words."""
     say("mean geodesic error × 100 / √(target area)", "bold")
-    names = [evaluation.set_label(row) for row in table]
-    width = max([12, *map(len, names)])
+    wide = max([6, *(len(row["method"]) for row in table)])
     say(
-        f"{'set':{width}} {'method':28} {'pairs':>5} {'mean':>6} {'median':>6} {'max':>6} {'> 10':>5} {'seconds':>8}"
+        f"  {'method':{wide}} {'pairs':>5} {'mean':>6} {'median':>6} {'max':>6} {'> 10':>5} {'seconds':>8} {'cycle':>6}"
     )
-    for name, row in zip(names, table):
+    last = None
+    for row in table:
+        if (name := evaluation.set_label(row)) != last:
+            last = name
+            say(f"{name}{', at landmarks' * (row['judged_at'] == 'landmarks')}", "bold")
         say(
-            f"{name:{width}} {row['method']:28} {row['pairs']:5d} {_number(row['mean'])} {_number(row['median'])} "
-            f"{_number(row['max'])} {row['failures']:5d} {_number(row['seconds']):>8}"
-            + ("  at landmarks" if row["judged_at"] == "landmarks" else "")
-            + (f"  cycle error {row['cycle']:.2f}" if row["cycle"] is not None else "")
+            f"  {row['method']:{wide}} {row['pairs']:5d} {_number(row['mean'])} {_number(row['median'])} "
+            f"{_number(row['max'])} {row['failures']:5d} {_number(row['seconds']):>8} {_number(row['cycle'])}"
             + (f"  IoU {row['iou']:.0%}" if (row["iou"] or 1) < 1 else "")
             + (
                 f"  where matched {row['error_matched']:.2f}"
@@ -150,7 +152,7 @@ def _say(table: list[dict[str, Any]], output: Path, notes: list[str]) -> None:
     say_notes(notes[:NOTES])
     if len(notes) > NOTES:
         say(f"note: {len(notes) - NOTES} more notes are in pairs.csv")
-    say(f"written to {output}: index.html, pairs.csv, summary.csv, curves.png, curves.svg")
+    say(f"open first: {output / 'index.html'}; also there: pairs.csv, summary.csv, curves.png, curves.svg")
 
 
 def _number(value: Any) -> str:

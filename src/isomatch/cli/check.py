@@ -8,6 +8,7 @@ from pathlib import Path
 from textwrap import fill
 from typing import Annotated, Any, Literal, get_args
 
+import numpy as np
 from cyclopts import Parameter
 from rich.console import Console
 
@@ -17,6 +18,9 @@ from isomatch.assets import FORMATS
 from isomatch.cli.basis import N_COLUMNS
 from isomatch.cli.inputs import surface_of
 from isomatch.cli.terminal import say, say_json
+
+NUMBERS = 50  # columns of a table beside the names
+LEAST_NAME = 12  # columns of a name, however narrow the terminal is
 
 Verb = Literal["distance", "basis", "match"]
 
@@ -63,12 +67,7 @@ def check(
     elif several:
         _say_several(records)
     else:
-        [record] = records
-        say(record["report"])
-        for note in record["notes"]:
-            say(f"note: {note}")
-        for purpose, reason in record["refused_by"].items():
-            say(f"not fit for {purpose}: {reason}" if reason else f"fit for {purpose}")
+        _say_one(records[0])
     bad = {record["file"]: reason for record in records if (reason := _reason(record, verb))}
     if several and bad:
         raise isomatch.MeshError(f"{len(bad)} of {len(paths)} meshes are not fit: {', '.join(bad)}")
@@ -99,6 +98,7 @@ def _examined(path: Path, wall: float, in_table: bool) -> dict[str, Any]:
     return {
         "file": str(path),
         **report.to_dict(),
+        "size": _size(mesh),
         "notes": notes,
         "report": str(report),
         "refused_by": refusals,
@@ -114,6 +114,12 @@ def _read(path: Path) -> tuple[isomatch.Mesh, list[str]]:
     return isomatch.Mesh(asset.placed_points, asset.polygons.triangles), list(asset.notes)
 
 
+def _size(mesh: isomatch.Mesh) -> float | None:
+    """Longest side of the box around the finite vertices, in the units of the file."""
+    finite = mesh.vertices[np.isfinite(mesh.vertices).all(axis=1)]
+    return float(np.ptp(finite, axis=0).max()) if len(finite) else None
+
+
 def _reason(record: dict[str, Any], verb: Verb | None) -> str | None:
     """Why a mesh is bad; None if it is not."""
     if "unreadable" in record:
@@ -121,30 +127,72 @@ def _reason(record: dict[str, Any], verb: Verb | None) -> str | None:
     return record["refused_by"][verb] if verb else "; ".join(record["fatal"]) or None
 
 
+def _say_one(record: dict[str, Any]) -> None:
+    """Print the report of one mesh, its long sentences no wider than the terminal, and what the mesh is fit for."""
+    size = "none" if record["size"] is None else f"{record['size']:.4g}"
+    say(f"{'size: longest side, in the units of the file':<49} {size:>7}")
+    for line in record["report"].splitlines():
+        told = line.replace("repair(mesh, outer=True)", "isomatch repair --outer")
+        told = told.replace("repair(mesh)", "isomatch repair")
+        say(told if len(told) <= _width() else _filled(told))
+    for note in record["notes"]:
+        say(_filled(f"note: {note}"))
+    for purpose, reason in record["refused_by"].items():
+        say(_filled(f"not fit for {purpose}: {reason}" if reason else f"fit for {purpose}"))
+
+
 def _say_several(records: list[dict[str, Any]]) -> None:
     """Print a row for each mesh, and below it a line for each defect, no wider than the terminal."""
     names = _short([record["file"] for record in records])
-    wide = max(map(len, (*names, "file")))
-    say(f"{'file':<{wide}}  {'vertices':>8}  {'faces':>8}  fit for")
+    wide = min(max(map(len, (*names, "file"))), max(_width() - NUMBERS, LEAST_NAME))
+    say(f"{'file':<{wide}}  {'vertices':>10} {'faces':>10} {'size':>9}  fit for")
     for name, record in zip(names, records):
-        counts = (str(record.get(count, "–")) for count in ("n_vertices", "n_faces"))
-        fit = [verb for verb, reason in record.get("refused_by", {}).items() if not reason]
-        numbers = "  ".join(f"{count:>8}" for count in counts)
-        say(f"{name:<{wide}}  {numbers}  {', '.join(fit) or 'nothing'}", "" if fit else "bold red")
+        counts = (f"{record[key]:,}" if key in record else "–" for key in ("n_vertices", "n_faces"))
+        vertices, faces = counts
+        size = "–" if record.get("size") is None else f"{record['size']:.4g}"
+        style = "" if _fitness(record) != "nothing" else "bold red"
+        if len(name) > wide:
+            say(name, style)
+            name = ""
+        say(f"{name:<{wide}}  {vertices:>10} {faces:>10} {size:>9}  {_fitness(record)}", style)
         for defect in _defects(record):
-            say(fill(defect, Console().width, initial_indent="  ", subsequent_indent="  "), "dim")
+            say(_filled(defect, "  "), "dim")
+    say(_filled("Size is the longest side, in the units of the file. isomatch check FILE tells what to do."))
+
+
+def _fitness(record: dict[str, Any]) -> str:
+    """Name the commands that a mesh is fit for."""
+    fit = [verb for verb, reason in record.get("refused_by", {}).items() if not reason]
+    return "everything" if len(fit) == len(_BEGINNINGS) else ", ".join(fit) or "nothing"
+
+
+def _width() -> int:
+    return Console().width
+
+
+def _filled(text: str, indent: str = "") -> str:
+    """Break a sentence between words."""
+    return fill(
+        text,
+        _width(),
+        initial_indent=indent,
+        subsequent_indent=indent + "  ",
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
 
 
 def _defects(record: dict[str, Any]) -> list[str]:
-    """Why a mesh is bad, and why commands would refuse it, each sentence once."""
+    """Name what is wrong with a mesh, without what it means, and why commands would refuse it, each reason once."""
     if "unreadable" in record:
         return [record["unreadable"]]
-    told = [*record["fatal"], *record["warnings"], *record["notes"]]
+    told = [sentence.partition(": ")[0] for sentence in (*record["fatal"], *record["warnings"])]
     reasons: dict[str, list[str]] = {}
     for verb, reason in record["refused_by"].items():
-        if reason and reason not in told:
-            reasons.setdefault(reason, []).append(verb)
-    return [*told, *(f"not fit for {', '.join(verbs)}: {reason}" for reason, verbs in reasons.items())]
+        if reason and reason not in record["fatal"]:
+            reasons.setdefault(reason.partition(";")[0], []).append(verb)
+    refused = [f"not fit for {', '.join(verbs)}: {reason}" for reason, verbs in reasons.items()]
+    return [*told, *record["notes"], *refused]
 
 
 def _short(files: list[str]) -> list[str]:

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
 
 from isomatch import matching, view
 from isomatch.cli.earlier import Earlier
@@ -11,7 +14,14 @@ from isomatch.cli.outputs import say_files, say_result
 from isomatch.cli.terminal import TALK, Talk, part
 
 
-def choose(folder: Path, number: int, /, *, talk: Talk = TALK) -> None:
+def choose(
+    folder: Path,
+    number: int,
+    /,
+    *,
+    details: Annotated[bool, Parameter(negative=())] = False,
+    talk: Talk = TALK,
+) -> None:
     """Make an alternative the map: refine and measure it, and replace the files of the result.
 
     The former map becomes alternative 1, and the other alternatives follow. A map of the other direction is removed.
@@ -22,6 +32,8 @@ def choose(folder: Path, number: int, /, *, talk: Talk = TALK) -> None:
         Folder that isomatch match wrote. The two meshes are read from where they were then.
     number : int
         Number of the alternative in the report, from 1.
+    details : bool
+        Print every measure too, with its bound, and the seconds of each stage.
     talk : Talk
         What is told.
     """
@@ -48,7 +60,7 @@ def choose(folder: Path, number: int, /, *, talk: Talk = TALK) -> None:
         )
 
     def summary() -> None:
-        say_result(result)
+        say_result(result, details)
         say_files(record)
 
     talk.result(record, summary)

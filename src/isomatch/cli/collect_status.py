@@ -7,7 +7,11 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from isomatch import collections
-from isomatch.cli.terminal import Talk, say, say_table
+from isomatch.cli.terminal import Talk, say, say_rows
+from isomatch.matching import Outcome
+from isomatch.view import HEADLINES
+
+OUTCOMES = 26  # columns of a number of pairs with their outcome
 
 
 def tell_status(
@@ -65,14 +69,16 @@ def status_of(collection: collections.Collection, folders: Iterable[str] = ()) -
 
 def _say_status(status: dict[str, Any], layout: collections.Layout) -> None:
     shapes, pairs, agreement = status["shapes"], status["pairs"], status["agreement"]
-    say(
-        f"{shapes['prepared']} of {shapes['all']} shapes prepared; template {status['template'] or 'not yet chosen'}"
-    )
+    done = pairs.get("done", 0) + pairs.get("low", 0)
     failed = f", {pairs['failed']} failed" if pairs.get("failed") else ""
-    say(f"{pairs.get('done', 0) + pairs.get('low', 0)} of {pairs['all']} pairs done{failed}")
-    say_table(
-        (outcome.lower().replace("_", " "), str(count), "") for outcome, count in status["outcomes"].items()
+    say(
+        f"{done} of {pairs['all']} pairs matched{failed}; {shapes['prepared']} of {shapes['all']} shapes prepared",
+        "bold",
     )
+    for outcome in Outcome:
+        if count := status["outcomes"].get(outcome.name):
+            say_rows([(f"{count} {outcome.value}", HEADLINES[outcome])], indent=OUTCOMES)
+    say(f"template {status['template'] or 'not yet chosen'}")
     if agreement["compared"]:
         say(
             f"{agreement['compared']} pairs compared with compositions: {len(agreement['contradicted'])} contradicted, "
@@ -91,7 +97,7 @@ def _say_status(status: dict[str, Any], layout: collections.Layout) -> None:
         say(f"{name} {what}; run isomatch collect again, which makes it again", "bold red")
     for name, error in status["failures"].items():
         say(f"failed: {name}: {error}", "bold red")
-    say(f"in {status['folder']}: {layout.page.name}, {layout.table.name}")
+    say(f"open first: {layout.page}; the table is {layout.table.name}")
 
 
 def _say_sides(status: dict[str, Any]) -> None:

@@ -12,8 +12,8 @@ import isomatch
 import isomatch.statistics as shape_statistics
 from isomatch.assets import Asset, Attribute
 from isomatch.cli.inputs import read_config
-from isomatch.cli.outputs import claimed_files, require_writable, say_left_out, say_notes
-from isomatch.cli.terminal import TALK, Talk, json_text, part, say
+from isomatch.cli.outputs import claimed_files, require_writable, say_left_out
+from isomatch.cli.terminal import INDENT, TALK, Talk, json_text, part, say, say_rows
 from isomatch.storage.files import write_text
 
 
@@ -111,11 +111,17 @@ def _asset(completed: shape_statistics.Completion) -> Asset:
 
 
 def _say(record: dict[str, Any], about: Path) -> None:
-    say(f"completed from {record['n_points']} points, {record['error']:.4g} off (root mean square)")
-    say(
-        f"standard deviation {record['mean_standard_deviation']:.4g} in the mean, "
-        f"{record['largest_standard_deviation']:.4g} at most; {record['residual']:.4g} is what the modes do not describe"
+    say(f"The shape is completed from {record['n_points']:,} points.", "bold")
+    say_rows(
+        [
+            (
+                "how sure",
+                f"it passes the points at {record['error']:.4g} (root mean square); elsewhere its standard deviation is "
+                f"{record['mean_standard_deviation']:.4g} on average, {record['largest_standard_deviation']:.4g} at "
+                f"most; {record['residual']:.4g} is what the modes do not describe",
+            ),
+            *(("note", note) for note in record["notes"]),
+        ]
     )
-    say_notes(record["notes"])
+    say(f"{'  wrote':<{INDENT}}{record['file']}, {about}")
     say_left_out(record["left_out"], record["file"])
-    say(f"wrote {record['file']}, {about}")

@@ -54,6 +54,7 @@ def match(
     as_mesh: Path | None = None,
     seed: int = 0,
     force: bool = False,
+    details: Annotated[bool, Parameter(negative=())] = False,
     talk: Talk = TALK,
 ) -> None:
     """Match two shapes: find the target point of every source vertex.
@@ -108,6 +109,8 @@ def match(
         Seed of the sampling and of the eigensolver.
     force : bool
         Replace an existing result in the folder.
+    details : bool
+        Print every measure too, with its bound, and the seconds of each stage.
     talk : Talk
         What is told.
     """
@@ -196,11 +199,10 @@ def match(
         tell("done", 1.0)
 
     def summary() -> None:
-        say_result(result)
+        say_result(result, details)
         if back:
-            say("")
             say("back, from target to source", "bold")
-            say_result(back)
+            say_result(back, details)
         if as_mesh is not None:
             say_wrapped(record["as_mesh"])
         say_files(record)

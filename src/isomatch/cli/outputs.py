@@ -12,7 +12,7 @@ from typing import Any
 import isomatch
 from isomatch import view
 from isomatch.assets import Attribute, Frame
-from isomatch.cli.terminal import json_text, say, say_table
+from isomatch.cli.terminal import INDENT, json_text, say, say_rows, say_table
 from isomatch.storage.files import claimed, made_folder, staged, write_text
 from isomatch.values.arrays import FloatArray
 
@@ -176,23 +176,35 @@ def claimed_files(*paths: Path | None, force: bool) -> Iterator[None]:
 
 
 _STYLES = {"CONVERGED": "bold green", "LOW_CONFIDENCE": "bold red", "MIRROR_IMAGE": "bold red"}
+MOST_NOTES = 2  # in a summary; the report has all
 
 
-def say_result(result: isomatch.MatchResult) -> None:
-    """Print the outcome, the regions of doubt, the quality, the timings and the notes."""
-    say(f"{result.outcome.value}: {result.outcome.advice}", _STYLES.get(result.outcome.name, "bold yellow"))
-    say(f"{result.map!r}, from {result.origin}")
+def say_result(result: isomatch.MatchResult, details: bool = False) -> None:
+    """Print what came out in plain words; in detail, also every measure, the stages and all notes."""
+    summary = view.summary_of(result)
+    say(summary.headline, _STYLES.get(result.outcome.name, "bold yellow"))
+    say_rows([("how sure", summary.sureness), ("what to do", summary.advice)])
+    if details:
+        _say_details(result)
+    else:
+        more = len(result.notes) - MOST_NOTES
+        say_rows(("note", note) for note in result.notes[:MOST_NOTES])
+        say_rows([("", f"{more} more notes: --details")] if more > 0 else [])
+
+
+def _say_details(result: isomatch.MatchResult) -> None:
+    say("")
+    say(f"{result.outcome.value}: {result.map!r}, from {result.origin}")
     for region in result.regions:
         say(f"doubtful: {region}")
-    say("")
     say_table(_quality_rows(result))
-    say("")
     for side, symmetry in zip(("source", "target"), result.symmetries):
         if symmetry:
             say(f"{side} maps onto itself: {symmetry}")
     one_by_one = {s: t for s, t in result.timings.items() if not s.startswith(("source: ", "target: "))}
-    say("seconds: " + ", ".join(f"{stage} {seconds:.2f}" for stage, seconds in one_by_one.items()))
+    say_rows([("seconds", ", ".join(f"{stage} {seconds:.2f}" for stage, seconds in one_by_one.items()))])
     say_notes(result.notes)
+    say("")
 
 
 def write_wrapped(
@@ -232,15 +244,16 @@ def require_writable(path: Path) -> None:
 
 def say_wrapped(record: dict[str, Any]) -> None:
     """Print where the target is in the source's topology, and how good it is."""
-    say(
-        f"wrote {record['file']}: the target with the faces of the source; {record['turned']:.2%} of them are turned "
-        f"over, almost no edge is stretched by more than {record['stretch']:.2f}, and vertices are "
-        f"{record['distance']:.4f} √area off on average"
-    )
-    if record["files_beside"]:
-        say(f"with its materials in {', '.join(record['files_beside'])}")
-    if record["extended"]:
-        say(f"{record['extended']} vertices have no counterpart and are placed by those around them")
+    extended = record["extended"]
+    say(f"{'  as mesh':<{INDENT}}{record['file']}")
+    lines = [
+        f"the target with the faces of the source; {record['turned']:.2%} of them are turned over, almost no edge is "
+        f"stretched by more than {record['stretch']:.2f} ×, vertices are {record['distance']:.2%} of the size (√area) "
+        "off on average",
+        f"materials: {', '.join(record['files_beside'])}" if record["files_beside"] else "",
+        f"{extended} vertices have no counterpart and are placed by those around them" if extended else "",
+    ]
+    say_rows(("", line) for line in lines)
     say_left_out(record["left_out"], record["file"])
     say_notes(record["notes"])
 
@@ -271,14 +284,27 @@ def refuse_outcomes(result: isomatch.MatchResult, refused: tuple[isomatch.Outcom
 
 
 def say_files(record: Mapping[str, Any]) -> None:
-    """Print which files were written, and what could not be drawn."""
-    say_notes(record["undrawn"])
-    say("wrote " + ", ".join(record["files"].values()))
+    """Print how long it took, which file to open first, what else was written, and what could not be drawn."""
+    files = record["files"]
+    first = next(files[kind] for kind in ("report", "picture", "map") if kind in files)
+    names = {Path(file).name for file in files.values() if file != first}
+    alternatives = {name for name in names if name.startswith("alternative_")}
+    short = {"alternative_*.npz"} if len(alternatives) > 1 else alternatives
+    sizes = f"{record['n_source']:,} → {record['n_target']:,} vertices"
+    say_rows(("note", note) for note in record["undrawn"])
+    say_rows([("took", f"{record['timings']['total']:.1f} s, {sizes}")])
+    say(f"{'  open first':<{INDENT}}{first}")  # whole, to be copied
+    say_rows([("also there", ", ".join(sorted((names - alternatives) | short)))])
 
 
 def _quality_rows(result: isomatch.MatchResult) -> list[tuple[str, ...]]:
-    """Give the name, value, bound and unit of every measure of quality."""
+    """Give the name, value, bound and unit of every measure of quality; a bound that is not held is marked by !."""
     return [
-        (measure.name, measure.value(number), measure.bound + (": not held" if against else ""), measure.unit)
+        (
+            measure.name,
+            measure.value(number),
+            measure.bound.replace("at most", "≤").replace("at least", "≥") + (" !" if against else ""),
+            measure.unit,
+        )
         for measure, number, against in view.quality_measures(result)
     ]

@@ -162,7 +162,7 @@ def run(
 
     def summary() -> None:
         _say(model, record)
-        say(f"wrote {output}: {len(into.written)} files")
+        say(f"open first: {output / 'index.html'}; {len(into.written)} files are there")
 
     talk.result({**record, "output": str(output), "files": into.written}, summary)
 
@@ -300,7 +300,9 @@ def _lines(record: dict[str, Any]) -> list[str]:
         first, second = (f"{name} ({count})" for name, count in zip(tested["names"], tested["counts"]))
         share = tested["significant_share_of_area"]
         lines += [
-            f"{first} and {second} differ on {share:.1%} of the area, at a false discovery rate of 5 %",
+            f"{first} and {second} "
+            + (f"differ on {share:.1%} of the area" if share else "do not differ significantly at any vertex")
+            + ", at a false discovery rate of 5 %",
             f"the groups describe {_told(tested)}",
         ]
     if record["allometry"]:
@@ -311,7 +313,8 @@ def _lines(record: dict[str, Any]) -> list[str]:
 
 
 def _say(model: shape_statistics.ShapeModel, record: dict[str, Any]) -> None:
-    say(f"{model!r}, scale {record['scale']}")
+    size = f"{len(model.names)} shapes of {len(model.mean):,} vertices"
+    say(f"{size} vary in {model.n_modes} mode{'s' * (model.n_modes != 1)}", "bold")
     total = 0.0
     rows = []
     for i, (share, deviation) in enumerate(zip(record["shares"][:10], model.deviations.tolist())):

@@ -206,9 +206,14 @@ class StatisticsFolder:
         """Write the test of two groups."""
         length = np.linalg.norm(test.difference, axis=1)
         values = {"p_value": test.p_values, "q_value": test.q_values, "difference": length}
-        shown = np.where(test.significant(), length, 0.0)
-        self.mesh("groups.ply", mean, values, shown, float(shown.max()))
-        label = "distance of the group means where it is significant" + ("" if shown.any() else ": nowhere")
+        shown = np.where(test.significant(), length, np.nan)
+        somewhere = bool(test.significant().any())
+        self.mesh("groups.ply", mean, values, shown, float(np.nanmax(shown)) if somewhere else 0.0)
+        label = (
+            "distance of the group means; grey: not significant"
+            if somewhere
+            else "no difference is significant"
+        )
         shape_statistics.draw_values(self.picture("groups"), mean, shown, label)
         columns = np.column_stack([test.t_squared, test.p_values, test.q_values, test.difference]).tolist()
         names = ("t_squared", "p_value", "q_value", "dx", "dy", "dz")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from html import escape
 from importlib.resources import files
+from itertools import accumulate
 from string import Template
 from typing import Any
 from urllib.parse import quote
@@ -43,7 +44,8 @@ def page_of(
         first=f"<h2>To look at first</h2>{_listed(doubts)}" if doubts else "",
         told=_listed(told),
         modes="".join(
-            f"<tr><td>{i}</td><td>{share:.1%}</td></tr>" for i, share in enumerate(record["shares"][:10], 1)
+            f"<tr><td>{i}</td><td>{share:.1%}</td><td>{sum_:.1%}</td></tr>"
+            for i, (share, sum_) in enumerate(zip(record["shares"][:10], accumulate(record["shares"])), 1)
         ),
         figures=figures,
         tables=", ".join(f'<a href="{quote(name)}">{escape(name)}</a>' for name in tables),

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from io import TextIOWrapper
+from textwrap import wrap
 from typing import Any, TypeAlias
 
 from cyclopts import Parameter
@@ -20,6 +21,10 @@ from rich.table import Table
 from rich.text import Text
 
 Tell: TypeAlias = Callable[[str, float], None]
+
+WIDEST = 100  # columns of text; longer lines are hard to read
+LEAST_WIDTH = 20  # of a text, however narrow the terminal is
+INDENT = 14  # columns of a label
 
 _CONTROLS = {code: f"\\x{code:02x}" for code in (*range(32), *range(127, 160)) if chr(code) not in "\t\n"}
 
@@ -39,6 +44,15 @@ def printable(text: str) -> str:
 def say(text: str, style: str = "") -> None:
     """Print a text without breaking its lines."""
     Console(highlight=False).print(Text(printable(text)), style=style, soft_wrap=True)
+
+
+def say_rows(rows: Iterable[tuple[str, str]], indent: int = INDENT) -> None:
+    """Print labels with texts beside them, broken between words; rows without a text are left out."""
+    width = max(min(Console().width, WIDEST) - indent, LEAST_WIDTH)
+    for label, text in rows:
+        lines = wrap(text, width, break_long_words=False, break_on_hyphens=False)
+        for start, line in zip([f"  {label}", *[""] * len(lines)], lines):
+            say(f"{start:<{indent}}{line}")
 
 
 def complain(message: str) -> None:

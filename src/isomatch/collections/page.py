@@ -15,9 +15,20 @@ from isomatch.collections.collection import Collection
 from isomatch.collections.ledger import Rows
 from isomatch.collections.reports import has_report
 from isomatch.collections.tables import MOST_SHOWN, table_of
+from isomatch.matching import Outcome
 from isomatch.storage.files import write_text
 
-SHOWN = ("misfit", "rival", "residual", "stretch", "distortion_mean", "coverage", "matched", "seconds")
+SHOWN = {
+    "in doubt": "{:.1%}",
+    "distortion_mean": "{:.1%}",
+    "coverage": "{:.0%}",
+    "matched": "{:.0%}",
+    "misfit": "{:.2f}",
+    "rival": "{:.2f}",
+    "seconds": "{:.1f}",
+}
+"""Columns of the table of pairs, and how their numbers are written."""
+
 MOST_TURNED = 0.01  # share of faces that are turned over, which is not worth a word
 
 
@@ -86,7 +97,8 @@ def _figure(collection: Collection, name: str, rows: Rows, lines: Mapping[str, M
 def _line(collection: Collection, pair: Mapping[str, Any], rows: Rows) -> str:
     """Show one pair: names, outcome, measures, and links to its report and maps, as far as they exist."""
     layout, both = collection.layout, (pair["source"], pair["target"])
-    cells = [f"<td>{escape(_text(pair.get(name)))}</td>" for name in SHOWN]
+    measures = {**pair, "in doubt": _in_doubt(pair)}
+    cells = [f"<td>{escape(_text(form, measures.get(name)))}</td>" for name, form in SHOWN.items()]
     links = [
         f'<a href="{_link(collection, path)}">{word}</a>'
         for word, path, exists in (
@@ -99,8 +111,8 @@ def _line(collection: Collection, pair: Mapping[str, Any], rows: Rows) -> str:
     good = outcome in ("CONVERGED", "PARTIAL")
     words = outcome.lower().replace("_", " ") + (f": {pair['error']}" if pair.get("error") else "")
     return (
-        f"<tr{'' if good else ' class=bad'}><td class=words>{escape(' and '.join(both))}</td>"
-        f"<td class=words>{escape(words)}</td>{''.join(cells)}<td class=words>{' '.join(links)}</td></tr>\n"
+        f"<tr{'' if good else ' class=bad'}><td class=words>{escape(', '.join(both))}</td>"
+        f"<td class=words>{escape(words)}</td><td class=words>{' '.join(links)}</td>{''.join(cells)}</tr>\n"
     )
 
 
@@ -108,7 +120,14 @@ def _link(collection: Collection, path: Any) -> str:
     return quote(path.relative_to(collection.layout.folder).as_posix())
 
 
-def _text(value: object) -> str:
-    if value is None:
-        return "–"
-    return f"{value:.3g}" if isinstance(value, float) else str(value)
+def _in_doubt(pair: Mapping[str, Any]) -> float | None:
+    """Share of the surface in the regions of doubt of a pair; None without a map, or if all of it may be wrong."""
+    result = pair.get("there") or {}
+    regions = result.get("regions", [])
+    if not result or (Outcome[result["outcome"]].is_doubtful and not regions):
+        return None
+    return float(sum(region["area"] for region in regions))
+
+
+def _text(form: str, value: object) -> str:
+    return form.format(value) if isinstance(value, int | float) else "–"

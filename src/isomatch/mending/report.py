@@ -205,24 +205,30 @@ class MeshReport:
         )
 
     def __str__(self) -> str:
-        lengths = ", ".join(f"{length:.4g}" for length in self.boundary_lengths[:5])
+        defects = [
+            (what, len(found), "")
+            for name, (what, _) in (_FATAL | _SURVIVABLE).items()
+            if len(found := getattr(self, name))
+        ]
+        walls = [("double-walled, per cent of the area", round(100 * self.double_walled), "")]
         rows = [
             ("vertices", self.n_vertices, ""),
             ("faces", self.n_faces, ""),
-            ("components", self.n_components, f"vertices: {some(self.component_vertices)}"),
+            (
+                "components",
+                self.n_components,
+                f"largest: {self.component_vertices[0]} vertices" if self.n_components > 1 else "",
+            ),
             ("Euler number", self.euler_number, ""),
-            *(
-                [("double-walled, per cent of the area", round(100 * self.double_walled), "")]
-                if self.double_walled >= 0
-                else []
+            *(walls if self.double_walled >= 0 else []),
+            (
+                "boundary loops",
+                self.n_boundary_loops,
+                f"longest: {self.boundary_lengths[0]:.4g}" if self.n_boundary_loops else "",
             ),
-            ("boundary loops", self.n_boundary_loops, f"lengths: {lengths}" if lengths else ""),
-            *(
-                (what, len(getattr(self, name)), _where(getattr(self, name)))
-                for name, (what, _) in (_FATAL | _SURVIVABLE).items()
-            ),
+            *defects,
         ]
-        table = [f"{what:<45} {count:>9}  {where}".rstrip() for what, count, where in rows]
+        table = [f"{what:<49} {count:>7}  {where}".rstrip() for what, count, where in rows]
         verdict = [f"fatal: {sentence}" for sentence in self.fatal]
         verdict += [f"warning: {sentence}" for sentence in self.warnings]
         return "\n".join(table + (verdict or ["no defects"]))

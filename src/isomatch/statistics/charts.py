@@ -26,7 +26,8 @@ PictureFormat = Literal["png", "pdf", "svg"]
 BLUE, GREY = "#3f90da", "#717581"  # of Petroff 2021
 COLOURS = (BLUE, "#ffa90e", "#bd1f01", "#94a4a2", "#832db6", "#a96b59", "#e76300", "#b9ac70")
 DPI = 300  # of pictures in print
-SIZE = (7.0, 5.6)  # inches of a scatter plot
+SIZE = (5.6, 4.5)  # inches of a scatter plot
+NAMES = 8  # points of the names of shapes
 
 
 def draw_scores(
@@ -132,8 +133,8 @@ def draw_quality(path: str | Path, compact: FloatArray, general: ModelCurve, spe
     """
     from matplotlib.figure import Figure
 
-    figure = Figure((8.4, 2.9), layout="constrained")
-    panels = figure.subplots(1, 3)
+    figure = Figure((SIZE[0], 6.6), layout="constrained")
+    panels = figure.subplots(3, 1)
     panels[0].plot(np.arange(len(compact)), compact, color=BLUE, marker=".")
     panels[0].set(title="compactness: share of the variance", ylim=(0, 1.03))
     for axes, curve, title in (
@@ -171,12 +172,12 @@ def draw_tree(path: str | Path, distances: FloatArray, names: Sequence[str], lab
     from scipy.cluster.hierarchy import dendrogram
 
     tree = dendrogram(shape_tree(distances), no_plot=True)
-    figure = Figure((7, 1.0 + 0.18 * len(names)), layout="constrained")
+    figure = Figure((SIZE[0], 1.0 + 0.2 * len(names)), layout="constrained")
     axes = figure.subplots()
     for across, along in zip(tree["icoord"], tree["dcoord"]):
         axes.plot(along, across, color=GREY, linewidth=1)
     axes.set_yticks(5 + 10 * np.arange(len(names)))
-    axes.set_yticklabels([names[i] for i in tree["leaves"]], fontsize=7, parse_math=False)
+    axes.set_yticklabels([names[i] for i in tree["leaves"]], fontsize=NAMES, parse_math=False)
     axes.set_xlabel(label)
     axes.set_xlim(left=0)
     axes.spines[["top", "right", "left"]].set_visible(False)
@@ -207,7 +208,7 @@ def draw_embedding(
     """
     from matplotlib.figure import Figure
 
-    figure = Figure((7, 6), layout="constrained")
+    figure = Figure(SIZE, layout="constrained")
     axes = figure.subplots()
     _scatter(axes, points, names, groups)
     axes.set_aspect("equal", adjustable="datalim")
@@ -237,7 +238,7 @@ def _scatter(axes: Axes, points: FloatArray, names: Sequence[str], groups: Seque
             text.set_parse_math(False)
     axes.margins(0.1)
     for point, name in zip(points, names):
-        axes.annotate(name, point, (3, 3), textcoords="offset points", fontsize=7, parse_math=False)
+        axes.annotate(name, point, (3, 3), textcoords="offset points", fontsize=NAMES, parse_math=False)
 
 
 def _save_scatter(figure: Figure, path: str | Path) -> None:

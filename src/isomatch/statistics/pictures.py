@@ -18,8 +18,11 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-WIDTH = 8.5  # inches of a picture
-FILLED = 0.8  # of the width of a panel, that the widest surface takes: the bar and margins take the rest
+WIDTH = 6.5  # inches of a picture
+FILLED = 0.9  # of the width of a panel, that the widest surface takes
+TEXT = 9.0  # points
+BAR = 0.7  # inches that a colour bar takes, with its numbers and its label
+KNOWN = 0.5  # share of the value of a point that is known, from which it is drawn
 DIVERGING, RISING = "RdBu_r", "viridis"
 
 
@@ -66,7 +69,7 @@ def draw_modes(path: str | Path, model: ShapeModel, n_modes: int = 3, deviations
         titles += [f"−{deviations:g} sd", share, f"+{deviations:g} sd"]
     if not images:
         images, titles = [middle], ["mean; the shapes do not differ"]
-    figure, axes = arranged_panels(images, titles, per_row=min(len(images), 3))
+    figure, axes = arranged_panels(images, titles, min(len(images), 3), WIDTH, TEXT)
     if shown:
         _add_bar(figure, axes, DIVERGING, -largest, largest, "displacement along the normal of the mean")
     save_figure(figure, path)
@@ -84,17 +87,28 @@ def draw_values(path: str | Path, mesh: Mesh, values: FloatArray, label: str) ->
     values : (n,) array of float
         The values; nan is drawn grey.
     label : str
-        What they are, with their unit.
+        What they are, with their unit; without any value, it is all that is said.
     """
-    highest = float(np.nanquantile(values, 0.995)) or 1.0
+    known = np.isfinite(values)
+    highest = float(np.quantile(values[known], 0.995)) if known.any() else 0.0
     front = camera_of(mesh)
-    paint = colour_scale(RISING, 0.0, highest)
+    paint = colour_scale(RISING, 0.0, highest or 1.0)
     density = _density([mesh], front, per_row=2) * np.sqrt(mesh.area)
+
+    def paint_known(seen: FloatArray) -> FloatArray:
+        share = np.where(seen[:, 1:] < KNOWN, np.nan, seen[:, 1:])
+        return paint(seen[:, :1] / share)
+
+    columns = np.column_stack([np.where(known, values, 0.0), known])
     images = [
-        surface_image(mesh, values, paint, view, density) for view in (front, front * [[-1], [1], [-1]])
+        surface_image(mesh, columns, paint_known, view, density)
+        for view in (front, front * [[-1], [1], [-1]])
     ]
-    figure, axes = arranged_panels(images, ["", ""], per_row=2)
-    _add_bar(figure, axes, RISING, 0.0, highest, label)
+    figure, axes = arranged_panels(images, ["", ""], 2, WIDTH, TEXT)
+    if known.any():
+        _add_bar(figure, axes, RISING, 0.0, highest or 1.0, label)
+    else:
+        figure.supxlabel(label, size=TEXT)
     save_figure(figure, path)
 
 
@@ -105,11 +119,14 @@ def _density(meshes: Sequence[Mesh], camera: FloatArray, per_row: int) -> float:
 
 
 def _add_bar(figure: Figure, axes: list[Axes], name: str, low: float, high: float, label: str) -> None:
+    """Add a colour bar below all panels."""
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
 
     scale = ScalarMappable(Normalize(low, high), name)
-    shrink = min(0.6, 2.5 / figure.get_figheight())
-    bar = figure.colorbar(scale, ax=axes, shrink=shrink, extend="both" if low else "max")
-    bar.set_label(label, size=7)
-    bar.ax.tick_params(labelsize=7)
+    figure.set_figheight(figure.get_figheight() + BAR)
+    bar = figure.colorbar(
+        scale, ax=axes, location="bottom", shrink=0.6, aspect=40, extend="both" if low else "max"
+    )
+    bar.set_label(label, size=TEXT)
+    bar.ax.tick_params(labelsize=TEXT)

@@ -8,14 +8,17 @@ from isomatch.view.points import drawable
 from isomatch.view.report import MOST_ALTERNATIVES, write_landmark_picker, write_report
 from isomatch.view.representations import html_of
 from isomatch.view.stills import draw_map
+from isomatch.view.summary import HEADLINES, Summary, summary_of
 from isomatch.view.surface_image import surface_image
 from isomatch.view.value_panel import ValuePanel
 from isomatch.view.work_page import WorkPage
 
 __all__ = [
+    "HEADLINES",
     "MOST_ALTERNATIVES",
     "Measure",
     "ResultView",
+    "Summary",
     "ValuePanel",
     "WorkPage",
     "arranged_panels",
@@ -30,6 +33,7 @@ __all__ = [
     "quality_bounds",
     "quality_measures",
     "show_result",
+    "summary_of",
     "surface_image",
     "to_screen",
     "turn_to_target",

@@ -21,15 +21,15 @@ from isomatch.view.report import (
     COLOURS,
     MOST_ALTERNATIVES,
     UNDECIDED,
-    advice_on,
     page_of,
     pairs_on,
     remarks_on,
     template,
     text_of,
 )
-from isomatch.view.report_sections import paragraphs, sentence
+from isomatch.view.report_sections import paragraphs
 from isomatch.view.scene import scene_of
+from isomatch.view.summary import summary_of
 
 SANDBOX = "allow-scripts allow-downloads"  # the page reaches neither the notebook nor anything else
 FETCHED = "After <code>view = result.show()</code>, what you click is in <code>view.landmarks</code> at once:"
@@ -106,6 +106,7 @@ def show_result(
     maps = {"returned": result.map} | {f"alternative {i}": other.map for i, other in others}
     layers = {**doubt(result), **expected_error(result), **mismatch(result)}
     scene = scene_of(source, target, maps, layers=layers, landmarks=pairs)
+    summary = summary_of(result)
     told, command = (FETCHED, MATCH_AGAIN) if clicks_return() else (STATIC, MATCH_SAVED)
     panel = template("inline_landmarks.html").substitute(told=told, command=escape(command))
     page = page_of(
@@ -116,8 +117,9 @@ def show_result(
         style=text_of("inline.css"),
         work=f"<script>\n{text_of('inline.js')}</script>",
         colour=COLOURS.get(result.outcome, UNDECIDED),
-        headline=escape(sentence(result.outcome.value)),
-        advice=escape(advice_on(result.outcome)),
+        headline=escape(summary.headline),
+        sureness=summary.sureness,
+        advice=escape(summary.advice_in_python),
         picture="",
         plain="Points of the same colour correspond.",
         maps="".join(f"<option>{name}</option>" for name in maps),

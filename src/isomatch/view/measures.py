@@ -66,7 +66,7 @@ MEASURES = {
     "misfit": Measure(
         "misfit",
         "{:.2f}",
-        "0: the same shape; 0.4: correct map of two people",
+        "0: same; 0.4: two people",
         "Mean distance between corresponding points when eigenfunctions, signatures, positions and normals are compared "
         "together. 0 for the same shape; about 0.4 for a correct map between two different people.",
         most_of="outcome.poor_misfit",
@@ -82,7 +82,7 @@ MEASURES = {
     "mirrored": Measure(
         "mirror image",
         "{:.2f} ×",
-        "1 is a tie; above 1.5 is clear",
+        "1 is a tie; above 1.5 clear",
         "The same for the best map of opposite orientation. A difference in pose alone can make up to 1.5; none if no "
         "such map came close, or only one orientation was allowed.",
         least_of="outcome.mirror_tie",
@@ -90,7 +90,7 @@ MEASURES = {
     "distortion_mean": Measure(
         "distortion, mean",
         "{:.2%}",
-        "of √area, between pairs of points",
+        "of √area, between two points",
         "Mean change of the geodesic distance between two points under the map, relative to √area. About half a per cent "
         "of it is measurement error.",
     ),
@@ -103,20 +103,20 @@ MEASURES = {
     "coverage": Measure(
         "coverage",
         "{:.1%}",
-        "of the target area is near an image",
+        "of the target near an image",
         "Fraction of the target area that is close to the image of a source vertex. The rest has no counterpart on the "
         "source, or the map collapses there.",
     ),
     "matched": Measure(
         "matched",
         "{:.1%}",
-        "of the source vertices have an image",
+        "of the source has an image",
         "Fraction of the source vertices that have an image. The others are on parts that were left out; see the notes.",
     ),
     "orientation": Measure(
         "orientation",
         "{:.2f}",
-        "1: orientation-preserving, −1: reversing",
+        "1 keeps sides, −1 mirrors",
         "Whether the map preserves orientation. Near 1 it keeps the outer side of the surface outside; near −1 it is a "
         "mirror image, which is correct only if that was wanted; values in between mean a twisted map.",
         least_of="outcome.poor_orientation",
@@ -132,7 +132,7 @@ MEASURES = {
     "stretch": Measure(
         "stretch of edges",
         "{:.2f}",
-        "mean square; 1 for an isometry",
+        "mean square; 1: an isometry",
         "Sum of the squared lengths of the edges' images over that of the edges: 1 if lengths are preserved, more if the "
         "map stretches or tears the surface. A torn edge counts at most four times.",
         most_of="outcome.poor_stretch",
@@ -147,7 +147,7 @@ MEASURES = {
     "torn_off": Measure(
         "torn off",
         "{:.1%}",
-        "of the source area, in one piece",
+        "of the source, in one piece",
         "Fraction of the source area in the largest piece that the map tears from the rest, such as a limb that it "
         "exchanges with another. 0 for a correct map.",
         most_of="outcome.poor_torn_off",
@@ -162,14 +162,14 @@ MEASURES = {
     "bend_misfit": Measure(
         "misfit of the bent shape",
         "{:.1e}",
-        "stretch × distance from the other shape",
+        "stretch × distance",
         "How much the edges of a part, or of a shape of another species, are stretched when it is bent onto the other "
         "shape, times how far it still is from that. Large for many wrong maps.",
     ),
     "doubt": Measure(
         "doubt of a part",
         "{:.1e}",
-        "score / (1 − score / score of the next best map)",
+        "score over its lead",
         "The score of the map, low if all measures are good, over how clearly it is better than that of the best "
         "different map. The map of a part is sure if its doubt is small.",
         most_of="parts.poor_doubt",

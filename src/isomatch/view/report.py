@@ -20,6 +20,7 @@ from isomatch.surfaces import Mesh
 from isomatch.values.arrays import IntArray, array_of
 from isomatch.view import lighting
 from isomatch.view.layers import doubt, expected_error, mismatch, user_layers
+from isomatch.view.measures import quality_measures
 from isomatch.view.picture import png
 from isomatch.view.report_sections import (
     drawn,
@@ -34,6 +35,7 @@ from isomatch.view.report_sections import (
 )
 from isomatch.view.scene import scene_of
 from isomatch.view.stills import WIDTH
+from isomatch.view.summary import summary_of
 
 MOST_ALTERNATIVES = 4
 LEAST_TURN = 0.1  # degrees of a turn worth telling
@@ -123,10 +125,12 @@ def write_report(
         still = png(drawn(source, target, result.map, titles, WIDTH))
     else:
         still = png(Path(picture).read_bytes()) if picture else ""
+    summary = summary_of(result)
     helped = result.outcome in _HELPED_BY_LANDMARKS
     details = template("details.html").substitute(
         regions=table_of_regions(result),
         quality=quality_rows(result),
+        open=" open" if any(against for _, _, against in quality_measures(result)) else "",
         alternatives=pictures_of_alternatives(source, target, others),
         notes=paragraphs(map(sentence, result.notes or ["Nothing was repaired, left out or replaced."])),
     )
@@ -136,8 +140,9 @@ def write_report(
         scene,
         pairs,
         colour=COLOURS.get(result.outcome, UNDECIDED),
-        headline=escape(sentence(result.outcome.value)),
-        advice=escape(advice_on(result.outcome)),
+        headline=escape(summary.headline),
+        sureness=summary.sureness,
+        advice=escape(summary.advice_in_python),
         picture=f'<img src="{still}" alt="Source on the left, target on the right; points of the same colour '
         'correspond.">'
         if still
@@ -218,6 +223,7 @@ def page_of(
     policy: str = "",
     kind: str = "",
     work: str = "",
+    sureness: str = "",
     **parts: str,
 ) -> str:
     """Fill the template with the contents of every page, and with the given parts as HTML.
@@ -233,6 +239,7 @@ def page_of(
         policy=policy,
         kind=kind,
         work=work,
+        sureness=f'<p id="sureness">{escape(sureness)}</p>\n' if sureness else "",
         title=escape(f"isomatch: {names[0]} → {names[1]}"),
         pair=escape(" → ".join(f"{n} ({m.n_vertices:,} vertices)" for n, m in zip(names, shapes))),
         source_name=escape(title_of("source", names[0])),
@@ -279,13 +286,6 @@ def _lights() -> dict[str, str]:
     return {name: ", ".join(map(str, direction)) for name, direction in directions.items()} | {
         name: str(float(number)) for name, number in numbers.items()
     }
-
-
-def advice_on(outcome: Outcome) -> str:
-    """Say what to do about an outcome."""
-    if outcome is Outcome.CONVERGED:
-        return f"{outcome.advice} No outcome is a proof, so look at the picture."
-    return outcome.advice
 
 
 def remarks_on(scene: Mapping[str, Any], result: MatchResult) -> list[str]:

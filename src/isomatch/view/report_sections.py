@@ -65,7 +65,7 @@ def pictures_of_alternatives(source: Mesh, target: Mesh, others: Sequence[Altern
         "</figure>"
         for i, other in enumerate(others, 1)
     )
-    return f'<div class="stills">{figures}</div>' if others else "<p>There are none here.</p>"
+    return f'<div class="stills">{figures}</div>' if others else "<p>There are none.</p>"
 
 
 def _evidence(other: Alternative) -> str:
@@ -77,6 +77,7 @@ def _evidence(other: Alternative) -> str:
 def tables_of_run(result: MatchResult, facts: Mapping[str, object]) -> str:
     """Tell how the map was found: facts, seconds and settings."""
     run = {
+        "outcome": result.outcome.value,
         **facts,
         "winning start": result.origin,
         "selected for": result.reason,

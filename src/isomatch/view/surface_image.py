@@ -11,8 +11,10 @@ from numpy.typing import ArrayLike
 from isomatch.loading.compiled import compiled
 from isomatch.surfaces import Mesh, rasterise
 from isomatch.values.arrays import FloatArray, IntArray
-from isomatch.view.camera import camera_of, of_ordinary_size, seen_from
+from isomatch.values.cached import cached_property
+from isomatch.view.camera import camera_of, of_ordinary_size, seen_from, used_vertices
 from isomatch.view.colours import UNMATCHED_GREY, from_screen, to_screen
+from isomatch.view.finer import finer
 from isomatch.view.lighting import light
 
 OVERSAMPLING = 2  # samples per pixel and axis
@@ -20,7 +22,7 @@ OVERSAMPLING = 2  # samples per pixel and axis
 
 @dataclass(frozen=True, eq=False)
 class SurfaceView:
-    """A surface with values at its vertices, their colours, and a camera.
+    """A surface with values at its vertices, their colours, and a camera. Coarse triangles are drawn round, see `finer`.
 
     Parameters
     ----------
@@ -39,20 +41,26 @@ class SurfaceView:
     values: FloatArray
     paint: Callable[[FloatArray], FloatArray]
 
+    @cached_property
+    def _finer(self) -> tuple[Mesh, FloatArray, FloatArray]:
+        return finer(self.mesh, self.values)
+
     def extent(self) -> FloatArray:
         """Return the width and height of the surface, scaled to unit area."""
-        drawn = seen_from(self.camera, self.mesh)[np.unique(self.mesh.faces)]
+        mesh, _, _ = self._finer
+        drawn = seen_from(self.camera, mesh)[used_vertices(mesh)]
         return np.asarray(np.ptp(drawn, axis=0)[:2], dtype=np.float64)
 
     def pixels(self, width: int, height: int, scale: float) -> FloatArray:
         """Draw the image, (height, width, 4), in sRGB with opacity, at ``scale`` pixels per unit."""
         width, height, scale = width * OVERSAMPLING, height * OVERSAMPLING, scale * OVERSAMPLING
-        points = seen_from(self.camera, self.mesh) * [scale, -scale, scale] + [width / 2, height / 2, 0.0]
-        faces = self.mesh.faces
+        mesh, values, normals = self._finer
+        points = seen_from(self.camera, mesh) * [scale, -scale, scale] + [width / 2, height / 2, 0.0]
+        faces = mesh.faces
         raster = rasterise(points, faces, width, height)
-        colour = self.paint(raster.interpolated(self.values, faces))
+        colour = self.paint(raster.interpolated(values, faces))
         colour = np.where(np.isnan(colour), UNMATCHED_GREY, colour)
-        diffuse, gloss = light(raster, raster.interpolated(self.mesh.vertex_normals @ self.camera.T, faces))
+        diffuse, gloss = light(raster, raster.interpolated(normals @ self.camera.T, faces))
         mean = np.zeros((height // OVERSAMPLING, width // OVERSAMPLING, 4))
         _collect(raster.face, colour * diffuse[:, None] + gloss[:, None], mean)
         opacity = mean[..., 3:]

@@ -18,7 +18,6 @@ from isomatch.view.report import (
     COLOURS,
     MOST_ALTERNATIVES,
     UNDECIDED,
-    advice_on,
     page_of,
     pairs_on,
     simplified,
@@ -27,6 +26,7 @@ from isomatch.view.report import (
 )
 from isomatch.view.report_sections import paragraphs, quality_rows, sentence, tables_of_run
 from isomatch.view.scene import DrawnPair
+from isomatch.view.summary import summary_of
 
 STAYED = 0.05  # √area; an image that is moved by less is at the same place
 ALMOST = 0.99  # the largest share that is not everywhere
@@ -146,10 +146,11 @@ class WorkPage:
         origins = [result.origin, *(other.origin for other in others), "the map that this one replaced"]
         pairs = pairs_on(landmarks or None, self._source, self._target)
         layers = {**doubt(result), **expected_error(result), **mismatch(result)}
+        summary = summary_of(result)
         return {
             "outcome": result.outcome.name,
-            "headline": sentence(result.outcome.value),
-            "advice": advice_on(result.outcome),
+            "headline": summary.headline,
+            "advice": summary.advice_in_python,
             "colour": COLOURS.get(result.outcome, UNDECIDED),
             "sure": self._sure(result),
             "since": "" if before is None else self._since(self._moved(result.map, before)),

@@ -1,8 +1,10 @@
-"""Cumulative curves of benchmark runs: a row of panels for each set."""
+"""Cumulative curves of benchmark runs: panels for each set."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from io import BytesIO
 from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -25,39 +27,89 @@ COLOURS = (  # Petroff 2021: ten colours that the colour-blind can distinguish
 DASHES = ((0, (1, 1.5)), (0, (6, 1.5, 1, 1.5)))  # of published curves: the ten colours in each style
 DIRECT, EITHER, CONTINUED = "direct truth", "one flip allowed for each pair", "started from another map"
 OURS = "isomatch"
+PANEL, PER_ROW = (5.4, 4.6), 2  # inches of a panel with its legend: its text can be read on a phone
 Panel = dict[str, tuple[FloatArray, int]]
 """Mean curve and number of pairs of each method."""
 
 
-def draw_curves(rows: list[dict[str, Any]], published: Sequence[PublishedCurve], out: Path) -> None:
-    """Write ``curves.png`` and ``curves.svg``.
+@dataclass(frozen=True, eq=False)
+class CurvePanel:
+    """The curves of one set, against one kind of truth.
+
+    Parameters
+    ----------
+    title : str
+        The set and the kind.
+    curves : dict
+        Mean curve and number of pairs of each method.
+    published : sequence of PublishedCurve
+        Curves to compare with.
+    colours : dict
+        Colour of each family of methods.
+    continued : bool
+        Whether methods were started from the maps of others.
+    """
+
+    title: str
+    curves: Panel
+    published: Sequence[PublishedCurve]
+    colours: dict[str, str]
+    continued: bool
+
+    def draw(self, axes: Axes) -> None:
+        """Draw the panel, with its legend below it."""
+        _draw(axes, self.curves, self.published, self.colours, self.continued)
+        axes.set_title(self.title, fontsize="medium")
+
+    def svg(self) -> bytes:
+        """Draw the panel alone."""
+        from matplotlib.figure import Figure
+
+        figure, drawn = Figure(PANEL, layout="constrained"), BytesIO()
+        self.draw(figure.subplots())
+        figure.savefig(drawn, format="svg")
+        return drawn.getvalue()
+
+
+def curve_panels(rows: list[dict[str, Any]], published: Sequence[PublishedCurve]) -> list[CurvePanel]:
+    """Give the panels of benchmark rows.
 
     Each set, and each damage to it, has a panel of its methods against the direct truth; one against the better of direct
     and mirrored truth for each pair, if that differs; and one of methods started from the maps of others, shown as thin
     lines, if there are any.
     """
-    from matplotlib.figure import Figure
-
     good = [row | {"set": set_label(row)} for row in rows if "curve" in row]
-    sets = {name: _panels([row for row in good if row["set"] == name]) for name in _distinct(good, "set")}
-    if not sets:
-        return
-    kinds = [kind for kind in (DIRECT, EITHER, CONTINUED) if any(kind in panels for panels in sets.values())]
     families = dict.fromkeys(_family(method) for method in _distinct(good, "method") if method != OURS)
     colours = {family: COLOURS[i % len(COLOURS)] for i, family in enumerate(families)}
-    figure = Figure((7.2 * len(kinds), 5.2 * len(sets)), layout="constrained")
-    grid = figure.subplots(len(sets), len(kinds), squeeze=False)
-    for ((name, panels), kind), axes in zip(product(sets.items(), kinds), grid.ravel()):
-        axes.set_axis_off()
-        if kind in panels:
+    panels = []
+    for name in _distinct(good, "set"):
+        members = [row for row in good if row["set"] == name]
+        at_landmarks = any(row.get("judged_at") == "landmarks" for row in members)
+        for kind, panel in _panels(members).items():
             published_set = {DIRECT: name, EITHER: f"{name}_AllowingFlips"}.get(kind)
             others = [curve for curve in published if curve.set_name == published_set]
-            _draw(axes, panels[kind], others, colours, kind == CONTINUED)
-            at_landmarks = any(row["set"] == name and row.get("judged_at") == "landmarks" for row in good)
-            axes.set_title(f"{name}{', at landmarks' * at_landmarks}: {kind}", fontsize="medium")
+            title = f"{name}{', at landmarks' * at_landmarks}: {kind}"
+            panels.append(CurvePanel(title, panel, others, colours, kind == CONTINUED))
+    return panels
+
+
+def draw_curves(panels: Sequence[CurvePanel], out: Path) -> None:
+    """Write ``curves.png`` and ``curves.svg``, with all panels; nothing if there are none."""
+    from matplotlib.figure import Figure
+
+    if not panels:
+        return
+    per_row = min(len(panels), PER_ROW)
+    n_rows = -(-len(panels) // per_row)
+    figure = Figure((PANEL[0] * per_row, PANEL[1] * n_rows), layout="constrained")
+    grid = figure.subplots(n_rows, per_row, squeeze=False).ravel()
+    for axes in grid:
+        axes.set_axis_off()
+    for axes, panel in zip(grid, panels):
+        panel.draw(axes)
     for suffix in ("png", "svg"):
         with replaced(out / f"curves.{suffix}") as file:
-            figure.savefig(file, format=suffix, dpi=110)
+            figure.savefig(file, format=suffix, dpi=150)
 
 
 def _distinct(rows: list[dict[str, Any]], key: str) -> list[str]:
@@ -114,7 +166,12 @@ def _draw(
     )
     axes.grid(alpha=0.3)
     legend = axes.legend(
-        loc="center left", bbox_to_anchor=(1, 0.5), fontsize="x-small", title="method (pairs)"
+        loc="upper center",
+        bbox_to_anchor=(0.5, -0.17),
+        fontsize=9,
+        title="method (pairs)",
+        ncols=2,
+        frameon=False,
     )
     for text in legend.get_texts():
         text.set_parse_math(False)  # a dollar sign in the name of a published curve does not start a formula

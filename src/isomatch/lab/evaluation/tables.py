@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from isomatch.lab.evaluation.curves import draw_curves
+from isomatch.lab.evaluation.curves import curve_panels, draw_curves
 from isomatch.lab.evaluation.ledger import Row, identity_of, read_rows
 from isomatch.lab.evaluation.page import write_page
 from isomatch.lab.evaluation.published_curves import PublishedCurve
@@ -55,9 +55,9 @@ def write_tables(out: str | Path, published: Sequence[PublishedCurve] = ()) -> l
         gains = improvements(rows)
         if gains:
             _write_csv(out / "improvements.csv", gains, tuple(gains[0]))
-        draw_curves(rows, published, out)
-        curves = (out / "curves.svg").read_bytes()
-        write_page(out / "index.html", table, gains, rows, curves, len(every) - len(rows))
+        panels = curve_panels(rows, published)
+        draw_curves(panels, out)
+        write_page(out / "index.html", table, gains, rows, panels, len(every) - len(rows))
     return table
 
 

@@ -1,0 +1,137 @@
+"""What came out of a match, in plain words: for a reader who knows none of the measures."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+
+from isomatch.matching import MatchResult, Outcome
+from isomatch.view.measures import quality_measures
+
+LITTLE_CONFIDENCE = 0.5  # an expected error of 0.05 √area, see `MatchResult.confidence`
+WORTH_TELLING = 0.005  # share of the vertices
+
+HEADLINES = {
+    Outcome.HINTS_CONTRADICTED: "The map and your hints do not agree: either may be wrong.",
+    Outcome.MIRROR_IMAGE: "This map is wrong: one shape fits the mirror image of the other.",
+    Outcome.LOW_CONFIDENCE: "This map is doubtful: the shapes fit badly under it.",
+    Outcome.SYMMETRY_AMBIGUOUS: "Two maps fit equally well; this is one of them.",
+    Outcome.PARTIAL: "The shapes match in what they have in common; the rest is left out.",
+    Outcome.CONVERGED: "The shapes match, and nothing speaks against this map.",
+}
+"""What came out, in a sentence, by outcome."""
+
+MOSTLY_RIGHT = "Most of this map looks right, but not all of it."
+ANOTHER_IS_BETTER = "This map is doubtful: another one fits as well or better."
+
+_ADVICE = {
+    Outcome.HINTS_CONTRADICTED: "Check the landmarks or the first map: vertices count from 0, source first. If they are "
+    "right, match again with --hypotheses given; if not, without them.",
+    Outcome.MIRROR_IMAGE: "Perhaps one is a left and the other a right one, or a file is mirrored. Match again with "
+    "--orientation any, or reflect one of the shapes.",
+    Outcome.LOW_CONFIDENCE: "Look at the picture. If it is wrong, click three to five landmark pairs in the report, or "
+    "match with --start pose if both lie alike in space. Are both complete and of one kind?",
+    Outcome.SYMMETRY_AMBIGUOUS: "If left or right, front or back matter: choose another in the report, click three to "
+    "five landmark pairs there, or match with --start pose if both lie alike in space.",
+    Outcome.PARTIAL: "Look at the picture: grey has no partner, and is −1 in the map. Landmarks on two loose pieces make "
+    "them partners.",
+    Outcome.CONVERGED: "Look at the picture once: no check is a proof.",
+}
+
+
+@dataclass(frozen=True)
+class Summary:
+    """What came out of a match, in plain words.
+
+    Parameters
+    ----------
+    headline : str
+        What came out, one sentence.
+    sureness : str
+        How sure it is, and where it is not, as shares of the surface; empty if nothing is known beyond the headline.
+    advice : str
+        What to do next; settings are written as options of the command line.
+    """
+
+    headline: str
+    sureness: str
+    advice: str
+
+    @property
+    def advice_in_python(self) -> str:
+        """The advice with settings as in `isomatch.Config`: ``--start pose`` is ``start = 'pose'``."""
+        return re.sub(r"--([a-z]+) ([a-z]+)", r"\1 = '\2'", self.advice)
+
+    def __str__(self) -> str:
+        return "\n".join(filter(None, (self.headline, self.sureness, self.advice_in_python)))
+
+
+def summary_of(result: MatchResult) -> Summary:
+    """Sum up a result for a reader who knows none of its measures.
+
+    Parameters
+    ----------
+    result : MatchResult
+        Result of `match`, or of a baseline.
+
+    Examples
+    --------
+    >>> from isomatch import match
+    >>> from isomatch.datasets import example_pair
+    >>> source, target = (animal.mesh for animal in example_pair())
+    >>> print(summary_of(match(source, target)).headline)
+    The shapes match, and nothing speaks against this map.
+    """
+    headline = HEADLINES[result.outcome]
+    parts = [_partners(result), _doubt(result)]
+    if result.outcome is Outcome.LOW_CONFIDENCE:
+        if result.quality.rival < 1.0:
+            headline = ANOTHER_IS_BETTER
+        elif result.regions and not any(against for _, _, against in quality_measures(result)):
+            headline = MOSTLY_RIGHT
+        elif not result.regions:
+            parts.append("No single place stands out: it may be wrong altogether.")
+    if result.outcome in (
+        Outcome.PARTIAL,
+        Outcome.CONVERGED,
+    ):  # the estimate is for maps that are right as a whole
+        parts.append(_expected_error(result))
+    return Summary(headline, " ".join(filter(None, parts)), _ADVICE[result.outcome])
+
+
+def _partners(result: MatchResult) -> str:
+    """Say how much has a partner, if not all has."""
+    if result.outcome is Outcome.PARTIAL or not result.map.matched.all():
+        matched, covered = (_per_cent(share) for share in result.overlap)
+        return f"{matched} of the source's points and {covered} of the target's surface have a partner."
+    return ""
+
+
+def _doubt(result: MatchResult) -> str:
+    """Say how much of the surface is in doubt, and where most of all."""
+    if not result.regions:
+        whole = np.isnan([result.quality.doubt, result.quality.stress]).all()
+        sought = whole and result.mismatch is not None and not result.outcome.is_doubtful
+        return "No region is in doubt." if sought else ""
+    largest, *others = result.regions
+    share = _per_cent(sum(region.area for region in result.regions))
+    most = f"most of it around vertex {largest.vertices[0]}, where" if others else "where"
+    return f"{share} of the surface is in doubt, {most} {largest.reason}."
+
+
+def _expected_error(result: MatchResult) -> str:
+    """Say how far images may be from the right ones."""
+    known = np.isfinite(result.expected_error)
+    if not known.any():
+        return ""
+    mean = float(result.expected_error[known].mean())
+    far = float((result.confidence[known] < LITTLE_CONFIDENCE).mean())
+    more = f", more than 5% at {_per_cent(far)} of the points" if far > WORTH_TELLING else ""
+    return f"Expected error: {_per_cent(mean)} of the size (√area){more}."
+
+
+def _per_cent(share: float) -> str:
+    """Write a share with one digit where that says more than none."""
+    return f"{share:.1%}" if 0 < share < 0.1 else f"{share:.0%}"
