@@ -24,6 +24,7 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "extras" / "blender"))
 import bmesh  # noqa: E402
 import isomatch_blender  # noqa: E402
 from isomatch_blender import landmarks, matches, meshes  # noqa: E402
+from isomatch_blender.job import Job  # noqa: E402
 from mathutils import Matrix  # noqa: E402
 
 CLOSE = 0.02  # √area: mean error of what is carried by a map that is right; that of the map is half of it
@@ -372,21 +373,31 @@ def test_what_cannot_be_done_is_said_in_words(matched, scene):
     assert not bpy.ops.isomatch.match.poll()
 
 
-def test_a_job_tells_its_progress_and_can_be_cancelled():
-    def work(tell):
-        for step in range(1000):
-            tell("counting", step / 1000)
-            time.sleep(0.001)
-
-    job = matches.Job(work)
-    while job.share == 0:
-        time.sleep(0.001)
+def test_a_match_tells_its_progress_and_is_ended_at_once(matched, scene):
+    order, _ = matches.planned(*matched, scene.isomatch)
+    job = Job(*order)
+    assert job.progress == ("starting", 0.0)
+    while job.is_running and job.progress[1] == 0:
+        time.sleep(0.01)
     assert job.is_running
-    assert job.stage == "counting"
+    stage, share = job.progress
+    assert 0 < share < 1
+    assert stage
+    folder = job._folder
+    since = time.monotonic()
     job.cancel()
+    assert time.monotonic() - since < 1
+    assert not job.is_running
+    assert not folder.exists()
+
+
+def test_a_process_that_dies_is_told(matched, scene):
+    order, _ = matches.planned(*matched, scene.isomatch)
+    job = Job(*order)
+    job._process.kill()
     job.wait()
-    assert isinstance(job.error, matches.Cancelled)
-    assert job.share < 0.9
+    with pytest.raises(meshes.Refused, match="exit code -9"):
+        job.result()
 
 
 def test_maps_are_forgotten_with_the_file(matched):

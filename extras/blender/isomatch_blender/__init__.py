@@ -1,7 +1,8 @@
 """Match two meshes in Blender, and carry vertex groups, shape keys, UV maps and landmarks between them.
 
-`meshes` reads and writes Blender's meshes, `landmarks` its empties and vertex groups of one vertex, `matches` computes
-maps and keeps them; `settings`, `operators` and `panel` are what the user sees. isomatch itself is imported when it is
+`meshes` reads and writes Blender's meshes, `landmarks` its empties and vertex groups of one vertex. `matches` plans
+matches, keeps their maps and uses them; `job` runs one in a process of its own, which is `worker`. `settings`,
+`operators` and `panel` are what the user sees. isomatch itself is imported when it is
 first used, so that the panel can say how to install it.
 """
 

@@ -1,8 +1,6 @@
-"""Matches of two objects: computed on a thread of their own, kept while Blender runs, and used."""
+"""Matches of two objects: planned, kept until another file is loaded, and used."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from threading import Thread
 from typing import Any
 
 import bpy
@@ -10,6 +8,7 @@ import numpy as np
 from bpy.app.handlers import persistent
 
 from . import landmarks, meshes
+from .job import Job
 from .meshes import Refused
 
 COLOURS, ERRORS = meshes.OWN_COLOURS + "map", meshes.OWN_COLOURS + "error"
@@ -18,54 +17,6 @@ RAMP = np.array(
     [[0.01, 0.03, 0.09], [0.18, 0.18, 0.16], [0.85, 0.70, 0.06]]
 )  # dark blue, grey, yellow; linear light
 UNEVEN = 1.01  # ratio of an object's scales from which it is told
-
-
-class Cancelled(Exception):
-    """The user gave up."""
-
-
-class Job:
-    """A computation on a thread of its own, which must not touch Blender's data.
-
-    Parameters
-    ----------
-    work : callable
-        Called with a function of a stage and a share, which it calls as it goes on. That raises `Cancelled` after
-        `cancel`.
-    """
-
-    def __init__(self, work: Callable[[Callable[[str, float], None]], Any]) -> None:
-        self.stage, self.share = "starting", 0.0
-        self.result: Any = None
-        self.error: BaseException | None = None
-        self.cancelled = False
-        self._work = work
-        self._thread = Thread(target=self._run, daemon=True)
-        self._thread.start()
-
-    def _run(self) -> None:
-        try:
-            self.result = self._work(self._tell)
-        except BaseException as error:
-            self.error = error
-
-    def _tell(self, stage: str, share: float) -> None:
-        if self.cancelled:
-            raise Cancelled
-        self.stage, self.share = stage, share
-
-    def cancel(self) -> None:
-        """Give up; the thread ends at its next stage."""
-        self.cancelled = True
-
-    def wait(self) -> None:
-        """Wait for its end."""
-        self._thread.join()
-
-    @property
-    def is_running(self) -> bool:
-        """Whether it goes on."""
-        return self._thread.is_alive()
 
 
 @dataclass(frozen=True)
@@ -105,7 +56,11 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Undo `register`."""
+    """Undo `register`, and end a match that is under way."""
+    global running
+    if running:
+        running.cancel()
+        running = None
     bpy.app.handlers.load_post.remove(_forget)
     _forget()
 
@@ -117,15 +72,15 @@ def surface_of(asset):
     return Mesh(asset.points, asset.polygons.triangles)
 
 
-def planned(source: bpy.types.Object, target: bpy.types.Object, settings) -> tuple[Callable, list[str]]:
-    """Read two objects and return the match as a function of its progress, and what is to be known of it.
+def planned(source: bpy.types.Object, target: bpy.types.Object, settings) -> tuple[tuple, list[str]]:
+    """Read two objects and return what a `Job` is made of, and what is to be known of the match.
 
     Raises
     ------
     Refused
         If the objects or their landmarks cannot be used.
     """
-    from isomatch import Config, match, nearest_landmarks
+    from isomatch import Config, nearest_landmarks
 
     with_modifiers = settings.modifiers == "APPLY"
     notes = [note for obj in (source, target) for note in notes_of(obj, with_modifiers)]
@@ -147,7 +102,7 @@ def planned(source: bpy.types.Object, target: bpy.types.Object, settings) -> tup
         orientation="any" if settings.either_side else "preserve",
         pin=0.0 if settings.use_landmarks and settings.hold_landmarks else None,
     )
-    return lambda tell: match(*surfaces, landmarks=pairs, config=config, progress=tell), notes
+    return (*surfaces, pairs, config), notes
 
 
 def notes_of(obj: bpy.types.Object, with_modifiers: bool) -> list[str]:

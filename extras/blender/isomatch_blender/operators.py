@@ -8,6 +8,7 @@ import bpy
 from bpy.props import BoolProperty, StringProperty
 
 from . import matches, meshes
+from .job import Job
 
 TICK = 0.1  # seconds between two looks at the match
 TAB = "isomatch"
@@ -74,31 +75,29 @@ class ISOMATCH_OT_match(OfPair, bpy.types.Operator):
     bl_label = "Match"
     bl_options = {"UNDO"}  # noqa: RUF012 - so Blender wants it
 
-    def begin(self, context) -> matches.Job:
+    def begin(self, context) -> Job:
         """Read both objects, and start the match."""
         settings = context.scene.isomatch
         self.pair = settings.source.name, settings.target.name
         with meshes.object_mode(context):
-            work, self.notes = matches.planned(settings.source, settings.target, settings)
+            order, self.notes = matches.planned(settings.source, settings.target, settings)
         self.keys = settings.source.data.session_uid, settings.target.data.session_uid
         self.with_modifiers = settings.modifiers == "APPLY"
-        return matches.Job(work)
+        return Job(*order)
 
-    def end(self, context, job: matches.Job):
+    def end(self, context, job: Job):
         """Keep and show the result of a match that is over."""
-        if job.error is not None:
-            if isinstance(job.error, matches.Cancelled):
-                return {"CANCELLED"}
-            if not isinstance(job.error, errors()):
-                raise job.error
-            self.report({"ERROR"}, str(job.error))
+        try:
+            result = job.result()
+        except errors() as error:
+            self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
         source, target = map(bpy.data.objects.get, self.pair)
         if not source or not target or (source.data.session_uid, target.data.session_uid) != self.keys:
             self.report({"ERROR"}, "the objects were removed or renamed while they were matched; match again")
             return {"CANCELLED"}
-        matches.keep(source, target, job.result, self.with_modifiers)
-        outcome = job.result.outcome
+        matches.keep(source, target, result, self.with_modifiers)
+        outcome = result.outcome
         words = f"{source.name} → {target.name}: {outcome.value}"
         notes = [*self.notes, *([outcome.advice] if outcome.is_doubtful else [])]
         try:
@@ -135,18 +134,22 @@ class ISOMATCH_OT_match(OfPair, bpy.types.Operator):
         job = self.job
         if event.type == "ESC" and event.value == "PRESS":
             job.cancel()
-        if event.type == "TIMER":
-            text = f"isomatch: {job.stage} {job.share:.0%} — Esc to cancel"
-            context.workspace.status_text_set(text)
+        elif event.type == "TIMER" and not job.cancelled:
+            stage, share = job.progress
+            context.workspace.status_text_set(f"isomatch: {stage} {share:.0%} — Esc to cancel")
             redraw(context)
         if job.is_running and not job.cancelled:
             return {"PASS_THROUGH"}
-        self.cancel(context)
+        self.leave(context)
         return {"CANCELLED"} if job.cancelled else self.end(context, job)
 
     def cancel(self, context):
-        """Clear away what `invoke` made; also called when Blender ends the operator."""
+        """Give up; Blender calls this when it ends the operator."""
         self.job.cancel()
+        self.leave(context)
+
+    def leave(self, context):
+        """Clear away what `invoke` made."""
         matches.running = None
         context.window_manager.event_timer_remove(self.timer)
         context.workspace.status_text_set(None)

@@ -21,12 +21,12 @@ class ISOMATCH_PT_panel(bpy.types.Panel):
     def draw(self, context):
         """Show the objects, then what can be done next."""
         layout, settings = self.layout, context.scene.isomatch
-        layout.use_property_split, layout.use_property_decorate = True, False
         if not operators.is_installed():
             paragraph(layout, context, "isomatch is not installed in Blender's Python.", icon="ERROR")
             layout.operator("isomatch.copy_install", icon="COPYDOWN")
             return
         column = layout.column(align=True)
+        column.use_property_split, column.use_property_decorate = True, False
         column.prop(settings, "source")
         column.prop(settings, "target")
         layout.operator("isomatch.swap", icon="FILE_REFRESH")
@@ -41,10 +41,11 @@ class ISOMATCH_PT_panel(bpy.types.Panel):
         box = layout.box()
         job = matches.running
         if job:
-            box.progress(factor=job.share, text=f"{job.stage} {job.share:.0%}")
+            stage, share = job.progress
+            box.progress(factor=share, text=f"{stage} {share:.0%}")
             box.operator("isomatch.cancel", icon="X")
             return
-        box.prop(settings, "modifiers")
+        box.prop(settings, "modifiers", text="")
         box.prop(settings, "either_side")
         box.prop(settings, "use_landmarks")
         row = box.row()
@@ -69,12 +70,13 @@ class ISOMATCH_PT_panel(bpy.types.Panel):
     def draw_use(self, layout, settings):
         """Show what can be carried."""
         box = layout.box()
-        box.label(text="Carry", icon="TRACKING_FORWARDS")
+        ends = settings.target, settings.source
+        giver, receiver = ends if settings.receiver == "SOURCE" else ends[::-1]
+        box.label(text=f"{giver.name} → {receiver.name}", icon="TRACKING_FORWARDS")
         box.row().prop(settings, "receiver", expand=True)
         box.column(align=True).prop(settings, "data")
         if "LANDMARKS" in settings.data:
             box.prop(settings, "replace_landmarks")
-        receiver = settings.source if settings.receiver == "SOURCE" else settings.target
         if receiver.data.users > 1:
             box.prop(settings, "own_copy")
         row = box.row()

@@ -51,12 +51,13 @@ class IsomatchSettings(bpy.types.PropertyGroup):
     receiver: EnumProperty(
         name="Receiver",
         items=[
-            ("SOURCE", "Target to Source", "The source receives what the target has"),
-            ("TARGET", "Source to Target", "The target receives what the source has"),
+            ("SOURCE", "To Source", "The source receives what the target has"),
+            ("TARGET", "To Target", "The target receives what the source has"),
         ],
     )
     data: EnumProperty(
         name="Data",
+        description="Shift-click for several",
         options={"ENUM_FLAG"},
         items=[
             (meshes.GROUPS, "Vertex Groups", "Weights of rigs and masks", "GROUP_VERTEX", 1),
