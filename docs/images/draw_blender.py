@@ -21,6 +21,7 @@ from isomatch.datasets import creature
 
 FILE = Path(__file__).with_name("blender.png")
 WIDTH = 760  # pixels
+STEP = 6  # between levels of colour, so that the noise of the renderer is not stored
 PAINT = np.array([[0.90, 0.62, 0.25], [0.10, 0.16, 0.28]])  # stripes, in linear light
 LANDMARKS = {"nose": (1, 1), "tail": (1, -1), "ear": (2, 1)}  # an axis of the rest pose, and which end
 
@@ -104,11 +105,9 @@ def render(objects):
     scene.render.filepath = str(FILE)
     bpy.ops.render.render(write_still=True)
     drawn = Image.open(FILE)
-    white = Image.new("RGBA", drawn.size, "white")
-    drawn = Image.alpha_composite(white, drawn).convert("RGB")
-    drawn.quantize(256, Image.Quantize.MEDIANCUT, dither=Image.Dither.FLOYDSTEINBERG).save(
-        FILE, optimize=True
-    )
+    drawn = Image.alpha_composite(Image.new("RGBA", drawn.size, "white"), drawn).convert("RGB")
+    levels = np.minimum((np.asarray(drawn).astype(int) + STEP // 2) // STEP * STEP, 255)
+    Image.fromarray(levels.astype(np.uint8)).save(FILE, optimize=True)
 
 
 def main():

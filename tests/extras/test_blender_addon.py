@@ -358,7 +358,12 @@ def test_what_cannot_be_done_is_said_in_words(matched, scene):
     empty("far", target, (100, 0, 0))
     with pytest.raises(RuntimeError, match="not on its surface: far"):
         carry("SOURCE", "LANDMARKS")
-    with pytest.raises(RuntimeError, match="b has nothing of what is chosen"):
+    with pytest.raises(RuntimeError, match="b has nothing of what is chosen; a stays"):
+        carry("SOURCE", "UVS")
+    for obj, n in ((source, 8), (target, 1)):
+        for i in range(n):
+            obj.data.uv_layers.new(name=f"{obj.name}{i}")
+    with pytest.raises(RuntimeError, match="a would have 9 UV maps"):
         carry("SOURCE", "UVS")
     source.data.vertices[0].co.x += 0.01
     with pytest.raises(RuntimeError, match="the mesh of a has changed since it was matched"):

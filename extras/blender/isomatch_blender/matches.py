@@ -197,29 +197,30 @@ class Pair:
         Refused, isomatch.IsomatchError
             If there is nothing to carry, or it cannot be written.
         """
-        from isomatch import carry_attributes, carry_landmarks
+        from isomatch import Landmarks, carry_attributes, carry_landmarks
 
         side = to.lower()
         receiver, giver = (self.source, self.target) if to == "SOURCE" else (self.target, self.source)
         self.require_writable(receiver)
-        done, notes = [], []
         assets = {receiver: self.asset(receiver), giver: self.asset(giver, data)}
         ends = assets[self.source], assets[self.target]
+        found = None
         if assets[giver].attributes:
+            meshes.require_room(receiver, assets[giver])
             found = carry_attributes(self.result.map, *ends, to=side, numbers_as="values")
+        marks = landmarks.marks_of(giver, self.with_modifiers) if "LANDMARKS" in data else []
+        if marks:
+            landmarks.require_near(giver, surface_of(assets[giver]), marks)
+            given = Landmarks([mark.position for mark in marks], [mark.name for mark in marks])
+            carried = carry_landmarks(self.result, *ends, given, to=side)
+        done, notes = [], []  # nothing is written before
+        if found:
             with meshes.mesh_of(giver, self.with_modifiers) as mesh:
                 groups = [group.name for group in meshes.many_vertex_groups(giver, mesh)]
             done += meshes.write(receiver, found.asset, giver, data, groups)
             notes += found.notes
-            if found.unmatched:
-                notes.append(f"vertices without image: {found.unmatched}")
-        marks = landmarks.marks_of(giver, self.with_modifiers) if "LANDMARKS" in data else []
+            notes += [f"vertices without image: {found.unmatched}"] if found.unmatched else []
         if marks:
-            from isomatch import Landmarks
-
-            landmarks.require_near(giver, surface_of(assets[giver]), marks)
-            given = Landmarks([mark.position for mark in marks], [mark.name for mark in marks])
-            carried = carry_landmarks(self.result, *ends, given, to=side)
             n, stayed, nowhere = landmarks.place(
                 receiver, surface_of(assets[receiver]), marks, carried, replace_landmarks
             )
@@ -227,7 +228,7 @@ class Pair:
             notes += [f"landmarks that were there stay: {', '.join(stayed)}"] if stayed else []
             notes += [f"landmarks without image: {', '.join(nowhere)}"] if nowhere else []
         if not done and not notes:
-            raise Refused(f"{giver.name} has nothing of what is chosen; it stays as it is")
+            raise Refused(f"{giver.name} has nothing of what is chosen; {receiver.name} stays as it is")
         return done, notes
 
     def morph(self) -> bpy.types.ShapeKey:

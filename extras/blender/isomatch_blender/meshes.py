@@ -200,6 +200,16 @@ def write(
     return done
 
 
+def require_room(obj: bpy.types.Object, giver) -> None:
+    """Raise `Refused` if a mesh would get more UV maps than Blender allows."""
+    own = set(obj.data.uv_layers.keys())
+    given = {a.name.removeprefix(UVS) for a in giver.attributes if a.name.startswith(UVS)}
+    if len(own | given) > MOST_UVS:
+        raise Refused(
+            f"{obj.name} would have {len(own | given)} UV maps, and Blender allows {MOST_UVS}; remove some first"
+        )
+
+
 def counted(n: int, what: str) -> str:
     """Say how many there are."""
     return f"{n} {what}{'s' * (n != 1)}"
@@ -246,10 +256,6 @@ def write_uv(obj: bpy.types.Object, name: str, values: np.ndarray) -> None:
     """Write a UV map; corners without an image are at (0, 0)."""
     layers = obj.data.uv_layers
     layer = layers.get(name) or layers.new(name=name, do_init=False)
-    if layer is None:
-        raise Refused(
-            f"{obj.name} has {MOST_UVS} UV maps, as many as Blender allows; remove one to get {name!r}"
-        )
     layer.uv.foreach_set("vector", np.nan_to_num(values).astype(np.float32).ravel())
 
 

@@ -20,11 +20,14 @@ def is_installed() -> bool:
 
 
 def install_command() -> str:
-    """Return the command that installs isomatch where Blender looks for modules; numpy stays as it is."""
+    """Return the command that installs isomatch where Blender looks for modules; the folder of its source is left open.
+
+    numpy is held at the version that Blender brings, for which its own parts are built.
+    """
     import numpy
 
     folder = bpy.utils.user_resource("SCRIPTS", path="modules", create=False)
-    return f'"{sys.executable}" -m pip install --target "{folder}" "numpy=={numpy.__version__}" isomatch'
+    return f'"{sys.executable}" -m pip install --target "{folder}" "numpy=={numpy.__version__}" FOLDER_OF_ISOMATCH'
 
 
 def errors() -> tuple[type[Exception], ...]:
@@ -311,7 +314,9 @@ class ISOMATCH_OT_copy_install(bpy.types.Operator):
     def execute(self, context):
         """Copy it."""
         context.window_manager.clipboard = install_command()
-        self.report({"INFO"}, "copied: run it in a terminal, then start Blender again")
+        self.report(
+            {"INFO"}, "copied: run it in a terminal with the folder of isomatch, then start Blender again"
+        )
         return {"FINISHED"}
 
 
