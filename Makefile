@@ -13,7 +13,7 @@ WORKERS := -n auto --dist loadfile --no-loadscope-reorder  # a worker for each p
 
 unexport PYTHONDONTWRITEBYTECODE # or each of the processes that tests start compiles every module again
 
-.PHONY: demo docs told test test-long fuzz coverage lint types benchmark microbenchmarks results lock lowest release-check clean
+.PHONY: demo docs told extras test test-long fuzz coverage lint types benchmark microbenchmarks results lock lowest release-check clean
 
 $(VENV)/core: pyproject.toml
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
@@ -42,6 +42,9 @@ $(DOCS)/bin/sphinx-build: pyproject.toml
 
 docs: $(DOCS)/bin/sphinx-build
 	NUMBA_CACHE_DIR=$(CURDIR)/$(DOCS)/loops $< -n -W --keep-going docs docs/_build/html
+
+extras:  # zips for Blender and 3D Slicer
+	$(PYTHON) extras/zipped.py dist/extras
 
 told:
 	@echo 'tests: about 7 minutes on two cores, 5 once all is compiled; `make test-long` runs the others, an hour or more'
