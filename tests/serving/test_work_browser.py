@@ -13,6 +13,7 @@ import pytest
 
 import isomatch
 from isomatch.datasets import example_pair
+from isomatch.view import HEADLINES
 from served_pages import bent, serving
 
 pytest.importorskip("starlette", reason="needs the extra open")
@@ -125,7 +126,7 @@ def test_landmarks_are_picked_and_corrected_and_the_map_is_shown_chosen_and_kept
     assert all(source == target for source, target in first)
     page.click("#match")
     done(page)
-    assert page.text_content("#outcome") in {outcome.value.capitalize() for outcome in isomatch.Outcome}
+    assert page.text_content("#outcome") in HEADLINES.values()
     assert "of the target's size" in page.text_content("#sure")
 
     drag(page, 1, ON_A_PANE[0], (0.45, 0.3))
@@ -185,7 +186,7 @@ def test_animals_from_files_to_files(opened, visit, tmp_path, viewport):
     page.click("#match")
     assert page.is_visible("#cancel")
     done(page)
-    assert page.text_content("#outcome") == "Converged"
+    assert page.text_content("#outcome") == HEADLINES[isomatch.Outcome.CONVERGED]
     pick(page, [(0.5, 0.45)], tap=phone)
     page.click("#undo")
     assert page.locator("#pairs .unsure").count() == 1  # the map has a place for it
@@ -233,7 +234,7 @@ def test_animals_from_files_to_files(opened, visit, tmp_path, viewport):
     assert len({target for _, target in pairs(page)}) == 3
     page.click("#match")
     done(page)
-    assert page.text_content("#outcome") == "Converged"
+    assert page.text_content("#outcome") == HEADLINES[isomatch.Outcome.CONVERGED]
 
 
 @pytest.mark.long
@@ -245,7 +246,7 @@ def test_a_folder_of_a_result_is_opened(opened, visit, animals, tmp_path):
     before = (tmp_path / "out" / "map.npz").read_bytes()
     page = visit(opened(tmp_path / "out"))
     page.wait_for_selector("#found:visible")
-    assert page.text_content("#outcome") == "Converged"
+    assert page.text_content("#outcome") == HEADLINES[isomatch.Outcome.CONVERGED]
     page.locator("#rivals input").nth(1).click()
     page.click("#choose")
     done(page)

@@ -10,7 +10,7 @@ import pytest
 from isomatch import Config, Mesh, Outcome, Quality
 from isomatch.correspondence import Correspondence
 from isomatch.matching import Alternative, DoubtfulRegion, MatchResult
-from isomatch.view import WorkPage
+from isomatch.view import HEADLINES, WorkPage
 from isomatch.view.scene import DrawnPair, scene_of
 from shapes import icosphere
 
@@ -77,7 +77,7 @@ def test_what_is_told_of_a_result(shape, result):
     pairs = [[3, 3], [5, 5], [7, 600]]
     told = WorkPage(shape, shape).result(result, None, pairs)
     assert json.loads(json.dumps(told, allow_nan=False)) == told
-    assert (told["headline"], told["since"]) == ("Symmetry ambiguous", "")
+    assert (told["headline"], told["since"]) == (HEADLINES[Outcome.SYMMETRY_AMBIGUOUS], "")
     upper = shape.vertex_areas[shape.vertices[:, 1] > 0].sum() / shape.vertex_areas.sum()
     assert f"less than 5% on {upper:.0%} of the source" in told["sure"]
     assert f"lie {0.01 * upper + 0.2 * (1 - upper):.1%} of the target's size" in told["sure"]

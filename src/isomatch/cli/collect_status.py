@@ -6,10 +6,9 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from isomatch import collections
+from isomatch import collections, view
 from isomatch.cli.terminal import Talk, say, say_rows
 from isomatch.matching import Outcome
-from isomatch.view import HEADLINES
 
 OUTCOMES = 26  # columns of a number of pairs with their outcome
 
@@ -77,7 +76,7 @@ def _say_status(status: dict[str, Any], layout: collections.Layout) -> None:
     )
     for outcome in Outcome:
         if count := status["outcomes"].get(outcome.name):
-            say_rows([(f"{count} {outcome.value}", HEADLINES[outcome])], indent=OUTCOMES)
+            say_rows([(f"{count} {outcome.value}", view.HEADLINES[outcome])], indent=OUTCOMES)
     say(f"template {status['template'] or 'not yet chosen'}")
     if agreement["compared"]:
         say(
