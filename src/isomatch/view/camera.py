@@ -8,6 +8,7 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from isomatch.correspondence import Correspondence, nearest_rotation
+from isomatch.errors import SettingError
 from isomatch.geodesics import ordinary_unit
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import FloatArray, IntArray
@@ -39,7 +40,14 @@ def camera_of(mesh: Mesh, up_axis: int | None = None, view: tuple[float, float] 
     -------
     (3, 3) array
         Rows: right, up, towards the viewer; orthonormal and right-handed.
+
+    Raises
+    ------
+    SettingError
+        If the view is not two finite numbers.
     """
+    if view is not None and not (len(view) == 2 and np.isfinite(view).all()):
+        raise SettingError(f"view = {view!r} is not two angles in degrees, such as (32, 14)")
     areas = mesh.vertex_areas
     moments, axes = _principal_axes(mesh.vertices, areas)
     is_sheet = moments[0] < FLAT**2 * moments[1]

@@ -110,7 +110,7 @@ MEASURES = {
     "matched": Measure(
         "matched",
         "{:.1%}",
-        "of the source has an image",
+        "of source vertices have images",
         "Fraction of the source vertices that have an image. The others are on parts that were left out; see the notes.",
     ),
     "orientation": Measure(

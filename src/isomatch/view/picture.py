@@ -90,8 +90,8 @@ def pictured(
     SettingError
         If there is no room for the panels.
     """
-    if width < LEAST_WIDTH:
-        raise SettingError(f"width = {width} is below {LEAST_WIDTH} pixels; give at least as many")
+    if int(width) != width or width < LEAST_WIDTH:
+        raise SettingError(f"width = {width} is not an integer of at least {LEAST_WIDTH} pixels")
     right = 0 if values is None else COLOUR_BAR
     above, below = (TITLE if any(texts) else 0 for texts in ([title], [panel.title for panel in panels]))
     extents = np.array([panel.view.extent() for panel in panels])  # (panels, 2)

@@ -61,8 +61,8 @@ class Summary:
 
     @property
     def advice_in_python(self) -> str:
-        """The advice with settings as in `isomatch.Config`: ``--start pose`` is ``start = 'pose'``."""
-        return re.sub(r"--([a-z]+) ([a-z]+)", r"\1 = '\2'", self.advice)
+        """The advice where no report is named, with settings as in `isomatch.Config`: ``start = 'pose'``."""
+        return re.sub(r"--([a-z]+) ([a-z]+)", r"\1 = '\2'", re.sub(r" in the report| there", "", self.advice))
 
     def __str__(self) -> str:
         return "\n".join(filter(None, (self.headline, self.sureness, self.advice_in_python)))
