@@ -34,7 +34,7 @@ def main(data):
     """Draw all three."""
     people, animals, cuts = data / "faust_r", data / "smal", data / "shrec16_cuts"
     pairs = {
-        "first_pose": [remeshed(people / f"tr_reg_{name}.npz") for name in ("005", "016")],
+        "first_pose": [remeshed(people / f"tr_reg_{name}.npz") for name in ("024", "038")],
         "first_species": [shape(animals, name, OVER) for name in ("lion_04", "cow_01")],
         "first_part": [shape(cuts, name) for name in ("cuts_horse_shape_3", "null_horse")],
     }

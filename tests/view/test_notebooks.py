@@ -115,10 +115,12 @@ def test_texts_are_escaped():
 
 
 def test_a_result_says_how_it_ended_and_what_is_against_it():
-    text = " ".join(Elements(html_of(result_of(BALL, quality=replace(QUALITY, misfit=5.0)))).words)
+    result = result_of(BALL, quality=replace(QUALITY, misfit=5.0))
+    text, summary = " ".join(Elements(html_of(result)).words), summary_of(result)
     for words in (
-        "Low confidence",
-        Outcome.LOW_CONFIDENCE.advice,
+        summary.headline,
+        summary.sureness,
+        summary.advice_in_python,
         "coverage",
         "against the map: misfit",
         "rank = 40",

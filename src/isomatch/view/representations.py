@@ -22,8 +22,8 @@ from isomatch.view.picture import SHARPNESS
 from isomatch.view.plots import plot_surface
 from isomatch.view.points import drawable
 from isomatch.view.report import COLOURS, UNDECIDED
-from isomatch.view.report_sections import sentence
 from isomatch.view.stills import draw_map, paintable
+from isomatch.view.summary import HEADLINES, summary_of
 
 PAIR_WIDTH, ALONE_WIDTH = 880, 380  # pixels of the page
 _LINE = "1px solid rgba(128,128,128,.35)"  # seen on light and on dark pages
@@ -47,7 +47,7 @@ def html_of(thing: object) -> str:
     Examples
     --------
     >>> from isomatch import Outcome
-    >>> "The evidence agrees on one map." in html_of(Outcome.CONVERGED)
+    >>> "nothing speaks against this map" in html_of(Outcome.CONVERGED)
     True
     """
     return _card(repr(thing))
@@ -55,7 +55,7 @@ def html_of(thing: object) -> str:
 
 @html_of.register
 def _(outcome: Outcome) -> str:
-    return _verdict(outcome)
+    return _verdict(outcome, HEADLINES[outcome], outcome.advice)
 
 
 @html_of.register
@@ -70,6 +70,7 @@ def _(quality: Quality) -> str:
 @html_of.register
 def _(result: MatchResult) -> str:
     n_source, n_target = result.map.shape
+    summary = summary_of(result)
     rows: dict[str, object] = {"map": f"{n_source:,} → {n_target:,} vertices"}
     if unmatched := int((~result.map.matched).sum()):
         rows["unmatched"] = f"{unmatched:,} source vertices, grey in the picture"
@@ -90,7 +91,7 @@ def _(result: MatchResult) -> str:
     told = f"against the map: {', '.join(against)}" if against else "none is against the map"
     return _card(
         "",
-        _verdict(result.outcome),
+        _verdict(result.outcome, summary.headline, summary.sureness, summary.advice_in_python),
         _pair_picture(result.map),
         _table(rows.items()),
         _folded(f"{len(measures)} measures of quality, {told}", _measured(measures)),
@@ -184,12 +185,12 @@ def _(config: Config) -> str:
     return _card("Config", told, _folded("All settings", _table(every.items())))
 
 
-def _verdict(outcome: Outcome) -> str:
+def _verdict(outcome: Outcome, headline: str, *told: str) -> str:
     """Say how a match ended and what to do, beside a bar in the colour of the outcome."""
     return (
         f'<div style="border-left:.35em solid {COLOURS.get(outcome, UNDECIDED)};padding:.1em 0 .1em .8em;margin:.4em 0">'
-        f"<b>{escape(sentence(outcome.value))}</b> <code>Outcome.{outcome.name}</code>"
-        f"<br>{escape(outcome.advice)}</div>"
+        f"<b>{escape(headline)}</b> <code>Outcome.{outcome.name}</code>"
+        f"{''.join(f'<br>{escape(text)}' for text in told if text)}</div>"
     )
 
 
