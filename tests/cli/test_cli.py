@@ -403,8 +403,17 @@ def test_demo_is_accurate_and_writes_again(tmp_path, capsys):
     assert main(["demo", "-o", str(tmp_path)]) == 0
     assert "in truth    0." in capsys.readouterr().out
     names = sorted(path.name for path in tmp_path.iterdir() if "alternative" not in path.name)
-    assert names == ["demo.png", "map.npz", "map.txt", "report.html", "result.json"]
+    assert names == [
+        "map.npz",
+        "map.png",
+        "map.txt",
+        "report.html",
+        "result.json",
+        "running.ply",
+        "standing.ply",
+    ]
     assert json.loads((tmp_path / "result.json").read_text())["mean_error_over_sqrt_target_area"] < 0.015
+    assert main(["choose", str(tmp_path), "1"]) == 0
 
 
 def test_help_shows_defaults_and_version_is_told(capsys):

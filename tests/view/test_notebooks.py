@@ -240,7 +240,7 @@ def test_what_cannot_be_drawn_is_refused():
         Mesh(np.zeros((3, 3)), [[0, 1, 2]]).plot()
     with pytest.raises(DescriptorError, match="not one of this surface"):
         laplace_basis(BALL, k=2).plot(icosphere(1))
-    with pytest.raises(SettingError, match="width = 800.5"):
+    with pytest.raises(SettingError, match=r"width = 800\.5"):
         BALL.plot(width=800.5)
     with pytest.raises(SettingError, match="view = "):
         BALL.plot(view=(np.nan, 0.0))

@@ -10,6 +10,7 @@ from cyclopts import Parameter
 
 import isomatch
 from isomatch import datasets
+from isomatch.cli.match import with_landmarks
 from isomatch.cli.outputs import ResultFolder, say_files, say_result
 from isomatch.cli.terminal import TALK, Talk, part, say_rows
 from isomatch.lab import evaluation
@@ -28,14 +29,17 @@ def demo(
     Parameters
     ----------
     output : Path
-        Folder for map.npz, map.txt, result.json, demo.png and report.html. Existing files are replaced.
+        Folder for standing.ply and running.ply, the pair, and for map.npz, map.txt, result.json, map.png and report.html.
+        Existing files are replaced.
     details : bool
         Print every measure too, with its bound, and the seconds of each stage.
     talk : Talk
         What is told.
     """
     source, target = datasets.example_pair()
-    folder = ResultFolder(output, picture="demo.png")
+    paths = output / "standing.ply", output / "running.ply"
+    again = with_landmarks(*paths, output=output)
+    folder = ResultFolder(output)
     with folder.claimed(force=True), talk.progress() as tell:
         result = isomatch.match(source.mesh, target.mesh, progress=part(tell, 0.0, 0.6))
         tell("comparing", 0.6)
@@ -43,17 +47,26 @@ def demo(
         pairs = np.column_stack([np.arange(len(truth)), truth])
         errors = evaluation.geodesic_errors(target.mesh, result.map, pairs, N_JUDGED)
         tell("writing", 0.7)
+        for path, animal in zip(paths, (source, target)):
+            isomatch.write_mesh(path, animal.mesh)
         record = folder.write(
             source.mesh,
             target.mesh,
             result,
-            names=("standing", "running"),
+            names=(paths[0].name, paths[1].name),
             titles=(
                 f"source, {source.mesh.n_vertices} vertices, coloured by their images",
                 f"target, {target.mesh.n_vertices} vertices",
             ),
             facts={"error, mean": f"{errors.mean():.2%} of √(target area), against the ground truth"},
-            more={"mean_error_over_sqrt_target_area": float(errors.mean())},
+            more={
+                "source": str(paths[0]),
+                "target": str(paths[1]),
+                "match_again": again,
+                "landmarks": [],
+                "mean_error_over_sqrt_target_area": float(errors.mean()),
+            },
+            command=again,
         )
 
     def summary() -> None:
