@@ -3,6 +3,7 @@
 import json
 import sys
 import zipfile
+from dataclasses import replace
 from io import BytesIO
 
 import numpy as np
@@ -108,3 +109,25 @@ def test_a_result_is_written_and_packed_as_match_writes_it(shapes, served):
     np.testing.assert_array_equal(again["result"].map.vertices, result.map.vertices)
     assert (again["landmarks"], again["config"]) == (PAIRS, QUICK)
     assert len(again["result"].alternatives) == len(result.alternatives)
+
+
+def test_the_map_back_is_kept_with_the_result_that_was_opened_alone(shapes, served):
+    quick = (
+        "n_columns = 40\nrank = 20\nn_functions = 40\nn_search = 100\nn_refine = 100\nrefinement = 'none'\n"
+    )
+    (shapes / "quick.toml").write_text(quick)
+    words = "match a.ply b.ply --both -o out --config quick.toml --quiet"
+    assert main(words.split()) == 0
+    before, back = (json.loads((shapes / "out" / "result.json").read_text()), shapes / "out" / "map_back.npz")
+    found = isomatch.Correspondence.load(back, bent().n_vertices)
+    assert main(["open", "out", "--no-browser"]) == 0
+    keeper, options = served[0]
+    assert "removed" not in keeper.write(options["result"], PAIRS)
+    assert json.loads((shapes / "out" / "result.json").read_text())["back"] == before["back"]
+    np.testing.assert_array_equal(
+        isomatch.Correspondence.load(back, bent().n_vertices).vertices, found.vertices
+    )
+    assert "map_back.npz" in zipfile.ZipFile(BytesIO(keeper.packed(options["result"], PAIRS))).namelist()
+    assert keeper.write(replace(options["result"]), PAIRS).endswith("and was removed.")
+    assert not back.exists()
+    assert "back" not in json.loads((shapes / "out" / "result.json").read_text())

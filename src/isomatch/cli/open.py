@@ -19,7 +19,7 @@ from isomatch import serving, view
 from isomatch.cli.earlier import Earlier
 from isomatch.cli.inputs import read_config, read_surface
 from isomatch.cli.match import with_landmarks
-from isomatch.cli.outputs import ResultFolder
+from isomatch.cli.outputs import BACK_REMOVED, Back, ResultFolder
 from isomatch.cli.terminal import json_text, say
 from isomatch.errors import SettingError
 
@@ -52,7 +52,8 @@ def open_page(
         Mesh to map to; not with a folder.
     output : Path
         Folder into which the page saves the files that isomatch match writes. Without it, the page offers them as a
-        download. A result that is opened is saved into its own folder.
+        download. A result that is opened is saved into its own folder, without its map back once there is another
+        map.
     landmarks : Path
         Landmarks to begin with, as for isomatch match.
     target_landmarks : Path
@@ -78,10 +79,10 @@ def open_page(
         }
         _require_result(source, [option for option, value in own.items() if value is not None])
         earlier = Earlier.read(source)
-        keeper = _Files(
-            earlier.source, earlier.target, earlier.surfaces(), earlier.folder, earlier.record["match_again"]
-        )
-        result = earlier.result(*keeper.surfaces)
+        surfaces, again = earlier.surfaces(), earlier.record["match_again"]
+        result, back = earlier.result(*surfaces), earlier.back(surfaces[0])
+        opened = None if back is None else (result, back)
+        keeper = _Files(earlier.source, earlier.target, surfaces, earlier.folder, again, opened)
         begun: dict[str, Any] = {"result": result, "config": result.config, "seed": result.seed}
         pairs, force = earlier.landmarks, True
     else:
@@ -118,13 +119,18 @@ def _require_result(folder: Path, options: list[str]) -> None:
 
 @dataclass(frozen=True)
 class _Files:
-    """Writes what `isomatch match` writes, see `serving.Keeper`; ``again`` is the command that matches again."""
+    """Writes what `isomatch match` writes, see `serving.Keeper`.
+
+    ``again`` is the command that matches again, ``opened`` the result that was opened with its map back, which is kept
+    with no other result.
+    """
 
     source: Path
     target: Path
     surfaces: Surfaces
     results: ResultFolder | None
     again: str
+    opened: tuple[isomatch.MatchResult, Back] | None = None
 
     @property
     def names(self) -> tuple[str, str]:
@@ -150,8 +156,10 @@ class _Files:
     def write(self, result: isomatch.MatchResult, landmarks: serving.Pairs) -> str:
         if self.results is None:
             raise SettingError("there is no folder to save into; start isomatch open with -o DIR")
+        had_back = self.results.has_back
         record = self._write(self.results, result, landmarks)
-        left = "".join(f"; {what}" for what in record["undrawn"])
+        removed = [BACK_REMOVED] if had_back and not self.results.has_back else []
+        left = "".join(f"; {what}" for what in [*record["undrawn"], *removed])
         return (
             f"Saved {', '.join(Path(path).name for path in record['files'].values())} in {self.folder}{left}."
         )
@@ -171,6 +179,7 @@ class _Files:
         self, results: ResultFolder, result: isomatch.MatchResult, landmarks: serving.Pairs
     ) -> dict[str, Any]:
         source_name, target_name = self.names
+        back = self.opened[1] if self.opened and result is self.opened[0] else None
         return results.write(
             *self.drawn,
             result,
@@ -183,6 +192,7 @@ class _Files:
                 "match_again": self.again,
                 "landmarks": [list(pair) for pair in landmarks],
             },
+            back=back,
             landmarks=landmarks or None,
             command=self.again,
         )
