@@ -149,6 +149,24 @@ def test_landmarks_are_picked_and_corrected_and_the_map_is_shown_chosen_and_kept
     assert [list(pair) for pair in landmarks] == corrected
 
 
+@pytest.mark.long
+def test_only_the_page_that_asked_for_a_download_gets_it(server, visit):
+    page, other = visit(server.address), visit(server.address)
+    page.click("#match")
+    done(page)
+    other.wait_for_selector("#found:visible")
+    downloads = []
+    other.on("download", downloads.append)
+    with page.expect_download():
+        page.click("#download")
+    done(page)
+    page.on("download", downloads.append)
+    page.reload()
+    page.wait_for_selector("#found:visible")
+    other.wait_for_timeout(1500)  # each page has asked again since
+    assert not downloads
+
+
 @pytest.fixture(scope="module")
 def animals(tmp_path_factory):
     folder = tmp_path_factory.mktemp("animals")

@@ -6,7 +6,7 @@
   const DONE = { match: "Matched", choose: "Refined", save: "Saved", download: "Packed" };
   const token = new URLSearchParams(location.search).get("token");
   const [A, B] = ["name0", "name1"].map((id) => by(id).textContent.replace(/^(source|target): /, ""));
-  let state = { job: null, revision: 0, unsaved: false }, shown = null, timer = null;
+  let state = { job: null, revision: 0, unsaved: false }, shown = null, timer = null, packing = false;
 
   const ask = async (path, body) => {
     const options = body === undefined ? {} : { method: "POST", body: JSON.stringify(body) };
@@ -122,7 +122,7 @@
         if (before.revision) by("written").textContent = "This result is not saved yet.";
       }
       if (state.written !== before.written && state.written) by("written").textContent = state.written;
-      if (state.packed !== before.packed && state.packed) await fetched();
+      if (packing && state.packed !== before.packed) { packing = false; await fetched(); } // other tabs see it too
       doing(); enable();
     } catch (error) {
       state = { ...state, job: null }; enable();
@@ -134,9 +134,9 @@
     timer = setTimeout(look, state.job ? QUICK : SLOW);
   };
   const start = async (what, body) => {
-    trouble(""); clearTimeout(timer);
+    trouble(""); clearTimeout(timer); packing = what === "pack";
     state = { ...state, job: what, stage: "", share: 0, seconds: 0 }; doing(); enable(); // until the server tells more
-    try { await ask(what, body); } catch (error) { trouble(error.message); }
+    try { await ask(what, body); } catch (error) { trouble(error.message); packing = false; }
     await look();
   };
   const fetched = async () => {
