@@ -97,7 +97,7 @@
   const take = (found) => {
     shown = found;
     head(found.headline, found.advice, found.colour);
-    by("sure").textContent = found.sure; by("since").textContent = found.since;
+    by("how").hidden = !found.sure && !found.regions.length; by("sure").textContent = found.sure; by("since").textContent = found.since;
     by("regions").replaceChildren(...doubts(found.regions)); by("doubts").hidden = !found.regions.length;
     by("doubtful").ariaPressed = false; by("doubtful").textContent = "Show";
     by("rivals").replaceChildren(...rivals(found.rivals)); by("others").hidden = found.rivals.length < 2; by("choose").hidden = true;
