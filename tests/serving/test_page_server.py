@@ -1,6 +1,7 @@
 """The page is served to whoever has its address, and to nobody else; what it asks for ends in a result or in words."""
 
 import json
+import socket
 import time
 from dataclasses import replace
 from threading import Event
@@ -12,6 +13,7 @@ from isomatch import Mesh, MeshError, SettingError
 from isomatch.matching import Alternative, match
 from isomatch.serving import Job, PageServer
 from isomatch.serving import session as session_module
+from isomatch.serving.app import _bound
 from served_pages import PAIRS, QUICK, bent, serving
 
 pytest.importorskip("starlette", reason="needs the extra open")
@@ -283,6 +285,15 @@ def test_a_port_that_is_taken_is_refused(page, shape):
         PageServer(page.session, page.parts.port)
     with pytest.raises(SettingError, match="--port 99999 cannot be used"):
         PageServer(page.session, 99999)
+
+
+@pytest.mark.parametrize(("system", "reused"), [("posix", True), ("nt", False)])
+def test_a_port_is_shared_with_nobody(system, reused, monkeypatch):
+    with monkeypatch.context() as patched:
+        patched.setattr("os.name", system)
+        made = _bound(0)
+    with made:
+        assert bool(made.getsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR)) == reused
 
 
 def test_a_job_tells_its_stage_and_raises_its_error():
