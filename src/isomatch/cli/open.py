@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from threading import Thread
 from typing import Annotated, Any
 from zipfile import ZIP_DEFLATED, ZipFile
 
@@ -37,7 +38,7 @@ def open_page(
     config: Path | None = None,
     port: int = 0,
     browser: Annotated[bool, Parameter(name="--browser", negative="--no-browser", show_default=False)] = True,
-    seed: int = 0,
+    seed: int | None = None,
     force: bool = False,
 ) -> None:
     """Work on two shapes in a page: match, look, correct landmarks, compare, save.
@@ -65,9 +66,9 @@ def open_page(
     browser : bool
         Whether to open the page in a browser. Its address is printed in any case.
     seed : int
-        Seed of the sampling and of the eigensolver; a result that is opened has its own.
+        Seed of the sampling and of the eigensolver; 0 if it is left out. A result that is opened has its own.
     force : bool
-        Replace an existing result in the folder.
+        Replace an existing result in the folder; not with a result that is opened, which Save replaces.
     """
     serving.require_server()
     if target is None:
@@ -76,6 +77,8 @@ def open_page(
             "--landmarks": landmarks,
             "--target-landmarks": target_landmarks,
             "--config": config,
+            "--seed": seed,
+            "--force": force or None,
         }
         _require_result(source, [option for option, value in own.items() if value is not None])
         earlier = Earlier.read(source)
@@ -88,6 +91,7 @@ def open_page(
     else:
         if landmarks is None and target_landmarks is not None:
             raise isomatch.LandmarkError("--target-landmarks needs --landmarks with the points of the source")
+        seed = seed or 0
         begun = {"config": read_config(config), "seed": seed}
         surfaces, pairs = (read_surface(source), read_surface(target)), []
         if landmarks is not None:
@@ -103,7 +107,8 @@ def open_page(
             f"{server.address}\nBrowsers of this machine that have this address show the page. Ctrl-C ends it."
         )
         if browser:
-            webbrowser.open(server.once)
+            # a browser in a terminal returns when it is closed
+            Thread(target=webbrowser.open, args=(server.once,), daemon=True).start()
         server.run()
 
 
@@ -114,7 +119,9 @@ def _require_result(folder: Path, options: list[str]) -> None:
             f"{folder}: isomatch open needs two shapes, or the folder of a result of isomatch match"
         )
     if options:
-        raise SettingError(f"{', '.join(options)}: the result in {folder} has its own; leave the option out")
+        raise SettingError(
+            f"{', '.join(options)}: the result in {folder} has its own, and Save replaces it; leave the option out"
+        )
 
 
 @dataclass(frozen=True)
