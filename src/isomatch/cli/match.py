@@ -189,7 +189,7 @@ def match(
                 "landmarks": [] if pairs is None else pairs.tolist(),
             }
             record = folder.write(
-                *drawn, result, titles=titles, more=more, back=back and back_of(back), **shown
+                *drawn, result, titles=titles, more=more, back=back_of(back) if back else None, **shown
             )
             if as_mesh is not None:
                 wrapped = isomatch.wrap(result.map, *shapes)
