@@ -84,13 +84,17 @@ def test_an_alternative_becomes_the_map_and_the_map_an_alternative(matched, resu
 
 
 @pytest.mark.long
-def test_choosing_again_tells_where_maps_came_from(result):
+def test_choosing_again_tells_where_maps_came_from(result, capsys):
     record = json.loads((result / "result.json").read_text())
     first = record["origin"]
     del record["files"]["report"]
     (result / "result.json").write_text(json.dumps(record))
-    for number in ("1", "2"):
+    shutil.copy(result / "map.npz", result / "map_back.npz")
+    capsys.readouterr()
+    for number, removed in (("1", True), ("2", False)):
         assert main(["choose", str(result), number]) == 0
+        said = " ".join(capsys.readouterr().out.split())
+        assert ("the map back belonged to the map before and was removed" in said) == removed
     record = json.loads((result / "result.json").read_text())
     origins = [record["origin"], *(each["origin"] for each in record["alternatives"])]
     assert origins == ["try 1", "the map before, try 0", first]

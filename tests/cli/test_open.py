@@ -3,7 +3,10 @@
 import json
 import sys
 import zipfile
+from dataclasses import replace
 from io import BytesIO
+from queue import Empty, Queue
+from threading import Event
 
 import numpy as np
 import pytest
@@ -39,7 +42,7 @@ def served(monkeypatch):
 
     monkeypatch.setattr(serving, "Session", Recorded)
     monkeypatch.setattr(serving.PageServer, "run", lambda server: server._socket.close())
-    monkeypatch.setattr("webbrowser.open", lambda address: kept.append(address))
+    monkeypatch.setattr("webbrowser.open", lambda address: None)
     return kept
 
 
@@ -50,15 +53,21 @@ def test_a_missing_package_is_named_at_once(name, monkeypatch, capsys):
     assert f"isomatch open needs the package {name}; pip install 'isomatch[open]'" in capsys.readouterr().err
 
 
-def test_the_browser_gets_an_address_that_works_once(shapes, served, capsys):
+def test_the_browser_gets_an_address_that_works_once_and_may_take_long(shapes, served, monkeypatch, capsys):
+    closed, asked = Event(), Queue()
+    monkeypatch.setattr("webbrowser.open", lambda address: closed.wait(20) and asked.put(address))
     assert main(["open", "a.ply", "b.ply"]) == 0
+    assert asked.empty()
+    closed.set()
+    once = asked.get(timeout=20)
     address = capsys.readouterr().out.splitlines()[0]
     assert address.startswith("http://127.0.0.1:")
     assert "/?token=" in address
-    assert served[1].partition("?")[0] == address.partition("?")[0]
-    assert served[1].partition("?")[2].startswith("once=")
+    assert once.partition("?")[0] == address.partition("?")[0]
+    assert once.partition("?")[2].startswith("once=")
     assert main(["open", "a.ply", "b.ply", "--no-browser"]) == 0
-    assert len(served) == 3
+    with pytest.raises(Empty):
+        asked.get(timeout=0.2)
 
 
 @pytest.mark.parametrize(
@@ -66,6 +75,7 @@ def test_the_browser_gets_an_address_that_works_once(shapes, served, capsys):
     [
         ("a.ply", "a.ply: isomatch open needs two shapes, or the folder of a result"),
         (". -o out --config x.toml", "-o, --config: the result in . has its own"),
+        (". --seed 0 --force", "--seed, --force: the result in . has its own, and Save replaces it"),
         (".", "result.json: no such file"),
         ("a.ply b.ply --target-landmarks x.txt", "--target-landmarks needs --landmarks"),
         ("a.ply b.ply -o full", "full/map.npz: already exists"),
@@ -104,7 +114,29 @@ def test_a_result_is_written_and_packed_as_match_writes_it(shapes, served):
         "isomatch match a.ply b.ply --output out --config quick.toml --seed 3 --landmarks landmarks.txt --force"
     )
     assert main(["open", "out"]) == 0
-    again = served[-2][1]
+    again = served[-1][1]
     np.testing.assert_array_equal(again["result"].map.vertices, result.map.vertices)
     assert (again["landmarks"], again["config"]) == (PAIRS, QUICK)
     assert len(again["result"].alternatives) == len(result.alternatives)
+
+
+def test_the_map_back_is_kept_with_the_result_that_was_opened_alone(shapes, served):
+    quick = (
+        "n_columns = 40\nrank = 20\nn_functions = 40\nn_search = 100\nn_refine = 100\nrefinement = 'none'\n"
+    )
+    (shapes / "quick.toml").write_text(quick)
+    words = "match a.ply b.ply --both -o out --config quick.toml --quiet"
+    assert main(words.split()) == 0
+    before, back = (json.loads((shapes / "out" / "result.json").read_text()), shapes / "out" / "map_back.npz")
+    found = isomatch.Correspondence.load(back, bent().n_vertices)
+    assert main(["open", "out", "--no-browser"]) == 0
+    keeper, options = served[0]
+    assert "removed" not in keeper.write(options["result"], PAIRS)
+    assert json.loads((shapes / "out" / "result.json").read_text())["back"] == before["back"]
+    np.testing.assert_array_equal(
+        isomatch.Correspondence.load(back, bent().n_vertices).vertices, found.vertices
+    )
+    assert "map_back.npz" in zipfile.ZipFile(BytesIO(keeper.packed(options["result"], PAIRS))).namelist()
+    assert keeper.write(replace(options["result"]), PAIRS).endswith("and was removed.")
+    assert not back.exists()
+    assert "back" not in json.loads((shapes / "out" / "result.json").read_text())

@@ -207,6 +207,9 @@ def test_what_does_not_fit_is_refused_in_words(module, logic, models, result):
     few = MarkupsNode("few", points=[("a", [0, 0, 0]), ("b", [0, 0, 0])])
     with pytest.raises(module.Refused, match="2 pairs"):
         logic.planned(*models, few, few)
+    for marks in ((few, None), (None, few)):
+        with pytest.raises(module.Refused, match="on one model only"):
+            logic.planned(*models, *marks)
 
 
 @pytest.mark.long

@@ -1,6 +1,8 @@
 """An alternative of a result becomes the map, and the map an alternative."""
 
+import gc
 from dataclasses import replace
+from weakref import ref
 
 import numpy as np
 import pytest
@@ -32,6 +34,16 @@ def test_what_was_chosen_is_the_map_and_the_map_before_the_first_alternative(fou
     assert (chosen.config.hypotheses, chosen.seed) == ("given", result.seed)
     apart = np.linalg.norm(shape.vertices[chosen.map.vertices] - shape.vertices[result.map.vertices], axis=1)
     assert np.median(apart) < 0.05 * np.sqrt(shape.area)
+
+
+def test_the_result_before_is_not_kept(found):
+    shape, result = found
+    before = replace(result)
+    chosen, gone = continue_with(before, 2, shape, shape), ref(before)
+    del before
+    gc.collect()
+    assert gone() is None
+    assert chosen.alternatives[0].map is result.map
 
 
 def test_what_cannot_be_chosen_is_refused(found):

@@ -1,6 +1,7 @@
 """The page is served to whoever has its address, and to nobody else; what it asks for ends in a result or in words."""
 
 import json
+import socket
 import time
 from dataclasses import replace
 from threading import Event
@@ -12,6 +13,7 @@ from isomatch import Mesh, MeshError, SettingError
 from isomatch.matching import Alternative, match
 from isomatch.serving import Job, PageServer
 from isomatch.serving import session as session_module
+from isomatch.serving.app import _bound
 from served_pages import PAIRS, QUICK, bent, serving
 
 pytest.importorskip("starlette", reason="needs the extra open")
@@ -201,6 +203,65 @@ def test_what_is_cancelled_leaves_no_result_and_the_next_match_waits_for_its_end
         assert page.settled()["revision"] == 1
 
 
+def test_the_error_of_what_was_cancelled_is_not_that_of_the_next_match(shape, monkeypatch):
+    entered, go_on = Event(), Event()
+
+    def broken(*_, **__):
+        monkeypatch.setattr(session_module, "match", match)
+        entered.set()
+        go_on.wait(20)
+        raise MeshError("no")
+
+    monkeypatch.setattr(session_module, "match", broken)
+    with serving((shape, shape)) as page:
+        assert page.match()[0] == 202
+        assert entered.wait(20)
+        assert page.code("POST", "/cancel", {}) == 202
+        assert page.match()[0] == 202
+        go_on.set()
+        state = page.settled()
+        assert (state["revision"], state["error"]) == (1, "")
+
+
+def ended(job):
+    until = time.monotonic() + 20
+    while not job.is_over and time.monotonic() < until:
+        time.sleep(0.02)
+    assert job.is_over
+
+
+def test_what_has_ended_when_it_is_cancelled_counts(shape):
+    with serving((shape, shape)) as page:
+        assert page.match()[0] == 202
+        ended(page.session._job)  # no state is asked for meanwhile
+        assert page.code("POST", "/cancel", {}) == 202
+        assert page.state()["revision"] == 1
+
+
+def test_a_save_that_is_cancelled_and_ends_all_the_same_counts(shape, monkeypatch):
+    entered, go_on = Event(), Event()
+
+    def write(result, landmarks):
+        entered.set()
+        go_on.wait(20)
+        return "Saved <all>."
+
+    with serving((shape, shape)) as page:
+        assert page.match()[0] == 202
+        page.settled()
+        monkeypatch.setattr(page.keeper, "write", write)
+        assert page.code("POST", "/write", {}) == 202
+        assert entered.wait(20)
+        job = page.session._job
+        assert page.code("POST", "/cancel", {}) == 202
+        state = page.state()
+        assert (state["job"], state["written"], state["unsaved"]) == (None, "", True)
+        go_on.set()
+        ended(job)
+        state = page.state()
+        assert (state["written"], state["unsaved"]) == ("Saved <all>.", False)
+
+
 def test_a_shape_that_cannot_be_matched_is_told_in_words(shape):
     flat = Mesh(np.zeros((3, 3)) + np.eye(3), [[0, 1, 2]])
     with serving((flat, shape)) as page:
@@ -224,6 +285,15 @@ def test_a_port_that_is_taken_is_refused(page, shape):
         PageServer(page.session, page.parts.port)
     with pytest.raises(SettingError, match="--port 99999 cannot be used"):
         PageServer(page.session, 99999)
+
+
+@pytest.mark.parametrize(("system", "reused"), [("posix", True), ("nt", False)])
+def test_a_port_is_shared_with_nobody(system, reused, monkeypatch):
+    with monkeypatch.context() as patched:
+        patched.setattr("os.name", system)
+        made = _bound(0)
+    with made:
+        assert bool(made.getsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR)) == reused
 
 
 def test_a_job_tells_its_stage_and_raises_its_error():

@@ -132,6 +132,8 @@ class IsomatchModuleLogic(ScriptedLoadableModuleLogic):
 
         if source is target:
             raise Refused("source and target are the same model; choose two")
+        if bool(source_marks) != bool(target_marks):
+            raise Refused("landmarks are chosen on one model only; choose them on both, or on none")
         surfaces = self.surface(source), self.surface(target)
         pairs = None
         if source_marks and target_marks:

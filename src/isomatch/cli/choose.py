@@ -10,8 +10,8 @@ from cyclopts import Parameter
 from isomatch import matching, view
 from isomatch.cli.earlier import Earlier
 from isomatch.cli.inputs import naming_files
-from isomatch.cli.outputs import say_files, say_result
-from isomatch.cli.terminal import TALK, Talk, part
+from isomatch.cli.outputs import BACK_REMOVED, say_files, say_result
+from isomatch.cli.terminal import TALK, Talk, part, say_rows
 
 
 def choose(
@@ -47,6 +47,7 @@ def choose(
                 earlier.result(*shapes), number, *shapes, landmarks, part(tell, 0.05, 0.85)
             )
         tell("writing", 0.85)
+        had_back = earlier.folder.has_back
         record = earlier.folder.write(
             view.drawable(shapes[0]),
             view.drawable(shapes[1]),
@@ -61,6 +62,7 @@ def choose(
 
     def summary() -> None:
         say_result(result, details)
+        say_rows([("note", BACK_REMOVED)] if had_back else [])
         say_files(record)
 
     talk.result(record, summary)

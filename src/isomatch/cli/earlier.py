@@ -12,7 +12,7 @@ from typing import Any
 import isomatch
 from isomatch import matching
 from isomatch.cli.inputs import read_surface
-from isomatch.cli.outputs import ResultFolder
+from isomatch.cli.outputs import BACK, Back, ResultFolder
 from isomatch.errors import FormatError
 from isomatch.storage.files import opened
 
@@ -93,6 +93,14 @@ class Earlier:
             for i, evidence in enumerate(self.record["alternatives"][:n_saved], 1)
         )
         return replace(result, alternatives=others)
+
+    def back(self, source: isomatch.Mesh | isomatch.PointCloud) -> Back | None:
+        """Read the map of the other direction, if there is one."""
+        described = self.record.get("back")
+        if not isinstance(described, dict) or not self.folder.has_back:
+            return None
+        found = isomatch.Correspondence.load(self.folder.folder / BACK, source.n_vertices)
+        return found, described
 
 
 def _alternative(evidence: Mapping[str, Any], found: isomatch.Correspondence) -> matching.Alternative:

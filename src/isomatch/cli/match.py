@@ -16,6 +16,7 @@ from isomatch.assets import files_beside
 from isomatch.cli.inputs import naming_files, read_config, read_functions, read_outcomes, read_surface
 from isomatch.cli.outputs import (
     ResultFolder,
+    back_of,
     claimed_files,
     notes_on,
     refuse_outcomes,
@@ -187,7 +188,9 @@ def match(
                 "match_again": shown["command"],
                 "landmarks": [] if pairs is None else pairs.tolist(),
             }
-            record = folder.write(*drawn, result, titles=titles, more=more, back=back, **shown)
+            record = folder.write(
+                *drawn, result, titles=titles, more=more, back=back_of(back) if back else None, **shown
+            )
             if as_mesh is not None:
                 wrapped = isomatch.wrap(result.map, *shapes)
                 record["as_mesh"] = {

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from threading import Thread
 from typing import Annotated, Any
 from zipfile import ZIP_DEFLATED, ZipFile
 
@@ -19,7 +20,7 @@ from isomatch import serving, view
 from isomatch.cli.earlier import Earlier
 from isomatch.cli.inputs import read_config, read_surface
 from isomatch.cli.match import with_landmarks
-from isomatch.cli.outputs import ResultFolder
+from isomatch.cli.outputs import BACK_REMOVED, Back, ResultFolder
 from isomatch.cli.terminal import json_text, say
 from isomatch.errors import SettingError
 
@@ -37,7 +38,7 @@ def open_page(
     config: Path | None = None,
     port: int = 0,
     browser: Annotated[bool, Parameter(name="--browser", negative="--no-browser", show_default=False)] = True,
-    seed: int = 0,
+    seed: int | None = None,
     force: bool = False,
 ) -> None:
     """Work on two shapes in a page: match, look, correct landmarks, compare, save.
@@ -52,7 +53,8 @@ def open_page(
         Mesh to map to; not with a folder.
     output : Path
         Folder into which the page saves the files that isomatch match writes. Without it, the page offers them as a
-        download. A result that is opened is saved into its own folder.
+        download. A result that is opened is saved into its own folder, without its map back once there is another
+        map.
     landmarks : Path
         Landmarks to begin with, as for isomatch match.
     target_landmarks : Path
@@ -64,9 +66,9 @@ def open_page(
     browser : bool
         Whether to open the page in a browser. Its address is printed in any case.
     seed : int
-        Seed of the sampling and of the eigensolver; a result that is opened has its own.
+        Seed of the sampling and of the eigensolver; 0 if it is left out. A result that is opened has its own.
     force : bool
-        Replace an existing result in the folder.
+        Replace an existing result in the folder; not with a result that is opened, which Save replaces.
     """
     serving.require_server()
     if target is None:
@@ -75,18 +77,21 @@ def open_page(
             "--landmarks": landmarks,
             "--target-landmarks": target_landmarks,
             "--config": config,
+            "--seed": seed,
+            "--force": force or None,
         }
         _require_result(source, [option for option, value in own.items() if value is not None])
         earlier = Earlier.read(source)
-        keeper = _Files(
-            earlier.source, earlier.target, earlier.surfaces(), earlier.folder, earlier.record["match_again"]
-        )
-        result = earlier.result(*keeper.surfaces)
+        surfaces, again = earlier.surfaces(), earlier.record["match_again"]
+        result, back = earlier.result(*surfaces), earlier.back(surfaces[0])
+        opened = None if back is None else (result, back)
+        keeper = _Files(earlier.source, earlier.target, surfaces, earlier.folder, again, opened)
         begun: dict[str, Any] = {"result": result, "config": result.config, "seed": result.seed}
         pairs, force = earlier.landmarks, True
     else:
         if landmarks is None and target_landmarks is not None:
             raise isomatch.LandmarkError("--target-landmarks needs --landmarks with the points of the source")
+        seed = seed or 0
         begun = {"config": read_config(config), "seed": seed}
         surfaces, pairs = (read_surface(source), read_surface(target)), []
         if landmarks is not None:
@@ -102,7 +107,8 @@ def open_page(
             f"{server.address}\nBrowsers of this machine that have this address show the page. Ctrl-C ends it."
         )
         if browser:
-            webbrowser.open(server.once)
+            # a browser in a terminal returns when it is closed
+            Thread(target=webbrowser.open, args=(server.once,), daemon=True).start()
         server.run()
 
 
@@ -113,18 +119,25 @@ def _require_result(folder: Path, options: list[str]) -> None:
             f"{folder}: isomatch open needs two shapes, or the folder of a result of isomatch match"
         )
     if options:
-        raise SettingError(f"{', '.join(options)}: the result in {folder} has its own; leave the option out")
+        raise SettingError(
+            f"{', '.join(options)}: the result in {folder} has its own, and Save replaces it; leave the option out"
+        )
 
 
 @dataclass(frozen=True)
 class _Files:
-    """Writes what `isomatch match` writes, see `serving.Keeper`; ``again`` is the command that matches again."""
+    """Writes what `isomatch match` writes, see `serving.Keeper`.
+
+    ``again`` is the command that matches again, ``opened`` the result that was opened with its map back, which is kept
+    with no other result.
+    """
 
     source: Path
     target: Path
     surfaces: Surfaces
     results: ResultFolder | None
     again: str
+    opened: tuple[isomatch.MatchResult, Back] | None = None
 
     @property
     def names(self) -> tuple[str, str]:
@@ -150,8 +163,10 @@ class _Files:
     def write(self, result: isomatch.MatchResult, landmarks: serving.Pairs) -> str:
         if self.results is None:
             raise SettingError("there is no folder to save into; start isomatch open with -o DIR")
+        had_back = self.results.has_back
         record = self._write(self.results, result, landmarks)
-        left = "".join(f"; {what}" for what in record["undrawn"])
+        removed = [BACK_REMOVED] if had_back and not self.results.has_back else []
+        left = "".join(f"; {what}" for what in [*record["undrawn"], *removed])
         return (
             f"Saved {', '.join(Path(path).name for path in record['files'].values())} in {self.folder}{left}."
         )
@@ -171,6 +186,7 @@ class _Files:
         self, results: ResultFolder, result: isomatch.MatchResult, landmarks: serving.Pairs
     ) -> dict[str, Any]:
         source_name, target_name = self.names
+        back = self.opened[1] if self.opened and result is self.opened[0] else None
         return results.write(
             *self.drawn,
             result,
@@ -183,6 +199,7 @@ class _Files:
                 "match_again": self.again,
                 "landmarks": [list(pair) for pair in landmarks],
             },
+            back=back,
             landmarks=landmarks or None,
             command=self.again,
         )

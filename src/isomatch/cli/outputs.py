@@ -17,6 +17,12 @@ from isomatch.storage.files import claimed, made_folder, staged, write_text
 from isomatch.values.arrays import FloatArray
 
 RESULT = "result.json"
+BACK = "map_back.npz"
+BACK_REMOVED = "the map back belonged to the map before and was removed"
+
+Back = tuple[
+    isomatch.Correspondence, dict[str, Any]
+]  # map of the other direction, and its values in result.json
 
 
 @dataclass(frozen=True)
@@ -52,7 +58,7 @@ class ResultFolder:
         if self.report:
             names["report"] = "report.html"
         if self.both:
-            names["map back"] = "map_back.npz"
+            names["map back"] = BACK
         return {what: str(self.folder / name) for what, name in names.items()}
 
     @property
@@ -63,6 +69,11 @@ class ResultFolder:
     def alternative(self, number: int) -> Path:
         """Path of the map of an alternative, from 1."""
         return self.folder / f"alternative_{number}.npz"
+
+    @property
+    def has_back(self) -> bool:
+        """Whether a map of the other direction is there."""
+        return (self.folder / BACK).exists()
 
     @contextmanager
     def claimed(self, force: bool) -> Iterator[None]:
@@ -89,7 +100,7 @@ class ResultFolder:
         titles: tuple[str, str],
         facts: dict[str, Any],
         more: dict[str, Any],
-        back: isomatch.MatchResult | None = None,
+        back: Back | None = None,
         **shown: Any,
     ) -> dict[str, Any]:
         """Write all files, and let them replace earlier ones at once when they are complete, ``result.json`` last.
@@ -98,13 +109,14 @@ class ResultFolder:
         `isomatch.view.write_report`; what cannot be drawn is left out, and named under ``undrawn``. Returns the contents
         of ``result.json``, which begin with ``more``.
         """
+        own = replace(self, both=back is not None)
         others = dict(zip(self._alternatives, result.alternatives))
         record: dict[str, Any] = {"isomatch": isomatch.__version__, **more, **_described(result)}
         if back:
-            record["back"] = _described(back)
+            record["back"] = back[1]
         facts = {"isomatch": isomatch.__version__, **facts}
         with staged(self.folder, last=RESULT) as folder:
-            files = {what: str(folder / Path(path).name) for what, path in self.files.items()}
+            files = {what: str(folder / Path(path).name) for what, path in own.files.items()}
             replace(result, alternatives=()).save(files["map"])
             result.map.save(files["text"])
             for path, other in others.items():
@@ -120,8 +132,8 @@ class ResultFolder:
                         files["report"], source, target, result, names=names, facts=facts, **shown
                     )
             if back:
-                back.map.save(files["map back"])
-            written = self.files | {path.stem: str(path) for path in others}
+                back[0].save(files["map back"])
+            written = own.files | {path.stem: str(path) for path in others}
             record["undrawn"] = undrawn
             record["files"] = {
                 what: path
@@ -164,6 +176,11 @@ def _noted(what: str, undrawn: list[str]) -> Iterator[None]:
 def _described(result: isomatch.MatchResult) -> dict[str, Any]:
     """Plain values of a result, with the bounds of its measures."""
     return {**result.to_dict(), "bounds": view.quality_bounds(result)}
+
+
+def back_of(result: isomatch.MatchResult) -> Back:
+    """Give what is written of the map of the other direction."""
+    return result.map, _described(result)
 
 
 @contextmanager

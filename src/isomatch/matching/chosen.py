@@ -74,7 +74,8 @@ def continue_with(
         seed=result.seed,
         progress=progress,
     )
-    former = Alternative(lambda: result.map, nan, nan, BEFORE + result.origin)
+    before = result.map  # and nothing else of the result
+    former = Alternative(lambda: before, nan, nan, BEFORE + result.origin)
     left = [
         replace(other, origin=other.origin.removeprefix(BEFORE)) for other in others if other is not chosen
     ]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import secrets
 import socket
 from collections.abc import Callable, Mapping
@@ -152,7 +153,8 @@ class PageServer:
 def _bound(port: int) -> socket.socket:
     made = socket.socket()
     try:
-        made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        if os.name == "posix":  # elsewhere it lets others take a port that is used
+            made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         made.bind((HOST, port))
         made.listen()  # a browser that is quicker than the server waits
     except (OSError, OverflowError) as error:

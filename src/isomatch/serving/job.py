@@ -21,12 +21,18 @@ class Job:
         What is done, such as ``"match"``.
     work : callable
         Called with a function of the stage and of the share of the work that is done.
+
+    Attributes
+    ----------
+    succeeded : bool
+        Whether it has come to a result, even if it was given up before.
     """
 
     def __init__(self, name: str, work: Callable[[Tell], Any]) -> None:
         self.name = name
         self._result: Any = None
         self._error: Exception | None = None
+        self.succeeded = False
         self._now = ("", 0.0)
         self._since = time.perf_counter()
         self._seconds: float | None = None
@@ -35,6 +41,7 @@ class Job:
         def run() -> None:
             try:
                 self._result = work(self._tell)
+                self.succeeded = True
             except Abandoned:
                 pass
             except Exception as error:
@@ -62,11 +69,15 @@ class Job:
         """How long it has run."""
         return time.perf_counter() - self._since if self._seconds is None else self._seconds
 
-    def wait(self) -> Any:
-        """Wait until it is over, and return its result or raise its error; a wait within a job ends with that job."""
+    def join(self) -> None:
+        """Wait until it is over, however it ended; a wait within a job ends with that job."""
         while not self.is_over:
             stop_if_abandoned()
             self._thread.join(POLL)
+
+    def wait(self) -> Any:
+        """Wait until it is over (`join`), and return its result or raise its error."""
+        self.join()
         if self._error:
             raise self._error
         return self._result

@@ -193,7 +193,8 @@ class Session:
         self._begin("download", lambda tell: (revision, self._keeper.packed(result, landmarks)))
 
     def cancel(self) -> None:
-        """Give up what is done now; what it has computed so far is dropped."""
+        """Give up what is done now; what it has computed so far is dropped, but not files that it has saved."""
+        self._settle()
         if self._job is not None:
             self._job.give_up()
             self._given_up.append(self._job)
@@ -210,20 +211,27 @@ class Session:
         if self._job is not None:
             raise SettingError(f"isomatch is busy ({self._job.name}); wait, or cancel that first")
         self._error = ""
-        given_up = [job for job in self._given_up if not job.is_over]
+        given_up = tuple(self._given_up)
 
         def alone(tell: Tell) -> Any:
             for job in given_up:
-                job.wait()
+                job.join()
             return work(tell)
 
-        self._job, self._given_up = Job(name, alone), given_up
+        self._job = Job(name, alone)
 
     def _settle(self) -> None:
-        """Take in what a job has come to that has ended."""
-        if self._job is None or not self._job.is_over:
-            return
-        job, self._job = self._job, None
+        """Take in what jobs have come to that have ended; of those that were given up, what was saved all the same."""
+        over = [job for job in self._given_up if job.is_over]
+        self._given_up = [job for job in self._given_up if job not in over]
+        for job in over:
+            if job.name == "save" and job.succeeded:
+                self._take_in(job)
+        if self._job is not None and self._job.is_over:
+            job, self._job = self._job, None
+            self._take_in(job)
+
+    def _take_in(self, job: Job) -> None:
         self._last = {"job": job.name, "seconds": job.seconds}
         try:
             came = job.wait()

@@ -6,7 +6,7 @@
   const DONE = { match: "Matched", choose: "Refined", save: "Saved", download: "Packed" };
   const token = new URLSearchParams(location.search).get("token");
   const [A, B] = ["name0", "name1"].map((id) => by(id).textContent.replace(/^(source|target): /, ""));
-  let state = { job: null, revision: 0, unsaved: false }, shown = null, timer = null;
+  let state = { job: null, revision: 0, unsaved: false }, shown = null, timer = null, turn = 0, packing = false;
 
   const ask = async (path, body) => {
     const options = body === undefined ? {} : { method: "POST", body: JSON.stringify(body) };
@@ -97,7 +97,7 @@
   const take = (found) => {
     shown = found;
     head(found.headline, found.advice, found.colour);
-    by("sure").textContent = found.sure; by("since").textContent = found.since;
+    by("how").hidden = !found.sure && !found.regions.length; by("sure").textContent = found.sure; by("since").textContent = found.since;
     by("regions").replaceChildren(...doubts(found.regions)); by("doubts").hidden = !found.regions.length;
     by("doubtful").ariaPressed = false; by("doubtful").textContent = "Show";
     by("rivals").replaceChildren(...rivals(found.rivals)); by("others").hidden = found.rivals.length < 2; by("choose").hidden = true;
@@ -113,30 +113,33 @@
   };
   const look = async () => {
     clearTimeout(timer);
+    const own = ++turn;
     try {
-      const before = state;
-      state = await (await ask("state")).json();
+      const before = state, told = await (await ask("state")).json();
+      if (own !== turn) return; // something was begun since
+      state = told;
       if (state.error) trouble(state.error);
       if (state.revision !== before.revision) {
         take(await (await ask("result")).json());
         if (before.revision) by("written").textContent = "This result is not saved yet.";
       }
       if (state.written !== before.written && state.written) by("written").textContent = state.written;
-      if (state.packed !== before.packed && state.packed) await fetched();
+      if (packing && state.packed !== before.packed) { packing = false; await fetched(); } // other tabs see it too
       doing(); enable();
     } catch (error) {
+      if (own !== turn) return;
       state = { ...state, job: null }; enable();
       trouble(error instanceof TypeError
         ? "isomatch open has ended. Start it again; your landmarks can be saved from “Options”."
         : error.message);
       if (error instanceof TypeError) return; // nobody answers
     }
-    timer = setTimeout(look, state.job ? QUICK : SLOW);
+    if (own === turn) timer = setTimeout(look, state.job ? QUICK : SLOW);
   };
   const start = async (what, body) => {
-    trouble(""); clearTimeout(timer);
+    trouble(""); clearTimeout(timer); turn += 1; packing = what === "pack";
     state = { ...state, job: what, stage: "", share: 0, seconds: 0 }; doing(); enable(); // until the server tells more
-    try { await ask(what, body); } catch (error) { trouble(error.message); }
+    try { await ask(what, body); } catch (error) { trouble(error.message); packing = false; }
     await look();
   };
   const fetched = async () => {

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from html import escape
 from typing import Any, get_args
 
@@ -13,7 +13,7 @@ from isomatch.matching import DoubtfulRegion, MatchResult
 from isomatch.settings import Config, Orientation
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import IntArray
-from isomatch.view.layers import LARGE_ERROR, doubt, expected_error, mismatch
+from isomatch.view.layers import doubt, expected_error, mismatch
 from isomatch.view.report import (
     COLOURS,
     MOST_ALTERNATIVES,
@@ -29,7 +29,6 @@ from isomatch.view.scene import DrawnPair
 from isomatch.view.summary import summary_of
 
 STAYED = 0.05  # √area; an image that is moved by less is at the same place
-ALMOST = 0.99  # the largest share that is not everywhere
 LEAST_SHARE = 0.001  # of the surface worth telling
 THE_MAP, BEFORE = "the map", "before"
 
@@ -117,7 +116,6 @@ class WorkPage:
         result: MatchResult,
         before: Correspondence | None = None,
         landmarks: Sequence[Sequence[int]] = (),
-        facts: Mapping[str, object] | None = None,
     ) -> dict[str, Any]:
         """Tell in plain values all that the page shows of a result.
 
@@ -129,8 +127,6 @@ class WorkPage:
             The map that it replaces.
         landmarks : sequence of (int, int)
             Landmarks with which it was found.
-        facts : mapping of str to object, optional
-            Rows for the table about the run.
 
         Returns
         -------
@@ -152,7 +148,7 @@ class WorkPage:
             "headline": summary.headline,
             "advice": summary.advice_in_python,
             "colour": COLOURS.get(result.outcome, UNDECIDED),
-            "sure": self._sure(result),
+            "sure": summary.sureness,
             "since": "" if before is None else self._since(self._moved(result.map, before)),
             "regions": [self._region(region, result.map) for region in result.regions],
             "rivals": [
@@ -166,7 +162,7 @@ class WorkPage:
             "landmarks": [
                 {"pair": pair, "off": off} for pair, off in zip(pairs.tolist(), self._off(result.map, pairs))
             ],
-            "details": self._details(result, facts or {}),
+            "details": _details(result),
             "scene": self._drawn.maps(maps, layers),
         }
 
@@ -186,29 +182,6 @@ class WorkPage:
             "reason": region.reason,
         }
 
-    def _details(self, result: MatchResult, facts: Mapping[str, object]) -> str:
-        return template("work_details.html").substitute(
-            quality=quality_rows(result),
-            notes=paragraphs(map(sentence, result.notes or ["Nothing was repaired, left out or replaced."])),
-            run=tables_of_run(result, facts),
-        )
-
-    def _sure(self, result: MatchResult) -> str:
-        """Say how exact the map should be, and how much of the source has an image."""
-        areas = self._source.vertex_areas / self._source.vertex_areas.sum()
-        known, matched = np.isfinite(result.expected_error), result.map.matched
-        said = "" if matched.all() else f"{areas[~matched].sum():.0%} of the source has no image. "
-        if not areas[known].sum():
-            return said
-        errors, weights = result.expected_error[known], areas[known] / areas[known].sum()
-        condition = "If the map is right as a whole, images" if result.outcome.is_doubtful else "Images"
-        exact = weights[errors < LARGE_ERROR].sum()
-        where = "everywhere" if exact > 1 - LEAST_SHARE else f"on {min(exact, ALMOST):.0%} of the source"
-        return (
-            f"{said}{condition} are expected to lie {errors @ weights:.1%} of the target's size (√area) off on "
-            f"average, and less than {LARGE_ERROR:.0%} {where if exact > LEAST_SHARE else 'nowhere'}."
-        )
-
     @staticmethod
     def _since(moved: float) -> str:
         if moved < LEAST_SHARE:
@@ -227,3 +200,11 @@ class WorkPage:
         images = found.pull_back(self._target.vertices)[pairs[:, 0]]
         off = np.linalg.norm(images - self._target.vertices[pairs[:, 1]], axis=1) / np.sqrt(self._target.area)
         return [-1.0 if np.isnan(far) else float(far) for far in off]
+
+
+def _details(result: MatchResult) -> str:
+    return template("work_details.html").substitute(
+        quality=quality_rows(result),
+        notes=paragraphs(map(sentence, result.notes or ["Nothing was repaired, left out or replaced."])),
+        run=tables_of_run(result, {}),
+    )
