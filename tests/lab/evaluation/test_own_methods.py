@@ -3,6 +3,7 @@
 import csv
 import re
 import sys
+from importlib import import_module
 
 import numpy as np
 import pytest
@@ -149,6 +150,36 @@ def test_functions_of_a_file_are_kept_while_its_text_is_the_same(folder, tmp_pat
     truth.write_text(truth.read_text() + "# the set was corrected\n")
     assert len(list(run_benchmark(BenchmarkRun(**run), folder / "out"))) == 1
     assert len(read_rows(folder / "out")) == 3
+
+
+@pytest.mark.parametrize("place", ["file", "module", "imported"])
+def test_rows_are_those_of_the_text_that_their_digest_tells(folder, tmp_path, monkeypatch, place):
+    """Also in one session, within a second and with as many letters."""
+    label = f"changing_{place}"
+    file = tmp_path / f"{label}.py"
+    file.write_text(MODULE + "\n\ndef rolled(a, b):\n    return np.roll(right(a, b), 0)\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    if place == "imported":
+        import_module(label)
+    name = f"{file if place == 'file' else label}:rolled"
+    run = BenchmarkRun(str(folder), (name,), **QUICK)
+    (first,) = run_benchmark(run, folder / "out")
+    file.write_text(file.read_text().replace(", 0)", ", 1)"))
+    (second,) = run_benchmark(BenchmarkRun(str(folder), (name,), **QUICK), folder / "out")
+    assert first["error"] == pytest.approx(0, abs=1e-9)
+    assert second["error"] > 5
+    assert first["settings"] != second["settings"]
+    with pytest.raises(SettingError, match="its text has changed since the run began"):
+        OwnFunction(name, digest="of another text")(SHEET, SHEET)
+
+
+def test_an_imported_module_is_read_again_if_it_changed_before_the_first_run(tmp_path, monkeypatch):
+    file = tmp_path / "changed_early.py"
+    file.write_text("def f(a, b):\n    return [0] * a.n_vertices\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    import_module("changed_early")
+    file.write_text("def f(a, b):\n    return [1] * a.n_vertices\n")
+    assert (OwnFunction("changed_early:f")(SHEET, SHEET).vertices == 1).all()
 
 
 @pytest.mark.long

@@ -110,7 +110,7 @@ class BenchmarkRun(Settings):
         for name in self.methods:
             base = name.partition("+")[0] if isinstance(name, str) else ""
             if ":" in base and base not in own:
-                own[base] = OwnFunction.named(base)
+                own[base] = OwnFunction(base)
         return own
 
     @cached_property
