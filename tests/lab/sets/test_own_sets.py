@@ -175,6 +175,15 @@ def test_folders_as_they_are_published(folder, image):
     assert images_of(only_pair(folder)) == dict(enumerate(image.tolist()))
 
 
+def test_maps_beside_a_truth_are_no_truth(folder, image):
+    """A folder of a set may hold the maps of a method."""
+    np.savetxt(folder / "truth" / "a__b.txt", image, fmt="%d")
+    (folder / "maps").mkdir()
+    for name in ("a-b.txt", "b-a.txt"):
+        np.savetxt(folder / "maps" / name, image[::-1], fmt="%d")
+    assert images_of(only_pair(folder)) == dict(enumerate(image.tolist()))
+
+
 def test_landmarks(folder):
     (folder / "truth").rmdir()
     (folder / "landmarks").mkdir()

@@ -26,7 +26,7 @@ from isomatch.values.arrays import IntArray
 SETTINGS = "set.toml"
 KINDS = ("vertices", "vts", "pairs", "onto", "landmarks")
 SHAPE_FOLDERS = ("shapes", "off", "models")  # the first is ours, the others are those of published sets
-TRUTH_FOLDERS = ("truth", "corres", "maps")
+TRUTH_FOLDERS = ("truth", "corres", "maps")  # the first that exists; the last two are those of published sets
 SHAPE_SUFFIXES = {*FORMATS, ".mat", ".npz", ".vert"}
 BETWEEN = ("__", "-", "_")  # names of a pair in the name of its file
 MIRRORED = (".sym", "_sym")
@@ -335,7 +335,7 @@ def own_set(root: str | Path) -> FolderSet | StoredSet:
             f"{root}: no shapes in this folder or its folder {SHAPE_FOLDERS[0]}; docs/how_to/own_benchmark.md describes "
             "what a set consists of"
         )
-    beside = [*folders, root, *(root / name for name in TRUTH_FOLDERS if (root / name).is_dir())]
+    beside = [*folders, root, *[root / name for name in TRUTH_FOLDERS if (root / name).is_dir()][:1]]
     kind = settings.truth or _kind_in(root, beside)
     settings = replace(settings, truth=kind)
     truths = _truth_files(root, kind, beside, set(shapes.values()))
@@ -351,7 +351,7 @@ def _kind_in(root: Path, beside: list[Path]) -> str:
         found.append("vts")
     if any(path.suffix == ".baryc_gt" for folder in beside for path in folder.iterdir()):
         found.append("onto")
-    if any((root / name).is_dir() for name in ("truth", "maps")) and not found:
+    if beside[-1] in (root / "truth", root / "maps") and not found:
         found.append("pairs")
     if (root / LANDMARKS).is_dir():
         found.append(LANDMARKS)
