@@ -411,6 +411,29 @@ def test_a_map_that_fits_both_readings(tmp_path, caplog):
     assert "b.npy: counts from 1, as its largest index, 4, is the number of target vertices" in caplog.text
 
 
+@pytest.mark.parametrize("suffix", ["mat", "npy", "npz", "txt"])
+@pytest.mark.parametrize(
+    ("values", "certain", "likely"),
+    [
+        ([0, 1, 2, 3], True, True),
+        ([3, 0, -1, 3], True, True),
+        ([3, 0, 1, 3], False, True),
+        ([0, 0, 2, 2], False, True),
+        ([0, 0, 2, 3], False, False),
+        ([3, 1, 2, 3], False, False),
+    ],
+)
+def test_a_zero_may_mean_unmatched(tmp_path, suffix, values, certain, likely):
+    """Whatever the suffix: it tells only beside −1, or as one of all indices."""
+    path = tmp_path / f"map.{suffix}"
+    write = {"mat": lambda: mat(path, T=values), "txt": lambda: np.savetxt(path, values, fmt="%d")}
+    write |= {"npy": lambda: npy(path, values), "npz": lambda: np.savez(path, T=values)}
+    write[suffix]()
+    found = read_map(path, 5, allow_doubt=True)
+    assert (found.map.vertices.tolist(), found.counts_from) == (values, 0)
+    assert (found.is_certain, found.is_likely, not found.note) == (certain, likely, likely)
+
+
 def test_the_variable_of_a_map_is_found_by_its_shape(tmp_path):
     arrays = {"T12": np.arange(5.0), "T21": np.arange(7.0), "C": np.eye(5), "name": "cat"}
     path = mat(tmp_path / "map.mat", **arrays)

@@ -8,7 +8,7 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from isomatch.correspondence.foreign_maps import Counted, counted_from_zero, the_vector
+from isomatch.correspondence.foreign_maps import Counted, IndexBase, counted_from_zero, the_vector
 from isomatch.errors import FormatError
 from isomatch.storage.array_file import (
     FIRST_VERSION,
@@ -100,9 +100,9 @@ def map_parts(
             "shapes in this direction"
         )
     known = n_target if stored is None else stored
-    counted = Counted(parts["vertices"], 0, True)
+    counted = Counted(parts["vertices"], IndexBase(0))
     if not declared:
-        counted = counted_from_zero(path, parts["vertices"], known, counts_from, suffix == ".mat")
+        counted = counted_from_zero(path, parts["vertices"], known, counts_from)
     parts |= {"vertices": counted.image, "n_target": known}
     if known is None:
         parts["n_target"] = int(counted.image.max(initial=-1)) + 1

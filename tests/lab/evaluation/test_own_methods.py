@@ -13,6 +13,7 @@ from scipy.spatial.distance import cdist
 from data import real_file
 from isomatch import Correspondence, Mesh, PrecisePoints, match, write_mesh
 from isomatch.cli import main
+from isomatch.correspondence import read_map
 from isomatch.errors import MissingFileError, SettingError
 from isomatch.geodesics import geodesic_distances
 from isomatch.lab.evaluation import (
@@ -21,10 +22,12 @@ from isomatch.lab.evaluation import (
     OwnFunction,
     benchmark,
     geodesic_errors,
+    own_methods,
     read_rows,
     run_benchmark,
 )
 from isomatch.lab.sets import relabelled
+from isomatch.lab.sets.folder_set import FolderSet
 from zoo import grid
 
 QUICK = {"jobs": 1, "distortion": False}
@@ -239,6 +242,48 @@ def test_one_map_that_tells_decides_for_those_that_do_not(folder, tmp_path, imag
     result = benchmark(folder, MapsInFolder(maps), **QUICK)
     assert result.means["theirs"] < 2
     assert "a-b.txt: counts from 1, as other maps of its folder do" in result.notes
+
+
+def test_a_map_with_zeros_does_not_decide_for_others(folder, tmp_path, image):
+    """It is taken to count from 0, unless another one shows that it counts from 1, whichever comes first."""
+    back = np.argsort(image)
+    np.savetxt(folder / "truth" / "b__a.txt", back, fmt="%d")
+    maps = tmp_path / "theirs"
+    maps.mkdir()
+    there = np.where(image == N - 1, -1, image)
+    there[:3] = there[0]
+    np.savetxt(maps / "a-b.txt", there + 1, fmt="%d")
+    np.savetxt(maps / "b-a.txt", back + 1, fmt="%d")
+    result = benchmark(folder, MapsInFolder(maps), **QUICK)
+    assert "a-b.txt: counts from 1, as other maps of its folder do" in result.notes
+    assert result.means == benchmark(folder, MapsInFolder(maps, 1), **QUICK).means
+    back[:3] = back[3]
+    np.savetxt(maps / "b-a.txt", back, fmt="%d")
+    assert benchmark(folder, MapsInFolder(maps), **QUICK).notes == ()
+
+
+def test_maps_that_tell_nothing_are_read_once(folder, tmp_path, image, monkeypatch):
+    """For every pair its own map, and all maps at most twice together."""
+    n = 6
+    for name in "cdef":
+        write_mesh(folder / f"{name}.off", SHEET)
+    maps = tmp_path / "theirs"
+    maps.mkdir()
+    for a, b in (pairs := [(a, b) for a in "abcdef" for b in "abcdef" if a != b]):
+        np.savetxt(folder / "truth" / f"{a}__{b}.txt", image, fmt="%d")
+        np.savetxt(maps / f"{a}-{b}.txt", np.clip(image, 1, N - 2), fmt="%d")
+    read = []
+    monkeypatch.setattr(
+        own_methods, "read_map", lambda path, *a, **k: (read.append(path), read_map(path, *a, **k))[1]
+    )
+    loaded = []
+    opened = FolderSet.pair
+    monkeypatch.setattr(
+        FolderSet, "pair", lambda self, *names: (loaded.append(names), opened(self, *names))[1]
+    )
+    assert len(benchmark(folder, MapsInFolder(maps), **QUICK).problems) == len(pairs)
+    assert len(read) == 3 * len(pairs)
+    assert len(loaded) <= len(pairs) + n
 
 
 def test_maps_that_are_missing_or_unreadable_are_problems(folder, tmp_path, image):

@@ -318,6 +318,31 @@ def test_a_truth_that_fits_both_readings_takes_after_the_others(folder, image):
     assert dict(own_set(folder).pair("a", "b").truth) == dict(enumerate(inner))
 
 
+@pytest.mark.parametrize("columns", [1, 2, 4])
+def test_a_zero_in_a_truth_that_counts_from_1_means_no_counterpart(folder, image, columns):
+    counted = np.where(image == 3, 0, image + 1)
+    counted[counted == N] = 1  # so that it does not show what it counts from
+    table = {
+        1: counted,
+        2: np.column_stack([np.arange(N) + 1, counted]),
+        4: np.column_stack([counted, np.tile([1, 0, 0], (N, 1))]),
+    }[columns]
+    np.savetxt(folder / "truth" / "a__b.txt", table, fmt="%d")
+    rows = np.column_stack([np.arange(N), image]) + 1
+    rows = rows if columns < 4 else np.column_stack([np.full(N, B.n_faces), np.tile([1, 0, 0], (N, 1))])
+    np.savetxt(folder / "truth" / "b__a.txt", rows, fmt="%d")
+    pair = own_set(folder).pair("a", "b")
+    assert pair.alone.tolist() == np.flatnonzero(image == 3).tolist()
+    there = np.flatnonzero(image != 3)
+    images = counted[there] - 1
+    assert (
+        pair.truth.tolist()
+        == np.column_stack([there, images if columns < 4 else B.faces[images, 0]]).tolist()
+    )
+    told = "counts from 1, as its largest" if columns == 2 else "counts from 1, as other files of truth"
+    assert told in pair.notes[0]
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [

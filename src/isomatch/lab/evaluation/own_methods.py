@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache, cached_property
 from hashlib import sha256
@@ -200,6 +200,8 @@ class NamedPair(NamedTuple):
         All pairs of the run.
     n_target_of : callable
         Number of target vertices of any pair.
+    kept : dict
+        What methods found in the files of all pairs, by method.
     """
 
     source: str
@@ -207,6 +209,7 @@ class NamedPair(NamedTuple):
     moved: IntArray | None
     others: tuple[tuple[str, str], ...]
     n_target_of: Callable[[str, str], int]
+    kept: dict[Any, Any]
 
 
 @dataclass(frozen=True, eq=False)
@@ -242,8 +245,14 @@ class MapsInFolder:
         note = found.note
         if not found.is_certain:
             first = self._shown_to_count_from(pair)
-            found = read_map(path, *sizes, counts_from=first)
-            note = f"{path.name}: counts from {first}, as other maps of its folder do"
+            if first is not None and (first, True) != (found.counts_from, found.is_likely):
+                found = read_map(path, *sizes, counts_from=first)
+                note = f"{path.name}: counts from {first}, as other maps of its folder do"
+            elif first is None and not found.is_likely:
+                raise FormatError(
+                    f"{self.folder}: all maps of these pairs can count from 0 or from 1; say which, by --maps-from or "
+                    "counts_from"
+                )
         image, faces = found.map.vertices, found.map.faces
         if pair.moved is not None:
             new = np.append(pair.moved, -1)
@@ -265,24 +274,23 @@ class MapsInFolder:
             )
         return found[0]
 
-    def _shown_to_count_from(self, pair: NamedPair) -> int:
-        """Find what the first map counts from that allows one reading only; `FormatError` if there is none."""
-        known: int | None = vars(self).get("_known")
-        for source, target in pair.others if known is None else ():
+    def _shown_to_count_from(self, pair: NamedPair) -> int | None:
+        """Find what the first map counts from that allows one reading only; None if there is none."""
+        if self not in pair.kept:
+            pair.kept[self] = next(self._certain(pair), None)
+        return pair.kept[self]
+
+    def _certain(self, pair: NamedPair) -> Iterator[int]:
+        for source, target in pair.others:
             try:
                 path = self.file_of(source, target)
-                found = read_map(path, pair.n_target_of(source, target), allow_doubt=True)
+                found = read_map(path, allow_doubt=True)
+                if not (found.is_certain or (found.map.vertices == 0).any()):
+                    found = read_map(path, pair.n_target_of(source, target), allow_doubt=True)
             except IsomatchError:  # is reported with its own pair
                 continue
             if found.is_certain:
-                known = vars(self)["_known"] = found.counts_from
-                break
-        if known is None:
-            raise FormatError(
-                f"{self.folder}: all maps of these pairs can count from 0 or from 1; say which, by --maps-from or "
-                "counts_from"
-            )
-        return known
+                yield found.counts_from
 
     @cached_property
     def _files(self) -> list[Path]:
