@@ -302,6 +302,15 @@ def test_several_kinds_of_truth_or_files_are_refused(folder, image):
         own_set(folder)
 
 
+def test_a_map_and_rows_in_one_file_are_refused(folder, image):
+    rows = np.column_stack([np.arange(N), image])
+    savemat(folder / "truth" / "a__b.mat", {"T": image.astype(float), "rows": rows})
+    with pytest.raises(FormatError, match=r"a__b\.mat: several arrays could be the truth; save it alone"):
+        own_set(folder).pair("a", "b")
+    savemat(folder / "truth" / "a__b.mat", {"area": 2.0, "rows": rows})
+    assert images_of(only_pair(folder)) == dict(enumerate(image.tolist()))
+
+
 def test_a_truth_that_fits_both_readings_takes_after_the_others(folder, image):
     inner = np.clip(image, 1, N - 2)
     np.savetxt(folder / "truth" / "a__b.txt", inner, fmt="%d")

@@ -119,12 +119,14 @@ def _table(path: Path, n_source: int) -> FloatArray | None:
     """Columns (rows, 2 or 4) of a file; None if it is a map, with one column."""
     suffix = path.suffix.lower()
     tables: list[AnyArray]
+    n_maps = 0
     if suffix == ".npz":
         return None
     if suffix == ".npy":
         tables = [read_array(path)]
     elif suffix == ".mat":
         tables = [x for x in read_mat(path, "a truth", EXPECTED).values() if isinstance(x, np.ndarray)]
+        n_maps = sum(np.squeeze(x).shape == (n_source,) and x.dtype.kind in "iuf" for x in tables)
     else:
         _, first = next(text_lines(path), (0, ""))
         if len(first.replace(",", " ").split()) == 2:
@@ -138,7 +140,7 @@ def _table(path: Path, n_source: int) -> FloatArray | None:
         tables = [_text_table(path)] if len(first.replace(",", " ").split()) == 4 else []
     tables = [x for x in tables if x.ndim == 2 and x.dtype.kind in "iuf"]
     tables = [x for x in tables if x.shape[1] == 2 or x.shape == (n_source, 4)]
-    if len(tables) > 1:
+    if len(tables) + n_maps * bool(tables) > 1:
         raise FormatError(f"{path}: several arrays could be the truth; save it alone")
     return tables[0].astype(np.float64) if tables else None
 
