@@ -1,6 +1,7 @@
 """One's own functions and the maps of other programs, benched: the same errors, whatever way they come in."""
 
 import csv
+import json
 import re
 import sys
 from importlib import import_module
@@ -102,6 +103,34 @@ def test_the_result_is_a_table(folder, tmp_path):
     assert result.folder == tmp_path / "out"
     assert (result.folder / "index.html").is_file()
     assert len(benchmark(folder, right, **QUICK).rows) == 1, "and without a folder"
+
+
+@pytest.mark.parametrize("jobs", [1, pytest.param(2, marks=pytest.mark.long)])
+def test_what_functions_print_stays_apart_from_the_answer(folder, tmp_path, image, capfd, monkeypatch, jobs):
+    """Also where they end the process, and where a problem has several lines."""
+    np.savetxt(folder / "truth" / "b__a.txt", np.argsort(image), fmt="%d")
+    file = tmp_path / "talking.py"
+    file.write_text(
+        "print('loaded')\n\ndef leaves(a, b):\n    print('called')\n    exit(3)\n\n"
+        "def fails(a, b):\n    raise ValueError('one line\\n  and another')\n"
+    )
+    own = ["--method", f"{file}:leaves", "--method", f"{file}:fails"]
+    command = ["bench", "--set", str(folder), *own, "-o", str(tmp_path / "out"), "--jobs", str(jobs)]
+    assert main([*command, "--json"]) == 0
+    out, err = capfd.readouterr()
+    notes = json.loads(out)["notes"]
+    assert sum(note.endswith("leaves: SystemExit: the method called exit(3)") for note in notes) == 2
+    assert sum(note.endswith("fails: ValueError: one line and another") for note in notes) == 2
+    assert {"loaded", "called"} <= set(err.split())
+    monkeypatch.setattr(sys.modules["isomatch.cli.bench"], "NOTES", 3)
+    assert main(command) == 0
+    assert "note: 1 more note is in pairs.csv" in capfd.readouterr().out
+
+
+def test_a_file_that_exits_is_no_method(tmp_path):
+    (tmp_path / "leaving.py").write_text("exit(3)\n")
+    with pytest.raises(SettingError, match=r"cannot be imported \(SystemExit: 3\)"):
+        OwnFunction(f"{tmp_path / 'leaving.py'}:f")
 
 
 @pytest.mark.parametrize(

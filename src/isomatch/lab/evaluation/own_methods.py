@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import redirect_stdout
 from dataclasses import dataclass
 from functools import cache, cached_property
 from hashlib import sha256
@@ -71,8 +72,9 @@ class OwnFunction:
         )
 
     def __call__(self, source: Mesh, target: Mesh, **hints: IntArray) -> MatchResult | Correspondence:
-        """Match; what is returned has to be a map of these shapes."""
-        found = (self.function or _found(self.name, self.digest))(source, target, **hints)
+        """Match; what is returned has to be a map of these shapes. What the function prints goes to standard error."""
+        with redirect_stdout(sys.stderr):
+            found = (self.function or _found(self.name, self.digest))(source, target, **hints)
         return map_from(found, source, target, self.name)
 
     def to_dict(self) -> dict[str, Any]:
@@ -101,11 +103,12 @@ def _loaded(name: str) -> str:
     if is_file and not Path(place).is_file():
         raise SettingError(f"method {name!r}: there is no file {place}")
     try:
-        text = Path(place).read_bytes() if is_file else b""
-        module = _module_of_text(place, text) if is_file else _current_module(place)
+        with redirect_stdout(sys.stderr):
+            text = Path(place).read_bytes() if is_file else b""
+            module = _module_of_text(place, text) if is_file else _current_module(place)
     except IsomatchError:
         raise
-    except Exception as error:  # whatever a module of others raises when it is imported
+    except (Exception, SystemExit) as error:  # whatever a module of others raises when it is imported
         raise SettingError(
             f"method {name!r}: {place} cannot be imported ({type(error).__name__}: {error})"
         ) from error
