@@ -129,6 +129,18 @@ def test_npz_with_the_vertices_alone(tmp_path):
     np.testing.assert_array_equal(loaded.faces, [[1, 1, 1], [0, 0, 0]])
 
 
+def test_npz_of_another_program_with_a_mesh(tmp_path, precise):
+    """Names that isomatch also uses do not make it one of isomatch, whose files have no other variable."""
+    path = tmp_path / "map.npz"
+    mesh = {"vertices": np.zeros((4, 3)), "faces": [[0, 1, 2], [1, 3, 2]], "n_target": 3}
+    np.savez(path, **mesh, map=[3, 1, 2, 2])
+    found = read_map(path, 3)
+    assert (found.map.vertices.tolist(), found.counts_from) == ([2, 0, 1, 1], 1)
+    precise.save(path)
+    with pytest.raises(FormatError, match=r"isomatch wrote it, and its map is not 'n_target'; leave out"):
+        Correspondence.load(path, variable="n_target")
+
+
 def arrays_of_0_1(precise):
     """What isomatch 0.1 wrote into an .npz file: no format version."""
     return {

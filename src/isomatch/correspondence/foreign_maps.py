@@ -27,6 +27,11 @@ class IndexBase(NamedTuple):
         Whether the other reading, if one fits, is unlikely.
     note : str
         What was decided; empty if nothing had to be.
+
+    Examples
+    --------
+    >>> IndexBase(1)
+    IndexBase(counts_from=1, is_certain=True, is_likely=True, note='')
     """
 
     counts_from: int
@@ -134,6 +139,15 @@ def index_base(path: Path, indices: AnyArray, n: int | None, what: str = "target
     ------
     FormatError
         If there are both 0 and ``n``.
+
+    Examples
+    --------
+    >>> index_base(Path("map.txt"), np.array([2, 4, 1]), 4).note
+    'map.txt: counts from 1, as its largest index, 4, is the number of target vertices'
+    >>> index_base(Path("map.txt"), np.array([2, 0, 1, 2]), 4)[:3]  # likely from 0
+    (0, False, True)
+    >>> index_base(Path("map.txt"), np.array([2, 0, -1, 2]), 4)[:3]
+    (0, True, True)
     """
     held = indices[indices >= 0].astype(np.int64)
     if not len(held):

@@ -281,7 +281,8 @@ class MapsInFolder:
         """Find what the first map counts from that allows one reading only; None if there is none."""
         if self not in pair.kept:
             pair.kept[self] = next(self._certain(pair), None)
-        return pair.kept[self]
+        first: int | None = pair.kept[self]
+        return first
 
     def _certain(self, pair: NamedPair) -> Iterator[int]:
         for source, target in pair.others:
