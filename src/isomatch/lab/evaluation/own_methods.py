@@ -84,7 +84,7 @@ class OwnFunction:
 
 _FUNCTIONS: dict[tuple[str, str], Callable[..., Any]] = {}  # by name and digest
 _TEXTS: dict[str, bytes] = {}  # of modules by name, as they were loaded
-_BEGAN = time()
+_BEGAN = time()  # what changed later may have been imported before
 
 
 def _found(name: str, digest: str) -> Callable[..., Any]:
