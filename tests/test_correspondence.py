@@ -129,6 +129,18 @@ def test_npz_with_the_vertices_alone(tmp_path):
     np.testing.assert_array_equal(loaded.faces, [[1, 1, 1], [0, 0, 0]])
 
 
+def test_npz_of_another_program_with_a_mesh(tmp_path, precise):
+    """Names that isomatch also uses do not make it one of isomatch, whose files have no other variable."""
+    path = tmp_path / "map.npz"
+    mesh = {"vertices": np.zeros((4, 3)), "faces": [[0, 1, 2], [1, 3, 2]], "n_target": 3}
+    np.savez(path, **mesh, map=[3, 1, 2, 2])
+    found = read_map(path, 3)
+    assert (found.map.vertices.tolist(), found.counts_from) == ([2, 0, 1, 1], 1)
+    precise.save(path)
+    with pytest.raises(FormatError, match=r"isomatch wrote it, and its map is not 'n_target'; leave out"):
+        Correspondence.load(path, variable="n_target")
+
+
 def arrays_of_0_1(precise):
     """What isomatch 0.1 wrote into an .npz file: no format version."""
     return {
@@ -409,6 +421,29 @@ def test_a_map_that_fits_both_readings(tmp_path, caplog):
         Correspondence.load(path, 4)
     Correspondence.load(npy(tmp_path / "b.npy", np.array([4, 1])), 4)
     assert "b.npy: counts from 1, as its largest index, 4, is the number of target vertices" in caplog.text
+
+
+@pytest.mark.parametrize("suffix", ["mat", "npy", "npz", "txt"])
+@pytest.mark.parametrize(
+    ("values", "certain", "likely"),
+    [
+        ([0, 1, 2, 3], True, True),
+        ([3, 0, -1, 3], True, True),
+        ([3, 0, 1, 3], False, True),
+        ([0, 0, 2, 2], False, True),
+        ([0, 0, 2, 3], False, False),
+        ([3, 1, 2, 3], False, False),
+    ],
+)
+def test_a_zero_may_mean_unmatched(tmp_path, suffix, values, certain, likely):
+    """Whatever the suffix: it tells only beside −1, or as one of all indices."""
+    path = tmp_path / f"map.{suffix}"
+    write = {"mat": lambda: mat(path, T=values), "txt": lambda: np.savetxt(path, values, fmt="%d")}
+    write |= {"npy": lambda: npy(path, values), "npz": lambda: np.savez(path, T=values)}
+    write[suffix]()
+    found = read_map(path, 5, allow_doubt=True)
+    assert (found.map.vertices.tolist(), found.counts_from) == (values, 0)
+    assert (found.is_certain, found.is_likely, not found.note) == (certain, likely, likely)
 
 
 def test_the_variable_of_a_map_is_found_by_its_shape(tmp_path):

@@ -122,7 +122,7 @@ def bench(
                 )
         tell("done", 1.0)
     table = evaluation.write_tables(output, curves)
-    notes = list(dict.fromkeys(notes))
+    notes = list(dict.fromkeys(" ".join(note.split()) for note in notes))
     talk.result({"summary": table, "folder": str(output), "notes": notes}, lambda: _say(table, output, notes))
 
 
@@ -150,8 +150,8 @@ def _say(table: list[dict[str, Any]], output: Path, notes: list[str]) -> None:
             + (f"  {row['problems']} with a problem" if row["problems"] else "")
         )
     say_notes(notes[:NOTES])
-    if len(notes) > NOTES:
-        say(f"note: {len(notes) - NOTES} more notes are in pairs.csv")
+    if more := len(notes[NOTES:]):
+        say(f"note: {more} more {'note is' if more == 1 else 'notes are'} in pairs.csv")
     say(f"open first: {output / 'index.html'}; also there: pairs.csv, summary.csv, curves.png, curves.svg")
 
 

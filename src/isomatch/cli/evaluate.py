@@ -53,7 +53,7 @@ def evaluate(
         same line of TRUTH.
     counts_from : int
         What MAP counts from, 0 or 1. By default from 1 where its largest index is the number of target vertices and none
-        is 0, which a note tells, and otherwise from 0; of a .mat file that can count from either, it has to be said.
+        is 0, which a note tells, and otherwise from 0; of a .mat file that may well count from either, it has to be said.
     truth_counts_from : int
         The same of TRUTH.
     variable : str
@@ -76,8 +76,8 @@ def evaluate(
         if target_marks is None:
             known = sets.read_truth(truth, *shapes, truth_counts_from)
             pairs, points_there = known.rows, known.points
-            notes.append(known.note)
-            if truth.suffix.lower() == ".mat" and not known.is_certain:
+            notes.append(known.base.note)
+            if truth.suffix.lower() == ".mat" and not known.base.is_likely:
                 raise FormatError(f"{truth}: can count from 0 or from 1; say which by --truth-counts-from")
         else:
             pairs = _of_marks(truth, target_marks)

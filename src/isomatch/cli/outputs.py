@@ -206,7 +206,7 @@ def say_result(result: isomatch.MatchResult, details: bool = False) -> None:
     else:
         more = len(result.notes) - MOST_NOTES
         say_rows(("note", note) for note in result.notes[:MOST_NOTES])
-        say_rows([("", f"{more} more notes: --details")] if more > 0 else [])
+        say_rows([("", f"{more} more {'note' if more == 1 else 'notes'}: --details")] if more > 0 else [])
 
 
 def _say_details(result: isomatch.MatchResult) -> None:

@@ -9,6 +9,7 @@ from isomatch.correspondence.boundary import Boundary
 from isomatch.correspondence.checked_map import UNMATCHED
 from isomatch.correspondence.common_regions import Intervals, grow_common_regions, trilaterate_common
 from isomatch.correspondence.correspondence import Correspondence, MapFile, read_map
+from isomatch.correspondence.foreign_maps import IndexBase, index_base
 from isomatch.correspondence.functional_maps import (
     Embedding,
     FunctionalMap,
@@ -62,6 +63,7 @@ __all__ = [
     "Correspondence",
     "Embedding",
     "FunctionalMap",
+    "IndexBase",
     "IntervalCost",
     "Intervals",
     "MapFile",
@@ -85,6 +87,7 @@ __all__ = [
     "geometric_median",
     "grow_common_regions",
     "grow_regions",
+    "index_base",
     "iterative_closest_points",
     "median_map",
     "nearest_in_cells",

@@ -503,6 +503,8 @@ class MapFile(NamedTuple):
         Whether the file says so or was said to, or no other reading fits.
     note : str
         What was decided; empty if nothing had to be.
+    is_likely : bool
+        Whether the other reading, if one fits, is unlikely.
 
     Examples
     --------
@@ -514,6 +516,7 @@ class MapFile(NamedTuple):
     counts_from: int
     is_certain: bool
     note: str
+    is_likely: bool = True
 
 
 def read_map(
@@ -550,13 +553,13 @@ def read_map(
     """
     path = Path(path)
     try:
-        parts, counted = map_parts(path, n_target, n_source, counts_from, variable)
-        if path.suffix.lower() == ".mat" and not (counted.is_certain or allow_doubt):
+        parts, (_, base) = map_parts(path, n_target, n_source, counts_from, variable)
+        if path.suffix.lower() == ".mat" and not (base.is_likely or allow_doubt):
             held = parts["vertices"][parts["vertices"] >= 0]
             raise FormatError(
                 f"{path}: can count from 0 or from 1, with indices {held.min()}…{held.max()}; say which by "
                 "counts_from (--counts-from), or save it as a text that counts from 0"
             )
-        return MapFile(Correspondence(**parts), counted.counts_from, counted.is_certain, counted.note)
+        return MapFile(Correspondence(**parts), base.counts_from, base.is_certain, base.note, base.is_likely)
     except MapError as error:
         raise FormatError(f"{path}: {error}") from None

@@ -14,6 +14,32 @@ from isomatch.values.arrays import AnyArray, IntArray
 _MOST_NAMED = 8  # arrays that a message lists
 
 
+class IndexBase(NamedTuple):
+    """What indices count from, and how that was found.
+
+    Parameters
+    ----------
+    counts_from : int
+        0 or 1.
+    is_certain : bool
+        Whether the file says so or was said to, or no other reading fits.
+    is_likely : bool
+        Whether the other reading, if one fits, is unlikely.
+    note : str
+        What was decided; empty if nothing had to be.
+
+    Examples
+    --------
+    >>> IndexBase(1)
+    IndexBase(counts_from=1, is_certain=True, is_likely=True, note='')
+    """
+
+    counts_from: int
+    is_certain: bool = True
+    is_likely: bool = True
+    note: str = ""
+
+
 class Counted(NamedTuple):
     """The indices of a map, counted from 0, and how that was found.
 
@@ -21,18 +47,12 @@ class Counted(NamedTuple):
     ----------
     image : (n_source,) array of int
         Target vertex of each source vertex; −1 if unmatched.
-    counts_from : int
-        What the file counts from, 0 or 1.
-    is_certain : bool
-        Whether the file says so or was said to, or no other reading fits.
-    note : str
-        What was decided; empty if nothing had to be.
+    base : IndexBase
+        What the file counts from.
     """
 
     image: IntArray
-    counts_from: int
-    is_certain: bool
-    note: str = ""
+    base: IndexBase
 
 
 def the_vector(
@@ -71,14 +91,8 @@ def the_vector(
     return next(iter(fitting.values()))
 
 
-def counted_from_zero(
-    path: Path, given: AnyArray, n_target: int | None, counts_from: int | None, is_matlab: bool = False
-) -> Counted:
-    """Read indices that count from 0 or from 1, where −1 and nan, and 0 if they count from 1, mean unmatched.
-
-    Unless it is said, they count from 1 where the largest is the number of target vertices and none is 0, as no other
-    reading fits. Otherwise they are taken to count from 0, which is certain only where there is a 0; in files of MATLAB,
-    where several 0 often mean unmatched, only where there is one or −1 as well.
+def counted_from_zero(path: Path, given: AnyArray, n_target: int | None, counts_from: int | None) -> Counted:
+    """Read indices that count from 0 or from 1, see `index_base`; −1 and nan, and 0 if they count from 1, mean unmatched.
 
     Raises
     ------
@@ -95,24 +109,65 @@ def counted_from_zero(
             raise FormatError(f"{path}: not a map (fractions are no vertices); give whole numbers")
         given = numbers
     image = given.astype(np.int64)
-    if counts_from == 1:
-        return Counted(np.where(image > 0, image - 1, np.where(image == 0, -1, image)), 1, True)
-    held = image[image != -1]
-    if counts_from == 0 or not len(held):
-        return Counted(image, 0, True)
+    base = index_base(path, image, n_target) if counts_from is None else IndexBase(counts_from)
+    if base.counts_from == 1:
+        image = np.where(image > 0, image - 1, np.where(image == 0, -1, image))
+    return Counted(image, base)
+
+
+def index_base(path: Path, indices: AnyArray, n: int | None, what: str = "target vertices") -> IndexBase:
+    """Find whether indices count from 0 or from 1, where 0 may mean unmatched.
+
+    - The largest is ``n``, and none is 0: from 1, for certain.
+    - There are 0 and −1, which then means unmatched, or each index from 0 to the largest once: from 0, for certain.
+    - There are 0 and no −1: likely from 0; but not if there are several 0, more than of any other index, as where 0 means
+      unmatched.
+    - Otherwise from 0, which is not likely.
+
+    Parameters
+    ----------
+    path : Path
+        File, for messages.
+    indices : (m,) array
+        Whole numbers; −1 means unmatched.
+    n : int or None
+        Number of what they are indices of, if it is known.
+    what : str
+        What they are indices of.
+
+    Raises
+    ------
+    FormatError
+        If there are both 0 and ``n``.
+
+    Examples
+    --------
+    >>> index_base(Path("map.txt"), np.array([2, 4, 1]), 4).note
+    'map.txt: counts from 1, as its largest index, 4, is the number of target vertices'
+    >>> index_base(Path("map.txt"), np.array([2, 0, 1, 2]), 4)[:3]  # likely from 0
+    (0, False, True)
+    >>> index_base(Path("map.txt"), np.array([2, 0, -1, 2]), 4)[:3]
+    (0, True, True)
+    """
+    held = indices[indices >= 0].astype(np.int64)
+    if not len(held):
+        return IndexBase(0)
     least, most = int(held.min()), int(held.max())
-    if most == n_target and least == 0:
+    if most == n and least == 0:
         raise FormatError(
-            f"{path}: has both 0 and {n_target}, the number of target vertices; if it counts from 1, and 0 means "
-            "unmatched, say that it counts from 1, or else give the map of these two shapes"
+            f"{path}: has both 0 and {n}, the number of {what}; if it counts from 1, and 0 means unmatched, say that it "
+            "counts from 1, or else give the map of these two shapes"
         )
-    if most == n_target and least > 0:
-        note = f"{path.name}: counts from 1, as its largest index, {most}, is the number of target vertices"
-        return Counted(np.where(image > 0, image - 1, -1), 1, True, note)
-    if is_matlab and least == 0 and (held == 0).sum() > 1 and len(held) == len(image):
-        note = f"{path.name}: has several 0, which may be a vertex or mean unmatched"
-        return Counted(image, 0, False, note)
-    if least <= 0:
-        return Counted(image, 0, True)
-    note = "" if n_target is None else f"{path.name}: taken to count from 0; it has neither 0 nor {n_target}"
-    return Counted(image, 0, False, note)
+    if most == n:
+        note = f"{path.name}: counts from 1, as its largest index, {most}, is the number of {what}"
+        return IndexBase(1, note=note)
+    if least > 0:
+        note = "" if n is None else f"{path.name}: taken to count from 0; it has neither 0 nor {n}"
+        return IndexBase(0, False, False, note)
+    _, times = np.unique(held, return_counts=True)
+    if len(held) < len(indices) or len(held) == len(times) == most + 1:
+        return IndexBase(0)
+    if times[0] > max(1, times[1:].max(initial=0)):
+        note = f"{path.name}: taken to count from 0; it has {times[0]} of it, which mean unmatched if it counts from 1"
+        return IndexBase(0, False, False, note)
+    return IndexBase(0, False)

@@ -8,7 +8,7 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from isomatch.correspondence.foreign_maps import Counted, counted_from_zero, the_vector
+from isomatch.correspondence.foreign_maps import Counted, IndexBase, counted_from_zero, the_vector
 from isomatch.errors import FormatError
 from isomatch.storage.array_file import (
     FIRST_VERSION,
@@ -100,9 +100,9 @@ def map_parts(
             "shapes in this direction"
         )
     known = n_target if stored is None else stored
-    counted = Counted(parts["vertices"], 0, True)
+    counted = Counted(parts["vertices"], IndexBase(0))
     if not declared:
-        counted = counted_from_zero(path, parts["vertices"], known, counts_from, suffix == ".mat")
+        counted = counted_from_zero(path, parts["vertices"], known, counts_from)
     parts |= {"vertices": counted.image, "n_target": known}
     if known is None:
         parts["n_target"] = int(counted.image.max(initial=-1)) + 1
@@ -112,25 +112,30 @@ def map_parts(
 def _read_arrays(
     path: Path, n_source: int | None, variable: str | None
 ) -> tuple[bool, int | None, dict[str, Any]]:
-    """Read a map from an ``.npz`` file: whether isomatch wrote it, its number of target vertices, if any, and arrays."""
+    """Read a map from an ``.npz`` file: whether isomatch wrote it, its number of target vertices, if any, and arrays.
+
+    What isomatch wrote has a direction or a version.
+    """
 
     def refuse(problem: str) -> NoReturn:
         raise FormatError(f"{path}: not a map ({problem}); expected a file written by {FORMAT.writer}")
 
     with Archive.opened(path, refuse) as file:
         names = file.names
-        if variable is not None or not {*FORMAT.arrays, "format_version"} & set(names):
+        if not {"direction", "format_version"} & set(names):  # of another program
             if not names:
                 refuse("it has no array 'vertices'")
             found: dict[str, AnyArray] = file.read_all(names)
             return False, None, {"vertices": the_vector(path, found, n_source, variable)}
+    if variable is not None:
+        raise FormatError(
+            f"{path}: isomatch wrote it, and its map is not {variable!r}; leave out the variable"
+        )
     arrays = FORMAT.read(path)
-    declared = "direction" in arrays
     if arrays.pop("direction", DIRECTION) != DIRECTION:
         raise FormatError(f"{path}: does not map {DIRECTION}; exchange the shapes, or give another map")
     n_target = arrays.pop("n_target", None)
-    declared = declared or n_target is not None or "faces" in arrays  # of which others know nothing
-    return declared, None if n_target is None else int(n_target), arrays
+    return True, None if n_target is None else int(n_target), arrays
 
 
 def _read_text(path: Path) -> tuple[bool, int | None, dict[str, Any]]:

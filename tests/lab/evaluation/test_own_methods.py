@@ -1,8 +1,10 @@
 """One's own functions and the maps of other programs, benched: the same errors, whatever way they come in."""
 
 import csv
+import json
 import re
 import sys
+from importlib import import_module
 
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ from scipy.spatial.distance import cdist
 from data import real_file
 from isomatch import Correspondence, Mesh, PrecisePoints, match, write_mesh
 from isomatch.cli import main
+from isomatch.correspondence import read_map
 from isomatch.errors import MissingFileError, SettingError
 from isomatch.geodesics import geodesic_distances
 from isomatch.lab.evaluation import (
@@ -20,10 +23,12 @@ from isomatch.lab.evaluation import (
     OwnFunction,
     benchmark,
     geodesic_errors,
+    own_methods,
     read_rows,
     run_benchmark,
 )
 from isomatch.lab.sets import relabelled
+from isomatch.lab.sets.folder_set import FolderSet
 from zoo import grid
 
 QUICK = {"jobs": 1, "distortion": False}
@@ -100,6 +105,34 @@ def test_the_result_is_a_table(folder, tmp_path):
     assert len(benchmark(folder, right, **QUICK).rows) == 1, "and without a folder"
 
 
+@pytest.mark.parametrize("jobs", [1, pytest.param(2, marks=pytest.mark.long)])
+def test_what_functions_print_stays_apart_from_the_answer(folder, tmp_path, image, capfd, monkeypatch, jobs):
+    """Also where they end the process, and where a problem has several lines."""
+    np.savetxt(folder / "truth" / "b__a.txt", np.argsort(image), fmt="%d")
+    file = tmp_path / "talking.py"
+    file.write_text(
+        "print('loaded')\n\ndef leaves(a, b):\n    print('called')\n    exit(3)\n\n"
+        "def fails(a, b):\n    raise ValueError('one line\\n  and another')\n"
+    )
+    own = ["--method", f"{file}:leaves", "--method", f"{file}:fails"]
+    command = ["bench", "--set", str(folder), *own, "-o", str(tmp_path / "out"), "--jobs", str(jobs)]
+    assert main([*command, "--json"]) == 0
+    out, err = capfd.readouterr()
+    notes = json.loads(out)["notes"]
+    assert sum(note.endswith("leaves: SystemExit: the method called exit(3)") for note in notes) == 2
+    assert sum(note.endswith("fails: ValueError: one line and another") for note in notes) == 2
+    assert {"loaded", "called"} <= set(err.split())
+    monkeypatch.setattr(sys.modules["isomatch.cli.bench"], "NOTES", 3)
+    assert main(command) == 0
+    assert "note: 1 more note is in pairs.csv" in capfd.readouterr().out
+
+
+def test_a_file_that_exits_is_no_method(tmp_path):
+    (tmp_path / "leaving.py").write_text("exit(3)\n")
+    with pytest.raises(SettingError, match=r"cannot be imported \(SystemExit: 3\)"):
+        OwnFunction(f"{tmp_path / 'leaving.py'}:f")
+
+
 @pytest.mark.parametrize(
     ("method", "message"),
     [
@@ -149,6 +182,36 @@ def test_functions_of_a_file_are_kept_while_its_text_is_the_same(folder, tmp_pat
     truth.write_text(truth.read_text() + "# the set was corrected\n")
     assert len(list(run_benchmark(BenchmarkRun(**run), folder / "out"))) == 1
     assert len(read_rows(folder / "out")) == 3
+
+
+@pytest.mark.parametrize("place", ["file", "module", "imported"])
+def test_rows_are_those_of_the_text_that_their_digest_tells(folder, tmp_path, monkeypatch, place):
+    """Also in one session, within a second and with as many letters."""
+    label = f"changing_{place}"
+    file = tmp_path / f"{label}.py"
+    file.write_text(MODULE + "\n\ndef rolled(a, b):\n    return np.roll(right(a, b), 0)\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    if place == "imported":
+        import_module(label)
+    name = f"{file if place == 'file' else label}:rolled"
+    run = BenchmarkRun(str(folder), (name,), **QUICK)
+    (first,) = run_benchmark(run, folder / "out")
+    file.write_text(file.read_text().replace(", 0)", ", 1)"))
+    (second,) = run_benchmark(BenchmarkRun(str(folder), (name,), **QUICK), folder / "out")
+    assert first["error"] == pytest.approx(0, abs=1e-9)
+    assert second["error"] > 5
+    assert first["settings"] != second["settings"]
+    with pytest.raises(SettingError, match="its text has changed since the run began"):
+        OwnFunction(name, digest="of another text")(SHEET, SHEET)
+
+
+def test_an_imported_module_is_read_again_if_it_changed_before_the_first_run(tmp_path, monkeypatch):
+    file = tmp_path / "changed_early.py"
+    file.write_text("def f(a, b):\n    return [0] * a.n_vertices\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    import_module("changed_early")
+    file.write_text("def f(a, b):\n    return [1] * a.n_vertices\n")
+    assert (OwnFunction("changed_early:f")(SHEET, SHEET).vertices == 1).all()
 
 
 @pytest.mark.long
@@ -208,6 +271,48 @@ def test_one_map_that_tells_decides_for_those_that_do_not(folder, tmp_path, imag
     result = benchmark(folder, MapsInFolder(maps), **QUICK)
     assert result.means["theirs"] < 2
     assert "a-b.txt: counts from 1, as other maps of its folder do" in result.notes
+
+
+def test_a_map_with_zeros_does_not_decide_for_others(folder, tmp_path, image):
+    """It is taken to count from 0, unless another one shows that it counts from 1, whichever comes first."""
+    back = np.argsort(image)
+    np.savetxt(folder / "truth" / "b__a.txt", back, fmt="%d")
+    maps = tmp_path / "theirs"
+    maps.mkdir()
+    there = np.where(image == N - 1, -1, image)
+    there[:3] = there[0]
+    np.savetxt(maps / "a-b.txt", there + 1, fmt="%d")
+    np.savetxt(maps / "b-a.txt", back + 1, fmt="%d")
+    result = benchmark(folder, MapsInFolder(maps), **QUICK)
+    assert "a-b.txt: counts from 1, as other maps of its folder do" in result.notes
+    assert result.means == benchmark(folder, MapsInFolder(maps, 1), **QUICK).means
+    back[:3] = back[3]
+    np.savetxt(maps / "b-a.txt", back, fmt="%d")
+    assert benchmark(folder, MapsInFolder(maps), **QUICK).notes == ()
+
+
+def test_maps_that_tell_nothing_are_read_once(folder, tmp_path, image, monkeypatch):
+    """For every pair its own map, and all maps at most twice together."""
+    n = 6
+    for name in "cdef":
+        write_mesh(folder / f"{name}.off", SHEET)
+    maps = tmp_path / "theirs"
+    maps.mkdir()
+    for a, b in (pairs := [(a, b) for a in "abcdef" for b in "abcdef" if a != b]):
+        np.savetxt(folder / "truth" / f"{a}__{b}.txt", image, fmt="%d")
+        np.savetxt(maps / f"{a}-{b}.txt", np.clip(image, 1, N - 2), fmt="%d")
+    read = []
+    monkeypatch.setattr(
+        own_methods, "read_map", lambda path, *a, **k: (read.append(path), read_map(path, *a, **k))[1]
+    )
+    loaded = []
+    opened = FolderSet.pair
+    monkeypatch.setattr(
+        FolderSet, "pair", lambda self, *names: (loaded.append(names), opened(self, *names))[1]
+    )
+    assert len(benchmark(folder, MapsInFolder(maps), **QUICK).problems) == len(pairs)
+    assert len(read) == 3 * len(pairs)
+    assert len(loaded) <= len(pairs) + n
 
 
 def test_maps_that_are_missing_or_unreadable_are_problems(folder, tmp_path, image):

@@ -175,6 +175,15 @@ def test_folders_as_they_are_published(folder, image):
     assert images_of(only_pair(folder)) == dict(enumerate(image.tolist()))
 
 
+def test_maps_beside_a_truth_are_no_truth(folder, image):
+    """A folder of a set may hold the maps of a method."""
+    np.savetxt(folder / "truth" / "a__b.txt", image, fmt="%d")
+    (folder / "maps").mkdir()
+    for name in ("a-b.txt", "b-a.txt"):
+        np.savetxt(folder / "maps" / name, image[::-1], fmt="%d")
+    assert images_of(only_pair(folder)) == dict(enumerate(image.tolist()))
+
+
 def test_landmarks(folder):
     (folder / "truth").rmdir()
     (folder / "landmarks").mkdir()
@@ -293,6 +302,15 @@ def test_several_kinds_of_truth_or_files_are_refused(folder, image):
         own_set(folder)
 
 
+def test_a_map_and_rows_in_one_file_are_refused(folder, image):
+    rows = np.column_stack([np.arange(N), image])
+    savemat(folder / "truth" / "a__b.mat", {"T": image.astype(float), "rows": rows})
+    with pytest.raises(FormatError, match=r"a__b\.mat: several arrays could be the truth; save it alone"):
+        own_set(folder).pair("a", "b")
+    savemat(folder / "truth" / "a__b.mat", {"area": 2.0, "rows": rows})
+    assert images_of(only_pair(folder)) == dict(enumerate(image.tolist()))
+
+
 def test_a_truth_that_fits_both_readings_takes_after_the_others(folder, image):
     inner = np.clip(image, 1, N - 2)
     np.savetxt(folder / "truth" / "a__b.txt", inner, fmt="%d")
@@ -307,6 +325,31 @@ def test_a_truth_that_fits_both_readings_takes_after_the_others(folder, image):
         (folder / "truth" / "b__a.txt").unlink(missing_ok=True)
     (folder / "set.toml").write_text("counts_from = 0\n")
     assert dict(own_set(folder).pair("a", "b").truth) == dict(enumerate(inner))
+
+
+@pytest.mark.parametrize("columns", [1, 2, 4])
+def test_a_zero_in_a_truth_that_counts_from_1_means_no_counterpart(folder, image, columns):
+    counted = np.where(image == 3, 0, image + 1)
+    counted[counted == N] = 1  # so that it does not show what it counts from
+    table = {
+        1: counted,
+        2: np.column_stack([np.arange(N) + 1, counted]),
+        4: np.column_stack([counted, np.tile([1, 0, 0], (N, 1))]),
+    }[columns]
+    np.savetxt(folder / "truth" / "a__b.txt", table, fmt="%d")
+    rows = np.column_stack([np.arange(N), image]) + 1
+    rows = rows if columns < 4 else np.column_stack([np.full(N, B.n_faces), np.tile([1, 0, 0], (N, 1))])
+    np.savetxt(folder / "truth" / "b__a.txt", rows, fmt="%d")
+    pair = own_set(folder).pair("a", "b")
+    assert pair.alone.tolist() == np.flatnonzero(image == 3).tolist()
+    there = np.flatnonzero(image != 3)
+    images = counted[there] - 1
+    assert (
+        pair.truth.tolist()
+        == np.column_stack([there, images if columns < 4 else B.faces[images, 0]]).tolist()
+    )
+    told = "counts from 1, as its largest" if columns == 2 else "counts from 1, as other files of truth"
+    assert told in pair.notes[0]
 
 
 @pytest.mark.parametrize(

@@ -96,7 +96,7 @@ class _Worker:
         try:
             subject = self._subject(names)
             starts = [subject.match(self._run.method(base), backwards=backwards) for backwards in directions]
-        except Exception as problem:  # a benchmark reports every failure of a method; nothing is hidden
+        except (Exception, SystemExit) as problem:  # every failure of a method is reported; nothing is hidden
             return [row | _problem(problem) for row in rows]
         for row, ending in zip(rows, endings):
             try:
@@ -108,12 +108,13 @@ class _Worker:
                         for start, backwards in zip(starts, directions)
                     ]
                 row |= subject.measures(*found)
-            except Exception as problem:
+            except (Exception, SystemExit) as problem:
                 row |= _problem(problem)
         return rows
 
 
-def _problem(problem: Exception) -> Row:
+def _problem(problem: Exception | SystemExit) -> Row:
     """Describe a problem, with the notes attached to it."""
-    parts = [f"{type(problem).__name__}: {problem}", *getattr(problem, "__notes__", [])]
+    told = f"the method called exit({problem})" if isinstance(problem, SystemExit) else problem
+    parts = [f"{type(problem).__name__}: {told}", *getattr(problem, "__notes__", [])]
     return {"problem": " ".join(parts)}

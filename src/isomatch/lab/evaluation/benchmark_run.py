@@ -110,7 +110,7 @@ class BenchmarkRun(Settings):
         for name in self.methods:
             base = name.partition("+")[0] if isinstance(name, str) else ""
             if ":" in base and base not in own:
-                own[base] = OwnFunction.named(base)
+                own[base] = OwnFunction(base)
         return own
 
     @cached_property
@@ -118,9 +118,14 @@ class BenchmarkRun(Settings):
         """The set, opened with and without landmarks."""
         return {}
 
+    @cached_property
+    def _kept(self) -> dict[Any, Any]:
+        """Numbers of vertices by shape, and what methods found in the files of all pairs."""
+        return {}
+
     def __getstate__(self) -> dict[str, Any]:
         # what loads the pairs of a made set does not travel to other processes
-        return {name: value for name, value in vars(self).items() if name != "_sets"}
+        return {name: value for name, value in vars(self).items() if name not in ("_sets", "_kept")}
 
     def _opened(self, landmarks: str | None) -> BenchmarkSet:
         if landmarks not in self._sets:
@@ -171,10 +176,14 @@ class BenchmarkRun(Settings):
 
     def named(self, names: PairNames, pair: DamagedPair) -> NamedPair:
         """Give what a method that reads maps needs to know of a pair."""
-        opened = self._opened(None)
-        return NamedPair(
-            *names, pair.whole.moved, self.chosen_pairs(), lambda a, b: opened.load(a, b).target.n_vertices
-        )
+        opened, sizes = self._opened(None), self._kept
+
+        def n_target_of(source: str, target: str) -> int:
+            if target not in sizes:
+                sizes[target] = opened.load(source, target).target.n_vertices
+            return int(sizes[target])
+
+        return NamedPair(*names, pair.whole.moved, self.chosen_pairs(), n_target_of, self._kept)
 
     def identity(self, names: PairNames, method: str) -> Row:
         """Values that identify the row of a pair and a method."""

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import redirect_stdout
+from dataclasses import dataclass
 from functools import cache, cached_property
 from hashlib import sha256
 from importlib import import_module
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from secrets import token_hex
+from time import time
+from types import ModuleType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -36,21 +39,24 @@ class OwnFunction:
         What tables call it.
     function : callable, optional
         The function; by default found by the name, "MODULE:FUNCTION" or "FILE.py:FUNCTION".
-    digest : str
+    digest : str, optional
         Tells rows that need not be computed again: of a function found by name, all with the same text of its file; of
         one that was handed over, none, because it may use anything that has changed since.
+
+    Raises
+    ------
+    SettingError
+        If there is no function of this name.
     """
 
     name: str
     function: Callable[..., Any] | None = None
-    digest: str = field(default_factory=token_hex)
+    digest: str = ""
 
-    @classmethod
-    def named(cls, name: str) -> OwnFunction:
-        """Find "MODULE:FUNCTION" or "FILE.py:FUNCTION"; `SettingError` if there is none."""
-        module = sys.modules.get(getattr(_found(name), "__module__", None) or "")
-        file = getattr(module, "__file__", None)
-        return cls(name, None, sha256(Path(file).read_bytes()).hexdigest() if file else "")
+    def __post_init__(self) -> None:
+        if not self.digest:
+            digest = _loaded(self.name) if self.function is None else token_hex()
+            object.__setattr__(self, "digest", digest)
 
     @property
     def is_of_this_process(self) -> bool:
@@ -66,8 +72,9 @@ class OwnFunction:
         )
 
     def __call__(self, source: Mesh, target: Mesh, **hints: IntArray) -> MatchResult | Correspondence:
-        """Match; what is returned has to be a map of these shapes."""
-        found = (self.function or _found(self.name))(source, target, **hints)
+        """Match; what is returned has to be a map of these shapes. What the function prints goes to standard error."""
+        with redirect_stdout(sys.stderr):
+            found = (self.function or _found(self.name, self.digest))(source, target, **hints)
         return map_from(found, source, target, self.name)
 
     def to_dict(self) -> dict[str, Any]:
@@ -75,31 +82,79 @@ class OwnFunction:
         return {"function": self.name, "digest": self.digest}
 
 
-@cache
-def _found(name: str) -> Callable[..., Any]:
+_FUNCTIONS: dict[tuple[str, str], Callable[..., Any]] = {}  # by name and digest
+_TEXTS: dict[str, bytes] = {}  # of modules by name, as they were loaded
+_BEGAN = time()  # what changed later may have been imported before
+
+
+def _found(name: str, digest: str) -> Callable[..., Any]:
+    """Give the function of a digest, in whatever process; `SettingError` if its text is another now."""
+    if (name, digest) not in _FUNCTIONS and _loaded(name) != digest:
+        raise SettingError(f"method {name!r}: its text has changed since the run began; run it again")
+    return _FUNCTIONS[name, digest]
+
+
+def _loaded(name: str) -> str:
+    """Load a function as its file is now, and give the digest of this text; `SettingError` if there is none."""
     place, _, attribute = name.rpartition(":")
     if not (place and attribute):
         raise SettingError(f"method {name!r} is not MODULE:FUNCTION or FILE.py:FUNCTION")
+    is_file = place.endswith(".py")
+    if is_file and not Path(place).is_file():
+        raise SettingError(f"method {name!r}: there is no file {place}")
     try:
-        if place.endswith(".py"):
-            spec = spec_from_file_location(f"_benched_{sha256(place.encode()).hexdigest()[:8]}", place)
-            if spec is None or spec.loader is None or not Path(place).is_file():
-                raise SettingError(f"method {name!r}: there is no file {place}")
-            module = module_from_spec(spec)
-            sys.modules[spec.name] = module
-            spec.loader.exec_module(module)
-        else:
-            module = import_module(place)
+        with redirect_stdout(sys.stderr):
+            text = Path(place).read_bytes() if is_file else b""
+            module = _module_of_text(place, text) if is_file else _current_module(place)
     except IsomatchError:
         raise
-    except Exception as error:  # whatever a module of others raises when it is imported
+    except (Exception, SystemExit) as error:  # whatever a module of others raises when it is imported
         raise SettingError(
             f"method {name!r}: {place} cannot be imported ({type(error).__name__}: {error})"
         ) from error
     function = getattr(module, attribute, None)
     if not callable(function):
         raise SettingError(f"method {name!r}: {place} has no function {attribute!r}; {EXPECTED}")
-    return function  # type: ignore[no-any-return]
+    texts = [text if is_file else _TEXTS[place]]
+    home = sys.modules.get(getattr(function, "__module__", None) or "")
+    if home is not None and home is not module:  # which only imports the function
+        now = _text_of(home)
+        if _TEXTS.setdefault(home.__name__, now) != now:
+            raise SettingError(f"method {name!r}: {home.__file__} has changed; start Python again")
+        texts.append(now)
+    digest = sha256(b"\0".join(texts)).hexdigest()
+    _FUNCTIONS[name, digest] = function
+    return digest
+
+
+@cache
+def _module_of_text(place: str, text: bytes) -> ModuleType:
+    """Run the text of a file; bytes that were compiled earlier could be those of another text."""
+    label = f"_benched_{sha256(place.encode() + text).hexdigest()[:8]}"
+    spec = spec_from_file_location(label, place)
+    assert spec is not None
+    module = sys.modules[label] = module_from_spec(spec)
+    exec(compile(text, place, "exec"), module.__dict__)
+    return module
+
+
+def _current_module(place: str) -> ModuleType:
+    """Import a module; one whose text has changed since it was imported, or may have, is loaded again."""
+    is_new = place not in sys.modules
+    module = import_module(place)
+    text = _text_of(module)
+    known = _TEXTS.get(place)
+    if known is None and not is_new and text and Path(str(module.__file__)).stat().st_mtime > _BEGAN:
+        known = b""  # that of its import is not known
+    if known not in (None, text):
+        exec(compile(text, str(module.__file__), "exec"), module.__dict__)
+    _TEXTS[place] = text
+    return module
+
+
+def _text_of(module: ModuleType) -> bytes:
+    file = getattr(module, "__file__", None)
+    return Path(file).read_bytes() if file else b""
 
 
 def map_from(found: Any, source: Mesh, target: Mesh, name: str) -> MatchResult | Correspondence:
@@ -148,6 +203,8 @@ class NamedPair(NamedTuple):
         All pairs of the run.
     n_target_of : callable
         Number of target vertices of any pair.
+    kept : dict
+        What methods found in the files of all pairs, by method.
     """
 
     source: str
@@ -155,6 +212,7 @@ class NamedPair(NamedTuple):
     moved: IntArray | None
     others: tuple[tuple[str, str], ...]
     n_target_of: Callable[[str, str], int]
+    kept: dict[Any, Any]
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,8 +248,14 @@ class MapsInFolder:
         note = found.note
         if not found.is_certain:
             first = self._shown_to_count_from(pair)
-            found = read_map(path, *sizes, counts_from=first)
-            note = f"{path.name}: counts from {first}, as other maps of its folder do"
+            if first is not None and (first, True) != (found.counts_from, found.is_likely):
+                found = read_map(path, *sizes, counts_from=first)
+                note = f"{path.name}: counts from {first}, as other maps of its folder do"
+            elif first is None and not found.is_likely:
+                raise FormatError(
+                    f"{self.folder}: all maps of these pairs can count from 0 or from 1; say which, by --maps-from or "
+                    "counts_from"
+                )
         image, faces = found.map.vertices, found.map.faces
         if pair.moved is not None:
             new = np.append(pair.moved, -1)
@@ -213,24 +277,24 @@ class MapsInFolder:
             )
         return found[0]
 
-    def _shown_to_count_from(self, pair: NamedPair) -> int:
-        """Find what the first map counts from that allows one reading only; `FormatError` if there is none."""
-        known: int | None = vars(self).get("_known")
-        for source, target in pair.others if known is None else ():
+    def _shown_to_count_from(self, pair: NamedPair) -> int | None:
+        """Find what the first map counts from that allows one reading only; None if there is none."""
+        if self not in pair.kept:
+            pair.kept[self] = next(self._certain(pair), None)
+        first: int | None = pair.kept[self]
+        return first
+
+    def _certain(self, pair: NamedPair) -> Iterator[int]:
+        for source, target in pair.others:
             try:
                 path = self.file_of(source, target)
-                found = read_map(path, pair.n_target_of(source, target), allow_doubt=True)
+                found = read_map(path, allow_doubt=True)
+                if not (found.is_certain or (found.map.vertices == 0).any()):
+                    found = read_map(path, pair.n_target_of(source, target), allow_doubt=True)
             except IsomatchError:  # is reported with its own pair
                 continue
             if found.is_certain:
-                known = vars(self)["_known"] = found.counts_from
-                break
-        if known is None:
-            raise FormatError(
-                f"{self.folder}: all maps of these pairs can count from 0 or from 1; say which, by --maps-from or "
-                "counts_from"
-            )
-        return known
+                yield found.counts_from
 
     @cached_property
     def _files(self) -> list[Path]:

@@ -5,13 +5,14 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from isomatch.assets import FORMATS
+from isomatch.correspondence import IndexBase
 from isomatch.errors import FormatError, IsomatchError, MissingFileError, SettingError
 from isomatch.lab.sets.pair_list import FILES, PairList
 from isomatch.lab.sets.shape_files import read_indices, read_shape, shapes_in
@@ -26,9 +27,10 @@ from isomatch.values.arrays import IntArray
 SETTINGS = "set.toml"
 KINDS = ("vertices", "vts", "pairs", "onto", "landmarks")
 SHAPE_FOLDERS = ("shapes", "off", "models")  # the first is ours, the others are those of published sets
-TRUTH_FOLDERS = ("truth", "corres", "maps")
+TRUTH_FOLDERS = ("truth", "corres", "maps")  # the first that exists; the last two are those of published sets
 SHAPE_SUFFIXES = {*FORMATS, ".mat", ".npz", ".vert"}
 BETWEEN = ("__", "-", "_")  # names of a pair in the name of its file
+KEPT_SHAPES = 100  # in memory while files of truth are searched
 MIRRORED = (".sym", "_sym")
 ONTO_SUFFIXES = {".vts", ".baryc_gt", ".baryc_gt_sym"}  # which count from 1, as published
 LANDMARKS = "landmarks"
@@ -155,7 +157,7 @@ class FolderSet:
         return BenchmarkPair(
             f"{source}-{target}", *meshes, truth.rows, mirrored, self.settings.symmetric,
             alone=truth.alone, points=truth.points, group=self.listed.group(source, target),
-            notes=(truth.note,) if truth.note else (),
+            notes=(truth.base.note,) if truth.base.note else (),
         )  # fmt: skip
 
     def _known(self, source: str, target: str, meshes: tuple[Mesh, Mesh]) -> tuple[Truth, IntArray | None]:
@@ -189,28 +191,33 @@ class FolderSet:
         if path.suffix in ONTO_SUFFIXES:
             return read_truth(path, source, target, 1)
         truth = read_truth(path, source, target, self.settings.counts_from)
-        if truth.is_certain or self.settings.counts_from is not None:
+        if truth.base.is_certain or self.settings.counts_from is not None:
             return truth
-        if self._shown_to_count_from is None:
+        first = self._shown_to_count_from
+        if truth.base.is_likely and first in (None, truth.base.counts_from):
+            return truth
+        if first is None:
             raise FormatError(
                 f"{path}: can count from 0 or from 1, and so can all files of truth of this set; write counts_from = 0 "
                 f"or counts_from = 1 into {self.root / SETTINGS}"
             )
-        return read_truth(path, source, target, self._shown_to_count_from)
+        note = f"{path.name}: counts from {first}, as other files of truth of its set do"
+        return read_truth(path, source, target, first)._replace(base=IndexBase(first, note=note))
 
     @cached_property
     def _shown_to_count_from(self) -> int | None:
         """What the first file of truth counts from that allows one reading only; None if there is none."""
+        mesh = lru_cache(maxsize=KEPT_SHAPES)(self.mesh)
         for source, target in self.pairs:
             try:
                 path = self._truth_of(source, target)
                 if path.suffix in ONTO_SUFFIXES:
                     continue
-                truth = read_truth(path, self.mesh(source), self.mesh(target))
+                truth = read_truth(path, mesh(source), mesh(target))
             except IsomatchError:  # is reported with its own pair
                 continue
-            if truth.is_certain:
-                return truth.counts_from
+            if truth.base.is_certain:
+                return truth.base.counts_from
         return None
 
     def _equal_vertices(self, source: str, target: str, a: Mesh, b: Mesh) -> IntArray:
@@ -266,7 +273,7 @@ class FolderSet:
 
 def _of_rows(rows: IntArray) -> Truth:
     """Take rows of vertices as a truth that tells of these alone."""
-    return Truth(rows, None, None, 0, True)
+    return Truth(rows, None, None, IndexBase(0))
 
 
 def own_set(root: str | Path) -> FolderSet | StoredSet:
@@ -335,7 +342,7 @@ def own_set(root: str | Path) -> FolderSet | StoredSet:
             f"{root}: no shapes in this folder or its folder {SHAPE_FOLDERS[0]}; docs/how_to/own_benchmark.md describes "
             "what a set consists of"
         )
-    beside = [*folders, root, *(root / name for name in TRUTH_FOLDERS if (root / name).is_dir())]
+    beside = [*folders, root, *[root / name for name in TRUTH_FOLDERS if (root / name).is_dir()][:1]]
     kind = settings.truth or _kind_in(root, beside)
     settings = replace(settings, truth=kind)
     truths = _truth_files(root, kind, beside, set(shapes.values()))
@@ -351,7 +358,7 @@ def _kind_in(root: Path, beside: list[Path]) -> str:
         found.append("vts")
     if any(path.suffix == ".baryc_gt" for folder in beside for path in folder.iterdir()):
         found.append("onto")
-    if any((root / name).is_dir() for name in ("truth", "maps")) and not found:
+    if beside[-1] in (root / "truth", root / "maps") and not found:
         found.append("pairs")
     if (root / LANDMARKS).is_dir():
         found.append(LANDMARKS)

@@ -7,7 +7,7 @@ from typing import NamedTuple, NoReturn
 
 import numpy as np
 
-from isomatch.correspondence import read_map
+from isomatch.correspondence import IndexBase, index_base, read_map
 from isomatch.errors import FormatError, some
 from isomatch.storage.array_file import read_array
 from isomatch.storage.files import read_integers, text_lines
@@ -36,20 +36,14 @@ class Truth(NamedTuple):
         The q images, where they are points in triangles.
     alone : (m,) array of int, or None
         Source vertices without a counterpart, where the file tells of all vertices, or marks some as −1.
-    counts_from : int
+    base : IndexBase
         What the file counts from.
-    is_certain : bool
-        Whether no other reading fits.
-    note : str
-        What was decided; empty if nothing had to be.
     """
 
     rows: IntArray
     points: PrecisePoints | None
     alone: IntArray | None
-    counts_from: int
-    is_certain: bool
-    note: str = ""
+    base: IndexBase
 
 
 def read_truth(path: Path, source: Mesh, target: Mesh, counts_from: int | None = None) -> Truth:
@@ -64,8 +58,8 @@ def read_truth(path: Path, source: Mesh, target: Mesh, counts_from: int | None =
     source, target : Mesh
         The shapes.
     counts_from : {0, 1}, optional
-        What vertices and triangles count from. By default as `isomatch.Correspondence.load` decides: from 1 where no
-        other reading fits.
+        What vertices and triangles count from; if from 1, 0 also means no counterpart. By default, see
+        `isomatch.correspondence.index_base`.
 
     Returns
     -------
@@ -125,12 +119,14 @@ def _table(path: Path, n_source: int) -> FloatArray | None:
     """Columns (rows, 2 or 4) of a file; None if it is a map, with one column."""
     suffix = path.suffix.lower()
     tables: list[AnyArray]
+    n_maps = 0
     if suffix == ".npz":
         return None
     if suffix == ".npy":
         tables = [read_array(path)]
     elif suffix == ".mat":
         tables = [x for x in read_mat(path, "a truth", EXPECTED).values() if isinstance(x, np.ndarray)]
+        n_maps = sum(np.squeeze(x).shape == (n_source,) and x.dtype.kind in "iuf" for x in tables)
     else:
         _, first = next(text_lines(path), (0, ""))
         if len(first.replace(",", " ").split()) == 2:
@@ -144,7 +140,7 @@ def _table(path: Path, n_source: int) -> FloatArray | None:
         tables = [_text_table(path)] if len(first.replace(",", " ").split()) == 4 else []
     tables = [x for x in tables if x.ndim == 2 and x.dtype.kind in "iuf"]
     tables = [x for x in tables if x.shape[1] == 2 or x.shape == (n_source, 4)]
-    if len(tables) > 1:
+    if len(tables) + n_maps * bool(tables) > 1:
         raise FormatError(f"{path}: several arrays could be the truth; save it alone")
     return tables[0].astype(np.float64) if tables else None
 
@@ -159,16 +155,16 @@ def _text_table(path: Path) -> FloatArray:
 
 
 def _of_map(path: Path, source: Mesh, target: Mesh, counts_from: int | None) -> Truth:
-    n_source, note, certain = source.n_vertices, "", True
+    n_source = source.n_vertices
     if path.suffix.lower() == WITH_MASK:
         image = _lines(path)
         if len(image) == n_source + target.n_vertices:
-            return _of_image(path, image[:n_source], target, None, 0, True, "")
+            return _of_image(path, image[:n_source], target, None, IndexBase(0))
     found = read_map(path, target.n_vertices, n_source, counts_from=counts_from, allow_doubt=True)
-    certain, note = found.is_certain, found.note
+    base = IndexBase(found.counts_from, found.is_certain, found.is_likely, found.note)
     precise = (found.map.barycentric.max(axis=1) < 1).any()
     points = PrecisePoints(found.map.faces, found.map.barycentric) if precise else None
-    return _of_image(path, found.map.vertices, target, points, found.counts_from, certain, note)
+    return _of_image(path, found.map.vertices, target, points, base)
 
 
 def _lines(path: Path) -> IntArray:
@@ -183,31 +179,30 @@ def _of_image(
     image: IntArray,
     target: Mesh,
     points: PrecisePoints | None,
-    counts_from: int,
-    certain: bool,
-    note: str,
+    base: IndexBase,
 ) -> Truth:
     _require_within(path, "target vertices", image, -1, target.n_vertices)
     has = np.flatnonzero(image >= 0)
     if points is not None:
         points = PrecisePoints(points.corners[has], points.barycentric[has])
-    return Truth(
-        np.column_stack([has, image[has]]), points, np.flatnonzero(image < 0), counts_from, certain, note
-    )
+    return Truth(np.column_stack([has, image[has]]), points, np.flatnonzero(image < 0), base)
 
 
 def _of_rows(path: Path, table: FloatArray, source: Mesh, target: Mesh, counts_from: int | None) -> Truth:
     """Read rows of a source vertex and a target vertex, −1 if it has none; both columns count from the same."""
-    columns = [table[:, 0], table[:, 1][table[:, 1] != -1]]
-    first, certain, note = _counts_from(path, columns, (source.n_vertices, target.n_vertices), counts_from)
     rows = _whole(path, table)
-    rows = np.where(rows == -1, -1, rows - first)
+    base = IndexBase(counts_from or 0)
+    if counts_from is None and (rows[:, 0] != 0).all():  # a row is of a source vertex
+        base = index_base(path, rows[:, 0], source.n_vertices, "source vertices")
+        if not base.is_certain:
+            base = index_base(path, rows[:, 1], target.n_vertices)
+    rows = np.where(rows == -1, -1, rows - base.counts_from)
     _require_within(path, "source vertices", rows[:, 0], 0, source.n_vertices)
     _require_within(path, "target vertices", rows[:, 1], -1, target.n_vertices)
     has = rows[:, 1] >= 0
     alone = np.setdiff1d(rows[~has, 0], rows[has, 0])
     tells_of_all = len(alone) or len(np.unique(rows[:, 0])) == source.n_vertices
-    return Truth(rows[has], None, alone if tells_of_all else None, first, certain, note)
+    return Truth(rows[has], None, alone if tells_of_all else None, base)
 
 
 def _of_triangles(
@@ -218,9 +213,13 @@ def _of_triangles(
         raise FormatError(
             f"{path}: {len(table)} rows for the {n_source} vertices of the source; give one for each"
         )
-    has = np.flatnonzero(np.isfinite(table).all(axis=1) & (table[:, 0] >= 0))
-    first, certain, note = _counts_from(path, [table[has, 0]], (target.n_faces,), counts_from, "triangles")
-    faces, weights = _whole(path, table[has, :1])[:, 0] - first, table[has, 1:]
+    given = np.where(np.isfinite(table).all(axis=1) & (table[:, 0] >= 0), table[:, 0], -1)
+    given = _whole(path, given)
+    base = IndexBase(counts_from or 0)
+    if counts_from is None:
+        base = index_base(path, given, target.n_faces, "triangles of the target")
+    has = np.flatnonzero(given >= base.counts_from)
+    faces, weights = given[has] - base.counts_from, table[has, 1:]
     _require_within(path, "triangles of the target", faces, 0, target.n_faces)
     off = np.flatnonzero((weights < -ROUNDED).any(axis=1) | (np.abs(weights.sum(axis=1) - 1) > ROUNDED))
     if len(off):
@@ -232,23 +231,7 @@ def _of_triangles(
     corners = target.faces[faces]
     nearest = corners[np.arange(len(has)), weights.argmax(axis=1)]
     alone = np.setdiff1d(np.arange(n_source), has)
-    return Truth(
-        np.column_stack([has, nearest]), PrecisePoints(corners, weights), alone, first, certain, note
-    )
-
-
-def _counts_from(
-    path: Path, columns: list[FloatArray], sizes: tuple[int, ...], given: int | None, what: str = "vertices"
-) -> tuple[int, bool, str]:
-    """Find what indices count from, whether no other reading fits, and a note on what was decided."""
-    if given is not None:
-        return given, True, ""
-    if any((column == 0).any() for column in columns):
-        return 0, True, ""
-    for column, n in zip(columns, sizes):
-        if column.max(initial=-1) == n:
-            return 1, True, f"{path.name}: counts from 1, as its largest index, {n}, is the number of {what}"
-    return 0, False, f"{path.name}: taken to count from 0, though no index is 0"
+    return Truth(np.column_stack([has, nearest]), PrecisePoints(corners, weights), alone, base)
 
 
 def _whole(path: Path, table: FloatArray) -> IntArray:
