@@ -11,6 +11,7 @@ from cyclopts import Parameter
 
 from isomatch.cli.outputs import say_notes
 from isomatch.cli.terminal import TALK, Talk, part, say
+from isomatch.errors import MapError
 from isomatch.lab import evaluation
 
 NOTES = 5  # shown at most
@@ -124,6 +125,8 @@ def bench(
     table = evaluation.write_tables(output, curves)
     notes = list(dict.fromkeys(" ".join(note.split()) for note in notes))
     talk.result({"summary": table, "folder": str(output), "notes": notes}, lambda: _say(table, output, notes))
+    if notes and all(row["mean"] is None for row in table):
+        raise MapError(f"no pair could be matched and measured; {notes[0]}")
 
 
 def _say(table: list[dict[str, Any]], output: Path, notes: list[str]) -> None:

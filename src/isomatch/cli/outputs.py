@@ -309,7 +309,7 @@ def say_files(record: Mapping[str, Any]) -> None:
     short = {"alternative_*.npz"} if len(alternatives) > 1 else alternatives
     sizes = f"{record['n_source']:,} → {record['n_target']:,} vertices"
     say_rows(("note", note) for note in record["undrawn"])
-    say_rows([("took", f"{record['timings']['total']:.1f} s, {sizes}")])
+    say_rows([("took", f"{record['timings']['total']:.1f} s for the match, {sizes}")])
     say(f"{'  open first':<{INDENT}}{first}")  # whole, to be copied
     say_rows([("also there", ", ".join(sorted((names - alternatives) | short)))])
 

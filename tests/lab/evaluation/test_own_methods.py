@@ -116,14 +116,14 @@ def test_what_functions_print_stays_apart_from_the_answer(folder, tmp_path, imag
     )
     own = ["--method", f"{file}:leaves", "--method", f"{file}:fails"]
     command = ["bench", "--set", str(folder), *own, "-o", str(tmp_path / "out"), "--jobs", str(jobs)]
-    assert main([*command, "--json"]) == 0
+    assert main([*command, "--json"]) == 1, "nothing was measured"
     out, err = capfd.readouterr()
     notes = json.loads(out)["notes"]
     assert sum(note.endswith("leaves: SystemExit: the method called exit(3)") for note in notes) == 2
     assert sum(note.endswith("fails: ValueError: one line and another") for note in notes) == 2
     assert {"loaded", "called"} <= set(err.split())
     monkeypatch.setattr(sys.modules["isomatch.cli.bench"], "NOTES", 3)
-    assert main(command) == 0
+    assert main(command) == 1
     assert "note: 1 more note is in pairs.csv" in capfd.readouterr().out
 
 
@@ -467,3 +467,10 @@ def test_damage_adds_to_what_has_no_counterpart(tmp_path):
     assert whole["iou"] > cut["iou"] > 0.3
     assert whole["recall"] == cut["recall"] == 1
     assert 20 < cut["error"] < 200
+
+
+def test_a_benchmark_that_measures_nothing_fails(tmp_path, capsys):
+    (tmp_path / "mine.py").write_text("def f(source, target):\n    raise RuntimeError('no')\n")
+    words = ["bench", "--set", "example", "--methods", "", "--method", f"{tmp_path / 'mine.py'}:f"]
+    assert main([*words, "-o", str(tmp_path / "out"), "--jobs", "1", "--points", "10"]) == 1
+    assert "no pair could be matched and measured" in capsys.readouterr().err
