@@ -20,9 +20,8 @@ RESULT = "result.json"
 BACK = "map_back.npz"
 BACK_REMOVED = "the map back belonged to the map before and was removed"
 
-Back = tuple[
-    isomatch.Correspondence, dict[str, Any]
-]  # map of the other direction, and its values in result.json
+Back = tuple["isomatch.Correspondence", dict[str, Any]]
+"""Map of the other direction, and its values in ``result.json``."""
 
 
 @dataclass(frozen=True)
