@@ -47,7 +47,7 @@ extras:  # zips for Blender and 3D Slicer
 	$(PYTHON) extras/zipped.py dist/extras
 
 told:
-	@echo 'tests: about 7 minutes on two cores, 5 once all is compiled; `make test-long` runs the others, an hour or more'
+	@echo 'tests: about 6 minutes on two cores, 5 once all is compiled; `make test-long` runs the others, an hour or more'
 
 test: told $(VENV)/dev lint  # types are checked beside the tests, and told in the end
 	$(BIN)/mypy >$(VENV)/types 2>&1 & checked=$$!; \
