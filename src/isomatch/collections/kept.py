@@ -61,7 +61,7 @@ def changed_files(layout: Layout, rows: Rows, folders: Iterable[str] = KEPT) -> 
     Returns
     -------
     dict of Path to str
-        What is wrong with each: `MISSING` or `CHANGED`. Maps of pairs that are to be matched again are not looked at.
+        What is wrong with each: ``MISSING`` or ``CHANGED``. Maps of pairs that are to be matched again are not looked at.
 
     Notes
     -----

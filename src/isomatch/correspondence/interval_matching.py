@@ -194,7 +194,7 @@ def pin_first(unary: FloatArray, candidates: IntArray) -> None:
     Parameters
     ----------
     unary : (m, c) array of float
-        Cost of each assignment by itself, changed in place: `FORBIDDEN` for the other candidates of these points.
+        Cost of each assignment by itself, changed in place: ``FORBIDDEN`` for the other candidates of these points.
     candidates : (q,) array of int
         Candidate of each of the first points, q ≤ m.
 

@@ -44,7 +44,7 @@ class Candidate:
     target_row : (m_s,) array of int
         Upsampled map of the search vertices.
     energy : float
-        See `energy_of`; with the descriptor columns of the search.
+        See ``energy_of``; with the descriptor columns of the search.
     orientation : float
         See `orientation_of`: near 1 for the true map, near −1 for its mirror image, between for mixtures; 0 where a shape
         has no normals.

@@ -40,7 +40,7 @@ Start: TypeAlias = Callable[[ShapePair], Iterable[IntArray]] | PoolStart
 
 
 class Refinement(ABC):
-    """Makes a better map of one: subclass it, implement `__call__`, and hand an instance to `match`.
+    """Makes a better map of one: subclass it, implement ``__call__``, and hand an instance to `match`.
 
     Several threads call it at once, so it keeps nothing between calls. A refinement takes part in every relation, in
     the contest of maps and in the map returned. `check_refinement` tells whether it keeps the laws of one.
@@ -104,7 +104,7 @@ class Refinement(ABC):
 class Relation(ABC):
     """What is assumed of two shapes, and how a map under this assumption is found, measured and judged.
 
-    `on` binds a relation to a pair. Subclass `Isometry` to change a part of it, such as `score`.
+    `on` binds a relation to a pair. Subclass `Isometry` to change a part of it, such as ``score``.
 
     Examples
     --------

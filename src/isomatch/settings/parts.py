@@ -46,7 +46,7 @@ class PartSettings(Settings):
     n_common : int
         Of two overlapping parts of one body: regions in common that are refined, the likeliest ones.
     sure_common : float
-        How much more alike than at random the parts must look in the best of them for it to be sure; see `CommonDoubt`.
+        How much more alike than at random the parts must look in the best of them for it to be sure; see ``CommonDoubt``.
     tie : float
         Score of a rival, against the map returned, below which nothing decides between them.
     """

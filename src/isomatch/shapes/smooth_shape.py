@@ -90,7 +90,7 @@ class SmoothShape:
 
     @cached_property
     def signatures(self) -> FloatArray:
-        """(n_body, 23) point signatures, or (n_body, 20) of points and graphs; see `point_signatures`."""
+        """(n_body, 23) point signatures, or (n_body, 20) of points and graphs; see ``point_signatures``."""
         return point_signatures(self.triangles, self.laplace, self.config.preparation)
 
     @cached_property

@@ -133,7 +133,7 @@ class WorkPage:
         dict
             ``headline``, ``advice``, ``colour``, ``sure`` and ``since`` in words; ``regions`` of doubt; ``rivals``, which
             says of each map that is drawn what it is; ``landmarks`` with the distance of each from its image, in √area
-            of the target and through space; ``details``, which is HTML; and the ``scene``, see `scene_of`.
+            of the target and through space; ``details``, which is HTML; and the ``scene``, see ``scene_of``.
         """
         others = result.alternatives[:MOST_ALTERNATIVES]
         maps = {THE_MAP: result.map}

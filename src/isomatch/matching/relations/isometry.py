@@ -203,7 +203,7 @@ class Isometry(Relation):
         """Upsample spectrally, joint with signatures, positions and normals, see `joint_coordinates`.
 
         After each of three stages, of which the first is without positions and normals, those are given up that arrived
-        at the same map as another, or fit much worse; see `survivors`. The best are refined once more, from few
+        at the same map as another, or fit much worse; see ``survivors``. The best are refined once more, from few
         functions, and the better map stays. O(n_refine √n (K + q)) a step.
         """
         pair, settings = self.pair, self.pair.config.refining
