@@ -107,8 +107,8 @@ def wrap(correspondence: Correspondence, source: SurfaceLike, target: SurfaceLik
     Notes
     -----
     ``bend_template`` says how: M. Sorkine & M. Alexa, *As-Rigid-As-Possible Surface Modeling*, SGP 2007, with lengths
-    that decrease, on the source decimated and then in full. Time and memory are linear, 60 µs a vertex. A map that reverses
-    the orientation gives a mirror image.
+    that decrease, on the source decimated and then in full. Time and memory are linear, 60 µs a vertex. A map that
+    reverses the orientation gives a mirror image.
 
     Examples
     --------
