@@ -138,8 +138,8 @@ class Elastic(Relation):
 
     Notes
     -----
-    Both shapes are bent onto each other by a map, at a low resolution. With s the mean absolute logarithm of the stretch of
-    edges, and g the mean distance of the bent shape from the other one, there and back, the score is::
+    Both shapes are bent onto each other by a map, at a low resolution. With s the mean absolute logarithm of the stretch
+    of edges, and g the mean distance of the bent shape from the other one, there and back, the score is::
 
         √(s g · s′ g′)
 
