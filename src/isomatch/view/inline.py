@@ -15,21 +15,19 @@ from isomatch.matching import MatchResult, Outcome
 from isomatch.surfaces import Surface
 from isomatch.values.arrays import IntArray
 from isomatch.values.cached import cached_property
-from isomatch.view.layers import doubt, expected_error, mismatch
+from isomatch.view.layers import known_layers
 from isomatch.view.points import drawable
 from isomatch.view.report import (
-    COLOURS,
-    MOST_ALTERNATIVES,
-    UNDECIDED,
+    maps_of,
     page_of,
     pairs_on,
     remarks_on,
     template,
     text_of,
+    told_of,
 )
 from isomatch.view.report_sections import paragraphs
 from isomatch.view.scene import scene_of
-from isomatch.view.summary import summary_of
 
 SANDBOX = "allow-scripts allow-downloads"  # the page reaches neither the notebook nor anything else
 FETCHED = "After <code>view = result.show()</code>, what you click is in <code>view.landmarks</code> at once:"
@@ -102,11 +100,8 @@ def show_result(
     """Make the view of a result for a notebook, see `MatchResult.show`."""
     source, target = drawable(source), drawable(target)
     pairs = pairs_on(landmarks, source, target)
-    others = enumerate(result.alternatives[:MOST_ALTERNATIVES], 1)
-    maps = {"returned": result.map} | {f"alternative {i}": other.map for i, other in others}
-    layers = {**doubt(result), **expected_error(result), **mismatch(result)}
-    scene = scene_of(source, target, maps, layers=layers, landmarks=pairs)
-    summary = summary_of(result)
+    maps = maps_of(result)
+    scene = scene_of(source, target, maps, layers=known_layers(result), landmarks=pairs)
     told, command = (FETCHED, MATCH_AGAIN) if clicks_return() else (STATIC, MATCH_SAVED)
     panel = template("inline_landmarks.html").substitute(told=told, command=escape(command))
     page = page_of(
@@ -116,10 +111,7 @@ def show_result(
         pairs,
         style=text_of("inline.css"),
         work=f"<script>\n{text_of('inline.js')}</script>",
-        colour=COLOURS.get(result.outcome, UNDECIDED),
-        headline=escape(summary.headline),
-        sureness=summary.sureness,
-        advice=escape(summary.advice_in_python),
+        **told_of(result),
         picture="",
         plain="Points of the same colour correspond.",
         maps="".join(f"<option>{name}</option>" for name in maps),

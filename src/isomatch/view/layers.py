@@ -64,6 +64,11 @@ class Layer:
         }
 
 
+def known_layers(result: MatchResult) -> dict[str, Layer]:
+    """Layers of all that a result knows of its map: the regions of doubt, the expected error, the mismatch."""
+    return {**doubt(result), **expected_error(result), **mismatch(result)}
+
+
 def user_layers(values: Mapping[str, ArrayLike], n_source: int) -> dict[str, Layer]:
     """Check values by name, and let the ramp span all but the outliers; `DescriptorError` if they do not fit."""
     layers = {}

@@ -13,13 +13,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from isomatch.correspondence import Correspondence
 from isomatch.errors import LandmarkError
 from isomatch.matching import MatchResult, Outcome
 from isomatch.storage.files import write_text
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import IntArray, array_of
 from isomatch.view import lighting
-from isomatch.view.layers import doubt, expected_error, mismatch, user_layers
+from isomatch.view.layers import known_layers, user_layers
 from isomatch.view.measures import quality_measures
 from isomatch.view.picture import png
 from isomatch.view.report_sections import (
@@ -104,20 +105,13 @@ def write_report(
     3D view, and the report says so; pictures and numbers are those of the full shape. The size is about 75 bytes per
     shown vertex and 30 for each alternative, plus the pictures.
     """
-    others = result.alternatives[:MOST_ALTERNATIVES]
-    maps = {"returned": result.map}
-    maps |= {f"alternative {i}": other.map for i, other in enumerate(others, 1)}
+    maps = maps_of(result)
     pairs = pairs_on(landmarks, source, target)
     scene = scene_of(
         source,
         target,
         maps,
-        layers={
-            **doubt(result),
-            **expected_error(result),
-            **mismatch(result),
-            **user_layers(layers or {}, source.n_vertices),
-        },
+        layers=known_layers(result) | user_layers(layers or {}, source.n_vertices),
         landmarks=pairs,
     )
     titles = title_of("source", names[0]), title_of("target", names[1])
@@ -125,13 +119,12 @@ def write_report(
         still = png(drawn(source, target, result.map, titles, WIDTH))
     else:
         still = png(Path(picture).read_bytes()) if picture else ""
-    summary = summary_of(result)
     helped = result.outcome in _HELPED_BY_LANDMARKS
     details = template("details.html").substitute(
         regions=table_of_regions(result),
         quality=quality_rows(result),
         open=" open" if any(against for _, _, against in quality_measures(result)) else "",
-        alternatives=pictures_of_alternatives(source, target, others),
+        alternatives=pictures_of_alternatives(source, target, result.alternatives[:MOST_ALTERNATIVES]),
         notes=paragraphs(map(sentence, result.notes or ["Nothing was repaired, left out or replaced."])),
     )
     page = page_of(
@@ -139,10 +132,7 @@ def write_report(
         names,
         scene,
         pairs,
-        colour=COLOURS.get(result.outcome, UNDECIDED),
-        headline=escape(summary.headline),
-        sureness=summary.sureness,
-        advice=escape(summary.advice_in_python),
+        **told_of(result),
         picture=f'<img src="{still}" alt="Source on the left, target on the right; points of the same colour '
         'correspond.">'
         if still
@@ -211,6 +201,23 @@ def _list(command: str, *, shown: bool) -> str:
     """Make the list of landmarks, with the command that matches again."""
     unpicked = "" if shown else " hidden"
     return template("landmarks.html").substitute(unpicked=unpicked, command=escape(command))
+
+
+def maps_of(result: MatchResult, name: str = "returned") -> dict[str, Correspondence]:
+    """Name the map of a result and the alternatives that are shown beside it."""
+    others = enumerate(result.alternatives[:MOST_ALTERNATIVES], 1)
+    return {name: result.map} | {f"alternative {i}": other.map for i, other in others}
+
+
+def told_of(result: MatchResult) -> dict[str, str]:
+    """Say what came out, for the head of a page: parts of `page_of`."""
+    summary = summary_of(result)
+    return {
+        "colour": COLOURS.get(result.outcome, UNDECIDED),
+        "headline": escape(summary.headline),
+        "sureness": summary.sureness,
+        "advice": escape(summary.advice_in_python),
+    }
 
 
 def page_of(

@@ -95,7 +95,7 @@ def _(result: MatchResult) -> str:
         _pair_picture(result.map),
         _table(rows.items()),
         _folded(f"{len(measures)} measures of quality, {told}", _measured(measures)),
-        _folded("How it was found", _table((name, text) for name, text in found.items() if text != "")),
+        _folded("How it was found", _told(found)),
     )
 
 
@@ -136,7 +136,7 @@ def _(shape: PreparedShape) -> str:
         "notes": "; ".join(shape.notes),
         "seconds": f"{shape.seconds:.2f}",
     }
-    table = _table((name, text) for name, text in rows.items() if text != "")
+    table = _told(rows)
     return _card("PreparedShape", _alone_picture(shape.surface), table)
 
 
@@ -155,7 +155,7 @@ def _(basis: DistanceBasis) -> str:
         rows["error"] = (
             f"{basis.error_estimate():.2%} of the distances, on {len(basis.held_out.vertices)} columns held out"
         )
-    return _card("DistanceBasis", _table((name, text) for name, text in rows.items() if text != ""))
+    return _card("DistanceBasis", _told(rows))
 
 
 @html_of.register
@@ -168,7 +168,7 @@ def _(basis: LaplaceBasis) -> str:
         "size": _size(basis.vectors.nbytes, n),
         "notes": "; ".join(basis.notes),
     }
-    return _card("LaplaceBasis", _table((name, text) for name, text in rows.items() if text != ""))
+    return _card("LaplaceBasis", _told(rows))
 
 
 @html_of.register
@@ -183,6 +183,11 @@ def _(config: Config) -> str:
         else "<p>All settings have their defaults.</p>"
     )
     return _card("Config", told, _folded("All settings", _table(every.items())))
+
+
+def _told(rows: Mapping[str, object]) -> str:
+    """Make a table of what has something to tell."""
+    return _table((name, text) for name, text in rows.items() if text != "")
 
 
 def _verdict(outcome: Outcome, headline: str, *told: str) -> str:

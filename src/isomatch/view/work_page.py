@@ -13,11 +13,12 @@ from isomatch.matching import DoubtfulRegion, MatchResult
 from isomatch.settings import Config, Orientation
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import IntArray
-from isomatch.view.layers import doubt, expected_error, mismatch
+from isomatch.view.layers import known_layers
 from isomatch.view.report import (
     COLOURS,
     MOST_ALTERNATIVES,
     UNDECIDED,
+    maps_of,
     page_of,
     pairs_on,
     simplified,
@@ -135,13 +136,10 @@ class WorkPage:
             says of each map that is drawn what it is; ``landmarks`` with the distance of each from its image, in √area
             of the target and through space; ``details``, which is HTML; and the ``scene``, see ``scene_of``.
         """
+        maps = maps_of(result, THE_MAP) | ({BEFORE: before} if before else {})
         others = result.alternatives[:MOST_ALTERNATIVES]
-        maps = {THE_MAP: result.map}
-        maps |= {f"alternative {i}": other.map for i, other in enumerate(others, 1)}
-        maps |= {BEFORE: before} if before else {}
         origins = [result.origin, *(other.origin for other in others), "the map that this one replaced"]
         pairs = pairs_on(landmarks or None, self._source, self._target)
-        layers = {**doubt(result), **expected_error(result), **mismatch(result)}
         summary = summary_of(result)
         return {
             "outcome": result.outcome.name,
@@ -163,7 +161,7 @@ class WorkPage:
                 {"pair": pair, "off": off} for pair, off in zip(pairs.tolist(), self._off(result.map, pairs))
             ],
             "details": _details(result),
-            "scene": self._drawn.maps(maps, layers),
+            "scene": self._drawn.maps(maps, known_layers(result)),
         }
 
     def _region(self, region: DoubtfulRegion, found: Correspondence) -> dict[str, Any]:
