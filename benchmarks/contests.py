@@ -4,12 +4,14 @@
 
 runs `isomatch` without hints over every pair of each set of ``DIR``, with the target relabelled and rotated. Sets that
 share triangulations with their targets are run once more with the target decimated. For FAUST, shapes are written with
-their ``.vts`` into ``OUT/shapes``, a folder as it is published, and all ordered pairs are matched. It writes
-``contests.csv``, one row for each pair, ``contests_table.csv`` and ``contests.png``. Rows that are there stay.
+their ``.vts`` into ``OUT/shapes``, a folder as it is published, and all ordered pairs are matched. Rows that are there
+stay. It writes ``contests.csv``, one row for each pair; ``contests_table.csv``; ``beside_table.csv``, the means among
+those of ``published.csv``; and the cumulative curves of errors, ``curves.csv`` and ``curves.png``.
 """
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,22 +22,26 @@ from matplotlib.figure import Figure
 
 from isomatch import Mesh, write_mesh
 from isomatch.lab.evaluation import benchmark
+from isomatch.lab.evaluation.princeton import THRESHOLDS
 from studies import SURE, asked_for, write_rows, write_table
 
 POINTS = 1000  # of the truth of each pair
 WRONG = 10.0  # × √area / 100
-COLUMNS = ("contest", "pair", "group", "error", "iou", "outcome", "seconds")
+COLUMNS = ("contest", "pair", "group", "error", "error_matched", "iou", "outcome", "seconds")
 DECIMATED = "decimate:0.5"
+PUBLISHED = Path(__file__).with_name("published.csv")
 
 
 @dataclass(frozen=True)
 class Contest:
     """A set, damage to its targets, and which of its groups count; all by default."""
 
+    title: str
     of: str
     people: range = range(0)
     damage: str | None = None
     groups: Callable[[str], bool] = lambda group: True
+    field: str = ""  # the contest in published.csv
 
 
 def same(group: str) -> bool:
@@ -49,18 +55,18 @@ def other(group: str) -> bool:
 
 
 CONTESTS = {
-    "people_000": Contest("faust_r", range(20)),
-    "people_030": Contest("faust_r", range(30, 50)),
-    "topkids": Contest("topkids"),
-    "topkids_remeshed": Contest("topkids", damage=DECIMATED),
-    "cuts": Contest("shrec16_cuts"),
-    "cuts_remeshed": Contest("shrec16_cuts", damage=DECIMATED),
-    "holes": Contest("shrec16_holes"),
-    "holes_remeshed": Contest("shrec16_holes", damage=DECIMATED),
-    "parts": Contest("shrec16_parts"),
-    "species_same": Contest("smal", groups=same),
-    "species_other": Contest("smal", groups=other),
-    "two_parts": Contest("psmal"),
+    "people_000": Contest("FAUST remeshed, 000–019", "faust_r", range(20), field="faust"),
+    "people_030": Contest("FAUST remeshed, 030–049", "faust_r", range(30, 50), field="faust"),
+    "topkids": Contest("TOPKIDS", "topkids", field="topkids"),
+    "topkids_remeshed": Contest("TOPKIDS, target remeshed", "topkids", damage=DECIMATED),
+    "cuts": Contest("SHREC'16 cuts", "shrec16_cuts", field="cuts"),
+    "cuts_remeshed": Contest("SHREC'16 cuts, whole remeshed", "shrec16_cuts", damage=DECIMATED),
+    "holes": Contest("SHREC'16 holes", "shrec16_holes", field="holes"),
+    "holes_remeshed": Contest("SHREC'16 holes, whole remeshed", "shrec16_holes", damage=DECIMATED),
+    "species_same": Contest("SMAL, one species", "smal", groups=same),
+    "species_other": Contest("SMAL, two species", "smal", groups=other, field="smal"),
+    "parts": Contest("two cuts of SHREC'16", "shrec16_parts"),
+    "two_parts": Contest("PARTIALSMAL", "psmal", field="psmal"),
 }
 
 
@@ -92,33 +98,71 @@ def line(name: str, rows: list[dict[str, Any]]) -> dict[str, Any]:
     """Sum a contest up."""
     good = [row for row in rows if "problem" not in row]
     errors = np.array([row["error"] for row in good])
-    overlaps = [row["iou"] for row in good if row.get("iou") is not None]
+    matched = [row.get("error_matched", row["error"]) for row in good]
     sure = [row["error"] for row in good if row["outcome"] in SURE]
     return {
-        "contest": name,
+        "contest": CONTESTS[name].title,
         "pairs": len(rows),
         "mean": f"{errors.mean():.2f}",
         "median": f"{np.median(errors):.2f}",
         "worst": f"{errors.max():.1f}",
         "wrong (> 10)": int((errors > WRONG).sum()) + len(rows) - len(good),
-        "IoU, %": f"{100 * np.mean(overlaps):.0f}" if overlaps else "",
         "called right, of these wrong": f"{len(sure)}, {sum(error > WRONG for error in sure)}",
-        "seconds": f"{np.median([row['seconds'] for row in good]):.1f}",
+        "mean where matched": f"{np.mean(matched):.2f}" if any(row.get("unmatched") for row in good) else "",
+        "IoU, %": overlap_of(rows),
+        "seconds, one thread": f"{np.median([row['seconds'] for row in good]):.1f}",
     }
 
 
-def drawn(lines: dict[str, list[dict[str, Any]]], path: Path) -> None:
-    """Draw which share of the pairs has which mean error."""
-    figure = Figure(figsize=(8, 5), layout="constrained")
+def overlap_of(rows: list[dict[str, Any]]) -> str:
+    """Mean overlap of found and true common regions, in per cent, where both shapes are parts."""
+    overlaps = [row["iou"] for row in rows if row.get("iou") is not None]
+    return f"{100 * np.mean(overlaps):.0f}" if overlaps else ""
+
+
+def beside(found: dict[str, list[dict[str, Any]]]) -> list[dict[str, str]]:
+    """Put our means among the published ones: for each contest, smallest errors first."""
+    with PUBLISHED.open(newline="", encoding="utf-8") as file:
+        published = list(csv.DictReader(file))
+    ours = [
+        dict.fromkeys(published[0], "")
+        | {
+            "contest": CONTESTS[name].field,
+            "method": "**isomatch**",
+            "error": line(name, rows)["mean"],
+            "IoU, %": overlap_of(rows),
+            "learns": "nothing",
+            "pairs": f"{CONTESTS[name].title}: {len(rows)}",
+        }
+        for name, rows in found.items()
+        if CONTESTS[name].field
+    ]
+    titles = {contest.field: contest.title.split(",")[0] for contest in CONTESTS.values() if contest.field}
+    order = list(titles)
+    rows = sorted([*published, *ours], key=lambda row: (order.index(row["contest"]), float(row["error"])))
+    return [row | {"contest": titles[row["contest"]]} for row in rows]
+
+
+def curves(found: dict[str, list[dict[str, Any]]], output: Path) -> None:
+    """Write and draw which share of the correspondences of a contest has which error, each pair counting alike."""
+    shares = {
+        CONTESTS[name].title: sum(np.array(row["curve"]) for row in rows if "problem" not in row) / len(rows)
+        for name, rows in found.items()
+    }
+    table = np.column_stack([THRESHOLDS, *shares.values()])
+    np.savetxt(
+        output / "curves.csv", table, "%.4f", ",", header=",".join(["error / √area", *shares]), comments=""
+    )
+    figure = Figure(figsize=(9, 5), layout="constrained")
     axes = figure.subplots()
-    for name, rows in lines.items():
-        errors = np.sort([row["error"] for row in rows if "problem" not in row])
-        axes.step(errors, 100 * np.arange(1, len(errors) + 1) / len(rows), where="post", label=name)
-    axes.set(xscale="log", xlim=(0.1, 60), ylim=(0, 100))
-    axes.set(xlabel="mean error of a pair × 100 / √area", ylabel="pairs with a smaller error, %")
+    for number, (title, share) in enumerate(shares.items()):
+        style = "--" if "remeshed" in title.partition(",")[2] else "-"
+        axes.plot(100 * THRESHOLDS, 100 * share, style, color=f"C{number % 10}", label=title)
+    axes.set(xlim=(0, 100 * THRESHOLDS[-1]), ylim=(0, 100))
+    axes.set(xlabel="geodesic error × 100 / √area", ylabel="correspondences with a smaller error, %")
     axes.grid(alpha=0.3)
     axes.legend(loc="center left", bbox_to_anchor=(1, 0.5))
-    figure.savefig(path, dpi=150)
+    figure.savefig(output / "curves.png", dpi=150)
 
 
 if __name__ == "__main__":
@@ -127,4 +171,5 @@ if __name__ == "__main__":
     each = [{"contest": name, **row} for name, rows in found.items() for row in rows]
     write_rows(asked.output / "contests.csv", COLUMNS, each)
     write_table(asked.output / "contests_table.csv", [line(name, rows) for name, rows in found.items()])
-    drawn(found, asked.output / "contests.png")
+    write_table(asked.output / "beside_table.csv", beside(found))
+    curves(found, asked.output)

@@ -58,6 +58,12 @@ STEPS = (
         methods="methods_table.csv",
         starts="starts_table.csv",
     ),
+    study(
+        *("contests", 120, "contests.csv", "curves.csv", "curves.png"),
+        folder="contests",
+        contests="contests_table.csv",
+        beside="beside_table.csv",
+    ),
     study("confidence", 16, "confidence.csv"),
     study("vertex_confidence", 4),
     study("ablation", 16, "ablation.csv", "ablation_pairs.csv", ablation="ablation.csv"),
