@@ -11,7 +11,8 @@ command, the machine, versions of packages, the revision, the date and the secon
 is skipped.
 
 In a page, what is between ``<!-- result: NAME -->`` and ``<!-- end of result -->`` is ``docs/results/NAME.csv``, in
-``<!-- result: NAME: A; B -->`` two of its columns. ``<!-- result: stamp -->`` says of what the tables of the page are.
+``<!-- result: NAME: A; B -->`` two of its columns. ``<!-- result: stamp -->`` says of what the tables of the page are. A table that
+another source measured before is kept in ``docs/results/previous``; ``<!-- result: changes -->`` shows what differs.
 """
 
 from __future__ import annotations
@@ -32,12 +33,14 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+import changes
 from result_steps import STEPS, Step
 
 ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "docs" / "results"
 PACKAGES = ("numpy", "scipy", "numba")
 MARKED = re.compile(r"<!-- result: ([\w-]+)(?:: ([^\n]+?))? -->\n(.*?)<!-- end of result -->", re.DOTALL)
+OTHER = ("stamp", "changes")  # what is marked and no table
 Stamp = dict[str, Any]
 
 
@@ -87,8 +90,7 @@ def revision() -> str:
 
 def stamps() -> dict[str, Stamp]:
     """Stamps of all results."""
-    path = RESULTS / "stamps.json"
-    return dict(json.loads(path.read_text(encoding="utf-8"))) if path.exists() else {}
+    return changes.stamps_in(RESULTS)
 
 
 def is_present(step: Step, known: dict[str, Stamp]) -> bool:
@@ -114,6 +116,7 @@ def measure(step: Step, data: str, output: Path) -> None:
         clock.write_text(str(seconds))
     if present_stamp(step) != stamp:
         raise SystemExit(f"{step.name}: the source was changed while it was measured; measure it again")
+    changes.keep(step, RESULTS, stamp["source"])
     for target, file in [
         *((RESULTS / f"{name}.csv", file) for name, file in step.tables.items()),
         *((ROOT / "docs" / name, file) for name, file in step.files.items()),
@@ -121,14 +124,13 @@ def measure(step: Step, data: str, output: Path) -> None:
         target.parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(out / file, target)
     stamp |= {"revision": revision(), "date": date.today().isoformat(), "seconds": seconds}
-    text = json.dumps(dict(sorted((stamps() | {step.name: stamp}).items())), indent=1)
-    (RESULTS / "stamps.json").write_text(text + "\n", encoding="utf-8")
+    changes.write_stamp(RESULTS, step.name, stamp)
     clock.unlink()
 
 
 def tables_of(text: str) -> list[str]:
     """Names of the tables that a page shows."""
-    return [found[1] for found in MARKED.finditer(text) if found[1] != "stamp"]
+    return [found[1] for found in MARKED.finditer(text) if found[1] not in OTHER]
 
 
 def steps_of(text: str) -> list[str]:
@@ -144,6 +146,8 @@ def filled(text: str, known: dict[str, Stamp], results: Path = RESULTS) -> str:
         name, columns, old = found.groups()
         if name == "stamp":
             new = told({step: known[step] for step in steps_of(text)})
+        elif name == "changes":
+            new = changes.told(results)
         else:
             new = rendered(results / f"{name}.csv", columns)
         return found[0].replace(f"-->\n{old}<!--", f"-->\n{new}<!--")

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+import changes
 import results
 from result_steps import STEPS, Step
 
@@ -22,6 +23,7 @@ BY_HAND = {  # tables with decimals that no step makes, in pages with those of s
     "docs/performance.md": 6,
     "docs/robustness.md": 3,
     "docs/scale.md": 2,
+    "docs/what_changed.md": 0,
 }
 KNOWN = results.stamps()
 ONE = {
@@ -46,7 +48,7 @@ def test_a_page_shows_the_committed_tables_with_one_stamp(page):
     text = PAGES[page]
     assert text.count("<!-- result:") == len(results.MARKED.findall(text)), "a place is marked in another way"
     assert results.filled(text, KNOWN) == text, "run python benchmarks/results.py --pages"
-    assert "<!-- result: stamp -->" in text
+    assert ("<!-- result: stamp -->" in text) == bool(results.tables_of(text))
     assert len(unmarked_tables(text)) == BY_HAND[page], unmarked_tables(text)
 
 
@@ -83,6 +85,25 @@ def test_columns_of_a_table(tmp_path):
     filled = page.replace("old\n", "| error (> 1), % | mesh |\n|---|---|\n| 1.5 | cat |\n")
     assert results.filled(page, KNOWN, tmp_path) == filled
     assert results.filled(filled, KNOWN, tmp_path) == filled
+
+
+def test_what_changed_shows_only_columns_that_differ(tmp_path):
+    step = next(step for step in STEPS if step.name == "engines")
+    (table,) = step.tables
+    path = tmp_path / f"{table}.csv"
+    path.write_text('mesh,side,error,size\ncat,a,"1.5, 2",7\ncat,a,2.5,7\ngone,,1,1\n')
+    changes.write_stamp(tmp_path, step.name, ONE)
+    changes.keep(step, tmp_path, ONE["source"])
+    assert not (tmp_path / "previous").exists()
+    assert changes.told(tmp_path) == ""
+    changes.keep(step, tmp_path, "b2")
+    path.write_text("mesh,side,size,error,added\ncat,a,7,1.5,4\ncat,a,7,2.5,4\ndog,b,7,3,4\n")
+    changes.write_stamp(tmp_path, step.name, ONE | {"source": "b2", "revision": "r2", "machine": "n"})
+    assert changes.told(tmp_path) == (
+        "## engines: r1 → r2\n\nMeasured on m, now on n.\n\n"
+        "| mesh | side | size | error |\n|---|---|---|---|\n"
+        "| cat | a | 7 | 1.5, 2 → 1.5 |\n| cat | a | 7 | 2.5 |\n| dog | b | new: 7 | new: 3 |\n\n"
+    )
 
 
 def test_the_source_is_what_its_files_hold(tmp_path):
@@ -131,6 +152,7 @@ def test_an_interrupted_step_continues_and_a_finished_one_is_present(toy, tmp_pa
     assert (tmp_path / "docs/toy/runs.txt").read_text() == "xx"
     stamp = json.loads((tmp_path / "docs/results/stamps.json").read_text())["toy"]
     assert set(stamp) == {*ONE, "command", "scripts"}
+    assert not (tmp_path / "docs/results/previous").exists()
     with (tmp_path / "benchmarks/toy.py").open("a") as file:
         file.write("# changed\n")
     assert not results.is_present(toy, results.stamps())
