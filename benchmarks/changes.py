@@ -62,6 +62,11 @@ def told(results: Path) -> str:
     return "".join(lines)
 
 
+def _both(results: Path, table: str) -> list[list[Row]]:
+    """Read a table as it was and as it is."""
+    return [_read(folder / f"{table}.csv") for folder in (results / "previous", results)]
+
+
 def _read(path: Path) -> list[Row]:
     with path.open(newline="", encoding="utf-8") as file:
         return [tuple(row) for row in csv.reader(file)]

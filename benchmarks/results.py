@@ -11,8 +11,9 @@ command, the machine, versions of packages, the revision, the date and the secon
 is skipped.
 
 In a page, what is between ``<!-- result: NAME -->`` and ``<!-- end of result -->`` is ``docs/results/NAME.csv``, in
-``<!-- result: NAME: A; B -->`` two of its columns. ``<!-- result: stamp -->`` says of what the tables of the page are. A table that
-another source measured before is kept in ``docs/results/previous``; ``<!-- result: changes -->`` shows what differs.
+``<!-- result: NAME: A; B -->`` two of its columns. ``<!-- result: stamp -->`` says of what the tables of the page are. A
+table that another source measured before is kept in ``docs/results/previous``, and ``<!-- result: changes -->`` shows
+what differs.
 """
 
 from __future__ import annotations
