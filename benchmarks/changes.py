@@ -55,10 +55,7 @@ def told(results: Path) -> str:
         lines.append(f"## {step.name}: {first['revision']} → {last['revision']}\n\n")
         if (machines := [stamp["machine"] for stamp in (first, last)])[0] != machines[1]:
             lines.append(f"Measured on {machines[0]}, now on {machines[1]}.\n\n")
-        for name in step.tables:
-            lines.append(
-                _compared(*(_read(folder / f"{name}.csv") for folder in (results / "previous", results)))
-            )
+        lines += [_compared(*_both(results, name)) for name in step.tables]
     return "".join(lines)
 
 
