@@ -143,7 +143,10 @@ def test_repair_names_the_files_beside(scan, capsys):
 def test_repair_says_what_it_changed_and_wrote(scan, capsys):
     (scan / "a.off").write_text("OFF\n5 2 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n9 9 9\n3 0 1 2\n3 0 2 3\n")
     assert main(["repair", "a.off", "-o", "b.off"]) == 0
-    assert capsys.readouterr().out.splitlines() == ["removed 1 vertex that no face used", "wrote b.off, b.index.npz"]
+    assert capsys.readouterr().out.splitlines() == [
+        "removed 1 vertex that no face used",
+        "wrote b.off, b.index.npz",
+    ]
 
 
 def test_a_target_that_cannot_be_read_is_refused_before_the_match(scan, capsys):

@@ -76,7 +76,7 @@ def match(
     initial_map : Path
         A map to start from: a text file with one target vertex per line (-1: unknown), an .npy, .mat or map.npz.
     hypotheses : str
-        Whether automatic maps compete with the hints (all, the default), or only rivals of them are reported (given).
+        Whether automatic maps compete with the hints (all, the default), or are only reported as alternatives (given).
     function : list of str
         Name of a scalar or a colour of the points that means the same in both files, such as thickness: it takes part
         in search and refinement. May be given several times.
