@@ -268,7 +268,22 @@ class MatchResult(Shown):
         width: int = 1800,
         view: tuple[float, float] | None = None,
     ) -> Figure:
-        """Draw both surfaces side by side, in the same colour what corresponds: `Correspondence.plot` of the map."""
+        """Draw both surfaces side by side, in the same colour what corresponds: `Correspondence.plot` of the map.
+
+        Parameters
+        ----------
+        source, target, values, label, colour_map, title, width, view
+            As for `Correspondence.plot`.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+
+        Raises
+        ------
+        MapError, DescriptorError, MeshError, SettingError
+            As for `Correspondence.plot`.
+        """
         return self.map.plot(
             source,
             target,

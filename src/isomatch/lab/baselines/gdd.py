@@ -65,9 +65,14 @@ def gdd_post(
 ) -> MatchResult:
     """Match by geodesic distance descriptors, then post-process in the Laplace–Beltrami basis.
 
-    Parameters and result are those of `gdd`. In the paper, the post-processing is iterative closest points with an
+    In the paper, the post-processing is iterative closest points with an
     orthogonal functional map. Here the functional map grows from a few functions to ``n_functions`` of the settings, see
     ``laplace_icp_embedding``.
+
+    Parameters
+    ----------
+    source, target, landmarks, initial_map, initial_descriptors, config, seed
+        As for `gdd`, of which the result and the errors are, too.
     """
     config = replace(config or Config(), refinement="laplace_icp", **PLAIN)
     return match(source, target, landmarks, initial_map, initial_descriptors, config, seed)

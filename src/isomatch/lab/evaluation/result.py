@@ -35,6 +35,9 @@ class BenchmarkResult:
         One for each pair and method, with all measures, or with a "problem".
     folder : Path or None
         Where tables and the page ``index.html`` are, if they were written.
+
+    Attributes
+    ----------
     summary : tuple of dict
         One for each method, see `summaries`.
     """
