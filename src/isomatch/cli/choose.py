@@ -8,7 +8,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from isomatch import matching, view
-from isomatch.cli.as_mesh import say_wrapped
+from isomatch.cli.as_mesh import MESH_LEFT, say_wrapped
 from isomatch.cli.earlier import Earlier
 from isomatch.cli.inputs import naming_files
 from isomatch.cli.outputs import BACK_REMOVED, say_files, say_result
@@ -26,7 +26,7 @@ def choose(
     """Make an alternative the map: refine and measure it, and replace the files of the result.
 
     The former map becomes alternative 1, and the other alternatives follow. A map of the other direction is removed; the
-    file of --as-mesh is written again.
+    file of --as-mesh is written again unless it was edited.
 
     Parameters
     ----------
@@ -70,6 +70,8 @@ def choose(
         say_rows([("note", BACK_REMOVED)] if had_back else [])
         if mesh:
             say_wrapped(record["as_mesh"])
+        elif earlier.as_mesh:
+            say_rows([("note", MESH_LEFT.format(earlier.as_mesh["file"]))])
         say_files(record)
 
     talk.result(record, summary)

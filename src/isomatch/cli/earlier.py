@@ -110,10 +110,11 @@ class Earlier:
         return told if isinstance(told, dict) and isinstance(told.get("file"), str) else {}
 
     def mesh(self) -> ResultMesh | None:
-        """Read what the mesh file of the result is made of, to renew it for another map."""
+        """Read what the mesh file of the result is made of, to renew it for another map; None if it was changed since."""
         if not self.as_mesh:
             return None
-        return ResultMesh.read(Path(self.as_mesh["file"]), self.source, self.target)
+        mesh = ResultMesh.read(Path(self.as_mesh["file"]), self.source, self.target)
+        return mesh if mesh.is_as_written(self.as_mesh.get("digest")) else None
 
 
 def _alternative(evidence: Mapping[str, Any], found: isomatch.Correspondence) -> matching.Alternative:

@@ -171,7 +171,8 @@ def _add_colour_bar(picture: Picture, values: ValuePanel, left: int, bottom: int
 def _bar_room(values: ValuePanel, height: int) -> int:
     """Pixels that a colour bar takes beside a panel of a height, with its numbers, its label and a margin."""
     axes = _add_colour_bar(Picture(LEAST_WIDTH, height + 2 * MARGIN), values, 0, MARGIN, height)
-    return int(np.ceil(axes.get_tightbbox().x1)) + MARGIN // 2
+    taken = axes.get_tightbbox()
+    return MARGIN // 2 + (int(np.ceil(taken.x1)) if taken else 0)
 
 
 def _in_lines(label: str, length: float) -> list[str]:
