@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
-from hashlib import file_digest
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -86,7 +86,7 @@ class ResultMesh:
 
 def _digest(path: Path) -> str:
     with opened(path) as file:
-        return file_digest(file, "sha256").hexdigest()
+        return sha256(file.read()).hexdigest()
 
 
 def write_wrapped(
