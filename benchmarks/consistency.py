@@ -3,8 +3,8 @@
     python benchmarks/consistency.py --data DIR -o OUT [SET ...]
 
 writes ``consistency.csv``, one row for each set and share of wrong maps, ``consistency_table.csv`` and
-``cycles_table.csv``. Wrong maps are, by turns, the best that reverses the orientation and, where a runner-up of the match
-turns the shape, that one refined. What is already in ``OUT`` is not computed again.
+``cycles_table.csv``. Wrong maps are, by turns, the best that reverses the orientation and, where an alternative of the
+match turns the shape, that one refined. What is already in ``OUT`` is not computed again.
 """
 
 from __future__ import annotations
@@ -110,7 +110,7 @@ def prepared(collection: Collection, name: str) -> PreparedShape:
 
 
 def wrong_maps(collection: Collection, pair: Pair, kind: str, file: Path) -> PairMaps:
-    """Find the best mirrored maps of a pair, or refine its runner-up, if there is one that turns the shape."""
+    """Find the best mirrored maps of a pair, or refine its alternative, if there is one that turns the shape."""
     if file.exists():
         return PairMaps.load(file)
     right = collection.maps(*pair)

@@ -41,6 +41,7 @@ ROOMS = (
     "lab.baselines",
     "lab.evaluation",
 )
+UNRECORDED = ("mending", "resolution", "transfer", "serving", "lab.paper")
 WITHOUT_EXAMPLE = {  # shrinks to nothing: an entry that has an example is refused
     "BothDirections",
     "MatchResult",
@@ -84,6 +85,33 @@ def test_every_name_of_the_first_rooms_has_an_example():
         if (documented := as_written(getattr(module, name))) and not has_example(documented)
     }
     assert without == WITHOUT_EXAMPLE
+
+
+def test_a_list_of_parameters_is_that_of_the_signature():
+    for module_name in ("isomatch", *(f"isomatch.{room}" for room in (*ROOMS, *UNRECORDED))):
+        module = importlib.import_module(module_name)
+        for name in module.__all__:
+            documented = as_written(getattr(module, name))
+            methods = vars(documented).values() if inspect.isclass(documented) else ()
+            for one in filter(None, (documented, *methods)):
+                one = getattr(one, "__func__", one)
+                if (listed := listed_parameters(one)) and (one is documented or inspect.isfunction(one)):
+                    taken = {
+                        each for each in inspect.signature(one).parameters if each not in ("self", "cls")
+                    }
+                    assert listed == taken, f"{module_name}.{name}: {one}"
+
+
+def listed_parameters(documented) -> set[str]:
+    """Names in the section of parameters; none if there is no section."""
+    text = inspect.getdoc(documented) or ""
+    _, _, section = text.partition("Parameters\n----------\n")
+    heads = re.split(r"^.+\n-{3,}$", section, maxsplit=1, flags=re.MULTILINE)[0]
+    return {
+        name.strip(" *")
+        for head in re.findall(r"^\S.*$", heads, re.MULTILINE)
+        for name in head.partition(" : ")[0].split(",")
+    }
 
 
 def has_example(documented) -> bool:

@@ -80,7 +80,7 @@ print(f"mean error {off.mean() / np.sqrt(target.mesh.area):.4f} √area")
 draw_map(source.mesh, target.mesh, own, "own_matcher.png")
 
 # %%
-# Handed to :func:`isomatch.match`, the same stages take part in all that it does: a contest of maps with rivals, the
+# Handed to :func:`isomatch.match`, the same stages take part in all that it does: a contest with alternatives, the
 # verdict, and shapes that are cut or stretched.
 
 result = match(source.mesh, target.mesh, refinement=Upsampling(), starts=stages.starts)

@@ -13,7 +13,7 @@ from corresponded import wrapped_as
 from isomatch import Asset, Correspondence, Mesh, match, read_asset, read_mesh, write_asset
 from isomatch.assets import Attribute, Frame, Polygons
 from isomatch.cli import main
-from isomatch.cli.outputs import write_wrapped
+from isomatch.cli.as_mesh import write_wrapped
 from isomatch.datasets import example_pair
 
 pytestmark = pytest.mark.usefixtures("prepared_once", "small_pictures")
@@ -135,8 +135,18 @@ def test_files_beside_are_not_replaced_unless_forced(words, scan, capsys):
 def test_repair_names_the_files_beside(scan, capsys):
     assert main(["repair", "a.obj", "-o", str(Path("out/b.obj")), "--force"]) == 0
     names = ("b.obj", "b_skin.png", "a.mtl", "b.index.npz")
-    assert f"wrote {', '.join(str(Path('out') / name) for name in names)}\n" in capsys.readouterr().out
+    written = ", ".join(str(Path("out") / name) for name in names)
+    assert capsys.readouterr().out.splitlines() == [f"nothing to repair; wrote an unchanged copy: {written}"]
     assert (scan / "out" / "b_skin.png").read_bytes() == PICTURE
+
+
+def test_repair_says_what_it_changed_and_wrote(scan, capsys):
+    (scan / "a.off").write_text("OFF\n5 2 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n9 9 9\n3 0 1 2\n3 0 2 3\n")
+    assert main(["repair", "a.off", "-o", "b.off"]) == 0
+    assert capsys.readouterr().out.splitlines() == [
+        "removed 1 vertex that no face used",
+        "wrote b.off, b.index.npz",
+    ]
 
 
 def test_a_target_that_cannot_be_read_is_refused_before_the_match(scan, capsys):
@@ -150,7 +160,10 @@ def test_notes_on_files_are_told(scan, capsys):
     (scan / "a.off").write_text("4 2 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2\n3 0 2 3\n")
     note = "note: a.off: the word OFF is missing in the first line"
     assert main(["repair", "a.off", "-o", "b.off"]) == 0
-    assert capsys.readouterr().out.splitlines()[:2] == ["nothing to repair", note]
+    assert capsys.readouterr().out.splitlines() == [
+        note,
+        "nothing to repair; wrote an unchanged copy: b.off, b.index.npz",
+    ]
     (scan / "map.txt").write_text("0\n1\n2\n3\n")
     (scan / "marks.csv").write_text("name,x,y,z\nnose,0.5,0.25,0\n")
     assert main(["transfer", "map.txt", "a.off", "a.obj", "--landmarks", "marks.csv", "-o", "out.csv"]) == 0

@@ -44,7 +44,7 @@ def test_the_maps_are_nearly_inverse(both, example):
 
 
 def test_the_result_says_what_was_done(both):
-    assert "rivals of it, turned around" in both.back.notes[0]
+    assert "alternatives to it, turned around" in both.back.notes[0]
     assert "prepare" not in both.back.timings
 
 

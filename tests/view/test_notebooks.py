@@ -199,7 +199,7 @@ def test_figures_show_the_mesh_and_touch_nothing_else(ball_basis):
 def test_a_prepared_shape_is_coloured_by_its_average_distance():
     prepared = prepare(BALL)
     _, bar = prepared.plot(width=300).axes
-    assert "average distance" in bar.get_ylabel()
+    assert bar.get_ylabel().split() == ["average", "distance", "/", "√area"]
     assert prepared.plot(np.ones((BALL.n_vertices, 3)), width=300).axes[0].images
 
 

@@ -150,3 +150,23 @@ def test_a_shape_without_area_beside_its_largest_coordinate_is_named(far):
     identity = Correspondence(np.arange(BALL.n_vertices), BALL.n_vertices)
     with pytest.raises(MeshError, match="source: cannot be drawn"):
         draw_map(flat, BALL, identity, io.BytesIO())
+
+
+@pytest.mark.parametrize(
+    ("label", "highest", "width"),
+    [
+        ("", 1.0, 400),
+        ("cost, $ and $", 25.0, 400),
+        ("geodesic error × 100 / √area", 25.0, 400),
+        ("geodesic error × 100 / √area", 25.0, 1200),
+        ("geodesic error of the image of each vertex, × 100 / √(area of the whole target)", 25e-5, 700),
+    ],
+)
+def test_the_colour_bar_with_its_label_is_in_the_picture(pair, label, highest, width):
+    source, target, found = pair
+    values = ValuePanel(np.linspace(0, highest, source.n_vertices), label, highest=highest)
+    picture = draw_map(source, target, found, values=values, width=width)
+    *panels, bar = picture.axes
+    box, whole = bar.get_tightbbox(), picture.bbox
+    assert bar.get_ylabel().split() == label.split()
+    assert min(box.x0 - panels[-1].bbox.x1, box.y0, whole.x1 - box.x1, whole.y1 - box.y1) > 0

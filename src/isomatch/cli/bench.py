@@ -137,19 +137,15 @@ def _say(table: list[dict[str, Any]], output: Path, notes: list[str]) -> None:
         f"  {'method':{wide}} {'pairs':>5} {'mean':>6} {'median':>6} {'max':>6} {'> 10':>5} {'seconds':>8} {'cycle':>6}"
     )
     last = None
-    for row in table:
+    for row in evaluation.told_of_parts(table):
         if (name := evaluation.set_label(row)) != last:
             last = name
             say(f"{name}{', at landmarks' * (row['judged_at'] == 'landmarks')}", "bold")
         say(
             f"  {row['method']:{wide}} {row['pairs']:5d} {_number(row['mean'])} {_number(row['median'])} "
             f"{_number(row['max'])} {row['failures']:5d} {_number(row['seconds']):>8} {_number(row['cycle'])}"
-            + (f"  IoU {row['iou']:.0%}" if (row["iou"] or 1) < 1 else "")
-            + (
-                f"  where matched {row['error_matched']:.2f}"
-                if row["error_matched"] and row["unmatched"]
-                else ""
-            )
+            + (f"  IoU {row['iou']:.0%}" if row.get("iou") is not None else "")
+            + (f"  where matched {row['error_matched']:.2f}" if row.get("error_matched") is not None else "")
             + (f"  {row['problems']} with a problem" if row["problems"] else "")
         )
     say_notes(notes[:NOTES])

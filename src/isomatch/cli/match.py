@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -12,24 +13,18 @@ from cyclopts import Parameter
 
 import isomatch
 from isomatch import view
-from isomatch.assets import files_beside
+from isomatch.cli.as_mesh import ResultMesh, say_wrapped
 from isomatch.cli.inputs import naming_files, read_config, read_functions, read_outcomes, read_surface
 from isomatch.cli.outputs import (
     ResultFolder,
     back_of,
-    claimed_files,
-    notes_on,
     refuse_outcomes,
-    require_writable,
     say_files,
     say_result,
-    say_wrapped,
-    write_wrapped,
 )
-from isomatch.cli.terminal import TALK, Talk, json_text, part, say
+from isomatch.cli.terminal import TALK, Talk, part, say
 from isomatch.errors import LandmarkError, MapError, NotConvergedError
 from isomatch.settings import Hypotheses, Orientation, RefinementName, Resolution, Start
-from isomatch.storage.files import write_text
 
 
 def match(
@@ -81,7 +76,7 @@ def match(
     initial_map : Path
         A map to start from: a text file with one target vertex per line (-1: unknown), an .npy, .mat or map.npz.
     hypotheses : str
-        Whether automatic maps compete with the hints (all, the default), or only rivals of them are reported (given).
+        Whether automatic maps compete with the hints (all, the default), or are only reported as alternatives (given).
     function : list of str
         Name of a scalar or a colour of the points that means the same in both files, such as thickness: it takes part
         in search and refinement. May be given several times.
@@ -142,13 +137,11 @@ def match(
                 read_functions(source, function, shapes[0].n_vertices),
                 read_functions(target, function, shapes[1].n_vertices),
             )
-        beside: tuple[Path, ...] = ()
+        mesh: ResultMesh | None = None
         if as_mesh is not None:
-            require_writable(as_mesh)
             _require_faces(**{str(source): shapes[0], str(target): shapes[1]})
-            assets = isomatch.read_asset(source), isomatch.read_asset(target, sound=False)
-            beside = files_beside(as_mesh, assets[0])
-        with folder.claimed(force), claimed_files(as_mesh, *beside, force=force):
+            mesh = ResultMesh.read(as_mesh, source, target)
+        with folder.claimed(force), mesh.claimed(force) if mesh else nullcontext():
             inputs = {
                 "source": source,
                 "target": target,
@@ -191,14 +184,8 @@ def match(
             record = folder.write(
                 *drawn, result, titles=titles, more=more, back=back_of(back) if back else None, **shown
             )
-            if as_mesh is not None:
-                wrapped = isomatch.wrap(result.map, *shapes)
-                record["as_mesh"] = {
-                    **write_wrapped(as_mesh, assets[0], assets[1].frame, wrapped, result.expected_error),
-                    "files_beside": list(map(str, beside)),
-                    "notes": notes_on(dict(zip((source, target), assets))),
-                }
-                write_text(folder.result, json_text(record))
+            if mesh:
+                mesh.write(folder, record, result, *shapes)
         tell("done", 1.0)
 
     def summary() -> None:
@@ -206,7 +193,7 @@ def match(
         if back:
             say("back, from target to source", "bold")
             say_result(back, details)
-        if as_mesh is not None:
+        if mesh:
             say_wrapped(record["as_mesh"])
         say_files(record)
 

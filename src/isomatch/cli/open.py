@@ -17,6 +17,7 @@ from cyclopts import Parameter
 
 import isomatch
 from isomatch import serving, view
+from isomatch.cli.as_mesh import MESH_LEFT
 from isomatch.cli.earlier import Earlier
 from isomatch.cli.inputs import read_config, read_surface
 from isomatch.cli.match import with_landmarks
@@ -53,8 +54,8 @@ def open_page(
         Mesh to map to; not with a folder.
     output : Path
         Folder into which the page saves the files that isomatch match writes. Without it, the page offers them as a
-        download. A result that is opened is saved into its own folder, without its map back once there is another
-        map.
+        download. A result that is opened is saved into its own folder; once there is another map, without its map back,
+        and with the file of --as-mesh written again unless it was edited.
     landmarks : Path
         Landmarks to begin with, as for isomatch match.
     target_landmarks : Path
@@ -83,8 +84,8 @@ def open_page(
         _require_result(source, [option for option, value in own.items() if value is not None])
         earlier = Earlier.read(source)
         surfaces, again = earlier.surfaces(), earlier.record["match_again"]
-        result, back = earlier.result(*surfaces), earlier.back(surfaces[0])
-        opened = None if back is None else (result, back)
+        result = earlier.result(*surfaces)
+        opened = _Opened(result, earlier, earlier.back(surfaces[0]))
         keeper = _Files(earlier.source, earlier.target, surfaces, earlier.folder, again, opened)
         begun: dict[str, Any] = {"result": result, "config": result.config, "seed": result.seed}
         pairs, force = earlier.landmarks, True
@@ -125,19 +126,24 @@ def _require_result(folder: Path, options: list[str]) -> None:
 
 
 @dataclass(frozen=True)
-class _Files:
-    """Writes what `isomatch match` writes, see `serving.Keeper`.
+class _Opened:
+    """A result that was opened: its map back is kept with no other map, its mesh file is written again for another."""
 
-    ``again`` is the command that matches again, ``opened`` the result that was opened with its map back, which is kept
-    with no other result.
-    """
+    result: isomatch.MatchResult
+    earlier: Earlier
+    back: Back | None
+
+
+@dataclass(frozen=True)
+class _Files:
+    """Writes what `isomatch match` writes, see `serving.Keeper`; ``again`` is the command that matches again."""
 
     source: Path
     target: Path
     surfaces: Surfaces
     results: ResultFolder | None
     again: str
-    opened: tuple[isomatch.MatchResult, Back] | None = None
+    opened: _Opened | None = None
 
     @property
     def names(self) -> tuple[str, str]:
@@ -164,12 +170,20 @@ class _Files:
         if self.results is None:
             raise SettingError("there is no folder to save into; start isomatch open with -o DIR")
         had_back = self.results.has_back
+        earlier = self.opened.earlier if self.opened and result is not self.opened.result else None
+        mesh = earlier.mesh() if earlier else None
         record = self._write(self.results, result, landmarks)
-        removed = [BACK_REMOVED] if had_back and not self.results.has_back else []
-        left = "".join(f"; {what}" for what in [*record["undrawn"], *removed])
-        return (
-            f"Saved {', '.join(Path(path).name for path in record['files'].values())} in {self.folder}{left}."
-        )
+        told = [*record["undrawn"], *([BACK_REMOVED] if had_back and not self.results.has_back else [])]
+        if mesh:
+            with mesh.claimed(force=True):
+                mesh.write(self.results, record, result, *self.surfaces)
+            told.append(f"{mesh.path} was written again, for this map")
+        elif earlier and earlier.as_mesh:
+            told.append(MESH_LEFT.format(earlier.as_mesh["file"]))
+        if earlier:
+            earlier.record["as_mesh"] = record.get("as_mesh")
+        names = ", ".join(Path(path).name for path in record["files"].values())
+        return f"Saved {names} in {self.folder}{''.join(f'; {what}' for what in told)}."
 
     def packed(self, result: isomatch.MatchResult, landmarks: serving.Pairs) -> bytes:
         archive = BytesIO()
@@ -186,7 +200,7 @@ class _Files:
         self, results: ResultFolder, result: isomatch.MatchResult, landmarks: serving.Pairs
     ) -> dict[str, Any]:
         source_name, target_name = self.names
-        back = self.opened[1] if self.opened and result is self.opened[0] else None
+        opened = self.opened if self.opened and result is self.opened.result else None
         return results.write(
             *self.drawn,
             result,
@@ -198,8 +212,9 @@ class _Files:
                 "target": str(self.target),
                 "match_again": self.again,
                 "landmarks": [list(pair) for pair in landmarks],
+                **({"as_mesh": opened.earlier.as_mesh} if opened and opened.earlier.as_mesh else {}),
             },
-            back=back,
+            back=opened.back if opened else None,
             landmarks=landmarks or None,
             command=self.again,
         )

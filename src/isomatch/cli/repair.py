@@ -56,11 +56,12 @@ def repair(
         with claimed_files(*beside, force=force):
             left = [attribute.name for attribute in isomatch.write_asset(output, asset)]
         write_arrays(index, {name: getattr(repaired, name) for name in _INDICES})
-    for change in repaired.changes or ("nothing to repair",):
+    for change in repaired.changes:
         say(change)
     say_left_out(left, output)
     say_notes(notes_on({file: asset}))
-    say(f"wrote {', '.join(map(str, (output, *beside, index)))}")
+    what = "wrote" if repaired.changes else "nothing to repair; wrote an unchanged copy:"
+    say(f"{what} {', '.join(map(str, (output, *beside, index)))}")
 
 
 def _whole(file: Path, output: Path) -> Path | isomatch.Asset:

@@ -60,12 +60,19 @@ def match_both(
     relation: Relation | None = None,
     functions: tuple[ArrayLike, ArrayLike] | None = None,
 ) -> BothDirections:
-    """Match two surfaces in both directions; errors and parameters are those of `match`.
+    """Match two surfaces in both directions.
 
     The shapes are prepared once, and hints are turned around. Of complete shapes that are matched automatically, and
-    none of which alone seems to be inside out, the map back is not searched again: the map there and its rivals, turned
-    around, are the hypotheses, which are judged and refined like any others. Otherwise the way back is matched like the
-    way there. The first note of ``back`` says which.
+    none of which alone seems to be inside out, the map back is not searched again: the map there and its alternatives,
+    turned around, are the hypotheses, which are judged and refined like any others. Otherwise the way back is matched
+    like the way there. The first note of ``back`` says which.
+
+    Parameters
+    ----------
+    source, target, landmarks, initial_map, initial_descriptors, config, seed, progress
+        As for `match`, whose errors are raised.
+    refinement, starts, relation, functions
+        As for `match`; of both directions.
 
     Returns
     -------
@@ -137,7 +144,7 @@ def _both(
         solution = solution.with_evidence(Evidence.of(solution_there.outcome))
         note = (
             "the shapes were prepared for both directions at once; the hypotheses are the map of the other direction and "
-            f"{len(hypotheses) - 1} rivals of it, turned around, and the outcome is at most as sure as there"
+            f"{len(hypotheses) - 1} alternatives to it, turned around, and the outcome is at most as sure as there"
         )
     solution = replace(solution, notes=(note, *solution.notes))
     return BothDirections(there, judged(solution, timer_back, seed))

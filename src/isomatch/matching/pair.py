@@ -97,6 +97,8 @@ class ShapePair(SmoothPair):
         The shapes.
     config : Config
         The settings of the match.
+    functions : Embedding, optional
+        Known functions, of mean 0 and variance 1: values at the user's vertices, (n_source, q) and (n_target, q).
     """
 
     source: PreparedShape

@@ -138,7 +138,7 @@ class Quality(Shown):
 
 @dataclass(frozen=True, eq=False)
 class Alternative:
-    """A runner-up.
+    """Another map that was considered.
 
     Parameters
     ----------
@@ -199,7 +199,7 @@ class MatchResult(Shown):
         Measures without ground truth.
     expected_error : (n_source,) array of float
         Estimate of the geodesic error of each vertex's image, in √area of the target; nan where unmatched. Calibrated for
-        maps that are right as a whole; where a rival map was found, the chance that it is right counts too.
+        maps that are right as a whole; where an alternative was found, the chance that it is right counts too.
     alternatives : tuple of Alternative
         Distinct other maps, best first.
     timings : dict of str to float
@@ -268,7 +268,22 @@ class MatchResult(Shown):
         width: int = 1800,
         view: tuple[float, float] | None = None,
     ) -> Figure:
-        """Draw both surfaces side by side, in the same colour what corresponds: `Correspondence.plot` of the map."""
+        """Draw both surfaces side by side, in the same colour what corresponds: `Correspondence.plot` of the map.
+
+        Parameters
+        ----------
+        source, target, values, label, colour_map, title, width, view
+            As for `Correspondence.plot`.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+
+        Raises
+        ------
+        MapError, DescriptorError, MeshError, SettingError
+            As for `Correspondence.plot`.
+        """
         return self.map.plot(
             source,
             target,

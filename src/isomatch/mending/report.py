@@ -99,9 +99,10 @@ class MeshReport:
         Length of each boundary loop, longest first, in mesh units. Loops that share a vertex count as one.
     non_finite_vertices, unused_vertices, coincident_vertices, non_manifold_vertices : (d,) array of int
         Vertices with the defect. A coincident vertex is at exactly the position of an earlier one.
-    out_of_range_faces, repeated_index_faces, duplicate_faces, zero_area_faces, sliver_faces : (d,) array of
-    int
-        Faces with the defect; see ``ZERO_AREA_RATIO`` and ``SLIVER_RATIO`` in this file.
+    out_of_range_faces, repeated_index_faces, duplicate_faces : (d,) array of int
+        Faces with the defect.
+    zero_area_faces, sliver_faces : (d,) array of int
+        The same; see ``ZERO_AREA_RATIO`` and ``SLIVER_RATIO`` in this file.
     non_manifold_edges, inconsistent_edges : (d, 2) array of int
         Edges of more than two faces; edges that both of their faces traverse in the same direction.
     inward_components : (d,) array of int

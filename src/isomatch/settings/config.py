@@ -78,7 +78,7 @@ class Config(Settings, Shown):
         With "all", an automatic one wins where it fits better than the hints; of maps that tie, the one nearest to the
         hints wins, even if it is a mirror image.
     search_rivals : bool, optional
-        With ``hypotheses="given"``: whether automatic hypotheses are searched all the same, as rivals, so that the
+        With ``hypotheses="given"``: whether automatic hypotheses are searched all the same, as alternatives, so that the
         quality reports when one of them fits better. It takes as long as an automatic match. By default they are for
         the refinements "joint" and "smooth", and not for those of the paper.
     refinement : {"none", "laplace_icp", "joint", "smooth"}

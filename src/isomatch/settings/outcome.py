@@ -16,7 +16,7 @@ class OutcomeSettings(Settings):
     coverage_radius : float
         A target vertex this near to an image along edges, in √area, is covered.
     tie : float
-        Score of a rival, against the map returned, below which nothing decides between them.
+        Score of an alternative, against the map returned, below which nothing decides between them.
     look_tie : float
         The same between shapes far from isometric, whose misfits are nearly equal.
     mirror_tie : float

@@ -40,7 +40,7 @@ class PartSettings(Settings):
         Doubt above which a map is not sure; see `Quality`.
     little_trusted, clear : float
         Share of the pairs of anchors whose distance on the whole is known, below which a map is not sure, either, unless
-        the score of its rival is at least so many times its own.
+        the score of its best alternative is at least so many times its own.
     mismatch_weight : float
         As `SelectionSettings.mismatch_weight`, of parts; also of roughly refined maps, over everything that is known.
     n_common : int
@@ -48,7 +48,7 @@ class PartSettings(Settings):
     sure_common : float
         How much more alike than at random the parts must look in the best of them for it to be sure; see ``CommonDoubt``.
     tie : float
-        Score of a rival, against the map returned, below which nothing decides between them.
+        Score of an alternative, against the map returned, below which nothing decides between them.
     """
 
     hopeless: float = setting(3.0, "docs/robustness.md: parts", least=1)

@@ -35,7 +35,7 @@ class SelectionSettings(Settings):
     energy_exponent : float
         Score of a refined map = misfit × energy to this power.
     rival_distance : float
-        Mean distance between images, in √area, from which a refined map is a rival and not a variant of the winner.
+        Mean distance between images, in √area, from which a refined map is an alternative, not a variant of the winner.
     mismatch_weight : float
         The ratio of the costs of two maps is multiplied by exp(this × the difference of their mean mismatches, see
         `BallSignature`, over the region where they differ).

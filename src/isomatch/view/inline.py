@@ -16,8 +16,7 @@ from isomatch.surfaces import Surface
 from isomatch.values.arrays import IntArray
 from isomatch.values.cached import cached_property
 from isomatch.view.layers import known_layers
-from isomatch.view.points import drawable
-from isomatch.view.report import (
+from isomatch.view.page import (
     maps_of,
     page_of,
     pairs_on,
@@ -26,6 +25,7 @@ from isomatch.view.report import (
     text_of,
     told_of,
 )
+from isomatch.view.points import drawable
 from isomatch.view.report_sections import paragraphs
 from isomatch.view.scene import scene_of
 

@@ -72,10 +72,10 @@ MEASURES = {
         most_of="outcome.poor_misfit",
     ),
     "rival": Measure(
-        "next best map",
+        "best alternative",
         "{:.2f} ×",
         "1 is a tie; large is clear",
-        "How much worse the best different map fits, as a ratio of scores. 1 is a tie, as between the two sides of a "
+        "How much worse the best map that differs fits, as a ratio of scores. 1 is a tie, as between the two sides of a "
         "symmetric shape; below 1 the other map fits better; none if no other map came close.",
         least_of="outcome.tie",
     ),

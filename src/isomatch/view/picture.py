@@ -7,8 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
 from io import BytesIO
+from itertools import count
+from textwrap import wrap
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
 from matplotlib.figure import Figure
@@ -23,7 +26,11 @@ DPI = 200
 SHARPNESS = 2  # pixels of a picture for each pixel of a page, as many as sharp screens have
 TALLEST = 1.15  # largest height of a panel over its width
 LEAST_WIDTH = 200  # pixels of a picture
-MARGIN, TITLE, COLOUR_BAR = 30, 70, 175  # pixels
+MARGIN, TITLE, COLOUR_BAR = 30, 70, 175  # pixels; the last is what a bar takes at least, with its label
+BAR, BAR_HEIGHT = 24, 0.7  # pixels across, and share of the height of a panel
+BESIDE_BAR = (
+    120  # pixels; least height of panels beside a bar, so that two numbers and a word of its label fit
+)
 TEXT = 9  # points
 
 
@@ -92,13 +99,14 @@ def pictured(
     """
     if int(width) != width or width < LEAST_WIDTH:
         raise SettingError(f"width = {width} is not an integer of at least {LEAST_WIDTH} pixels")
-    right = 0 if values is None else COLOUR_BAR
     above, below = (TITLE if any(texts) else 0 for texts in ([title], [panel.title for panel in panels]))
     extents = np.array([panel.view.extent() for panel in panels])  # (panels, 2)
-    room = max(width - right - MARGIN * (len(panels) + 1), len(panels))
-    tallest = TALLEST * room / len(panels)
-    scale = min(room / extents[:, 0].sum(), tallest / extents[:, 1].max())
-    height = max(int(np.ceil(scale * extents[:, 1].max())), 1)
+    right, least = (0, 1) if values is None else (COLOUR_BAR, BESIDE_BAR)
+    room, scale, height = _fitted(extents, width - right, least)
+    # a wider bar leaves less height for its label, and that may take more lines
+    while values is not None and right < (needed := min(_bar_room(values, height), width // 2)):
+        right = needed
+        room, scale, height = _fitted(extents, width - right, least)
     widths = np.ceil(scale * extents[:, 0]).astype(int)
     spare = (room - int(widths.sum())) // len(panels)
     widths = np.maximum(widths + spare, 1)
@@ -111,8 +119,16 @@ def pictured(
         left += panel_width + MARGIN
     _add_text(picture, title, width / 2, bottom + height + MARGIN + above / 2, size=TEXT + 2)
     if values is not None:
-        _add_colour_bar(picture, values, bottom, height)
+        _add_colour_bar(picture, values, width - right, bottom, height)
     return picture
+
+
+def _fitted(extents: FloatArray, width: int, least: int) -> tuple[int, float, int]:
+    """Pixels in a row for all panels, pixels for a unit of their extents (n, 2), and the height of the row."""
+    room = max(width - MARGIN * (len(extents) + 1), len(extents))
+    tallest = TALLEST * room / len(extents)
+    scale = float(min(room / extents[:, 0].sum(), tallest / extents[:, 1].max()))
+    return room, scale, max(int(np.ceil(scale * extents[:, 1].max())), least)
 
 
 def _add_image(picture: Picture, image: FloatArray, left: int, bottom: int) -> None:
@@ -139,15 +155,43 @@ def _drawable(text: str) -> str:
     )
 
 
-def _add_colour_bar(picture: Picture, values: ValuePanel, bottom: int, height: int) -> None:
-    whole = picture.bbox.width, picture.bbox.height
-    left, thick = 1 - COLOUR_BAR / whole[0], 0.14 * COLOUR_BAR / whole[0]
-    axes = picture.add_axes((left, (bottom + 0.15 * height) / whole[1], thick, 0.7 * height / whole[1]))
-    mappable = ScalarMappable(values.scale(), values.colours)
-    bar = picture.colorbar(mappable, cax=axes, extend=values.beyond)
+def _add_colour_bar(picture: Picture, values: ValuePanel, left: int, bottom: int, height: int) -> Axes:
+    """Add the bar beside a panel; its label is at most a margin longer than the bar at either end, if words allow it."""
+    size = np.array([picture.bbox.width, picture.bbox.height] * 2)
+    tall = BAR_HEIGHT * height
+    axes = picture.add_axes(tuple(np.array([left, bottom + (height - tall) / 2, BAR, tall]) / size))
+    bar = picture.colorbar(ScalarMappable(values.scale(), values.colours), cax=axes, extend=values.beyond)
     bar.ax.tick_params(labelsize=TEXT - 2, colors="black")
     bar.ax.yaxis.offsetText.set_fontsize(TEXT - 2)
-    bar.set_label(_drawable(values.label), size=TEXT - 2, color="black")
+    lines = _in_lines(_drawable(values.label), tall + 2 * MARGIN)
+    bar.set_label("\n".join(lines), size=TEXT - 2, color="black", parse_math=False)
+    return bar.ax
+
+
+def _bar_room(values: ValuePanel, height: int) -> int:
+    """Pixels that a colour bar takes beside a panel of a height, with its numbers, its label and a margin."""
+    axes = _add_colour_bar(Picture(LEAST_WIDTH, height + 2 * MARGIN), values, 0, MARGIN, height)
+    taken = axes.get_tightbbox()
+    return MARGIN // 2 + (int(np.ceil(taken.x1)) if taken else 0)
+
+
+def _in_lines(label: str, length: float) -> list[str]:
+    """Break a label of a colour bar into as few lines as fit into a length in pixels, all nearly as long."""
+
+    def broken(n_lines: int) -> list[str]:
+        every = (wrap(label, width, break_long_words=False) for width in count(1))
+        return next(lines for lines in every if len(lines) <= n_lines)
+
+    measured = Picture(LEAST_WIDTH, LEAST_WIDTH).text(0, 0, "", size=TEXT - 2, parse_math=False)
+
+    def longest(lines: list[str]) -> float:
+        measured.set_text("\n".join(lines))
+        return measured.get_window_extent().width
+
+    most = len(label.split())
+    return next(
+        (lines for n in range(1, most) if longest(lines := broken(n)) <= length), broken(max(most, 1))
+    )
 
 
 def png(data: bytes) -> str:

@@ -18,10 +18,10 @@ from isomatch.settings import Config
 from isomatch.shapes import PreparedShape
 from isomatch.surfaces import Graph, Mesh, PointCloud, Surface, unsound_faces
 from isomatch.view.measures import MEASURES, Measure, quality_measures
+from isomatch.view.outcome_colours import outcome_colour
 from isomatch.view.picture import SHARPNESS
 from isomatch.view.plots import plot_surface
 from isomatch.view.points import drawable
-from isomatch.view.report import COLOURS, UNDECIDED
 from isomatch.view.stills import draw_map, paintable
 from isomatch.view.summary import HEADLINES, summary_of
 
@@ -193,7 +193,7 @@ def _told(rows: Mapping[str, object]) -> str:
 def _verdict(outcome: Outcome, headline: str, *told: str) -> str:
     """Say how a match ended and what to do, beside a bar in the colour of the outcome."""
     return (
-        f'<div style="border-left:.35em solid {COLOURS.get(outcome, UNDECIDED)};padding:.1em 0 .1em .8em;margin:.4em 0">'
+        f'<div style="border-left:.35em solid {outcome_colour(outcome)};padding:.1em 0 .1em .8em;margin:.4em 0">'
         f"<b>{escape(headline)}</b> <code>Outcome.{outcome.name}</code>"
         f"{''.join(f'<br>{escape(text)}' for text in told if text)}</div>"
     )

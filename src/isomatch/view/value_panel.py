@@ -32,7 +32,7 @@ class ValuePanel:
     values : (n_source,) array_like of float
         The values; ``nan`` is drawn grey.
     label : str
-        Label of the colour bar, with the unit.
+        Label of the colour bar, with the unit; it is broken into lines where a picture is lower than it is long.
     highest : float, optional
         Value of the brightest colour, from 0; by default the bar spans all but a per cent of the values at either end,
         from 0 if they begin near it, and as far on both sides of 0 if they have either sign.

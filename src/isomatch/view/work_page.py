@@ -14,10 +14,9 @@ from isomatch.settings import Config, Orientation
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import IntArray
 from isomatch.view.layers import known_layers
-from isomatch.view.report import (
-    COLOURS,
+from isomatch.view.outcome_colours import UNDECIDED, outcome_colour
+from isomatch.view.page import (
     MOST_ALTERNATIVES,
-    UNDECIDED,
     maps_of,
     page_of,
     pairs_on,
@@ -145,7 +144,7 @@ class WorkPage:
             "outcome": result.outcome.name,
             "headline": summary.headline,
             "advice": summary.advice_in_python,
-            "colour": COLOURS.get(result.outcome, UNDECIDED),
+            "colour": outcome_colour(result.outcome),
             "sure": summary.sureness,
             "since": "" if before is None else self._since(self._moved(result.map, before)),
             "regions": [self._region(region, result.map) for region in result.regions],

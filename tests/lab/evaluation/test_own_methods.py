@@ -345,7 +345,7 @@ def test_the_command_runs_functions_and_maps(folder, tmp_path, image, monkeypatc
     own = "--method mine_of_a_test:right --maps theirs --maps-from 0"
     assert main(f"bench --set sheets {own} -o out --jobs 1".split()) == 0
     said = capsys.readouterr().out
-    assert "IoU" in said
+    assert "IoU" not in said  # every vertex has a counterpart, so that it says what "unmatched" says
     with (tmp_path / "out" / "pairs.csv").open() as file:
         rows = {row["method"]: row for row in csv.DictReader(file)}
     assert set(rows) == {"mine_of_a_test:right", "theirs"}
@@ -354,7 +354,8 @@ def test_the_command_runs_functions_and_maps(folder, tmp_path, image, monkeypatc
     assert float(rows["theirs"]["error"]) == pytest.approx(100 * 9 / N, rel=1e-4)
     assert float(rows["theirs"]["error_matched"]) == 0
     page = (tmp_path / "out" / "index.html").read_text(encoding="utf-8")
-    assert "<th scope=col>iou</th>" in page
+    assert "<th scope=col>iou</th>" not in page
+    assert "<th scope=col>unmatched</th>" in page
     assert main(f"bench --set sheets --methods nothing:f -o {tmp_path}/out".split()) == 1
     assert "nothing cannot be imported" in capsys.readouterr().err
 
@@ -465,6 +466,11 @@ def test_damage_adds_to_what_has_no_counterpart(tmp_path):
     assert whole["precision"] == pytest.approx(1 - 7 / N)
     assert cut["precision"] < whole["precision"] - 0.1
     assert whole["iou"] > cut["iou"] > 0.3
+    result = benchmark(root, all_on_one, tmp_path / "out", **QUICK)
+    assert "IoU" in str(result)
+    page = (tmp_path / "out" / "index.html").read_text(encoding="utf-8")
+    assert "<th scope=col>iou</th>" in page
+    assert "<th scope=col>error matched</th>" in page
     assert whole["recall"] == cut["recall"] == 1
     assert 20 < cut["error"] < 200
 

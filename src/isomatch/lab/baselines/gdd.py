@@ -48,7 +48,7 @@ def gdd(
     Shamai & Kimmel, *Geodesic Distance Descriptors*, CVPR 2017. Reconstructed: distances are divided by their average,
     and images are precise. Landmarks at extremities leave the front and the back of a thin body undecided, so flips of
     the first map that agree with the landmarks are tried as well, and the selection is that of `match`. Automatic
-    hypotheses are searched as rivals only if the settings switch ``search_rivals`` on.
+    hypotheses are searched as alternatives only if the settings switch ``search_rivals`` on.
     """
     config = replace(config or Config(), refinement="none", **PLAIN)
     return match(source, target, landmarks, initial_map, initial_descriptors, config, seed)
@@ -65,9 +65,14 @@ def gdd_post(
 ) -> MatchResult:
     """Match by geodesic distance descriptors, then post-process in the Laplace–Beltrami basis.
 
-    Parameters and result are those of `gdd`. In the paper, the post-processing is iterative closest points with an
+    In the paper, the post-processing is iterative closest points with an
     orthogonal functional map. Here the functional map grows from a few functions to ``n_functions`` of the settings, see
     ``laplace_icp_embedding``.
+
+    Parameters
+    ----------
+    source, target, landmarks, initial_map, initial_descriptors, config, seed
+        As for `gdd`, of which the result and the errors are, too.
     """
     config = replace(config or Config(), refinement="laplace_icp", **PLAIN)
     return match(source, target, landmarks, initial_map, initial_descriptors, config, seed)

@@ -27,6 +27,10 @@ class ZoomOutConfig(FunctionalMapsConfig):
         Number of functions at the end.
     step : int
         Number of functions added in each step.
+    n_functions, descriptor_weight, product_weight, orientation_weight, laplacian_weight
+        As for `FunctionalMapsConfig`.
+    signatures, orientation, refinement
+        The same; by default there is no refinement.
     """
 
     refinement: FunctionalRefinement = "none"

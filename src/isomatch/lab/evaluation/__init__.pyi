@@ -6,6 +6,7 @@ from isomatch.lab.evaluation.distortion import MetricDistortion, distance_table,
 from isomatch.lab.evaluation.ledger import read_rows, set_label
 from isomatch.lab.evaluation.methods import CONTINUATIONS, METHODS, Method
 from isomatch.lab.evaluation.own_methods import MapsInFolder, OwnFunction
+from isomatch.lab.evaluation.page import told_of_parts
 from isomatch.lab.evaluation.princeton import (
     LIMIT,
     THRESHOLDS,
@@ -54,6 +55,7 @@ __all__ = [
     "set_label",
     "sided_errors",
     "summaries",
+    "told_of_parts",
     "true_landmarks",
     "write_tables",
 ]

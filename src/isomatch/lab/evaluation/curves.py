@@ -147,7 +147,7 @@ def _draw(
         base, plus, _ = name.partition("+")
         given_landmarks = name == OURS or base not in METHODS or METHODS[base].n_landmarks
         axes.plot(
-            THRESHOLDS,
+            100 * THRESHOLDS,
             100 * curve,
             linestyle=("--" if given_landmarks else "-.") if plus else "-" if given_landmarks else ":",
             color=colours.get(_family(name), "black"),
@@ -158,11 +158,14 @@ def _draw(
     for other, (dashes, colour) in zip(others, product(DASHES, COLOURS)):
         label = f"{other.method} (published)"
         axes.plot(
-            other.errors, 100 * other.shares, linestyle=dashes, color=colour, linewidth=1.1, label=label
+            100 * other.errors, 100 * other.shares, linestyle=dashes, color=colour, linewidth=1.1, label=label
         )
     axes.set_axis_on()
     axes.set(
-        xlabel="geodesic error / √(target area)", xlim=(0, LIMIT), ylabel="correspondences, %", ylim=(0, 101)
+        xlabel="geodesic error × 100 / √area",
+        xlim=(0, 100 * LIMIT),
+        ylabel="correspondences, %",
+        ylim=(0, 101),
     )
     axes.grid(alpha=0.3)
     legend = axes.legend(

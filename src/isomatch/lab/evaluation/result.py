@@ -14,6 +14,7 @@ from isomatch.lab.evaluation.benchmark import rows_of, run_benchmark
 from isomatch.lab.evaluation.benchmark_run import BenchmarkRun
 from isomatch.lab.evaluation.ledger import Row
 from isomatch.lab.evaluation.own_methods import MapsInFolder, OwnFunction
+from isomatch.lab.evaluation.page import told_of_parts
 from isomatch.lab.evaluation.tables import summaries, write_tables
 
 COLUMNS = {
@@ -34,6 +35,9 @@ class BenchmarkResult:
         One for each pair and method, with all measures, or with a "problem".
     folder : Path or None
         Where tables and the page ``index.html`` are, if they were written.
+
+    Attributes
+    ----------
     summary : tuple of dict
         One for each method, see `summaries`.
     """
@@ -82,17 +86,14 @@ class BenchmarkResult:
 
     def _table(self) -> list[list[str]]:
         """Titles and lines of the columns that tell something of some method."""
-        empty = {"mean": (), "iou": (None, 1), "error_matched": (None,)}
+        summary = told_of_parts(self.summary)
+        empty = {"mean": (), "iou": (None,), "error_matched": (None,)}
         shown = [
-            key
-            for key in COLUMNS
-            if any(line.get(key) not in empty.get(key, (None, 0)) for line in self.summary)
+            key for key in COLUMNS if any(line.get(key) not in empty.get(key, (None, 0)) for line in summary)
         ]
-        if not any(line.get("unmatched") for line in self.summary):
-            shown = [key for key in shown if key != "error_matched"]
         return [
             [COLUMNS[key] for key in shown],
-            *([_cell(line.get(key)) for key in shown] for line in self.summary),
+            *([_cell(line.get(key)) for key in shown] for line in summary),
         ]
 
     def _remarks(self) -> list[str]:

@@ -378,7 +378,7 @@ class Isometry(Relation):
         if selection.hints_decided:
             reason += "; of those that tie, it agrees best with the hints"
         if selection.rival < np.inf:
-            reason += f"; the best rival scores {selection.rival:.2f} times as much"
+            reason += f"; the best alternative scores {selection.rival:.2f} times as much"
         mismatch = mismatch_of(self.source.balls, self.target.balls, points.corners[:, 0])
         quality = replace(quality, mismatch=mean_known(mismatch, self.source.body.vertex_areas))
         origin = self.origin_of(selection.winner)
