@@ -108,7 +108,8 @@ def line(name: str, rows: list[dict[str, Any]]) -> dict[str, Any]:
         "median": f"{np.median(errors):.2f}",
         "worst": f"{errors.max():.1f}",
         "wrong (> 10)": int((errors > WRONG).sum()) + len(rows) - len(good),
-        "called right, of these wrong": f"{len(sure)}, {sum(error > WRONG for error in sure)}",
+        "called right": len(sure),
+        "of these wrong": sum(error > WRONG for error in sure),
         "mean where matched": f"{np.mean(matched):.2f}" if any(row.get("unmatched") for row in good) else "",
         "IoU, %": overlap_of(name, rows),
         "seconds, one thread": f"{np.median([row['seconds'] for row in good]):.1f}",
@@ -129,11 +130,11 @@ def beside(found: dict[str, list[dict[str, Any]]]) -> list[dict[str, str]]:
         | {
             "contest": CONTESTS[name].field,
             "method": "**isomatch**",
-            "error": line(name, rows)["mean"],
+            "error": line(name, rows)["mean where matched" if CONTESTS[name].overlap else "mean"],
             "IoU, %": overlap_of(name, rows),
             "learns": "nothing",
             "hardware": f"1 thread, {line(name, rows)['seconds, one thread']} s a pair",
-            "pairs": f"{CONTESTS[name].title}: {len(rows)}",
+            "pairs": " of ".join(filter(None, [str(len(rows)), CONTESTS[name].title.partition(", ")[2]])),
         }
         for name, rows in found.items()
         if CONTESTS[name].field
@@ -160,9 +161,11 @@ def curves(found: dict[str, list[dict[str, Any]]], output: Path) -> None:
     )
     figure = Figure(figsize=(9, 5), layout="constrained")
     axes = figure.subplots()
-    for number, (title, share) in enumerate(shares.items()):
-        style = "--" if "remeshed" in title.partition(",")[2] else "-"
-        axes.plot(100 * THRESHOLDS, 100 * share, style, color=f"C{number % 10}", label=title)
+    colours: dict[str, str] = {}  # a remeshed set has that of the set
+    for title, share in shares.items():
+        remeshed = title.endswith(" remeshed") and "," in title
+        colour = colours.setdefault(title.split(",")[0] if remeshed else title, f"C{len(colours)}")
+        axes.plot(100 * THRESHOLDS, 100 * share, "--" if remeshed else "-", color=colour, label=title)
     axes.set(xlim=(0, 100 * THRESHOLDS[-1]), ylim=(0, 100))
     axes.set(xlabel="geodesic error × 100 / √area", ylabel="correspondences with a smaller error, %")
     axes.grid(alpha=0.3)
