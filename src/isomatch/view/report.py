@@ -21,15 +21,15 @@ from isomatch.surfaces import Mesh
 from isomatch.values.arrays import IntArray, array_of
 from isomatch.view import lighting
 from isomatch.view.layers import known_layers, user_layers
-from isomatch.view.measures import quality_measures
 from isomatch.view.picture import png
 from isomatch.view.report_sections import (
     drawn,
     paragraphs,
     pictures_of_alternatives,
-    quality_rows,
     sentence,
     table,
+    table_against,
+    table_of_quality,
     table_of_regions,
     tables_of_run,
     versions,
@@ -121,10 +121,12 @@ def write_report(
         still = png(Path(picture).read_bytes()) if picture else ""
     helped = result.outcome in _HELPED_BY_LANDMARKS
     details = template("details.html").substitute(
+        against=table_against(result),
         regions=table_of_regions(result),
-        quality=quality_rows(result),
-        open=" open" if any(against for _, _, against in quality_measures(result)) else "",
-        alternatives=pictures_of_alternatives(source, target, result.alternatives[:MOST_ALTERNATIVES]),
+        alternatives=pictures_of_alternatives(
+            source, target, result, result.alternatives[:MOST_ALTERNATIVES]
+        ),
+        quality=table_of_quality(result),
         notes=paragraphs(map(sentence, result.notes or ["Nothing was repaired, left out or replaced."])),
     )
     page = page_of(
@@ -203,10 +205,10 @@ def _list(command: str, *, shown: bool) -> str:
     return template("landmarks.html").substitute(unpicked=unpicked, command=escape(command))
 
 
-def maps_of(result: MatchResult, name: str = "returned") -> dict[str, Correspondence]:
+def maps_of(result: MatchResult) -> dict[str, Correspondence]:
     """Name the map of a result and the alternatives that are shown beside it."""
     others = enumerate(result.alternatives[:MOST_ALTERNATIVES], 1)
-    return {name: result.map} | {f"alternative {i}": other.map for i, other in others}
+    return {"the map": result.map} | {f"alternative {i}": other.map for i, other in others}
 
 
 def told_of(result: MatchResult) -> dict[str, str]:
