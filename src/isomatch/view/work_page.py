@@ -85,7 +85,7 @@ class WorkPage:
             ),
             unwritable="" if folder else " hidden",
             keeps=escape(
-                f"Save writes into {folder}; Download gives the same files."
+                f"Save writes into the folder {folder}; Download gives the same files."
                 if folder
                 else "Start isomatch open with -o DIR to save into a folder."
             ),
@@ -99,7 +99,7 @@ class WorkPage:
             policy="; connect-src 'self'; form-action 'none'; base-uri 'none'",
             kind=' class="work"',
             work=f"<script>\n{text_of('work.js')}</script>",
-            colour=UNDECIDED,
+            colour="var(--edge)",
             headline=escape(f"{self._names[0]} → {self._names[1]}"),
             advice="",
             picture="",
