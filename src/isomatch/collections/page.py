@@ -29,6 +29,8 @@ SHOWN = {
 }
 """Columns of the table of pairs, and how their numbers are written."""
 
+HEADS = {"distortion_mean": "distortion"}
+
 MOST_TURNED = 0.01  # share of faces that are turned over, which is not worth a word
 
 
@@ -61,7 +63,7 @@ def write_page(
         shapes="".join(_figure(collection, name, rows, lines) for name in collection.names),
         count=f"{min(len(pairs), MOST_SHOWN)} of {len(pairs)}, worst first.",
         pairs="".join(_line(collection, pair, rows) for pair in pairs[:MOST_SHOWN]),
-        columns="".join(f"<th scope=col>{escape(name.replace('_', ' '))}</th>" for name in SHOWN),
+        columns="".join(f"<th scope=col>{escape(HEADS.get(name, name))}</th>" for name in SHOWN),
     )
     write_text(layout.page, page)
 
