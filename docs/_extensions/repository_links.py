@@ -11,7 +11,7 @@ INCLUDED = re.compile(r"```\{include\} \.\./(\w+\.md)\n.*?```", re.DOTALL)
 
 
 def to_pages(app, name, source):
-    """Include files with their links turned; links to a file, an example or all of them lead to the page that is made from it."""
+    """Include files with their links turned; links to a file, or to examples, lead to the page made from it."""
     text = INCLUDED.sub(
         lambda found: (ROOT / found[1]).read_text(encoding="utf-8").replace("](docs/", "]("), source[0]
     )

@@ -30,7 +30,8 @@ def write_page(out: Path, names: Iterable[str]) -> None:
         if (out / f"{name}.json").exists()
     ]
     head = (
-        "# Figures and table of *Geodesic Distance Descriptors*, reproduced\n\nWritten by `isomatch paper`. A picture leads to itself in full size.\n"
+        "# Figures and table of *Geodesic Distance Descriptors*, reproduced\n\n"
+        "Written by `isomatch paper`. A picture leads to itself in full size.\n"
     )
     write_text(out / PAGE, head + "".join(map(_section, records)))
 
