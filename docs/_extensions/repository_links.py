@@ -11,11 +11,12 @@ INCLUDED = re.compile(r"```\{include\} \.\./(\w+\.md)\n.*?```", re.DOTALL)
 
 
 def to_pages(app, name, source):
-    """Include files with their links turned; links to a file or an example lead to the page that is made from it."""
+    """Include files with their links turned; links to a file, or to examples, lead to the page made from it."""
     text = INCLUDED.sub(
         lambda found: (ROOT / found[1]).read_text(encoding="utf-8").replace("](docs/", "]("), source[0]
     )
     text = re.sub(r"\]\((?:\.\./)*([A-Z]+\.md)", lambda found: f"]({PAGES.get(found[1], found[1])}", text)
+    text = re.sub(r"\]\((?:\.\./)*examples/?\)", "](/gallery/index.rst)", text)
     source[0] = re.sub(r"\]\((?:\.\./)*examples/(\w+/\w+)\.py", r"](/gallery/\1.rst", text)
 
 

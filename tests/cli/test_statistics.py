@@ -125,7 +125,7 @@ def test_mirror_images_and_doubtful_maps(tmp_path, capsys):
     assert [row["name"] for row in rows(tmp_path / "out" / "sizes.csv")] == ["e00", "e01"]  # the specimens
     assert (tmp_path / "out" / "asymmetry.png").exists()
     page = (tmp_path / "out" / "index.html").read_text(encoding="utf-8")
-    assert "<h1>2 shapes and their mirror images in out</h1>" in page
+    assert "<h1>Statistics of 2 shapes and their mirror images</h1>" in page
 
 
 def test_bad_input(folder, tmp_path, capsys):

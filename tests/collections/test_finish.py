@@ -69,7 +69,7 @@ def test_a_report_shows_the_map_that_is_kept(copied):
     changed(copied, PAIR, there=there, agreement={"inconsistency": 0.31})
     assert reported(copied, 1) == [(PAIR, "done")]
     text = copied.layout.report(PAIR).read_text()
-    assert "Low confidence" in text
+    assert "<td>low confidence</td>" in text
     assert "contradict it by 0.31 √area" in text
     assert f"{copied.paths['s0']} {copied.paths['s1']} -o DIR" in text
 

@@ -118,7 +118,7 @@ def test_fatal_sentences(name, sentence):
         ("rewound_face", "edges whose two faces have opposite winding (0–1, 0–2, 1–2): normals"),
         (
             "inward",
-            "closed components whose faces are oriented inward (0): left and right are exchanged; repair",
+            "closed components with faces oriented inward (0): left and right are exchanged; repair",
         ),
         ("two_tetrahedra", "2 components with 50.0%, 50.0% of the area: distances between them are infinite"),
     ],
@@ -172,5 +172,5 @@ def test_components_come_by_area():
 def test_a_clean_report_reads_well():
     text = str(check(torus()))
     assert text.endswith("no defects")
-    assert "components                                              1\n" in text
+    assert "components                                          1\n" in text
     assert repr(check(torus())) == "MeshReport(48 vertices, 96 faces, 0 fatal defects, 0 warnings)"

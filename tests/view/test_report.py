@@ -20,6 +20,7 @@ from isomatch.datasets import example_pair, ground_truth
 from isomatch.errors import DescriptorError, LandmarkError
 from isomatch.matching import Alternative, DoubtfulRegion, MatchResult
 from isomatch.view import HEADLINES, position_colours, report, summary_of, write_report
+from isomatch.view.alternatives import told_of_all, told_of_alternative
 from isomatch.view.colours import to_screen
 from isomatch.view.layers import stretch
 from isomatch.view.measures import MEASURES, quality_bounds, quality_measures
@@ -169,9 +170,10 @@ def test_outcome_numbers_and_settings_are_those_of_the_result(page, result):
         assert row in rows
     assert not any(row.startswith("landmark error") for row in rows)
     (caption,) = (element["text"] for element in page.all("figcaption"))
-    assert "0.125" in caption
-    assert "-0.50" in caption
-    assert [option["text"] for option in page.all("option")] == ["returned", "alternative 1"]
+    assert re.fullmatch(
+        r"Alternative 1 Sends \d+% of the surface elsewhere\. Exchanges left and right in .*", caption
+    )
+    assert [option["text"] for option in page.all("option")] == ["the map", "alternative 1"]
     soft = " ".join(element["text"] for element in page.all("p"))
     assert "Grey: 7 source vertices" in soft
     assert "Source: left out <7> vertices" in soft
@@ -244,7 +246,7 @@ def test_the_report_says_that_a_shape_was_simplified(pair, result, tmp_path, mon
     assert re.search(r"target is simplified to [\d,]+ of its 3,242 vertices", told)
     assert "source is simplified" not in told
     assert "hidden" in page.by_id("landmarks")
-    assert "There are none." in told
+    assert "Alternatives" not in [each["text"] for each in page.all("h2")]
     assert "Nothing was repaired" in told
     assert page.by_id("outcome")["text"] == HEADLINES[Outcome.CONVERGED]
     assert b64decode(page.all("img")[0]["src"].split(",")[1]) == b"a picture"
@@ -377,3 +379,35 @@ def test_the_script_is_sound_javascript():
     )
     done = subprocess.run(["node", "--check", "-"], input=script, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize(
+    ("rival", "mirrored", "words"),
+    [
+        (np.inf, np.inf, "No other map came near"),
+        (1.0, np.inf, "Another map fits as well"),
+        (0.9, np.inf, "Another map fits better"),
+        (2.04, np.inf, "The best other map fits 2.0 times worse"),
+        (np.inf, 0.4, "A mirror image fits better"),
+        (np.inf, 1.2, "A mirror image fits about as well"),
+        (np.nan, np.nan, "Choose one if"),
+    ],
+)
+def test_alternatives_are_told_by_how_near_they_come(result, rival, mirrored, words):
+    quality = dataclasses.replace(result.quality, rival=rival, mirrored=mirrored)
+    assert told_of_all(dataclasses.replace(result, quality=quality)).startswith(words)
+
+
+@pytest.mark.parametrize(
+    ("orientation", "words"), [(0.9, "Keeps left and right"), (0.3, "in places"), (-0.9, "Mirror image")]
+)
+def test_an_alternative_is_told_by_where_it_goes(pair, result, orientation, words):
+    source, target, _ = pair
+    same = Alternative(lambda: result.map, 0.1, orientation, "flip")
+    told = told_of_alternative(source, target, result, same)
+    assert told.startswith("Sends 0% of the surface elsewhere. ")
+    assert words in told
+    former = dataclasses.replace(same, energy=np.nan, orientation=np.nan)
+    assert told_of_alternative(source, target, result, former).startswith(
+        "The map before this one was chosen. Sends 0%"
+    )

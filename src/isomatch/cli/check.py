@@ -130,15 +130,17 @@ def _reason(record: dict[str, Any], verb: Verb | None) -> str | None:
 def _say_one(record: dict[str, Any]) -> None:
     """Print the report of one mesh, its long sentences no wider than the terminal, and what the mesh is fit for."""
     size = "none" if record["size"] is None else f"{record['size']:.4g}"
-    say(f"{'size: longest side, in the units of the file':<49} {size:>7}")
+    say(f"{'longest side, in the units of the file':<45} {size:>7}")
     for line in record["report"].splitlines():
         told = line.replace("repair(mesh, outer=True)", "isomatch repair --outer")
         told = told.replace("repair(mesh)", "isomatch repair")
         say(told if len(told) <= _width() else _filled(told))
     for note in record["notes"]:
         say(_filled(f"note: {note}"))
+    say(f"fit for {_fitness(record)}")
     for purpose, reason in record["refused_by"].items():
-        say(_filled(f"not fit for {purpose}: {reason}" if reason else f"fit for {purpose}"))
+        if reason:
+            say(_filled(f"not fit for {purpose}: {reason}"))
 
 
 def _say_several(records: list[dict[str, Any]]) -> None:

@@ -243,10 +243,10 @@ class StatisticsFolder:
         self.written.append("model.h5")
         return []
 
-    def page(self, title: str, record: Mapping[str, Any], told: Sequence[str]) -> None:
+    def page(self, folder: str, record: Mapping[str, Any], told: Sequence[str]) -> None:
         """Write the page with all pictures, and what the command tells."""
         pictures = [name for name in self.written if name.endswith(f".{self.pictures}")]
-        text = page_of(title, record, told, pictures, self.written)
+        text = page_of(folder, record, told, pictures, self.written)
         write_text(self.path("index.html"), text)
 
     def finish(self, record: Mapping[str, object]) -> None:

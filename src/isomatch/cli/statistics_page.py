@@ -23,9 +23,18 @@ PICTURES = {
 }
 """What each picture shows, in the order of the page."""
 
+SCALES = {
+    "keep": "Size is part of the shape (scale keep)",
+    "remove": "All shapes are brought to one size (scale remove)",
+}
+WEIGHTS = {
+    "area": "a vertex counts by its share of the area (weights area)",
+    "uniform": "all vertices count alike (weights uniform)",
+}
+
 
 def page_of(
-    title: str,
+    folder: str,
     record: Mapping[str, Any],
     told: Sequence[str],
     pictures: Sequence[str],
@@ -37,9 +46,11 @@ def page_of(
     tables = [name for name in written if name.endswith((".csv", ".npz")) and "/" not in name]
     doubts = [f"{' and '.join(doubt['names'])} {doubt['reason']}" for doubt in record["doubts"]]
     return Template((files("isomatch.cli") / "statistics_page.html").read_text(encoding="utf-8")).substitute(
-        title=escape(f"{_counted(record)} in {title}"),
+        title=escape(f"Statistics of {_counted(record)}"),
+        folder=escape(folder),
         settings=escape(
-            f"isomatch {record['isomatch']}; scale {record['scale']}, weights {record['weights']}, seed {record['seed']}."
+            f"{SCALES[record['scale']]}; {WEIGHTS[record['weights']]}. "
+            f"Seed {record['seed']}, isomatch {record['isomatch']}."
         ),
         first=f"<h2>To look at first</h2>{_listed(doubts)}" if doubts else "",
         told=_listed(told),

@@ -28,7 +28,7 @@ SHOWN = {
     "seconds": "{:.1f}",
 }
 """Columns of the table of pairs, and how their numbers are written."""
-HEADS = {"rival": "best alternative"}
+HEADS = {"rival": "best alternative", "distortion_mean": "distortion"}
 """Heads of columns that say more than their names in ``pairs.csv``."""
 
 MOST_TURNED = 0.01  # share of faces that are turned over, which is not worth a word

@@ -69,7 +69,7 @@ _SURVIVABLE = {
         "unless the surface is one-sided",
     ),
     "inward_components": (
-        "closed components whose faces are oriented inward",
+        "closed components with faces oriented inward",
         "left and right are exchanged; repair(mesh) orients them outward",
     ),
 }
@@ -218,7 +218,7 @@ class MeshReport:
             (
                 "components",
                 self.n_components,
-                f"largest: {self.component_vertices[0]} vertices" if self.n_components > 1 else "",
+                f"largest: {self.component_vertices[0]:,} vertices" if self.n_components > 1 else "",
             ),
             ("Euler number", self.euler_number, ""),
             *(walls if self.double_walled >= 0 else []),
@@ -229,7 +229,7 @@ class MeshReport:
             ),
             *defects,
         ]
-        table = [f"{what:<49} {count:>7}  {where}".rstrip() for what, count, where in rows]
+        table = [f"{what:<45} {count:>7,}  {where}".rstrip() for what, count, where in rows]
         verdict = [f"fatal: {sentence}" for sentence in self.fatal]
         verdict += [f"warning: {sentence}" for sentence in self.warnings]
         return "\n".join(table + (verdict or ["no defects"]))

@@ -27,6 +27,7 @@ BLUE, GREY = "#3f90da", "#717581"  # of Petroff 2021
 COLOURS = (BLUE, "#ffa90e", "#bd1f01", "#94a4a2", "#832db6", "#a96b59", "#e76300", "#b9ac70")
 DPI = 300  # of pictures in print
 SIZE = (5.6, 4.5)  # inches of a scatter plot
+MOST_TICKS = 6  # along x, so that their numbers stay apart
 NAMES = 8  # points of the names of shapes
 
 
@@ -212,6 +213,7 @@ def draw_embedding(
     axes = figure.subplots()
     _scatter(axes, points, names, groups)
     axes.set_aspect("equal", adjustable="datalim")
+    axes.locator_params(axis="x", nbins=MOST_TICKS)
     axes.set_title(label, fontsize="medium")
     _save_scatter(figure, path)
 

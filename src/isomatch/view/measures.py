@@ -83,8 +83,8 @@ MEASURES = {
         "mirror image",
         "{:.2f} ×",
         "1 is a tie; above 1.5 clear",
-        "The same for the best map of opposite orientation. A difference in pose alone can make up to 1.5; none if no "
-        "such map came close, or only one orientation was allowed.",
+        "How much worse the best map that exchanges left and right fits, as a ratio of scores. Below 1 it fits better; a "
+        "difference in pose alone can make up to 1.5; none if no such map came close, or was allowed.",
         least_of="outcome.mirror_tie",
     ),
     "distortion_mean": Measure(

@@ -76,10 +76,10 @@ def told_of(result: MatchResult) -> dict[str, str]:
     }
 
 
-def maps_of(result: MatchResult, name: str = "returned") -> dict[str, Correspondence]:
+def maps_of(result: MatchResult) -> dict[str, Correspondence]:
     """Name the map of a result and the alternatives that are shown beside it."""
     others = enumerate(result.alternatives[:MOST_ALTERNATIVES], 1)
-    return {name: result.map} | {f"alternative {i}": other.map for i, other in others}
+    return {"the map": result.map} | {f"alternative {i}": other.map for i, other in others}
 
 
 def text_of(name: str) -> str:

@@ -12,7 +12,6 @@ from isomatch.matching import MatchResult, Outcome
 from isomatch.storage.files import write_text
 from isomatch.surfaces import Mesh
 from isomatch.view.layers import known_layers, user_layers
-from isomatch.view.measures import quality_measures
 from isomatch.view.outcome_colours import outcome_colour
 from isomatch.view.page import (
     MOST_ALTERNATIVES,
@@ -31,9 +30,10 @@ from isomatch.view.report_sections import (
     drawn,
     paragraphs,
     pictures_of_alternatives,
-    quality_rows,
     sentence,
     table,
+    table_against,
+    table_of_quality,
     table_of_regions,
     tables_of_run,
     versions,
@@ -117,10 +117,12 @@ def write_report(
         still = png(Path(picture).read_bytes()) if picture else ""
     helped = result.outcome in _HELPED_BY_LANDMARKS
     details = template("details.html").substitute(
+        against=table_against(result),
         regions=table_of_regions(result),
-        quality=quality_rows(result),
-        open=" open" if any(against for _, _, against in quality_measures(result)) else "",
-        alternatives=pictures_of_alternatives(source, target, result.alternatives[:MOST_ALTERNATIVES]),
+        alternatives=pictures_of_alternatives(
+            source, target, result, result.alternatives[:MOST_ALTERNATIVES]
+        ),
+        quality=table_of_quality(result),
         notes=paragraphs(map(sentence, result.notes or ["Nothing was repaired, left out or replaced."])),
     )
     page = page_of(

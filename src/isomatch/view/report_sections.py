@@ -8,25 +8,30 @@ from importlib.metadata import PackageNotFoundError, version
 from platform import python_version
 from typing import Any
 
-import numpy as np
-
 from isomatch.correspondence import Correspondence
 from isomatch.matching import Alternative, MatchResult
 from isomatch.settings import MatchSettings
 from isomatch.surfaces import Mesh
+from isomatch.view.alternatives import told_of_all, told_of_alternative
 from isomatch.view.measures import quality_measures
 from isomatch.view.picture import png
 from isomatch.view.stills import draw_map
 
 STILL_WIDTH = 640  # pixels of the picture of an alternative
+_HOW_TO_CHOOSE = (
+    "Where DIR is the folder that <code>isomatch match</code> wrote, <code>isomatch choose DIR 1</code> refines "
+    "alternative 1, measures it and makes it the map."
+)
 LIBRARIES = ("numpy", "scipy", "numba", "robust_laplacian", "matplotlib")
 _SIDES = ("source", "target")
 
 
-def quality_rows(result: MatchResult) -> str:
-    """Make a row for each measure, with its bound."""
+def quality_rows(result: MatchResult, *, only_against: bool = False) -> str:
+    """Make a row for each measure, with its bound; or only for those that speak against the map."""
     rows = []
     for measure, number, against in quality_measures(result):
+        if only_against and not against:
+            continue
         verdict = " (violated)" if against else ""
         rows.append(
             f'<tr{" class=against" if against else ""}><th scope="row">{escape(measure.name)}</th>'
@@ -45,8 +50,8 @@ def table_of_regions(result: MatchResult) -> str:
     )
     rows = "".join(
         f'<tr><th scope="row">{number}</th><td class="number">{region.area:.1%}</td>'
-        f'<td class="number">{region.vertices[0]}</td>'
-        f'<td class="number">{"" if region.rival is None else region.rival[0]}</td>'
+        f'<td class="number" data-is="vertex">{region.vertices[0]}</td>'
+        f'<td class="number" data-is="other image">{"" if region.rival is None else region.rival[0]}</td>'
         f"<td>{escape(region.reason)}</td></tr>"
         for number, region in enumerate(result.regions, 1)
     )
@@ -57,20 +62,40 @@ def table_of_regions(result: MatchResult) -> str:
     )
 
 
-def pictures_of_alternatives(source: Mesh, target: Mesh, others: Sequence[Alternative]) -> str:
-    """Draw the other maps side by side."""
+def table_against(result: MatchResult) -> str:
+    """Make a table of the measures that speak against the map; nothing if there are none."""
+    rows = quality_rows(result, only_against=True)
+    return f"<section><h2>What speaks against it</h2>{_table_of_quality(rows)}</section>" if rows else ""
+
+
+def table_of_quality(result: MatchResult) -> str:
+    """Make a table of all measures."""
+    return (
+        "<p>Computed without ground truth. A violated bound is evidence against the map.</p>"
+        + _table_of_quality(quality_rows(result))
+    )
+
+
+def _table_of_quality(rows: str) -> str:
+    heads = "".join(f'<th scope="col">{name}</th>' for name in ("measure", "value", "bound", "meaning"))
+    return f'<table class="quality"><thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table>'
+
+
+def pictures_of_alternatives(
+    source: Mesh, target: Mesh, result: MatchResult, others: Sequence[Alternative]
+) -> str:
+    """Draw other maps side by side, and say what they are; nothing if there are none."""
+    if not others:
+        return ""
     figures = "".join(
-        f'<figure><img src="{png(drawn(source, target, other.map, _SIDES, STILL_WIDTH))}" '
-        f'alt="Alternative {i}"><figcaption>Alternative {i}, from {escape(other.origin)}{_evidence(other)}</figcaption>'
-        "</figure>"
+        f'<figure><img src="{png(drawn(source, target, other.map, ("", ""), STILL_WIDTH))}" '
+        f'alt="Alternative {i}"><figcaption title="found by {escape(other.origin)}"><strong>Alternative {i}</strong> '
+        f"{escape(told_of_alternative(source, target, result, other))}</figcaption></figure>"
         for i, other in enumerate(others, 1)
     )
-    return f'<div class="stills">{figures}</div>' if others else "<p>There are none.</p>"
-
-
-def _evidence(other: Alternative) -> str:
     return (
-        "" if np.isnan(other.energy) else f": energy {other.energy:.3g}, orientation {other.orientation:.2f}"
+        f"<section><h2>Alternatives</h2><p>{escape(told_of_all(result))} {_HOW_TO_CHOOSE}</p>"
+        f'<div class="stills">{figures}</div></section>'
     )
 
 

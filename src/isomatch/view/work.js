@@ -74,13 +74,13 @@
     if (image !== null) buttons.append(small("It is right", () => settle(image), "Adds its middle and the image as a pair"));
     if (rival !== null) buttons.append(small("The other place", () => settle(rival), "Adds its middle and the image by the other map as a pair"));
     buttons.append(small("Pick", () => { settle(null); report?.look(0, vertex); }, "Adds its middle; then click the right place"));
-    return make("li", {}, make("strong", {}, area), ` of the surface around vertex ${vertex}: ${reason}.`, buttons);
+    const words = regions.length > 1 ? [make("strong", {}, area), ` of the surface around vertex ${vertex}: ${reason}.`] : [`Around vertex ${vertex}.`];
+    return make("li", {}, ...words, buttons); // a single region is told in the sentence above
   });
-  const rivals = (all) => all.map(({ name, origin, moved }, k) => {
-    const about = moved === null ? `from ${origin}` : `${moved} of the source goes elsewhere; ${k && name.startsWith("alternative") ? "from " : ""}${origin}`;
-    return make("label", {}, make("input", { type: "radio", name: "rival", value: k, checked: !k, onchange: () => compare(k) }),
-      make("span", {}, name), make("span", { className: "soft" }, about));
-  });
+  const rivals = (all) => all.map(({ name, origin, about }, k) =>
+    make("label", { title: origin && `found by ${origin}` },
+      make("input", { type: "radio", name: "rival", value: k, checked: !k, onchange: () => compare(k) }),
+      make("span", {}, name), make("span", { className: "soft" }, about)));
   const compare = (k) => {
     report?.show(k); listed();
     by("choose").hidden = !shown.rivals[k].name.startsWith("alternative");

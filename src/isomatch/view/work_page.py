@@ -13,8 +13,9 @@ from isomatch.matching import DoubtfulRegion, MatchResult
 from isomatch.settings import Config, Orientation
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import IntArray
+from isomatch.view.alternatives import share_elsewhere, told_of_alternative
 from isomatch.view.layers import known_layers
-from isomatch.view.outcome_colours import UNDECIDED, outcome_colour
+from isomatch.view.outcome_colours import outcome_colour
 from isomatch.view.page import (
     MOST_ALTERNATIVES,
     maps_of,
@@ -24,13 +25,12 @@ from isomatch.view.page import (
     template,
     text_of,
 )
-from isomatch.view.report_sections import paragraphs, quality_rows, sentence, tables_of_run
+from isomatch.view.report_sections import paragraphs, sentence, table_of_quality, tables_of_run
 from isomatch.view.scene import DrawnPair
 from isomatch.view.summary import summary_of
 
-STAYED = 0.05  # √area; an image that is moved by less is at the same place
 LEAST_SHARE = 0.001  # of the surface worth telling
-THE_MAP, BEFORE = "the map", "before"
+BEFORE = "before"
 
 
 class WorkPage:
@@ -84,7 +84,7 @@ class WorkPage:
             ),
             unwritable="" if folder else " hidden",
             keeps=escape(
-                f"Save writes into {folder}; Download gives the same files."
+                f"Save writes into the folder {folder}; Download gives the same files."
                 if folder
                 else "Start isomatch open with -o DIR to save into a folder."
             ),
@@ -98,7 +98,7 @@ class WorkPage:
             policy="; connect-src 'self'; form-action 'none'; base-uri 'none'",
             kind=' class="work"',
             work=f"<script>\n{text_of('work.js')}</script>",
-            colour=UNDECIDED,
+            colour="var(--edge)",
             headline=escape(f"{self._names[0]} → {self._names[1]}"),
             advice="",
             picture="",
@@ -135,9 +135,15 @@ class WorkPage:
             says of each map that is drawn what it is; ``landmarks`` with the distance of each from its image, in √area
             of the target and through space; ``details``, which is HTML; and the ``scene``, see ``scene_of``.
         """
-        maps = maps_of(result, THE_MAP) | ({BEFORE: before} if before else {})
+        maps = maps_of(result) | ({BEFORE: before} if before else {})
         others = result.alternatives[:MOST_ALTERNATIVES]
-        origins = [result.origin, *(other.origin for other in others), "the map that this one replaced"]
+        origins = [result.origin, *(other.origin for other in others), ""]
+        moved = 0.0 if before is None else share_elsewhere(self._source, self._target, result.map, before)
+        about = [
+            "",
+            *(told_of_alternative(self._source, self._target, result, other) for other in others),
+            f"The map that this one replaced. Sends {moved:.0%} of the surface elsewhere.",
+        ]
         pairs = pairs_on(landmarks or None, self._source, self._target)
         summary = summary_of(result)
         return {
@@ -146,15 +152,11 @@ class WorkPage:
             "advice": summary.advice_in_python,
             "colour": outcome_colour(result.outcome),
             "sure": summary.sureness,
-            "since": "" if before is None else self._since(self._moved(result.map, before)),
+            "since": "" if before is None else self._since(moved),
             "regions": [self._region(region, result.map) for region in result.regions],
             "rivals": [
-                {
-                    "name": name,
-                    "origin": origin,
-                    "moved": None if name == THE_MAP else f"{self._moved(result.map, found):.0%}",
-                }
-                for (name, found), origin in zip(maps.items(), origins)
+                {"name": name, "origin": origin, "about": words}
+                for name, origin, words in zip(maps, origins, about)
             ],
             "landmarks": [
                 {"pair": pair, "off": off} for pair, off in zip(pairs.tolist(), self._off(result.map, pairs))
@@ -185,13 +187,6 @@ class WorkPage:
             return "It is the same map as before."
         return f"Against the map before, {moved:.1%} of the source has another image."
 
-    def _moved(self, found: Correspondence, other: Correspondence) -> float:
-        """Share of the source's area whose images differ by more than `STAYED`."""
-        one, two = (each.pull_back(self._target.vertices) for each in (found, other))
-        apart = np.linalg.norm(one - two, axis=1) > STAYED * np.sqrt(self._target.area)
-        apart |= found.matched != other.matched
-        return float(self._source.vertex_areas[apart].sum() / self._source.vertex_areas.sum())
-
     def _off(self, found: Correspondence, pairs: IntArray) -> list[float]:
         """Distance of each landmark on the target from its image, in √area; −1 where it has none."""
         images = found.pull_back(self._target.vertices)[pairs[:, 0]]
@@ -201,7 +196,7 @@ class WorkPage:
 
 def _details(result: MatchResult) -> str:
     return template("work_details.html").substitute(
-        quality=quality_rows(result),
+        quality=table_of_quality(result),
         notes=paragraphs(map(sentence, result.notes or ["Nothing was repaired, left out or replaced."])),
         run=tables_of_run(result, {}),
     )

@@ -30,7 +30,8 @@ def write_page(out: Path, names: Iterable[str]) -> None:
         if (out / f"{name}.json").exists()
     ]
     head = (
-        "# Figures and table of *Geodesic Distance Descriptors*, reproduced\n\nWritten by `isomatch paper`.\n"
+        "# Figures and table of *Geodesic Distance Descriptors*, reproduced\n\n"
+        "Written by `isomatch paper`. A picture leads to itself in full size.\n"
     )
     write_text(out / PAGE, head + "".join(map(_section, records)))
 
@@ -49,7 +50,7 @@ def _section(record: dict[str, Any]) -> str:
     )
     return (
         f"\n## {name}: {record['origin']}\n\n{record['title']}. `isomatch paper {name}{quick} -o OUT`; numbers: "
-        f"[{name}.csv]({name}.csv).\n\n![{record['title']}]({name}.png)\n\n"
+        f"[{name}.csv]({name}.csv).\n\n[![{record['title']}]({name}.png)]({name}.png)\n\n"
         f"| claim | measured | holds |\n|---|---|---|\n{rows}\n{facts[:1].upper()}{facts[1:]}.\n"
     )
 
