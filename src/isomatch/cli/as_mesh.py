@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
-from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -20,10 +19,12 @@ from isomatch.cli.outputs import (
     say_notes,
 )
 from isomatch.cli.terminal import INDENT, json_text, say, say_rows
-from isomatch.storage.files import opened, write_text
+from isomatch.storage.files import write_text
 from isomatch.values.arrays import FloatArray
 
-MESH_LEFT = "{} is of the map before; it is not as it was written any more, and was left"
+MESH_LEFT = (
+    "{} is of the map before and was left; in Python, MatchResult.as_mesh gives the surface by this one"
+)
 
 
 @dataclass(frozen=True)
@@ -61,11 +62,6 @@ class ResultMesh:
         with claimed_files(self.path, *self.beside, force=force):
             yield
 
-    def is_as_written(self, digest: object) -> bool:
-        """Whether it and what lies beside it are as they were written, so that a renewed one loses nothing."""
-        edited = any(path.exists() for path in self.beside)  # one with the same contents is none of these
-        return self.path.is_file() and not edited and _digest(self.path) == digest
-
     def write(
         self,
         folder: ResultFolder,
@@ -73,20 +69,14 @@ class ResultMesh:
         found: isomatch.MatchResult,
         *shapes: isomatch.Mesh | isomatch.PointCloud,
     ) -> None:
-        """Write it for the result in the folder, and add it to the ``record`` there, with a digest of the file."""
+        """Write it for the result in the folder, and add it to the ``record`` there."""
         wrapped = isomatch.wrap(found.map, *shapes)
         record["as_mesh"] = {
             **write_wrapped(self.path, self.assets[0], self.assets[1].frame, wrapped, found.expected_error),
             "files_beside": list(map(str, self.beside)),
             "notes": notes_on(dict(zip((self.source, self.target), self.assets))),
-            "digest": _digest(self.path),
         }
         write_text(folder.result, json_text(record))
-
-
-def _digest(path: Path) -> str:
-    with opened(path) as file:
-        return sha256(file.read()).hexdigest()
 
 
 def write_wrapped(

@@ -8,7 +8,6 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from isomatch import matching, view
-from isomatch.cli.as_mesh import MESH_LEFT, say_wrapped
 from isomatch.cli.earlier import Earlier
 from isomatch.cli.inputs import naming_files
 from isomatch.cli.outputs import BACK_REMOVED, say_files, say_result
@@ -25,8 +24,8 @@ def choose(
 ) -> None:
     """Make an alternative the map: refine and measure it, and replace the files of the result.
 
-    The former map becomes alternative 1, and the other alternatives follow. A map of the other direction is removed; the
-    file of --as-mesh is written again unless it was edited.
+    The former map becomes alternative 1, and the other alternatives follow. A map of the other direction is removed;
+    the file of --as-mesh stays what it was.
 
     Parameters
     ----------
@@ -43,7 +42,7 @@ def choose(
     source, target, landmarks = earlier.source, earlier.target, earlier.landmarks or None
     with talk.progress() as tell, earlier.folder.claimed(force=True):
         tell("reading", 0.0)
-        shapes, mesh = earlier.surfaces(), earlier.mesh()
+        shapes = earlier.surfaces()
         with naming_files(source=source, target=target):
             result = matching.continue_with(
                 earlier.result(*shapes), number, *shapes, landmarks, part(tell, 0.05, 0.85)
@@ -61,17 +60,10 @@ def choose(
             landmarks=landmarks,
             command=earlier.record["match_again"],
         )
-        if mesh:
-            with mesh.claimed(force=True):
-                mesh.write(earlier.folder, record, result, *shapes)
 
     def summary() -> None:
         say_result(result, details)
-        say_rows([("note", BACK_REMOVED)] if had_back else [])
-        if mesh:
-            say_wrapped(record["as_mesh"])
-        elif earlier.as_mesh:
-            say_rows([("note", MESH_LEFT.format(earlier.as_mesh["file"]))])
+        say_rows(("note", note) for note in [*([BACK_REMOVED] if had_back else []), *earlier.mesh_left])
         say_files(record)
 
     talk.result(record, summary)

@@ -11,7 +11,7 @@ from typing import Any
 
 import isomatch
 from isomatch import matching
-from isomatch.cli.as_mesh import ResultMesh
+from isomatch.cli.as_mesh import MESH_LEFT
 from isomatch.cli.inputs import read_surface
 from isomatch.cli.outputs import BACK, Back, ResultFolder
 from isomatch.errors import FormatError
@@ -109,12 +109,10 @@ class Earlier:
         told = self.record.get("as_mesh")
         return told if isinstance(told, dict) and isinstance(told.get("file"), str) else {}
 
-    def mesh(self) -> ResultMesh | None:
-        """Read what the mesh file of the result is made of, to renew it for another map; None if it was changed since."""
-        if not self.as_mesh:
-            return None
-        mesh = ResultMesh.read(Path(self.as_mesh["file"]), self.source, self.target)
-        return mesh if mesh.is_as_written(self.as_mesh.get("digest")) else None
+    @property
+    def mesh_left(self) -> list[str]:
+        """Say that the mesh file is not of another map; empty if there is none."""
+        return [MESH_LEFT.format(self.as_mesh["file"])] if self.as_mesh else []
 
 
 def _alternative(evidence: Mapping[str, Any], found: isomatch.Correspondence) -> matching.Alternative:

@@ -17,7 +17,6 @@ from cyclopts import Parameter
 
 import isomatch
 from isomatch import serving, view
-from isomatch.cli.as_mesh import MESH_LEFT
 from isomatch.cli.earlier import Earlier
 from isomatch.cli.inputs import read_config, read_surface
 from isomatch.cli.match import with_landmarks
@@ -54,8 +53,7 @@ def open_page(
         Mesh to map to; not with a folder.
     output : Path
         Folder into which the page saves the files that isomatch match writes. Without it, the page offers them as a
-        download. A result that is opened is saved into its own folder; once there is another map, without its map back,
-        and with the file of --as-mesh written again unless it was edited.
+        download. A result that is opened is saved into its own folder; once there is another map, without its map back.
     landmarks : Path
         Landmarks to begin with, as for isomatch match.
     target_landmarks : Path
@@ -127,7 +125,7 @@ def _require_result(folder: Path, options: list[str]) -> None:
 
 @dataclass(frozen=True)
 class _Opened:
-    """A result that was opened: its map back is kept with no other map, its mesh file is written again for another."""
+    """A result that was opened: its map back and its mesh file are kept with no other map."""
 
     result: isomatch.MatchResult
     earlier: Earlier
@@ -170,18 +168,10 @@ class _Files:
         if self.results is None:
             raise SettingError("there is no folder to save into; start isomatch open with -o DIR")
         had_back = self.results.has_back
-        earlier = self.opened.earlier if self.opened and result is not self.opened.result else None
-        mesh = earlier.mesh() if earlier else None
         record = self._write(self.results, result, landmarks)
         told = [*record["undrawn"], *([BACK_REMOVED] if had_back and not self.results.has_back else [])]
-        if mesh:
-            with mesh.claimed(force=True):
-                mesh.write(self.results, record, result, *self.surfaces)
-            told.append(f"{mesh.path} was written again, for this map")
-        elif earlier and earlier.as_mesh:
-            told.append(MESH_LEFT.format(earlier.as_mesh["file"]))
-        if earlier:
-            earlier.record["as_mesh"] = record.get("as_mesh")
+        if self.opened and result is not self.opened.result:
+            told += self.opened.earlier.mesh_left
         names = ", ".join(Path(path).name for path in record["files"].values())
         return f"Saved {names} in {self.folder}{''.join(f'; {what}' for what in told)}."
 
