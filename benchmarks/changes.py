@@ -35,11 +35,11 @@ def write_stamp(folder: Path, step: str, stamp: dict[str, Any]) -> None:
 def keep(step: Step, results: Path, source: str) -> None:
     """Put the tables of a step aside, unless they are of this source, too."""
     stamp = stamps_in(results).get(step.name)
-    if stamp is None or stamp["source"] == source:
-        return
     before = results / "previous"
+    if stamp is None or stamp["source"] == source or stamps_in(before).get(step.name) == stamp:
+        return
     before.mkdir(exist_ok=True)
-    for name in step.tables:
+    for name in _known(step, results):
         shutil.copyfile(results / f"{name}.csv", before / f"{name}.csv")
     write_stamp(before, step.name, stamp)
 
@@ -55,8 +55,13 @@ def told(results: Path) -> str:
         lines.append(f"## {step.name}: {first['revision']} → {last['revision']}\n\n")
         if (machines := [stamp["machine"] for stamp in (first, last)])[0] != machines[1]:
             lines.append(f"Measured on {machines[0]}, now on {machines[1]}.\n\n")
-        lines += [_compared(*_both(results, name)) for name in step.tables]
+        lines += [_compared(*_both(results, name)) for name in _known(step, results / "previous")]
     return "".join(lines)
+
+
+def _known(step: Step, folder: Path) -> list[str]:
+    """Those tables of a step that a folder has: others are new."""
+    return [name for name in step.tables if (folder / f"{name}.csv").exists()]
 
 
 def _both(results: Path, table: str) -> list[list[Row]]:
@@ -75,19 +80,17 @@ def _compared(old: Sequence[Row], new: Sequence[Row]) -> str:
     before = dict(_keyed(old, names))
     shared = [column for column in new[0][names:] if column in old[0]]
 
+    changed: list[str] = []
+
     def cell(key: Row, row: Row, column: str) -> str:
         value = row[new[0].index(column)]
-        if key not in before:
-            return f"new: {value}"
-        was = before[key][old[0].index(column)]
-        return value if was == value else f"{was} → {value}"
+        was = before[key][old[0].index(column)] if key in before else None
+        if was != value and column not in changed:
+            changed.append(column)
+        return value if was == value else f"new: {value}" if was is None else f"{was} → {value}"
 
     rows = {key: {column: cell(key, row, column) for column in shared} for key, row in _keyed(new, names)}
-    changed = [
-        column
-        for column in shared
-        if any("→" in cells[column] or "new" in cells[column] for cells in rows.values())
-    ]
+    changed.sort(key=shared.index)
     if not changed:
         return "No number differs.\n\n"
     table = [(*new[0][:names], *changed)]

@@ -5,13 +5,12 @@
 runs `isomatch` without hints over every pair of each set of ``DIR``, with the target relabelled and rotated. Sets that
 share triangulations with their targets are run once more with the target decimated. For FAUST, shapes are written with
 their ``.vts`` into ``OUT/shapes``, a folder as it is published, and all ordered pairs are matched. Rows that are there
-stay. It writes ``contests.csv``, one row for each pair; ``contests_table.csv``; ``beside_table.csv``, the means among
-those of ``published.csv``; and the cumulative curves of errors, ``curves.csv`` and ``curves.png``.
+stay. It writes ``contests.csv``, one row for each pair; ``contests_table.csv``; and the cumulative curves of errors,
+``curves.csv`` and ``curves.png``.
 """
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,9 +26,9 @@ from studies import SURE, asked_for, write_rows, write_table
 
 POINTS = 1000  # of the truth of each pair
 WRONG = 10.0  # × √area / 100
+NO_MAP = 100.0  # the error of a pair without a map
 COLUMNS = ("contest", "pair", "group", "error", "error_matched", "iou", "outcome", "seconds")
 DECIMATED = "decimate:0.5"
-PUBLISHED = Path(__file__).with_name("published.csv")
 
 
 @dataclass(frozen=True)
@@ -41,33 +40,32 @@ class Contest:
     people: range = range(0)
     damage: str | None = None
     groups: Callable[[str], bool] = lambda group: True
-    field: str = ""  # the contest in published.csv
     overlap: bool = False  # both shapes are parts, and what they share is to be found
 
 
-def same(group: str) -> bool:
+def of_one_species(group: str) -> bool:
     """Tell whether source and target of a group such as "cow>dog" are of one species."""
     return len(set(group.split(">"))) == 1
 
 
-def other(group: str) -> bool:
+def of_two_species(group: str) -> bool:
     """Tell whether they are of two species."""
-    return not same(group)
+    return not of_one_species(group)
 
 
 CONTESTS = {
-    "people_000": Contest("FAUST remeshed, 000–019", "faust_r", range(20), field="faust"),
-    "people_030": Contest("FAUST remeshed, 030–049", "faust_r", range(30, 50), field="faust"),
-    "topkids": Contest("TOPKIDS", "topkids", field="topkids"),
+    "people_000": Contest("FAUST remeshed, 000–019", "faust_r", range(20)),
+    "people_030": Contest("FAUST remeshed, 030–049", "faust_r", range(30, 50)),
+    "topkids": Contest("TOPKIDS", "topkids"),
     "topkids_remeshed": Contest("TOPKIDS, target remeshed", "topkids", damage=DECIMATED),
-    "cuts": Contest("SHREC'16 cuts", "shrec16_cuts", field="cuts"),
+    "cuts": Contest("SHREC'16 cuts", "shrec16_cuts"),
     "cuts_remeshed": Contest("SHREC'16 cuts, whole remeshed", "shrec16_cuts", damage=DECIMATED),
-    "holes": Contest("SHREC'16 holes", "shrec16_holes", field="holes"),
+    "holes": Contest("SHREC'16 holes", "shrec16_holes"),
     "holes_remeshed": Contest("SHREC'16 holes, whole remeshed", "shrec16_holes", damage=DECIMATED),
-    "species_same": Contest("SMAL, one species", "smal", groups=same),
-    "species_other": Contest("SMAL, two species", "smal", groups=other, field="smal"),
+    "species_same": Contest("SMAL, one species", "smal", groups=of_one_species),
+    "species_other": Contest("SMAL, two species", "smal", groups=of_two_species),
     "parts": Contest("two cuts of SHREC'16", "shrec16_parts", overlap=True),
-    "two_parts": Contest("PARTIALSMAL", "psmal", field="psmal", overlap=True),
+    "two_parts": Contest("PARTIALSMAL", "psmal", overlap=True),
 }
 
 
@@ -87,9 +85,8 @@ def rows_of(name: str, data: Path, output: Path) -> list[dict[str, Any]]:
     """Match the pairs of a contest."""
     contest = CONTESTS[name]
     folder = people(data, output / "shapes" / name, contest.people) if contest.people else data / contest.of
-    out = (
-        output / f"{contest.of}_{contest.damage or name if contest.people else contest.damage or 'as_it_is'}"
-    )
+    kind = name if contest.people else (contest.damage or "as_it_is").replace(":", "_")
+    out = output / f"{contest.of}_{kind}"
     found = benchmark(folder, "isomatch", out, n_points=POINTS, distortion=False, damage=contest.damage)
     print(name, found, sep="\n", flush=True)
     return [row for row in found.rows if contest.groups(row.get("group") or "")]
@@ -98,8 +95,8 @@ def rows_of(name: str, data: Path, output: Path) -> list[dict[str, Any]]:
 def line(name: str, rows: list[dict[str, Any]]) -> dict[str, Any]:
     """Sum a contest up."""
     good = [row for row in rows if "problem" not in row]
-    errors = np.array([row["error"] for row in good])
-    matched = [row.get("error_matched", row["error"]) for row in good]
+    errors = np.array([row.get("error", NO_MAP) for row in rows])
+    matched = [row["error_matched"] for row in good if "error_matched" in row] or errors
     sure = [row["error"] for row in good if row["outcome"] in SURE]
     return {
         "contest": CONTESTS[name].title,
@@ -107,7 +104,7 @@ def line(name: str, rows: list[dict[str, Any]]) -> dict[str, Any]:
         "mean": f"{errors.mean():.2f}",
         "median": f"{np.median(errors):.2f}",
         "worst": f"{errors.max():.1f}",
-        "wrong (> 10)": int((errors > WRONG).sum()) + len(rows) - len(good),
+        "wrong (> 10)": int((errors > WRONG).sum()),
         "called right": len(sure),
         "of these wrong": sum(error > WRONG for error in sure),
         "mean where matched": f"{np.mean(matched):.2f}" if any(row.get("unmatched") for row in good) else "",
@@ -119,34 +116,6 @@ def line(name: str, rows: list[dict[str, Any]]) -> dict[str, Any]:
 def overlap_of(name: str, rows: list[dict[str, Any]]) -> str:
     """Mean overlap of found and true common regions, in per cent; of a pair without a map, 0."""
     return f"{100 * np.mean([row.get('iou') or 0.0 for row in rows]):.1f}" if CONTESTS[name].overlap else ""
-
-
-def beside(found: dict[str, list[dict[str, Any]]]) -> list[dict[str, str]]:
-    """Put our means among the published ones: for each contest the best first, by overlap where there is one."""
-    with PUBLISHED.open(newline="", encoding="utf-8") as file:
-        published = list(csv.DictReader(file))
-    ours = [
-        dict.fromkeys(published[0], "")
-        | {
-            "contest": CONTESTS[name].field,
-            "method": "**isomatch**",
-            "error": line(name, rows)["mean where matched" if CONTESTS[name].overlap else "mean"],
-            "IoU, %": overlap_of(name, rows),
-            "learns": "nothing",
-            "hardware": f"1 thread, {line(name, rows)['seconds, one thread']} s a pair",
-            "pairs": " of ".join(filter(None, [str(len(rows)), CONTESTS[name].title.partition(", ")[2]])),
-        }
-        for name, rows in found.items()
-        if CONTESTS[name].field
-    ]
-    titles = {contest.field: contest.title.split(",")[0] for contest in CONTESTS.values() if contest.field}
-    order = list(titles)
-
-    def rank(row: dict[str, str]) -> tuple[int, float]:
-        return order.index(row["contest"]), -float(row["IoU, %"]) if row["IoU, %"] else float(row["error"])
-
-    rows = sorted([*published, *ours], key=rank)
-    return [row | {"contest": titles[row["contest"]]} for row in rows]
 
 
 def curves(found: dict[str, list[dict[str, Any]]], output: Path) -> None:
@@ -179,5 +148,4 @@ if __name__ == "__main__":
     each = [{"contest": name, **row} for name, rows in found.items() for row in rows]
     write_rows(asked.output / "contests.csv", COLUMNS, each)
     write_table(asked.output / "contests_table.csv", [line(name, rows) for name, rows in found.items()])
-    write_table(asked.output / "beside_table.csv", beside(found))
     curves(found, asked.output)

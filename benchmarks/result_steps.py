@@ -62,7 +62,6 @@ STEPS = (
         *("contests", 120, "contests.csv", "curves.csv", "curves.png"),
         folder="contests",
         contests="contests_table.csv",
-        beside="beside_table.csv",
     ),
     study("confidence", 16, "confidence.csv"),
     study("vertex_confidence", 4),

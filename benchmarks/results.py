@@ -13,7 +13,7 @@ is skipped.
 In a page, what is between ``<!-- result: NAME -->`` and ``<!-- end of result -->`` is ``docs/results/NAME.csv``, in
 ``<!-- result: NAME: A; B -->`` two of its columns. ``<!-- result: stamp -->`` says of what the tables of the page are. A
 table that another source measured before is kept in ``docs/results/previous``, and ``<!-- result: changes -->`` shows
-what differs.
+what differs. ``<!-- result: beside -->`` puts the contests among published numbers.
 """
 
 from __future__ import annotations
@@ -35,13 +35,14 @@ from pathlib import Path
 from typing import Any
 
 import changes
+import published
 from result_steps import STEPS, Step
 
 ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "docs" / "results"
 PACKAGES = ("numpy", "scipy", "numba")
 MARKED = re.compile(r"<!-- result: ([\w-]+)(?:: ([^\n]+?))? -->\n(.*?)<!-- end of result -->", re.DOTALL)
-OTHER = ("stamp", "changes")  # what is marked and no table
+OTHER = ("stamp", "changes", "beside")  # what is marked and no table
 Stamp = dict[str, Any]
 
 
@@ -149,6 +150,8 @@ def filled(text: str, known: dict[str, Stamp], results: Path = RESULTS) -> str:
             new = told({step: known[step] for step in steps_of(text)})
         elif name == "changes":
             new = changes.told(results)
+        elif name == "beside":
+            new = published.beside(results)
         else:
             new = rendered(results / f"{name}.csv", columns)
         return found[0].replace(f"-->\n{old}<!--", f"-->\n{new}<!--")

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 import changes
+import published
 import results
 from result_steps import STEPS, Step
 
@@ -105,6 +106,21 @@ def test_what_changed_shows_only_columns_that_differ(tmp_path):
         "| mesh | side | size | error |\n|---|---|---|---|\n"
         "| cat | a | 7 | 1.5, 2 → 1.5 |\n| cat | a | 7 | 2.5 |\n| dog | b | new: 7 | new: 3 |\n\n"
     )
+
+
+def test_published_numbers_stand_beside_ours_the_best_first():
+    with published.PUBLISHED.open(newline="", encoding="utf-8") as file:
+        known = list(csv.DictReader(file))
+    methods = []
+    for section in published.beside(results.RESULTS).split("### ")[1:]:
+        head, _, *lines = [line.split(" | ") for line in section.splitlines() if line.startswith("|")]
+        methods += [line[0].removeprefix("| ") for line in lines]
+        ranked = [float(line[head.index("error")] or 0) for line in lines]
+        if "IoU, %" in head:
+            ranked = [-float(line[head.index("IoU, %")]) for line in lines]
+        assert ranked == sorted(ranked)
+    ours = ["**isomatch**"] * sum(len(names) for _, names in published.OURS.values())
+    assert sorted(methods) == sorted([*(row["method"] for row in known), *ours])
 
 
 def test_the_source_is_what_its_files_hold(tmp_path):

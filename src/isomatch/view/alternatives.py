@@ -15,7 +15,10 @@ STAYED = 0.05  # √area; an image that is moved by less is at the same place
 
 
 def share_elsewhere(source: Mesh, target: Mesh, one: Correspondence, other: Correspondence) -> float:
-    """Share of the source's area whose images differ by more than `STAYED`, or that has an image by one map alone."""
+    """Share of the source's area whose images differ by more than `STAYED`, or that has an image by one map alone.
+
+    Images differ by their distance in space, not along the surface.
+    """
     images = (each.pull_back(target.vertices) for each in (one, other))
     apart = np.linalg.norm(np.subtract(*images), axis=1) > STAYED * np.sqrt(target.area)
     apart |= one.matched != other.matched
@@ -43,7 +46,9 @@ def told_of_all(result: MatchResult) -> str:
     if not near and not isnan(rival):
         near.append("No other map came near this one.")
     when = "Choose one if its picture looks right where the map above looks wrong, or has the sides that you want."
-    return " ".join([*near, when, "They are shown before refinement, with rough borders."])
+    return " ".join(
+        [*near, when, "Those that were only searched are shown before refinement, with rough borders."]
+    )
 
 
 def _sides(result: MatchResult, other: Alternative) -> str:

@@ -14,6 +14,7 @@ from isomatch.settings import MatchSettings
 from isomatch.surfaces import Mesh
 from isomatch.view.alternatives import told_of_all, told_of_alternative
 from isomatch.view.measures import quality_measures
+from isomatch.view.page import SIDES
 from isomatch.view.picture import png
 from isomatch.view.stills import draw_map
 
@@ -23,7 +24,6 @@ _HOW_TO_CHOOSE = (
     "alternative 1, measures it and makes it the map."
 )
 LIBRARIES = ("numpy", "scipy", "numba", "robust_laplacian", "matplotlib")
-_SIDES = ("source", "target")
 
 
 def quality_rows(result: MatchResult, *, only_against: bool = False) -> str:
@@ -65,18 +65,18 @@ def table_of_regions(result: MatchResult) -> str:
 def table_against(result: MatchResult) -> str:
     """Make a table of the measures that speak against the map; nothing if there are none."""
     rows = quality_rows(result, only_against=True)
-    return f"<section><h2>What speaks against it</h2>{_table_of_quality(rows)}</section>" if rows else ""
+    return f"<section><h2>What speaks against it</h2>{_table_of_measures(rows)}</section>" if rows else ""
 
 
 def table_of_quality(result: MatchResult) -> str:
     """Make a table of all measures."""
     return (
         "<p>Computed without ground truth. A violated bound is evidence against the map.</p>"
-        + _table_of_quality(quality_rows(result))
+        + _table_of_measures(quality_rows(result))
     )
 
 
-def _table_of_quality(rows: str) -> str:
+def _table_of_measures(rows: str) -> str:
     heads = "".join(f'<th scope="col">{name}</th>' for name in ("measure", "value", "bound", "meaning"))
     return f'<table class="quality"><thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table>'
 
@@ -108,7 +108,7 @@ def tables_of_run(result: MatchResult, facts: Mapping[str, object]) -> str:
         "selected for": result.reason,
         "geodesic engine": result.engine,
         "seed": result.seed,
-        **{f"{side} onto itself": symmetry for side, symmetry in zip(_SIDES, result.symmetries) if symmetry},
+        **{f"{side} onto itself": symmetry for side, symmetry in zip(SIDES, result.symmetries) if symmetry},
         **versions(),
     }
     seconds = {stage: f"{spent:.2f}" for stage, spent in result.timings.items()}

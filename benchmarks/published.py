@@ -1,0 +1,65 @@
+"""Published numbers of the contests, from ``published.csv``, with those of isomatch among them.
+
+`beside` renders a table for each contest of ``docs/results/contests.csv`` on which others published. See ``results.py``.
+"""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+PUBLISHED = Path(__file__).with_suffix(".csv")
+OURS = {  # contest in published.csv: heading, and our rows of it in contests.csv with what they are of
+    "faust": (
+        "FAUST remeshed",
+        {"FAUST remeshed, 000–019": "of 000–019", "FAUST remeshed, 030–049": "of 030–049"},
+    ),
+    "topkids": ("TOPKIDS", {"TOPKIDS": "of the set"}),
+    "cuts": ("SHREC'16 cuts", {"SHREC'16 cuts": "of four classes, units as in the files"}),
+    "holes": ("SHREC'16 holes", {"SHREC'16 holes": "of four classes"}),
+    "smal": (
+        "SMAL",
+        {"SMAL, two species": "between two species", "SMAL, one species": "within a species"},
+    ),
+    "psmal": ("PARTIALSMAL", {"PARTIALSMAL": "of five species"}),
+}
+Row = dict[str, str]
+
+
+def beside(results: Path) -> str:
+    """Render the tables; the best comes first, by overlap where all have one, else by error."""
+    with (results / "contests.csv").open(newline="", encoding="utf-8") as file:
+        measured = {row["contest"]: row for row in csv.DictReader(file)}
+    with PUBLISHED.open(newline="", encoding="utf-8") as file:
+        published = list(csv.DictReader(file))
+    tables = []
+    for contest, (title, ours) in OURS.items():
+        rows = [*_of(contest, published), *(_ours(measured[name], what) for name, what in ours.items())]
+        tables.append(f"### {title}\n\n{_table(rows)}")
+    return "\n".join(tables)
+
+
+def _of(contest: str, rows: list[Row]) -> list[Row]:
+    return [{key: row[key] for key in row if key != "contest"} for row in rows if row["contest"] == contest]
+
+
+def _ours(row: Row, what: str) -> Row:
+    """Give a contest of ours the columns of published.csv."""
+    return {
+        "method": "**isomatch**",
+        "year": "",
+        "error": row["mean"],
+        "IoU, %": row["IoU, %"],
+        "learns": "nothing",
+        "hardware": f"1 thread, {row['seconds, one thread']} s a pair",
+        "pairs": f"{row['pairs']} {what}, turned",
+        "source": "this page",
+    }
+
+
+def _table(rows: list[Row]) -> str:
+    overlap = all(row["IoU, %"] for row in rows)
+    rows = sorted(rows, key=lambda row: -float(row["IoU, %"]) if overlap else float(row["error"]))
+    shown = [key for key in rows[0] if any(row[key] for row in rows)]
+    lines = [shown, ["---"] * len(shown), *([row[key] for key in shown] for row in rows)]
+    return "".join(f"| {' | '.join(cells)} |\n" for cells in lines)
