@@ -85,11 +85,13 @@ def _compared(old: Sequence[Row], new: Sequence[Row]) -> str:
     def cell(key: Row, row: Row, column: str) -> str:
         value = row[new[0].index(column)]
         was = before[key][old[0].index(column)] if key in before else None
-        if was != value and column not in changed:
+        if was not in (value, None) and column not in changed:
             changed.append(column)
         return value if was == value else f"new: {value}" if was is None else f"{was} → {value}"
 
     rows = {key: {column: cell(key, row, column) for column in shared} for key, row in _keyed(new, names)}
+    if any(key not in before for key in rows) and not changed:
+        changed = list(shared)
     changed.sort(key=shared.index)
     if not changed:
         return "No number differs.\n\n"

@@ -103,8 +103,8 @@ def test_what_changed_shows_only_columns_that_differ(tmp_path):
     changes.write_stamp(tmp_path, step.name, ONE | {"source": "b2", "revision": "r2", "machine": "n"})
     assert changes.told(tmp_path) == (
         "## engines: r1 → r2\n\nMeasured on m, now on n.\n\n"
-        "| mesh | side | size | error |\n|---|---|---|---|\n"
-        "| cat | a | 7 | 1.5, 2 → 1.5 |\n| cat | a | 7 | 2.5 |\n| dog | b | new: 7 | new: 3 |\n\n"
+        "| mesh | side | error |\n|---|---|---|\n"
+        "| cat | a | 1.5, 2 → 1.5 |\n| cat | a | 2.5 |\n| dog | b | new: 3 |\n\n"
     )
 
 

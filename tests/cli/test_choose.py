@@ -80,7 +80,7 @@ def test_an_alternative_becomes_the_map_and_the_map_an_alternative(matched, resu
     moved = np.linalg.norm(target.vertices[found] - target.vertices[chosen.vertices], axis=1)
     assert np.median(moved) < 0.05 * np.sqrt(target.area)
     report = (result / "report.html").read_text(encoding="utf-8")
-    assert "<figcaption>Alternative 1, from the map before, extremities</figcaption>" in report
+    assert "<strong>Alternative 1</strong> The map before this one was chosen. Sends" in report
 
 
 @pytest.mark.long
