@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import re
 import shutil
@@ -15,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from result_steps import STEPS, Step
+from result_tables import markdown, read_table
 
 NUMBERS = re.compile(r"[\d.,;:/%×≤≥<>~→–− -]*")
 Row = tuple[str, ...]
@@ -66,12 +66,10 @@ def _known(step: Step, folder: Path) -> list[str]:
 
 def _both(results: Path, table: str) -> list[list[Row]]:
     """Read a table as it was and as it is."""
-    return [_read(folder / f"{table}.csv") for folder in (results / "previous", results)]
-
-
-def _read(path: Path) -> list[Row]:
-    with path.open(newline="", encoding="utf-8") as file:
-        return [tuple(row) for row in csv.reader(file)]
+    return [
+        [tuple(row) for row in read_table(folder / f"{table}.csv")]
+        for folder in (results / "previous", results)
+    ]
 
 
 def _compared(old: Sequence[Row], new: Sequence[Row]) -> str:
@@ -79,7 +77,6 @@ def _compared(old: Sequence[Row], new: Sequence[Row]) -> str:
     names = _n_names(new)
     before = dict(_keyed(old, names))
     shared = [column for column in new[0][names:] if column in old[0]]
-
     changed: list[str] = []
 
     def cell(key: Row, row: Row, column: str) -> str:
@@ -95,10 +92,8 @@ def _compared(old: Sequence[Row], new: Sequence[Row]) -> str:
     changed.sort(key=shared.index)
     if not changed:
         return "No number differs.\n\n"
-    table = [(*new[0][:names], *changed)]
-    table += [(*key[:names], *(cells[column] for column in changed)) for key, cells in rows.items()]
-    head, *body = [f"| {' | '.join(row)} |\n" for row in table]
-    return "".join([head, f"|{'---|' * len(table[0])}\n", *body, "\n"])
+    lines = [(*key[:names], *(cells[column] for column in changed)) for key, cells in rows.items()]
+    return markdown((*new[0][:names], *changed), lines) + "\n"
 
 
 def _n_names(table: Sequence[Row]) -> int:

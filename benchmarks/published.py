@@ -8,6 +8,8 @@ from __future__ import annotations
 import csv
 from pathlib import Path
 
+from result_tables import markdown
+
 PUBLISHED = Path(__file__).with_suffix(".csv")
 OURS = {  # contest in published.csv: heading, and our rows of it in contests.csv with what they are of
     "faust": (
@@ -61,5 +63,4 @@ def _table(rows: list[Row]) -> str:
     overlap = all(row["IoU, %"] for row in rows)
     rows = sorted(rows, key=lambda row: -float(row["IoU, %"]) if overlap else float(row["error"]))
     shown = [key for key in rows[0] if any(row[key] for row in rows)]
-    lines = [shown, ["---"] * len(shown), *([row[key] for key in shown] for row in rows)]
-    return "".join(f"| {' | '.join(cells)} |\n" for cells in lines)
+    return markdown(shown, ([row[key] for key in shown] for row in rows))

@@ -19,7 +19,6 @@ what differs. ``<!-- result: beside -->`` puts the contests among published numb
 from __future__ import annotations
 
 import argparse
-import csv
 import hashlib
 import json
 import platform
@@ -37,6 +36,7 @@ from typing import Any
 import changes
 import published
 from result_steps import STEPS, Step
+from result_tables import markdown, read_table
 
 ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "docs" / "results"
@@ -161,11 +161,10 @@ def filled(text: str, known: dict[str, Stamp], results: Path = RESULTS) -> str:
 
 def rendered(path: Path, columns: str | None) -> str:
     """Give a table, or some of its columns, as Markdown."""
-    with path.open(newline="", encoding="utf-8") as file:
-        header, *rows = csv.reader(file)
-    chosen = [header.index(column) for column in columns.split("; ")] if columns else range(len(header))
-    lines = [f"| {' | '.join(line[i] for i in chosen)} |\n" for line in (header, *rows)]
-    return "".join([lines[0], f"|{'---|' * len(chosen)}\n", *lines[1:]])
+    lines = read_table(path)
+    chosen = [lines[0].index(column) for column in columns.split("; ")] if columns else range(len(lines[0]))
+    head, *rows = [[line[i] for i in chosen] for line in lines]
+    return markdown(head, rows)
 
 
 def told(shown: dict[str, Stamp]) -> str:

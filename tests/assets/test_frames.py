@@ -7,7 +7,7 @@ from corresponded import wrapped_as
 from isomatch import Asset, read_asset, read_mesh, write_asset
 from isomatch.assets import Frame
 from isomatch.cli import main
-from isomatch.cli.as_mesh import write_wrapped
+from isomatch.cli.outputs import write_wrapped
 from shapes import icosphere
 
 nibabel = pytest.importorskip("nibabel")

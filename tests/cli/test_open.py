@@ -120,13 +120,17 @@ def test_a_result_is_written_and_packed_as_match_writes_it(shapes, served):
     assert len(again["result"].alternatives) == len(result.alternatives)
 
 
-def test_the_map_back_is_kept_with_the_result_that_was_opened_alone(shapes, served):
+def matched_quickly(shapes, options):
+    """Write a result into ``out``."""
     quick = (
         "n_columns = 40\nrank = 20\nn_functions = 40\nn_search = 100\nn_refine = 100\nrefinement = 'none'\n"
     )
     (shapes / "quick.toml").write_text(quick)
-    words = "match a.ply b.ply --both -o out --config quick.toml --quiet"
-    assert main(words.split()) == 0
+    assert main(f"match a.ply b.ply -o out --config quick.toml --quiet {options}".split()) == 0
+
+
+def test_the_map_back_is_kept_with_the_result_that_was_opened_alone(shapes, served):
+    matched_quickly(shapes, "--both")
     before, back = (json.loads((shapes / "out" / "result.json").read_text()), shapes / "out" / "map_back.npz")
     found = isomatch.Correspondence.load(back, bent().n_vertices)
     assert main(["open", "out", "--no-browser"]) == 0
@@ -143,12 +147,7 @@ def test_the_map_back_is_kept_with_the_result_that_was_opened_alone(shapes, serv
 
 
 def test_the_mesh_file_of_a_result_that_was_opened_is_told_with_its_map_only(shapes, served):
-    quick = (
-        "n_columns = 40\nrank = 20\nn_functions = 40\nn_search = 100\nn_refine = 100\nrefinement = 'none'\n"
-    )
-    (shapes / "quick.toml").write_text(quick)
-    words = "match a.ply b.ply -o out --as-mesh shared.ply --config quick.toml --no-report --quiet"
-    assert main(words.split()) == 0
+    matched_quickly(shapes, "--as-mesh shared.ply --no-report")
     before, shared = (shapes / "shared.ply").read_bytes(), shapes / "shared.ply"
     told = json.loads((shapes / "out" / "result.json").read_text())["as_mesh"]
     assert main(["open", "out", "--no-browser"]) == 0

@@ -13,7 +13,7 @@ from corresponded import wrapped_as
 from isomatch import Asset, Correspondence, Mesh, match, read_asset, read_mesh, write_asset
 from isomatch.assets import Attribute, Frame, Polygons
 from isomatch.cli import main
-from isomatch.cli.as_mesh import write_wrapped
+from isomatch.cli.outputs import write_wrapped
 from isomatch.datasets import example_pair
 
 pytestmark = pytest.mark.usefixtures("prepared_once", "small_pictures")

@@ -16,7 +16,7 @@ from isomatch import (
 )
 from isomatch.assets import Polygons
 from isomatch.cli import main
-from isomatch.cli.as_mesh import write_wrapped
+from isomatch.cli.outputs import write_wrapped
 from shapes import flat_grid, icosphere
 
 TURN = np.array([[0, -1, 0], [0, 0, -1], [1, 0, 0]])  # as a rotation moves columns

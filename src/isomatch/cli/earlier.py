@@ -11,9 +11,8 @@ from typing import Any
 
 import isomatch
 from isomatch import matching
-from isomatch.cli.as_mesh import MESH_LEFT
 from isomatch.cli.inputs import read_surface
-from isomatch.cli.outputs import BACK, Back, ResultFolder
+from isomatch.cli.outputs import BACK, MESH_LEFT, Back, ResultFolder
 from isomatch.errors import FormatError
 from isomatch.storage.files import opened
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Callable
-from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -13,18 +12,24 @@ from cyclopts import Parameter
 
 import isomatch
 from isomatch import view
-from isomatch.cli.as_mesh import ResultMesh, say_wrapped
+from isomatch.assets import files_beside
 from isomatch.cli.inputs import naming_files, read_config, read_functions, read_outcomes, read_surface
 from isomatch.cli.outputs import (
     ResultFolder,
     back_of,
+    claimed_files,
+    notes_on,
     refuse_outcomes,
+    require_writable,
     say_files,
     say_result,
+    say_wrapped,
+    write_wrapped,
 )
-from isomatch.cli.terminal import TALK, Talk, part, say
+from isomatch.cli.terminal import TALK, Talk, json_text, part, say
 from isomatch.errors import LandmarkError, MapError, NotConvergedError
 from isomatch.settings import Hypotheses, Orientation, RefinementName, Resolution, Start
+from isomatch.storage.files import write_text
 
 
 def match(
@@ -137,11 +142,13 @@ def match(
                 read_functions(source, function, shapes[0].n_vertices),
                 read_functions(target, function, shapes[1].n_vertices),
             )
-        mesh: ResultMesh | None = None
+        beside: tuple[Path, ...] = ()
         if as_mesh is not None:
+            require_writable(as_mesh)
             _require_faces(**{str(source): shapes[0], str(target): shapes[1]})
-            mesh = ResultMesh.read(as_mesh, source, target)
-        with folder.claimed(force), mesh.claimed(force) if mesh else nullcontext():
+            assets = isomatch.read_asset(source), isomatch.read_asset(target, sound=False)
+            beside = files_beside(as_mesh, assets[0])
+        with folder.claimed(force), claimed_files(as_mesh, *beside, force=force):
             inputs = {
                 "source": source,
                 "target": target,
@@ -184,8 +191,14 @@ def match(
             record = folder.write(
                 *drawn, result, titles=titles, more=more, back=back_of(back) if back else None, **shown
             )
-            if mesh:
-                mesh.write(folder, record, result, *shapes)
+            if as_mesh is not None:
+                wrapped = isomatch.wrap(result.map, *shapes)
+                record["as_mesh"] = {
+                    **write_wrapped(as_mesh, assets[0], assets[1].frame, wrapped, result.expected_error),
+                    "files_beside": list(map(str, beside)),
+                    "notes": notes_on(dict(zip((source, target), assets))),
+                }
+                write_text(folder.result, json_text(record))
         tell("done", 1.0)
 
     def summary() -> None:
@@ -193,7 +206,7 @@ def match(
         if back:
             say("back, from target to source", "bold")
             say_result(back, details)
-        if mesh:
+        if as_mesh is not None:
             say_wrapped(record["as_mesh"])
         say_files(record)
 

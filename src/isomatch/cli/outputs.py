@@ -4,18 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 import isomatch
 from isomatch import view
+from isomatch.assets import Attribute, Frame
 from isomatch.cli.terminal import INDENT, json_text, say, say_rows, say_table
 from isomatch.storage.files import claimed, made_folder, staged, write_text
+from isomatch.values.arrays import FloatArray
 
 RESULT = "result.json"
 BACK = "map_back.npz"
+MESH_LEFT = (
+    "{} is of the map before and was left; in Python, MatchResult.as_mesh gives the surface by this one"
+)
 BACK_REMOVED = "the map back belonged to the map before and was removed"
 
 Back = tuple["isomatch.Correspondence", dict[str, Any]]
@@ -221,11 +226,55 @@ def _say_details(result: isomatch.MatchResult) -> None:
     say("")
 
 
+def write_wrapped(
+    path: Path,
+    asset: isomatch.Asset,
+    frame: Frame | None,
+    wrapped: isomatch.Wrapped,
+    expected_error: FloatArray,
+) -> dict[str, Any]:
+    """Write the asset of the source in the shape of the target, and say how good it is.
+
+    All that it carries is written too, shape keys turned with the surface, but no normals and tangents; the frame of the
+    coordinates is that of the target. Where the format takes scalars, the expected error (n_source,) of each vertex is
+    added, and whether it is extended.
+    """
+    moved = replace(asset.moved(wrapped.mesh.vertices[asset.point_of_vertex]), frame=frame)
+    if asset.of_kind("key"):
+        unmoved = isomatch.Correspondence(range(len(asset.points)), len(asset.points))
+        moved = isomatch.carry_attributes(unmoved, moved, asset, "keys").asset
+    turned = [
+        attribute.name for attribute in moved.attributes if attribute.kind == "normal" or attribute.is_tangent
+    ]
+    errors = Attribute("expected_error", "point", "scalar", expected_error)
+    extended = Attribute("extended", "point", "scalar", wrapped.extended.astype(float))
+    own = (errors, extended)
+    left = isomatch.write_asset(path, moved.without_attributes(*turned).with_attributes(*own))
+    names = [attribute.name for attribute in left if all(attribute is not each for each in own)]
+    return {"file": str(path), **asdict(wrapped.quality), "left_out": names}
+
+
 def require_writable(path: Path) -> None:
     """Raise the error of a mesh file whose format is unknown, or needs a package that is not installed."""
     triangle = isomatch.Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
     with TemporaryDirectory() as folder:
         isomatch.write_mesh(Path(folder) / path.name, triangle)
+
+
+def say_wrapped(record: dict[str, Any]) -> None:
+    """Print where the target is in the source's topology, and how good it is."""
+    extended = record["extended"]
+    say(f"{'  as mesh':<{INDENT}}{record['file']}")
+    lines = [
+        f"the target with the faces of the source; {record['turned']:.2%} of them are turned over, almost no edge is "
+        f"stretched by more than {record['stretch']:.2f} ×, vertices are {record['distance']:.2%} of the size (√area) "
+        "off on average",
+        f"materials: {', '.join(record['files_beside'])}" if record["files_beside"] else "",
+        f"{extended} vertices have no counterpart and are placed by those around them" if extended else "",
+    ]
+    say_rows(("", line) for line in lines)
+    say_left_out(record["left_out"], record["file"])
+    say_notes(record["notes"])
 
 
 def say_left_out(names: list[str], file: str | Path) -> None:

@@ -8,8 +8,8 @@ import numpy as np
 
 from isomatch.correspondence import Correspondence
 from isomatch.matching import Alternative, MatchResult
-from isomatch.settings import Config
 from isomatch.surfaces import Mesh
+from isomatch.view.measures import config_of
 
 STAYED = 0.05  # √area; an image that is moved by less is at the same place
 
@@ -35,7 +35,7 @@ def told_of_alternative(source: Mesh, target: Mesh, result: MatchResult, other: 
 def told_of_all(result: MatchResult) -> str:
     """Say of all alternatives how near the best of them comes to the map, and when to choose one."""
     rival, mirrored = result.quality.rival, result.quality.mirrored
-    limits = _config(result).outcome
+    limits = config_of(result).outcome
     near = []
     if rival < limits.tie:
         near.append(f"Another map fits {'better' if rival < 1 else 'as well'}.")
@@ -53,7 +53,7 @@ def told_of_all(result: MatchResult) -> str:
 
 def _sides(result: MatchResult, other: Alternative) -> str:
     """Compare orientations, which are 1 for a map that keeps left and right, and −1 for one that mirrors."""
-    least = _config(result).outcome.poor_orientation
+    least = config_of(result).outcome.poor_orientation
     if isnan(other.orientation) or isnan(result.quality.orientation):
         return ""
     if abs(other.orientation) < least:
@@ -61,7 +61,3 @@ def _sides(result: MatchResult, other: Alternative) -> str:
     if other.orientation * result.quality.orientation > 0:
         return "Keeps left and right as the map does."
     return "Mirror image of the map: left and right are exchanged."
-
-
-def _config(result: MatchResult) -> Config:
-    return result.config if isinstance(result.config, Config) else Config()

@@ -229,9 +229,14 @@ def quality_bounds(result: MatchResult) -> dict[str, dict[str, float]]:
 
 def _measures_of(result: MatchResult) -> dict[str, Measure]:
     """Give the measures with the bounds that the match of the result had."""
-    config = result.config if isinstance(result.config, Config) else Config()
+    config = config_of(result)
     of_part = {} if isnan(result.quality.doubt) and isnan(result.quality.stress) else _OF_PART
     return {
         field: replace(measure, **of_part.get(field, {})).bounded_by(config)
         for field, measure in MEASURES.items()
     }
+
+
+def config_of(result: MatchResult) -> Config:
+    """Give the settings with the bounds of a result; the defaults if it was found with others than those of `match`."""
+    return result.config if isinstance(result.config, Config) else Config()

@@ -28,9 +28,8 @@ TALLEST = 1.15  # largest height of a panel over its width
 LEAST_WIDTH = 200  # pixels of a picture
 MARGIN, TITLE, COLOUR_BAR = 30, 70, 175  # pixels; the last is what a bar takes at least, with its label
 BAR, BAR_HEIGHT = 24, 0.7  # pixels across, and share of the height of a panel
-BESIDE_BAR = (
-    120  # pixels; least height of panels beside a bar, so that two numbers and a word of its label fit
-)
+# pixels; least height of panels beside a bar, so that two numbers and a word of its label fit
+BESIDE_BAR = 120
 TEXT = 9  # points
 
 

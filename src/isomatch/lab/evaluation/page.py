@@ -121,6 +121,7 @@ def write_page(
         )
     columns = [name for name in SUMMARY if name not in once]
     every = [(columns, summary), (FURTHER, summary), (GAINED, gains), (WORST, worst)]
+    # how errors were judged is told above the table
     shown = {"judged_at"} | {column for names, lines in every for column in _filled(names, lines)}
     page = Template((files("isomatch.lab.evaluation") / "page.html").read_text(encoding="utf-8")).substitute(
         title=escape(f"isomatch bench: {sets}"),
@@ -137,9 +138,7 @@ def write_page(
         columns="".join(
             f"<dt>{escape(', '.join(map(_head, present)))}</dt><dd>{escape(text)}</dd>"
             for names, text in MEANINGS.items()
-            if (
-                present := [name for name in names.split() if name in shown or name == "judged_at"]
-            )  # which is told above the table
+            if (present := [name for name in names.split() if name in shown])
         ),
     )
     write_text(path, page)
