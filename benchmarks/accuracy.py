@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from isomatch.lab.evaluation import BenchmarkRun, read_rows, run_benchmark, write_tables
-from isomatch.lab.sets import benchmark_set
+from isomatch_lab.evaluation import BenchmarkRun, read_rows, run_benchmark, write_tables
+from isomatch_lab.sets import benchmark_set
 from studies import asked_for, write_table
 
 POINTS = 700

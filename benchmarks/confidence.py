@@ -17,9 +17,9 @@ import numpy as np
 
 import isomatch
 from isomatch import Config
-from isomatch.lab.damage import DamageChoice
-from isomatch.lab.sets import BenchmarkPair, benchmark_set
 from isomatch.settings import SearchSettings
+from isomatch_lab.damage import DamageChoice
+from isomatch_lab.sets import BenchmarkPair, benchmark_set
 from studies import SURE, asked_for, error_after, in_parallel, mean_error, write_rows, write_table
 
 RIGHT, WRONG = 3.0, 10.0

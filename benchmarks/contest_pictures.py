@@ -12,7 +12,7 @@ import csv
 from pathlib import Path
 
 from contests import CONTESTS
-from isomatch.lab.sets import benchmark_set
+from isomatch_lab.sets import benchmark_set
 from worst_pairs import draw
 
 PAGE = Path(__file__).parents[1] / "docs" / "contests"

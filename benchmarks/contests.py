@@ -20,8 +20,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from isomatch import Mesh, write_mesh
-from isomatch.lab.evaluation import benchmark
-from isomatch.lab.evaluation.princeton import THRESHOLDS
+from isomatch.evaluation import THRESHOLDS
+from isomatch_lab.evaluation import benchmark
 from studies import SURE, asked_for, write_rows, write_table
 
 POINTS = 1000  # of the truth of each pair

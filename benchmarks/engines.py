@@ -18,7 +18,7 @@ import numpy as np
 from isomatch import Mesh, MissingDependencyError, distance_engine
 from isomatch.datasets import creature
 from isomatch.geodesics import DistanceEngine, engine_names
-from isomatch.lab.sets import benchmark_set
+from isomatch_lab.sets import benchmark_set
 from studies import asked_for, write_rows, write_table
 
 SOURCES = 10

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from isomatch.lab.evaluation import (
+from isomatch_lab.evaluation import (
     BenchmarkRun,
     improvements,
     read_published_curves,

@@ -15,17 +15,12 @@ from dataclasses import replace
 import numpy as np
 
 from isomatch import Config, MatchResult, match
+from isomatch.evaluation import counted, geodesic_errors
 from isomatch.geodesics import distance_engine
-from isomatch.lab.baselines import gdd, gdd_post
-from isomatch.lab.evaluation import (
-    CachingEngine,
-    counted,
-    geodesic_errors,
-    metric_distortion,
-    true_landmarks,
-)
-from isomatch.lab.sets import BenchmarkPair, benchmark_set
 from isomatch.settings import PreparationSettings, RefinementSettings, SearchSettings
+from isomatch_lab.baselines import gdd, gdd_post
+from isomatch_lab.evaluation import CachingEngine, metric_distortion, true_landmarks
+from isomatch_lab.sets import BenchmarkPair, benchmark_set
 from studies import asked_for, write_rows, write_table
 
 SEED = 0

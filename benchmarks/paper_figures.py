@@ -12,10 +12,10 @@ from pathlib import Path
 
 import numpy as np
 
-from isomatch.lab.paper import ITEMS, Setting, reproduce
-from isomatch.lab.paper.benchmark_rows import benchmark_rows
-from isomatch.lab.paper.curves_5pt import METHODS
-from isomatch.lab.paper.princeton_curves import sets_of
+from isomatch_lab.paper import ITEMS, Setting, reproduce
+from isomatch_lab.paper.benchmark_rows import benchmark_rows
+from isomatch_lab.paper.curves_5pt import METHODS
+from isomatch_lab.paper.princeton_curves import sets_of
 from studies import asked_for, write_table
 
 POINTS = 500

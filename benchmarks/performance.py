@@ -25,11 +25,11 @@ import numpy as np
 import isomatch
 from isomatch import Mesh
 from isomatch.datasets import creature, example_pair, ground_truth
-from isomatch.lab.sets import benchmark_set
-from isomatch.lab.sets.shape_set import BenchmarkPair
 from isomatch.runtime.limits import processors
 from isomatch.runtime.threads import serial_blas
 from isomatch.shapes import prepare
+from isomatch_lab.sets import benchmark_set
+from isomatch_lab.sets.shape_set import BenchmarkPair
 from studies import write_rows, write_table
 
 SIZES = (5000, 28000, 52000, 112000, 200000, 450000, 1000000)
@@ -129,7 +129,7 @@ def measured(name: str, data: str | None, output: Path, largest_for_pyfm: int) -
     levels = shapes[0].body.n_vertices, finer.surface.n_vertices if finer else 0
     row["bounds"] = lower_bounds(pair.source.n_vertices, *levels)
     if pair.source.n_vertices <= largest_for_pyfm:
-        from isomatch.lab.baselines import pyfm_zoomout
+        from isomatch_lab.baselines import pyfm_zoomout
 
         started = time.perf_counter()
         found = pyfm_zoomout(pair.source, pair.target)

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from isomatch.lab.evaluation import BenchmarkRun, read_rows, run_benchmark
-from isomatch.lab.sets import benchmark_set
+from isomatch_lab.evaluation import BenchmarkRun, read_rows, run_benchmark
+from isomatch_lab.sets import benchmark_set
 from studies import asked_for, in_parallel, write_rows, write_table
 
 METHODS = ("isomatch", "isomatch_5pt")

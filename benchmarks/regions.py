@@ -16,12 +16,12 @@ import numpy as np
 
 import isomatch
 from isomatch import Config, Correspondence
-from isomatch.lab.damage import damaged_pair
-from isomatch.lab.evaluation import counted, geodesic_errors
-from isomatch.lab.sets import benchmark_set
+from isomatch.evaluation import counted, geodesic_errors
 from isomatch.matching import lowered
 from isomatch.matching.judge import region_evidence
 from isomatch.settings import OutcomeSettings
+from isomatch_lab.damage import damaged_pair
+from isomatch_lab.sets import benchmark_set
 from studies import SURE, asked_for, in_parallel, write_rows, write_table
 from welds import PAIRS, fused_pair
 

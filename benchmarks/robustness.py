@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from isomatch.lab.damage import DAMAGES
-from isomatch.lab.evaluation import BenchmarkRun, read_rows, run_benchmark
+from isomatch_lab.damage import DAMAGES
+from isomatch_lab.evaluation import BenchmarkRun, read_rows, run_benchmark
 from studies import SURE, asked_for, in_parallel, write_rows, write_table
 
 METHODS = ("isomatch", "pyfm")

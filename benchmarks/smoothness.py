@@ -13,9 +13,10 @@ from typing import Any
 import numpy as np
 
 from isomatch import Config, match, prepare
-from isomatch.lab.evaluation import coverage, cycle_errors, dirichlet_energy
-from isomatch.lab.sets import benchmark_set
+from isomatch.evaluation import coverage, cycle_errors
 from isomatch.settings import RefinementSettings
+from isomatch_lab.evaluation import dirichlet_energy
+from isomatch_lab.sets import benchmark_set
 from studies import Job, asked_for, drawn, in_parallel, mean_error, write_rows, write_table
 
 SEED = 8

@@ -18,12 +18,13 @@ import numpy as np
 
 from isomatch import Correspondence, match
 from isomatch.correspondence import fit_functional_map, nearest_rows, spectral_embedding
+from isomatch.evaluation import counted, geodesic_errors
 from isomatch.geodesics import distance_engine
-from isomatch.lab.baselines import SpectralGmdsConfig, spectral_gmds
-from isomatch.lab.baselines.task import AT_FULL_RESOLUTION
-from isomatch.lab.evaluation import CachingEngine, counted, geodesic_errors, true_landmarks
-from isomatch.lab.sets import BenchmarkPair, benchmark_set
 from isomatch.matching import ShapePair, prepare_pair
+from isomatch_lab.baselines import SpectralGmdsConfig, spectral_gmds
+from isomatch_lab.baselines.task import AT_FULL_RESOLUTION
+from isomatch_lab.evaluation import CachingEngine, true_landmarks
+from isomatch_lab.sets import BenchmarkPair, benchmark_set
 from studies import asked_for
 
 SEED = 0

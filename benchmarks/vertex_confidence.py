@@ -17,9 +17,9 @@ from scipy.sparse import csr_array, diags_array
 
 import isomatch
 from isomatch import MatchResult, Mesh
-from isomatch.lab.damage import DamageChoice
-from isomatch.lab.evaluation import geodesic_errors
-from isomatch.lab.sets import benchmark_set
+from isomatch.evaluation import geodesic_errors
+from isomatch_lab.damage import DamageChoice
+from isomatch_lab.sets import benchmark_set
 from studies import asked_for, damaged_creatures, in_parallel, write_rows, write_table
 
 SEED = 5

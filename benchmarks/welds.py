@@ -21,9 +21,9 @@ from skimage.measure import marching_cubes
 
 import isomatch
 from isomatch import Mesh
-from isomatch.lab.damage import Damaged, DamagedPair, damaged_pair, decimate, weld
-from isomatch.lab.evaluation import true_landmarks
-from isomatch.lab.sets import benchmark_set
+from isomatch_lab.damage import Damaged, DamagedPair, damaged_pair, decimate, weld
+from isomatch_lab.evaluation import true_landmarks
+from isomatch_lab.sets import benchmark_set
 from studies import asked_for, error_after, in_parallel, summed_up, write_rows, write_table
 
 PAIRS = (  # set, source, target, gap / √area, shapes of which limbs are fused

@@ -15,9 +15,9 @@ from pathlib import Path
 from scipy.spatial import KDTree
 
 from isomatch import match
-from isomatch.lab.evaluation import geodesic_errors
-from isomatch.lab.sets import BenchmarkPair, benchmark_set
+from isomatch.evaluation import geodesic_errors
 from isomatch.view import ValuePanel, draw_map
+from isomatch_lab.sets import BenchmarkPair, benchmark_set
 
 PAGE = Path(__file__).parents[1] / "docs" / "benchmarks"
 

@@ -8,8 +8,10 @@ from pathlib import Path
 import pytest
 
 import isomatch
+import isomatch_lab
 
 PACKAGE = Path(isomatch.__file__).parent
+STUDY = Path(isomatch_lab.__file__).parent
 # A room imports only rooms above it; those of one line do not import each other, but for what BESIDE allows.
 HOUSE = """
 errors values
@@ -25,33 +27,43 @@ correspondence
 settings
 shapes landmarks
 matching
-transfer view datasets
+transfer view datasets evaluation
 statistics
 collections serving
-lab.sets
-lab.damage
-lab.baselines
-lab.evaluation
-lab.paper
 cli
 """
+LAB = """
+sets
+damage
+baselines
+evaluation
+paper
+commands
+"""  # those of isomatch_lab; all may import every public name of isomatch
 BESIDE = {("values", "errors"), ("runtime", "loading"), ("loading", "runtime")}
 FOUNDATION = {"errors", "values", "loading", "runtime", "storage"}  # entered by its modules
-PARENTS = ("isomatch", "isomatch.lab")  # of which rooms may be imported as modules
-LAB = "lab"
-ROWS = [line.split() for line in HOUSE.split("\n") if line]
-MAY_IMPORT = {
-    room: {other for above in ROWS[:number] for other in above} | {room} | {b for a, b in BESIDE if a == room}
-    for number, row in enumerate(ROWS)
-    for room in row
-}
-for room in ("cli", "lab.paper"):
-    MAY_IMPORT[room].add("__init__")
-MAY_IMPORT["__init__"] = {room for row in ROWS for room in row if room != "cli" and not room.startswith(LAB)}
+
+
+def allowed(house):
+    """The rooms that each room may import."""
+    rows = [line.split() for line in house.strip().split("\n")]
+    return {
+        room: {other for above in rows[:number] for other in above}
+        | {room}
+        | {b for a, b in BESIDE if a == room}
+        for number, row in enumerate(rows)
+        for room in row
+    }
+
+
+MAY_IMPORT = allowed(HOUSE)
+MAY_IMPORT["__init__"] = set(MAY_IMPORT) - {"cli"}
+MAY_IMPORT["cli"].add("__init__")
 MAY_IMPORT["__main__"] = {"cli", "storage"}
 MAY_IMPORT["warm"] = set()  # it runs the command
 
 FILES = sorted([*PACKAGE.rglob("*.py"), *PACKAGE.rglob("*.pyi")])
+LAB_FILES = sorted([*STUDY.rglob("*.py"), *STUDY.rglob("*.pyi")])
 
 
 @cache
@@ -59,71 +71,77 @@ def parsed(path):
     return ast.parse(path.read_text(encoding="utf-8"))
 
 
-def room_in(parts):
-    """Room of a module by the parts of its name: two of them in the lab."""
-    return ".".join(parts[: 2 if parts[0] == LAB and len(parts) > 1 else 1])
-
-
 def room_of(path):
-    return room_in(
-        [part for part in path.relative_to(PACKAGE).with_suffix("").parts if part != "__init__"]
-        or ["__init__"]
-    )
+    """Room of a file: the first folder below its package, or the file itself."""
+    package = STUDY if path.is_relative_to(STUDY) else PACKAGE
+    parts = [part for part in path.relative_to(package).with_suffix("").parts if part != "__init__"]
+    return parts[0] if parts else "__init__"
 
 
-def imported_rooms(path):
-    """Rooms of the package that a file imports, anywhere in it; the package itself counts as ``__init__``."""
-    tree = parsed(path)
+def imports(tree):
+    """Modules, names and lines that a file imports, anywhere in it."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
-            names = [alias.name for alias in node.names]
+            yield from ((alias.name, [], node.lineno) for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
-            assert node.level == 0, f"{path}:{node.lineno}: imports are absolute"
-            names = (
-                [f"{node.module}.{a.name}" for a in node.names] if node.module in PARENTS else [node.module]
-            )
-        else:
-            continue
-        for name in names:
-            top, *rest = name.split(".")
-            if top == "isomatch":
-                known = rest and ((PACKAGE / rest[0]).exists() or (PACKAGE / f"{rest[0]}.py").exists())
-                yield room_in(rest) if known else "__init__", node.lineno
+            assert node.level == 0, f"line {node.lineno}: imports are absolute"
+            if node.module in ("isomatch", "isomatch_lab"):
+                yield from ((f"{node.module}.{alias.name}", [], node.lineno) for alias in node.names)
+            else:
+                yield node.module, [alias.name for alias in node.names], node.lineno
+
+
+def imported_rooms(path, package="isomatch"):
+    """Rooms of a package that a file imports; the package itself counts as ``__init__``."""
+    folder = {"isomatch": PACKAGE, "isomatch_lab": STUDY}[package]
+    for module, _, line in imports(parsed(path)):
+        top, *rest = module.split(".")
+        if top == package:
+            known = rest and ((folder / rest[0]).exists() or (folder / f"{rest[0]}.py").exists())
+            yield rest[0] if known else "__init__", line
 
 
 def test_every_room_has_a_place_in_the_order():
-    assert {room_of(path) for path in FILES} <= {*MAY_IMPORT, LAB}
+    assert {room_of(path) for path in FILES} <= {*MAY_IMPORT}
+    assert {room_of(path) for path in LAB_FILES} <= {*allowed(LAB), "__init__"}
 
 
 def test_a_room_imports_only_rooms_before_it():
+    for files, package, may_import in (
+        (FILES, "isomatch", MAY_IMPORT),
+        (LAB_FILES, "isomatch_lab", allowed(LAB)),
+    ):
+        for path in files:
+            rooms = may_import.get(room_of(path), set()) | {"loading"}
+            wrong = [
+                f"line {line}: {room}" for room, line in imported_rooms(path, package) if room not in rooms
+            ]
+            assert not wrong, f"{path}: {room_of(path)} may import {sorted(rooms)}"
+
+
+def test_isomatch_never_imports_the_lab():
     for path in FILES:
-        allowed = MAY_IMPORT.get(room_of(path), {"loading"})
-        wrong = [f"line {line}: {room}" for room, line in imported_rooms(path) if room not in allowed]
-        assert not wrong, f"{path}: {room_of(path)} may import {sorted(allowed)}"
+        assert not list(imported_rooms(path, "isomatch_lab")), path
 
 
 def side_doors(room, source):
-    """Imports of a file that reach into another room, past the names in its ``__all__``."""
-    for node in ast.walk(ast.parse(source)):
-        if isinstance(node, ast.Import):
-            modules, names = [alias.name for alias in node.names], []
-        elif isinstance(node, ast.ImportFrom):
-            modules, names = [node.module], [alias.name for alias in node.names]
-        else:
+    """Imports of a file that reach into another room of isomatch, past the names in its ``__all__``."""
+    for module, names, line in imports(ast.parse(source)):
+        package, *rest = module.split(".")
+        if package != "isomatch" or not rest or rest[0] == room or rest[0] in FOUNDATION:
             continue
-        for module in modules:
-            package, *rest = module.split(".")
-            if package != "isomatch" or module in PARENTS or room_in(rest) == room or rest[0] in FOUNDATION:
-                continue
-            public = importlib.import_module(f"isomatch.{room_in(rest)}").__all__
-            if room_in(rest) != ".".join(rest) or not set(names) <= set(public):
-                yield f"line {node.lineno}: {module} {', '.join(names)}".rstrip()
+        if rest[0] == "__version__" or rest[0] in isomatch.__all__:
+            continue
+        public = importlib.import_module(f"isomatch.{rest[0]}").__all__
+        if len(rest) > 1 or not set(names) <= set(public):
+            yield f"line {line}: {module} {', '.join(names)}".rstrip()
 
 
 def test_a_room_is_entered_by_its_front_door():
-    for path in FILES:
-        found = list(side_doors(room_of(path), path.read_text(encoding="utf-8")))
-        assert not found, f"{path}: import public names from `isomatch.<room>`; export what is missing there"
+    for path in [*FILES, *LAB_FILES]:
+        room = "of the lab" if path in LAB_FILES else room_of(path)
+        doors = list(side_doors(room, path.read_text(encoding="utf-8")))
+        assert not doors, f"{path}: import public names from `isomatch.<room>`; export what is missing there"
 
 
 def test_the_checker_sees_side_doors():
@@ -135,19 +153,13 @@ def test_the_checker_sees_side_doors():
 
 
 def test_the_checker_sees_imports():
-    assert {"cli", "errors"} <= {room for room, _ in imported_rooms(PACKAGE / "cli" / "__init__.py")}
+    assert {"cli", "errors"} <= {room for room, _ in imported_rooms(PACKAGE / "cli" / "program.py")}
 
 
 def imported_modules(path):
     """Modules of the package that a file imports, anywhere in it, also for types only."""
-    for node in ast.walk(parsed(path)):
-        if isinstance(node, ast.Import):
-            names = [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom):
-            names = [f"{node.module}.{alias.name}" for alias in node.names]
-        else:
-            continue
-        for name in names:
+    for module, names, _ in imports(parsed(path)):
+        for name in [f"{module}.{name}" for name in names] or [module]:
             while name and name not in MODULES:
                 name = name.rpartition(".")[0]
             if name:
@@ -215,9 +227,9 @@ def test_only_what_shows_itself_reaches_the_room_of_pictures():
 
 
 def test_loops_are_compiled_in_one_way():
-    """`compiled` works without a cache and waits for the first call, and coverage leaves out what it decorates."""
-    users = {path.name for path in FILES if "import numba" in path.read_text(encoding="utf-8")}
-    assert users == {"dispatcher.py"}
+    """`compiled` works without a cache, and coverage leaves out what it decorates."""
+    users = {path.name for path in [*FILES, *LAB_FILES] if "import numba" in path.read_text(encoding="utf-8")}
+    assert users == {"compiled.py"}
 
 
 @pytest.mark.parametrize("name", isomatch.__all__)

@@ -17,12 +17,12 @@ from isomatch import (
     read_mesh,
 )
 from isomatch.errors import FormatError, LandmarkError, MapError, MeshError, SettingError
-from isomatch.lab.sets import benchmark_set
 from isomatch.matching.hints import checked_landmarks
 from isomatch.runtime.memory import GIB, memory_budget
 from isomatch.runtime.threads import n_threads
 from isomatch.storage.files import read_integers
 from isomatch.values.settings import generator
+from isomatch_lab.sets import benchmark_set
 from zoo import grid, torus
 
 RAGGED = [[0, 0, 0], [1, 0]]

@@ -8,10 +8,10 @@ import pytest
 
 from isomatch import match, match_both, prepare
 from isomatch.datasets import creature
-from isomatch.lab.evaluation import BenchmarkRun
-from isomatch.lab.evaluation.methods import METHODS
-from isomatch.lab.evaluation.subject import Subject
 from isomatch.values.cached import cached_method
+from isomatch_lab.evaluation import BenchmarkRun
+from isomatch_lab.evaluation.methods import METHODS
+from isomatch_lab.evaluation.subject import Subject
 
 
 @pytest.fixture(autouse=True)

@@ -10,7 +10,6 @@ from pathlib import Path
 import pytest
 
 import isomatch
-from later import some_later
 
 STUBS = sorted(Path(isomatch.__file__).parent.rglob("__init__.pyi"))
 PACKAGES = [".".join(stub.parent.relative_to(Path(isomatch.__file__).parents[1]).parts) for stub in STUBS]
@@ -26,29 +25,14 @@ def loaded_by(source):
     ).stderr.split()
 
 
-@pytest.mark.parametrize(
-    "words",
-    some_later(
-        [
-            "--help",
-            "--version",
-            "match --help",
-            "distance --help",
-            "basis --help",
-            "bench --help",
-            "statistics --help",
-        ],
-        lambda words: words == "match --help",
-    ),
-)
+@pytest.mark.parametrize("words", ["--help", "--version"])
 def test_help_loads_nothing_slow(words):
     run = f"from isomatch.cli import main\nassert main({words.split()}) == 0"
     assert loaded_by(run) == []
 
 
 def test_the_import_loads_nothing_slow():
-    assert loaded_by("import isomatch, isomatch.matching, isomatch.view, isomatch.lab.evaluation") == []
-    assert loaded_by("import isomatch\nisomatch.Mesh, isomatch.Config, isomatch.distance_engine") == []
+    assert loaded_by("import isomatch, isomatch.matching, isomatch.view, isomatch_lab.evaluation") == []
 
 
 def test_packages_travel_by_name():

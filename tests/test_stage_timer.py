@@ -7,8 +7,8 @@ import pytest
 
 from isomatch import MatchResult, match
 from isomatch.datasets import example_pair
-from isomatch.lab.damage import cut
 from isomatch.runtime.stage_timer import StageTimer
+from isomatch_lab.damage import cut
 
 BESIDE = "source: ", "target: "  # stages of the preparation of either shape, which run at the same time
 

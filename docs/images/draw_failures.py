@@ -6,10 +6,10 @@ Run ``python docs/images/draw_failures.py`` to draw them again; it takes a minut
 from pathlib import Path
 
 import numpy as np
+from isomatch.lab.damage import view
 
 from isomatch import Mesh, PointCloud, match
 from isomatch.datasets import creature, ground_truth, organ, organ_truth
-from isomatch.lab.damage import view
 from isomatch.view import (
     ValuePanel,
     arranged_panels,

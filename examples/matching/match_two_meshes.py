@@ -10,7 +10,7 @@ import numpy as np
 
 from isomatch import match
 from isomatch.datasets import example_pair, ground_truth
-from isomatch.lab.evaluation import geodesic_errors
+from isomatch.evaluation import geodesic_errors
 from isomatch.view import draw_map
 
 source, target = example_pair()

@@ -10,8 +10,8 @@ import numpy as np
 
 from isomatch import match
 from isomatch.datasets import creature, ground_truth
-from isomatch.lab.damage import cut
 from isomatch.view import ValuePanel, draw_map
+from isomatch_lab.damage import cut
 
 posed, whole = creature(2500, pose=1), creature(2500, pose=2, triangulation=1)
 part = cut(posed.mesh, 0.4, seed=1)

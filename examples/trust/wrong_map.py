@@ -10,8 +10,8 @@ import numpy as np
 
 from isomatch import match
 from isomatch.datasets import creature, ground_truth
-from isomatch.lab.damage import view
 from isomatch.view import ValuePanel, draw_map
+from isomatch_lab.damage import view
 
 whole = creature(3000, kind="biped")
 posed = creature(3000, kind="biped", pose=2, triangulation=1)

@@ -23,7 +23,7 @@ from isomatch import (
     write_mesh,
 )
 from isomatch.assets import mesh_from, surface_from
-from isomatch.lab.sets import relabelled
+from isomatch_lab.sets import relabelled
 from shapes import icosphere
 
 meshio = pytest.importorskip("meshio")

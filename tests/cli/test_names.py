@@ -12,7 +12,8 @@ import pytest
 import isomatch
 from isomatch.cli import main
 from isomatch.datasets import example_pair
-from isomatch.lab.evaluation import (
+from isomatch.view import draw_map
+from isomatch_lab.evaluation import (
     METHODS,
     BenchmarkRun,
     Method,
@@ -20,9 +21,8 @@ from isomatch.lab.evaluation import (
     run_benchmark,
     write_tables,
 )
-from isomatch.lab.evaluation.published_curves import PublishedCurve
-from isomatch.lab.sets import BenchmarkPair, BenchmarkSet
-from isomatch.view import draw_map
+from isomatch_lab.evaluation.published_curves import PublishedCurve
+from isomatch_lab.sets import BenchmarkPair, BenchmarkSet
 from shapes import icosphere
 
 pytestmark = pytest.mark.usefixtures("prepared_once", "small_pictures")

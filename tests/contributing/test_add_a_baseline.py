@@ -8,12 +8,12 @@ import pytest
 from isomatch import LandmarkError, Outcome, match
 from isomatch.correspondence import Embedding
 from isomatch.datasets import creature
-from isomatch.lab.baselines import Baseline
-from isomatch.lab.baselines.task import Task
-from isomatch.lab.evaluation import METHODS, BenchmarkRun, run_benchmark
-from isomatch.lab.evaluation.methods import methods_of
 from isomatch.settings import Orientation
 from isomatch.values.settings import Settings, setting
+from isomatch_lab.baselines import Baseline
+from isomatch_lab.baselines.task import Task
+from isomatch_lab.evaluation import METHODS, BenchmarkRun, run_benchmark
+from isomatch_lab.evaluation.methods import methods_of
 from shapes import disguised
 
 

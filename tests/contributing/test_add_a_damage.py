@@ -4,9 +4,9 @@ import numpy as np
 
 from isomatch import Correspondence, Mesh
 from isomatch.datasets import example_pair, ground_truth
-from isomatch.lab.damage import DAMAGES, Damage, Damaged
-from isomatch.lab.damage.damaged import require_usable
-from isomatch.lab.evaluation import METHODS, BenchmarkRun, Method, run_benchmark
+from isomatch_lab.damage import DAMAGES, Damage, Damaged
+from isomatch_lab.damage.damaged import require_usable
+from isomatch_lab.evaluation import METHODS, BenchmarkRun, Method, run_benchmark
 
 FACTORS = (0.0, 10.0)
 

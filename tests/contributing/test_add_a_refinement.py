@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from isomatch import Config, Outcome, SettingError, match
-from isomatch.lab.damage import cut
 from isomatch.matching import (
     Elastic,
     Hints,
@@ -17,6 +16,7 @@ from isomatch.matching import (
     check_refinement,
     prepare_pair,
 )
+from isomatch_lab.damage import cut
 
 pytestmark = pytest.mark.usefixtures("prepared_once")
 

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial import Delaunay
 
 from isomatch import Correspondence, Graph, MapError, Mesh, PointCloud
-from isomatch.lab.sets import relabelled
+from isomatch_lab.sets import relabelled
 from shapes import cylinder, icosphere, planar_delaunay
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from isomatch import Correspondence, MapError, laplace_basis
-from isomatch.lab.sets import relabelled
+from isomatch_lab.sets import relabelled
 from shapes import icosphere, planar_delaunay
 
 

@@ -19,7 +19,7 @@ from isomatch.correspondence import (
 )
 from isomatch.datasets import creature
 from isomatch.errors import SettingError
-from isomatch.lab.damage import cut
+from isomatch_lab.damage import cut
 from shapes import icosphere
 
 LENGTHS = (0.3, 0.2, 0.1, 0.05)

@@ -7,7 +7,7 @@ from isomatch import Mesh
 from isomatch.datasets.organs import PLANS, SIGNS, organ, organ_truth
 from isomatch.datasets.truth import closest_points
 from isomatch.errors import SettingError
-from isomatch.lab.sets import benchmark_set
+from isomatch_lab.sets import benchmark_set
 
 EULER = {"face": 1, "cortex": 1, "tube": 0}
 

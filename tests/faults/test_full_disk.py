@@ -15,9 +15,9 @@ from isomatch import Correspondence, DistanceBasis, UnwritableFileError, read_me
 from isomatch.cli import main
 from isomatch.collections import Collection, workers
 from isomatch.geodesics import Sampling
-from isomatch.lab.evaluation.ledger import appending, read_rows
 from isomatch.storage.array_file import write_arrays
 from isomatch.storage.files import write_csv
+from isomatch_lab.evaluation.ledger import appending, read_rows
 from shapes import icosphere
 from small_collections import arrays_of
 

@@ -12,7 +12,7 @@ import pytest
 
 from isomatch import Correspondence, DistanceBasis
 from isomatch.cli import main
-from isomatch.lab.evaluation import read_rows
+from isomatch_lab.evaluation import read_rows
 
 SAVE = """
 import sys

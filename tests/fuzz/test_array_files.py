@@ -14,11 +14,11 @@ from mutations import fuzzed, mutated
 from isomatch import Config, Correspondence, DistanceBasis, MatchResult, Outcome, Quality
 from isomatch.errors import FormatError, IsomatchError
 from isomatch.geodesics import Sampling
-from isomatch.lab.evaluation import read_published_curves
-from isomatch.lab.sets import tosca
-from isomatch.lab.sets.shape_files import arrays, read_landmarks
 from isomatch.matching import Alternative
 from isomatch.statistics import CorrespondedShapes, ShapeModel
+from isomatch_lab.evaluation import read_published_curves
+from isomatch_lab.sets import tosca
+from isomatch_lab.sets.shape_files import arrays, read_landmarks
 from later import some_later
 from zoo import grid
 

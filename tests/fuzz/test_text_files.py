@@ -13,10 +13,10 @@ from scipy.io import savemat
 from isomatch import Config, Correspondence, Mesh, read_landmarks
 from isomatch.cli.inputs import read_config
 from isomatch.errors import IsomatchError
-from isomatch.lab.evaluation.ledger import FILE, IDENTITY, identity_of, read_rows
-from isomatch.lab.sets import FolderSettings, read_truth, tosca
-from isomatch.lab.sets.pair_list import PairList
-from isomatch.lab.sets.shape_files import read_indices
+from isomatch.evaluation import read_indices, read_truth
+from isomatch_lab.evaluation.ledger import FILE, IDENTITY, identity_of, read_rows
+from isomatch_lab.sets import FolderSettings, tosca
+from isomatch_lab.sets.pair_list import PairList
 from zoo import grid
 
 

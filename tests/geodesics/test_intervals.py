@@ -5,8 +5,8 @@ import pytest
 
 from isomatch.datasets import creature
 from isomatch.geodesics import MissingRegion, distance_engine, geodesic_distances
-from isomatch.lab.damage import cut
 from isomatch.surfaces import Mesh
+from isomatch_lab.damage import cut
 from shapes import flat_grid, icosphere
 
 

@@ -9,6 +9,7 @@ import isomatch
 from isomatch import Mesh, MissingDependencyError, PrecisePoints
 from isomatch.cli import main
 from isomatch.descriptors import ball_signature, mean_curvature
+from isomatch.evaluation import coverage
 from isomatch.geodesics import (
     distance_engine,
     engine_names,
@@ -19,7 +20,6 @@ from isomatch.geodesics import (
     pair_distances,
 )
 from isomatch.geodesics.welded import WeldedEngine
-from isomatch.lab.evaluation import coverage
 from isomatch.mending import welded_surface
 from shapes import flat_grid, icosphere
 from zoo.made import block, boxes, soup

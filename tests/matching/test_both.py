@@ -8,7 +8,7 @@ import pytest
 
 from isomatch import Config, LandmarkError, MapError, Mesh, Outcome, SettingError, match, match_both
 from isomatch.datasets import ground_truth
-from isomatch.lab.evaluation import cycle_errors, geodesic_errors
+from isomatch.evaluation import cycle_errors, geodesic_errors
 from shapes import icosphere
 
 pytestmark = pytest.mark.usefixtures("prepared_once")

@@ -8,7 +8,6 @@ import pytest
 from isomatch import Config, Mesh, Outcome, match, prepare
 from isomatch.correspondence import Embedding
 from isomatch.datasets import creature, ground_truth
-from isomatch.lab.sets import relabelled
 from isomatch.matching import Elastic, Fit, Hints, Isometry, ShapePair, prepare_pair, stages_of
 from isomatch.matching.judge import bends_badly
 from isomatch.matching.relations.elastic import far_from_isometric
@@ -17,6 +16,7 @@ from isomatch.matching.relations.elastic_shape import ElasticShape
 from isomatch.matching.relations.elastic_starts import N_PLAIN_STARTS, anchor_starts
 from isomatch.matching.relations.mirror import with_mirror
 from isomatch.settings import ElasticSettings
+from isomatch_lab.sets import relabelled
 
 pytestmark = pytest.mark.usefixtures("prepared_once")
 NONE = np.zeros((0, 2), dtype=np.int64)

@@ -6,8 +6,8 @@ import pytest
 from data import tosca
 from isomatch import Config, match
 from isomatch.datasets import example_pair, ground_truth
-from isomatch.lab.sets import relabelled
 from isomatch.matching import Hints, Isometry, prepare_pair
+from isomatch_lab.sets import relabelled
 from shapes import split_in_four
 
 LABELLINGS = 0, 10

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from isomatch import Config, Mesh, Outcome, match, prepare
 from isomatch.datasets import creature, ground_truth
 from isomatch.datasets.organs import organ, organ_truth
-from isomatch.lab.damage import holes
+from isomatch_lab.damage import holes
 from shapes import icosphere
 
 pytestmark = pytest.mark.usefixtures("prepared_once")

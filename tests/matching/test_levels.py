@@ -21,10 +21,10 @@ from isomatch import (
 )
 from isomatch.datasets import creature, ground_truth
 from isomatch.datasets.organs import organ, organ_truth
-from isomatch.lab.damage import cut, weld
 from isomatch.matching import Hints, prepare_pair
 from isomatch.shapes import capped_shape, components_of
 from isomatch.shapes.body import body_of
+from isomatch_lab.damage import cut, weld
 from shapes import box, disguised, icosphere
 
 pytestmark = pytest.mark.usefixtures("prepared_once")

@@ -5,8 +5,8 @@ import pytest
 
 from isomatch import Config, Outcome, match
 from isomatch.datasets import creature
-from isomatch.lab.damage import cut
 from isomatch.surfaces import reflected
+from isomatch_lab.damage import cut
 from shapes import disguised
 
 

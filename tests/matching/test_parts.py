@@ -9,8 +9,6 @@ import pytest
 from isomatch import Config, Mesh, Outcome, match, prepare
 from isomatch.datasets import creature, ground_truth
 from isomatch.geodesics import distance_along_edges_to_nearest
-from isomatch.lab.damage import cut, holes, limb_removed
-from isomatch.lab.sets import relabelled
 from isomatch.matching import Hints, Part, ShapePair, prepare_pair, stages_of
 from isomatch.matching.quality import covered_share
 from isomatch.matching.relations.landmark_distances import LandmarkDistances
@@ -18,6 +16,8 @@ from isomatch.matching.relations.part_pair import NO_LANDMARKS, PartPair
 from isomatch.matching.relations.part_refinement import WholeCoordinates
 from isomatch.matching.solve import part_role
 from isomatch.settings import PartSettings
+from isomatch_lab.damage import cut, holes, limb_removed
+from isomatch_lab.sets import relabelled
 
 
 def match_part(part, whole, config):

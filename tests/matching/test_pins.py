@@ -8,7 +8,7 @@ import pytest
 from isomatch import Config, Graph, Mesh, Outcome, PointCloud, SettingError, match, prepare
 from isomatch.datasets import creature, ground_truth
 from isomatch.datasets.organs import organ, organ_truth
-from isomatch.lab.damage import holes
+from isomatch_lab.damage import holes
 from shapes import icosphere
 
 pytestmark = pytest.mark.usefixtures("prepared_once")

@@ -7,7 +7,7 @@ import pytest
 
 from isomatch import Graph, Mesh, MeshError, PointCloud, match, prepare
 from isomatch.datasets import creature
-from isomatch.lab.evaluation import geodesic_errors
+from isomatch.evaluation import geodesic_errors
 
 pytestmark = pytest.mark.usefixtures("prepared_once")
 

@@ -19,7 +19,7 @@ from isomatch import (
     match,
     prepare,
 )
-from isomatch.lab.baselines import BASELINES
+from isomatch_lab.baselines import BASELINES
 from shapes import icosphere
 
 LevelSettings = type(Config().levels)

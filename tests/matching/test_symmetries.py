@@ -7,11 +7,11 @@ import pytest
 
 from isomatch import Config, Mesh, Outcome, match, prepare
 from isomatch.datasets import creature
-from isomatch.lab.sets import relabelled
 from isomatch.matching import prepare_pair
 from isomatch.matching.search import symmetric_variants
 from isomatch.settings import SymmetrySettings
 from isomatch.shapes.symmetries import LEAST_MOVED
+from isomatch_lab.sets import relabelled
 from later import some_later
 from shapes import box, cylinder, disguised, icosphere
 from zoo import torus

@@ -5,10 +5,10 @@ import pytest
 
 from isomatch import Config, Correspondence, Outcome, check, match, prepare
 from isomatch.datasets import creature, ground_truth
-from isomatch.lab.damage import damaged_pair, weld
-from isomatch.lab.evaluation import counted, geodesic_errors
-from isomatch.lab.sets import BenchmarkPair, relabelled
+from isomatch.evaluation import counted, geodesic_errors
 from isomatch.settings import PreparationSettings
+from isomatch_lab.damage import damaged_pair, weld
+from isomatch_lab.sets import BenchmarkPair, relabelled
 
 pytestmark = pytest.mark.usefixtures("prepared_once")
 

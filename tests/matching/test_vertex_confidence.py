@@ -8,12 +8,12 @@ import pytest
 from isomatch import Graph, MatchResult, Mesh, PointCloud, match
 from isomatch.correspondence import PrecisePoints
 from isomatch.datasets import ground_truth
+from isomatch.evaluation import geodesic_errors
 from isomatch.geodesics import distance_along_edges_to_nearest
-from isomatch.lab.baselines import BASELINES
-from isomatch.lab.damage import cut
-from isomatch.lab.evaluation import geodesic_errors
 from isomatch.matching import expected_errors, prepare_pair
 from isomatch.matching.confidence import doubt_of
+from isomatch_lab.baselines import BASELINES
+from isomatch_lab.damage import cut
 from shapes import icosphere
 
 

@@ -5,9 +5,9 @@ import pytest
 
 from isomatch import Mesh, check
 from isomatch.datasets import creature
-from isomatch.lab.damage import cut, holes
 from isomatch.mending import capped
 from isomatch.mending.caps import boundary_loops
+from isomatch_lab.damage import cut, holes
 from shapes import icosphere
 
 

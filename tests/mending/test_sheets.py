@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 from isomatch.datasets import creature
 from isomatch.geodesics import geodesic_distances
-from isomatch.lab.damage import weld
 from isomatch.mending import check, repair, separate_sheets
 from isomatch.surfaces import Mesh
+from isomatch_lab.damage import weld
 from zoo import any_mesh, grid, zoo
 from zoo.made import boxes
 

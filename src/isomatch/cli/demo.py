@@ -9,11 +9,10 @@ import numpy as np
 from cyclopts import Parameter
 
 import isomatch
-from isomatch import datasets
+from isomatch import datasets, evaluation
 from isomatch.cli.match import with_landmarks
 from isomatch.cli.outputs import ResultFolder, say_files, say_result
 from isomatch.cli.terminal import TALK, Talk, part, say_rows
-from isomatch.lab import evaluation
 
 N_JUDGED = 500  # source vertices, drawn with seed 0, whose images are compared with the ground truth
 

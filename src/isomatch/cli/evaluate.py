@@ -9,11 +9,10 @@ import numpy as np
 from cyclopts import Parameter
 
 import isomatch
-from isomatch import correspondence
+from isomatch import correspondence, evaluation
 from isomatch.cli.outputs import say_notes
 from isomatch.cli.terminal import TALK, Talk, say_table
 from isomatch.errors import FormatError
-from isomatch.lab import evaluation, sets
 from isomatch.values.arrays import IntArray
 
 CURVE = (0.01, 0.02, 0.05, 0.1, 0.25)  # √(target area)
@@ -74,7 +73,7 @@ def evaluate(
         judged.check_fits(*shapes)
         points_there = None
         if target_marks is None:
-            known = sets.read_truth(truth, *shapes, truth_counts_from)
+            known = evaluation.read_truth(truth, *shapes, truth_counts_from)
             pairs, points_there = known.rows, known.points
             notes.append(known.base.note)
             if truth.suffix.lower() == ".mat" and not known.base.is_likely:
@@ -119,7 +118,7 @@ def _say(record: dict[str, Any]) -> None:
 
 
 def _of_marks(of_source: Path, of_target: Path) -> IntArray:
-    marks = [sets.read_indices(path) for path in (of_source, of_target)]
+    marks = [evaluation.read_indices(path) for path in (of_source, of_target)]
     if len(marks[0]) != len(marks[1]):
         raise FormatError(
             f"{of_source}: {len(marks[0])} marks, but {of_target} has {len(marks[1])}; give files whose lines correspond"

@@ -181,7 +181,7 @@ def _settings(name: str, values: dict[str, Any]) -> MatchSettings:
             made: Any = kind.from_dict(values)
             return cast(MatchSettings, made)
     raise FormatError(
-        f"its settings {name!r} are not known; import the method that made it first, as by isomatch.lab.baselines"
+        f"its settings {name!r} are not known; import the method that made it first, as by isomatch_lab.baselines"
     )
 
 

@@ -22,7 +22,7 @@ from isomatch import (
     prepare,
 )
 from isomatch.datasets import creature
-from isomatch.lab.baselines import (
+from isomatch_lab.baselines import (
     BASELINES,
     FunctionalMapsConfig,
     GmdsConfig,

@@ -6,11 +6,11 @@ import pytest
 from data import tosca
 from isomatch import Outcome, PointCloud, SettingError, geodesic_distances, prepare
 from isomatch.datasets import creature, ground_truth
-from isomatch.lab.baselines import GmdsConfig, gmds
-from isomatch.lab.baselines.generalised_stress import Placement, descended, placed, relative_stress
-from isomatch.lab.baselines.gmds import placement
-from isomatch.lab.baselines.task import Task
 from isomatch.matching import prepare_pair
+from isomatch_lab.baselines import GmdsConfig, gmds
+from isomatch_lab.baselines.generalised_stress import Placement, descended, placed, relative_stress
+from isomatch_lab.baselines.gmds import placement
+from isomatch_lab.baselines.task import Task
 from shapes import disguised
 
 CONFIG = GmdsConfig()

@@ -7,9 +7,9 @@ import pytest
 
 from isomatch import Graph, MissingDependencyError, geodesic_distances, prepare
 from isomatch.datasets import creature, ground_truth
-from isomatch.lab.baselines import GromovWassersteinConfig, gromov_wasserstein
-from isomatch.lab.baselines.gromov_wasserstein import transport
-from isomatch.lab.baselines.task import Task
+from isomatch_lab.baselines import GromovWassersteinConfig, gromov_wasserstein
+from isomatch_lab.baselines.gromov_wasserstein import transport
+from isomatch_lab.baselines.task import Task
 from shapes import disguised
 
 CONFIG = GromovWassersteinConfig(n_samples=200)

@@ -5,7 +5,7 @@ import sys
 import pytest
 
 from isomatch import MissingDependencyError
-from isomatch.lab.baselines.pyfm import pyfm_zoomout
+from isomatch_lab.baselines.pyfm import pyfm_zoomout
 from shapes import disguised, icosphere
 
 

@@ -7,10 +7,10 @@ import pytest
 
 from isomatch import geodesic_distances, prepare
 from isomatch.datasets import creature, ground_truth
-from isomatch.lab.baselines import SpectralGmdsConfig, spectral_gmds
-from isomatch.lab.baselines.functional_energy import FunctionalEnergy
-from isomatch.lab.baselines.spectral_gmds import coefficient_map, spectral_distances
-from isomatch.lab.baselines.task import Task
+from isomatch_lab.baselines import SpectralGmdsConfig, spectral_gmds
+from isomatch_lab.baselines.functional_energy import FunctionalEnergy
+from isomatch_lab.baselines.spectral_gmds import coefficient_map, spectral_distances
+from isomatch_lab.baselines.task import Task
 from shapes import disguised, icosphere
 
 CONFIG = SpectralGmdsConfig(sizes=(15, 30))

@@ -7,10 +7,10 @@ import pytest
 
 from isomatch import Mesh, geodesic_distances, prepare
 from isomatch.datasets import creature, ground_truth
-from isomatch.lab.baselines import GradientFieldsConfig, spectral_gradient_fields
-from isomatch.lab.baselines.eigenfunction_matching import signed_permutation
-from isomatch.lab.baselines.gradient_fields import gradient_fields, invariants
 from isomatch.matching import prepare_pair
+from isomatch_lab.baselines import GradientFieldsConfig, spectral_gradient_fields
+from isomatch_lab.baselines.eigenfunction_matching import signed_permutation
+from isomatch_lab.baselines.gradient_fields import gradient_fields, invariants
 from shapes import disguised, flat_grid, icosphere
 
 

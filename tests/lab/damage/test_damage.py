@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from isomatch import InputError, Mesh, MeshError, SettingError, check, geodesic_distances
 from isomatch.datasets import example_pair
-from isomatch.lab.damage import (
+from isomatch_lab.damage import (
     DAMAGES,
     DamageChoice,
     Damaged,
@@ -23,7 +23,7 @@ from isomatch.lab.damage import (
     view,
     weld,
 )
-from isomatch.lab.sets import BenchmarkPair, relabelled
+from isomatch_lab.sets import BenchmarkPair, relabelled
 from shapes import flat_grid, icosphere, planar_delaunay, two_spheres
 from zoo import zoo
 

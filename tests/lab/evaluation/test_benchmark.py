@@ -21,18 +21,17 @@ from isomatch import (
     geodesic_distances,
 )
 from isomatch.cli import main
-from isomatch.cli.bench import bench
 from isomatch.datasets import example_pair, ground_truth
-from isomatch.lab.damage import DAMAGES, weld
-from isomatch.lab.evaluation import (
+from isomatch.evaluation import counted, cycle_errors
+from isomatch_lab.commands.bench import bench
+from isomatch_lab.damage import DAMAGES, weld
+from isomatch_lab.evaluation import (
     CONTINUATIONS,
     METHODS,
     BenchmarkRun,
     Method,
     PublishedCurve,
     benchmark_run,
-    counted,
-    cycle_errors,
     improvements,
     read_published_curves,
     read_rows,
@@ -42,10 +41,10 @@ from isomatch.lab.evaluation import (
     true_landmarks,
     write_tables,
 )
-from isomatch.lab.evaluation.curves import curve_panels
-from isomatch.lab.evaluation.methods import settings_digest
-from isomatch.lab.sets import BenchmarkPair, BenchmarkSet, benchmark_set
-from isomatch.lab.sets.benchmarks import relabelled
+from isomatch_lab.evaluation.curves import curve_panels
+from isomatch_lab.evaluation.methods import settings_digest
+from isomatch_lab.sets import BenchmarkPair, BenchmarkSet, benchmark_set
+from isomatch_lab.sets.benchmarks import relabelled
 
 
 @pytest.fixture

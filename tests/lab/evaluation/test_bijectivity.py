@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from isomatch import Correspondence, MapError
-from isomatch.lab.evaluation import coverage, cycle_errors
+from isomatch.evaluation import coverage, cycle_errors
 from shapes import disguised, flat_grid, icosphere
 
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from isomatch import Mesh, distance_engine
 from isomatch.geodesics import pair_distances
-from isomatch.lab.evaluation import CachingEngine
+from isomatch_lab.evaluation import CachingEngine
 from shapes import planar_delaunay
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from isomatch import Correspondence, MapError, Mesh, geodesic_distances
-from isomatch.lab.evaluation import metric_distortion
+from isomatch_lab.evaluation import metric_distortion
 from shapes import disguised, flat_grid, planar_delaunay, two_spheres
 
 

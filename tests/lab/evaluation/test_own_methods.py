@@ -16,19 +16,19 @@ from isomatch import Correspondence, Mesh, PrecisePoints, match, write_mesh
 from isomatch.cli import main
 from isomatch.correspondence import read_map
 from isomatch.errors import MissingFileError, SettingError
+from isomatch.evaluation import geodesic_errors
 from isomatch.geodesics import geodesic_distances
-from isomatch.lab.evaluation import (
+from isomatch_lab.evaluation import (
     BenchmarkRun,
     MapsInFolder,
     OwnFunction,
     benchmark,
-    geodesic_errors,
     own_methods,
     read_rows,
     run_benchmark,
 )
-from isomatch.lab.sets import relabelled
-from isomatch.lab.sets.folder_set import FolderSet
+from isomatch_lab.sets import relabelled
+from isomatch_lab.sets.folder_set import FolderSet
 from zoo import grid
 
 QUICK = {"jobs": 1, "distortion": False}
@@ -122,7 +122,7 @@ def test_what_functions_print_stays_apart_from_the_answer(folder, tmp_path, imag
     assert sum(note.endswith("leaves: SystemExit: the method called exit(3)") for note in notes) == 2
     assert sum(note.endswith("fails: ValueError: one line and another") for note in notes) == 2
     assert {"loaded", "called"} <= set(err.split())
-    monkeypatch.setattr(sys.modules["isomatch.cli.bench"], "NOTES", 3)
+    monkeypatch.setattr(sys.modules["isomatch_lab.commands.bench"], "NOTES", 3)
     assert main(command) == 1
     assert "note: 1 more note is in pairs.csv" in capfd.readouterr().out
 

@@ -4,13 +4,7 @@ import numpy as np
 import pytest
 
 from isomatch import Correspondence, MapError, geodesic_distances
-from isomatch.lab.evaluation import (
-    area_under_curve,
-    counted,
-    cumulative_curve,
-    geodesic_errors,
-    sided_errors,
-)
+from isomatch.evaluation import area_under_curve, counted, cumulative_curve, geodesic_errors, sided_errors
 from shapes import flat_grid
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from isomatch import Correspondence, MapError, Mesh
-from isomatch.lab.evaluation import dirichlet_energy
+from isomatch_lab.evaluation import dirichlet_energy
 from shapes import disguised, flat_grid, icosphere, planar_delaunay
 
 

@@ -13,8 +13,9 @@ import pytest
 from isomatch import IsomatchError, distance_basis, geodesic_distances
 from isomatch.cli import main
 from isomatch.datasets import example_pair
-from isomatch.lab.evaluation import METHODS, BenchmarkRun, Method, read_rows, true_landmarks
-from isomatch.lab.paper import (
+from isomatch.resolution import decimate
+from isomatch_lab.evaluation import METHODS, BenchmarkRun, Method, read_rows, true_landmarks
+from isomatch_lab.paper import (
     ITEMS,
     Setting,
     basis_error,
@@ -24,8 +25,7 @@ from isomatch.lab.paper import (
     princeton_curves,
     region_colours,
 )
-from isomatch.lab.sets import benchmark_set
-from isomatch.resolution import decimate
+from isomatch_lab.sets import benchmark_set
 from shapes import icosphere
 
 QUICK = ("--quick", "--points", "150", "--jobs", "1")

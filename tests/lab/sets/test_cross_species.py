@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from isomatch import FormatError, MissingFileError, SettingError
-from isomatch.lab.sets import benchmark_set
+from isomatch_lab.sets import benchmark_set
 from shapes import icosphere
 
 BALL = icosphere(1)

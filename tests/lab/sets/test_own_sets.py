@@ -7,7 +7,8 @@ from scipy.io import savemat
 from data import real_file
 from isomatch import Mesh, write_mesh
 from isomatch.errors import FormatError, MissingFileError, SettingError
-from isomatch.lab.sets import StoredSet, benchmark_set, own_set, read_truth
+from isomatch.evaluation import read_truth
+from isomatch_lab.sets import StoredSet, benchmark_set, own_set
 from zoo import grid
 
 A = B = grid(5, 4)

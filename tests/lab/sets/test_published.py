@@ -5,8 +5,8 @@ import pytest
 from scipy.io import savemat
 
 from isomatch import FormatError, Mesh, MissingFileError, write_mesh
-from isomatch.lab.sets import benchmark_set, faust, remeshed, scape, tosca
-from isomatch.lab.sets.shape_files import read_landmarks
+from isomatch_lab.sets import benchmark_set, faust, remeshed, scape, tosca
+from isomatch_lab.sets.shape_files import read_landmarks
 from shapes import icosphere
 
 BALL = icosphere(1)

@@ -1,0 +1,43 @@
+from isomatch.evaluation.errors import (
+    LIMIT,
+    SHARES,
+    THRESHOLDS,
+    SidedErrors,
+    area_under_curve,
+    counted,
+    coverage,
+    cumulative_curve,
+    cycle_errors,
+    geodesic_errors,
+    sided_errors,
+    smallest,
+)
+from isomatch.evaluation.truth_files import (
+    Truth,
+    counted_from,
+    read_indices,
+    read_marked,
+    read_table,
+    read_truth,
+)
+
+__all__ = [
+    "LIMIT",
+    "SHARES",
+    "THRESHOLDS",
+    "SidedErrors",
+    "Truth",
+    "area_under_curve",
+    "counted",
+    "counted_from",
+    "coverage",
+    "cumulative_curve",
+    "cycle_errors",
+    "geodesic_errors",
+    "read_indices",
+    "read_marked",
+    "read_table",
+    "read_truth",
+    "sided_errors",
+    "smallest",
+]

@@ -1,0 +1,294 @@
+"""The Princeton protocol: geodesic errors of a map against the direct or mirrored truth, and their cumulative curve."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from isomatch.correspondence import Correspondence
+from isomatch.errors import MapError
+from isomatch.geodesics import DistanceEngine, distance_engine, pair_distances
+from isomatch.matching import COVERAGE_RADIUS, covered_share
+from isomatch.mending import without_seams
+from isomatch.surfaces import Mesh, PrecisePoints
+from isomatch.values.arrays import FloatArray, IntArray
+from isomatch.values.settings import generator
+
+LIMIT = 0.25  # largest error shown in published curves
+THRESHOLDS = np.linspace(0.0, LIMIT, 101)
+SHARES = (0.05, 0.10, 0.25)  # thresholds reported in tables
+UNMATCHED_ERROR = 1.0  # of a vertex without an image, in means: √(target area)
+
+
+@dataclass(frozen=True, eq=False)
+class SidedErrors:
+    """Errors of one map against the direct truth and, where it is known, the mirrored truth.
+
+    Parameters
+    ----------
+    direct, mirrored : (q,) array of float
+        Geodesic errors / √(target area), ``inf`` where unmatched; ``mirrored`` is None without mirrored truth.
+    """
+
+    direct: FloatArray
+    mirrored: FloatArray | None = None
+
+    @property
+    def flipped(self) -> bool:
+        """Whether the mirrored truth has the smaller mean error."""
+        return self.mirrored is not None and bool(counted(self.mirrored).mean() < counted(self.direct).mean())
+
+    @property
+    def better(self) -> FloatArray:
+        """(q,) errors against the better truth: one decision for the whole map, not one for each vertex."""
+        return self.direct if self.mirrored is None or not self.flipped else self.mirrored
+
+
+def geodesic_errors(
+    target: Mesh,
+    correspondence: Correspondence,
+    truth: IntArray,
+    n_points: int | None = None,
+    seed: int = 0,
+    engine: DistanceEngine | None = None,
+    *,
+    points: PrecisePoints | None = None,
+    unit: float | None = None,
+) -> FloatArray:
+    """Geodesic distance on the target between image and truth, divided by √(target area).
+
+    Parameters
+    ----------
+    target : Mesh
+        Target surface.
+    correspondence : Correspondence
+        Map source → target; its vertices are judged.
+    truth : (q, 2) array of int
+        Rows (source vertex, target vertex).
+    n_points : int, optional
+        Number of rows to judge, drawn without replacement; all by default.
+    seed : int
+        Seed of the draw.
+    engine : DistanceEngine, optional
+        Distances on the target; by default by fast marching.
+    points : PrecisePoints, optional
+        The q true images, where they are known as points in triangles; the vertices of ``truth`` are then of no account.
+    unit : float, optional
+        By what distances are divided, in place of √(target area), such as √area of a whole of which the target is a part.
+
+    Returns
+    -------
+    (q,) or (n_points,) array of float
+        Errors; ``inf`` where the map has no image.
+
+    Notes
+    -----
+    Kim, Lipman & Funkhouser, *Blended Intrinsic Maps*, SIGGRAPH 2011. One front for each distinct true image, which by
+    fast marching goes no farther than the image; no n × n matrix. The distance to a point in a triangle is interpolated
+    between those to its corners, and a straight line if the image is one of them; with one front for each distinct image.
+    """
+    if n_points is not None and n_points < len(truth):
+        drawn = np.sort(generator(seed).choice(len(truth), n_points, replace=False))
+        truth = truth[drawn]
+        points = None if points is None else PrecisePoints(points.corners[drawn], points.barycentric[drawn])
+    image = correspondence.vertices[truth[:, 0]]
+    matched = image >= 0
+    errors = np.full(len(truth), np.inf)
+    engine = engine or distance_engine(target)
+    if points is None:
+        apart = pair_distances(engine, np.column_stack([truth[matched, 1], image[matched]]))
+    else:
+        held = PrecisePoints(points.corners[matched], points.barycentric[matched])
+        apart = _distances_to_points(target, engine, image[matched], held)
+    errors[matched] = apart / (np.sqrt(target.area) if unit is None else unit)
+    return errors
+
+
+def _distances_to_points(
+    target: Mesh, engine: DistanceEngine, vertices: IntArray, points: PrecisePoints
+) -> FloatArray:
+    """Distance (m,) from each of m vertices to a point in a triangle."""
+    pairs = np.column_stack([np.repeat(vertices, 3), points.corners.ravel()])
+    to_corners = pair_distances(engine, pairs).reshape(-1, 3)
+    weighted = np.where(
+        points.barycentric > 0, points.barycentric * to_corners, 0.0
+    )  # 0 × inf counts nothing
+    straight = np.linalg.norm(points.interpolated(target.vertices) - target.vertices[vertices], axis=1)
+    is_corner = (points.corners == vertices[:, None]).any(axis=1)
+    return np.asarray(np.where(is_corner, straight, weighted.sum(axis=1)))
+
+
+def sided_errors(
+    target: Mesh,
+    correspondence: Correspondence,
+    truth: IntArray,
+    mirrored: IntArray | None = None,
+    n_points: int | None = None,
+    seed: int = 0,
+    engine: DistanceEngine | None = None,
+    *,
+    points: PrecisePoints | None = None,
+    unit: float | None = None,
+) -> SidedErrors:
+    """Geodesic errors against the direct and the mirrored truth of a pair of symmetric shapes.
+
+    Parameters
+    ----------
+    target, correspondence, truth, n_points, seed, engine, points, unit
+        As for `geodesic_errors`; the points are those of the direct truth.
+    mirrored : (q, 2) array of int, optional
+        The truth after a left–right flip of one shape, with the same source vertex in each row.
+
+    Returns
+    -------
+    SidedErrors
+        Errors against both, over the same rows.
+
+    Raises
+    ------
+    MapError
+        If the two truths differ in their source vertices.
+
+    Examples
+    --------
+    >>> square = Mesh([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])
+    >>> rows = np.arange(4)
+    >>> flip = Correspondence([1, 0, 3, 2], 4)
+    >>> errors = sided_errors(square, flip, np.column_stack([rows, rows]), np.column_stack([rows, [1, 0, 3, 2]]))
+    >>> errors.flipped, errors.direct.tolist(), errors.better.tolist()
+    (True, [1.0, 1.0, 1.0, 1.0], [0.0, 0.0, 0.0, 0.0])
+    """
+    if mirrored is not None and not np.array_equal(truth[:, 0], mirrored[:, 0]):
+        raise MapError("direct and mirrored truth differ in their source vertices; give the same rows")
+    return SidedErrors(
+        geodesic_errors(target, correspondence, truth, n_points, seed, engine, points=points, unit=unit),
+        None
+        if mirrored is None
+        else geodesic_errors(target, correspondence, mirrored, n_points, seed, engine, unit=unit),
+    )
+
+
+def smallest(sides: Iterable[SidedErrors]) -> SidedErrors:
+    """Take, point by point, the smallest error of several maps that are equally good readings of one."""
+    sides = list(sides)
+    direct = np.min([side.direct for side in sides], axis=0)
+    mirrored = [side.mirrored for side in sides if side.mirrored is not None]
+    return SidedErrors(direct, np.min(mirrored, axis=0) if mirrored else None)
+
+
+def counted(errors: FloatArray) -> FloatArray:
+    """Errors as they enter means: a vertex without an image counts as √(target area)."""
+    return np.where(np.isfinite(errors), errors, UNMATCHED_ERROR)
+
+
+def cumulative_curve(errors: FloatArray, thresholds: ArrayLike = THRESHOLDS) -> FloatArray:
+    """Share of errors at or below each threshold."""
+    return np.searchsorted(np.sort(errors), thresholds, side="right") / max(len(errors), 1)
+
+
+def area_under_curve(errors: FloatArray, limit: float = LIMIT) -> float:
+    """Area under the cumulative curve on [0, limit], divided by the limit: from 0 to 1, which is perfect.
+
+    Computed exactly, without thresholds: each error e contributes its step from e to the limit.
+
+    Examples
+    --------
+    >>> area_under_curve(np.array([0.0, 0.125, np.inf, np.inf]))
+    0.375
+    """
+    return float(np.clip(1 - errors / limit, 0, 1).mean())
+
+
+def coverage(target: Mesh, correspondence: Correspondence, reach: float = COVERAGE_RADIUS) -> float:
+    """Share of the target's area that is near an image, as in ``Quality.coverage``.
+
+    Parameters
+    ----------
+    target : Mesh
+        Target surface.
+    correspondence : Correspondence
+        Map source → target; its vertices are judged.
+    reach : float
+        A target vertex is covered, with its area, when an image lies within this distance along edges, in
+        √(target area). The default is that of ``Quality.coverage``. With 0, only images themselves are covered: even a
+        good map between independent triangulations then stays well below 1, and a coarse source covers little of a fine
+        target.
+
+    Returns
+    -------
+    float
+        From 0 to 1.
+
+    Raises
+    ------
+    MapError
+        If the map was made for a target with another number of vertices.
+
+    Examples
+    --------
+    >>> square = Mesh([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])
+    >>> half = Correspondence([0, 0, 1, 1], 4)
+    >>> round(coverage(square, half), 3), round(coverage(square, half, reach=1.0), 3)
+    (0.5, 1.0)
+    """
+    if correspondence.n_target != target.n_vertices:
+        raise MapError(
+            f"{correspondence!r} does not fit {target!r}; give the target that the map was made for"
+        )
+    images, (welded, seams) = correspondence.vertices[correspondence.matched], without_seams(target)
+    return covered_share(welded, seams.new_index[images] if seams else images, reach)
+
+
+def cycle_errors(
+    source: Mesh,
+    there: Correspondence,
+    back: Correspondence,
+    n_points: int | None = None,
+    seed: int = 0,
+    engine: DistanceEngine | None = None,
+) -> FloatArray:
+    """Geodesic distance on the source between a vertex and its image under both maps, divided by √(source area).
+
+    Parameters
+    ----------
+    source : Mesh
+        Source surface.
+    there, back : Correspondence
+        Maps source → target and target → source.
+    n_points : int, optional
+        Number of vertices to judge, drawn without replacement; all by default.
+    seed : int
+        Seed of the draw.
+    engine : DistanceEngine, optional
+        Distances on the source; by default by fast marching.
+
+    Returns
+    -------
+    (n_source,) or (n_points,) array of float
+        0 where the maps are inverse to each other; ``inf`` where either has no image.
+
+    Raises
+    ------
+    MapError
+        If the maps cannot be composed, or do not lead back to the source.
+
+    Notes
+    -----
+    One distance column on the source for each vertex judged.
+
+    Examples
+    --------
+    >>> square = Mesh([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])
+    >>> cycle_errors(square, Correspondence([1, 2, 3, 0], 4), Correspondence([3, 0, 1, 1], 4))
+    array([0., 0., 1., 0.])
+    """
+    cycle = there.then(back)
+    if cycle.shape != (source.n_vertices, source.n_vertices):
+        raise MapError(
+            f"{there!r} and {back!r} do not lead from {source!r} to itself; give maps source → target and back"
+        )
+    vertices = np.arange(source.n_vertices)
+    return geodesic_errors(source, cycle, np.column_stack([vertices, vertices]), n_points, seed, engine)

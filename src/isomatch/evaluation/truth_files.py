@@ -1,0 +1,289 @@
+"""Files of truth between two shapes: a map, pairs of vertices, or points in triangles; counted from 0 or from 1."""
+
+from __future__ import annotations
+
+from itertools import chain
+from pathlib import Path
+from typing import NamedTuple, NoReturn
+
+import numpy as np
+
+from isomatch.correspondence import IndexBase, index_base, read_map
+from isomatch.errors import FormatError, some
+from isomatch.storage.array_file import read_array
+from isomatch.storage.files import read_integers, text_lines
+from isomatch.storage.mat_file import read_mat
+from isomatch.surfaces import Mesh, PrecisePoints
+from isomatch.values.arrays import AnyArray, FloatArray, IntArray
+
+ROUNDED = 1e-2  # by which published weights, which have few digits, may be negative or miss the sum of 1
+WITH_MASK = (
+    ".map"  # PARTIALSMAL appends to a map, counted from 0, which vertices of the target have a counterpart
+)
+EXPECTED = (
+    "expected, for each vertex of the source, a vertex of the target or a triangle and three weights, or else rows of a "
+    "source vertex and a target vertex"
+)
+
+
+class Truth(NamedTuple):
+    """What a file says of two shapes.
+
+    Parameters
+    ----------
+    rows : (q, 2) array of int
+        Source vertex and target vertex; of a point in a triangle, the corner with the largest weight.
+    points : PrecisePoints or None
+        The q images, where they are points in triangles.
+    alone : (m,) array of int, or None
+        Source vertices without a counterpart, where the file tells of all vertices, or marks some as −1.
+    base : IndexBase
+        What the file counts from.
+    """
+
+    rows: IntArray
+    points: PrecisePoints | None
+    alone: IntArray | None
+    base: IndexBase
+
+
+def read_truth(path: Path, source: Mesh, target: Mesh, counts_from: int | None = None) -> Truth:
+    """Read the truth between two shapes.
+
+    Parameters
+    ----------
+    path : Path
+        Text, ``.npy``, ``.mat``, or anything that `isomatch.Correspondence.load` reads. One column: the target vertex of
+        each source vertex, −1 if it has no counterpart. Two columns: source and target vertices that correspond. Four
+        columns: for each source vertex a triangle of the target and its three barycentric weights.
+    source, target : Mesh
+        The shapes.
+    counts_from : {0, 1}, optional
+        What vertices and triangles count from; if from 1, 0 also means no counterpart. By default, see
+        `isomatch.correspondence.index_base`.
+
+    Returns
+    -------
+    Truth
+
+    Raises
+    ------
+    FormatError
+        If the file cannot be read, or does not fit the shapes.
+    """
+    table = _table(path, source.n_vertices)
+    if table is None:
+        truth = _of_map(path, source, target, counts_from)
+    elif table.shape[1] == 2:
+        truth = _of_rows(path, table, source, target, counts_from)
+    else:
+        truth = _of_triangles(path, table, source.n_vertices, target, counts_from)
+    if not len(truth.rows):
+        raise FormatError(f"{path}: no vertex has a counterpart; give a truth with at least one")
+    return truth
+
+
+def read_marked(of_source: Path, of_target: Path, target: Mesh) -> Truth:
+    """Read the landmarks of two shapes as SHREC'20 has them; those with the same number correspond.
+
+    Parameters
+    ----------
+    of_source, of_target : Path
+        ``.mat`` files with the numbers of k landmarks, ``points``, their nearest vertices, ``verts``, and ``baryc``
+        (k, 4), a triangle and three weights. All count from 1.
+    target : Mesh
+        The target.
+
+    Raises
+    ------
+    FormatError
+        If a variable is missing, no number is in both files, or the target has no such triangle.
+    """
+    sides = []
+    for path in (of_source, of_target):
+        held = read_mat(path, "landmarks", "points, verts and baryc")
+        try:
+            sides.append(
+                (np.ravel(held["points"]), np.ravel(held["verts"]), np.reshape(held["baryc"], (-1, 4)))
+            )
+        except (KeyError, ValueError) as error:
+            raise FormatError(f"{path}: no landmarks ({error}); expected points, verts and baryc") from None
+    _, here, there = np.intersect1d(sides[0][0], sides[1][0], return_indices=True)
+    vertices = _whole(of_source, sides[0][1][here]) - 1
+    truth = _of_triangles(of_target, sides[1][2][there].astype(np.float64), len(here), target, 1)
+    if not len(truth.rows):
+        raise FormatError(f"{of_source}: has no landmark of {of_target}")
+    return truth._replace(rows=np.column_stack([vertices[truth.rows[:, 0]], truth.rows[:, 1]]), alone=None)
+
+
+def _table(path: Path, n_source: int) -> FloatArray | None:
+    """Columns (rows, 2 or 4) of a file; None if it is a map, with one column."""
+    suffix = path.suffix.lower()
+    tables: list[AnyArray]
+    n_maps = 0
+    if suffix == ".npz":
+        return None
+    if suffix == ".npy":
+        tables = [read_array(path)]
+    elif suffix == ".mat":
+        tables = [x for x in read_mat(path, "a truth", EXPECTED).values() if isinstance(x, np.ndarray)]
+        n_maps = sum(np.squeeze(x).shape == (n_source,) and x.dtype.kind in "iuf" for x in tables)
+    else:
+        _, first = next(text_lines(path), (0, ""))
+        if len(first.replace(",", " ").split()) == 2:
+
+            def refuse(number: int, line: str) -> NoReturn:
+                raise FormatError(
+                    f"{path}:{number}: {line[:80]!r} is not a pair; write a source vertex and a target vertex"
+                )
+
+            return read_integers(path, 2, refuse).astype(np.float64)
+        tables = [_text_table(path)] if len(first.replace(",", " ").split()) == 4 else []
+    tables = [x for x in tables if x.ndim == 2 and x.dtype.kind in "iuf"]
+    tables = [x for x in tables if x.shape[1] == 2 or x.shape == (n_source, 4)]
+    if len(tables) + n_maps * bool(tables) > 1:
+        raise FormatError(f"{path}: several arrays could be the truth; save it alone")
+    return tables[0].astype(np.float64) if tables else None
+
+
+def _text_table(path: Path) -> FloatArray:
+    try:
+        rows = [list(map(float, line.replace(",", " ").split())) for _, line in text_lines(path)]
+        table = np.array(rows, dtype=np.float64)
+    except ValueError as error:
+        raise FormatError(f"{path}: cannot be read ({error}); {EXPECTED}") from None
+    return table
+
+
+def _of_map(path: Path, source: Mesh, target: Mesh, counts_from: int | None) -> Truth:
+    n_source = source.n_vertices
+    if path.suffix.lower() == WITH_MASK:
+        image = _lines(path)
+        if len(image) == n_source + target.n_vertices:
+            return _of_image(path, image[:n_source], target, None, IndexBase(0))
+    found = read_map(path, target.n_vertices, n_source, counts_from=counts_from, allow_doubt=True)
+    base = IndexBase(found.counts_from, found.is_certain, found.is_likely, found.note)
+    precise = (found.map.barycentric.max(axis=1) < 1).any()
+    points = PrecisePoints(found.map.faces, found.map.barycentric) if precise else None
+    return _of_image(path, found.map.vertices, target, points, base)
+
+
+def _lines(path: Path) -> IntArray:
+    def refuse(number: int, line: str) -> NoReturn:
+        raise FormatError(f"{path}:{number}: {line[:40]!r} is not a vertex; write one on each line")
+
+    return read_integers(path, 1, refuse)[:, 0]
+
+
+def _of_image(
+    path: Path,
+    image: IntArray,
+    target: Mesh,
+    points: PrecisePoints | None,
+    base: IndexBase,
+) -> Truth:
+    _require_within(path, "target vertices", image, -1, target.n_vertices)
+    has = np.flatnonzero(image >= 0)
+    if points is not None:
+        points = PrecisePoints(points.corners[has], points.barycentric[has])
+    return Truth(np.column_stack([has, image[has]]), points, np.flatnonzero(image < 0), base)
+
+
+def _of_rows(path: Path, table: FloatArray, source: Mesh, target: Mesh, counts_from: int | None) -> Truth:
+    """Read rows of a source vertex and a target vertex, −1 if it has none; both columns count from the same."""
+    rows = _whole(path, table)
+    base = IndexBase(counts_from or 0)
+    if counts_from is None and (rows[:, 0] != 0).all():  # a row is of a source vertex
+        base = index_base(path, rows[:, 0], source.n_vertices, "source vertices")
+        if not base.is_certain:
+            base = index_base(path, rows[:, 1], target.n_vertices)
+    rows = np.where(rows == -1, -1, rows - base.counts_from)
+    _require_within(path, "source vertices", rows[:, 0], 0, source.n_vertices)
+    _require_within(path, "target vertices", rows[:, 1], -1, target.n_vertices)
+    has = rows[:, 1] >= 0
+    alone = np.setdiff1d(rows[~has, 0], rows[has, 0])
+    tells_of_all = len(alone) or len(np.unique(rows[:, 0])) == source.n_vertices
+    return Truth(rows[has], None, alone if tells_of_all else None, base)
+
+
+def _of_triangles(
+    path: Path, table: FloatArray, n_source: int, target: Mesh, counts_from: int | None
+) -> Truth:
+    """Read a triangle and three weights for each source vertex; a negative triangle means that it has no counterpart."""
+    if len(table) != n_source:
+        raise FormatError(
+            f"{path}: {len(table)} rows for the {n_source} vertices of the source; give one for each"
+        )
+    given = np.where(np.isfinite(table).all(axis=1) & (table[:, 0] >= 0), table[:, 0], -1)
+    given = _whole(path, given)
+    base = IndexBase(counts_from or 0)
+    if counts_from is None:
+        base = index_base(path, given, target.n_faces, "triangles of the target")
+    has = np.flatnonzero(given >= base.counts_from)
+    faces, weights = given[has] - base.counts_from, table[has, 1:]
+    _require_within(path, "triangles of the target", faces, 0, target.n_faces)
+    off = np.flatnonzero((weights < -ROUNDED).any(axis=1) | (np.abs(weights.sum(axis=1) - 1) > ROUNDED))
+    if len(off):
+        raise FormatError(
+            f"{path}: weights of vertices {some(has[off])} are negative or do not sum to 1; {EXPECTED}"
+        )
+    weights = np.maximum(weights, 0.0)
+    weights /= weights.sum(axis=1, keepdims=True)
+    corners = target.faces[faces]
+    nearest = corners[np.arange(len(has)), weights.argmax(axis=1)]
+    alone = np.setdiff1d(np.arange(n_source), has)
+    return Truth(np.column_stack([has, nearest]), PrecisePoints(corners, weights), alone, base)
+
+
+def _whole(path: Path, table: FloatArray) -> IntArray:
+    if not (np.isfinite(table).all() and (table == np.rint(table)).all()):
+        raise FormatError(f"{path}: fractions are no vertices; {EXPECTED}")
+    return table.astype(np.int64)
+
+
+def _require_within(path: Path, what: str, indices: IntArray, least: int, n: int) -> None:
+    if indices.min(initial=0) < least or indices.max(initial=-1) >= n:
+        raise FormatError(
+            f"{path}: names {what} {indices.min()}…{indices.max()}, outside 0…{n - 1}, counted from 0; give the truth of "
+            "these two shapes in this direction, and say what it counts from"
+        )
+
+
+def read_indices(path: Path) -> IntArray:
+    """Read vertices from text, one a line, counted from 1 as in ``.vts`` files; return them counted from 0."""
+    return counted_from(1, path, read_table(path)[:, 0])
+
+
+def counted_from(first: int, path: Path, indices: AnyArray) -> IntArray:
+    """Turn indices that count from ``first`` into integers from 0."""
+    if indices.dtype.kind not in "fiu":
+        raise FormatError(f"{path}: indices of type {indices.dtype}; expected whole numbers")
+    if indices.dtype.kind == "f":
+        indices = indices.astype(np.float64)
+    bad = np.flatnonzero(~((indices >= first) & (indices < 2**53) & (indices == np.rint(indices))))
+    if len(bad):
+        raise FormatError(
+            f"{path}: entries {some(bad)} are not whole numbers from {first}, where indices start in such a file; export "
+            "it again with such indices, or use the original"
+        )
+    return indices.astype(np.int64) - first
+
+
+def read_table(path: Path, columns: int = 1) -> FloatArray:
+    """Numbers of a text file, (rows, at least ``columns``); ``#`` and ``%`` start comments, commas count as blanks."""
+    rows = (line.replace(",", " ").partition("%")[0] for _, line in text_lines(path))
+    rows = (row for row in rows if row.strip())
+    first = next(rows, "")
+    try:
+        table = (
+            np.loadtxt(chain([first], rows), dtype=np.float64, comments=None, ndmin=2)
+            if first
+            else np.zeros((0, columns))
+        )
+    except ValueError as error:
+        raise FormatError(f"{path}: cannot be read ({error}); expected rows of numbers") from None
+    if table.shape[1] < columns or not len(table):
+        raise FormatError(
+            f"{path}: {len(table)} rows of {table.shape[1]} numbers, expected rows of {columns}; copy or export it again"
+        )
+    return table

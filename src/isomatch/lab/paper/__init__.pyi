@@ -1,4 +1,0 @@
-from isomatch.lab.paper.item import Item, Reproduction, Setting, Verdict
-from isomatch.lab.paper.reproduce import ITEMS, reproduce
-
-__all__ = ["ITEMS", "Item", "Reproduction", "Setting", "Verdict", "reproduce"]

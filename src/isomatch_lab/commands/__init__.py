@@ -1,0 +1,1 @@
+"""The commands ``isomatch bench`` and ``isomatch paper``."""

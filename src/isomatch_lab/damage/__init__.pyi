@@ -1,0 +1,23 @@
+from isomatch_lab.damage.coarser import decimate, resample
+from isomatch_lab.damage.damaged import Damaged
+from isomatch_lab.damage.disturbed import noise, weld
+from isomatch_lab.damage.missing import cut, holes, limb_removed, view
+from isomatch_lab.damage.pair import DamagedPair, damaged_pair
+from isomatch_lab.damage.registry import DAMAGES, Damage, DamageChoice
+
+__all__ = [
+    "DAMAGES",
+    "Damage",
+    "DamageChoice",
+    "Damaged",
+    "DamagedPair",
+    "cut",
+    "damaged_pair",
+    "decimate",
+    "holes",
+    "limb_removed",
+    "noise",
+    "resample",
+    "view",
+    "weld",
+]

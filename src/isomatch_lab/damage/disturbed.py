@@ -1,0 +1,138 @@
+"""Every part is there, but not as it was: noise, and parts that are glued together where they come near."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial import KDTree
+
+from isomatch.errors import MeshError
+from isomatch.geodesics import distance_engine, euclidean_farthest_points
+from isomatch.surfaces import Mesh
+from isomatch.values.arrays import IntArray
+from isomatch_lab.damage.damaged import Damaged, require_usable
+
+FAR = 0.5  # √area; more than half of a torso's girth, so that only different limbs are glued
+GAPS = (0.0, FAR)
+PATCHES = 60  # patches of the surface, from each of which the parts that are far away are searched
+LOUDNESS = (0.0, 10.0)  # mean edge lengths
+
+
+def noise(mesh: Mesh, share: float = 0.3, *, seed: int = 0) -> Damaged:
+    """Add Gaussian noise to every coordinate of every vertex.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        The whole.
+    share : float
+        Standard deviation of each coordinate, as a share of the mean edge length; at most 10.
+    seed : int
+        Draws the noise.
+
+    Returns
+    -------
+    Damaged
+        The same faces and vertices, moved.
+
+    Raises
+    ------
+    SettingError
+        If the share is out of range.
+    MeshError
+        If the mesh is no surface.
+    """
+    require_usable(mesh, "share", share, LOUDNESS)
+    steps = np.random.default_rng(seed).standard_normal(mesh.vertices.shape)
+    vertices = mesh.vertices + share * mesh.edge_lengths.mean() * steps
+    return Damaged(mesh, Mesh(vertices, mesh.faces), np.arange(mesh.n_vertices))
+
+
+def weld(mesh: Mesh, gap: float = 0.02, *, seed: int = 0) -> Damaged:
+    """Glue together limbs that touch: vertices near in space but far along the surface are merged, as in a fused scan.
+
+    Pairs of vertices are merged, the nearest first, each into one vertex halfway between them.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        The whole.
+    gap : float
+        Largest distance across which vertices are merged, in √area, between 0 and 0.5. Of a human, whose skin has about
+        2 m², 0.01 is 1.4 cm, a coarse voxel of a scan that is fused from depth images.
+    seed : int
+        Draws where the search begins.
+
+    Returns
+    -------
+    Damaged
+        With a ``twin`` for each merged vertex. All faces remain, so that the mesh is not manifold there.
+
+    Raises
+    ------
+    SettingError
+        If the gap is out of range.
+    MeshError
+        If no two parts are so near, or the mesh is no surface.
+
+    Notes
+    -----
+    The two vertices of a pair are at least 0.5 √area apart along the surface, or in different components: more than the
+    way around a limb, so that opposite sides of one limb are not merged. Costs 60 distance columns.
+    """
+    require_usable(mesh, "gap", gap, GAPS)
+    partner = _nearest_far_vertex(mesh, seed)
+    vertices = np.flatnonzero(partner >= 0)
+    pairs = np.column_stack([vertices, partner[vertices]])
+    widths = np.linalg.norm(mesh.vertices[pairs[:, 0]] - mesh.vertices[pairs[:, 1]], axis=1)
+    order = widths.argsort(kind="stable")
+    free = np.ones(mesh.n_vertices, dtype=bool)
+    merged: list[IntArray] = []
+    for pair in pairs[order[widths[order] <= gap * np.sqrt(mesh.area)]]:
+        if free[pair].all():
+            free[pair] = False
+            merged.append(pair)
+    if not merged:
+        apart = (
+            f"; the nearest are {widths.min() / np.sqrt(mesh.area):.3f} √area apart" if len(widths) else ""
+        )
+        raise MeshError(
+            f"no limbs of {mesh!r} are as near as {gap:g} √area{apart}; give a larger gap, or a pose in which limbs touch"
+        )
+    return _merged(mesh, np.array(merged))
+
+
+def _nearest_far_vertex(mesh: Mesh, seed: int) -> IntArray:
+    """Find the nearest vertex in space among those that are far away along the surface, (n,); −1 if there is none.
+
+    Vertices are searched patch by patch: one at distance r from the centre of its patch is at least d − r away from one
+    at distance d.
+    """
+    body, index = mesh.submesh(mesh.vertex_areas > 0)
+    start = int(np.random.default_rng(seed).integers(body.n_vertices))
+    centres = euclidean_farthest_points(body.vertices, min(PATCHES, body.n_vertices), start)
+    columns = distance_engine(body).distances_from(centres)
+    patch = np.where(np.isfinite(columns.min(axis=0)), columns.argmin(axis=0), -1)
+    partner = np.full(mesh.n_vertices, -1, dtype=np.int64)
+    for i in np.unique(patch[patch >= 0]):  # where vertices coincide, a centre has no patch of its own
+        column = columns[i]
+        inside = np.flatnonzero(patch == i)
+        if not len(inside):  # two centres at one position
+            continue
+        far = np.flatnonzero(column - column[inside].max() >= FAR * np.sqrt(mesh.area))
+        if len(far):
+            nearest = KDTree(body.vertices[far]).query(body.vertices[inside])[1]
+            partner[index[inside]] = index[far[nearest]]
+    return partner
+
+
+def _merged(mesh: Mesh, pairs: IntArray) -> Damaged:
+    """Merge each (first, second) of (q, 2) disjoint pairs into one vertex halfway between them."""
+    first, second = pairs.T
+    vertices, twin = mesh.vertices.copy(), np.full(mesh.n_vertices, -1, dtype=np.int64)
+    vertices[first] = (mesh.vertices[first] + mesh.vertices[second]) / 2
+    twin[first] = second
+    original = np.delete(np.arange(mesh.n_vertices), second)
+    renumber = np.zeros(mesh.n_vertices, dtype=np.int64)
+    renumber[original] = np.arange(len(original))
+    renumber[second] = renumber[first]
+    return Damaged(mesh, Mesh(vertices[original], renumber[mesh.faces]), original, twin[original])

@@ -1,0 +1,180 @@
+"""Cumulative curves of benchmark runs: panels for each set."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from io import BytesIO
+from itertools import product
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from isomatch.evaluation import LIMIT, THRESHOLDS
+from isomatch.storage.files import replaced
+from isomatch.values.arrays import FloatArray
+from isomatch_lab.evaluation.ledger import set_label
+from isomatch_lab.evaluation.methods import METHODS
+from isomatch_lab.evaluation.published_curves import PublishedCurve
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+COLOURS = (  # Petroff 2021: ten colours that the colour-blind can distinguish
+    "#3f90da", "#ffa90e", "#bd1f01", "#94a4a2", "#832db6", "#a96b59", "#e76300", "#b9ac70", "#717581", "#92dadd",
+)  # fmt: skip
+DASHES = ((0, (1, 1.5)), (0, (6, 1.5, 1, 1.5)))  # of published curves: the ten colours in each style
+DIRECT, EITHER, CONTINUED = "direct truth", "one flip allowed for each pair", "started from another map"
+OURS = "isomatch"
+PANEL, PER_ROW = (5.4, 4.6), 2  # inches of a panel with its legend: its text can be read on a phone
+Panel = dict[str, tuple[FloatArray, int]]
+"""Mean curve and number of pairs of each method."""
+
+
+@dataclass(frozen=True, eq=False)
+class CurvePanel:
+    """The curves of one set, against one kind of truth.
+
+    Parameters
+    ----------
+    title : str
+        The set and the kind.
+    curves : dict
+        Mean curve and number of pairs of each method.
+    published : sequence of PublishedCurve
+        Curves to compare with.
+    colours : dict
+        Colour of each family of methods.
+    continued : bool
+        Whether methods were started from the maps of others.
+    """
+
+    title: str
+    curves: Panel
+    published: Sequence[PublishedCurve]
+    colours: dict[str, str]
+    continued: bool
+
+    def draw(self, axes: Axes) -> None:
+        """Draw the panel, with its legend below it."""
+        _draw(axes, self.curves, self.published, self.colours, self.continued)
+        axes.set_title(self.title, fontsize="medium")
+
+    def svg(self) -> bytes:
+        """Draw the panel alone."""
+        from matplotlib.figure import Figure
+
+        figure, drawn = Figure(PANEL, layout="constrained"), BytesIO()
+        self.draw(figure.subplots())
+        figure.savefig(drawn, format="svg")
+        return drawn.getvalue()
+
+
+def curve_panels(rows: list[dict[str, Any]], published: Sequence[PublishedCurve]) -> list[CurvePanel]:
+    """Give the panels of benchmark rows.
+
+    Each set, and each damage to it, has a panel of its methods against the direct truth; one against the better of direct
+    and mirrored truth for each pair, if that differs; and one of methods started from the maps of others, shown as thin
+    lines, if there are any.
+    """
+    good = [row | {"set": set_label(row)} for row in rows if "curve" in row]
+    families = dict.fromkeys(_family(method) for method in _distinct(good, "method") if method != OURS)
+    colours = {family: COLOURS[i % len(COLOURS)] for i, family in enumerate(families)}
+    panels = []
+    for name in _distinct(good, "set"):
+        members = [row for row in good if row["set"] == name]
+        at_landmarks = any(row.get("judged_at") == "landmarks" for row in members)
+        for kind, panel in _panels(members).items():
+            published_set = {DIRECT: name, EITHER: f"{name}_AllowingFlips"}.get(kind)
+            others = [curve for curve in published if curve.set_name == published_set]
+            title = f"{name}{', at landmarks' * at_landmarks}: {kind}"
+            panels.append(CurvePanel(title, panel, others, colours, kind == CONTINUED))
+    return panels
+
+
+def draw_curves(panels: Sequence[CurvePanel], out: Path) -> None:
+    """Write ``curves.png`` and ``curves.svg``, with all panels; nothing if there are none."""
+    from matplotlib.figure import Figure
+
+    if not panels:
+        return
+    per_row = min(len(panels), PER_ROW)
+    n_rows = -(-len(panels) // per_row)
+    figure = Figure((PANEL[0] * per_row, PANEL[1] * n_rows), layout="constrained")
+    grid = figure.subplots(n_rows, per_row, squeeze=False).ravel()
+    for axes in grid:
+        axes.set_axis_off()
+    for axes, panel in zip(grid, panels):
+        panel.draw(axes)
+    for suffix in ("png", "svg"):
+        with replaced(out / f"curves.{suffix}") as file:
+            figure.savefig(file, format=suffix, dpi=150)
+
+
+def _distinct(rows: list[dict[str, Any]], key: str) -> list[str]:
+    return list(dict.fromkeys(row[key] for row in rows))
+
+
+def _family(method: str) -> str:
+    """Name of a method without its hints and its continuation."""
+    return method.partition("+")[0].removesuffix("_5pt")
+
+
+def _panels(rows: list[dict[str, Any]]) -> dict[str, Panel]:
+    """Curves of one set, by kind of panel."""
+    panels: dict[str, Panel] = {DIRECT: {}, EITHER: {}, CONTINUED: {}}
+    for method in _distinct(rows, "method"):
+        members = [row for row in rows if row["method"] == method]
+        direct, either = (np.mean([row[key] for row in members], axis=0) for key in ("curve", "curve_either"))
+        if "+" in method:
+            panels[CONTINUED][method] = (direct, len(members))
+        else:
+            panels[DIRECT][method], panels[EITHER][method] = (direct, len(members)), (either, len(members))
+    if panels[CONTINUED]:
+        bases = {method.partition("+")[0] for method in panels[CONTINUED]} | {OURS}
+        panels[CONTINUED] |= {method: panel for method, panel in panels[DIRECT].items() if method in bases}
+    if all(np.array_equal(panels[DIRECT][method][0], panels[EITHER][method][0]) for method in panels[DIRECT]):
+        panels[EITHER] = {}
+    return {kind: panel for kind, panel in panels.items() if panel}
+
+
+def _draw(
+    axes: Axes, panel: Panel, others: Sequence[PublishedCurve], colours: dict[str, str], continued: bool
+) -> None:
+    """Draw one panel, best curve first in the legend: solid lines for methods with landmarks, dotted for others."""
+    for name, (curve, count) in sorted(panel.items(), key=lambda item: -float(item[1][0].mean())):
+        base, plus, _ = name.partition("+")
+        given_landmarks = name == OURS or base not in METHODS or METHODS[base].n_landmarks
+        axes.plot(
+            100 * THRESHOLDS,
+            100 * curve,
+            linestyle=("--" if given_landmarks else "-.") if plus else "-" if given_landmarks else ":",
+            color=colours.get(_family(name), "black"),
+            linewidth=2.6 if name == OURS else 0.7 if continued and not plus else 1.6,
+            zorder=3 if name == OURS else 2,
+            label=f"{name} ({count})" if plus or not continued or name == OURS else None,
+        )
+    for other, (dashes, colour) in zip(others, product(DASHES, COLOURS)):
+        label = f"{other.method} (published)"
+        axes.plot(
+            100 * other.errors, 100 * other.shares, linestyle=dashes, color=colour, linewidth=1.1, label=label
+        )
+    axes.set_axis_on()
+    axes.set(
+        xlabel="geodesic error × 100 / √area",
+        xlim=(0, 100 * LIMIT),
+        ylabel="correspondences, %",
+        ylim=(0, 101),
+    )
+    axes.grid(alpha=0.3)
+    legend = axes.legend(
+        loc="upper center",
+        bbox_to_anchor=(0.5, -0.17),
+        fontsize=9,
+        title="method (pairs)",
+        ncols=2,
+        frameon=False,
+    )
+    for text in legend.get_texts():
+        text.set_parse_math(False)  # a dollar sign in the name of a published curve does not start a formula

@@ -1,0 +1,227 @@
+"""One pair of a benchmark run: the preparation that its methods share, and the measurement of their maps."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from isomatch.correspondence import Correspondence
+from isomatch.evaluation import (
+    SHARES,
+    area_under_curve,
+    counted,
+    coverage,
+    cumulative_curve,
+    cycle_errors,
+    sided_errors,
+    smallest,
+)
+from isomatch.geodesics import distance_engine
+from isomatch.runtime.memory import memory_budget
+from isomatch.runtime.threads import n_threads, parallel_map, serial_blas
+from isomatch.settings import Config
+from isomatch.shapes import prepare
+from isomatch.values.arrays import IntArray
+from isomatch.values.cached import cached_method
+from isomatch_lab.evaluation.benchmark_run import BenchmarkRun, PairNames
+from isomatch_lab.evaluation.caching import CachingEngine
+from isomatch_lab.evaluation.distortion import metric_distortion
+from isomatch_lab.evaluation.ledger import Row
+from isomatch_lab.evaluation.methods import MatchInput, Method
+from isomatch_lab.evaluation.smoothness import dirichlet_energy
+from isomatch_lab.evaluation.true_landmarks import true_landmarks
+
+DISTORTION_ROWS = 100  # points whose distances to 1000 others are compared in every row
+TABLE_SHARE = 4  # a quarter of the points are rows of the table, because columns are slow on large meshes
+
+
+@dataclass(frozen=True)
+class Found:
+    """The map that a method found, and its cost.
+
+    Parameters
+    ----------
+    map : Correspondence
+        The map.
+    diagnostics : dict
+        What the method reports about it.
+    seconds : float
+        Time without preparation; for a map that was started from another one, that of both.
+    preparations : frozenset of Config
+        Settings of the prepared shapes that were used.
+    """
+
+    map: Correspondence
+    diagnostics: dict[str, Any]
+    seconds: float
+    preparations: frozenset[Config | None]
+
+
+class Subject:
+    """A pair of a benchmark run, with the engines, landmarks and prepared shapes that its methods share."""
+
+    def __init__(self, run: BenchmarkRun, names: PairNames) -> None:
+        self._run, self._names = run, names
+        self._dense, self._judged = run.load(names)
+        self.pair = self._dense.given
+        limit = memory_budget() / (8 * (run.jobs or n_threads()))
+        engine = cache(lambda mesh: CachingEngine(distance_engine(mesh), limit))  # one for an undamaged mesh
+        self._engines, self._whole_engines = (
+            (engine(shapes.source), engine(shapes.target)) for shapes in (self.pair, self._dense.whole)
+        )
+
+    @cached_method
+    def _prepared(self, config: Config | None) -> tuple[tuple[MatchInput, MatchInput], float]:
+        """Prepare both shapes, or take the meshes themselves; also give the seconds."""
+        meshes = self.pair.source, self.pair.target
+        if config is None:
+            return meshes, 0.0
+        started = time.perf_counter()
+        with serial_blas():
+            source, target = parallel_map(lambda mesh: prepare(mesh, config), meshes)
+        return (source, target), time.perf_counter() - started
+
+    @cached_method
+    def _landmarks(self, count: int) -> IntArray:
+        """Choose true landmarks (count, 2)."""
+        return true_landmarks(self.pair, count, self._run.seed, self._engines)
+
+    def match(self, method: Method, start: Found | None = None, backwards: bool = False) -> Found:
+        """Match source to target, or backwards, from another map or from true landmarks if the method needs them."""
+        (source, target), _ = self._prepared(method.preparation)
+        hints: dict[str, Any] = {} if start is None else {"initial_map": start.map.vertices}
+        if method.reads_maps:
+            hints["pair"] = self._run.named(self._names, self._dense)
+        if method.n_landmarks:
+            hints["landmarks"] = self._landmarks(method.n_landmarks)[:, :: -1 if backwards else 1]
+        started = time.perf_counter()
+        if backwards:
+            source, target = target, source
+        try:
+            found, diagnostics = method(source, target, hints)
+        except Exception as problem:
+            if backwards:
+                problem.add_note("(target to source, for the cycle error)")
+            raise
+        seconds, preparations = time.perf_counter() - started, frozenset([method.preparation])
+        if start is not None:
+            seconds, preparations = seconds + start.seconds, preparations | start.preparations
+        return Found(found, diagnostics, seconds, preparations)
+
+    def measures(self, found: Found, back: Found | None = None) -> Row:
+        """Measure a map, and its cycle error with a map back; the seconds count each preparation once."""
+        run, pair = self._run, self.pair
+        numbers = {
+            "image_area": coverage(pair.target, found.map, reach=0.0),
+            "smoothness": dirichlet_energy(pair.source, pair.target, found.map),
+        }
+        if run.distortion:
+            numbers |= self._distortion("distortion_l2", found.map, n_rows=DISTORTION_ROWS)
+        if run.table_distortion:
+            n_points = min(run.n_points, len(pair.truth))
+            draw = {"n_rows": n_points // TABLE_SHARE, "n_columns": n_points, "same_points": True}
+            numbers |= self._distortion("distortion_table", found.map, **draw)
+        if back is not None:
+            cycle = cycle_errors(pair.source, found.map, back.map, run.n_points, run.seed, self._engines[0])
+            numbers["cycle"] = 100 * counted(cycle).mean()
+        return {
+            "n_source": pair.source.n_vertices,
+            "n_target": pair.target.n_vertices,
+            "seconds": found.seconds + sum(self._prepared(config)[1] for config in found.preparations),
+            "group": pair.group,
+            "outcome": found.diagnostics.get("outcome", ""),
+            "notes": "; ".join(filter(None, (*pair.notes, found.diagnostics.get("read")))),
+            "details": found.diagnostics,
+            **self._errors(found.map),
+            **_plain(numbers | self._matched(found.map)),
+        }
+
+    def _errors(self, found: Correspondence) -> Row:
+        """Errors × 100 on the whole target, and their curves; a vertex without an image counts as √(target area).
+
+        If the shapes are truly symmetric, one decision is made for the pair between direct and mirrored truth.
+        """
+        run, judged = self._run, self._judged.whole
+        n_points = run.n_points if run.landmarks is None else None
+        sides = smallest(
+            sided_errors(
+                judged.target,
+                lift,
+                judged.truth,
+                judged.mirrored,
+                n_points,
+                run.seed,
+                self._whole_engines[1],
+                points=judged.points,
+                unit=judged.unit,
+            )
+            for lift in self._lifted(found)
+        )
+        direct, better = counted(sides.direct), counted(sides.better)
+        errors = better if judged.symmetric else direct
+        numbers = {
+            "error": 100 * errors.mean(),
+            "median": 100 * np.median(errors),
+            "p95": 100 * np.quantile(errors, 0.95),
+            "direct": 100 * direct.mean(),
+            "mirrored": np.nan if sides.mirrored is None else 100 * counted(sides.mirrored).mean(),
+            "either": 100 * better.mean(),
+            "unmatched": np.isinf(sides.direct).mean(),
+            "auc": area_under_curve(errors),
+        }
+        if self.pair.alone is not None and np.isfinite(sides.direct).any():
+            numbers["error_matched"] = 100 * errors[np.isfinite(sides.direct)].mean()
+        for threshold, share in zip(SHARES, cumulative_curve(errors, SHARES)):
+            numbers[f"within_{100 * threshold:02.0f}"] = share
+        curves = {"curve": direct, "curve_either": better}
+        return _plain(numbers) | {
+            name: [round(float(share), 4) for share in cumulative_curve(values)]
+            for name, values in curves.items()
+        }
+
+    def _matched(self, found: Correspondence) -> dict[str, float]:
+        """Precision, recall and overlap of the matched vertices, where it is known which have a counterpart.
+
+        The overlap is the area of those that have a counterpart and an image over that of those that have either.
+        """
+        has, alone = np.unique(self.pair.truth[:, 0]), self.pair.alone
+        if alone is None:
+            return {}
+        areas = self.pair.source.vertex_areas
+        right, wrong = has[found.matched[has]], alone[found.matched[alone]]
+        either = areas[has].sum() + areas[wrong].sum()
+        return {
+            "precision": len(right) / max(len(right) + len(wrong), 1),
+            "recall": len(right) / len(has),
+            "iou": areas[right].sum() / either if either > 0 else np.nan,
+        }
+
+    def _lifted(self, found: Correspondence) -> list[Correspondence]:
+        """Carry a map between the damaged shapes to the whole ones."""
+        n_target = self._dense.whole.target.n_vertices
+        return [Correspondence(image, n_target) for image in self._dense.lifted(found.vertices)]
+
+    def _distortion(self, name: str, found: Correspondence, **draw: Any) -> dict[str, float]:
+        """Mean square distortion of a map and of the truth, over random points of the whole shapes."""
+        whole = self._dense.whole
+        distortion = metric_distortion(
+            whole.source,
+            whole.target,
+            self._lifted(found)[0],
+            whole.truth,
+            seed=self._run.seed,
+            engines=self._whole_engines,
+            unit=whole.unit,
+            **draw,
+        )
+        return {name: distortion.l2, f"{name}_truth": distortion.truth.l2 if distortion.truth else np.nan}
+
+
+def _plain(numbers: Mapping[str, Any]) -> Row:
+    """Turn numbers into those of JSON, with None in place of numbers that are not finite."""
+    return {name: float(number) if np.isfinite(number) else None for name, number in numbers.items()}
