@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from threading import Lock
 from typing import Any, TypeAlias
 
-from isomatch.runtime.interruption import tell
+from isomatch.runtime.interruption import stop_if_abandoned, tell
 
 logger = logging.getLogger(__name__)
 
@@ -79,6 +79,7 @@ class StageTimer:
 
     def start(self, stage: str) -> None:
         """End the stage under way and begin another."""
+        stop_if_abandoned()
         self._finish()
         self._stage = self._scope + stage
         logger.info("%s", self._stage)
