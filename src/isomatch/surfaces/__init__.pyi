@@ -1,5 +1,4 @@
 from isomatch.surfaces._coincident import first_equal, welded
-from isomatch.surfaces._content_hash import surface_in_use
 from isomatch.surfaces._edges import (
     EdgeTable,
     Meetings,
@@ -10,16 +9,15 @@ from isomatch.surfaces._edges import (
     linked,
     meetings,
 )
-from isomatch.surfaces._faces import unsound_faces
-from isomatch.surfaces._normals import vertex_normals
+from isomatch.surfaces._faces import unsound_faces, vertex_normals
+from isomatch.surfaces._shared import surface_in_use
 from isomatch.surfaces._spatial_order import in_spatial_order
 from isomatch.surfaces.graph import Graph
 from isomatch.surfaces.mesh import Mesh
 from isomatch.surfaces.point_cloud import PointCloud
 from isomatch.surfaces.precise_points import PrecisePoints, nearest_in_triangle
 from isomatch.surfaces.raster import Raster, rasterise
-from isomatch.surfaces.reflection import reflected
-from isomatch.surfaces.surface import Surface
+from isomatch.surfaces.surface import Surface, reflected
 
 __all__ = [
     "EdgeTable",

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from isomatch.errors import MeshError, some
-from isomatch.surfaces._content_hash import hash_of
 from isomatch.surfaces._edges import linked
+from isomatch.surfaces._shared import hash_of
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray, array_of, numbers_of
 from isomatch.values.cached import cached_property
 

@@ -8,11 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from isomatch.errors import MeshError
-from isomatch.surfaces._content_hash import hash_of
 from isomatch.surfaces._edges import EdgeTable, edge_table, lengths, linked
-from isomatch.surfaces._faces import require_vertices
-from isomatch.surfaces._normals import areas_of, cross_products, thirds_of, vertex_normals
-from isomatch.surfaces.plotted import Plotted
+from isomatch.surfaces._faces import areas_of, cross_products, require_vertices, thirds_of, vertex_normals
+from isomatch.surfaces._shared import Plotted, hash_of
 from isomatch.values.arrays import FloatArray, IntArray, array_of, numbers_of
 from isomatch.values.cached import cached_property
 

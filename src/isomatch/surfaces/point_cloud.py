@@ -10,9 +10,8 @@ import scipy
 from numpy.typing import ArrayLike
 
 from isomatch.errors import MeshError, SettingError, some
-from isomatch.surfaces._content_hash import hash_of
 from isomatch.surfaces._edges import lengths, linked
-from isomatch.surfaces.plotted import Plotted
+from isomatch.surfaces._shared import Plotted, hash_of
 from isomatch.values.arrays import FloatArray, IntArray, numbers_of
 from isomatch.values.cached import cached_property
 

@@ -1,4 +1,4 @@
-"""Surfaces that draw themselves."""
+"""What surfaces share: they draw themselves, and have a hash of their contents."""
 
 from __future__ import annotations
 
@@ -10,6 +10,14 @@ from isomatch.loading.notebooks import Shown, view_room
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+from hashlib import blake2b
+from threading import Lock
+from typing import Protocol
+from weakref import WeakSet
+
+import numpy as np
+
+from isomatch.values.arrays import AnyArray
 
 
 class Plotted(Shown):
@@ -57,3 +65,33 @@ class Plotted(Shown):
             self, values, label=label, colour_map=colour_map, title=title, width=width, view=view
         )
         return figure
+
+
+class Hashed(Protocol):
+    """Anything that tells its hash."""
+
+    @property
+    def content_hash(self) -> str:
+        """Hash of what it is made of."""
+
+
+_IN_USE: WeakSet[Hashed] = WeakSet()
+_LOCK = Lock()  # a set must not grow while it is listed
+
+
+def hash_of(surface: Hashed, *arrays: AnyArray) -> str:
+    """32 hexadecimal digits, the same on every machine, for a surface and its arrays of float64 or int64."""
+    digest = blake2b(type(surface).__name__.encode(), digest_size=16)
+    for array in arrays:
+        digest.update(str(array.shape).encode())
+        digest.update(np.ascontiguousarray(array, array.dtype.newbyteorder("<")).data)
+    with _LOCK:
+        _IN_USE.add(surface)
+    return digest.hexdigest()
+
+
+def surface_in_use(content_hash: str) -> Hashed | None:
+    """Find a surface by its hash, if that was computed and the surface is still held by somebody else."""
+    with _LOCK:
+        surfaces = list(_IN_USE)
+    return next((surface for surface in surfaces if surface.content_hash == content_hash), None)
