@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from isomatch import distance_basis
-from isomatch.datasets import creature
+from isomatch_lab.procedural import creature
 
 PAIRS = 1_000_000
 REPEATS = 5  # the quickest counts

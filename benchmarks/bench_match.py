@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from isomatch import geodesic_distances, match, prepare
-from isomatch.datasets import creature, ground_truth
+from isomatch.datasets import ground_truth
+from isomatch_lab.procedural import creature
 
 SIZES = [5_000, 28_000]
 SCORED = 500  # source vertices whose error is measured

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from isomatch import Mesh
-from isomatch.datasets import creature
+from isomatch_lab.procedural import creature
 
 _BESIDE = Path(__file__).parents[2] / "shared" / "data"
 DATA = Path(os.environ.get("ISOMATCH_DATA", _BESIDE))

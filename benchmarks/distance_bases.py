@@ -16,8 +16,8 @@ mpl.use("Agg")
 import matplotlib.pyplot as plt
 
 from isomatch import Mesh, distance_basis, geodesic_distances, laplace_basis
-from isomatch.datasets import creature
 from isomatch_lab.paper.basis_error import projected, relative_error
+from isomatch_lab.procedural import creature
 from studies import asked_for, write_rows, write_table
 
 RANKS = (5, 10, 20, 30, 40, 50, 75, 100)

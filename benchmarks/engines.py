@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from isomatch import Mesh, MissingDependencyError, distance_engine
-from isomatch.datasets import creature
 from isomatch.geodesics import DistanceEngine, engine_names
+from isomatch_lab.procedural import creature
 from isomatch_lab.sets import benchmark_set
 from studies import asked_for, write_rows, write_table
 

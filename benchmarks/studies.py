@@ -11,11 +11,12 @@ from typing import Any, TypeVar
 import numpy as np
 
 from isomatch import Correspondence, Mesh
-from isomatch.datasets import creature, ground_truth
+from isomatch.datasets import ground_truth
 from isomatch.evaluation import counted, geodesic_errors
 from isomatch.runtime.threads import n_threads
 from isomatch.runtime.workers import begin_worker, worker_processes
 from isomatch_lab.damage import DamagedPair, noise
+from isomatch_lab.procedural import creature
 from isomatch_lab.sets import BenchmarkPair, benchmark_set, relabelled
 
 T = TypeVar("T")

@@ -45,7 +45,7 @@ LONGEST = (  # files in the order in which they are handed to workers, before al
     "matching/test_elastic.py",
     "cli/test_cli.py",
     "test_gallery.py",
-    "datasets/test_creatures.py",
+    "lab/test_creatures.py",
     "matching/test_points_and_graphs.py",
     "fuzz/test_array_files.py",
     "matching/test_result_file.py",

@@ -33,6 +33,7 @@ collections serving
 cli
 """
 LAB = """
+procedural
 sets
 damage
 baselines

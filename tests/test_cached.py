@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from isomatch import match, match_both, prepare
-from isomatch.datasets import creature
 from isomatch.values.cached import cached_method
 from isomatch_lab.evaluation import BenchmarkRun
 from isomatch_lab.evaluation.methods import METHODS
 from isomatch_lab.evaluation.subject import Subject
+from isomatch_lab.procedural import creature
 
 
 @pytest.fixture(autouse=True)

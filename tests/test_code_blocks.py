@@ -20,8 +20,9 @@ from corresponded import random_shapes
 from isomatch import Asset, Mesh
 from isomatch.assets import Attribute, Polygons, with_texture
 from isomatch.cli import main
-from isomatch.datasets import creature, example_pair
+from isomatch.datasets import example_pair
 from isomatch.resolution import decimate
+from isomatch_lab.procedural import creature
 from later import some_later
 
 pytestmark = pytest.mark.usefixtures("prepared_once", "small_pictures")

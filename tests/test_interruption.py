@@ -168,7 +168,7 @@ def test_progress_cancels_by_raising(last, example):
 INTERRUPTED = """
 import threading, time, _thread
 from isomatch import match
-from isomatch.datasets import creature
+from isomatch_lab.procedural import creature
 shapes = [creature(3500, pose=pose).mesh for pose in (0, 1)]
 match(*[creature(1500, pose=pose).mesh for pose in (0, 1)])
 since = []

@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 from skimage.measure import marching_cubes
 
 from isomatch import Mesh
-from isomatch.datasets.implicit import BLEND, Skin
 from isomatch.resolution import decimate
+from isomatch_lab.procedural.implicit import BLEND, Skin
 
 TRUNK = [
     ([[0, 0, 0], [0, 0, 0.25], [0, 0, 0.5]], [0.13, 0.11, 0.14]),

@@ -17,7 +17,7 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "extras" / "blender"))
 import isomatch_blender
 from isomatch_blender import matches, meshes
 
-from isomatch.datasets import creature
+from isomatch_lab.procedural import creature
 
 FILE = Path(__file__).with_name("blender.png")
 WIDTH = 760  # pixels

@@ -9,7 +9,7 @@ import numpy as np
 from isomatch.lab.damage import view
 
 from isomatch import Mesh, PointCloud, match
-from isomatch.datasets import creature, ground_truth, organ, organ_truth
+from isomatch.datasets import ground_truth
 from isomatch.view import (
     ValuePanel,
     arranged_panels,
@@ -19,6 +19,7 @@ from isomatch.view import (
     surface_image,
     to_screen,
 )
+from isomatch_lab.procedural import creature, organ, organ_truth
 
 HERE = Path(__file__).parent
 

@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from isomatch import Mesh, match
-from isomatch.datasets import creature, example_pair
+from isomatch.datasets import example_pair
 from isomatch.view import ValuePanel, draw_map, summary_of
+from isomatch_lab.procedural import creature
 
 HERE = Path(__file__).parent
 

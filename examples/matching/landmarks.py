@@ -9,8 +9,8 @@ better. Automatic maps compete with them: a wrong landmark is contradicted, not 
 import numpy as np
 
 from isomatch import distance_engine, farthest_point_sampling, match
-from isomatch.datasets import organ, organ_truth
 from isomatch.view import draw_map
+from isomatch_lab.procedural import organ, organ_truth
 
 source = organ("kidney", 2500, symmetry="turn", pose=1)
 target = organ("kidney", 2500, symmetry="turn", pose=2)

@@ -7,8 +7,8 @@ look different around most points and their images, so it is reported with low c
 """
 
 from isomatch import match
-from isomatch.datasets import creature
 from isomatch.view import draw_map
+from isomatch_lab.procedural import creature
 
 quadruped = creature(2000, pose=0).mesh
 biped = creature(2000, kind="biped", pose=0, triangulation=1).mesh

@@ -6,9 +6,9 @@ A part of a body, cut off somewhere, is matched to a whole one in another pose.
 """
 
 from isomatch import match
-from isomatch.datasets import creature
 from isomatch.view import draw_map
 from isomatch_lab.damage import cut
+from isomatch_lab.procedural import creature
 
 whole = creature(1800, pose=0).mesh
 part = cut(creature(1800, pose=1, triangulation=1).mesh, share=0.3, seed=3).mesh

@@ -9,8 +9,8 @@ exactly the points that you gave, and the map around them bends.
 import numpy as np
 
 from isomatch import Config, distance_engine, farthest_point_sampling, match
-from isomatch.datasets import organ, organ_truth
 from isomatch.view import ValuePanel, draw_map
+from isomatch_lab.procedural import organ, organ_truth
 
 source, target = organ("heart", 2500, pose=1), organ("heart", 2500, pose=2)
 points = farthest_point_sampling(distance_engine(source.mesh), 5, start=0).vertices

@@ -10,7 +10,7 @@ import time
 from tempfile import TemporaryDirectory
 
 from isomatch import PreparedShape, match, prepare
-from isomatch.datasets import creature
+from isomatch_lab.procedural import creature
 
 template = prepare(creature(2500, pose=0).mesh)
 for pose in range(1, 4):

@@ -7,8 +7,8 @@ the others are among the alternatives.
 """
 
 from isomatch import match
-from isomatch.datasets import organ
 from isomatch.view import arranged_panels, camera_of, position_colours, surface_image, to_screen
+from isomatch_lab.procedural import organ
 
 source = organ("liver", 2500, symmetry="turn", pose=1).mesh
 target = organ("liver", 2500, symmetry="turn", pose=2).mesh

@@ -9,9 +9,10 @@ knowing the truth. Here, a body is cut, and the truth is drawn for comparison.
 import numpy as np
 
 from isomatch import match
-from isomatch.datasets import creature, ground_truth
+from isomatch.datasets import ground_truth
 from isomatch.view import ValuePanel, draw_map
 from isomatch_lab.damage import cut
+from isomatch_lab.procedural import creature
 
 posed, whole = creature(2500, pose=1), creature(2500, pose=2, triangulation=1)
 part = cut(posed.mesh, 0.4, seed=1)

@@ -9,8 +9,8 @@ A map may be right although the shapes differ: one animal has a longer snout, on
 import numpy as np
 
 from isomatch import Mesh, match
-from isomatch.datasets import creature
 from isomatch.view import ValuePanel, draw_map, write_report
+from isomatch_lab.procedural import creature
 
 lean, other = (
     creature(3000, pose=1, symmetric=True),

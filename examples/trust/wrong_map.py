@@ -9,9 +9,10 @@ another way than ``CONVERGED`` or ``PARTIAL`` only after you have looked at it.
 import numpy as np
 
 from isomatch import match
-from isomatch.datasets import creature, ground_truth
+from isomatch.datasets import ground_truth
 from isomatch.view import ValuePanel, draw_map
 from isomatch_lab.damage import view
+from isomatch_lab.procedural import creature
 
 whole = creature(3000, kind="biped")
 posed = creature(3000, kind="biped", pose=2, triangulation=1)

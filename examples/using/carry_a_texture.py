@@ -14,8 +14,8 @@ from tempfile import mkdtemp
 import numpy as np
 
 from isomatch import Asset, Attribute, carry_attributes, match, read_asset, write_asset
-from isomatch.datasets import creature
 from isomatch.view import arranged_panels, surface_image
+from isomatch_lab.procedural import creature
 
 folder = Path(mkdtemp())
 painted, plain = creature(6000, pose=0), creature(6000, pose=2, triangulation=1)

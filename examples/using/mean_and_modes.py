@@ -10,8 +10,8 @@ from pathlib import Path
 from tempfile import mkdtemp
 
 from isomatch import match, prepare, write_mesh
-from isomatch.datasets import organ
 from isomatch.statistics import CorrespondedShapes, ShapeModel, draw_modes
+from isomatch_lab.procedural import organ
 
 folder = Path(mkdtemp())
 kidneys = {

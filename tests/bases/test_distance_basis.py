@@ -15,8 +15,8 @@ from isomatch import (
     laplace_basis,
 )
 from isomatch.bases import nystrom_basis
-from isomatch.datasets import creature
 from isomatch.geodesics import distance_engine, farthest_point_sampling
+from isomatch_lab.procedural import creature
 from shapes import disguised, flat_grid, icosphere, planar_delaunay, two_spheres
 from zoo import specimen
 

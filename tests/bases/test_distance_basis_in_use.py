@@ -13,7 +13,7 @@ from isomatch import (
     distance_basis,
     geodesic_distances,
 )
-from isomatch.datasets import creature
+from isomatch_lab.procedural import creature
 from shapes import planar_delaunay
 
 

@@ -9,8 +9,8 @@ from isomatch.bases import ColumnPredictor, fmds_basis
 from isomatch.bases.interpolation import biharmonic_interpolant
 from isomatch.bases.laplacian import stiffness_and_masses
 from isomatch.bases.prediction import DensityWeighted, representative_points
-from isomatch.datasets import creature
 from isomatch.geodesics import distance_engine, farthest_point_sampling
+from isomatch_lab.procedural import creature
 
 
 @pytest.fixture(scope="module")

@@ -11,8 +11,8 @@ from isomatch import Mesh, MeshError, NotConvergedError, laplace_basis
 from isomatch.bases import refined_laplace_basis
 from isomatch.bases.laplace_basis import smallest_eigenpairs
 from isomatch.bases.laplacian import WIDTH, factorised, factorised_single
-from isomatch.datasets import creature
 from isomatch.resolution import Prolongation, decimate
+from isomatch_lab.procedural import creature
 from shapes import cylinder, disguised, icosphere, planar_delaunay
 from zoo import specimen, torus
 

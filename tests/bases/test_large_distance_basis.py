@@ -12,7 +12,7 @@ SCRIPT = """
 import json, resource, time
 import numpy as np
 from isomatch import distance_basis, distance_engine
-from isomatch.datasets import creature
+from isomatch_lab.procedural import creature
 from shapes import planar_delaunay
 
 distance_basis(planar_delaunay(500), 5, 10)  # compiles

@@ -7,7 +7,7 @@ import pytest
 
 import isomatch
 from isomatch.cli import main
-from isomatch.datasets import creature
+from isomatch_lab.procedural import creature
 
 
 @pytest.fixture(scope="module")

@@ -23,11 +23,12 @@ from isomatch.collections.kept import digest_of
 from isomatch.collections.ledger import writing_ledger
 from isomatch.collections.states import state_of
 from isomatch.collections.workers import Workers
-from isomatch.datasets import creature, ground_truth
+from isomatch.datasets import ground_truth
 from isomatch.errors import InputError, MemoryBudgetError, UnwritableFileError
 from isomatch.matching import match_both
 from isomatch.runtime.workers import worker_processes
 from isomatch.shapes import PreparedShape
+from isomatch_lab.procedural import creature
 
 pytest.importorskip("skimage")
 finish_module = import_module("isomatch.collections.finish")  # the room's public name is the function

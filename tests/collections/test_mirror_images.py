@@ -16,10 +16,10 @@ from isomatch.cli import main
 from isomatch.collections import Collection, export, finish, jobs, mirror_images, write_reports
 from isomatch.collections.ledger import Ledger, Rows
 from isomatch.collections.mirror_images import two_groups
-from isomatch.datasets import creature
 from isomatch.errors import MeshError
 from isomatch.matching import match_both
 from isomatch.surfaces import Graph, PointCloud, reflected
+from isomatch_lab.procedural import creature
 from shapes import box, disguised
 from small_collections import arrays_of, lopsided_blob, run
 

@@ -7,13 +7,13 @@ import pytest
 
 from isomatch import LandmarkError, Outcome, match
 from isomatch.correspondence import Embedding
-from isomatch.datasets import creature
 from isomatch.settings import Orientation
 from isomatch.values.settings import Settings, setting
 from isomatch_lab.baselines import Baseline
 from isomatch_lab.baselines.task import Task
 from isomatch_lab.evaluation import METHODS, BenchmarkRun, run_benchmark
 from isomatch_lab.evaluation.methods import methods_of
+from isomatch_lab.procedural import creature
 from shapes import disguised
 
 

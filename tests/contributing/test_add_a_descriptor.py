@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from isomatch import Config, Mesh, MeshError, distance_basis, match, prepare, repair
-from isomatch.datasets import creature
+from isomatch_lab.procedural import creature
 from shapes import disguised
 
 

@@ -6,7 +6,7 @@ from scipy.linalg import polar
 
 from isomatch import laplace_basis
 from isomatch.correspondence import SampledBasis, SpectralPair, fit_functional_map, spectral_embedding
-from isomatch.datasets import creature
+from isomatch_lab.procedural import creature
 
 
 @pytest.fixture(scope="module")

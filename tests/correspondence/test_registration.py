@@ -5,7 +5,7 @@ import pytest
 
 from isomatch import prepare
 from isomatch.correspondence import Embedding, SampledBasis, register_nonrigid
-from isomatch.datasets import creature
+from isomatch_lab.procedural import creature
 
 
 @pytest.fixture(scope="module")

@@ -17,9 +17,9 @@ from isomatch.correspondence import (
     rigid_energy,
     rigid_registration,
 )
-from isomatch.datasets import creature
 from isomatch.errors import SettingError
 from isomatch_lab.damage import cut
+from isomatch_lab.procedural import creature
 from shapes import icosphere
 
 LENGTHS = (0.3, 0.2, 0.1, 0.05)

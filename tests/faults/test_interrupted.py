@@ -10,7 +10,7 @@ import time
 import pytest
 
 import isomatch
-from isomatch.datasets import creature
+from isomatch_lab.procedural import creature
 from later import some_later
 
 SOON = 3.0  # seconds

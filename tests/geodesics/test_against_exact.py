@@ -5,7 +5,7 @@ import pytest
 
 from data import tosca
 from isomatch import geodesic_distances
-from isomatch.datasets import creature
+from isomatch_lab.procedural import creature
 
 exact_package = pytest.importorskip("pygeodesic.geodesic", reason="needs pygeodesic")
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from isomatch.datasets import creature
 from isomatch.geodesics import MissingRegion, distance_engine, geodesic_distances
 from isomatch.surfaces import Mesh
 from isomatch_lab.damage import cut
+from isomatch_lab.procedural import creature
 from shapes import flat_grid, icosphere
 
 

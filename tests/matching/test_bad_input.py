@@ -16,7 +16,7 @@ from isomatch import (
     match,
     prepare,
 )
-from isomatch.datasets import creature
+from isomatch_lab.procedural import creature
 from shapes import flat_grid, icosphere
 from zoo import grid, mobius, specimen, torus, zoo
 

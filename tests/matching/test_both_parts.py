@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 
 from isomatch import Config, Mesh, Outcome, match, prepare
-from isomatch.datasets import creature, ground_truth
+from isomatch.datasets import ground_truth
 from isomatch.matching import BothParts
 from isomatch.matching.relations.both_looks import BothLooks
 from isomatch.matching.relations.both_side import two_sides
 from isomatch.settings import PartSettings
 from isomatch_lab.damage import cut
+from isomatch_lab.procedural import creature
 from isomatch_lab.sets import relabelled
 
 pytestmark = pytest.mark.usefixtures("prepared_once")

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from isomatch.correspondence import iterative_closest_points
-from isomatch.datasets import creature
 from isomatch.matching import Hints, Hypothesis, Isometry, prepare_pair
 from isomatch.matching.challengers import best_of, challengers, is_sure
 from isomatch.matching.screening import Screening
 from isomatch.runtime.stage_timer import StageTimer
+from isomatch_lab.procedural import creature
 
 
 @pytest.fixture(scope="module")

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from isomatch import Config, DescriptorError, Mesh, Outcome, PointCloud, SettingError, match
-from isomatch.datasets import creature, ground_truth
+from isomatch.datasets import ground_truth
 from isomatch.matching import Elastic, Isometry, Part
 from isomatch.matching.refinement_laws import bumpy_ball
+from isomatch_lab.procedural import creature
 
 pytestmark = pytest.mark.usefixtures("prepared_once")
 RELATIONS = pytest.mark.parametrize("relation", [Isometry(), Part(), Elastic()])

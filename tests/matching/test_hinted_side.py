@@ -6,9 +6,10 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from isomatch import Config, Mesh, Outcome, match, prepare
-from isomatch.datasets import creature, ground_truth
-from isomatch.datasets.organs import organ, organ_truth
+from isomatch.datasets import ground_truth
 from isomatch_lab.damage import holes
+from isomatch_lab.procedural import creature
+from isomatch_lab.procedural.organs import organ, organ_truth
 from shapes import icosphere
 
 pytestmark = pytest.mark.usefixtures("prepared_once")

@@ -19,12 +19,13 @@ from isomatch import (
     match,
     prepare,
 )
-from isomatch.datasets import creature, ground_truth
-from isomatch.datasets.organs import organ, organ_truth
+from isomatch.datasets import ground_truth
 from isomatch.matching import Hints, prepare_pair
 from isomatch.shapes import capped_shape, components_of
 from isomatch.shapes.body import body_of
 from isomatch_lab.damage import cut, weld
+from isomatch_lab.procedural import creature
+from isomatch_lab.procedural.organs import organ, organ_truth
 from shapes import box, disguised, icosphere
 
 pytestmark = pytest.mark.usefixtures("prepared_once")

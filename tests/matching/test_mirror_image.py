@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from isomatch import Config, Outcome, match
-from isomatch.datasets import creature
 from isomatch.surfaces import reflected
 from isomatch_lab.damage import cut
+from isomatch_lab.procedural import creature
 from shapes import disguised
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from isomatch import Config, Mesh, Outcome, match, prepare
-from isomatch.datasets import creature, ground_truth
+from isomatch.datasets import ground_truth
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching import Hints, Part, ShapePair, prepare_pair, stages_of
 from isomatch.matching.quality import covered_share
@@ -17,6 +17,7 @@ from isomatch.matching.relations.part_refinement import WholeCoordinates
 from isomatch.matching.solve import part_role
 from isomatch.settings import PartSettings
 from isomatch_lab.damage import cut, holes, limb_removed
+from isomatch_lab.procedural import creature
 from isomatch_lab.sets import relabelled
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from isomatch import Graph, Mesh, MeshError, PointCloud, match, prepare
-from isomatch.datasets import creature
 from isomatch.evaluation import geodesic_errors
+from isomatch_lab.procedural import creature
 
 pytestmark = pytest.mark.usefixtures("prepared_once")
 

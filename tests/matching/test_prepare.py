@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from isomatch import Config, Mesh, MeshError, distance_engine, geodesic_distances, prepare
-from isomatch.datasets import creature
 from isomatch.descriptors import mean_curvature
+from isomatch_lab.procedural import creature
 from shapes import disguised, icosphere, two_spheres
 from zoo import grid
 

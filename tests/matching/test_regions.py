@@ -8,11 +8,12 @@ import pytest
 
 from isomatch import FormatError, MatchResult, Mesh, Outcome, match, prepare
 from isomatch.cli.outputs import say_result
-from isomatch.datasets import creature, ground_truth
+from isomatch.datasets import ground_truth
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching import DoubtfulRegion, outcome_of, prepare_pair
 from isomatch.matching.judge import region_evidence
 from isomatch.matching.regions import ANOTHER_MAP, LOOKS_UNLIKE, doubt_in, lifted, regions_of_doubt
+from isomatch_lab.procedural import creature
 from shapes import icosphere
 
 FORELEGS = 0.4  # height, in the rest pose, below which there are legs only

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from isomatch.correspondence import iterative_closest_points
-from isomatch.datasets import creature, ground_truth
+from isomatch.datasets import ground_truth
 from isomatch.matching import Hypothesis, prepare_pair
 from isomatch.matching.search import combinations, flips, search_back
+from isomatch_lab.procedural import creature
 
 
 def apart(pair, one, other):

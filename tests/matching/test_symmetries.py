@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from isomatch import Config, Mesh, Outcome, match, prepare
-from isomatch.datasets import creature
 from isomatch.matching import prepare_pair
 from isomatch.matching.search import symmetric_variants
 from isomatch.settings import SymmetrySettings
 from isomatch.shapes.symmetries import LEAST_MOVED
+from isomatch_lab.procedural import creature
 from isomatch_lab.sets import relabelled
 from later import some_later
 from shapes import box, cylinder, disguised, icosphere

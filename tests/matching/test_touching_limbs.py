@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from isomatch import Config, Correspondence, Outcome, check, match, prepare
-from isomatch.datasets import creature, ground_truth
+from isomatch.datasets import ground_truth
 from isomatch.evaluation import counted, geodesic_errors
 from isomatch.settings import PreparationSettings
 from isomatch_lab.damage import damaged_pair, weld
+from isomatch_lab.procedural import creature
 from isomatch_lab.sets import BenchmarkPair, relabelled
 
 pytestmark = pytest.mark.usefixtures("prepared_once")

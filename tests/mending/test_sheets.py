@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from isomatch.datasets import creature
 from isomatch.geodesics import geodesic_distances
 from isomatch.mending import check, repair, separate_sheets
 from isomatch.surfaces import Mesh
 from isomatch_lab.damage import weld
+from isomatch_lab.procedural import creature
 from zoo import any_mesh, grid, zoo
 from zoo.made import boxes
 

@@ -9,7 +9,6 @@ from scipy.spatial.transform import Rotation
 
 from corresponded import ellipsoids, random_shapes
 from isomatch import Correspondence, Landmarks, Mesh, match
-from isomatch.datasets import creature
 from isomatch.errors import InputError, LandmarkError, MeshError, NotConvergedError, SettingError
 from isomatch.statistics import (
     CorrespondedShapes,
@@ -22,6 +21,7 @@ from isomatch.statistics import (
     observed_vertices,
 )
 from isomatch.surfaces import PrecisePoints
+from isomatch_lab.procedural import creature
 
 TURN = Rotation.from_rotvec([0.4, -1.2, 2.0]).as_matrix()
 N_BODIES = 40

@@ -6,7 +6,6 @@ from scipy.spatial.distance import cdist
 
 from corresponded import ellipsoids, moved, only, random_shapes
 from isomatch import geodesic_distances
-from isomatch.datasets import creature
 from isomatch.errors import InputError, SettingError
 from isomatch.statistics import (
     CorrespondedShapes,
@@ -15,6 +14,7 @@ from isomatch.statistics import (
     procrustes_distances,
     shape_tree,
 )
+from isomatch_lab.procedural import creature
 
 
 def test_size_place_and_order_do_not_matter():

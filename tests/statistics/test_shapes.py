@@ -7,7 +7,6 @@ import pytest
 
 from corresponded import ellipsoids, random_shapes
 from isomatch import Mesh, write_mesh
-from isomatch.datasets import creature
 from isomatch.errors import FormatError, MapError, MeshError, MissingFileError
 from isomatch.statistics import (
     CorrespondedShapes,
@@ -16,6 +15,7 @@ from isomatch.statistics import (
     left_right_of_shapes,
     read_shapes,
 )
+from isomatch_lab.procedural import creature
 from shapes import icosphere
 
 

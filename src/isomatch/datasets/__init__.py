@@ -1,4 +1,4 @@
-"""Shapes with known correspondence: procedural creatures and organs, and the shipped pair."""
+"""A pair of shapes that comes with the package, and exact truth between triangulations of one surface."""
 
 from isomatch.loading.first_use import names_at_first_use
 

@@ -1,17 +1,4 @@
-from isomatch.datasets.creatures import Creature, creature, ground_truth, joint_names
-from isomatch.datasets.example import example_pair
-from isomatch.datasets.organs import PLANS, Organ, organ, organ_truth
-from isomatch.datasets.truth import Truth
+from isomatch.datasets.example import Creature, example_pair, ground_truth
+from isomatch.datasets.truth import Truth, closest_points
 
-__all__ = [
-    "PLANS",
-    "Creature",
-    "Organ",
-    "Truth",
-    "creature",
-    "example_pair",
-    "ground_truth",
-    "joint_names",
-    "organ",
-    "organ_truth",
-]
+__all__ = ["Creature", "Truth", "closest_points", "example_pair", "ground_truth"]

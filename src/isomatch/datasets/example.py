@@ -1,42 +1,54 @@
-"""The pair of creatures shipped with the package.
-
-To make it again::
-
-    python -c "from isomatch.datasets.example import save_example_pair; save_example_pair()"
-"""
+"""The pair of creatures shipped with the package, and the truth between two creatures."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from importlib.resources import as_file, files
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from isomatch.datasets.creatures import Creature, creature
-from isomatch.storage.array_file import write_arrays
+from isomatch.datasets.truth import Truth, closest_points
+from isomatch.errors import InputError, SettingError
 from isomatch.surfaces import Mesh
+from isomatch.values.arrays import FloatArray
+from isomatch.values.cached import cached_property
+
+
+@dataclass(frozen=True, eq=False)
+class Creature:
+    """A posed animal with its rest shape.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        The posed surface, n vertices: closed, manifold, oriented outward, connected, of genus 0.
+    rest : (n, 3) array
+        Position of each vertex on the rest surface, which all creatures of one kind, style and symmetry share.
+    kind : str
+        Body plan.
+    style : int
+        Seed of the proportions.
+    symmetric : bool
+        Whether the rest surface is its own mirror image under x → −x.
+    """
+
+    mesh: Mesh
+    rest: FloatArray
+    kind: str
+    style: int
+    symmetric: bool
+
+    @cached_property
+    def rest_mesh(self) -> Mesh:
+        """The same triangles in the rest pose."""
+        return Mesh(self.rest, self.mesh.faces)
+
+    def __repr__(self) -> str:
+        symmetric = ", symmetric" if self.symmetric else ""
+        return f"Creature({self.kind}, style {self.style}{symmetric}, {self.mesh.n_vertices} vertices)"
+
 
 FILE = files("isomatch.datasets") / "shipped" / "creature_pair.npz"
-
-RUNNING = {
-    "waist": [-8, 0, 0],
-    "neck": [12, 0, 14],
-    "head": [4, 6, 30],
-    "tail": [-18, 0, -20],
-    "tail_middle": [12, 0, 18],
-    "left_ear": [-18, 0, 0],
-    "right_ear": [-22, 0, 0],
-    "left_shoulder": [28, 0, 0],
-    "left_elbow": [-14, 0, 0],
-    "right_shoulder": [-20, 0, 0],
-    "right_elbow": [-36, 0, 0],
-    "left_hip": [-26, 0, 0],
-    "left_knee": [-12, 0, 0],
-    "right_hip": [18, 0, 0],
-    "right_knee": [-14, 0, 0],
-    "right_hock": [14, 0, 0],
-}
 
 
 def example_pair() -> tuple[Creature, Creature]:
@@ -67,16 +79,41 @@ def example_pair() -> tuple[Creature, Creature]:
     return source, target
 
 
-def make_example_pair() -> tuple[Creature, Creature]:
-    """Make the two creatures that `example_pair` loads; needs scikit-image."""
-    return creature(3000, pose=0, triangulation=1), creature(3300, pose=RUNNING, triangulation=2)
+def ground_truth(source: Creature, target: Creature, *, mirrored: bool = False) -> Truth:
+    """Find the true correspondence of two creatures through their common rest surface.
 
+    Parameters
+    ----------
+    source, target : Creature
+        Of the same kind, style and symmetry; pose, resolution and triangulation may differ.
+    mirrored : bool
+        Find the other true correspondence of symmetric creatures, which maps left to right.
 
-def save_example_pair(path: str = str(FILE)) -> None:
-    """Write the pair to a compressed file: float32 positions, uint16 faces."""
-    arrays: dict[str, Any] = {}
-    for name, made in zip(("source", "target"), make_example_pair()):
-        arrays[f"{name}_vertices"] = made.mesh.vertices.astype(np.float32)
-        arrays[f"{name}_rest"] = made.rest.astype(np.float32)
-        arrays[f"{name}_faces"] = made.mesh.faces.astype(np.uint16)
-    write_arrays(Path(path), arrays)
+    Returns
+    -------
+    Truth
+        For each vertex of the source, the closest point of the target's rest mesh, and its nearest vertex.
+
+    Raises
+    ------
+    InputError
+        If the creatures differ in kind, style or symmetry.
+    SettingError
+        If the mirrored truth of an asymmetric creature is asked for.
+
+    Notes
+    -----
+    The closest point is exact; the two meshes differ from the rest surface by O(h²), h being the edge length.
+    Time O(n log m) for n source vertices and m target faces.
+    """
+    for what in ("kind", "style", "symmetric"):
+        ours, theirs = getattr(source, what), getattr(target, what)
+        if ours != theirs:
+            raise InputError(
+                f"source has {what}={ours!r} and target {what}={theirs!r}, so they share no rest "
+                "surface and have no ground truth; make both with the same one"
+            )
+    if mirrored and not source.symmetric:
+        raise SettingError("an asymmetric creature has no mirrored truth; make both with symmetric=True")
+    points = source.rest * [-1.0, 1.0, 1.0] if mirrored else source.rest
+    return closest_points(points, target.rest_mesh)

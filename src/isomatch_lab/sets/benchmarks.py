@@ -11,20 +11,12 @@ from zlib import crc32
 
 import numpy as np
 
-from isomatch.datasets import (
-    PLANS,
-    Creature,
-    Organ,
-    creature,
-    example_pair,
-    ground_truth,
-    organ,
-    organ_truth,
-)
+from isomatch.datasets import Creature, example_pair, ground_truth
 from isomatch.errors import MissingFileError, SettingError
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import IntArray
 from isomatch.values.settings import generator
+from isomatch_lab.procedural import PLANS, Organ, creature, organ, organ_truth
 from isomatch_lab.sets.cross_species import CrossSpecies, cross_species
 from isomatch_lab.sets.folder_set import FolderSet, own_set
 from isomatch_lab.sets.published import faust, remeshed, scape, tosca

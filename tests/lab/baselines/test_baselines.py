@@ -21,7 +21,6 @@ from isomatch import (
     match,
     prepare,
 )
-from isomatch.datasets import creature
 from isomatch_lab.baselines import (
     BASELINES,
     FunctionalMapsConfig,
@@ -41,6 +40,7 @@ from isomatch_lab.baselines import (
     spectral_gradient_fields,
     zoomout,
 )
+from isomatch_lab.procedural import creature
 from later import some_later
 from shapes import disguised
 

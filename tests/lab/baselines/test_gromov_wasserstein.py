@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from isomatch import Graph, MissingDependencyError, geodesic_distances, prepare
-from isomatch.datasets import creature, ground_truth
+from isomatch.datasets import ground_truth
 from isomatch_lab.baselines import GromovWassersteinConfig, gromov_wasserstein
 from isomatch_lab.baselines.gromov_wasserstein import transport
 from isomatch_lab.baselines.task import Task
+from isomatch_lab.procedural import creature
 from shapes import disguised
 
 CONFIG = GromovWassersteinConfig(n_samples=200)

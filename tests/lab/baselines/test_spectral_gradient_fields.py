@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from isomatch import Mesh, geodesic_distances, prepare
-from isomatch.datasets import creature, ground_truth
+from isomatch.datasets import ground_truth
 from isomatch.matching import prepare_pair
 from isomatch_lab.baselines import GradientFieldsConfig, spectral_gradient_fields
 from isomatch_lab.baselines.eigenfunction_matching import signed_permutation
 from isomatch_lab.baselines.gradient_fields import gradient_fields, invariants
+from isomatch_lab.procedural import creature
 from shapes import disguised, flat_grid, icosphere
 
 

@@ -10,11 +10,11 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch.datasets.anatomy import Joint, Limb
-from isomatch.datasets.implicit import Skin
 from isomatch.errors import SettingError
 from isomatch.values.arrays import FloatArray
 from isomatch.values.settings import generator
+from isomatch_lab.procedural.anatomy import Joint, Limb
+from isomatch_lab.procedural.implicit import Skin
 
 Pose = Mapping[str, ArrayLike]
 BEND_WIDTH = 2.3  # half-length of the bend at a joint, in radii of the limb there

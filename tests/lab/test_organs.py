@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from isomatch import Mesh
-from isomatch.datasets.organs import PLANS, SIGNS, organ, organ_truth
 from isomatch.datasets.truth import closest_points
 from isomatch.errors import SettingError
+from isomatch_lab.procedural.organs import PLANS, SIGNS, organ, organ_truth
 from isomatch_lab.sets import benchmark_set
 
 EULER = {"face": 1, "cortex": 1, "tube": 0}

@@ -10,12 +10,12 @@ from zlib import crc32
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch.datasets.implicit import Skin
-from isomatch.datasets.tessellation import tessellate
-from isomatch.datasets.truth import Truth, closest_points
+from isomatch.datasets import Truth, closest_points
 from isomatch.errors import SettingError
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import FloatArray
+from isomatch_lab.procedural.implicit import Skin
+from isomatch_lab.procedural.tessellation import tessellate
 
 OrganSymmetry = Literal["none", "mirror", "turn"]
 

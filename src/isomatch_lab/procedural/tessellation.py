@@ -9,11 +9,11 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.spatial.transform import Rotation
 
-from isomatch.datasets.implicit import Skin
 from isomatch.errors import MissingDependencyError, SettingError
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import FloatArray, IntArray
 from isomatch.values.settings import generator
+from isomatch_lab.procedural.implicit import Skin
 
 LARGEST_GRID_MESH = 60_000  # vertices; a larger mesh is subdivided from one of at most this size
 LEAST_CROSSING = 0.4  # of a grid step: keeps marching cubes from cutting off tiny corners

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from isomatch.datasets.anatomy import Limb
 from isomatch.loading.compiled import compiled
 from isomatch.runtime.threads import parallel_map
 from isomatch.values.arrays import FloatArray, IntArray
+from isomatch_lab.procedural.anatomy import Limb
 
 CHUNK = 2048  # points a thread handles at once
 BLEND = 0.022  # width of the fillet between limbs, in body units

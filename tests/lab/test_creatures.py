@@ -4,14 +4,15 @@ import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
-from isomatch.datasets import Creature, creature, example_pair, ground_truth, joint_names, tessellation
-from isomatch.datasets.anatomy import PLANS, body
-from isomatch.datasets.example import make_example_pair
-from isomatch.datasets.implicit import Skin
-from isomatch.datasets.posing import natural_pose, posed
+from isomatch.datasets import Creature, example_pair, ground_truth
 from isomatch.datasets.truth import _closest_on_triangles, closest_points
 from isomatch.errors import InputError, MissingDependencyError, SettingError
 from isomatch.surfaces import Mesh
+from isomatch_lab.procedural import creature, joint_names, tessellation
+from isomatch_lab.procedural.anatomy import PLANS, body
+from isomatch_lab.procedural.creatures import make_example_pair
+from isomatch_lab.procedural.implicit import Skin
+from isomatch_lab.procedural.posing import natural_pose, posed
 
 KINDS = sorted(PLANS)
 
