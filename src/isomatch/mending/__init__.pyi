@@ -1,12 +1,9 @@
 from isomatch.mending._winding import seems_inside_out
 from isomatch.mending.caps import capped
-from isomatch.mending.check import check
-from isomatch.mending.contacts import Cut, cut_contacts, handles
-from isomatch.mending.creases import creases, cut_along, ends_of
+from isomatch.mending.check import MeshReport, check
 from isomatch.mending.outer import inner_faces
-from isomatch.mending.repair import Repair, repair
-from isomatch.mending.report import MeshReport
-from isomatch.mending.seams import welded_surface, without_seams
+from isomatch.mending.repair import Repair, repair, welded_surface, without_seams
+from isomatch.mending.self_contacts import Cut, creases, cut_along, cut_contacts, ends_of, handles
 from isomatch.mending.sheets import Separation, separate_sheets
 from isomatch.mending.walls import double_walled_share
 

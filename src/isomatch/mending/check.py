@@ -1,15 +1,16 @@
-"""Examine a mesh for defects. All operations are on whole arrays, which may contain anything."""
+"""Examine a mesh for defects: the check, and its report with a field for each kind of defect."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 
 from isomatch.assets import SurfaceLike, mesh_from
+from isomatch.errors import some
 from isomatch.loading.compiled import compiled
 from isomatch.mending._winding import faces_to_rewind
-from isomatch.mending.report import SLIVER_RATIO, ZERO_AREA_RATIO, MeshReport
 from isomatch.mending.walls import WALL, double_walled_share
 from isomatch.surfaces import Mesh, fans, first_equal, linked, unsound_faces
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
@@ -154,3 +155,240 @@ def _boundary_lengths(points: FloatArray, boundary: IntArray, scale: float) -> F
     loops: FloatArray = np.bincount(label[ends[:, 0]], lengths, count).astype(np.float64)
     with np.errstate(over="ignore"):  # lengths beyond the largest float become infinite
         return np.sort(loops)[::-1] * scale
+
+
+ZERO_AREA_RATIO = 1e-10
+"""A face has zero area if its smallest altitude is at most this fraction of its longest edge."""
+
+SLIVER_RATIO = 1e-3
+"""A face of positive area is a sliver if its smallest altitude is below this fraction of its longest edge."""
+
+OPENING = 0.1  # √area: six mouse skulls are open by 0.08 to 0.1; docs/notes/double_walls.md
+DOUBLE_WALLED_SHARE = 0.35
+"""A surface is double-walled if another sheet is close behind this share of its area, or more: bodies, animals, organs
+and single bones have up to 0.23, mouse skulls and shells from 0.52; docs/notes/double_walls.md."""
+
+_REPAIRED = "repair(mesh) removes them"
+
+# field: (what it is, why it matters and what to do); the rows of the printed table are in this order
+_FATAL = {
+    "non_finite_vertices": (
+        "vertices with NaN or infinite coordinates",
+        f"no distance is defined there; {_REPAIRED} and their faces",
+    ),
+    "out_of_range_faces": (
+        "faces with a vertex index out of range",
+        f"the surface is undefined there; {_REPAIRED}, or export the file again",
+    ),
+}
+_SURVIVABLE = {
+    "repeated_index_faces": ("faces with a repeated vertex", f"they have no area and no normal; {_REPAIRED}"),
+    "duplicate_faces": (
+        "faces with the vertices of an earlier face",
+        f"their area counts twice and their edges are non-manifold; {_REPAIRED}",
+    ),
+    "zero_area_faces": (
+        "faces of zero area",
+        "distances across them are less accurate; remesh if there are many",
+    ),
+    "sliver_faces": ("sliver faces", "distances across them are less accurate; remesh if there are many"),
+    "unused_vertices": (
+        "finite vertices that no sound face uses",
+        f"their distance to all other vertices is infinite and they are not matched; {_REPAIRED}",
+    ),
+    "coincident_vertices": (
+        "vertices at the position of an earlier vertex",
+        "distances, bases and matches take them for one point; repair(mesh) welds them",
+    ),
+    "non_manifold_edges": (
+        "edges of more than two faces",
+        "paths may cross from one sheet to another there, which makes distances shorter; "
+        "match separates sheets that are far apart along the surface, others need a mesh editor",
+    ),
+    "non_manifold_vertices": (
+        "vertices where several fans of faces meet",
+        "sheets touch at a single point there, and paths pass through it; match splits those that shorten paths, others "
+        "need a mesh editor",
+    ),
+    "inconsistent_edges": (
+        "edges whose two faces have opposite winding",
+        "normals are unreliable, and left cannot be told from right; repair(mesh) makes the winding consistent, "
+        "unless the surface is one-sided",
+    ),
+    "inward_components": (
+        "closed components with faces oriented inward",
+        "left and right are exchanged; repair(mesh) orients them outward",
+    ),
+}
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class MeshReport:
+    """The defects and the topology of a mesh.
+
+    A *sound* face has three different vertices, all in range and finite, and is not a duplicate. Areas and topology
+    (edges, vertex fans, components, Euler number) are those of the sound faces, so that each defect is reported only
+    once.
+
+    Parameters
+    ----------
+    n_vertices, n_faces : int
+        Numbers of vertices and of faces.
+    euler_number : int
+        Number of used vertices, minus edges, plus faces.
+    component_vertices : (c,) array of int
+        Number of vertices of each connected component, largest area first.
+    component_shares : (c,) array of float
+        Share of each component in the total area.
+    boundary_edges : (b, 2) array of int
+        Edges of exactly one face.
+    boundary_lengths : (l,) array of float
+        Length of each boundary loop, longest first, in mesh units. Loops that share a vertex count as one.
+    non_finite_vertices, unused_vertices, coincident_vertices, non_manifold_vertices : (d,) array of int
+        Vertices with the defect. A coincident vertex is at exactly the position of an earlier one.
+    out_of_range_faces, repeated_index_faces, duplicate_faces : (d,) array of int
+        Faces with the defect.
+    zero_area_faces, sliver_faces : (d,) array of int
+        The same; see ``ZERO_AREA_RATIO`` and ``SLIVER_RATIO`` in this file.
+    non_manifold_edges, inconsistent_edges : (d, 2) array of int
+        Edges of more than two faces; edges that both of their faces traverse in the same direction.
+    inward_components : (d,) array of int
+        Closed or nearly closed, consistently wound components of negative volume; see `repair`.
+    double_walled : float
+        Share of the area that has another sheet close behind it, which faces away, as in skulls and thick shells.
+
+    Examples
+    --------
+    >>> from isomatch import Mesh, check
+    >>> report = check(Mesh([[0, 0, 0], [1, 0, 0], [1, 1, 0], [5, 5, 5]], [[0, 1, 2], [0, 0, 1]]))
+    >>> report
+    MeshReport(4 vertices, 2 faces, 0 fatal defects, 2 warnings)
+    >>> report.ok, report.n_boundary_loops, report.unused_vertices, report.repeated_index_faces
+    (False, 1, array([3]), array([1]))
+    """
+
+    n_vertices: int
+    n_faces: int
+    euler_number: int
+    component_vertices: IntArray
+    component_shares: FloatArray
+    boundary_edges: IntArray
+    boundary_lengths: FloatArray
+    non_finite_vertices: IntArray
+    out_of_range_faces: IntArray
+    repeated_index_faces: IntArray
+    duplicate_faces: IntArray
+    zero_area_faces: IntArray
+    sliver_faces: IntArray
+    unused_vertices: IntArray
+    coincident_vertices: IntArray
+    non_manifold_edges: IntArray
+    non_manifold_vertices: IntArray
+    inconsistent_edges: IntArray
+    inward_components: IntArray
+    double_walled: float = float("nan")
+
+    @property
+    def n_components(self) -> int:
+        """Number of connected components that have faces."""
+        return len(self.component_vertices)
+
+    @property
+    def n_boundary_loops(self) -> int:
+        """Number of boundary loops; 0 on a closed surface."""
+        return len(self.boundary_lengths)
+
+    @property
+    def fatal(self) -> tuple[str, ...]:
+        """Defects that make geodesic distances impossible to compute, one sentence each."""
+        sentences = self._sentences(_FATAL)
+        if self.n_faces == 0:
+            sentences.append(
+                "no faces, so there is no surface to measure distances on; give a mesh with faces"
+            )
+        elif not self.component_shares.any():
+            sentences.append(
+                "no sound face of positive area, so there is no surface to measure distances on; export the file again"
+            )
+        return tuple(sentences)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Defects that reduce accuracy or leave vertices unmatched, one sentence each."""
+        sentences = self._sentences(_SURVIVABLE)
+        if self.n_components > 1:
+            shares = ", ".join(f"{share:.1%}" for share in self.component_shares[:5])
+            sentences.append(
+                f"{self.n_components} components with {shares}{', …' * (self.n_components > 5)} of the area: "
+                "distances between them are infinite; keep one of them with mesh.submesh, or connect them"
+            )
+        if self.double_walled >= DOUBLE_WALLED_SHARE:
+            sentences.append(
+                f"double-walled: {self.double_walled:.0%} of the area has another sheet close behind it, so that nearest "
+                "points in space may be on the wrong side of the wall; repair(mesh, outer=True) keeps the outermost "
+                "surface, if the inside is of no interest; match --as-mesh and wrap bend one shape onto the other, and "
+                "so keep the sides apart where images of single vertices do not"
+            )
+        return tuple(sentences)
+
+    @property
+    def ok(self) -> bool:
+        """Whether there are no fatal defects and no warnings."""
+        return not self.fatal and not self.warnings
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all fields and sentences as numbers, strings and lists, for JSON."""
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        plain = {
+            name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in values.items()
+        }
+        if np.isnan(self.double_walled):
+            plain["double_walled"] = None
+        return plain | {"ok": self.ok, "fatal": list(self.fatal), "warnings": list(self.warnings)}
+
+    def __repr__(self) -> str:
+        return (
+            f"MeshReport({self.n_vertices} vertices, {self.n_faces} faces, "
+            f"{len(self.fatal)} fatal defects, {len(self.warnings)} warnings)"
+        )
+
+    def __str__(self) -> str:
+        defects = [
+            (what, len(found), "")
+            for name, (what, _) in (_FATAL | _SURVIVABLE).items()
+            if len(found := getattr(self, name))
+        ]
+        walls = [("double-walled, per cent of the area", round(100 * self.double_walled), "")]
+        rows = [
+            ("vertices", self.n_vertices, ""),
+            ("faces", self.n_faces, ""),
+            (
+                "components",
+                self.n_components,
+                f"largest: {self.component_vertices[0]:,} vertices" if self.n_components > 1 else "",
+            ),
+            ("Euler number", self.euler_number, ""),
+            *(walls if self.double_walled >= 0 else []),
+            (
+                "boundary loops",
+                self.n_boundary_loops,
+                f"longest: {self.boundary_lengths[0]:.4g}" if self.n_boundary_loops else "",
+            ),
+            *defects,
+        ]
+        table = [f"{what:<45} {count:>7,}  {where}".rstrip() for what, count, where in rows]
+        verdict = [f"fatal: {sentence}" for sentence in self.fatal]
+        verdict += [f"warning: {sentence}" for sentence in self.warnings]
+        return "\n".join(table + (verdict or ["no defects"]))
+
+    def _sentences(self, defects: dict[str, tuple[str, str]]) -> list[str]:
+        defective = ((getattr(self, name), what, advice) for name, (what, advice) in defects.items())
+        return [f"{what} ({_where(where)}): {advice}" for where, what, advice in defective if len(where)]
+
+
+def _where(found: IntArray) -> str:
+    """Write at most five vertices, faces or edges, and how many there are."""
+    if found.ndim == 1:
+        return some(found)
+    head = ", ".join(f"{i}–{j}" for i, j in found[:5].tolist())
+    return head if len(found) <= 5 else f"{head}, … ({len(found)} in all)"

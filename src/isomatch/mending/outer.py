@@ -12,7 +12,7 @@ from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial import cKDTree
 
 from isomatch.errors import SettingError
-from isomatch.mending.report import OPENING
+from isomatch.mending.check import OPENING
 from isomatch.runtime.memory import require_memory
 from isomatch.surfaces import Mesh, meetings
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray

@@ -1,19 +1,28 @@
-"""Repair of a mesh without moving vertices, with index maps for every vertex and face, by which attributes are kept."""
+"""Repair: defects of a mesh removed, with index maps both ways and the attributes of an asset."""
 
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import TypeVar, cast
 
 import numpy as np
 
-from isomatch.assets import Asset, Renumbering, SurfaceLike, asset_from, mesh_from, read_asset, read_mesh
+from isomatch.assets import (
+    Asset,
+    Attribute,
+    Renumbering,
+    SurfaceLike,
+    asset_from,
+    mesh_from,
+    read_asset,
+    read_mesh,
+)
 from isomatch.errors import FormatError, SettingError
-from isomatch.mending._attributes import goes_to_corners, kept_at_corners, turned_over, welded_apart
 from isomatch.mending._winding import faces_to_rewind
-from isomatch.mending.report import OPENING, MeshReport
+from isomatch.mending.check import OPENING, MeshReport
 from isomatch.surfaces import Mesh, PointCloud, first_equal, unsound_faces
-from isomatch.values.arrays import BoolArray, IntArray
+from isomatch.values.arrays import AnyArray, BoolArray, IntArray
 
 MENDED = (
     "non_finite_vertices",
@@ -242,3 +251,143 @@ def _inner_faces(mesh: Mesh, opening: float) -> BoolArray:
     from isomatch.mending.outer import inner_faces  # imports scipy.ndimage, which is slow
 
     return inner_faces(mesh, opening)
+
+
+T = TypeVar("T")
+
+
+def welded_surface(surface: object) -> Repair | None:
+    """Weld the vertices of a mesh at exactly the same position, as `repair` does, and change nothing else.
+
+    Parameters
+    ----------
+    surface : Mesh or object
+        Any mesh; what is no mesh has no seams.
+
+    Returns
+    -------
+    Repair or None
+        The welded mesh without the faces that vanish or double, and index maps both ways; None if no two vertices
+        coincide, or if the mesh has coordinates that are not finite or faces without vertices, which `check` reports.
+
+    Notes
+    -----
+    O(n log n) time, in which only hashes are sorted.
+
+    Examples
+    --------
+    Two triangles whose common edge has separate vertices for each of them:
+
+    >>> points = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]]
+    >>> seam = welded_surface(Mesh(points, [[0, 1, 2], [4, 3, 5]]))
+    >>> seam.mesh.faces.tolist(), seam.new_index.tolist(), seam.vertex_index.tolist()
+    ([[0, 1, 2], [2, 1, 3]], [0, 1, 2, 1, 2, 3], [0, 1, 2, 5])
+    """
+    if not isinstance(surface, Mesh):
+        return None
+    first = first_equal(surface.vertices)
+    if (first[1:] > first[:-1]).all():
+        return None
+    faces = surface.faces
+    if not np.isfinite(surface.vertices).all() or ((faces < 0) | (faces >= surface.n_vertices)).any():
+        return None
+    return repair(surface, remove_unused=False, orient=False)
+
+
+def without_seams(surface: T, weld: bool = True) -> tuple[T, Repair | None]:
+    """Return the welded mesh, and how it was welded; or the surface as it is and None, if there is nothing to weld.
+
+    Parameters
+    ----------
+    surface : Mesh or object
+        As for `welded_surface`.
+    weld : bool
+        Whether to weld at all.
+
+    Returns
+    -------
+    surface : Mesh or object
+    seams : Repair or None
+
+    Examples
+    --------
+    >>> mesh = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 1, 0]], [[0, 1, 2]])
+    >>> without_seams(mesh)[0].n_vertices, without_seams(mesh, weld=False)
+    (3, (Mesh(4 vertices, 1 faces), None))
+    """
+    seams = welded_surface(surface) if weld else None
+    return (cast(T, seams.mesh), seams) if seams else (surface, None)
+
+
+def welded_apart(asset: Asset, survivor: IntArray) -> dict[str, int]:
+    """Count, for each attribute of points, those that are welded onto a point with another value."""
+    rows = np.flatnonzero(survivor != np.arange(len(survivor)))
+    counts = {}
+    for attribute in asset.attributes:
+        if attribute.domain != "point" or not len(rows):
+            continue
+        differ = _differ(attribute.values, rows, survivor[rows])
+        if attribute.joints is not None:
+            differ |= _differ(attribute.joints, rows, survivor[rows])
+        if differ.any():
+            counts[attribute.name] = int(differ.sum())
+    return counts
+
+
+def _differ(values: AnyArray, rows: IntArray, others: IntArray) -> BoolArray:
+    one, other = values[rows].reshape(len(rows), -1), values[others].reshape(len(rows), -1)
+    differ = np.not_equal(one, other)
+    if values.dtype.kind == "f":
+        differ &= ~(np.isnan(one) & np.isnan(other))
+    found: BoolArray = np.any(differ, axis=1)
+    return found
+
+
+def goes_to_corners(asset: Asset, attribute: Attribute) -> bool:
+    """Whether values of points that differ at welded ones are kept at corners.
+
+    Texture coordinates of one side of a seam would smear the texture. Normals too have two sides at a sharp edge, and
+    glTF, whose files have parts, splits points for them again.
+    """
+    directed = attribute.kind == "normal" or attribute.is_tangent
+    is_free = all((a.name, a.domain) != (attribute.name, "corner") for a in asset.attributes)
+    return is_free and (attribute.kind == "uv" or (directed and bool(asset.parts)))
+
+
+def kept_at_corners(asset: Asset, apart: dict[str, int]) -> Asset:
+    """Return the asset before it is welded, with these attributes of points at corners where that keeps both sides."""
+    corners = asset.polygons.corners
+    inside = np.where((corners >= 0) & (corners < len(asset.points)), corners, 0)
+    attributes = tuple(
+        a.at(inside, "corner") if a.domain == "point" and a.name in apart and goes_to_corners(asset, a) else a
+        for a in asset.attributes
+    )
+    return replace(asset, attributes=attributes)
+
+
+def turned_over(asset: Asset, before: Asset, rows: Renumbering, rewound: IntArray) -> Asset:
+    """Turn normals over where all faces were, given as the triangles before, unless they agree with them now."""
+    if not asset.of_kind("normal") or not len(rewound):
+        return asset
+    of_face = np.isin(rows.polygon_index, before.polygons.of_triangle[rewound])
+    polygons = asset.polygons
+    of_corner = of_face[polygons.of_corner]
+    n_turned, n_all = (
+        np.bincount(corners, minlength=len(asset.points))
+        for corners in (polygons.corners[of_corner], polygons.corners)
+    )
+    turned = {"face": of_face, "corner": of_corner, "point": (n_turned > 0) & (n_turned == n_all)}
+    mesh = Mesh(asset.placed_points, polygons.triangles)
+    first = np.unique(polygons.of_triangle, return_index=True)[1]
+    at_points = mesh.vertex_normals
+    now = {"face": mesh.face_cross[first], "corner": at_points[polygons.corners], "point": at_points}
+
+    def right(attribute: Attribute) -> Attribute:
+        if attribute.kind != "normal":
+            return attribute
+        placed = asset.placed.attribute(attribute.name, attribute.domain).values
+        against = (placed * now[attribute.domain]).sum(axis=1) < 0
+        sign = np.where(turned[attribute.domain] & against, -1, 1).astype(attribute.values.dtype)
+        return attribute.with_values(attribute.values * sign[:, None]) if (sign < 0).any() else attribute
+
+    return replace(asset, attributes=tuple(map(right, asset.attributes)))
