@@ -96,8 +96,7 @@ def prepared_once():
 @pytest.fixture
 def coarse_pictures(monkeypatch):
     """The pictures of statistics with a fifth of the dots in print: what is in them is tested in ``statistics``."""
-    for module in ("charts", "pictures"):
-        monkeypatch.setattr(f"isomatch.statistics.{module}.DPI", 60)
+    monkeypatch.setattr("isomatch.statistics.charts.DPI", 60)
 
 
 @pytest.fixture

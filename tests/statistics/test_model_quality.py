@@ -7,7 +7,7 @@ from scipy.stats import norm
 from sklearn.decomposition import PCA
 
 from corresponded import ellipsoids, random_shapes
-from isomatch.statistics import ShapeModel, generalisation, model_quality, specificity
+from isomatch.statistics import ShapeModel, generalisation, shape_model, specificity
 
 
 def test_more_modes_never_describe_a_new_shape_worse():
@@ -68,7 +68,7 @@ def test_specificity_measures_distances_of_shapes():
 def test_of_many_shapes_some_are_left_out(monkeypatch):
     model = ShapeModel.fit(random_shapes(30))
     whole = generalisation(model)
-    monkeypatch.setattr(model_quality, "MOST_LEFT_OUT", 15)
+    monkeypatch.setattr(shape_model, "MOST_LEFT_OUT", 15)
     part = generalisation(model, seed=2)
     assert (np.abs(part.mean - whole.mean) < 4 * part.standard_error).all()
 

@@ -1,19 +1,26 @@
-from isomatch.statistics.asymmetry import Asymmetry, asymmetry
+from isomatch.statistics.asymmetry import Asymmetry, asymmetry, left_right_map, left_right_of_shapes
 from isomatch.statistics.charts import (
     PictureFormat,
     draw_embedding,
+    draw_modes,
     draw_quality,
     draw_regression,
     draw_scores,
     draw_tree,
+    draw_values,
 )
 from isomatch.statistics.completion import Completion, complete
-from isomatch.statistics.doubts import Doubt, doubtful_positions, doubtful_shapes
+from isomatch.statistics.doubts import (
+    METRES,
+    Doubt,
+    doubtful_positions,
+    doubtful_shapes,
+    likely_units,
+    size_factors,
+    told_factor,
+)
 from isomatch.statistics.exports import write_shapeworks, write_statismo
 from isomatch.statistics.group_test import GroupTest, group_test
-from isomatch.statistics.left_right import left_right_map, left_right_of_shapes
-from isomatch.statistics.missing import filled, measured_variances
-from isomatch.statistics.model_quality import ModelCurve, compactness, generalisation, specificity
 from isomatch.statistics.observations import (
     Observations,
     model_noise,
@@ -22,18 +29,30 @@ from isomatch.statistics.observations import (
     observed_vertices,
     read_observations,
 )
-from isomatch.statistics.pictures import draw_modes, draw_values
 from isomatch.statistics.procrustes import (
     ProcrustesAlignment,
+    centroid_sizes,
     generalised_procrustes,
     procrustes_distances,
 )
 from isomatch.statistics.regression import ShapeRegression, shape_regression
 from isomatch.statistics.shape_distances import classical_scaling, geodesic_distortions, shape_tree
-from isomatch.statistics.shape_model import ScoredShape, ShapeModel
-from isomatch.statistics.shapes import MEASURED, CorrespondedShapes, read_measured, read_shapes
-from isomatch.statistics.sizes import centroid_sizes
-from isomatch.statistics.units import METRES, likely_units, size_factors, told_factor
+from isomatch.statistics.shape_model import (
+    ModelCurve,
+    ScoredShape,
+    ShapeModel,
+    compactness,
+    generalisation,
+    specificity,
+)
+from isomatch.statistics.shapes import (
+    MEASURED,
+    CorrespondedShapes,
+    filled,
+    measured_variances,
+    read_measured,
+    read_shapes,
+)
 
 __all__ = [
     "MEASURED",

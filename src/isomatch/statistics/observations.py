@@ -15,8 +15,7 @@ from isomatch.landmarks import Landmarks, nearest_on_surface
 from isomatch.matching import Outcome, match
 from isomatch.runtime.stage_timer import Progress
 from isomatch.settings import Config
-from isomatch.statistics.model_quality import generalisation
-from isomatch.statistics.shape_model import ShapeModel
+from isomatch.statistics.shape_model import ShapeModel, generalisation
 from isomatch.statistics.shapes import read_measured
 from isomatch.surfaces import Mesh, PrecisePoints
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray, array_of, numbers_of
