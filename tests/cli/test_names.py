@@ -21,7 +21,7 @@ from isomatch_lab.evaluation import (
     run_benchmark,
     write_tables,
 )
-from isomatch_lab.evaluation.published_curves import PublishedCurve
+from isomatch_lab.evaluation.curves import PublishedCurve
 from isomatch_lab.sets import BenchmarkPair, BenchmarkSet
 from shapes import icosphere
 

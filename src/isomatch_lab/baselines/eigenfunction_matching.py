@@ -11,7 +11,7 @@ from isomatch.matching import ShapePair
 from isomatch.settings import Orientation
 from isomatch.shapes import PreparedShape
 from isomatch.values.arrays import FloatArray, IntArray
-from isomatch_lab.baselines.functional_energy import orientations, products
+from isomatch_lab.baselines.functional_maps import orientations, products
 
 WAVE_KERNELS = 20  # leading columns of the point signatures; the others are curvatures
 

@@ -19,7 +19,7 @@ from isomatch.shapes import PreparedShape
 from isomatch.surfaces import Surface
 from isomatch.values.arrays import FloatArray, IntArray
 from isomatch.values.settings import Settings, require_least, setting
-from isomatch_lab.baselines.generalised_stress import Placement, distances_to
+from isomatch_lab.baselines.gmds import Placement, distances_to
 from isomatch_lab.baselines.task import Task
 
 

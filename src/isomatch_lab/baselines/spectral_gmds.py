@@ -18,7 +18,7 @@ from isomatch.shapes import PreparedShape
 from isomatch.surfaces import Surface
 from isomatch.values.arrays import FloatArray, IntArray
 from isomatch.values.settings import Settings, setting
-from isomatch_lab.baselines.functional_energy import FunctionalEnergy
+from isomatch_lab.baselines.functional_maps import FunctionalEnergy
 from isomatch_lab.baselines.task import Task
 
 HEAT_TIMES = 6  # heat from a landmark is compared at this many times, from local to global

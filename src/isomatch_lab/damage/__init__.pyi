@@ -1,8 +1,6 @@
-from isomatch_lab.damage.coarser import decimate, resample
-from isomatch_lab.damage.damaged import Damaged
-from isomatch_lab.damage.disturbed import noise, weld
+from isomatch_lab.damage.damaged import Damaged, DamagedPair, damaged_pair
+from isomatch_lab.damage.disturbed import decimate, noise, resample, weld
 from isomatch_lab.damage.missing import cut, holes, limb_removed, view
-from isomatch_lab.damage.pair import DamagedPair, damaged_pair
 from isomatch_lab.damage.registry import DAMAGES, Damage, DamageChoice
 
 __all__ = [

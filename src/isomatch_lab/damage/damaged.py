@@ -1,15 +1,16 @@
-"""The result of a damage: the damaged mesh, and the original vertex of each of its vertices."""
+"""A damaged mesh with its truth, and a benchmark pair of which a shape is damaged."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from isomatch.errors import MeshError, SettingError
+from isomatch.errors import InputError, MeshError, SettingError
 from isomatch.mending import check
-from isomatch.surfaces import Mesh
+from isomatch.surfaces import Mesh, PrecisePoints
 from isomatch.values.arrays import IntArray
+from isomatch_lab.sets import BenchmarkPair
 
 SHARES = (0.0, 1.0)
 LENGTHS = (1e-100, 1e100)  # of edges, so that areas neither vanish nor overflow
@@ -95,3 +96,124 @@ def require_between(name: str, value: float, bounds: tuple[float, float]) -> Non
     low, high = bounds
     if not low < value < high:
         raise SettingError(f"{name} = {value} does not lie between {low:g} and {high:g}")
+
+
+@dataclass(frozen=True, eq=False)
+class DamagedPair:
+    """A damaged pair and the whole pair it was made from.
+
+    Errors are measured on the whole target, in units of its √area: distances along a damaged surface, around holes or
+    across welds, are not those between the points of the body. `lifted` carries a map there.
+
+    Parameters
+    ----------
+    given : BenchmarkPair
+        The damaged shapes, as a method is given them, with the truth in their vertices.
+    whole : BenchmarkPair
+        The shapes before the damage, with those rows of the truth of which both vertices remain or have a stand-in, in
+        the same order. Vertices that were merged with others have no truth.
+    source, target : Damaged
+        What was done to each shape.
+    alone : (m,) array of int
+        Vertices of the damaged source whose counterparts are gone, or that had none.
+    """
+
+    given: BenchmarkPair
+    whole: BenchmarkPair
+    source: Damaged
+    target: Damaged
+    alone: IntArray
+
+    def lifted(self, image: IntArray) -> tuple[IntArray, ...]:
+        """Carry a map between the damaged shapes to the whole ones.
+
+        Parameters
+        ----------
+        image : (n_damaged_source,) array of int
+            Target vertex of each vertex of the damaged source; −1 where there is none.
+
+        Returns
+        -------
+        tuple of (n_whole_source,) array of int
+            Vertex of the whole target of each vertex of the whole source; −1 for those that are gone or have no image.
+            A second array, if target vertices were merged, has the other one of the two in their place; of both, the one
+            with the smaller error counts.
+        """
+        became = self.source.damaged_vertex
+        lifts = []
+        for original in (self.target.original, self.target.with_twins):
+            on_target = np.append(original, -1)[image]
+            lifts.append(np.append(on_target, -1)[became])
+        return tuple(lifts[: 1 if self.target.twin is None else 2])
+
+
+def damaged_pair(
+    pair: BenchmarkPair, source: Damaged | None = None, target: Damaged | None = None
+) -> DamagedPair:
+    """Replace the shapes of a pair by damaged ones, and restrict the truth to the vertices that remain.
+
+    Parameters
+    ----------
+    pair : BenchmarkPair
+        Whole shapes with truth.
+    source, target : Damaged, optional
+        The damage of its source and target; none by default.
+
+    Returns
+    -------
+    DamagedPair
+        If mirrored truth is known, the rows that remain are those whose mirrored image remains too.
+
+    Raises
+    ------
+    InputError
+        If nothing of the truth remains.
+
+    Examples
+    --------
+    >>> from isomatch import Mesh
+    >>> square = Mesh([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])
+    >>> half = Damaged(square, Mesh(square.vertices[[0, 2, 3]], [[0, 1, 2]]), np.array([0, 2, 3]))
+    >>> pair = BenchmarkPair("a-b", square, square, np.column_stack([np.arange(4), np.arange(4)]))
+    >>> cut = damaged_pair(pair, target=half)
+    >>> cut.given.truth.tolist(), cut.lifted(np.array([0, 0, 1, 2]))[0].tolist()
+    ([[0, 0], [2, 1], [3, 2]], [0, 0, 2, 3])
+    """
+    source = undamaged(pair.source) if source is None else source
+    target = undamaged(pair.target) if target is None else target
+    became = source.damaged_vertex, target.damaged_vertex
+
+    def moved(rows: IntArray) -> IntArray:
+        return np.column_stack([side[column] for side, column in zip(became, rows.T)])
+
+    truths = [rows for rows in (pair.truth, pair.mirrored) if rows is not None]
+    left = np.all([(moved(rows) >= 0).all(axis=1) for rows in truths], axis=0)
+    if not left.any():
+        raise InputError(
+            f"{pair.name}: nothing of the truth remains after the damage; damage less of the shapes"
+        )
+    whole = [rows[left] for rows in truths]
+    given = [moved(rows) for rows in whole]
+    points = pair.points and PrecisePoints(pair.points.corners[left], pair.points.barycentric[left])
+    on_source, on_target = moved(pair.truth).T
+    merged = np.isin(pair.truth[:, 1], target.merged)
+    gone = on_source[(on_source >= 0) & (on_target < 0) & ~merged]
+    before = np.zeros(0, dtype=np.int64) if pair.alone is None else became[0][pair.alone]
+    alone = np.setdiff1d(np.concatenate([gone, before[before >= 0]]), given[0][:, 0])
+    damaged = replace(
+        pair,
+        source=source.mesh,
+        target=target.mesh,
+        truth=given[0],
+        mirrored=(*given, None)[1],
+        alone=alone if len(alone) or pair.alone is not None else None,
+        points=None,
+        moved=None,
+    )
+    return DamagedPair(
+        damaged,
+        replace(pair, truth=whole[0], mirrored=(*whole, None)[1], points=points),
+        source,
+        target,
+        alone,
+    )

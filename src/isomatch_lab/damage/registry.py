@@ -8,11 +8,9 @@ from typing import Self
 from zlib import crc32
 
 from isomatch.errors import SettingError
-from isomatch_lab.damage.coarser import RATIOS, decimate, resample
-from isomatch_lab.damage.damaged import SHARES, Damaged, require_between, undamaged
-from isomatch_lab.damage.disturbed import GAPS, LOUDNESS, noise, weld
+from isomatch_lab.damage.damaged import SHARES, Damaged, DamagedPair, damaged_pair, require_between, undamaged
+from isomatch_lab.damage.disturbed import GAPS, LOUDNESS, RATIOS, decimate, noise, resample, weld
 from isomatch_lab.damage.missing import VIEWS, cut, holes, limb_removed, view
-from isomatch_lab.damage.pair import DamagedPair, damaged_pair
 from isomatch_lab.sets import BenchmarkPair
 
 SIDES = ("source", "target", "both")

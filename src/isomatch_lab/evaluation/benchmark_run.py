@@ -12,8 +12,16 @@ from isomatch.errors import SettingError
 from isomatch.values.settings import Settings, setting
 from isomatch_lab.damage import DamageChoice, DamagedPair, damaged_pair
 from isomatch_lab.evaluation.ledger import Row
-from isomatch_lab.evaluation.methods import METHODS, Method, digest_of, parts_of
-from isomatch_lab.evaluation.own_methods import MapsInFolder, NamedPair, OwnFunction, stamps
+from isomatch_lab.evaluation.methods import (
+    METHODS,
+    MapsInFolder,
+    Method,
+    NamedPair,
+    OwnFunction,
+    digest_of,
+    parts_of,
+    stamps,
+)
 from isomatch_lab.sets import BenchmarkSet, benchmark_set
 
 PairNames: TypeAlias = tuple[str, str]

@@ -1,4 +1,4 @@
-"""Cumulative curves of benchmark runs: panels for each set."""
+"""Curves of errors: their panels, and published curves beside them."""
 
 from __future__ import annotations
 
@@ -16,10 +16,15 @@ from isomatch.storage.files import replaced
 from isomatch.values.arrays import FloatArray
 from isomatch_lab.evaluation.ledger import set_label
 from isomatch_lab.evaluation.methods import METHODS
-from isomatch_lab.evaluation.published_curves import PublishedCurve
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+from functools import partial
+from typing import NoReturn
+
+from isomatch.errors import FormatError, MissingFileError
+from isomatch.storage.array_file import Archive
+from isomatch.values.arrays import AnyArray
 
 COLOURS = (  # Petroff 2021: ten colours that the colour-blind can distinguish
     "#3f90da", "#ffa90e", "#bd1f01", "#94a4a2", "#832db6", "#a96b59", "#e76300", "#b9ac70", "#717581", "#92dadd",
@@ -178,3 +183,72 @@ def _draw(
     )
     for text in legend.get_texts():
         text.set_parse_math(False)  # a dollar sign in the name of a published curve does not start a formula
+
+
+@dataclass(frozen=True, eq=False)
+class PublishedCurve:
+    """A published cumulative curve of errors.
+
+    Parameters
+    ----------
+    set_name, method : str
+        The set that was matched, and the method.
+    errors : (q,) array of float
+        Geodesic error / √area, ascending.
+    shares : (q,) array of float
+        Share of correspondences within each error, from 0 to 1.
+    """
+
+    set_name: str
+    method: str
+    errors: FloatArray
+    shares: FloatArray
+
+
+def read_published_curves(folder: str | Path) -> list[PublishedCurve]:
+    """Read all curves of a folder.
+
+    Parameters
+    ----------
+    folder : path_like
+        Holds ``.npz`` archives with two arrays for each curve: ``set|method|x``, errors, and ``set|method|y``, percent.
+
+    Returns
+    -------
+    list of PublishedCurve
+        In the order of the file names; of several curves of one set and method, the first.
+
+    Raises
+    ------
+    MissingFileError
+        If there is no curve in the folder.
+    FormatError
+        If a file cannot be read.
+    """
+    curves: dict[tuple[str, str], PublishedCurve] = {}
+    for path in sorted(Path(folder).glob("*.npz")):
+        with Archive.opened(path, partial(_refuse, path)) as stored:
+            arrays = stored.read_all(stored.names)
+        for key, errors in arrays.items():
+            if key.count("|") == 2 and key.endswith("|x"):
+                name, method, _ = key.split("|")
+                shares = arrays.get(f"{name}|{method}|y")
+                if shares is None or not _is_curve(errors, shares):
+                    _refuse(path, f"{key} has no array of percent, of the same length, that goes with it")
+                curves.setdefault((name, method), PublishedCurve(name, method, errors, shares / 100))
+    if not curves:
+        raise MissingFileError(
+            f"{folder}: no published curves; expected .npz files with arrays 'set|method|x' (errors) and "
+            "'set|method|y' (percent)"
+        )
+    return list(curves.values())
+
+
+def _is_curve(errors: AnyArray, shares: AnyArray) -> bool:
+    return errors.shape == shares.shape and all(
+        each.ndim == 1 and each.dtype.kind in "fiu" and np.isfinite(each).all() for each in (errors, shares)
+    )
+
+
+def _refuse(path: Path, problem: str) -> NoReturn:
+    raise FormatError(f"{path}: cannot be read as curves ({problem}); repair or remove it")

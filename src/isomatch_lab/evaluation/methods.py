@@ -1,19 +1,31 @@
-"""The methods that a benchmark can run, by name."""
+"""The methods of a benchmark run: those of isomatch, of others, and one's own."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Collection, Mapping
+import sys
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from contextlib import redirect_stdout
 from dataclasses import dataclass, field, replace
+from functools import cache, cached_property
 from hashlib import sha256
-from typing import Any, TypeAlias
+from importlib import import_module
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+from secrets import token_hex
+from time import time
+from types import ModuleType
+from typing import Any, NamedTuple, TypeAlias
 
-from isomatch.correspondence import Correspondence
-from isomatch.errors import SettingError
+import numpy as np
+
+from isomatch.correspondence import Correspondence, read_map
+from isomatch.errors import FormatError, IsomatchError, MapError, MissingFileError, SettingError
 from isomatch.matching import MatchResult, match
 from isomatch.settings import Config
 from isomatch.shapes import PreparedShape
-from isomatch.surfaces import Mesh
+from isomatch.surfaces import Mesh, PrecisePoints
+from isomatch.values.arrays import IntArray
 from isomatch.values.settings import Settings
 from isomatch_lab.baselines import BASELINES, Baseline
 from isomatch_lab.evaluation.true_landmarks import N_LANDMARKS
@@ -132,3 +144,290 @@ def digest_of(settings: Mapping[str, Any], ending: str = "") -> str:
     """Hash the settings of a method, and of the continuation named by ``ending``, see `settings_digest`."""
     every = [settings] + ([CONTINUATIONS[ending].to_dict()] if ending else [])
     return sha256(json.dumps(every, sort_keys=True).encode()).hexdigest()[:12]
+
+
+MAP_SUFFIXES = (".npz", ".npy", ".mat", ".txt", ".map", ".csv")
+BETWEEN = ("__", "-", "_")  # names of a pair in the name of its file
+EXPECTED = "a function takes two meshes, source and target, and returns an array of target vertices, or a map"
+
+
+@dataclass(frozen=True, eq=False)
+class OwnFunction:
+    """A function that is benched as a method.
+
+    Parameters
+    ----------
+    name : str
+        What tables call it.
+    function : callable, optional
+        The function; by default found by the name, "MODULE:FUNCTION" or "FILE.py:FUNCTION".
+    digest : str, optional
+        Tells rows that need not be computed again: of a function found by name, all with the same text of its file; of
+        one that was handed over, none, because it may use anything that has changed since.
+
+    Raises
+    ------
+    SettingError
+        If there is no function of this name.
+    """
+
+    name: str
+    function: Callable[..., Any] | None = None
+    digest: str = ""
+
+    def __post_init__(self) -> None:
+        if not self.digest:
+            digest = _loaded(self.name) if self.function is None else token_hex()
+            object.__setattr__(self, "digest", digest)
+
+    @property
+    def is_of_this_process(self) -> bool:
+        """Whether other processes would not find the function, such as one defined in a notebook."""
+        if self.function is None:
+            return False
+        module = sys.modules.get(getattr(self.function, "__module__", ""))
+        name = getattr(self.function, "__qualname__", "")
+        return (
+            module is None
+            or module.__name__ == "__main__"
+            or getattr(module, name, None) is not self.function
+        )
+
+    def __call__(self, source: Mesh, target: Mesh, **hints: IntArray) -> MatchResult | Correspondence:
+        """Match; what is returned has to be a map of these shapes. What the function prints goes to standard error."""
+        with redirect_stdout(sys.stderr):
+            found = (self.function or _found(self.name, self.digest))(source, target, **hints)
+        return map_from(found, source, target, self.name)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what identifies the rows of this method, as plain values."""
+        return {"function": self.name, "digest": self.digest}
+
+
+_FUNCTIONS: dict[tuple[str, str], Callable[..., Any]] = {}  # by name and digest
+_TEXTS: dict[str, bytes] = {}  # of modules by name, as they were loaded
+_BEGAN = time()  # what changed later may have been imported before
+
+
+def _found(name: str, digest: str) -> Callable[..., Any]:
+    """Give the function of a digest, in whatever process; `SettingError` if its text is another now."""
+    if (name, digest) not in _FUNCTIONS and _loaded(name) != digest:
+        raise SettingError(f"method {name!r}: its text has changed since the run began; run it again")
+    return _FUNCTIONS[name, digest]
+
+
+def _loaded(name: str) -> str:
+    """Load a function as its file is now, and give the digest of this text; `SettingError` if there is none."""
+    place, _, attribute = name.rpartition(":")
+    if not (place and attribute):
+        raise SettingError(f"method {name!r} is not MODULE:FUNCTION or FILE.py:FUNCTION")
+    is_file = place.endswith(".py")
+    if is_file and not Path(place).is_file():
+        raise SettingError(f"method {name!r}: there is no file {place}")
+    try:
+        with redirect_stdout(sys.stderr):
+            text = Path(place).read_bytes() if is_file else b""
+            module = _module_of_text(place, text) if is_file else _current_module(place)
+    except IsomatchError:
+        raise
+    except (Exception, SystemExit) as error:  # whatever a module of others raises when it is imported
+        raise SettingError(
+            f"method {name!r}: {place} cannot be imported ({type(error).__name__}: {error})"
+        ) from error
+    function = getattr(module, attribute, None)
+    if not callable(function):
+        raise SettingError(f"method {name!r}: {place} has no function {attribute!r}; {EXPECTED}")
+    texts = [text if is_file else _TEXTS[place]]
+    home = sys.modules.get(getattr(function, "__module__", None) or "")
+    if home is not None and home is not module:  # which only imports the function
+        now = _text_of(home)
+        if _TEXTS.setdefault(home.__name__, now) != now:
+            raise SettingError(f"method {name!r}: {home.__file__} has changed; start Python again")
+        texts.append(now)
+    digest = sha256(b"\0".join(texts)).hexdigest()
+    _FUNCTIONS[name, digest] = function
+    return digest
+
+
+@cache
+def _module_of_text(place: str, text: bytes) -> ModuleType:
+    """Run the text of a file; bytes that were compiled earlier could be those of another text."""
+    label = f"_benched_{sha256(place.encode() + text).hexdigest()[:8]}"
+    spec = spec_from_file_location(label, place)
+    assert spec is not None
+    module = sys.modules[label] = module_from_spec(spec)
+    exec(compile(text, place, "exec"), module.__dict__)
+    return module
+
+
+def _current_module(place: str) -> ModuleType:
+    """Import a module; one whose text has changed since it was imported, or may have, is loaded again."""
+    is_new = place not in sys.modules
+    module = import_module(place)
+    text = _text_of(module)
+    known = _TEXTS.get(place)
+    if known is None and not is_new and text and Path(str(module.__file__)).stat().st_mtime > _BEGAN:
+        known = b""  # that of its import is not known
+    if known not in (None, text):
+        exec(compile(text, str(module.__file__), "exec"), module.__dict__)
+    _TEXTS[place] = text
+    return module
+
+
+def _text_of(module: ModuleType) -> bytes:
+    file = getattr(module, "__file__", None)
+    return Path(file).read_bytes() if file else b""
+
+
+def map_from(found: Any, source: Mesh, target: Mesh, name: str) -> MatchResult | Correspondence:
+    """Take what a function returned as a map of two shapes.
+
+    Raises
+    ------
+    MapError
+        If it is none, or one of other shapes.
+    """
+    if isinstance(found, MatchResult):
+        given = found.map
+    elif isinstance(found, Correspondence):
+        given = found
+    elif isinstance(found, PrecisePoints):
+        corners, weights = np.asarray(found.corners), np.asarray(found.barycentric)
+        if corners.shape != weights.shape or corners.ndim != 2 or corners.shape[1] != 3:
+            raise MapError(f"{name} returned points whose corners and weights are not both (n_source, 3)")
+        nearest = corners[np.arange(len(corners)), weights.argmax(axis=1)]
+        found = given = Correspondence(nearest, target.n_vertices, corners, weights)
+    else:
+        array = np.asarray(found)
+        if array.ndim != 1 or array.dtype.kind not in "iu":
+            raise MapError(
+                f"{name} returned {type(found).__name__} of shape {array.shape} and type {array.dtype}; {EXPECTED}"
+            )
+        found = given = Correspondence(array, target.n_vertices)
+    if given.shape != (source.n_vertices, target.n_vertices):
+        raise MapError(
+            f"{name} returned a map of {given.shape[0]} vertices onto {given.shape[1]}, but the source has "
+            f"{source.n_vertices} and the target {target.n_vertices}"
+        )
+    return found  # type: ignore[no-any-return]
+
+
+class NamedPair(NamedTuple):
+    """Two shapes by name, and the others of their set.
+
+    Parameters
+    ----------
+    source, target : str
+        The names.
+    moved : (n_target,) array of int, or None
+        What became of the target's vertices, if they were relabelled.
+    others : tuple of (str, str)
+        All pairs of the run.
+    n_target_of : callable
+        Number of target vertices of any pair.
+    kept : dict
+        What methods found in the files of all pairs, by method.
+    """
+
+    source: str
+    target: str
+    moved: IntArray | None
+    others: tuple[tuple[str, str], ...]
+    n_target_of: Callable[[str, str], int]
+    kept: dict[Any, Any]
+
+
+@dataclass(frozen=True, eq=False)
+class MapsInFolder:
+    """Maps of another program, benched as a method.
+
+    Parameters
+    ----------
+    folder : Path
+        Holds a file for each pair, ``SOURCE__TARGET``, ``SOURCE-TARGET`` or ``SOURCE_TARGET`` with the suffix .npz, .npy,
+        .mat, .txt, .map or .csv: the target vertex of each source vertex, of the shapes as they are in the files of the
+        set.
+    counts_from : {0, 1}, optional
+        What their indices count from. By default the first map that allows one reading only decides for all.
+    name : str
+        What tables call it; by default the name of the folder.
+    """
+
+    folder: Path
+    counts_from: int | None = None
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        if not self.folder.is_dir():
+            raise MissingFileError(f"{self.folder}: no such folder of maps; check the name")
+        object.__setattr__(self, "name", self.name or self.folder.resolve().name)
+
+    def __call__(self, source: Mesh, target: Mesh, pair: NamedPair) -> tuple[Correspondence, str]:
+        """Read the map of a pair, and what was decided about it."""
+        path = self.file_of(pair.source, pair.target)
+        sizes = target.n_vertices, source.n_vertices
+        found = read_map(path, *sizes, counts_from=self.counts_from, allow_doubt=True)
+        note = found.note
+        if not found.is_certain:
+            first = self._shown_to_count_from(pair)
+            if first is not None and (first, True) != (found.counts_from, found.is_likely):
+                found = read_map(path, *sizes, counts_from=first)
+                note = f"{path.name}: counts from {first}, as other maps of its folder do"
+            elif first is None and not found.is_likely:
+                raise FormatError(
+                    f"{self.folder}: all maps of these pairs can count from 0 or from 1; say which, by --maps-from or "
+                    "counts_from"
+                )
+        image, faces = found.map.vertices, found.map.faces
+        if pair.moved is not None:
+            new = np.append(pair.moved, -1)
+            image, faces = new[image], new[faces]
+        return Correspondence(image, target.n_vertices, faces, found.map.barycentric), note
+
+    def file_of(self, source: str, target: str) -> Path:
+        """File of the map of a pair; an error if there is none, or several."""
+        stems = [f"{source}{between}{target}" for between in BETWEEN]
+        names = [f"{stem}{suffix}" for stem in stems for suffix in MAP_SUFFIXES]
+        found = [self.folder / name for name in names if (self.folder / name).is_file()]
+        if not found:
+            raise MissingFileError(
+                f"{self.folder}: no map of {source} to {target}; expected {names[0]}, or another name or suffix"
+            )
+        if len(found) > 1:
+            raise FormatError(
+                f"{self.folder}: {' and '.join(path.name for path in found)} could both be the map; keep one"
+            )
+        return found[0]
+
+    def _shown_to_count_from(self, pair: NamedPair) -> int | None:
+        """Find what the first map counts from that allows one reading only; None if there is none."""
+        if self not in pair.kept:
+            pair.kept[self] = next(self._certain(pair), None)
+        first: int | None = pair.kept[self]
+        return first
+
+    def _certain(self, pair: NamedPair) -> Iterator[int]:
+        for source, target in pair.others:
+            try:
+                path = self.file_of(source, target)
+                found = read_map(path, allow_doubt=True)
+                if not (found.is_certain or (found.map.vertices == 0).any()):
+                    found = read_map(path, pair.n_target_of(source, target), allow_doubt=True)
+            except IsomatchError:  # is reported with its own pair
+                continue
+            if found.is_certain:
+                yield found.counts_from
+
+    @cached_property
+    def _files(self) -> list[Path]:
+        return sorted(path for path in self.folder.iterdir() if path.suffix in MAP_SUFFIXES)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what identifies the rows of these maps, as plain values: files by size and time of change."""
+        return {"counts_from": self.counts_from, "files": stamps(self._files)}
+
+
+def stamps(files: Iterable[Path]) -> str:
+    """Hash the names, sizes and times of change of files."""
+    told = sorted(f"{path.name} {path.stat().st_size} {path.stat().st_mtime_ns}" for path in files)
+    return sha256("\n".join(told).encode()).hexdigest()[:12]

@@ -13,7 +13,7 @@ from typing import Any
 from isomatch_lab.evaluation.benchmark import rows_of, run_benchmark
 from isomatch_lab.evaluation.benchmark_run import BenchmarkRun
 from isomatch_lab.evaluation.ledger import Row
-from isomatch_lab.evaluation.own_methods import MapsInFolder, OwnFunction
+from isomatch_lab.evaluation.methods import MapsInFolder, OwnFunction
 from isomatch_lab.evaluation.page import told_of_parts
 from isomatch_lab.evaluation.tables import summaries, write_tables
 

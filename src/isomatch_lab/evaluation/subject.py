@@ -1,4 +1,4 @@
-"""One pair of a benchmark run: the preparation that its methods share, and the measurement of their maps."""
+"""The subject of a row: a pair made ready for methods, whose distances are computed once."""
 
 from __future__ import annotations
 
@@ -21,15 +21,14 @@ from isomatch.evaluation import (
     sided_errors,
     smallest,
 )
-from isomatch.geodesics import distance_engine
+from isomatch.geodesics import DistanceEngine, distance_engine, pair_distances
 from isomatch.runtime.memory import memory_budget
 from isomatch.runtime.threads import n_threads, parallel_map, serial_blas
 from isomatch.settings import Config
 from isomatch.shapes import prepare
-from isomatch.values.arrays import IntArray
+from isomatch.values.arrays import FloatArray, IntArray
 from isomatch.values.cached import cached_method
 from isomatch_lab.evaluation.benchmark_run import BenchmarkRun, PairNames
-from isomatch_lab.evaluation.caching import CachingEngine
 from isomatch_lab.evaluation.distortion import metric_distortion
 from isomatch_lab.evaluation.ledger import Row
 from isomatch_lab.evaluation.methods import MatchInput, Method
@@ -225,3 +224,39 @@ class Subject:
 def _plain(numbers: Mapping[str, Any]) -> Row:
     """Turn numbers into those of JSON, with None in place of numbers that are not finite."""
     return {name: float(number) if np.isfinite(number) else None for name, number in numbers.items()}
+
+
+class CachingEngine:
+    """A distance engine that keeps the columns it has computed.
+
+    Parameters
+    ----------
+    engine : DistanceEngine
+        Computes the columns.
+    limit : float
+        Bytes of columns to keep at most; further columns are computed each time.
+    """
+
+    def __init__(self, engine: DistanceEngine, limit: float) -> None:
+        self.name, self.n_points = engine.name, engine.n_points
+        self._engine = engine
+        self._most = int(limit / (8 * max(self.n_points, 1)))
+        self._kept: dict[int, FloatArray] = {}
+
+    def distances_from(self, sources: IntArray) -> FloatArray:
+        """(m, n) distances from each of m sources; the caller may change the array."""
+        wanted = np.asarray(sources).tolist()
+        new = [vertex for vertex in dict.fromkeys(wanted) if vertex not in self._kept]
+        computed = dict(zip(new, self._engine.distances_from(np.array(new)))) if new else {}
+        columns = [self._kept.get(vertex, computed.get(vertex)) for vertex in wanted]
+        for vertex in new[: self._most - len(self._kept)]:
+            self._kept[vertex] = computed[vertex].copy()
+        return np.array(columns, dtype=np.float64).reshape(len(wanted), self.n_points)
+
+    def pair_distances(self, pairs: IntArray) -> FloatArray:
+        """Distances (m,) of m pairs, as the engine finds them; nothing is kept."""
+        return pair_distances(self._engine, pairs)
+
+    def lower(self, nearest: FloatArray, source: int) -> FloatArray | None:
+        """Lower ``nearest`` as the engine does; nothing is kept."""
+        return self._engine.lower(nearest, source)

@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 
 from isomatch.storage.files import write_csv
-from isomatch_lab.evaluation.curves import curve_panels, draw_curves
+from isomatch_lab.evaluation.curves import PublishedCurve, curve_panels, draw_curves
 from isomatch_lab.evaluation.ledger import Row, identity_of, read_rows
 from isomatch_lab.evaluation.page import write_page
-from isomatch_lab.evaluation.published_curves import PublishedCurve
 
 FAILURE = 10.0  # mean error × 100 above which a pair counts as failed
 COLUMNS = (

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from isomatch import LaplaceBasis, MemoryBudgetError, Mesh, laplace_basis
-from isomatch_lab.baselines.functional_energy import FunctionalEnergy, orientations, products
+from isomatch_lab.baselines.functional_maps import FunctionalEnergy, orientations, products
 from shapes import disguised, flat_grid
 
 

@@ -8,8 +8,7 @@ from isomatch import Outcome, PointCloud, SettingError, geodesic_distances, prep
 from isomatch.datasets import ground_truth
 from isomatch.matching import prepare_pair
 from isomatch_lab.baselines import GmdsConfig, gmds
-from isomatch_lab.baselines.generalised_stress import Placement, descended, placed, relative_stress
-from isomatch_lab.baselines.gmds import placement
+from isomatch_lab.baselines.gmds import Placement, descended, placed, placement, relative_stress
 from isomatch_lab.baselines.task import Task
 from isomatch_lab.procedural import creature
 from shapes import disguised

@@ -8,7 +8,7 @@ import pytest
 from isomatch import geodesic_distances, prepare
 from isomatch.datasets import ground_truth
 from isomatch_lab.baselines import SpectralGmdsConfig, spectral_gmds
-from isomatch_lab.baselines.functional_energy import FunctionalEnergy
+from isomatch_lab.baselines.functional_maps import FunctionalEnergy
 from isomatch_lab.baselines.spectral_gmds import coefficient_map, spectral_distances
 from isomatch_lab.baselines.task import Task
 from isomatch_lab.procedural import creature

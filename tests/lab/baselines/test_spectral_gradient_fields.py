@@ -10,7 +10,7 @@ from isomatch.datasets import ground_truth
 from isomatch.matching import prepare_pair
 from isomatch_lab.baselines import GradientFieldsConfig, spectral_gradient_fields
 from isomatch_lab.baselines.eigenfunction_matching import signed_permutation
-from isomatch_lab.baselines.gradient_fields import gradient_fields, invariants
+from isomatch_lab.baselines.spectral_gradient_fields import gradient_fields, invariants
 from isomatch_lab.procedural import creature
 from shapes import disguised, flat_grid, icosphere
 

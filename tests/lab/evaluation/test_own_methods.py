@@ -23,7 +23,7 @@ from isomatch_lab.evaluation import (
     MapsInFolder,
     OwnFunction,
     benchmark,
-    own_methods,
+    methods,
     read_rows,
     run_benchmark,
 )
@@ -303,7 +303,7 @@ def test_maps_that_tell_nothing_are_read_once(folder, tmp_path, image, monkeypat
         np.savetxt(maps / f"{a}-{b}.txt", np.clip(image, 1, N - 2), fmt="%d")
     read = []
     monkeypatch.setattr(
-        own_methods, "read_map", lambda path, *a, **k: (read.append(path), read_map(path, *a, **k))[1]
+        methods, "read_map", lambda path, *a, **k: (read.append(path), read_map(path, *a, **k))[1]
     )
     loaded = []
     opened = FolderSet.pair
