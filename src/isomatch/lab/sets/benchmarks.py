@@ -32,7 +32,7 @@ from isomatch.values.arrays import IntArray
 from isomatch.values.settings import generator
 
 Shapes: TypeAlias = ShapeSet | CrossSpecies | FolderSet | StoredSet
-EXPECTED = "docs/benchmarks.md describes the layout of the folder and where to obtain the sets"
+EXPECTED = "docs/lab/benchmarks.md describes the layout of the folder and where to obtain the sets"
 
 
 @dataclass(frozen=True, eq=False)

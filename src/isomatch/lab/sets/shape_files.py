@@ -167,5 +167,5 @@ def _read_table(path: Path, columns: int = 1) -> FloatArray:
 
 def _refuse(path: Path, problem: str) -> NoReturn:
     raise FormatError(
-        f"{path}: cannot be read ({problem}); docs/benchmarks.md describes the contents of such a file"
+        f"{path}: cannot be read ({problem}); docs/lab/benchmarks.md describes the contents of such a file"
     )
