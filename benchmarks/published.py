@@ -42,7 +42,13 @@ def beside(results: Path) -> str:
 
 
 def _of(contest: str, rows: list[Row]) -> list[Row]:
-    return [{key: row[key] for key in row if key != "contest"} for row in rows if row["contest"] == contest]
+    """Give the rows of a contest without their sources; what was seen in a summary alone keeps the mark."""
+    shown = [key for key in rows[0] if key not in ("contest", "source")]
+    return [
+        {key: row[key] for key in shown} | {"method": row["method"] + " †" * row["source"].endswith("†")}
+        for row in rows
+        if row["contest"] == contest
+    ]
 
 
 def _ours(row: Row, what: str) -> Row:
@@ -55,7 +61,6 @@ def _ours(row: Row, what: str) -> Row:
         "learns": "nothing",
         "hardware": f"1 thread, {row['seconds, one thread']} s a pair",
         "pairs": f"{row['pairs']} {what}, turned",
-        "source": "this page",
     }
 
 

@@ -93,7 +93,7 @@ def test_published_numbers_stand_beside_ours_the_best_first():
     methods = []
     for section in published.beside(results.RESULTS).split("### ")[1:]:
         head, _, *lines = [line.split(" | ") for line in section.splitlines() if line.startswith("|")]
-        methods += [line[0].removeprefix("| ") for line in lines]
+        methods += [line[0].removeprefix("| ").removesuffix(" †") for line in lines]
         ranked = [float(line[head.index("error")] or 0) for line in lines]
         if "IoU, %" in head:
             ranked = [-float(line[head.index("IoU, %")]) for line in lines]
