@@ -88,7 +88,7 @@ STEPS = (
         100,
         "python benchmarks/paper_figures.py --data {data} -o {out}",
         {"paper": "paper_table.csv"},
-        {f"lab/paper/{name}.{end}": f"{name}.{end}" for name in FIGURES for end in ("png", "svg", "csv", "json")}
+        {f"lab/paper/{name}.{end}": f"{name}.{end}" for name in FIGURES for end in ("png", "csv", "json")}
         | {"lab/paper/index.md": "index.md"},
     ),
 )
