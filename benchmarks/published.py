@@ -43,7 +43,7 @@ def beside(results: Path) -> str:
 
 def _of(contest: str, rows: list[Row]) -> list[Row]:
     """Give the rows of a contest without their sources; what was seen in a summary alone keeps the mark."""
-    shown = [key for key in rows[0] if key not in ("contest", "source")]
+    shown = [key for key in rows[0] if key not in ("contest", "hardware", "source")]
     return [
         {key: row[key] for key in shown} | {"method": row["method"] + " †" * row["source"].endswith("†")}
         for row in rows
@@ -59,7 +59,6 @@ def _ours(row: Row, what: str) -> Row:
         "error": row["mean"],
         "IoU, %": row["IoU, %"],
         "learns": "nothing",
-        "hardware": f"1 thread, {row['seconds, one thread']} s a pair",
         "pairs": f"{row['pairs']} {what}, turned",
     }
 
