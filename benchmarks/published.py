@@ -42,10 +42,11 @@ def beside(results: Path) -> str:
 
 
 def _of(contest: str, rows: list[Row]) -> list[Row]:
-    """Give the rows of a contest without their sources; what was seen in a summary alone keeps the mark."""
-    shown = [key for key in rows[0] if key not in ("contest", "hardware", "source")]
+    """Give the rows of a contest, each method with its year; what was seen in a summary alone keeps the mark."""
+    shown = ("method", "error", "IoU, %", "learns", "pairs")
     return [
-        {key: row[key] for key in shown} | {"method": row["method"] + " †" * row["source"].endswith("†")}
+        {key: row[key] for key in shown}
+        | {"method": f"{row['method']} {row['year']}{' †' * row['source'].endswith('†')}"}
         for row in rows
         if row["contest"] == contest
     ]
@@ -55,7 +56,6 @@ def _ours(row: Row, what: str) -> Row:
     """Give a contest of ours the columns of published.csv."""
     return {
         "method": "**isomatch**",
-        "year": "",
         "error": row["mean"],
         "IoU, %": row["IoU, %"],
         "learns": "nothing",
