@@ -56,7 +56,6 @@ STEPS = (
             "methods_summary.csv=summary.csv",
         ),
         methods="methods_table.csv",
-        starts="starts_table.csv",
     ),
     study(
         *("contests", 120, "contests.csv", "curves.csv", "curves.png"),
