@@ -17,7 +17,7 @@ OURS = {  # contest in published.csv: heading, and our rows of it in contests.cs
         {"FAUST remeshed, 000–019": "of 000–019", "FAUST remeshed, 030–049": "of 030–049"},
     ),
     "topkids": ("TOPKIDS", {"TOPKIDS": "of the set"}),
-    "cuts": ("SHREC'16 cuts", {"SHREC'16 cuts": "of four classes, units as in the files"}),
+    "cuts": ("SHREC'16 cuts", {"SHREC'16 cuts": "of four classes, file units"}),
     "holes": ("SHREC'16 holes", {"SHREC'16 holes": "of four classes"}),
     "smal": (
         "SMAL",
