@@ -1,6 +1,6 @@
-"""Draw the pair of median error of each contest, of those that ``docs/contests/contests.csv`` lists.
+"""Draw the pair of median error of each contest, of those that ``docs/lab/contests/contests.csv`` lists.
 
-    python benchmarks/contest_pictures.py --data DIR [-o docs/contests]
+    python benchmarks/contest_pictures.py --data DIR [-o docs/lab/contests]
 
 matches it again and writes ``CONTEST.png``, the map and the error on the source.
 """
@@ -15,7 +15,7 @@ from contests import CONTESTS
 from isomatch_lab.sets import benchmark_set
 from worst_pairs import draw
 
-PAGE = Path(__file__).parents[1] / "docs" / "contests"
+PAGE = Path(__file__).parents[1] / "docs" / "lab" / "contests"
 SHOWN = ("topkids", "cuts", "holes", "species_other", "two_parts")
 
 

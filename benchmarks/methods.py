@@ -3,8 +3,8 @@
     python benchmarks/methods.py --data DIR -o OUT
 
 draws ten pairs of the remeshed sets; of SCAPE it takes those of the Princeton benchmark, which ``DIR/scb`` lists. It
-writes what ``isomatch bench`` writes, ``methods_table.csv`` and ``starts_table.csv``, and draws the published curves in
-``DIR/scb`` beside. Rows that are already in OUT are not computed again.
+writes what ``isomatch bench`` writes and ``methods_table.csv``, and draws the published curves in ``DIR/scb`` beside.
+Rows that are already in OUT are not computed again.
 """
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ from typing import Any
 
 from isomatch_lab.evaluation import (
     BenchmarkRun,
-    improvements,
     read_published_curves,
     read_rows,
     run_benchmark,
@@ -64,12 +63,6 @@ def as_shown(row: Row, mirrored: set[str]) -> Row:
     return row | {key: 100 * row[key] for key in ("within_05", "within_10")} | {"one_flip": one_flip}
 
 
-def over_truth(row: Row) -> Row:
-    """Give distortions over that of the truth."""
-    truth = row["distortion_l2_truth"]
-    return row | {key: row[key] / truth for key in ("distortion_l2_before", "distortion_l2_after")}
-
-
 if __name__ == "__main__":
     asked = asked_for(__doc__, "rows, tables and curves")
     for name in SETS:
@@ -84,9 +77,3 @@ if __name__ == "__main__":
     }
     table = by_set([as_shown(row, mirrored) for row in summary], ALONE, shown)
     write_table(asked.output / "methods_table.csv", list(table))
-    shown = {
-        "error": "{error_before:.2f} → {error_after:.2f}",
-        "distortion / truth": "{distortion_l2_before:.2f} → {distortion_l2_after:.2f}",
-    }
-    gains = [over_truth(row) for row in improvements(rows)]
-    write_table(asked.output / "starts_table.csv", list(by_set(gains, STARTED, shown)))

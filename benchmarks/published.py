@@ -17,7 +17,7 @@ OURS = {  # contest in published.csv: heading, and our rows of it in contests.cs
         {"FAUST remeshed, 000–019": "of 000–019", "FAUST remeshed, 030–049": "of 030–049"},
     ),
     "topkids": ("TOPKIDS", {"TOPKIDS": "of the set"}),
-    "cuts": ("SHREC'16 cuts", {"SHREC'16 cuts": "of four classes, units as in the files"}),
+    "cuts": ("SHREC'16 cuts", {"SHREC'16 cuts": "of four classes, file units"}),
     "holes": ("SHREC'16 holes", {"SHREC'16 holes": "of four classes"}),
     "smal": (
         "SMAL",
@@ -42,20 +42,24 @@ def beside(results: Path) -> str:
 
 
 def _of(contest: str, rows: list[Row]) -> list[Row]:
-    return [{key: row[key] for key in row if key != "contest"} for row in rows if row["contest"] == contest]
+    """Give the rows of a contest, each method with its year; what was seen in a summary alone keeps the mark."""
+    shown = ("method", "error", "IoU, %", "learns", "pairs")
+    return [
+        {key: row[key] for key in shown}
+        | {"method": f"{row['method']} {row['year']}{' †' * row['source'].endswith('†')}"}
+        for row in rows
+        if row["contest"] == contest
+    ]
 
 
 def _ours(row: Row, what: str) -> Row:
     """Give a contest of ours the columns of published.csv."""
     return {
         "method": "**isomatch**",
-        "year": "",
         "error": row["mean"],
         "IoU, %": row["IoU, %"],
         "learns": "nothing",
-        "hardware": f"1 thread, {row['seconds, one thread']} s a pair",
         "pairs": f"{row['pairs']} {what}, turned",
-        "source": "this page",
     }
 
 

@@ -25,7 +25,7 @@ def study(
     *files: str,
     of: str = "",
     options: str = "",
-    folder: str = "benchmarks",
+    folder: str = "lab/benchmarks",
     **tables: str,
 ) -> Step:
     """Make a step of a script of this folder, or of one of its sets; its table is SCRIPT_table.csv if none is named.
@@ -56,11 +56,10 @@ STEPS = (
             "methods_summary.csv=summary.csv",
         ),
         methods="methods_table.csv",
-        starts="starts_table.csv",
     ),
     study(
         *("contests", 120, "contests.csv", "curves.csv", "curves.png"),
-        folder="contests",
+        folder="lab/contests",
         contests="contests_table.csv",
     ),
     study("confidence", 16, "confidence.csv"),
@@ -80,7 +79,7 @@ STEPS = (
         speed="pairs_table.csv",
         stages="stages_table.csv",
     ),
-    study("paper_deviations", 2, "deviations.csv", folder="paper", deviations="deviations_table.csv"),
+    study("paper_deviations", 2, "deviations.csv", folder="lab/paper", deviations="deviations_table.csv"),
     study("consistency", 40, consistency="consistency_table.csv", cycles="cycles_table.csv"),
     Step("scale", 7, "python benchmarks/collection_scale.py -o {out}", {"scale": "scale_table.csv"}, {}),
     Step(
@@ -88,7 +87,7 @@ STEPS = (
         100,
         "python benchmarks/paper_figures.py --data {data} -o {out}",
         {"paper": "paper_table.csv"},
-        {f"paper/{name}.{end}": f"{name}.{end}" for name in FIGURES for end in ("png", "svg", "csv", "json")}
-        | {"paper/index.md": "index.md"},
+        {f"lab/paper/{name}.{end}": f"{name}.{end}" for name in FIGURES for end in ("png", "csv", "json")}
+        | {"lab/paper/index.md": "index.md"},
     ),
 )

@@ -11,9 +11,8 @@ command, the machine, versions of packages, the revision, the date and the secon
 is skipped.
 
 In a page, what is between ``<!-- result: NAME -->`` and ``<!-- end of result -->`` is ``docs/results/NAME.csv``, in
-``<!-- result: NAME: A; B -->`` two of its columns. ``<!-- result: stamp -->`` says of what the tables of the page are. A
-table that another source measured before is kept in ``docs/results/previous``, and ``<!-- result: changes -->`` shows
-what differs. ``<!-- result: beside -->`` puts the contests among published numbers.
+``<!-- result: NAME: A; B -->`` two of its columns. ``<!-- result: stamp -->`` says of what the tables of the page are.
+``<!-- result: beside -->`` puts the contests among published numbers.
 """
 
 from __future__ import annotations
@@ -33,7 +32,6 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-import changes
 import published
 from result_steps import STEPS, Step
 from result_tables import markdown, read_table
@@ -42,7 +40,7 @@ ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "docs" / "results"
 PACKAGES = ("numpy", "scipy", "numba")
 MARKED = re.compile(r"<!-- result: ([\w-]+)(?:: ([^\n]+?))? -->\n(.*?)<!-- end of result -->", re.DOTALL)
-OTHER = ("stamp", "changes", "beside")  # what is marked and no table
+OTHER = ("stamp", "beside")  # what is marked and no table
 Stamp = dict[str, Any]
 
 
@@ -92,7 +90,14 @@ def revision() -> str:
 
 def stamps() -> dict[str, Stamp]:
     """Stamps of all results."""
-    return changes.stamps_in(RESULTS)
+    path = RESULTS / "stamps.json"
+    return dict(json.loads(path.read_text(encoding="utf-8"))) if path.exists() else {}
+
+
+def write_stamp(step: str, stamp: Stamp) -> None:
+    """Add a stamp to those of the results, or replace it."""
+    known = dict(sorted((stamps() | {step: stamp}).items()))
+    (RESULTS / "stamps.json").write_text(json.dumps(known, indent=1) + "\n", encoding="utf-8")
 
 
 def is_present(step: Step, known: dict[str, Stamp]) -> bool:
@@ -118,7 +123,6 @@ def measure(step: Step, data: str, output: Path) -> None:
         clock.write_text(str(seconds))
     if present_stamp(step) != stamp:
         raise SystemExit(f"{step.name}: the source was changed while it was measured; measure it again")
-    changes.keep(step, RESULTS, stamp["source"])
     for target, file in [
         *((RESULTS / f"{name}.csv", file) for name, file in step.tables.items()),
         *((ROOT / "docs" / name, file) for name, file in step.files.items()),
@@ -126,7 +130,7 @@ def measure(step: Step, data: str, output: Path) -> None:
         target.parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(out / file, target)
     stamp |= {"revision": revision(), "date": date.today().isoformat(), "seconds": seconds}
-    changes.write_stamp(RESULTS, step.name, stamp)
+    write_stamp(step.name, stamp)
     clock.unlink()
 
 
@@ -148,8 +152,6 @@ def filled(text: str, known: dict[str, Stamp], results: Path = RESULTS) -> str:
         name, columns, old = found.groups()
         if name == "stamp":
             new = told({step: known[step] for step in steps_of(text)})
-        elif name == "changes":
-            new = changes.told(results)
         elif name == "beside":
             new = published.beside(results)
         else:

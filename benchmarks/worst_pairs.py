@@ -1,6 +1,6 @@
-"""Draw the pairs with the largest errors of ``docs/benchmarks/pairs.csv``.
+"""Draw the pairs with the largest errors of ``docs/lab/benchmarks/pairs.csv``.
 
-    python benchmarks/worst_pairs.py --data DIR [-o docs/benchmarks] [--count 3]
+    python benchmarks/worst_pairs.py --data DIR [-o docs/lab/benchmarks] [--count 3]
 
 matches them again and writes ``worst_1.png``, … with the geodesic error on the source, at truth points and, between them,
 that of the nearest one in space.
@@ -19,7 +19,7 @@ from isomatch.evaluation import geodesic_errors
 from isomatch.view import ValuePanel, draw_map
 from isomatch_lab.sets import BenchmarkPair, benchmark_set
 
-PAGE = Path(__file__).parents[1] / "docs" / "benchmarks"
+PAGE = Path(__file__).parents[1] / "docs" / "lab" / "benchmarks"
 
 
 def worst(count: int) -> list[dict[str, str]]:

@@ -7,25 +7,23 @@ from pathlib import Path
 
 import pytest
 
-import changes
 import published
 import results
 from result_steps import STEPS, Step
 
 ROOT = Path(__file__).parents[1]
 PAGES = {page.relative_to(ROOT).as_posix(): page.read_text(encoding="utf-8") for page in results.pages()}
-BY_HAND = {  # tables with decimals that no step makes, in pages with those of steps: history, bounds, levels
+BY_HAND = {  # tables with decimals that no step makes, in pages with those of steps: earlier revisions, levels
     "README.md": 0,
     "docs/accuracy.md": 0,
-    "docs/benchmarks.md": 4,
-    "docs/collections_consistency.md": 0,
-    "docs/contests.md": 0,
-    "docs/other_methods.md": 0,
-    "docs/paper.md": 1,
-    "docs/performance.md": 6,
-    "docs/robustness.md": 3,
+    "docs/lab/benchmarks.md": 0,
+    "docs/lab/consistency.md": 0,
+    "docs/lab/contests.md": 0,
+    "docs/lab/other_methods.md": 0,
+    "docs/lab/paper.md": 1,
+    "docs/lab/robustness.md": 1,
+    "docs/performance.md": 1,
     "docs/scale.md": 2,
-    "docs/what_changed.md": 0,
 }
 KNOWN = results.stamps()
 ONE = {
@@ -89,38 +87,19 @@ def test_columns_of_a_table(tmp_path):
     assert results.filled(filled, KNOWN, tmp_path) == filled
 
 
-def test_what_changed_shows_only_columns_that_differ(tmp_path):
-    step = next(step for step in STEPS if step.name == "engines")
-    (table,) = step.tables
-    path = tmp_path / f"{table}.csv"
-    path.write_text('mesh,side,error,size\ncat,a,"1.5, 2",7\ncat,a,2.5,7\ngone,,1,1\n')
-    changes.write_stamp(tmp_path, step.name, ONE)
-    changes.keep(step, tmp_path, ONE["source"])
-    assert not (tmp_path / "previous").exists()
-    assert changes.told(tmp_path) == ""
-    changes.keep(step, tmp_path, "b2")
-    path.write_text("mesh,side,size,error,added\ncat,a,7,1.5,4\ncat,a,7,2.5,4\ndog,b,7,3,4\n")
-    changes.write_stamp(tmp_path, step.name, ONE | {"source": "b2", "revision": "r2", "machine": "n"})
-    assert changes.told(tmp_path) == (
-        "## engines: r1 → r2\n\nMeasured on m, now on n.\n\n"
-        "| mesh | side | error |\n|---|---|---|\n"
-        "| cat | a | 1.5, 2 → 1.5 |\n| cat | a | 2.5 |\n| dog | b | new: 3 |\n\n"
-    )
-
-
 def test_published_numbers_stand_beside_ours_the_best_first():
     with published.PUBLISHED.open(newline="", encoding="utf-8") as file:
         known = list(csv.DictReader(file))
     methods = []
     for section in published.beside(results.RESULTS).split("### ")[1:]:
         head, _, *lines = [line.split(" | ") for line in section.splitlines() if line.startswith("|")]
-        methods += [line[0].removeprefix("| ") for line in lines]
+        methods += [line[0].removeprefix("| ").removesuffix(" †") for line in lines]
         ranked = [float(line[head.index("error")] or 0) for line in lines]
         if "IoU, %" in head:
             ranked = [-float(line[head.index("IoU, %")]) for line in lines]
         assert ranked == sorted(ranked)
     ours = ["**isomatch**"] * sum(len(names) for _, names in published.OURS.values())
-    assert sorted(methods) == sorted([*(row["method"] for row in known), *ours])
+    assert sorted(methods) == sorted([*(f"{row['method']} {row['year']}" for row in known), *ours])
 
 
 def test_the_source_is_what_its_files_hold(tmp_path):
@@ -169,7 +148,6 @@ def test_an_interrupted_step_continues_and_a_finished_one_is_present(toy, tmp_pa
     assert (tmp_path / "docs/toy/runs.txt").read_text() == "xx"
     stamp = json.loads((tmp_path / "docs/results/stamps.json").read_text())["toy"]
     assert set(stamp) == {*ONE, "command", "scripts"}
-    assert not (tmp_path / "docs/results/previous").exists()
     with (tmp_path / "benchmarks/toy.py").open("a") as file:
         file.write("# changed\n")
     assert not results.is_present(toy, results.stamps())

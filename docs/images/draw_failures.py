@@ -1,4 +1,4 @@
-"""The pictures of ``docs/when_not.md`` and ``docs/concepts/symmetry.md``: maps that are wrong, with how they ended.
+"""The pictures of ``docs/when_not.md`` and ``docs/how_to/symmetric_shapes.md``: maps that are wrong, with how they ended.
 
 Run ``python docs/images/draw_failures.py`` to draw them again; it takes a minute.
 """
@@ -6,7 +6,6 @@ Run ``python docs/images/draw_failures.py`` to draw them again; it takes a minut
 from pathlib import Path
 
 import numpy as np
-from isomatch.lab.damage import view
 
 from isomatch import Mesh, PointCloud, match
 from isomatch.datasets import ground_truth
@@ -19,6 +18,7 @@ from isomatch.view import (
     surface_image,
     to_screen,
 )
+from isomatch_lab.damage import view
 from isomatch_lab.procedural import creature, organ, organ_truth
 
 HERE = Path(__file__).parent

@@ -26,7 +26,7 @@ from isomatch.values.settings import generator
 Precision = Literal["double", "single"]
 
 BLOCK = 8  # vectors solved for at once; larger blocks need more vectors to converge, smaller ones more time to solve
-# see `smallest_eigenpairs`; docs/notes/refinement.md
+# see `smallest_eigenpairs`; docs/lab/design_notes.md
 TOLERANCE: dict[Precision, float] = {"double": 1e-4, "single": 0.025}
 # Vectors for each function, from which convergence is tested. With 2.4, the finest signature of a shape differs from that
 # of its relabelled copy by up to 0.6 standard deviations, with 2.6 by 0.07.

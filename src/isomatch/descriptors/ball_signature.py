@@ -22,10 +22,10 @@ from isomatch.surfaces import Graph, Mesh, PointCloud
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 from isomatch.values.cached import cached_property
 
-# in √area, from a wrist to a knee: larger balls reach other limbs where limbs touch; docs/notes/ball_signature.md
+# in √area, from a wrist to a knee: larger balls reach other limbs where limbs touch; docs/lab/design_notes.md
 RADII = (0.04, 0.06, 0.09)
 
-# of the offset and the extents in a comparison; the greatest extent tells little: docs/notes/ball_signature.md
+# of the offset and the extents in a comparison; the greatest extent tells little: docs/lab/design_notes.md
 WEIGHTS = (1.0, 0.0, 0.5, 1.0)
 
 # edges, on average, that a radius must span; of a mesh of 5000 vertices 0.04 is 2.5

@@ -10,13 +10,13 @@ from isomatch.runtime.threads import parallel_map
 from isomatch.shapes import EXACTLY, farthest_rows
 from isomatch.values.arrays import IntArray
 
-SLIDE_STEPS = 10  # steps by which they move it; docs/robustness.md, shapes without limbs
+SLIDE_STEPS = 10  # steps by which they move it; docs/lab/robustness.md, shapes without limbs
 
 SLIDE_FUNCTIONS = 20  # functions by which signatures move a first map; the first before a judgement
 
 BEAM = 200  # partial assignments that are kept; chosen, not measured
 
-# of differences of signatures in the cost of an assignment; docs/robustness.md, shapes without limbs
+# of differences of signatures in the cost of an assignment; docs/lab/robustness.md, shapes without limbs
 SIGNATURE_WEIGHT = 0.25
 
 # points of the source, far from each other, that are assigned;

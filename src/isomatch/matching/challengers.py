@@ -13,12 +13,12 @@ from isomatch.matching.search import combinations, search_back
 from isomatch.matching.stages import Relation
 from isomatch.values.arrays import IntArray
 
-MOST_CHALLENGERS = 2  # docs/notes/both_ways.md
+MOST_CHALLENGERS = 2  # docs/lab/design_notes.md
 
 # mean cosine between normals from which a challenger is refined; right maps have more, see SelectionSettings
 RIGHT_ORIENTATION = 0.54
 
-SURE = 0.75  # share of the bounds of a poor map, below which a map is sure; docs/notes/both_ways.md
+SURE = 0.75  # share of the bounds of a poor map, below which a map is sure; docs/lab/design_notes.md
 
 
 def is_sure(relation: Relation, selection: Selection[Fit]) -> bool:

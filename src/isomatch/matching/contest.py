@@ -28,12 +28,12 @@ ELSEWHERE_SHARE = 0.05
 LANDMARK_SLACK = 0.05
 
 # score of the winner, over another map's, from which that counts as a rival whatever the hints say;
-# docs/benchmarks.md, confidence
+# docs/lab/benchmarks.md, confidence
 CLEARLY_BETTER = 1.15
 
 # Energies, misfits and scores below these are equal: two triangulations of one surface differ as much, by 0.002 to 0.06,
-# 0.26 to 0.35 and 0.04 to 0.09 (docs/benchmarks.md, symmetry). Otherwise one of the symmetric maps between two copies of
-# a mesh would seem better than the others.
+# 0.26 to 0.35 and 0.04 to 0.09 (docs/lab/benchmarks.md, symmetry). Otherwise one of the symmetric maps between two copies
+# of a mesh would seem better than the others.
 ENERGY_NOISE = 0.012
 MISFIT_NOISE = 0.25
 SCORE_NOISE = 0.04

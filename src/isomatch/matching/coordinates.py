@@ -13,7 +13,7 @@ from isomatch.runtime.threads import parallel_map, row_product
 from isomatch.surfaces import vertex_normals
 from isomatch.values.arrays import FloatArray, IntArray, single
 
-# of the registration that ends the smooth refinement; docs/benchmarks.md, smoothness
+# of the registration that ends the smooth refinement; docs/lab/benchmarks.md, smoothness
 SMOOTH_REGISTRATION_STEPS = 8
 
 EVERYWHERE = slice(None)

@@ -18,7 +18,7 @@ from isomatch.settings import RefinementName
 from isomatch.shapes import orientation_of
 from isomatch.values.arrays import FloatArray, IntArray
 
-# functions from which the functional map grows; each is tried; docs/paper.md: the best of four heals most
+# functions from which the functional map grows; each is tried; docs/lab/paper.md: the best of four heals most
 LAPLACE_FIRST = (15, 20, 30, 40)
 
 LAPLACE_CHOICE = 50  # functions at which the best of these is chosen; chosen: as many as the rank

@@ -23,7 +23,7 @@ MAIN = 0.25  # share of a region, from which what is doubtful there is a reason
 LEAST_KNOWN = 0.5  # share of a neighbourhood, below which its mismatch is not known
 LEAST_AREA = 0.005  # share of the surface, below which no region is told; half a hand
 
-# mean error, in √area, where surfaces look unlike; docs/benchmarks.md, regions of doubt
+# mean error, in √area, where surfaces look unlike; docs/lab/benchmarks.md, regions of doubt
 UNLIKE_ERROR = 0.27
 
 

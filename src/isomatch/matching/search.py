@@ -28,11 +28,11 @@ from isomatch.values.arrays import FloatArray, IntArray
 HINT_STEPS = 8
 
 # most hypotheses where a shape has few extremities, or both have a long boundary: the residuals of round shapes tell
-# little, so many are kept until curvature has been compared; docs/robustness.md, shapes without limbs
+# little, so many are kept until curvature has been compared; docs/lab/robustness.md, shapes without limbs
 MOST_WITHOUT_LIMBS = 40
 
 # functions whose sign is flipped on the way back: the first ones, which exchange limbs or twist a body;
-# docs/notes/both_ways.md
+# docs/lab/design_notes.md
 FLIPPED_BACK = 6
 
 AT_ONCE = 4  # maps moved together by a thread; fixed, so that results do not depend on the number of threads

@@ -31,7 +31,7 @@ from isomatch.matching.stages import Stages
 from isomatch.runtime.stage_timer import StageTimer
 from isomatch.shapes import crease_length, opened_shape
 
-# in √area, by which creases of shapes with touching limbs are longer; docs/notes/contacts.md
+# in √area, by which creases of shapes with touching limbs are longer; docs/lab/design_notes.md
 MORE_CREASES = 1.0
 
 SURE = Outcome.CONVERGED, Outcome.PARTIAL, Outcome.SYMMETRY_AMBIGUOUS

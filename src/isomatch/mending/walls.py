@@ -9,7 +9,7 @@ from isomatch.errors import SettingError
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import BoolArray
 
-WALL = 0.05  # √area: by normals in this unit, nearest points tell sheets apart; docs/notes/double_walls.md
+WALL = 0.05  # √area: by normals in this unit, nearest points tell sheets apart; docs/lab/design_notes.md
 N_PROBED = 1000  # vertices, evenly over the area: the share is then known to 1.5 %
 MOST_COMPARED = 50_000  # vertices that may be the other sheet, 0.004 √area apart
 DEPTHS = (0.15, 0.3, 0.5, 0.75, 1.0)  # of the wall, at which the other sheet is sought

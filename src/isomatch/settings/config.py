@@ -127,11 +127,11 @@ class Config(Settings, Shown):
     n_columns: int = setting(100, "Shamai & Kimmel 2017: p = 2 k", least=8)
     rank: int = setting(50, "Shamai & Kimmel 2017: k = 50", least=4)
     n_functions: int = setting(
-        150, "docs/notes/refinement.md: 200 take a tenth more time and gain nothing", least=20
+        150, "docs/lab/design_notes.md: 200 take a tenth more time and gain nothing", least=20
     )
-    weights: Weighting = setting("area", "docs/paper.md, deviations: area weights")
+    weights: Weighting = setting("area", "docs/lab/paper.md, deviations: area weights")
     engine: str | None = setting(
-        None, "docs/benchmarks.md, engines: fast marching is most accurate for its time"
+        None, "docs/lab/benchmarks.md, engines: fast marching is most accurate for its time"
     )
     n_search: int = setting(400, "measured: 400 as good as 600 on 17 pairs; 300 fails on 2 of 50", least=100)
     n_refine: int = setting(
@@ -143,15 +143,15 @@ class Config(Settings, Shown):
     search_rivals: bool | None = setting(None, "the paper's methods search for none, and cost accordingly")
     refinement: RefinementName = setting(
         "joint",
-        "docs/benchmarks.md, ablation, earlier: none 2.9, laplace_icp 2.5, joint 1.5",
+        "docs/lab/benchmarks.md, ablation, earlier: none 2.9, laplace_icp 2.5, joint 1.5",
     )
     orientation: Orientation = setting(
         "preserve",
-        "docs/benchmarks.md, ablation, earlier: either orientation fails on 3 of 14",
+        "docs/lab/benchmarks.md, ablation, earlier: either orientation fails on 3 of 14",
     )
     start: Start = setting("auto", "shapes need not be aligned")
     pin: float | None = setting(None, "landmarks lead; clicked ones are no more exact than the map", least=0)
-    part: PartRole = setting("auto", "docs/robustness.md: a cut or a hole is found by its boundary")
+    part: PartRole = setting("auto", "docs/lab/robustness.md: a cut or a hole is found by its boundary")
     scale: Scale = setting("auto", "FAUST remeshed: bodies of one person differ by up to 1.2")
     resolution: Resolution = setting("auto", "docs/performance.md, resolution")
     preparation: PreparationSettings = setting(PreparationSettings())

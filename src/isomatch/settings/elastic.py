@@ -33,15 +33,13 @@ class ElasticSettings(Settings):
         `RigidRegistration`.
     """
 
-    sought: float = setting(0.54, "docs/notes/other_species.md: when limbs are taken to stretch", least=0)
+    sought: float = setting(0.54, "docs/lab/design_notes.md: when limbs are taken to stretch", least=0)
     n_coordinates: int = setting(8, "Ezuz et al. 2019", least=3)
     forgiven: float = setting(0.3, "chosen on pairs of animals, not one by one", least=0, most=1)
-    inside: float = setting(0.1, "docs/robustness.md, other species", least=0)
-    n_starts: int = setting(60, "docs/robustness.md, other species", least=1)
+    inside: float = setting(0.1, "docs/lab/robustness.md, other species", least=0)
+    n_starts: int = setting(60, "docs/lab/robustness.md, other species", least=1)
     bending: tuple[float, ...] = setting(
-        (0.3, 0.25, 0.2, 0.17, 0.14, 0.11, 0.09, 0.075, 0.06, 0.05), "docs/notes/other_species.md", least=1e-3
+        (0.3, 0.25, 0.2, 0.17, 0.14, 0.11, 0.09, 0.075, 0.06, 0.05), "docs/lab/design_notes.md", least=1e-3
     )
-    n_bent_vertices: int = setting(1000, "docs/notes/other_species.md", least=100)
-    most_scaled: float = setting(
-        2.0, "docs/notes/other_species.md: limbs of half and twice the size", least=1
-    )
+    n_bent_vertices: int = setting(1000, "docs/lab/design_notes.md", least=100)
+    most_scaled: float = setting(2.0, "docs/lab/design_notes.md: limbs of half and twice the size", least=1)

@@ -51,30 +51,30 @@ class OutcomeSettings(Settings):
     """
 
     coverage_radius: float = setting(0.05, "the spacing of the search vertices", least=0)
-    tie: float = setting(1.25, "docs/notes/ball_signature.md", least=1)
-    look_tie: float = setting(1.15, "docs/notes/ball_signature.md", least=1)
-    mirror_tie: float = setting(1.5, "docs/benchmarks.md, confidence: either side", least=1)
+    tie: float = setting(1.25, "docs/lab/design_notes.md", least=1)
+    look_tie: float = setting(1.15, "docs/lab/design_notes.md", least=1)
+    mirror_tie: float = setting(1.5, "docs/lab/benchmarks.md, confidence: either side", least=1)
     mirror_image: float = setting(
         0.6, "lopsided creatures up to 0.52; bodies with a left and a right side from 0.67", least=0, most=1
     )
     torn: float = setting(4.0, "chosen: a few torn faces must not outweigh all others", least=1)
     poor_misfit: float = setting(
-        0.66, "set on FAUST and creatures; checked in docs/benchmarks.md, confidence", least=0
+        0.66, "set on FAUST and creatures; checked in docs/lab/benchmarks.md, confidence", least=0
     )
     poor_residual: float = setting(
-        0.38, "set on FAUST and creatures; checked in docs/benchmarks.md, confidence", least=0
+        0.38, "set on FAUST and creatures; checked in docs/lab/benchmarks.md, confidence", least=0
     )
-    poor_stretch: float = setting(1.2, "docs/benchmarks.md, confidence", least=1)
-    poor_bending: float = setting(1.7e-3, "docs/notes/other_species.md", least=0)
-    poor_far_residual: float = setting(0.45, "docs/notes/other_species.md", least=0)
-    poor_mismatch: float = setting(0.42, "docs/notes/ball_signature.md", least=0)
-    doubtful_mismatch: float = setting(0.65, "docs/benchmarks.md, regions of doubt", least=0)
+    poor_stretch: float = setting(1.2, "docs/lab/benchmarks.md, confidence", least=1)
+    poor_bending: float = setting(1.7e-3, "docs/lab/design_notes.md", least=0)
+    poor_far_residual: float = setting(0.45, "docs/lab/design_notes.md", least=0)
+    poor_mismatch: float = setting(0.42, "docs/lab/design_notes.md", least=0)
+    doubtful_mismatch: float = setting(0.65, "docs/lab/benchmarks.md, regions of doubt", least=0)
     doubtful_area: float = setting(0.02, "a forearm of a body", least=0, most=1)
-    torn_apart: float = setting(0.1, "0.07 to 0.15 do as well: docs/benchmarks.md, confidence", least=0)
+    torn_apart: float = setting(0.1, "0.07 to 0.15 do as well: docs/lab/benchmarks.md, confidence", least=0)
     poor_torn_off: float = setting(
-        0.005, "half a hand; right maps have at most 0.2 %: docs/benchmarks.md, confidence", least=0
+        0.005, "half a hand; right maps have at most 0.2 %: docs/lab/benchmarks.md, confidence", least=0
     )
     poor_orientation: float = setting(0.65, "chosen, not measured", least=-1, most=1)
-    contradiction: float = setting(0.1, "docs/benchmarks.md, contradicted hints", least=0)
+    contradiction: float = setting(0.1, "docs/lab/benchmarks.md, contradicted hints", least=0)
     out_of_pose: float = setting(0.25, "docs/hints.md: up to 0.22 turned by 40°, from 0.29 by 90°", least=0)
     large_component: float = setting(0.05, "a hand is 1 %, a head 8 % of a body", least=0, most=1)

@@ -51,25 +51,27 @@ class PartSettings(Settings):
         Score of an alternative, against the map returned, below which nothing decides between them.
     """
 
-    hopeless: float = setting(3.0, "docs/robustness.md: parts", least=1)
+    hopeless: float = setting(3.0, "docs/lab/robustness.md: parts", least=1)
     long_boundary: float = setting(
         0.15, "complete bodies up to 0.08, bodies without a limb from 0.2", least=0
     )
-    close: bool = setting(True, "docs/robustness.md: holes closed")
+    close: bool = setting(True, "docs/lab/robustness.md: holes closed")
     closed_score: float = setting(1.1, "chosen, not measured", least=0)
-    little_missing: float = setting(0.85, "docs/notes/two_ways.md", least=0)
-    most_there: float = setting(0.6, "docs/notes/two_ways.md", least=0)
+    little_missing: float = setting(0.85, "docs/lab/design_notes.md", least=0)
+    most_there: float = setting(0.6, "docs/lab/design_notes.md", least=0)
     bending: tuple[float, ...] = setting(
-        (0.3, 0.25, 0.2, 0.17, 0.14, 0.11, 0.09, 0.075, 0.06, 0.05), "docs/robustness.md: parts", least=1e-3
+        (0.3, 0.25, 0.2, 0.17, 0.14, 0.11, 0.09, 0.075, 0.06, 0.05),
+        "docs/lab/robustness.md: parts",
+        least=1e-3,
     )
-    rim: float = setting(0.04, "docs/robustness.md: parts", least=0)
-    off: float = setting(0.1, "docs/robustness.md: parts", least=0)
-    n_bent_vertices: int = setting(1000, "docs/robustness.md: parts", least=50)
-    n_settled: int = setting(3, "docs/robustness.md: parts", least=0)
-    poor_doubt: float = setting(8.5e-5, "docs/robustness.md: parts, how the bound was set", least=0)
-    little_trusted: float = setting(0.15, "docs/robustness.md: parts", least=0, most=1)
-    clear: float = setting(2.0, "docs/robustness.md: parts", least=1)
-    mismatch_weight: float = setting(6.0, "docs/notes/ball_signature.md", least=0)
-    n_common: int = setting(8, "docs/notes/two_parts.md", least=1)
-    sure_common: float = setting(0.5, "docs/notes/two_parts.md", least=0)
+    rim: float = setting(0.04, "docs/lab/robustness.md: parts", least=0)
+    off: float = setting(0.1, "docs/lab/robustness.md: parts", least=0)
+    n_bent_vertices: int = setting(1000, "docs/lab/robustness.md: parts", least=50)
+    n_settled: int = setting(3, "docs/lab/robustness.md: parts", least=0)
+    poor_doubt: float = setting(8.5e-5, "docs/lab/robustness.md: parts, how the bound was set", least=0)
+    little_trusted: float = setting(0.15, "docs/lab/robustness.md: parts", least=0, most=1)
+    clear: float = setting(2.0, "docs/lab/robustness.md: parts", least=1)
+    mismatch_weight: float = setting(6.0, "docs/lab/design_notes.md", least=0)
+    n_common: int = setting(8, "docs/lab/design_notes.md", least=1)
+    sure_common: float = setting(0.5, "docs/lab/design_notes.md", least=0)
     tie: float = setting(1.2, "chosen on cuts and holes, not one by one", least=1)

@@ -38,7 +38,7 @@ class RefinementSettings(Settings):
     """
 
     sizes_without_positions: tuple[int, ...] = setting(
-        (20, 25, 30, 35, 40, 45, 50), "Melzi et al. 2019; docs/notes/refinement.md", least=4, empty=True
+        (20, 25, 30, 35, 40, 45, 50), "Melzi et al. 2019; docs/lab/design_notes.md", least=4, empty=True
     )
     sizes_with_positions: tuple[int, ...] = setting(
         (50, 75, 100), "ablation: no positions and normals", least=4, empty=True
@@ -47,17 +47,17 @@ class RefinementSettings(Settings):
         (125, 150), "ablation: no positions and normals", least=4, empty=True
     )
     sizes_of_parts: tuple[int, ...] = setting(
-        (70, 100, 140), "docs/notes/refinement.md, parts", least=4, empty=True
+        (70, 100, 140), "docs/lab/design_notes.md, parts", least=4, empty=True
     )
     sizes_again: tuple[int, ...] = setting(
-        (20, 30, 50, 80, 130), "docs/notes/refinement.md", least=4, empty=True
+        (20, 30, 50, 80, 130), "docs/lab/design_notes.md", least=4, empty=True
     )
     polished_sizes: tuple[int, ...] = setting((100, 150), "docs/performance.md, resolution", least=4)
     position_unit: float = setting(0.08, "measured on 9 pairs: 0.08 2.06, 0.15 2.11, 0.3 2.14", least=1e-6)
-    normal_weight: float = setting(0.3, "docs/benchmarks.md, sensitivity", least=0)
+    normal_weight: float = setting(0.3, "docs/lab/benchmarks.md, sensitivity", least=0)
     function_weight: float = setting(0.2, "docs/hints.md: functions known on both", least=0)
-    registration_steps: int = setting(3, "docs/notes/refinement.md", least=0)
-    laplace_steps_at_once: int = setting(0, "docs/paper.md, deviations: at once heals less", least=0)
+    registration_steps: int = setting(3, "docs/lab/design_notes.md", least=0)
+    laplace_steps_at_once: int = setting(0, "docs/lab/paper.md, deviations: at once heals less", least=0)
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -60,7 +60,7 @@ class SearchSettings(Settings):
     """
 
     rank: int = setting(30, "measured on 50 pairs: p = 60 and k = 30 as good as p = 100 and k = 50", least=4)
-    start_columns: int = setting(20, "docs/benchmarks.md, sensitivity", least=4)
+    start_columns: int = setting(20, "docs/lab/benchmarks.md, sensitivity", least=4)
     near_rigid: float = setting(
         0.05,
         "bones, teeth, skulls of one kind: 0.034 to 0.043; bodies in other poses: from 0.047 on",
@@ -68,35 +68,39 @@ class SearchSettings(Settings):
     )
     off_diagonal: tuple[float, ...] = setting(
         (0.01, 0.001, 0.0001),
-        "docs/paper.md: the two further ones take centaur5–centaur2 from 4.3 to 2.6",
+        "docs/lab/paper.md: the two further ones take centaur5–centaur2 from 4.3 to 2.6",
         least=0,
     )
-    ridge: float = setting(0.001, "docs/benchmarks.md, sensitivity", least=0)
+    ridge: float = setting(0.001, "docs/lab/benchmarks.md, sensitivity", least=0)
     extremity_counts: tuple[int, ...] = setting(
         (4, 5, 6), "ablation: one set of extremities (cat4–cat9)", least=1
     )
-    n_candidate_extremities: int = setting(7, "docs/benchmarks.md, sensitivity", least=1)
+    n_candidate_extremities: int = setting(7, "docs/lab/benchmarks.md, sensitivity", least=1)
     assignments: int = setting(
-        8, "docs/benchmarks.md, sensitivity; with flips, the right map was found on 86 of 86 pairs", least=1
+        8,
+        "docs/lab/benchmarks.md, sensitivity; with flips, the right map was found on 86 of 86 pairs",
+        least=1,
     )
-    eccentricity_weight: float = setting(0.3, "docs/benchmarks.md, sensitivity", least=0)
-    start_steps: int = setting(12, "docs/benchmarks.md, sensitivity", least=1)
-    flip_steps: int = setting(4, "docs/benchmarks.md, sensitivity", least=1)
-    unchanged: float = setting(0.99, "docs/benchmarks.md, sensitivity", least=0, most=1)
-    compare_every: int = setting(2, "docs/benchmarks.md, sensitivity", least=1)
+    eccentricity_weight: float = setting(0.3, "docs/lab/benchmarks.md, sensitivity", least=0)
+    start_steps: int = setting(12, "docs/lab/benchmarks.md, sensitivity", least=1)
+    flip_steps: int = setting(4, "docs/lab/benchmarks.md, sensitivity", least=1)
+    unchanged: float = setting(0.99, "docs/lab/benchmarks.md, sensitivity", least=0, most=1)
+    compare_every: int = setting(2, "docs/lab/benchmarks.md, sensitivity", least=1)
     same_start: float = setting(
-        0.02, "docs/benchmarks.md, sensitivity; half the spacing of 400 samples", least=0
+        0.02, "docs/lab/benchmarks.md, sensitivity; half the spacing of 400 samples", least=0
     )
-    same_map: float = setting(0.05, "docs/benchmarks.md, sensitivity; the spacing of 400 samples", least=0)
+    same_map: float = setting(
+        0.05, "docs/lab/benchmarks.md, sensitivity; the spacing of 400 samples", least=0
+    )
     n_hypotheses: int = setting(
         14, "measured: the right map was among the best 12 on 86 of 86 pairs", least=1
     )
     flipped: int = setting(3, "ablation: no flips", least=0)
     flipped_functions: int = setting(20, "ablation: no flips", least=0)
-    both_ways: bool = setting(True, "docs/notes/both_ways.md: victoria2–victoria23, 18.4 without, 4.5 with")
-    combined: int = setting(4, "docs/notes/both_ways.md", least=0)
-    halves: int = setting(4, "docs/notes/both_ways.md", least=0)
-    most_combined: int = setting(6, "docs/notes/both_ways.md", least=0)
+    both_ways: bool = setting(True, "docs/lab/design_notes.md: victoria2–victoria23, 18.4 without, 4.5 with")
+    combined: int = setting(4, "docs/lab/design_notes.md", least=0)
+    halves: int = setting(4, "docs/lab/design_notes.md", least=0)
+    most_combined: int = setting(6, "docs/lab/design_notes.md", least=0)
     flip_landmarks: bool = setting(
-        True, "docs/paper.md: victoria12–victoria23 from landmarks, 7.9 without, 4.2 with"
+        True, "docs/lab/paper.md: victoria12–victoria23 from landmarks, 7.9 without, 4.2 with"
     )

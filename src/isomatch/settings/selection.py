@@ -43,7 +43,7 @@ class SelectionSettings(Settings):
         Most alternatives in the result.
     """
 
-    normal_functions: int = setting(40, "docs/benchmarks.md, sensitivity", least=4)
+    normal_functions: int = setting(40, "docs/lab/benchmarks.md, sensitivity", least=4)
     curvature_exponent: float = setting(
         2.0, "measured on 86 pairs: 2 and 1 choose right, 2 by a wider margin", least=0
     )
@@ -53,16 +53,16 @@ class SelectionSettings(Settings):
     mirrored_energy: float = setting(
         0.75, "lopsided creatures up to 0.52; bodies with a left and a right side from 0.42", least=0
     )
-    energy_limit: float = setting(3.0, "docs/benchmarks.md, sensitivity", least=1)
-    most_contenders: int = setting(4, "docs/notes/refinement.md: no other map than by 6", least=1)
+    energy_limit: float = setting(3.0, "docs/lab/benchmarks.md, sensitivity", least=1)
+    most_contenders: int = setting(4, "docs/lab/design_notes.md: no other map than by 6", least=1)
     extension_functions: int = setting(
-        50, "docs/benchmarks.md, sensitivity; as many as before the judgement", least=4
+        50, "docs/lab/benchmarks.md, sensitivity; as many as before the judgement", least=4
     )
-    misfit_limit: float = setting(1.15, "docs/benchmarks.md, sensitivity; as outcome.tie", least=1)
+    misfit_limit: float = setting(1.15, "docs/lab/benchmarks.md, sensitivity; as outcome.tie", least=1)
     same_map: float = setting(
-        0.02, "docs/benchmarks.md, sensitivity; half of the displacement by one turned limb", least=0
+        0.02, "docs/lab/benchmarks.md, sensitivity; half of the displacement by one turned limb", least=0
     )
     energy_exponent: float = setting(0.25, "ablation: contest decided by misfit alone", least=0)
     rival_distance: float = setting(0.15, "more than noise or one limb, less than a turned body", least=0)
-    mismatch_weight: float = setting(1.5, "docs/notes/ball_signature.md", least=0)
+    mismatch_weight: float = setting(1.5, "docs/lab/design_notes.md", least=0)
     most_alternatives: int = setting(2, "what a report can show beside the map", least=0)

@@ -20,5 +20,5 @@ class SymmetrySettings(Settings):
         map is a symmetry: their spacing alone makes about 2.4.
     """
 
-    most: int = setting(24, "docs/benchmarks.md, symmetry", least=0)
-    largest_residual: float = setting(3.2, "docs/benchmarks.md, symmetry", least=0)
+    most: int = setting(24, "docs/lab/benchmarks.md, symmetry", least=0)
+    largest_residual: float = setting(3.2, "docs/lab/benchmarks.md, symmetry", least=0)

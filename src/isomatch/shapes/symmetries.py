@@ -25,16 +25,16 @@ from isomatch.values.arrays import FloatArray, IntArray
 # three points determine an isometry of a surface, two more its errors
 N_ANCHORS = 5
 
-BEAM = 60  # partial assignments that are kept; docs/benchmarks.md, symmetry
+BEAM = 60  # partial assignments that are kept; docs/lab/benchmarks.md, symmetry
 
 GENERATORS = 6  # symmetries whose products are tried, too; chosen, not measured
 
-# mean cosine between normals, of either sign, from which a map is a symmetry; docs/benchmarks.md, symmetry
+# mean cosine between normals, of either sign, from which a map is a symmetry; docs/lab/benchmarks.md, symmetry
 LEAST_ORIENTATION = 0.7
 
 N_SAMPLES = 200  # samples among which symmetries are searched; chosen: spacing 0.08, less than SAME_SYMMETRY
 
-STEPS = 12  # iterations of closest points from each assignment; docs/benchmarks.md, symmetry
+STEPS = 12  # iterations of closest points from each assignment; docs/lab/benchmarks.md, symmetry
 
 # mean distance, in √area, from which a map is not the identity; selection.rival_distance: less is a variant
 LEAST_MOVED = 0.15

@@ -49,7 +49,10 @@ class SpectralGmdsConfig(Settings):
     previous_weight: float = setting(1.0, least=0)
     icp_steps: int = setting(15, least=1)
     final_sizes: tuple[int, ...] = setting(
-        tuple(range(20, 201, 5)), "as `zoomout` from a map; docs/paper.md, Spectral GMDS", least=3, empty=True
+        tuple(range(20, 201, 5)),
+        "as `zoomout` from a map; docs/lab/paper.md, Spectral GMDS",
+        least=3,
+        empty=True,
     )
     orientation: Orientation = "any"
 

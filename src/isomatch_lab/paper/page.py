@@ -19,7 +19,8 @@ ELSEWHERE = (
     "quick",
     "isomatch",
     "files",
-)  # shown in other places
+    "pairs",
+)  # shown in other places, or long: NAME.json has them
 
 
 def write_page(out: Path, names: Iterable[str]) -> None:
@@ -49,8 +50,8 @@ def _section(record: dict[str, Any]) -> str:
         if key not in ELSEWHERE and value not in ({}, [], "")
     )
     return (
-        f"\n## {name}: {record['origin']}\n\n{record['title']}. `isomatch paper {name}{quick} -o OUT`; numbers: "
-        f"[{name}.csv]({name}.csv).\n\n[![{record['title']}]({name}.png)]({name}.png)\n\n"
+        f"\n## {name}: {record['origin']}\n\n{record['title']}. `isomatch paper {name}{quick} -o OUT`; "
+        f"[numbers]({name}.csv), [pairs and settings]({name}.json).\n\n[![{record['title']}]({name}.png)]({name}.png)\n\n"
         f"| claim | measured | holds |\n|---|---|---|\n{rows}\n{facts[:1].upper()}{facts[1:]}.\n"
     )
 

@@ -9,7 +9,7 @@ from isomatch.matching.relations.both_side import BothSide
 from isomatch.values.arrays import FloatArray, IntArray
 from isomatch.values.cached import cached_property
 
-# all chosen on two parts of SHREC'16, not one by one; docs/notes/two_parts.md
+# all chosen on two parts of SHREC'16, not one by one; docs/lab/design_notes.md
 USUAL = 0.25  # cost of a candidate that says nothing
 PRIOR_RADII = 1.5  # number of radii that a neutral mismatch counts as
 USUAL_AREA, MOST_AREA, PRIOR_AREAS = 0.15, 1.0, 2.0  # the same of the logarithms of areas

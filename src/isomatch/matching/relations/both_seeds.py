@@ -18,7 +18,7 @@ from isomatch.matching.search import FromAnchors
 from isomatch.runtime.threads import parallel_map
 from isomatch.values.arrays import BoolArray, IntArray
 
-# all chosen on two parts of SHREC'16, not one by one; docs/notes/two_parts.md
+# all chosen on two parts of SHREC'16, not one by one; docs/lab/design_notes.md
 N_ANCHORS, N_CANDIDATES = 56, 300  # samples of the source that grow regions, and of the target where they go
 N_ROOTS, N_LIKELY = 40, 30  # anchors deepest inside from which regions grow, and candidates of each
 COST = IntervalCost(tolerance=0.1, inside=0.1, most=0.5, soft=0.15)

@@ -35,7 +35,7 @@ from isomatch.values.cached import cached_method, cached_property
 # mesh018–mesh014 with holes: 30 with 3
 FLIPPED = 6
 
-CREASED = 3  # times that a shape is cut along its creases, and matched; docs/notes/contacts.md
+CREASED = 3  # times that a shape is cut along its creases, and matched; docs/lab/design_notes.md
 HOPELESS = 1.3  # score over that of the best map, above which creases are no better cut once more
 TORN = 0.1  # √area between the images of the two sides of a crease, from which it is a contact
 

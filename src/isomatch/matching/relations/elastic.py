@@ -41,7 +41,7 @@ from isomatch.values.arrays import IntArray
 from isomatch.values.cached import cached_property
 
 # best coarse fits that go on after each step; the last ones are bent, beside the map found otherwise;
-# docs/notes/other_species.md
+# docs/lab/design_notes.md
 N_FOLLOWED = (90, 40, 8)
 
 # score of a coarse fit = misfit × (unit + asymmetry)^exponent; chosen on pairs of animals, not one by one
@@ -52,34 +52,34 @@ ASYMMETRY_EXPONENT = 0.25  # see ASYMMETRY_UNIT; chosen on pairs of animals, not
 # mean cosine between normals from which a coarse fit is followed up; selection.orientation_threshold
 LEAST_ORIENTATION = 0.3
 
-# score over the least, halfway, from which a map is not bent further; docs/notes/other_species.md
+# score over the least, halfway, from which a map is not bent further; docs/lab/design_notes.md
 HOPELESS = 1.5
 
-# the step between two bendings: all functions, half the smoothness for twice the functions; docs/notes/other_species.md
+# the step between two bendings: all functions, half the smoothness for twice the functions; docs/lab/design_notes.md
 LAST_STEP = Step(200, 0.0005, 2, False)
 
 # mean distance, in √area, by which maps differ in the large; search.same_map
 SAME_MAP = 0.05
 
-# of normals, beside canonical coordinates, in the last step; docs/robustness.md, other species
+# of normals, beside canonical coordinates, in the last step; docs/lab/robustness.md, other species
 FINE_NORMAL_WEIGHT = 0.15
 
-# score over the least, up to which a map that agrees with the hints wins; docs/notes/other_species.md
+# score over the least, up to which a map that agrees with the hints wins; docs/lab/design_notes.md
 HINTED_TIE = 1.1
 
 SKIPPED = 2  # first lengths of elastic.bending, which move large pieces; the winner was bent by them before
 
-# by which the winner is bent in full, after those; docs/notes/other_species.md
+# by which the winner is bent in full, after those; docs/lab/design_notes.md
 FULL_LENGTHS = (0.05, 0.04, 0.03)
 
 # of normals, where images are read off the bent source: it lies on the target, so they only tell sheets apart;
-# docs/notes/other_species.md
+# docs/lab/design_notes.md
 READ_UNIT = 0.05
 
-LYING_WEIGHT = 15.0  # of where the bent shapes lie, beside joint coordinates; docs/notes/other_species.md
+LYING_WEIGHT = 15.0  # of where the bent shapes lie, beside joint coordinates; docs/lab/design_notes.md
 
 # stretch of bent shapes, below which an ordinary map stays what it is, and below which one that fits does if it wins;
-# docs/notes/other_species.md
+# docs/lab/design_notes.md
 NEARLY_ISOMETRIC, FITS_ISOMETRIC = 0.085, 0.105
 
 NO_SCORE = 1e-12  # so that ratios of scores are finite

@@ -20,7 +20,7 @@ COARSE_SMOOTHNESS = (0.01, 0.01, 0.007)
 
 COARSE_FUNCTIONS = (20, 20, 30)  # in the steps of the coarse fit; chosen: limbs, but no details
 
-COARSE_ITERATIONS = (2, 2, 4)  # in each step; docs/notes/other_species.md
+COARSE_ITERATIONS = (2, 2, 4)  # in each step; docs/lab/design_notes.md
 
 SIGNATURE_WEIGHT = 0.05  # beside canonical coordinates; chosen on pairs of animals, not one by one
 

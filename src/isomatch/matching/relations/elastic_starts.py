@@ -20,7 +20,7 @@ BEAM = 600  # partial assignments that are kept; chosen on pairs of animals, not
 APART = 0.12  # mean distance, in average distances, by which they differ; as in parts
 
 # starts that do not compare distances from the mirror image, where both shapes have one;
-# docs/robustness.md, other species
+# docs/lab/robustness.md, other species
 N_PLAIN_STARTS = 30
 
 # weight of differences of the distance from the mirror image; chosen: as much as the average distance; not measured

@@ -29,7 +29,7 @@ MIRROR_FORGIVEN = 0.1
 # from which a map to itself is a mirror image; chosen on pairs of animals, not one by one
 MIRROR_ORIENTATION = 0.5
 
-N_FOLLOWED = (12, 4, 4)  # of these that go on after each step; docs/notes/other_species.md
+N_FOLLOWED = (12, 4, 4)  # of these that go on after each step; docs/lab/design_notes.md
 
 NONE = np.zeros((0, 2), dtype=np.int64)
 

@@ -23,13 +23,13 @@ from isomatch.shapes import PreparedShape
 from isomatch.values.arrays import FloatArray, IntArray
 from isomatch.values.cached import cached_property
 
-# cost = misfit × stress to this power; docs/notes/ball_signature.md: 0.15 to 0.4 choose alike
+# cost = misfit × stress to this power; docs/lab/design_notes.md: 0.15 to 0.4 choose alike
 STRESS_EXPONENT = 0.25
 
 # functions of the whole in the short refinement; chosen on cuts and holes, not one by one
 ROUGH_SIZES = (20, 40, 70)
 
-N_BENT = 2  # times that a map is settled; docs/robustness.md: parts
+N_BENT = 2  # times that a map is settled; docs/lab/robustness.md: parts
 
 LEAST_SCORE = 1e-12  # so that scores have a ratio where a part is copied onto itself without error
 N_ROUGH_FUNCTIONS, N_FINE_FUNCTIONS = (

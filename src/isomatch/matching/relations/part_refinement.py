@@ -21,7 +21,7 @@ from isomatch.values.cached import cached_method, cached_property
 # a boundary needs more functions than the share of the area says; chosen on cuts and holes, not one by one
 FUNCTION_RATIO = 1.75
 
-# distances from landmarks, in √area, up to which they are coordinates of the refinement; docs/robustness.md: parts
+# distances from landmarks, in √area, up to which they are coordinates of the refinement; docs/lab/robustness.md: parts
 LANDMARK_REACH = 0.3
 
 # distances along the part, in its √area, whose ratios to those of the images measure the unit;
