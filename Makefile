@@ -13,7 +13,7 @@ WORKERS := -n auto --dist loadfile --no-loadscope-reorder  # a worker for each p
 
 unexport PYTHONDONTWRITEBYTECODE # or each of the processes that tests start compiles every module again
 
-.PHONY: demo docs told extras test test-long fuzz coverage lint types benchmark microbenchmarks results lock lowest release-check clean
+.PHONY: demo docs told extras test test-long fuzz coverage lint types benchmark results lock lowest release-check clean
 
 $(VENV)/core: pyproject.toml
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
@@ -71,13 +71,10 @@ types: $(VENV)/dev
 	$(BIN)/mypy
 
 benchmark: $(VENV)/dev
-	$(BIN)/python benchmarks/performance.py -o $(or $(OUT),performance) $(if $(DATA),--data $(DATA))
+	$(BIN)/python -m isomatch_lab.studies.performance -o $(or $(OUT),performance) $(if $(DATA),--data $(DATA))
 
 results: $(VENV)/dev
-	$(BIN)/python benchmarks/results.py $(if $(DATA),--data $(DATA),--list) $(if $(OUT),-o $(OUT)) $(STEPS)
-
-microbenchmarks: $(VENV)/dev
-	$(BIN)/python -m pytest benchmarks/bench_*.py -s -o addopts= -o 'python_functions=bench_*' --benchmark-columns=min,median,rounds
+	$(BIN)/python -m isomatch_lab.studies.results $(if $(DATA),--data $(DATA),--list) $(if $(OUT),-o $(OUT)) $(STEPS)
 
 lock: $(UV)
 	$(UV) pip compile --quiet --upgrade --universal --generate-hashes --no-strip-extras --no-annotate --no-emit-index-url \

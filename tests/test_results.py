@@ -7,9 +7,8 @@ from pathlib import Path
 
 import pytest
 
-import published
-import results
-from result_steps import STEPS, Step
+from isomatch_lab.studies import published, results
+from isomatch_lab.studies.result_steps import STEPS, Step
 
 ROOT = Path(__file__).parents[1]
 PAGES = {page.relative_to(ROOT).as_posix(): page.read_text(encoding="utf-8") for page in results.pages()}
@@ -23,7 +22,6 @@ BY_HAND = {  # tables with decimals that no step makes, in pages with those of s
     "docs/lab/paper.md": 1,
     "docs/lab/robustness.md": 1,
     "docs/performance.md": 1,
-    "docs/scale.md": 2,
 }
 KNOWN = results.stamps()
 ONE = {
@@ -47,7 +45,7 @@ def unmarked_tables(text):
 def test_a_page_shows_the_committed_tables_with_one_stamp(page):
     text = PAGES[page]
     assert text.count("<!-- result:") == len(results.MARKED.findall(text)), "a place is marked in another way"
-    assert results.filled(text, KNOWN) == text, "run python benchmarks/results.py --pages"
+    assert results.filled(text, KNOWN) == text, "run python -m isomatch_lab.studies.results --pages"
     assert ("<!-- result: stamp -->" in text) == bool(results.tables_of(text))
     assert len(unmarked_tables(text)) == BY_HAND[page], unmarked_tables(text)
 
@@ -119,10 +117,9 @@ def test_the_source_is_what_its_files_hold(tmp_path):
 def toy(tmp_path, monkeypatch):
     """A step that ends with its second run, and counts them; results and docs are elsewhere."""
     (tmp_path / "docs" / "results").mkdir(parents=True)
-    (tmp_path / "benchmarks").mkdir()
-    for name in ("studies.py", "hard_pairs.txt"):
-        (tmp_path / "benchmarks" / name).write_text("")
-    (tmp_path / "benchmarks" / "toy.py").write_text(
+    for name in results.SHARED:
+        (tmp_path / name).write_text("")
+    (tmp_path / "toy.py").write_text(
         "import sys, pathlib\n"
         "out = pathlib.Path(sys.argv[1])\n"
         "runs = out / 'runs.txt'\n"
@@ -131,10 +128,9 @@ def toy(tmp_path, monkeypatch):
         "(out / 'table.csv').write_text('a,b\\n1,2\\n')\n"
     )
     monkeypatch.setattr(results, "ROOT", tmp_path)
+    monkeypatch.setattr(results, "STUDIES", tmp_path)
     monkeypatch.setattr(results, "RESULTS", tmp_path / "docs" / "results")
-    return Step(
-        "toy", 1, "python benchmarks/toy.py {out}", {"toy": "table.csv"}, {"toy/runs.txt": "runs.txt"}
-    )
+    return Step("toy", 1, "python -m toy {out}", {"toy": "table.csv"}, {"toy/runs.txt": "runs.txt"})
 
 
 def test_an_interrupted_step_continues_and_a_finished_one_is_present(toy, tmp_path):
@@ -148,7 +144,7 @@ def test_an_interrupted_step_continues_and_a_finished_one_is_present(toy, tmp_pa
     assert (tmp_path / "docs/toy/runs.txt").read_text() == "xx"
     stamp = json.loads((tmp_path / "docs/results/stamps.json").read_text())["toy"]
     assert set(stamp) == {*ONE, "command", "scripts"}
-    with (tmp_path / "benchmarks/toy.py").open("a") as file:
+    with (tmp_path / "toy.py").open("a") as file:
         file.write("# changed\n")
     assert not results.is_present(toy, results.stamps())
     with pytest.raises(Exception, match="returned non-zero"):  # it begins anew

@@ -128,7 +128,7 @@ def laplace_basis(
     L and A are the tufted intrinsic Delaunay Laplacian of Sharp & Crane, *A Laplacian for Nonmanifold Triangle Meshes*,
     SGP 2020 (package robust_laplacian); for graphs ``laplacian``. The eigenpairs come from a block Krylov space of the
     shifted inverse with full reorthogonalisation; it solves for a few vectors at once and projects by matrix products,
-    which makes it about twice as fast as ARPACK (``benchmarks/bench_laplace.py``). O(n k²) time, about 24 n k bytes.
+    which makes it about twice as fast as ARPACK. O(n k²) time, about 24 n k bytes.
 
     Examples
     --------

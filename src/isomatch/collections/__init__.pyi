@@ -1,6 +1,7 @@
 from isomatch.collections.agreement import Agreement, agree, agreement_of
 from isomatch.collections.cohort import Misfit, misfits
 from isomatch.collections.collection import Collection
+from isomatch.collections.consistency import CONTRADICTED, inconsistency
 from isomatch.collections.export import export
 from isomatch.collections.finish import finish, surfaces_written
 from isomatch.collections.kept import KEPT, changed_files, keep_files, require_unchanged
@@ -18,6 +19,7 @@ from isomatch.collections.tables import write_table
 from isomatch.collections.units import scales_of
 
 __all__ = [
+    "CONTRADICTED",
     "KEPT",
     "Agreement",
     "Collection",
@@ -35,6 +37,7 @@ __all__ = [
     "draw_landmarks",
     "export",
     "finish",
+    "inconsistency",
     "keep_files",
     "landmarks_left_out",
     "mirror_images",

@@ -15,9 +15,11 @@ from isomatch.values.arrays import FloatArray, IntArray, single
 # a rival of score ratio r is right with chance 1 / (1 + r^exponent); one in ten at the bound of a tie
 RIVAL_EXPONENT = 10.0
 
-ERROR_RADIUS = 0.08  # over which it is spread, in √area; 0.05 to 0.14 tried: benchmarks/vertex_confidence.py
+ERROR_RADIUS = (
+    0.08  # over which it is spread, in √area; 0.05 to 0.14 tried: isomatch_lab/studies/vertex_confidence.py
+)
 
-# factor of the expected error; mean error of faust_r and creatures: benchmarks/vertex_confidence.py
+# factor of the expected error; mean error of faust_r and creatures: isomatch_lab/studies/vertex_confidence.py
 ERROR_SCALE = 0.32
 
 TINY = 1e-12

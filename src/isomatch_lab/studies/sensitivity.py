@@ -1,6 +1,6 @@
 """How much does each fine setting matter? Some hard pairs, each time with one setting about halved or doubled.
 
-    python benchmarks/sensitivity.py --data DIR -o OUT
+    python -m isomatch_lab.studies.sensitivity --data DIR -o OUT
 
 writes ``sensitivity.csv``: for each setting and value the mean error (geodesic, × 100 / √area) over the pairs, failures
 (> 10), and the largest change of a pair. The first row has the defaults. ``sensitivity_table.csv`` has the values that
@@ -15,7 +15,15 @@ from typing import Any
 import numpy as np
 
 from isomatch import Config, IsomatchError, PreparedShape, match, prepare
-from studies import Job, asked_for, hard_jobs, in_parallel, loaded, mean_error, write_table
+from isomatch_lab.studies.shared import (
+    Job,
+    asked_for,
+    hard_jobs,
+    in_parallel,
+    loaded,
+    mean_error,
+    write_table,
+)
 
 FAILURE = 10.0
 NOTICEABLE = 0.2  # change of the mean

@@ -8,7 +8,7 @@ from __future__ import annotations
 import csv
 from pathlib import Path
 
-from result_tables import markdown
+from isomatch_lab.studies.result_tables import markdown
 
 PUBLISHED = Path(__file__).with_suffix(".csv")
 OURS = {  # contest in published.csv: heading, and our rows of it in contests.csv with what they are of

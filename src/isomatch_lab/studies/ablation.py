@@ -1,6 +1,6 @@
 """What does each part contribute? Hard pairs, each time with one part left out, by settings alone.
 
-    python benchmarks/ablation.py --data DIR -o OUT
+    python -m isomatch_lab.studies.ablation --data DIR -o OUT
 
 writes ``ablation_pairs.csv``, a row for each pair and variant, and ``ablation.csv``, a row for each variant: over all
 pairs the mean error (geodesic, × 100 / √area), failures (> 10), maps that are worse or better than with everything by
@@ -16,7 +16,16 @@ import numpy as np
 
 from isomatch import Config, NotConvergedError, match, prepare
 from isomatch.settings import RefinementSettings, SearchSettings, SelectionSettings
-from studies import Job, asked_for, hard_jobs, in_parallel, loaded, mean_error, write_rows, write_table
+from isomatch_lab.studies.shared import (
+    Job,
+    asked_for,
+    hard_jobs,
+    in_parallel,
+    loaded,
+    mean_error,
+    write_rows,
+    write_table,
+)
 
 FAILURE = 10.0
 NOTICEABLE = 0.3  # difference of errors

@@ -1,8 +1,8 @@
 """Measure again what the pages report, and put the tables into the pages.
 
-    python benchmarks/results.py --data DIR [-o OUT] [STEP ...]    # all steps of result_steps.py by default
-    python benchmarks/results.py --pages                           # only fills the pages from docs/results
-    python benchmarks/results.py --list
+    python -m isomatch_lab.studies.results --data DIR [-o OUT] [STEP ...]    # all steps of result_steps.py by default
+    python -m isomatch_lab.studies.results --pages                           # only fills the pages from docs/results
+    python -m isomatch_lab.studies.results --list
 
 The command of a step writes into ``OUT/STEP_STAMP``, where STAMP is a hash of all that its stamp says before it runs: a
 step that was interrupted continues there if nothing has changed, and else begins anew. Its tables are copied to
@@ -32,11 +32,13 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-import published
-from result_steps import STEPS, Step
-from result_tables import markdown, read_table
+from isomatch_lab.studies import published
+from isomatch_lab.studies.result_steps import STEPS, Step
+from isomatch_lab.studies.result_tables import markdown, read_table
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[3]
+STUDIES = Path(__file__).parent
+SHARED = ("shared.py", "hard_pairs.txt")  # what several studies need
 RESULTS = ROOT / "docs" / "results"
 PACKAGES = ("numpy", "scipy", "numba")
 MARKED = re.compile(r"<!-- result: ([\w-]+)(?:: ([^\n]+?))? -->\n(.*?)<!-- end of result -->", re.DOTALL)
@@ -44,7 +46,7 @@ OTHER = ("stamp", "beside")  # what is marked and no table
 Stamp = dict[str, Any]
 
 
-def source_hash(folder: Path = ROOT / "src") -> str:
+def source_hash(folder: Path = ROOT / "src" / "isomatch") -> str:
     """Hash of all files of a folder and of their names, without those that Python makes."""
     digest = hashlib.sha256()
     for path in sorted(folder.rglob("*")):
@@ -56,11 +58,8 @@ def source_hash(folder: Path = ROOT / "src") -> str:
 
 def present_stamp(step: Step) -> Stamp:
     """Say with what a step would be measured now."""
-    scripts = [word for word in step.command.split() if word.endswith(".py")]
-    code = b"".join(
-        (ROOT / path).read_bytes()
-        for path in [*scripts, "benchmarks/studies.py", "benchmarks/hard_pairs.txt"]
-    )
+    module = step.command.split("-m ")[1].split()[0]
+    code = b"".join((STUDIES / name).read_bytes() for name in (f"{module.rpartition('.')[2]}.py", *SHARED))
     return {
         "source": source_hash(),
         "command": step.command,
@@ -83,7 +82,7 @@ def revision() -> str:
     """Name the commit, and tell whether what measures was changed since."""
     head, changed = (
         subprocess.run(["git", *command], cwd=ROOT, capture_output=True, text=True).stdout.strip()
-        for command in (("rev-parse", "--short", "HEAD"), ("status", "--porcelain", "src", "benchmarks"))
+        for command in (("rev-parse", "--short", "HEAD"), ("status", "--porcelain", "src"))
     )
     return head + "-changed" * bool(changed)
 

@@ -1,6 +1,6 @@
 """How do maps fare as the target is damaged more and more? Every damage at every level, isomatch and pyFM.
 
-    python benchmarks/robustness.py --data DIR -o OUT
+    python -m isomatch_lab.studies.robustness --data DIR -o OUT
 
 writes ``robustness.csv``, one row for each map, ``robustness_table.csv`` and ``robustness.svg``. Rows that are
 already in ``OUT/rows`` are not computed again.
@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 
 from isomatch_lab.damage import DAMAGES
 from isomatch_lab.evaluation import BenchmarkRun, read_rows, run_benchmark
-from studies import SURE, asked_for, in_parallel, write_rows, write_table
+from isomatch_lab.studies.shared import SURE, asked_for, in_parallel, write_rows, write_table
 
 METHODS = ("isomatch", "pyfm")
 POINTS = 400

@@ -1,6 +1,6 @@
 """The paper's figures and its table as the pages show them, with the means of the methods of figure 5.
 
-    python benchmarks/paper_figures.py --data DIR -o OUT
+    python -m isomatch_lab.studies.paper_figures --data DIR -o OUT
 
 writes what ``isomatch paper all --points 500`` does, and ``paper_table.csv``: of each method on each set the mean error
 (× 100 / √area) and the area under the curve. Rows of runs that are in OUT are used.
@@ -16,7 +16,7 @@ from isomatch_lab.paper import ITEMS, Setting, reproduce
 from isomatch_lab.paper.benchmark_rows import benchmark_rows
 from isomatch_lab.paper.curves_5pt import METHODS
 from isomatch_lab.paper.princeton_curves import sets_of
-from studies import asked_for, write_table
+from isomatch_lab.studies.shared import asked_for, write_table
 
 POINTS = 500
 

@@ -1,6 +1,6 @@
 """How smooth, and how nearly one to one, are the maps? The default, without its last part, and the smooth option.
 
-    python benchmarks/smoothness.py --data DIR -o OUT
+    python -m isomatch_lab.studies.smoothness --data DIR -o OUT
 
 writes ``smoothness.csv``, one row for each map, and ``smoothness_table.csv``. Both directions are matched; the cycle
 error is the mean geodesic distance, × 100 / √area, between a vertex and where the two maps lead it.
@@ -17,7 +17,15 @@ from isomatch.evaluation import coverage, cycle_errors
 from isomatch.settings import RefinementSettings
 from isomatch_lab.evaluation import dirichlet_energy
 from isomatch_lab.sets import benchmark_set
-from studies import Job, asked_for, drawn, in_parallel, mean_error, write_rows, write_table
+from isomatch_lab.studies.shared import (
+    Job,
+    asked_for,
+    drawn,
+    in_parallel,
+    mean_error,
+    write_rows,
+    write_table,
+)
 
 SEED = 8
 PAIRS = {"faust_r": 5, "tosca_iso_r": 8, "scape": 3}

@@ -1,6 +1,6 @@
 """How long a match takes, stage by stage, and how much memory, from 5 000 to a million vertices.
 
-    python benchmarks/performance.py -o OUT [--data DIR] [--largest N]
+    python -m isomatch_lab.studies.performance -o OUT [--data DIR] [--largest N]
 
 matches pairs of creatures with different triangulations, each in a process of its own, and writes ``performance.csv``,
 its tables ``pairs_table.csv`` and ``stages_table.csv``, and a plot. Up to 60 000 vertices, pyFM matches the same pair in
@@ -31,7 +31,7 @@ from isomatch.shapes import prepare
 from isomatch_lab.procedural import creature
 from isomatch_lab.sets import benchmark_set
 from isomatch_lab.sets.shape_set import BenchmarkPair
-from studies import write_rows, write_table
+from isomatch_lab.studies.shared import write_rows, write_table
 
 SIZES = (5000, 28000, 52000, 112000, 200000, 450000, 1000000)
 REAL = {

@@ -1,6 +1,6 @@
 """Does the outcome tell wrong maps from right ones? Pairs on which maps do go wrong, judged against the truth.
 
-    python benchmarks/confidence.py --data DIR -o OUT
+    python -m isomatch_lab.studies.confidence --data DIR -o OUT
 
 writes ``confidence.csv`` (one row for each map) and ``confidence_table.csv``. A map counts as right below a mean
 error of 3, as wrong above 10 (geodesic error × 100 / √area), or if the shapes are of different kinds, so that no map
@@ -20,7 +20,15 @@ from isomatch import Config
 from isomatch.settings import SearchSettings
 from isomatch_lab.damage import DamageChoice
 from isomatch_lab.sets import BenchmarkPair, benchmark_set
-from studies import SURE, asked_for, error_after, in_parallel, mean_error, write_rows, write_table
+from isomatch_lab.studies.shared import (
+    SURE,
+    asked_for,
+    error_after,
+    in_parallel,
+    mean_error,
+    write_rows,
+    write_table,
+)
 
 RIGHT, WRONG = 3.0, 10.0
 SEED = 2026

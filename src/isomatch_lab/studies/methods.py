@@ -1,6 +1,6 @@
 """All methods, and isomatch started from the maps of each, on some pairs of three sets.
 
-    python benchmarks/methods.py --data DIR -o OUT
+    python -m isomatch_lab.studies.methods --data DIR -o OUT
 
 draws ten pairs of the remeshed sets; of SCAPE it takes those of the Princeton benchmark, which ``DIR/scb`` lists. It
 writes what ``isomatch bench`` writes and ``methods_table.csv``, and draws the published curves in ``DIR/scb`` beside.
@@ -20,7 +20,7 @@ from isomatch_lab.evaluation import (
     run_benchmark,
     write_tables,
 )
-from studies import asked_for, write_table
+from isomatch_lab.studies.shared import asked_for, write_table
 
 SETS = ("faust_r", "tosca_iso_r", "scape")
 PAIRS, POINTS = 10, 500

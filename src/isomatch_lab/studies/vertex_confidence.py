@@ -1,6 +1,6 @@
 """Does the expected error of a vertex tell where a map is wrong? Plain ingredients, and what the result returns.
 
-    python benchmarks/vertex_confidence.py --data DIR -o OUT [SET ...]
+    python -m isomatch_lab.studies.vertex_confidence --data DIR -o OUT [SET ...]
 
 writes ``vertex_confidence.csv`` (one row for each map) and ``vertex_confidence_table.csv``. The *capture* of a
 measure is the error that the tenth of the vertices trusted least contains, over that of the tenth that is truly
@@ -20,7 +20,7 @@ from isomatch import MatchResult, Mesh
 from isomatch.evaluation import geodesic_errors
 from isomatch_lab.damage import DamageChoice
 from isomatch_lab.sets import benchmark_set
-from studies import asked_for, damaged_creatures, in_parallel, write_rows, write_table
+from isomatch_lab.studies.shared import asked_for, damaged_creatures, in_parallel, write_rows, write_table
 
 SEED = 5
 COUNTS = {"faust_r": 8, "creatures": 8, "tosca_iso_r": 8, "scape": 6, "tosca": 6}

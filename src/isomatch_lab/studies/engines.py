@@ -1,6 +1,6 @@
 """Every registered engine against exact geodesics: error and time of a column, on real meshes and a procedural one.
 
-    python benchmarks/engines.py --data DIR -o OUT
+    python -m isomatch_lab.studies.engines --data DIR -o OUT
 
 writes ``engines.csv``, one row for each mesh and engine, and ``engines_table.csv``. Times are on one thread.
 """
@@ -19,7 +19,7 @@ from isomatch import Mesh, MissingDependencyError, distance_engine
 from isomatch.geodesics import DistanceEngine, engine_names
 from isomatch_lab.procedural import creature
 from isomatch_lab.sets import benchmark_set
-from studies import asked_for, write_rows, write_table
+from isomatch_lab.studies.shared import asked_for, write_rows, write_table
 
 SOURCES = 10
 REPEATS = 10  # the fastest counts; exact is timed once

@@ -34,7 +34,7 @@ def study(
     """
     kept = {f"{folder}/{file.split('=')[0]}": file.split("=")[-1] for file in files}
     command = " ".join(
-        filter(None, (f"python benchmarks/{script}.py --data {{data}} -o {{out}}", of, options))
+        filter(None, (f"python -m isomatch_lab.studies.{script} --data {{data}} -o {{out}}", of, options))
     )
     return Step(of or script, minutes, command, tables or {script: f"{script}_table.csv"}, kept)
 
@@ -81,11 +81,10 @@ STEPS = (
     ),
     study("paper_deviations", 2, "deviations.csv", folder="lab/paper", deviations="deviations_table.csv"),
     study("consistency", 40, consistency="consistency_table.csv", cycles="cycles_table.csv"),
-    Step("scale", 7, "python benchmarks/collection_scale.py -o {out}", {"scale": "scale_table.csv"}, {}),
     Step(
         "paper",
         100,
-        "python benchmarks/paper_figures.py --data {data} -o {out}",
+        "python -m isomatch_lab.studies.paper_figures --data {data} -o {out}",
         {"paper": "paper_table.csv"},
         {f"lab/paper/{name}.{end}": f"{name}.{end}" for name in FIGURES for end in ("png", "csv", "json")}
         | {"lab/paper/index.md": "index.md"},

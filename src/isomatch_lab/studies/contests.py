@@ -1,6 +1,6 @@
 """The contests of the field, by their own rules: all pairs of people, fused limbs, parts, species, two parts.
 
-    python benchmarks/contests.py --data DIR -o OUT [NAME ...]
+    python -m isomatch_lab.studies.contests --data DIR -o OUT [NAME ...]
 
 runs `isomatch` without hints over every pair of each set of ``DIR``, with the target relabelled and rotated. Sets that
 share triangulations with their targets are run once more with the target decimated. For FAUST, shapes are written with
@@ -22,7 +22,7 @@ from matplotlib.figure import Figure
 from isomatch import Mesh, write_mesh
 from isomatch.evaluation import THRESHOLDS
 from isomatch_lab.evaluation import benchmark
-from studies import SURE, asked_for, write_rows, write_table
+from isomatch_lab.studies.shared import SURE, asked_for, write_rows, write_table
 
 POINTS = 1000  # of the truth of each pair
 WRONG = 10.0  # × √area / 100

@@ -1,6 +1,6 @@
 """What do limbs that touch and are fused do to maps? Pairs in which one shape, or both, have such limbs.
 
-    python benchmarks/welds.py --data DIR -o OUT
+    python -m isomatch_lab.studies.welds --data DIR -o OUT
 
 writes ``welds.csv``, one row for each map, and ``welds_table.csv``. Every pair is matched as it is, welded (vertices
 within a gap merged in pairs), stitched (welded, and where both sheets have the same face, both removed: a tube
@@ -24,7 +24,14 @@ from isomatch import Mesh
 from isomatch_lab.damage import Damaged, DamagedPair, damaged_pair, decimate, weld
 from isomatch_lab.evaluation import true_landmarks
 from isomatch_lab.sets import benchmark_set
-from studies import asked_for, error_after, in_parallel, summed_up, write_rows, write_table
+from isomatch_lab.studies.shared import (
+    asked_for,
+    error_after,
+    in_parallel,
+    summed_up,
+    write_rows,
+    write_table,
+)
 
 PAIRS = (  # set, source, target, gap / √area, shapes of which limbs are fused
     ("faust_r", "tr_reg_010", "tr_reg_016", 0.02, "target"),

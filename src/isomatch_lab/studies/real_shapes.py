@@ -1,6 +1,6 @@
 """How are parts matched to wholes, and to other parts? At least 20 pairs of each kind of damage.
 
-    python benchmarks/real_shapes.py --data DIR -o OUT [KIND ...]
+    python -m isomatch_lab.studies.real_shapes --data DIR -o OUT [KIND ...]
 
 matches without hints and with five true landmarks, and writes ``real_shapes.csv``, one row for each map, and
 ``real_shapes_table.csv``. Rows that are already in ``OUT/rows`` are not computed again.
@@ -15,7 +15,7 @@ import numpy as np
 
 from isomatch_lab.evaluation import BenchmarkRun, read_rows, run_benchmark
 from isomatch_lab.sets import benchmark_set
-from studies import asked_for, in_parallel, write_rows, write_table
+from isomatch_lab.studies.shared import asked_for, in_parallel, write_rows, write_table
 
 METHODS = ("isomatch", "isomatch_5pt")
 LEVELS = {  # of damage; pair i suffers level i, and its source and target take turns

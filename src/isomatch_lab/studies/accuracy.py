@@ -1,6 +1,6 @@
 """Errors of the maps of whole sets, without any hint.
 
-    python benchmarks/accuracy.py --data DIR -o OUT [SET ...]
+    python -m isomatch_lab.studies.accuracy --data DIR -o OUT [SET ...]
 
 matches every two shapes that a whole set pairs once; where it has both directions, one is drawn. It writes what
 ``isomatch bench`` writes, and two tables: ``accuracy_table.csv`` has a row for each set and method,
@@ -17,7 +17,7 @@ import numpy as np
 
 from isomatch_lab.evaluation import BenchmarkRun, read_rows, run_benchmark, write_tables
 from isomatch_lab.sets import benchmark_set
-from studies import asked_for, write_table
+from isomatch_lab.studies.shared import asked_for, write_table
 
 POINTS = 700
 SETS = ("faust_r", "tosca_iso_r", "scape", "tosca", "creatures")

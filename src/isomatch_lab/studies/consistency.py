@@ -1,6 +1,6 @@
 """Do cycles of maps tell wrong from right? Wrong maps put into collections, found and replaced.
 
-    python benchmarks/consistency.py --data DIR -o OUT [SET ...]
+    python -m isomatch_lab.studies.consistency --data DIR -o OUT [SET ...]
 
 writes ``consistency.csv``, one row for each set and share of wrong maps, ``consistency_table.csv`` and
 ``cycles_table.csv``. Wrong maps are, by turns, the best that reverses the orientation and, where an alternative of the
@@ -20,12 +20,11 @@ from typing import Any
 import numpy as np
 
 from isomatch import Mesh, PreparedShape, match, match_both, write_mesh
-from isomatch.collections import Collection, PairMaps, agree, agreement_of
-from isomatch.collections.consistency import CONTRADICTED, inconsistency
+from isomatch.collections import CONTRADICTED, Collection, PairMaps, agree, agreement_of, inconsistency
 from isomatch.datasets import Creature, ground_truth
 from isomatch_lab.procedural import creature
 from isomatch_lab.sets import BenchmarkPair, relabelled, remeshed, scape
-from studies import asked_for, mean_error, write_rows, write_table
+from isomatch_lab.studies.shared import asked_for, mean_error, write_rows, write_table
 
 SETS = ("creatures", "faust_r", "scape", "cat", "horse")
 MOST_SHAPES = 20

@@ -1,6 +1,6 @@
 """Distance bases of the TOSCA wolf: error against rank, and against preparation time, for every method.
 
-    python benchmarks/distance_bases.py --data DIR -o OUT
+    python -m isomatch_lab.studies.distance_bases --data DIR -o OUT
 
 writes ``distance_bases.csv`` and ``.png``, ``distance_bases_table.csv``, and the errors on other shapes at k = 50 as
 multiples of the optimum, ``distance_ratios.csv``; needs ``tosca`` and ``tosca_iso_r``.
@@ -18,7 +18,7 @@ import matplotlib.pyplot as plt
 from isomatch import Mesh, distance_basis, geodesic_distances, laplace_basis
 from isomatch_lab.paper.basis_error import projected, relative_error
 from isomatch_lab.procedural import creature
-from studies import asked_for, write_rows, write_table
+from isomatch_lab.studies.shared import asked_for, write_rows, write_table
 
 RANKS = (5, 10, 20, 30, 40, 50, 75, 100)
 SHOWN = (5, 10, 20, 30, 50, 100)  # in the table

@@ -1,6 +1,6 @@
 """How much does it matter where the reproduction differs from the paper: one thing changed at a time.
 
-    python benchmarks/paper_deviations.py --data DIR -o OUT
+    python -m isomatch_lab.studies.paper_deviations --data DIR -o OUT
 
 writes ``deviations.csv`` and ``deviations_table.csv``: plain GDD and its post-processing from five true landmarks, as
 the benchmark has them and with one thing changed; for each pair, the mean geodesic error (× 100 / √area, 1000 truth
@@ -21,7 +21,7 @@ from isomatch.settings import PreparationSettings, RefinementSettings, SearchSet
 from isomatch_lab.baselines import gdd, gdd_post
 from isomatch_lab.evaluation import CachingEngine, metric_distortion, true_landmarks
 from isomatch_lab.sets import BenchmarkPair, benchmark_set
-from studies import asked_for, write_rows, write_table
+from isomatch_lab.studies.shared import asked_for, write_rows, write_table
 
 SEED = 0
 AT_ONCE_STEPS = 12  # more change little
