@@ -1,13 +1,18 @@
+from isomatch.bases.basis import BasisMethod, Weighting, basis_domain
 from isomatch.bases.build import distance_basis
 from isomatch.bases.canonical_form import CanonicalForm, canonical_form, classical_scaling
-from isomatch.bases.choices import BasisMethod, Weighting
 from isomatch.bases.distance_basis import DistanceBasis
-from isomatch.bases.domain import basis_domain
-from isomatch.bases.interpolation import fmds_basis, smds_basis, spectral_interpolant
 from isomatch.bases.laplace_basis import LaplaceBasis, laplace_basis, refined_laplace_basis
 from isomatch.bases.laplacian import factorised, stiffness_and_masses
-from isomatch.bases.nystrom import exact_basis, nystrom_basis
-from isomatch.bases.prediction import ColumnPredictor, predicted_basis
+from isomatch.bases.low_rank import (
+    ColumnPredictor,
+    exact_basis,
+    fmds_basis,
+    nystrom_basis,
+    predicted_basis,
+    smds_basis,
+    spectral_interpolant,
+)
 
 __all__ = [
     "BasisMethod",

@@ -9,14 +9,18 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from isomatch.assets import SurfaceLike
-from isomatch.bases.choices import BasisMethod, Weighting
+from isomatch.bases.basis import BasisMethod, Weighting, basis_domain, shared_weights
 from isomatch.bases.distance_basis import DistanceBasis
-from isomatch.bases.domain import basis_domain
-from isomatch.bases.interpolation import fmds_basis, smds_basis
 from isomatch.bases.laplacian import require_mesh_or_points
-from isomatch.bases.nystrom import exact_basis, nystrom_basis
-from isomatch.bases.prediction import DensityWeighted, density_of, predicted_basis
-from isomatch.bases.seams import shared_weights
+from isomatch.bases.low_rank import (
+    DensityWeighted,
+    density_of,
+    exact_basis,
+    fmds_basis,
+    nystrom_basis,
+    predicted_basis,
+    smds_basis,
+)
 from isomatch.errors import NotConvergedError, SettingError
 from isomatch.geodesics import (
     DistanceEngine,

@@ -9,12 +9,10 @@ import numpy as np
 from scipy.linalg import eigh
 
 from isomatch.assets import SurfaceLike
-from isomatch.bases.choices import Weighting
+from isomatch.bases.basis import Weighting, basis_domain
 from isomatch.bases.distance_basis import orthonormalised
-from isomatch.bases.domain import basis_domain
-from isomatch.bases.interpolation import biharmonic_interpolant, swapped
 from isomatch.bases.laplacian import require_mesh_or_points
-from isomatch.bases.nystrom import leading_eigenpairs
+from isomatch.bases.low_rank import biharmonic_interpolant, leading_eigenpairs, swapped
 from isomatch.errors import MeshError, SettingError
 from isomatch.geodesics import (
     MetricSpace,

@@ -10,11 +10,8 @@ from scipy.linalg import eigh, solve_triangular
 from scipy.sparse import csc_array, csr_array
 
 from isomatch.assets import SurfaceLike, surface_from
-from isomatch.bases.domain import require_one_component
+from isomatch.bases.basis import PlottedBasis, fix_signs, require_one_component, shared_weights
 from isomatch.bases.laplacian import WIDTH, factorised, factorised_single, stiffness_and_masses
-from isomatch.bases.plotted import PlottedBasis
-from isomatch.bases.seams import shared_weights
-from isomatch.bases.signs import fix_signs
 from isomatch.errors import MeshError, NotConvergedError, SettingError, some
 from isomatch.mending import without_seams
 from isomatch.runtime.memory import require_memory

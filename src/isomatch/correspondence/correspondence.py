@@ -13,10 +13,15 @@ from scipy.sparse import csc_array, csr_array
 
 from isomatch.assets import SurfaceLike, mesh_from, surface_from
 from isomatch.bases import LaplaceBasis, laplace_basis
-from isomatch.correspondence.carried_values import pulled_back, pushed_forward
-from isomatch.correspondence.checked_map import UNMATCHED, checked_map
-from isomatch.correspondence.composition import composed, inverse
 from isomatch.correspondence.functional_maps import FunctionalMap, fit_functional_map
+from isomatch.correspondence.map_arrays import (
+    UNMATCHED,
+    checked_map,
+    composed,
+    inverse,
+    pulled_back,
+    pushed_forward,
+)
 from isomatch.correspondence.map_files import map_parts, write_map
 from isomatch.errors import DescriptorError, FormatError, MapError
 from isomatch.loading.notebooks import Shown, view_room

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from isomatch.assets import SurfaceLike, mesh_from
-from isomatch.correspondence.checked_map import UNMATCHED
 from isomatch.correspondence.correspondence import Correspondence
+from isomatch.correspondence.map_arrays import UNMATCHED
 from isomatch.errors import MapError
 from isomatch.resolution import PlacedMesh, VertexGroups, normalised
 from isomatch.values.arrays import BoolArray, FloatArray

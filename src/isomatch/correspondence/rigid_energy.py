@@ -8,7 +8,7 @@ import numpy as np
 from scipy.sparse import coo_array, csc_array, diags_array
 
 from isomatch.bases import stiffness_and_masses
-from isomatch.correspondence.rotation import nearest_rotation
+from isomatch.correspondence.poses import nearest_rotation
 from isomatch.loading.compiled import compiled
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import FloatArray, IntArray

@@ -11,12 +11,11 @@ from scipy.sparse.linalg import spsolve
 from scipy.spatial import cKDTree
 
 from isomatch.assets import SurfaceLike, mesh_from
-from isomatch.correspondence.boundary import Boundary
 from isomatch.correspondence.correspondence import Correspondence
-from isomatch.correspondence.nearest_points import nearest_points
-from isomatch.correspondence.rotation import nearest_rotation
-from isomatch.correspondence.template_bending import bend_template
-from isomatch.correspondence.welding import welded_map
+from isomatch.correspondence.map_arrays import UNMATCHED
+from isomatch.correspondence.nearest import nearest_points
+from isomatch.correspondence.poses import nearest_rotation
+from isomatch.correspondence.template_bending import Boundary, bend_template
 from isomatch.errors import MapError
 from isomatch.resolution import normalised
 from isomatch.surfaces import Mesh, PrecisePoints, first_equal
@@ -226,3 +225,34 @@ def _similar(here: FloatArray, there: FloatArray) -> Callable[[FloatArray, IntAr
 def _sums(values: FloatArray, group: IntArray, n_groups: int) -> FloatArray:
     """Sum values (m, q) within groups: (n_groups, q)."""
     return np.stack([np.bincount(group, column, n_groups) for column in values.T], axis=1)
+
+
+def welded_map(given: Correspondence, source_vertex: IntArray, target_vertex: IntArray) -> Correspondence:
+    """Return the map between vertices into which the points of both sides are welded.
+
+    A vertex has the image of the first of its points that has one.
+
+    Parameters
+    ----------
+    given : Correspondence
+        Between the points.
+    source_vertex, target_vertex : (n_source,), (n_target,) array of int
+        Vertex of each point; every vertex has one.
+
+    Returns
+    -------
+    Correspondence
+        Between the vertices. O(n log n).
+
+    Examples
+    --------
+    >>> welded_map(Correspondence([-1, 1, 2], n_target=3), np.array([0, 1, 0]), np.array([0, 0, 1])).vertices
+    array([1, 0])
+    """
+    matched_first = np.argsort(~given.matched, kind="stable")
+    rows = matched_first[np.unique(source_vertex[matched_first], return_index=True)[1]]
+    vertex = np.append(target_vertex, UNMATCHED)
+    n_target = int(target_vertex.max(initial=-1)) + 1
+    return Correspondence(
+        vertex[given.vertices[rows]], n_target, vertex[given.faces[rows]], given.barycentric[rows]
+    )

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import scipy
 
-from isomatch.geodesics.protocol import ColumnEngine
-from isomatch.geodesics.units import require_finite
+from isomatch.geodesics.protocol import ColumnEngine, require_finite
 from isomatch.mending import without_seams
 from isomatch.runtime.threads import parallel_map
 from isomatch.surfaces import Graph, Mesh, PointCloud, Surface

@@ -9,17 +9,12 @@ from numpy.typing import ArrayLike
 
 from isomatch.assets import SurfaceLike, surface_from
 from isomatch.errors import MeshError, SettingError
+from isomatch.geodesics.component_engines import Exact, Heat
 from isomatch.geodesics.dijkstra import Dijkstra
-from isomatch.geodesics.exact import Exact
 from isomatch.geodesics.fast_marching import FastMarching
-from isomatch.geodesics.given import DistanceFunction, GivenFunction, GivenMatrix
-from isomatch.geodesics.heat import Heat
-from isomatch.geodesics.in_faces import PointsInFaces
-from isomatch.geodesics.inserted import inserted
-from isomatch.geodesics.pairs import pair_distances
-from isomatch.geodesics.points import joined, points_of, vertices_of
-from isomatch.geodesics.protocol import DistanceEngine
-from isomatch.geodesics.welded import WeldedEngine
+from isomatch.geodesics.given import DistanceFunction, GivenFunction, GivenMatrix, WeldedEngine
+from isomatch.geodesics.points import PointsInFaces, inserted, joined, points_of, vertices_of
+from isomatch.geodesics.protocol import DistanceEngine, pair_distances
 from isomatch.mending import without_seams
 from isomatch.surfaces import Graph, Mesh, PointCloud, PrecisePoints
 from isomatch.values.arrays import AnyArray, FloatArray

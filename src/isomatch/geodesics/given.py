@@ -1,4 +1,4 @@
-"""Distances given by the user: a matrix, or a function that returns columns."""
+"""Engines of distances that come from elsewhere: given by the user, or those of a larger or a welded space."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch.errors import MeshError, some
-from isomatch.geodesics.protocol import ColumnEngine
+from isomatch.errors import MeshError, SettingError, some
+from isomatch.geodesics.fast_marching import Balls
+from isomatch.geodesics.protocol import ColumnEngine, DistanceEngine, geodesic_balls, pair_distances
 from isomatch.values.arrays import AnyArray, FloatArray, IntArray
 
 DistanceFunction = Callable[[IntArray], ArrayLike]
@@ -134,3 +135,121 @@ def _require_all(good: AnyArray, first: int, complaint: str) -> None:
     bad = first + np.flatnonzero(~good.all(axis=1))
     if len(bad):
         raise MeshError(f"{complaint} at points {some(bad)}; give distances of a metric")
+
+
+class RestrictedEngine(ColumnEngine):
+    """Distances among some points of a space, divided by a unit of length.
+
+    Paths may leave the chosen points: a distance is that of the whole space.
+
+    Parameters
+    ----------
+    engine : DistanceEngine
+        Distances of the whole space.
+    vertices : (n,) array_like of int
+        The points of the whole space that are kept; point i of this engine is ``vertices[i]``.
+    unit : float
+        Length, in the units of ``engine``, that becomes 1.
+
+    Raises
+    ------
+    MeshError
+        If ``vertices`` is not a list of points of the whole space.
+    SettingError
+        If ``unit`` is not a positive number.
+
+    Notes
+    -----
+    A column takes as long as a column of the whole space. `lower` stops early where ``engine`` does. The name is that of
+    ``engine``.
+
+    Examples
+    --------
+    >>> from isomatch.geodesics import distance_engine
+    >>> line = np.abs(np.subtract.outer(np.arange(9.0), np.arange(9.0)))
+    >>> RestrictedEngine(distance_engine(line), [0, 4, 8], unit=4.0).distances_from([1])
+    array([[1., 0., 1.]])
+    """
+
+    def __init__(self, engine: DistanceEngine, vertices: ArrayLike, unit: float = 1.0) -> None:
+        kept = np.asarray(vertices)
+        if kept.ndim != 1 or (kept.size and kept.dtype.kind not in "iu"):
+            raise MeshError(
+                f"vertices of shape {kept.shape} and type {kept.dtype} are not a list of points, expected (n,) integers"
+            )
+        bad = kept[(kept < 0) | (kept >= engine.n_points)]
+        if len(bad):
+            raise MeshError(
+                f"vertices {some(bad)} are outside 0…{engine.n_points - 1}, the points of the engine"
+            )
+        if not 0.0 < unit < np.inf:
+            raise SettingError(f"unit = {unit} is not a positive length")
+        self.name, self.n_points = engine.name, len(kept)
+        self._engine, self._vertices, self._unit = engine, kept.astype(np.int64), float(unit)
+
+    def lower(self, nearest: FloatArray, source: int) -> FloatArray | None:
+        """Lower ``nearest`` (n,) in place to the distance from one more source, where it is nearer."""
+        self._require_in_range(np.array([source]))
+        whole = np.full(self._engine.n_points, np.inf)  # no bound elsewhere: a front may pass there
+        whole[self._vertices] = nearest * self._unit
+        column = self._engine.lower(whole, int(self._vertices[source]))
+        np.minimum(nearest, whole[self._vertices] / self._unit, out=nearest)
+        return None if column is None else column[self._vertices] / self._unit
+
+    def _columns(self, sources: IntArray) -> FloatArray:
+        return self._engine.distances_from(self._vertices[sources])[:, self._vertices] / self._unit
+
+
+class WeldedEngine(RestrictedEngine):
+    """Distances of points that may be the same point of a space, as those on both sides of a seam are.
+
+    Parameters
+    ----------
+    engine : DistanceEngine
+        Distances of the welded space.
+    point : (n,) array of int
+        The point of that space of each vertex.
+    notes : tuple of str
+        What was welded.
+
+    Examples
+    --------
+    >>> from isomatch.geodesics import distance_engine
+    >>> line = np.abs(np.subtract.outer(np.arange(3.0), np.arange(3.0)))
+    >>> WeldedEngine(distance_engine(line), np.array([0, 1, 1, 2])).distances_from([0])
+    array([[0., 1., 1., 2.]])
+    """
+
+    def __init__(self, engine: DistanceEngine, point: IntArray, notes: tuple[str, ...] = ()) -> None:
+        super().__init__(engine, point)
+        self.notes = notes
+
+    def lower(self, nearest: FloatArray, source: int) -> FloatArray | None:
+        """Lower ``nearest`` (n,) in place to the distance from one more source, where it is nearer."""
+        self._require_in_range(np.array([source]))
+        bound = np.zeros(self._engine.n_points)
+        np.maximum.at(bound, self._vertices, nearest)
+        column = self._engine.lower(bound, int(self._vertices[source]))
+        np.minimum(nearest, bound[self._vertices], out=nearest)
+        return None if column is None else column[self._vertices]
+
+    def pair_distances(self, pairs: IntArray) -> FloatArray:
+        """Distances (m,) of m pairs of vertices."""
+        self._require_in_range(pairs.ravel())
+        return pair_distances(self._engine, self._vertices[pairs])
+
+    def balls(self, centres: IntArray, radius: float) -> Balls:
+        """Vertices within a radius of m centres."""
+        self._require_in_range(centres)
+        found = geodesic_balls(self._engine, self._vertices[centres], radius)
+        order = np.argsort(self._vertices, kind="stable")  # vertices, those of a point together
+        ends = np.searchsorted(self._vertices[order], np.arange(self._engine.n_points + 1))
+        parts = []
+        for low, high in zip(found.start, found.start[1:]):
+            points, apart = found.points[low:high], found.distances[low:high]
+            copies = [order[ends[p] : ends[p + 1]] for p in points]
+            vertices = np.concatenate([self._vertices[:0], *copies])
+            distances = np.repeat(apart, [len(each) for each in copies])
+            inside = np.argsort(vertices)
+            parts.append((vertices[inside], distances[inside]))
+        return Balls.of(parts)

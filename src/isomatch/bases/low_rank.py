@@ -1,4 +1,4 @@
-"""Distance columns predicted from a few measured ones, and the basis built from them."""
+"""Low-rank forms of the distance matrix from columns: from all, by Nyström, from predicted columns, by interpolation."""
 
 from __future__ import annotations
 
@@ -6,15 +6,109 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
+from scipy.sparse import csc_array, diags_array
+from scipy.sparse.linalg import eigsh
 from scipy.spatial import KDTree
 
-from isomatch.bases.distance_basis import DistanceBasis, orthonormalised
+from isomatch.bases.basis import fix_signs
+from isomatch.bases.distance_basis import NULL_VALUE, DistanceBasis, orthonormalised
+from isomatch.bases.laplace_basis import LaplaceBasis, laplace_basis
 from isomatch.bases.laplacian import factorised, stiffness_and_masses
-from isomatch.bases.nystrom import leading_eigenpairs
+from isomatch.errors import MeshError
 from isomatch.geodesics import DistanceEngine, Sampling
+from isomatch.runtime.memory import require_memory
 from isomatch.runtime.threads import parallel_map, serial_blas
 from isomatch.surfaces import Mesh, PointCloud, Surface
 from isomatch.values.arrays import FloatArray, IntArray
+
+
+def nystrom_basis(sampling: Sampling, weights: FloatArray, rank: int, engine: str) -> DistanceBasis:
+    """Build the basis from the distance columns of p samples: D ≈ C U⁺ Cᵀ.
+
+    Parameters
+    ----------
+    sampling : Sampling
+        The p samples and their distances to all n points.
+    weights : (n,) array of float
+        Weights of the points, in which the basis is orthonormal.
+    rank : int
+        Number k of basis vectors, at most p.
+    engine : str
+        How the distances were computed.
+
+    Returns
+    -------
+    DistanceBasis
+
+    Notes
+    -----
+    C (n, p) holds the columns, U (p, p) the distances among the samples. Only the k eigenpairs of U of largest
+    magnitude enter the pseudoinverse U⁺: the truncation regularises, since the small ones are mostly discretisation
+    error. One QR decomposition then gives the form Q Λ Qᵀ. O(n p k) time. Shamai & Kimmel, *Geodesic Distance
+    Descriptors*, CVPR 2017, section "Computing the basis"; `match` uses this basis.
+    """
+    columns, samples = sampling.columns, sampling.vertices
+    among = columns[:, samples]
+    values, vectors = leading_eigenpairs((among + among.T) / 2, rank)
+    spread = columns.T @ vectors  # (n, p) (p, k) -> (n, k)
+    return orthonormalised(spread, np.diag(1 / values), weights, "nystrom", engine, samples)
+
+
+def exact_basis(engine: DistanceEngine, weights: FloatArray, rank: int) -> DistanceBasis:
+    """Build the optimal basis of a given rank from all n distance columns.
+
+    Parameters
+    ----------
+    engine : DistanceEngine
+        Distances of n points.
+    weights : (n,) array of float
+        Weights of the points, in which the basis is orthonormal.
+    rank : int
+        Number k of basis vectors, at most n.
+
+    Returns
+    -------
+    DistanceBasis
+        Its ``samples`` are empty.
+
+    Raises
+    ------
+    MemoryBudgetError
+        If the distance matrix would take more memory than allowed.
+    MeshError
+        If some points cannot be reached from others.
+
+    Notes
+    -----
+    The k eigenpairs of A^½ D A^½ of largest magnitude, D symmetrised; optimal in the Frobenius norm with weights A by
+    the theorem of Eckart & Young. O(n² log n) time for the distances and O(n² k) for the eigenpairs; 16 n² bytes.
+    """
+    n = engine.n_points
+    require_memory(
+        16.0 * n * n, f"the exact distance basis of {n} points", "use another method, such as 'nystrom'"
+    )
+    distances = engine.distances_from(np.arange(n))
+    if not np.isfinite(distances).all():
+        raise MeshError("some points cannot be reached from others; pass one connected component")
+    root = np.sqrt(weights)
+    weighted = (distances + distances.T) * (0.5 * root[:, None]) * root
+    if rank >= n - 1:  # too many for eigsh
+        values, vectors = np.linalg.eigh(weighted)
+    else:
+        start = np.random.default_rng(0).standard_normal(n)
+        values, vectors = eigsh(weighted, rank, which="LM", v0=start)
+    order = np.argsort(-np.abs(values), kind="stable")[:rank]
+    basis = fix_signs(vectors[:, order] / root[:, None], weights)
+    return DistanceBasis(basis, values[order], weights, "exact", engine.name, np.zeros(0, dtype=np.int64))
+
+
+def leading_eigenpairs(symmetric: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:
+    """Eigenpairs of largest magnitude of a small matrix (m, m): at most ``count`` of them, and none that is null."""
+    values, vectors = np.linalg.eigh(symmetric)
+    keep = np.argsort(-np.abs(values), kind="stable")[:count]
+    keep = keep[np.abs(values[keep]) > NULL_VALUE * np.abs(values).max()]
+    return values[keep], vectors[:, keep]
+
 
 RIDGE = 1e-9  # of the mean variance; keeps the system well conditioned when samples nearly coincide
 NODES_PER_VECTOR = 12  # predicted columns per basis vector; twice as many lower the error by less than 1 %
@@ -215,3 +309,133 @@ class DensityWeighted:
         column = self._engine.lower(plain, source)
         np.multiply(plain, self._gain, out=nearest)
         return column
+
+
+# μ at unit area
+FIDELITY = 1e6  # above 1e4 the interpolant is practically exact at the samples
+SPECTRAL_FIDELITY = 1e4  # lower: p functions that follow p values closely oscillate between the samples
+
+
+def fmds_basis(
+    surface: Surface,
+    sampling: Sampling,
+    weights: FloatArray,
+    rank: int,
+    engine: str,
+    fidelity: float = FIDELITY,
+) -> DistanceBasis:
+    """Build the basis by interpolating the rows of the distance matrix from those at the samples: D ≈ ½ (M F + Fᵀ Mᵀ).
+
+    Parameters
+    ----------
+    surface : Mesh, PointCloud or Graph
+        The surface, n vertices.
+    sampling : Sampling
+        The p samples and their distance columns F (p, n).
+    weights : (n,) array of float
+        Weights of the points, in which the basis is orthonormal.
+    rank : int
+        Number of basis vectors, at most 2 p.
+    engine : str
+        How the distances were computed.
+    fidelity : float
+        μ of ``biharmonic_interpolant``, which computes M.
+
+    Returns
+    -------
+    DistanceBasis
+
+    Notes
+    -----
+    Shamai, Zibulevsky & Kimmel, *Accelerating the computation of canonical forms for 3D nonrigid objects using
+    multidimensional scaling*, 3DOR 2015. O(n p) memory and a factorisation of the squared Laplacian.
+    """
+    interpolant = biharmonic_interpolant(surface, sampling.vertices, fidelity)
+    return _symmetrised(interpolant, sampling, weights, rank, "fmds", engine)
+
+
+def smds_basis(
+    surface: Surface,
+    sampling: Sampling,
+    weights: FloatArray,
+    rank: int,
+    engine: str,
+    fidelity: float = SPECTRAL_FIDELITY,
+) -> DistanceBasis:
+    """Build the basis as `fmds_basis` does, with interpolants in the span of the first p Laplace eigenfunctions.
+
+    Parameters
+    ----------
+    surface, sampling, weights, rank, engine
+        As for `fmds_basis`.
+    fidelity : float
+        μ of `spectral_interpolant`.
+
+    Returns
+    -------
+    DistanceBasis
+
+    Notes
+    -----
+    After Aflalo & Kimmel, *Spectral multidimensional scaling*, PNAS 2013, with the biharmonic energy in place of theirs.
+    """
+    basis = laplace_basis(surface, len(sampling.vertices), weld=False)
+    interpolant = basis.vectors @ spectral_interpolant(basis, sampling.vertices, fidelity)
+    return _symmetrised(interpolant, sampling, weights, rank, "smds", engine)
+
+
+def biharmonic_interpolant(surface: Surface, samples: IntArray, fidelity: float = FIDELITY) -> FloatArray:
+    """Compute the matrix M (n, p) that maps values at p samples to the smoothest function near them.
+
+    M = μ (L A⁻¹ L + μ BᵀB)⁻¹ Bᵀ, with B the selection of the samples: M f minimises the biharmonic energy plus μ times
+    the squared difference to f at the samples. The area is taken as 1, so that μ has no unit.
+    """
+    stiffness, masses = stiffness_and_masses(surface)
+    masses /= masses.sum()
+    selected = np.zeros(len(masses))
+    selected[samples] = fidelity
+    solve = factorised(csc_array(stiffness @ diags_array(1 / masses) @ stiffness), selected)
+    sources = np.zeros((len(masses), len(samples)))
+    sources[samples, np.arange(len(samples))] = fidelity
+    return solve(sources)
+
+
+def spectral_interpolant(
+    basis: LaplaceBasis, samples: IntArray, fidelity: float = SPECTRAL_FIDELITY
+) -> FloatArray:
+    """Compute the matrix that maps values at p samples to coefficients of the smoothest function near them.
+
+    μ (Λ² + μ Φ_SᵀΦ_S)⁻¹ Φ_Sᵀ, the ``biharmonic_interpolant`` in the span of eigenfunctions Φ at unit area.
+
+    Parameters
+    ----------
+    basis : LaplaceBasis
+        Φ and Λ; the first p functions are used, or all if there are fewer.
+    samples : (p,) array of int
+        Vertices.
+    fidelity : float
+        μ.
+
+    Returns
+    -------
+    (min(p, k), p) array of float
+        For a basis of k functions.
+    """
+    p, area = len(samples), basis.weights.sum()
+    pull = fidelity * area * basis.vectors[samples, :p].T
+    normal = np.diag((area * basis.values[:p]) ** 2) + pull @ basis.vectors[samples, :p]
+    return np.asarray(cho_solve(cho_factor(normal), pull), dtype=np.float64)
+
+
+def swapped(p: int) -> FloatArray:
+    """T = ½ [[0, I], [I, 0]], (2 p, 2 p), so that [X, Y] T [X, Y]ᵀ = ½ (X Yᵀ + Y Xᵀ)."""
+    return np.roll(np.eye(2 * p), p, axis=0) / 2
+
+
+def _symmetrised(
+    interpolant: FloatArray, sampling: Sampling, weights: FloatArray, rank: int, method: str, engine: str
+) -> DistanceBasis:
+    """½ (M F + Fᵀ Mᵀ) = S T Sᵀ with S = [M, Fᵀ]."""
+    middle = swapped(len(sampling.vertices))
+    spread = np.hstack([interpolant, sampling.columns.T])
+    return orthonormalised(spread, middle, weights, method, engine, sampling.vertices).truncated(rank)

@@ -1,0 +1,184 @@
+"""What every basis has: weights and a domain, a rule for signs, and pictures."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal, get_args
+
+import numpy as np
+
+from isomatch.assets import SurfaceLike
+from isomatch.errors import MeshError, SettingError
+from isomatch.geodesics import DistanceEngine, MetricSpace, distance_engine
+from isomatch.loading.notebooks import Shown, view_room
+from isomatch.values.arrays import FloatArray, IntArray
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+BasisMethod = Literal["predicted", "nystrom", "fmds", "smds", "exact"]
+Weighting = Literal["area", "uniform"]
+
+
+def basis_domain(
+    surface: MetricSpace, weights: Weighting = "area", engine: str | None = None, n_columns: int = 1
+) -> tuple[DistanceEngine, FloatArray]:
+    """Set up the distances and the weights of a surface, or refuse one that cannot have a basis.
+
+    Parameters
+    ----------
+    surface : Mesh, PointCloud or other metric space
+        Anything that `distance_engine` takes, n points.
+    weights : {"area", "uniform"}
+        Vertex areas, or ones; ones in any case if the space has no areas.
+    engine : str, optional
+        How distances are computed; by default the first of ``engine_names(type(surface))``.
+    n_columns : int
+        Number of distance columns that will be asked for.
+
+    Returns
+    -------
+    engine : DistanceEngine
+    weights : (n,) array of float
+        Positive.
+
+    Raises
+    ------
+    SettingError
+        If a setting is unknown.
+    MeshError
+        If the surface has fewer than ``n_columns`` points or several components, or a vertex has no area.
+
+    Notes
+    -----
+    O(n); no distance is computed.
+    """
+    distances = distance_engine(surface, engine, weld=False)
+    n = distances.n_points
+    if n < n_columns:
+        raise MeshError(
+            f"{n} vertices are too few for {n_columns} distance columns; subdivide the mesh, or ask for fewer columns"
+        )
+    measure = _measure(surface, weights, n)
+    require_one_component(surface)
+    return distances, measure
+
+
+def require_one_component(surface: MetricSpace) -> None:
+    """Raise `MeshError` if a surface has several components; a matrix or a function is not examined."""
+    components = getattr(surface, "components", None)
+    if components is not None and components.any():
+        raise MeshError(
+            f"the surface has {components.max() + 1} components, and no path leads from one to another; pass one "
+            "component, such as mesh.submesh(mesh.components == 0)[0], or call repair(mesh) if a seam divides them"
+        )
+
+
+def require_areas(areas: FloatArray, remedy: str = "") -> FloatArray:
+    """Return the areas of vertices if they are positive and their products do not overflow, else raise `MeshError`."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        bad = int((~((areas > 0) & np.isfinite(areas * areas.sum()))).sum())
+    if bad:
+        raise MeshError(
+            f"{bad} vertices have no area, or one out of the range of floats; call repair(mesh), scale huge or tiny "
+            f"coordinates to about 1{remedy}"
+        )
+    return areas
+
+
+def _measure(surface: MetricSpace, weights: Weighting, n: int) -> FloatArray:
+    if weights not in get_args(Weighting):
+        raise SettingError(f"weights = {weights!r} is not one of {', '.join(map(repr, get_args(Weighting)))}")
+    areas: FloatArray | None = getattr(surface, "vertex_areas", None)
+    if weights == "uniform" or areas is None:
+        return np.ones(n)
+    return require_areas(areas, ", or use weights='uniform'")
+
+
+def shared_weights(weights: FloatArray, point: IntArray) -> FloatArray:
+    """Share the weight of each point of a welded mesh among its vertices, so that sums and norms stay the same.
+
+    Parameters
+    ----------
+    weights : (n_points,) array of float
+    point : (n,) array of int
+        The point of each vertex.
+
+    Returns
+    -------
+    (n,) array of float
+
+    Examples
+    --------
+    >>> shared_weights(np.array([1.0, 4.0]), np.array([0, 1, 1]))
+    array([1., 2., 2.])
+    """
+    shares: FloatArray = (weights / np.bincount(point, minlength=len(weights)))[point]
+    return shares
+
+
+def fix_signs(vectors: FloatArray, weights: FloatArray) -> FloatArray:
+    """Change signs of columns so that their third moments are positive.
+
+    Parameters
+    ----------
+    vectors : (n, k) array of float
+        Functions on n points.
+    weights : (n,) array of float
+        Weights of the points.
+
+    Returns
+    -------
+    (n, k) array of float
+        Each column or its negative.
+
+    Notes
+    -----
+    The rule does not depend on the order of the points. The third moment of a function that is odd under a symmetry of
+    the surface is 0 up to rounding; its sign stays arbitrary, and no result may depend on it. O(n k).
+    """
+    moments = weights.astype(vectors.dtype) @ (vectors * vectors * vectors)  # a power takes ten times as long
+    return np.ascontiguousarray(vectors * np.where(moments < 0, -1.0, 1.0).astype(vectors.dtype))
+
+
+class PlottedBasis(Shown):
+    """A basis, whose spectrum and whose vectors can be drawn."""
+
+    __slots__ = ()
+
+    def plot(
+        self,
+        surface: SurfaceLike = None,
+        *,
+        colour_map: str | None = None,
+        title: str = "",
+        width: int = 1800,
+        view: tuple[float, float] | None = None,
+    ) -> Figure:
+        """Draw the spectrum, or the first four vectors on their surface; see `isomatch.view.plot_basis`.
+
+        Parameters
+        ----------
+        surface : Mesh, PointCloud, or what `surface_from` takes, optional
+            The surface that the basis was made for.
+        colour_map : str, optional
+            Name of a colour map of matplotlib.
+        title : str
+            Title above all.
+        width : int
+            Width in pixels; notebooks show two of them for each pixel of the page.
+        view : (float, float), optional
+            Where the viewer is, in degrees around the surface and above the horizon: by default (32, 14).
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+
+        Raises
+        ------
+        DescriptorError
+            If the surface has another number of vertices than the basis.
+        """
+        figure: Figure = view_room().plot_basis(
+            self, surface, colour_map=colour_map, title=title, width=width, view=view
+        )
+        return figure
