@@ -4,20 +4,11 @@ from isomatch.bases.canonical_form import CanonicalForm, canonical_form, classic
 from isomatch.bases.distance_basis import DistanceBasis
 from isomatch.bases.laplace_basis import LaplaceBasis, laplace_basis, refined_laplace_basis
 from isomatch.bases.laplacian import factorised, stiffness_and_masses
-from isomatch.bases.low_rank import (
-    ColumnPredictor,
-    exact_basis,
-    fmds_basis,
-    nystrom_basis,
-    predicted_basis,
-    smds_basis,
-    spectral_interpolant,
-)
+from isomatch.bases.low_rank import nystrom_basis, spectral_interpolant
 
 __all__ = [
     "BasisMethod",
     "CanonicalForm",
-    "ColumnPredictor",
     "DistanceBasis",
     "LaplaceBasis",
     "Weighting",
@@ -25,14 +16,10 @@ __all__ = [
     "canonical_form",
     "classical_scaling",
     "distance_basis",
-    "exact_basis",
     "factorised",
-    "fmds_basis",
     "laplace_basis",
     "nystrom_basis",
-    "predicted_basis",
     "refined_laplace_basis",
-    "smds_basis",
     "spectral_interpolant",
     "stiffness_and_masses",
 ]

@@ -22,12 +22,11 @@ Weighting = Literal["area", "uniform"]
 def basis_domain(
     surface: MetricSpace, weights: Weighting = "area", engine: str | None = None, n_columns: int = 1
 ) -> tuple[DistanceEngine, FloatArray]:
-    """Set up the distances and the weights of a surface, or refuse one that cannot have a basis.
+    """Set up the engine and the positive weights (n,) of a surface, or refuse one that cannot have a basis.
 
     Parameters
     ----------
     surface : Mesh, PointCloud or other metric space
-        Anything that `distance_engine` takes, n points.
     weights : {"area", "uniform"}
         Vertex areas, or ones; ones in any case if the space has no areas.
     engine : str, optional
@@ -35,22 +34,12 @@ def basis_domain(
     n_columns : int
         Number of distance columns that will be asked for.
 
-    Returns
-    -------
-    engine : DistanceEngine
-    weights : (n,) array of float
-        Positive.
-
     Raises
     ------
     SettingError
         If a setting is unknown.
     MeshError
         If the surface has fewer than ``n_columns`` points or several components, or a vertex has no area.
-
-    Notes
-    -----
-    O(n); no distance is computed.
     """
     distances = distance_engine(surface, engine, weld=False)
     n = distances.n_points
@@ -95,47 +84,15 @@ def _measure(surface: MetricSpace, weights: Weighting, n: int) -> FloatArray:
 
 
 def shared_weights(weights: FloatArray, point: IntArray) -> FloatArray:
-    """Share the weight of each point of a welded mesh among its vertices, so that sums and norms stay the same.
-
-    Parameters
-    ----------
-    weights : (n_points,) array of float
-    point : (n,) array of int
-        The point of each vertex.
-
-    Returns
-    -------
-    (n,) array of float
-
-    Examples
-    --------
-    >>> shared_weights(np.array([1.0, 4.0]), np.array([0, 1, 1]))
-    array([1., 2., 2.])
-    """
+    """Share the weight of each point of a welded mesh among its vertices (n,), so that sums and norms stay the same."""
     shares: FloatArray = (weights / np.bincount(point, minlength=len(weights)))[point]
     return shares
 
 
 def fix_signs(vectors: FloatArray, weights: FloatArray) -> FloatArray:
-    """Change signs of columns so that their third moments are positive.
-
-    Parameters
-    ----------
-    vectors : (n, k) array of float
-        Functions on n points.
-    weights : (n,) array of float
-        Weights of the points.
-
-    Returns
-    -------
-    (n, k) array of float
-        Each column or its negative.
-
-    Notes
-    -----
-    The rule does not depend on the order of the points. The third moment of a function that is odd under a symmetry of
-    the surface is 0 up to rounding; its sign stays arbitrary, and no result may depend on it. O(n k).
-    """
+    """Change signs of columns (n, k) so that their third moments Σ_i w_i φ(i)³ are positive."""
+    # The rule does not depend on the order of the points. The third moment of a function that is odd under a symmetry
+    # of the surface is 0 up to rounding; its sign stays arbitrary, and no result may depend on it.
     moments = weights.astype(vectors.dtype) @ (vectors * vectors * vectors)  # a power takes ten times as long
     return np.ascontiguousarray(vectors * np.where(moments < 0, -1.0, 1.0).astype(vectors.dtype))
 

@@ -65,10 +65,10 @@ def distance_basis(
     p : int
         Number of distance columns, from farthest point samples; 2 k is a good choice. Ignored by "exact".
     method : {"predicted", "nystrom", "fmds", "smds", "exact"}, optional
-        "predicted", the default on meshes and point clouds: `predicted_basis`, Nyström's method with many more columns
-        predicted from the p measured ones. "nystrom", the default on everything else: `nystrom_basis`, from the p
-        columns alone. "fmds", "smds": `fmds_basis` and `smds_basis`, interpolation by smooth functions. "exact":
-        `exact_basis`, from all n columns; the optimum, for small n and as a reference.
+        "predicted", the default on meshes and point clouds: Nyström's method with many more columns, predicted from
+        the p measured ones. "nystrom", the default on everything else: from the p columns alone. "fmds", "smds":
+        interpolated by smooth functions, all or the span of p Laplace eigenfunctions. "exact": from all n columns;
+        the optimum, for small n and as a reference.
     weights : {"area", "uniform"}
         Inner product in which the basis is orthonormal and the error is least: that of the surface, or that of its
         vertices. No difference for a matrix or a function, which have no areas.

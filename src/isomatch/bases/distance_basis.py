@@ -251,24 +251,11 @@ class DistanceBasis(PlottedBasis):
 def orthonormalised(
     spread: FloatArray, middle: FloatArray, weights: FloatArray, method: str, engine: str, samples: IntArray
 ) -> DistanceBasis:
-    """Bring D ≈ S T Sᵀ to the form Q Λ Qᵀ with QᵀAQ = I: QR of A^½ S, then the eigenpairs of R T Rᵀ.
-
-    Parameters
-    ----------
-    spread : (n, q) array of float
-        S.
-    middle : (q, q) array of float
-        T, symmetric.
-    weights : (n,) array of float
-        The diagonal of A.
-    method, engine, samples
-        As in `DistanceBasis`.
-
-    Returns
-    -------
-    DistanceBasis
-        Of rank q, or less if eigenvalues are null. O(n q²).
-    """
+    """Bring D ≈ S T Sᵀ to the form Q Λ Qᵀ with QᵀAQ = I; of rank q, or less if eigenvalues are null. O(n q²)."""
+    # Shamai & Kimmel 2017, section "Computing the basis": with the QR decomposition A^½ S = P R, PᵀP = I, and the
+    # eigenpairs R T Rᵀ = V Λ Vᵀ of a q × q matrix,
+    #   D ≈ S T Sᵀ = A^(−½) P (R T Rᵀ) Pᵀ A^(−½) = Q Λ Qᵀ,  Q = A^(−½) P V,
+    # and QᵀAQ = Vᵀ PᵀP V = I. So Λ holds the eigenvalues of the operator f ↦ D A f of the approximation.
     root = np.sqrt(weights)[:, None]
     q, r = qr(root * spread, mode="economic", check_finite=True)
     inner = r @ middle @ r.T
@@ -283,24 +270,8 @@ FEWEST_FOR_THREADS = 50_000  # pairs; for fewer, starting threads costs more tim
 
 
 def low_rank_distances(vectors: AnyArray, values: AnyArray, i: IntArray, j: IntArray) -> FloatArray:
-    """Σ_c Λ_c Q_ic Q_jc for pairs (i, j) of rows of Q.
-
-    Parameters
-    ----------
-    vectors, values : (n, k) and (k,) arrays of float
-        Q and the diagonal of Λ.
-    i, j : (m,) arrays of int
-        Pairs of rows, from 0 to n − 1 or negative from the end. They are not checked.
-
-    Returns
-    -------
-    (m,) array of float
-        Sums, computed in the precision of Q.
-
-    Notes
-    -----
-    O(m k) time on all threads. Rows are not gathered, so that no memory but the result is needed.
-    """
+    """Σ_c Λ_c Q_ic Q_jc (m,) for pairs (i, j) of rows of Q (n, k), negative ones from the end; they are not checked."""
+    # in the precision of Q; rows are not gathered, so that no memory but the result is needed
     out = np.zeros(len(i))
     parts = n_threads() if len(i) >= FEWEST_FOR_THREADS else 1
     ends = np.linspace(0, len(i), parts + 1).astype(np.int64)

@@ -23,30 +23,17 @@ from isomatch.values.arrays import FloatArray, IntArray
 
 
 def nystrom_basis(sampling: Sampling, weights: FloatArray, rank: int, engine: str) -> DistanceBasis:
-    """Build the basis from the distance columns of p samples: D ≈ C U⁺ Cᵀ.
+    """Build the basis of k vectors from the distance columns of p ≥ k samples, orthonormal in the weights (n,).
 
-    Parameters
-    ----------
-    sampling : Sampling
-        The p samples and their distances to all n points.
-    weights : (n,) array of float
-        Weights of the points, in which the basis is orthonormal.
-    rank : int
-        Number k of basis vectors, at most p.
-    engine : str
-        How the distances were computed.
-
-    Returns
-    -------
-    DistanceBasis
-
-    Notes
-    -----
-    C (n, p) holds the columns, U (p, p) the distances among the samples. Only the k eigenpairs of U of largest
-    magnitude enter the pseudoinverse U⁺: the truncation regularises, since the small ones are mostly discretisation
-    error. One QR decomposition then gives the form Q Λ Qᵀ. O(n p k) time. Shamai & Kimmel, *Geodesic Distance
-    Descriptors*, CVPR 2017, section "Computing the basis"; `match` uses this basis.
+    The method of Shamai & Kimmel, *Geodesic Distance Descriptors*, CVPR 2017, section "Computing the basis"; `match`
+    uses it. O(n p k) time. ``engine`` says how the distances were computed.
     """
+    # Nyström: let C (n, p) be the columns of D at the samples and U (p, p) their rows at the samples. If D is of rank p
+    # and its rows at the samples have full rank too, every other column is a combination of C, and D = C U⁻¹ Cᵀ;
+    # otherwise this is an approximation that is exact on the columns of the samples. With the eigenpairs U = V M Vᵀ,
+    #   D ≈ C U⁺ Cᵀ = (C V) M⁻¹ (C V)ᵀ = S T Sᵀ,  S = C V,  T = M⁻¹.
+    # Only the k eigenpairs of largest magnitude enter the pseudoinverse U⁺: the truncation regularises, since the small
+    # ones are mostly discretisation error, which M⁻¹ would magnify. D is indefinite, so that M has both signs.
     columns, samples = sampling.columns, sampling.vertices
     among = columns[:, samples]
     values, vectors = leading_eigenpairs((among + among.T) / 2, rank)
@@ -55,34 +42,11 @@ def nystrom_basis(sampling: Sampling, weights: FloatArray, rank: int, engine: st
 
 
 def exact_basis(engine: DistanceEngine, weights: FloatArray, rank: int) -> DistanceBasis:
-    """Build the optimal basis of a given rank from all n distance columns.
-
-    Parameters
-    ----------
-    engine : DistanceEngine
-        Distances of n points.
-    weights : (n,) array of float
-        Weights of the points, in which the basis is orthonormal.
-    rank : int
-        Number k of basis vectors, at most n.
-
-    Returns
-    -------
-    DistanceBasis
-        Its ``samples`` are empty.
-
-    Raises
-    ------
-    MemoryBudgetError
-        If the distance matrix would take more memory than allowed.
-    MeshError
-        If some points cannot be reached from others.
-
-    Notes
-    -----
-    The k eigenpairs of A^½ D A^½ of largest magnitude, D symmetrised; optimal in the Frobenius norm with weights A by
-    the theorem of Eckart & Young. O(n² log n) time for the distances and O(n² k) for the eigenpairs; 16 n² bytes.
-    """
+    """Build the optimal basis of k vectors from all n distance columns; its ``samples`` are empty."""
+    # Let A = diag(weights). In the norm ‖X‖²_A = ‖A^½ X A^½‖²_F, which weighs d_ij by a_i a_j, the best approximation
+    # of rank k of D is, by the theorem of Eckart & Young for the symmetric matrix A^½ D A^½ = V Λ Vᵀ, that of the k
+    # eigenvalues of largest magnitude: D ≈ Q Λ Qᵀ with Q = A^(−½) V, QᵀAQ = VᵀV = I. O(n² log n) time for the distances
+    # and O(n² k) for the eigenpairs; 16 n² bytes.
     n = engine.n_points
     require_memory(
         16.0 * n * n, f"the exact distance basis of {n} points", "use another method, such as 'nystrom'"
@@ -119,38 +83,24 @@ BLOCK = 4096  # rows of predicted columns held at a time
 
 @dataclass(frozen=True, eq=False)
 class ColumnPredictor:
-    """Distances between any two points, interpolated in both arguments from p measured columns.
+    """Distances between any two points, interpolated in both arguments from p measured columns."""
 
-    The matrix E = D^(3/2), taken entry by entry, is modelled as a sample of a normal distribution whose rows and columns
-    both have the covariance K. Given the columns of E at the samples S, its expectation is ::
-
-        Ê = M E_S + E_Sᵀ Mᵀ − M E_SS Mᵀ,   M = K_·S K_SS⁻¹,
-
-    which is the blending of Gordon and Coons: its error is the interpolation error applied twice, once in each argument.
-    K is the mean of the products of the measured columns plus the covariance (L + A)⁻¹ A (L + A)⁻¹ of smooth functions,
-    with the Laplacian L at unit area. The power 3/2 smooths the cone at distance 0, which cannot be interpolated,
-    without sharpening the ridges at the cut locus, as the square would.
-
-    Parameters
-    ----------
-    interpolant : (n, p) array of float
-        M.
-    half : (n, p) array of float
-        H = E_Sᵀ − ½ M E_SS, so that Ê = M Hᵀ + H Mᵀ.
-    unit : float
-        The mean distance, in which E is measured.
-    """
-
-    interpolant: FloatArray
-    half: FloatArray
-    unit: float
+    # The matrix E = D^(3/2), taken entry by entry, is modelled as a sample of a normal distribution whose rows and
+    # columns both have the covariance K. Given the columns of E at the samples S, the expectation of a row elsewhere is
+    # the combination M = K_·S K_SS⁻¹ of the rows at S (kriging), and so for columns. Interpolated in both arguments,
+    #   Ê = M E_S + E_Sᵀ Mᵀ − M E_SS Mᵀ,
+    # the blending of Gordon and Coons: with P = M (·)_S, it is (P ⊗ 1 + 1 ⊗ P − P ⊗ P) E = E − (1 − P) ⊗ (1 − P) E, so
+    # that the error is the interpolation error applied twice, once in each argument. K is the mean of the products of
+    # the measured columns plus the covariance (L + A)⁻¹ A (L + A)⁻¹ of smooth functions, with the Laplacian L at unit
+    # area. The power 3/2 smooths the cone at distance 0, which cannot be interpolated, without sharpening the ridges at
+    # the cut locus, as the square would.
+    interpolant: FloatArray  # (n, p) M
+    half: FloatArray  # (n, p) H = E_Sᵀ − ½ M E_SS, so that Ê = M Hᵀ + H Mᵀ
+    unit: float  # the mean distance, in which E is measured
 
     @classmethod
     def fitted(cls, surface: Surface, sampling: Sampling) -> ColumnPredictor:
-        """Fit to the measured columns of p samples.
-
-        O(n p²) time and a factorisation of the Laplacian; at most 40 n p bytes.
-        """
+        """Fit to the columns of p samples: O(n p²) time and a factorisation of the Laplacian; at most 40 n p bytes."""
         unit = float(sampling.columns.mean())
         powers = (sampling.columns / unit) ** 1.5
         samples, p = sampling.vertices, len(sampling.vertices)
@@ -183,32 +133,11 @@ class ColumnPredictor:
 def predicted_basis(
     surface: Mesh | PointCloud, sampling: Sampling, weights: FloatArray, rank: int, engine: str
 ) -> DistanceBasis:
-    """Build the basis from columns predicted at many more points than were measured.
-
-    Parameters
-    ----------
-    surface : Mesh or PointCloud
-        The surface, n vertices.
-    sampling : Sampling
-        The p samples and their distances to all vertices.
-    weights : (n,) array of float
-        Weights of the vertices, in which the basis is orthonormal.
-    rank : int
-        Number k of basis vectors.
-    engine : str
-        How the distances were computed.
-
-    Returns
-    -------
-    DistanceBasis
-
-    Notes
-    -----
-    Nyström's method with r = 12 k predicted columns in place of p measured ones. The leading eigenfunctions of
-    Q ↦ D̂ A Q, with D̂ of `ColumnPredictor`, are computed on r nodes, each with the weight of the vertices nearest to it,
-    extended to all vertices by D̂, and put in the form Q Λ Qᵀ by one QR decomposition. O(n p (p + r)) time; D̂ is
-    evaluated in blocks and never stored.
-    """
+    """Build the basis by Nyström's method with r = 12 k columns predicted at many more points than were measured."""
+    # The leading eigenfunctions of the operator Q ↦ D̂ A Q, with D̂ of `ColumnPredictor`, are computed on r nodes, each
+    # with the weight of the vertices nearest to it (a quadrature of the integral, Nyström's own method), extended to
+    # all vertices by D̂, and put in the form Q Λ Qᵀ by one QR decomposition. O(n p (p + r)) time; D̂ is evaluated in
+    # blocks and never stored.
     with serial_blas():
         predictor = ColumnPredictor.fitted(surface, sampling)
         gain = np.cbrt(density_of(surface, weights))
@@ -234,32 +163,9 @@ def predicted_basis(
 def representative_points(
     points: FloatArray, samples: IntArray, weights: FloatArray, gain: FloatArray, n_nodes: int
 ) -> tuple[IntArray, FloatArray]:
-    """Choose the nodes of a quadrature and their weights.
-
-    Parameters
-    ----------
-    points : (n, 3) array of float
-        Coordinates of the vertices.
-    samples : (p,) array of int
-        Vertices that are nodes in any case.
-    weights : (n,) array of float
-        Weights of the vertices.
-    gain : (n,) array of float
-        Factors by which the distances of the vertices to the nodes are multiplied.
-    n_nodes : int
-        Number of nodes, at most n.
-
-    Returns
-    -------
-    nodes : (r,) array of int
-        Vertices, the samples first; each further one is farthest from all before it.
-    shares : (r,) array of float
-        Total weight of the vertices nearest to each node.
-
-    Notes
-    -----
-    Distances are Euclidean, which are cheap and accurate enough to place the nodes. O(n r).
-    """
+    """Choose r nodes of a quadrature, the p samples first and each further one farthest from all, and their weights."""
+    # The weight of a node is that of the vertices nearest to it. Distances are Euclidean, times the gain (n,) of each
+    # vertex: cheap, and accurate enough to place the nodes. O(n r).
     nodes = list(samples)
     nearest = KDTree(points[nodes]).query(points)[0] * gain
     while len(nodes) < min(n_nodes, len(points)):
@@ -279,20 +185,12 @@ def density_of(surface: Surface, weights: FloatArray) -> FloatArray:
 
 
 class DensityWeighted:
-    """An engine for `farthest_point_sampling` whose samples are denser where the weight per area is larger.
+    """An engine for `farthest_point_sampling` whose samples are denser where the weight per area (n,) is larger."""
 
-    Distances to the nearest sample are multiplied by the cube root of the density ρ at each point. With h the spacing of
-    the samples, a cell contributes ρ² h⁶ to the squared error of prediction, and there are h⁻² cells per area; for a
-    given number of cells, the sum is least for h ∝ ρ^(−1/3).
-
-    Parameters
-    ----------
-    engine : DistanceEngine
-        Distances of n points.
-    density : (n,) array of float
-        Positive weights per area.
-    """
-
+    # Distances to the nearest sample are multiplied by the cube root of the density ρ at each point. With h the spacing
+    # of the samples, a cell contributes ρ² h⁶ to the squared error of prediction, and there are h⁻² cells per area. For
+    # a given number of cells, ∫ ρ² h⁴ + μ h⁻² is stationary in h where 4 ρ² h³ = 2 μ h⁻³: the error is least for h ∝
+    # ρ^(−1/3).
     def __init__(self, engine: DistanceEngine, density: FloatArray) -> None:
         self._engine = engine
         self._gain = np.cbrt(density)
@@ -324,32 +222,7 @@ def fmds_basis(
     engine: str,
     fidelity: float = FIDELITY,
 ) -> DistanceBasis:
-    """Build the basis by interpolating the rows of the distance matrix from those at the samples: D ≈ ½ (M F + Fᵀ Mᵀ).
-
-    Parameters
-    ----------
-    surface : Mesh, PointCloud or Graph
-        The surface, n vertices.
-    sampling : Sampling
-        The p samples and their distance columns F (p, n).
-    weights : (n,) array of float
-        Weights of the points, in which the basis is orthonormal.
-    rank : int
-        Number of basis vectors, at most 2 p.
-    engine : str
-        How the distances were computed.
-    fidelity : float
-        μ of ``biharmonic_interpolant``, which computes M.
-
-    Returns
-    -------
-    DistanceBasis
-
-    Notes
-    -----
-    Shamai, Zibulevsky & Kimmel, *Accelerating the computation of canonical forms for 3D nonrigid objects using
-    multidimensional scaling*, 3DOR 2015. O(n p) memory and a factorisation of the squared Laplacian.
-    """
+    """Build the basis by interpolating the rows of the distance matrix from those at the samples: D ≈ ½ (M F + Fᵀ Mᵀ)."""
     interpolant = biharmonic_interpolant(surface, sampling.vertices, fidelity)
     return _symmetrised(interpolant, sampling, weights, rank, "fmds", engine)
 
@@ -362,34 +235,21 @@ def smds_basis(
     engine: str,
     fidelity: float = SPECTRAL_FIDELITY,
 ) -> DistanceBasis:
-    """Build the basis as `fmds_basis` does, with interpolants in the span of the first p Laplace eigenfunctions.
-
-    Parameters
-    ----------
-    surface, sampling, weights, rank, engine
-        As for `fmds_basis`.
-    fidelity : float
-        μ of `spectral_interpolant`.
-
-    Returns
-    -------
-    DistanceBasis
-
-    Notes
-    -----
-    After Aflalo & Kimmel, *Spectral multidimensional scaling*, PNAS 2013, with the biharmonic energy in place of theirs.
-    """
+    """Build the basis as ``fmds_basis`` does, with interpolants in the span of the first p Laplace eigenfunctions."""
+    # after Aflalo & Kimmel, *Spectral multidimensional scaling*, PNAS 2013, with the biharmonic energy in place of theirs
     basis = laplace_basis(surface, len(sampling.vertices), weld=False)
     interpolant = basis.vectors @ spectral_interpolant(basis, sampling.vertices, fidelity)
     return _symmetrised(interpolant, sampling, weights, rank, "smds", engine)
 
 
 def biharmonic_interpolant(surface: Surface, samples: IntArray, fidelity: float = FIDELITY) -> FloatArray:
-    """Compute the matrix M (n, p) that maps values at p samples to the smoothest function near them.
-
-    M = μ (L A⁻¹ L + μ BᵀB)⁻¹ Bᵀ, with B the selection of the samples: M f minimises the biharmonic energy plus μ times
-    the squared difference to f at the samples. The area is taken as 1, so that μ has no unit.
-    """
+    """Compute the matrix M (n, p) that maps values at p samples to the smoothest function near them."""
+    # Shamai, Zibulevsky & Kimmel, *Accelerating the computation of canonical forms for 3D nonrigid objects using
+    # multidimensional scaling*, 3DOR 2015 (FMDS): the function u that minimises the biharmonic energy plus μ times the
+    # squared difference to the values f at the samples, with B (p, n) their selection,
+    #   ‖A^(−½) L u‖² + μ ‖B u − f‖²,
+    # has the gradient (L A⁻¹ L + μ BᵀB) u − μ Bᵀ f = 0, so that M = μ (L A⁻¹ L + μ BᵀB)⁻¹ Bᵀ. The area is taken as 1,
+    # so that μ has no unit.
     stiffness, masses = stiffness_and_masses(surface)
     masses /= masses.sum()
     selected = np.zeros(len(masses))
@@ -403,24 +263,9 @@ def biharmonic_interpolant(surface: Surface, samples: IntArray, fidelity: float 
 def spectral_interpolant(
     basis: LaplaceBasis, samples: IntArray, fidelity: float = SPECTRAL_FIDELITY
 ) -> FloatArray:
-    """Compute the matrix that maps values at p samples to coefficients of the smoothest function near them.
-
-    μ (Λ² + μ Φ_SᵀΦ_S)⁻¹ Φ_Sᵀ, the ``biharmonic_interpolant`` in the span of eigenfunctions Φ at unit area.
-
-    Parameters
-    ----------
-    basis : LaplaceBasis
-        Φ and Λ; the first p functions are used, or all if there are fewer.
-    samples : (p,) array of int
-        Vertices.
-    fidelity : float
-        μ.
-
-    Returns
-    -------
-    (min(p, k), p) array of float
-        For a basis of k functions.
-    """
+    """Compute the matrix (min(p, k), p) from values at p samples to coefficients of the smoothest function near them."""
+    # The ``biharmonic_interpolant`` in the span of the first p of k eigenfunctions Φ at unit area: for u = Φ c the
+    # biharmonic energy is ‖Λ c‖² and B u = Φ_S c, so that c = μ (Λ² + μ Φ_Sᵀ Φ_S)⁻¹ Φ_Sᵀ f
     p, area = len(samples), basis.weights.sum()
     pull = fidelity * area * basis.vectors[samples, :p].T
     normal = np.diag((area * basis.values[:p]) ** 2) + pull @ basis.vectors[samples, :p]

@@ -58,26 +58,12 @@ def wave_kernel_signature(
 def wave_kernel_map(
     basis: LaplaceBasis, vertex: int, n_energies: int = 100, bandwidth: float = 7.0, k: int | None = None
 ) -> FloatArray:
-    """Wave kernel between one vertex, such as a landmark, and all vertices.
+    """Wave kernel between one vertex, such as a landmark, and all vertices, (n, n_energies).
 
-    Parameters
-    ----------
-    basis, n_energies, bandwidth, k
-        As for `wave_kernel_signature`.
-    vertex : int
-        The vertex.
-
-    Returns
-    -------
-    (n, n_energies) array of float
-        Σ g_e(λ_i) φ_i(x) φ_i(y), with g_e the filter of energy e; its value at the vertex itself is the wave kernel
-        signature there.
-
-    Notes
-    -----
-    Ovsjanikov et al., *Functional Maps*, SIGGRAPH 2012, after the heat kernel map of Ovsjanikov, Mérigot,
-    Mémoli & Guibas, *One Point Isometric Matching with the Heat Kernel*, SGP 2010. O(n k n_energies).
+    The rest as for `wave_kernel_signature`. Ovsjanikov et al., *Functional Maps*, SIGGRAPH 2012, after the heat kernel
+    map of Ovsjanikov, Mérigot, Mémoli & Guibas, *One Point Isometric Matching with the Heat Kernel*, SGP 2010.
     """
+    # Σ_i g_e(λ_i) φ_i(x) φ_i(y)
     filters = _wave_filters(basis.values[1:k], n_energies, bandwidth)
     kernel: FloatArray = basis.vectors[:, 1:k] @ (basis.vectors[vertex, 1:k, None] * filters)
     return kernel
@@ -85,6 +71,9 @@ def wave_kernel_map(
 
 def _wave_filters(values: FloatArray, n_energies: int, bandwidth: float) -> FloatArray:
     """Compute normal distributions over the logarithms of positive eigenvalues, (k, n_energies); columns sum to 1."""
+    # Aubry et al. 2011, equation 5: a particle whose energy is known to be about e, as a normal distribution of log λ,
+    # is at x with the probability density Σ_i g_e(λ_i) φ_i(x)², averaged over all time, as the phases of different
+    # eigenvalues cancel; Σ_i g_e(λ_i) = 1. The logarithm, for perturbations of a shape change eigenvalues by factors.
     logs = np.log(np.maximum(values, values[-1] * 1e-12))
     energies = np.linspace(logs[0], logs[-1], n_energies)
     sigma = bandwidth * (energies[1] - energies[0]) if n_energies > 1 else 1.0
@@ -125,6 +114,8 @@ def heat_kernel_signature(basis: LaplaceBasis, n_times: int = 100, k: int | None
     array([1., 1., 1.])
     """
     values, squares = basis.values[:k], basis.vectors[:, :k] ** 2
+    # the heat kernel k_t(x, x) = Σ_i exp(−λ_i t) φ_i(x)²: at these times exp(−λ t) is 10⁻⁴ for the last and for the
+    # second eigenvalue. Divided by its integral, the heat trace Σ_i exp(−λ_i t), each scale counts alike
     scale = 4 * np.log(10)
     times = np.geomspace(scale / values[-1], scale / values[1], n_times)
     decay = np.exp(-values[:, None] * times)  # (k, t)
@@ -136,10 +127,11 @@ CLIPPED = 0.02  # share of the values clipped at either end; curvature at sharp 
 
 
 def mean_curvature(mesh: Mesh, laplace: LaplaceBasis, k: int, *, weld: bool = True) -> FloatArray:
-    """Signed mean curvature of a mesh smoothed to its first k Laplace eigenfunctions.
+    """Signed mean curvature (n,) of a mesh smoothed to its first k Laplace eigenfunctions, in 1 / mesh units.
 
     It is positive where the surface bulges to the side to which its faces look: on outward bumps of a closed mesh that is
-    wound outward. Unlike the other descriptors it is extrinsic: it depends on the pose, but not on rigid motion.
+    wound outward. Unlike the other descriptors it is extrinsic: it depends on the pose, but not on rigid motion. It is
+    clipped to the 2 % and 98 % quantiles.
 
     Parameters
     ----------
@@ -151,19 +143,11 @@ def mean_curvature(mesh: Mesh, laplace: LaplaceBasis, k: int, *, weld: bool = Tr
         Number of eigenfunctions used; fewer give a smoother surface.
     weld : bool
         Whether vertices at exactly the same position are one point of the surface, as they were for ``laplace``.
-
-    Returns
-    -------
-    (n,) array of float
-        In 1 / mesh units, clipped to the 2 % and 98 % quantiles.
-
-    Notes
-    -----
-    With V_k = Φ_k Φ_kᵀA V the low-passed coordinates, N_k their normals and −Δ V_k = Φ_k Λ_k Φ_kᵀA V the mean curvature
-    normal, H = ½ ⟨−Δ V_k, N_k⟩; a sphere of radius r has H = 1 / r. O(n k). The low pass is that of Vallet & Lévy,
-    *Spectral Geometry Processing with Manifold Harmonics*, 2008; −Δ V = 2 H N, see Meyer et al., *Discrete
-    Differential-Geometry Operators for Triangulated 2-Manifolds*, 2003.
     """
+    # The mean curvature normal is −Δ V = 2 H N for the coordinates V of a surface (Meyer et al., *Discrete
+    # Differential-Geometry Operators for Triangulated 2-Manifolds*, 2003). With V_k = Φ_k Φ_kᵀA V the low-passed
+    # coordinates (Vallet & Lévy, *Spectral Geometry Processing with Manifold Harmonics*, 2008), −Δ V_k = Φ_k Λ_k Φ_kᵀA
+    # V, and with the normals N_k of the smooth surface H = ½ ⟨−Δ V_k, N_k⟩; a sphere of radius r has H = 1 / r.
     coefficients = laplace.coefficients(mesh.vertices, k)
     basis = laplace.vectors[:, :k]
     smooth = row_product(basis, coefficients)
@@ -179,23 +163,9 @@ def mean_curvature(mesh: Mesh, laplace: LaplaceBasis, k: int, *, weld: bool = Tr
 
 
 def standardised(values: FloatArray, weights: FloatArray) -> FloatArray:
-    """Shift and scale functions to weighted mean 0 and variance 1.
+    """Shift and scale functions (n, q) to mean 0 and variance 1 in the weights (n,): (f − f̄) / σ with f̄ = Σ w f / Σ w.
 
-    Parameters
-    ----------
-    values : (n, q) array of float
-        q functions on n vertices.
-    weights : (n,) array of float
-        Weights of the vertices, such as their areas; not negative, with a positive sum.
-
-    Returns
-    -------
-    (n, q) array of float
-        Without unit. A function that is constant up to rounding, 1e-12 of the largest value of all, becomes 0.
-
-    Notes
-    -----
-    (f − f̄) / σ with f̄ = Σ w f / Σ w and σ² = Σ w (f − f̄)² / Σ w. O(n q).
+    A function that is constant up to rounding, 1e-12 of the largest value of all, becomes 0.
 
     Examples
     --------

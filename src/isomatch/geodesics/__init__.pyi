@@ -8,12 +8,12 @@ from isomatch.geodesics.engines import (
     geodesic_distances,
     metric_space,
 )
-from isomatch.geodesics.fast_marching import Balls
-from isomatch.geodesics.given import GivenFunction, GivenMatrix, RestrictedEngine
+from isomatch.geodesics.given import RestrictedEngine
 from isomatch.geodesics.intervals import MissingRegion
 from isomatch.geodesics.paths import PATH_SUFFIXES, GeodesicPath, geodesic_path, geodesic_paths, write_paths
 from isomatch.geodesics.points import points_of
 from isomatch.geodesics.protocol import (
+    Balls,
     ColumnEngine,
     DistanceEngine,
     geodesic_balls,
@@ -35,8 +35,6 @@ __all__ = [
     "ComponentEngine",
     "DistanceEngine",
     "GeodesicPath",
-    "GivenFunction",
-    "GivenMatrix",
     "MetricSpace",
     "MissingRegion",
     "RestrictedEngine",

@@ -25,16 +25,6 @@ class ComponentEngine(ColumnEngine):
 
     A subclass sets ``name`` and implements ``_solver``. Some packages return finite numbers across components; here
     they never see more than one. A solver is set up when the first source lies in its component, and kept.
-
-    Parameters
-    ----------
-    mesh : Mesh
-        Any number n of vertices and any number of components.
-
-    Raises
-    ------
-    MeshError
-        If a coordinate is not finite.
     """
 
     def __init__(self, mesh: Mesh) -> None:
@@ -76,29 +66,12 @@ _NOT_HANDLED = ("repeated_index_faces", "duplicate_faces", "non_manifold_edges",
 
 
 class Exact(ComponentEngine):
-    """Exact geodesic distances on the polyhedron, by propagating windows of straight rays across edges.
+    """Exact geodesic distances on the polyhedron, by propagating windows of straight rays across edges."""
 
-    Parameters
-    ----------
-    mesh : Mesh
-        Any mesh, with or without boundary, of any number of components. Faces with a vertex twice, and all but one of
-        those with the same three vertices, are left out.
-
-    Raises
-    ------
-    MissingDependencyError
-        Without the package ``pygeodesic``.
-    MeshError
-        If a coordinate is not finite.
-
-    Notes
-    -----
-    Mitchell, Mount & Papadimitriou, *The discrete geodesic problem*, SIAM J. Comput. 1987, as implemented by
-    D. Kirsanov. Components that are not manifold, which it cannot handle, by the windows of `geodesic_path`.
-    O(n² log n) time per column in the worst case, on one thread; about 40 to 70 times as long as fast marching at 5 000
-    vertices (60 ms and more), and 120 times at 28 000.
-    """
-
+    # Mitchell, Mount & Papadimitriou, *The discrete geodesic problem*, SIAM J. Comput. 1987, as implemented by D.
+    # Kirsanov in the package pygeodesic. Components that are not manifold, which it cannot handle, by the windows of
+    # `geodesic_path`. O(n² log n) time per column in the worst case, on one thread; about 40 to 70 times as long as
+    # fast marching at 5 000 vertices (60 ms and more), and 120 times at 28 000.
     name = "exact"
 
     def __init__(self, mesh: Mesh) -> None:
@@ -122,8 +95,8 @@ def _by_windows(mesh: Mesh) -> Solver:
 
     def distances_from(source: int) -> FloatArray:
         bound = along_edges.distances_from([source])[0]
-        found: FloatArray = np.minimum(windows_from(unfolded, mesh.vertices, source, bound).distance, bound)
-        return found
+        exact = windows_from(unfolded, mesh.vertices, source, bound).distance
+        return np.asarray(np.minimum(exact, bound))
 
     return distances_from
 
@@ -139,27 +112,12 @@ def _pygeodesic() -> Any:
 
 
 class Heat(ComponentEngine):
-    """Smooth approximate distances: heat diffuses for a short time, and the directions of its gradient are integrated.
+    """Smooth approximate distances: heat diffuses for a short time, and the directions of its gradient are integrated."""
 
-    Parameters
-    ----------
-    mesh : Mesh
-        Any mesh of finite coordinates and positive area; it need not be manifold.
-
-    Raises
-    ------
-    MissingDependencyError
-        Without the package ``potpourri3d``.
-    MeshError
-        If a component has no area.
-
-    Notes
-    -----
-    Crane, Weischedel & Wardetzky, *The heat method for distance computation*, CACM 2017, on the robust Laplacian of
-    Sharp & Crane 2020. Two sparse solves per column after one factorisation per component, on one thread. The
-    result is smoother than the distance and is not a metric: neither symmetric nor an upper bound.
-    """
-
+    # Crane, Weischedel & Wardetzky, *The heat method for distance computation*, CACM 2017, on the robust Laplacian of
+    # Sharp & Crane 2020: (A + t L) u = δ for a short time t, X = −∇u / |∇u|, and L φ = ∇·X for the distance φ. Two
+    # sparse solves per column after one factorisation per component, on one thread, in the package potpourri3d. The
+    # result is smoother than the distance and is not a metric: neither symmetric nor an upper bound.
     name = "heat"
 
     def __init__(self, mesh: Mesh) -> None:

@@ -15,20 +15,12 @@ BLOCK = 8  # sources that a thread takes at once
 
 
 class Dijkstra(ColumnEngine):
-    """Lengths of shortest paths along edges.
+    """Lengths of shortest paths along edges."""
 
-    Parameters
-    ----------
-    surface : Mesh, PointCloud or Graph
-        A shape of n points joined by edges that have lengths.
-
-    Notes
-    -----
-    Dijkstra, *A note on two problems in connexion with graphs*, 1959, as implemented in scipy. O(e + n log n) time per
-    column for e edges, on all threads. On a graph this is the exact distance. On a mesh or a point cloud paths zigzag, so
-    distances are too long however fine the sampling: by about 5 to 8 % on a mesh; for point clouds see `PointCloud`.
-    """
-
+    # Dijkstra, *A note on two problems in connexion with graphs*, 1959, as implemented in scipy. O(e + n log n) time
+    # per column for e edges, on all threads. On a graph this is the exact distance. On a mesh or a point cloud paths
+    # zigzag, so distances are too long however fine the sampling: by about 5 to 8 % on a mesh; for point clouds see
+    # `PointCloud`.
     name = "dijkstra"
 
     def __init__(self, surface: Mesh | PointCloud | Graph) -> None:
@@ -59,12 +51,11 @@ class Dijkstra(ColumnEngine):
 def distance_along_edges_to_nearest(
     surface: Surface, vertices: IntArray, *, weld: bool = False
 ) -> tuple[FloatArray, IntArray]:
-    """Compute the distance along edges from each vertex to the nearest of some vertices, and which one that is.
+    """Compute the distance along edges from each vertex (n,) to the nearest of m vertices, and which one that is (n,).
 
     Parameters
     ----------
     surface : Mesh, PointCloud or Graph
-        A shape of n points joined by edges that have lengths.
     vertices : (m,) array of int
         The vertices to measure from, at least one.
     weld : bool
@@ -73,13 +64,9 @@ def distance_along_edges_to_nearest(
     Returns
     -------
     distance : (n,) array of float
-        Length of the shortest path, in the units of the surface; ``inf`` where no path leads.
+        In the units of the surface; ``inf`` where no path leads.
     nearest : (n,) array of int
-        The vertex at the other end of that path; negative where there is none.
-
-    Notes
-    -----
-    One run of Dijkstra's algorithm from all vertices at once: O(e + n log n) for e edges.
+        Negative where there is none. One run of Dijkstra's algorithm from all vertices at once.
 
     Examples
     --------

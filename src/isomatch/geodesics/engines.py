@@ -34,17 +34,7 @@ MetricSpace: TypeAlias = Mesh | PointCloud | Graph | AnyArray | DistanceFunction
 
 
 def engine_names(kind: type | None = None) -> tuple[str, ...]:
-    """Names that `distance_engine` accepts.
-
-    Parameters
-    ----------
-    kind : type, optional
-        Class of a surface; by default all of them.
-
-    Returns
-    -------
-    tuple of str
-        The default of that kind first.
+    """Names that `distance_engine` accepts for a class of surfaces, by default all; the default engine comes first.
 
     Examples
     --------
@@ -98,11 +88,6 @@ def distance_engine(
         If the surface, or the given distances, do not fit the engine; or if further points are not of the surface.
     MissingDependencyError
         If the engine needs an extra that is not installed.
-
-    Notes
-    -----
-    Setting up takes O(n log n) time for fast marching and Dijkstra, a factorisation of the Laplacian for the heat method,
-    and O(n²) for a matrix, whose entries are checked. Later calls of the engine share it.
 
     Examples
     --------

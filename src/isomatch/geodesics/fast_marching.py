@@ -2,38 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 import numpy as np
 
-from isomatch.geodesics.protocol import ColumnEngine, ordinary_unit, require_finite
+from isomatch.geodesics.protocol import Balls, ColumnEngine, ordinary_unit, require_finite
 from isomatch.loading.compiled import compiled
 from isomatch.runtime.threads import parallel_rows
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray
 
+MOST_SHIFT = 0.02  # of an edge; limits how much the curvature correction changes a distance in one triangle
+MOST_FOCUS = 0.3  # a front converges at most to a focus 1 / 0.3 steps ahead
+TIE = 1e-6  # of a step; paths that differ by less count as equal, and the first one found is kept
+UNFOLD_STEPS = 40  # most faces crossed in search of a vertex that splits an obtuse angle
+RIGHT_ANGLE = 1e-9  # angles whose cosine is smaller in magnitude count as right, which need no split
+NO_BOUND, TO_ALL = np.zeros(0), np.zeros(0, np.int64)
+
 
 class FastMarching(ColumnEngine):
-    """Fast marching with unfolded obtuse triangles and a correction for the curvature of the front.
+    """Fast marching with unfolded obtuse triangles and a correction for the curvature of the front."""
 
-    Parameters
-    ----------
-    mesh : Mesh
-        Any mesh of finite coordinates; it need not be manifold.
-
-    Raises
-    ------
-    MeshError
-        If a coordinate is not finite.
-
-    Notes
-    -----
-    Kimmel & Sethian, *Computing geodesic paths on manifolds*, PNAS 1998; `isomatch.geodesics.fast_marching.march` describes
-    the update and the curvature correction. O(n log n) time per column, on all threads. The mean relative error with
-    respect to exact geodesics is 0.1 to 0.3 % on animals and people of 5 000 vertices, 0.04 % at 28 000.
-    """
+    # Kimmel & Sethian, *Computing geodesic paths on manifolds*, PNAS 1998. O(n log n) time per column, on all threads,
+    # each with 28 bytes per vertex. The mean relative error with respect to exact geodesics is 0.1 to 0.3 % on animals
+    # and people of 5 000 vertices, 0.04 % at 28 000.
 
     name = "fast_marching"
 
@@ -45,360 +37,107 @@ class FastMarching(ColumnEngine):
 
     def lower(self, nearest: FloatArray, source: int) -> None:
         """Lower ``nearest`` (n,) in place to the distance from one more source, where it is nearer."""
+        # the front ends where an earlier source is nearer: those of p successive sources cost about log p full ones
         self._require_in_range(np.array([source]))
-        if self._unit == 1.0:
-            march_bounded(self._stencil, source, nearest)
-            return
-        scaled = nearest / self._unit
-        march_bounded(self._stencil, source, scaled)
-        nearest[:] = scaled * self._unit
+        ordinary = self._unit == 1.0
+        scaled = nearest if ordinary else nearest / self._unit
+        np.minimum(scaled, self._front(source, bound=scaled), out=scaled)
+        if not ordinary:
+            nearest[:] = scaled * self._unit
 
     def pair_distances(self, pairs: IntArray) -> FloatArray:
         """Distances (m,) of m pairs of vertices; a front ends at the farthest vertex paired with its source."""
         self._require_in_range(pairs.ravel())
-        return march_to(self._stencil, pairs.astype(np.int64)) * self._unit
+        pairs = pairs.astype(np.int64)
+        sources, of_pair = np.unique(pairs[:, 0], return_inverse=True)
+        order = np.argsort(of_pair, kind="stable")
+        ends = np.searchsorted(of_pair[order], np.arange(len(sources) + 1))
+        distances = np.full(len(pairs), np.inf)
+
+        def front(row: int) -> None:
+            chosen = order[ends[row] : ends[row + 1]]
+            targets = pairs[chosen, 1]
+            distances[chosen] = self._front(sources[row], targets=targets)[targets]
+
+        parallel_rows(front, len(sources))
+        return distances * self._unit
 
     def balls(self, centres: IntArray, radius: float) -> Balls:
         """Vertices within a radius of m centres; a front ends at the radius."""
         self._require_in_range(centres)
-        found = march_within(self._stencil, centres.astype(np.int64), radius / self._unit)
-        return found._replace(distances=found.distances * self._unit)
+        parts: list[tuple[IntArray, FloatArray]] = [(TO_ALL, NO_BOUND)] * len(centres)
+
+        def front(row: int) -> None:
+            column = self._front(centres[row], farthest=radius / self._unit)
+            inside = np.flatnonzero(column <= radius / self._unit)
+            parts[row] = inside, column[inside]
+
+        parallel_rows(front, len(centres))
+        balls = Balls.of(parts)
+        return balls._replace(distances=balls.distances * self._unit)
 
     def _columns(self, sources: IntArray) -> FloatArray:
-        distances = march(self._stencil, sources)
+        distances = np.zeros((len(sources), self.n_points))
+
+        def front(row: int) -> None:
+            distances[row] = self._front(sources[row])
+
+        parallel_rows(front, len(sources))
         return distances if self._unit == 1.0 else distances * self._unit
 
-
-MOST_SHIFT = 0.02  # of an edge; limits how much the curvature correction changes a distance in one triangle
-MOST_FOCUS = 0.3  # a front converges at most to a focus 1 / 0.3 steps ahead
-TIE = 1e-6  # of a step; paths that differ by less count as equal, and the first one found is kept
-
-
-def march(stencil: Stencil, sources: IntArray) -> FloatArray:
-    """Distances from each source to every vertex.
-
-    Parameters
-    ----------
-    stencil : Stencil
-        The update stencils of the surface, from `stencil_of`.
-    sources : (m,) array of int
-        Source vertices, each a separate front.
-
-    Returns
-    -------
-    (m, n) array of float
-        Distances in mesh units; ``inf`` where no path leads.
-
-    Notes
-    -----
-    *Update.* Two vertices of a triangle have known distances. The *virtual source* is the point of the triangle's
-    plane at these distances from them, on the other side of the edge between them. The third vertex gets its straight
-    distance from the virtual source if the straight line crosses that edge, and otherwise the distance of one of the
-    two vertices plus the length of an edge. On a flat surface this is exact up to the order in which vertices become
-    known.
-
-    *Curvature correction.* On a curved surface a front at distance d does not have the curvature 1/d of a circle. Its
-    curvature κ obeys the Riccati equation κ' = −κ² − K along its rays, K being the Gaussian curvature. The *excess*
-    ε = κ − 1/d is propagated from vertex to vertex. Where a ray crosses an edge of length L at t, at the angle α, the
-    distance is less than that from the virtual source by ½ ε sin²α t (L − t), to leading order. Without this
-    correction the error is of first order in the edge length, and on rough meshes three times as large.
-
-    *Cost.* O(n log n) time per source; sources are distributed over threads, each with 28 bytes per vertex.
-    """
-    out = np.full((len(sources), stencil.n_vertices), np.inf)
-
-    def front(row: int) -> None:
-        _march(stencil, sources[row], out[row], _NO_BOUND, _TO_ALL, np.inf)
-
-    parallel_rows(front, len(sources))
-    return out
+    def _front(
+        self,
+        source: int,
+        bound: FloatArray = NO_BOUND,
+        targets: IntArray = TO_ALL,
+        farthest: float = np.inf,
+    ) -> FloatArray:
+        """Distances (n,) from a source; ``inf`` where no path leads."""
+        # A vertex no nearer than its bound (n,) stays at inf, and the front does not go on from it. The front ends at the
+        # distance ``farthest``, or as soon as all ``targets`` are known, if there are any; entries beyond mean nothing.
+        n = self.n_points
+        distance, known = np.full(n, np.inf), np.full(n, np.inf)
+        awaited = np.zeros(n if len(targets) else 0, dtype=bool)
+        awaited[targets] = True
+        slot, heap = np.full(n, -1, dtype=np.int32), np.empty(n, dtype=np.int32)
+        missing = int(np.count_nonzero(awaited))
+        _advance(
+            *self._stencil,
+            source,
+            distance,
+            bound,
+            awaited,
+            missing,
+            farthest,
+            known,
+            np.zeros(n),
+            slot,
+            heap,
+        )
+        return distance
 
 
-class Balls(NamedTuple):
-    """The points within a radius of m centres.
+class Stencil(NamedTuple):
+    """Directed updates, grouped by the vertex that triggers them, in compressed sparse row form."""
 
-    Parameters
-    ----------
-    start : (m + 1,) array of int
-        Those of centre i are in ``start[i]:start[i + 1]``.
-    points : (b,) array of int
-    distances : (b,) array of float
-        From the centre.
-    """
-
-    start: IntArray
-    points: IntArray
-    distances: FloatArray
-
-    @classmethod
-    def of(cls, parts: Sequence[tuple[IntArray, FloatArray]]) -> Self:
-        """Join the points and distances of single balls."""
-        start = np.zeros(len(parts) + 1, dtype=np.int64)
-        np.cumsum([len(points) for points, _ in parts], out=start[1:])
-        points = np.concatenate([_TO_ALL, *(points for points, _ in parts)])
-        return cls(start, points, np.concatenate([_NO_BOUND, *(distances for _, distances in parts)]))
-
-
-def march_within(stencil: Stencil, sources: IntArray, radius: float) -> Balls:
-    """Distances from each source to the vertices within a radius, the same numbers as by `march`.
-
-    A front ends at the radius. O(b log b) time for b vertices, and 28 bytes to be cleared for each of all.
-    """
-    parts: list[tuple[IntArray, FloatArray]] = [(_TO_ALL, _NO_BOUND)] * len(sources)
-
-    def front(row: int) -> None:
-        column = np.full(stencil.n_vertices, np.inf)
-        _march(stencil, sources[row], column, _NO_BOUND, _TO_ALL, radius)
-        inside = np.flatnonzero(column <= radius)
-        parts[row] = inside, column[inside]
-
-    parallel_rows(front, len(sources))
-    return Balls.of(parts)
-
-
-def march_to(stencil: Stencil, pairs: IntArray) -> FloatArray:
-    """Distances (m,) of m pairs (source, target), the same numbers as by `march`.
-
-    A front ends at the farthest target of its source: where pairs are near, it passes a small part of the surface.
-    """
-    sources, of_pair = np.unique(pairs[:, 0], return_inverse=True)
-    order = np.argsort(of_pair, kind="stable")
-    ends = np.searchsorted(of_pair[order], np.arange(len(sources) + 1))
-    distances = np.full(len(pairs), np.inf)
-
-    def front(row: int) -> None:
-        chosen = order[ends[row] : ends[row + 1]]
-        column = np.full(stencil.n_vertices, np.inf)
-        _march(stencil, sources[row], column, _NO_BOUND, pairs[chosen, 1], np.inf)
-        distances[chosen] = column[pairs[chosen, 1]]
-
-    parallel_rows(front, len(sources))
-    return distances
-
-
-def march_bounded(stencil: Stencil, source: int, nearest: FloatArray) -> None:
-    """Lower ``nearest`` (n,) in place to the distance from one more source, marching only where it is the nearest.
-
-    The fronts of p successive sources together cost about log p full ones.
-    """
-    distance = np.full(stencil.n_vertices, np.inf)
-    _march(stencil, source, distance, nearest, _TO_ALL, np.inf)
-    np.minimum(nearest, distance, out=nearest)
-
-
-_NO_BOUND = np.zeros(0)
-_TO_ALL = np.zeros(0, np.int64)
-
-
-@compiled(inline="always")
-def _excess(before: float, radius: float, step: float, gauss: float) -> float:
-    """Excess of the front's curvature at distance ``radius``, if it was ``before`` one ``step`` earlier.
-
-    Solves the Riccati equation κ' = −κ² − K over the step, to first order in K. The result is limited, because the
-    curvature of rough meshes is noisy: the radius of a diverging front is at least one step, and that of a converging
-    front at least 1 / MOST_FOCUS steps.
-    """
-    start = radius - step
-    if step <= 0.0:  # c is on the edge, or coincides with v
-        return before
-    spread = before * start  # κ start − 1: how much faster than a circle the front spreads, at the start
-    share = start / radius
-    # κ' = −κ²: the radius of curvature 1/κ grows by the step. A front that converges is kept before its focus.
-    bent = (1.0 + spread) / max(radius + spread * step, 0.5 * start)
-    # κ = 1/r + δ with small δ: (r² δ)' = −K r², integrated from start to radius and divided by radius²
-    bent -= gauss * step * (1.0 + share + share * share) / 3.0
-    return min(max(bent, -MOST_FOCUS / step), 1.0 / step) - 1.0 / radius
-
-
-def _march(
-    stencil: Stencil, source: int, distance: FloatArray, bound: FloatArray, targets: IntArray, farthest: float
-) -> None:
-    """Set distances in increasing order, as in Dijkstra's algorithm, with an indexed binary heap.
-
-    ``distance`` (n,) is all ``inf`` on entry and holds the result on return. ``bound`` is empty or (n,): a vertex no
-    nearer than its bound stays at ``inf``, and the front does not continue from it. The front ends at the distance
-    ``farthest``, or as soon as all ``targets`` are known, if there are any; entries of ``distance`` beyond are then
-    meaningless.
-    """
-    n = len(distance)
-    awaited = np.zeros(n if len(targets) else 0, dtype=bool)
-    awaited[targets] = True
-    known = np.full(n, np.inf)  # final distances; inf while tentative, −1 where the bound is nearer
-    excess = np.zeros(n)
-    slot = np.full(n, -1, dtype=np.int32)  # index in the heap, −1 for a vertex never reached
-    heap = np.empty(n, dtype=np.int32)
-    missing = int(np.count_nonzero(awaited))
-    _advance(*stencil.arrays, source, distance, bound, awaited, missing, farthest, known, excess, slot, heap)
-
-
-@compiled(fastmath={"contract", "arcp", "nsz"})
-def _advance(
-    start: IntArray,
-    other: AnyArray,
-    target: AnyArray,
-    shape: Float32Array,
-    curvature: FloatArray,
-    source: int,
-    distance: FloatArray,
-    bound: FloatArray,
-    awaited: BoolArray,
-    missing: int,
-    farthest: float,
-    known: FloatArray,
-    excess: FloatArray,
-    slot: AnyArray,
-    heap: AnyArray,
-) -> None:
-    size = 1
-    heap[0] = source
-    slot[source] = 0
-    distance[source] = 0.0
-    while size > 0:
-        v = heap[0]
-        dv = distance[v]
-        if dv > farthest:
-            return
-        size -= 1
-        if size > 0:  # sift the last entry down from the root
-            moved = heap[size]
-            key = distance[moved]
-            hole = 0
-            while True:
-                child = 2 * hole + 1
-                if child >= size:
-                    break
-                if child + 1 < size and distance[heap[child + 1]] < distance[heap[child]]:
-                    child += 1
-                if distance[heap[child]] >= key:
-                    break
-                heap[hole] = heap[child]
-                slot[heap[hole]] = hole
-                hole = child
-            heap[hole] = moved
-            slot[moved] = hole
-        if len(bound) and dv >= bound[v]:  # an earlier source is nearer: the front ends here
-            distance[v] = np.inf
-            known[v] = -1.0
-            continue
-        known[v] = dv
-        if missing > 0 and awaited[v]:
-            missing -= 1
-            if missing == 0:
-                return
-        for e in range(start[v], start[v + 1]):
-            c = target[e]
-            if known[c] != np.inf:
-                continue
-            step = np.float64(shape[e, 3])
-            candidate = radius = dv + step  # along the edge from v
-            bent = excess[v]
-            gauss = curvature[v]
-            w = other[e]
-            dw = known[w]
-            if dw != np.inf and dw >= 0.0 and shape[e, 0] > 0.0:
-                length, x, y = np.float64(shape[e, 0]), np.float64(shape[e, 1]), np.float64(shape[e, 2])
-                # in the plane of the stencil, v = (0, 0), w = (length, 0), c = (x, y), y > 0; the virtual source at
-                # distances dv and dw is (sx, −√squared), and height is how far above it c lies
-                # sx² + squared = dv², (sx − length)² + squared = dw²
-                sx = 0.5 * (length + (dv * dv - dw * dw) / length)
-                squared = dv * dv - sx * sx
-                if squared > 0.0:  # else these circles do not meet: |dv − dw| > length, by curvature
-                    height = y + np.sqrt(squared)
-                    # abscissa at which the ray from there to c crosses the edge, times height
-                    crossing = sx * y + x * (height - y)
-                    if crossing >= 0.0 and crossing <= length * height:
-                        straight = np.sqrt((x - sx) ** 2 + height * height)
-                        part = crossing / (height * length)  # of the edge, from v
-                        mean = excess[v] + part * (excess[w] - excess[v])
-                        # ½ ε sin²α t (L − t) with sin α = height / straight and t = part L
-                        shift = 0.5 * mean * (height / straight) ** 2 * part * (1.0 - part) * length * length
-                        most = MOST_SHIFT * min(length, straight)
-                        shift = min(max(shift, -most), most)
-                        if straight - shift < candidate:
-                            candidate = straight - shift
-                            radius = straight
-                            step = straight * y / height  # length of the ray beyond the edge
-                            bent = mean
-                            gauss = curvature[v] + part * (curvature[w] - curvature[v])
-            if candidate < distance[c] - TIE * step:
-                distance[c] = candidate
-                excess[c] = _excess(bent, radius, step, 0.5 * (gauss + curvature[c]))
-                hole = slot[c]  # insert c, or sift it up from where it is
-                if hole < 0:
-                    hole = size
-                    size += 1
-                while hole > 0:
-                    parent = (hole - 1) // 2
-                    if distance[heap[parent]] <= candidate:
-                        break
-                    heap[hole] = heap[parent]
-                    slot[heap[hole]] = hole
-                    hole = parent
-                heap[hole] = c
-                slot[c] = hole
-
-
-UNFOLD_STEPS = 40  # most faces crossed in search of a vertex that splits an obtuse angle
-RIGHT_ANGLE = 1e-9  # angles whose cosine is smaller in magnitude count as right, which need no split
-
-
-@dataclass(frozen=True, eq=False)
-class Stencil:
-    """Directed updates, grouped by the vertex that triggers them, in compressed sparse row form.
-
-    Entry e in ``start[v]:start[v + 1]`` means: once the distance of v is known, the pair (v, ``other[e]``) may update
-    ``target[e]``. In the plane of the triangle v is at (0, 0), the other vertex at (``shape[e, 0]``, 0) and the target at
-    (``shape[e, 1]``, ``shape[e, 2]``) with a positive ordinate, at distance ``shape[e, 3]`` from v.
-
-    Parameters
-    ----------
-    start : (n + 1,) array of int
-        First entry of each vertex.
-    other, target : (e,) arrays of int32
-        The second known vertex, and the vertex that is updated.
-    shape : (e, 4) array of float32
-        The triangle in its plane, in mesh units.
-    curvature : (n,) array of float
-        Gaussian curvature, in 1 / squared mesh units.
-    """
-
-    start: IntArray
-    other: AnyArray
-    target: AnyArray
-    shape: Float32Array
-    curvature: FloatArray
-
-    @property
-    def arrays(self) -> tuple[IntArray, AnyArray, AnyArray, Float32Array, FloatArray]:
-        """All arrays in order, as arguments of a compiled loop."""
-        return self.start, self.other, self.target, self.shape, self.curvature
-
-    @property
-    def n_vertices(self) -> int:
-        """Number of vertices of the surface."""
-        return len(self.start) - 1
+    # Entry e in start[v]:start[v + 1] means: once the distance of v is known, the pair (v, other[e]) may update
+    # target[e]. In the plane of the triangle v is at (0, 0), the other vertex at (shape[e, 0], 0), and the target at
+    # (shape[e, 1], shape[e, 2]) with a positive ordinate, at the distance shape[e, 3] from v.
+    start: IntArray  # (n + 1,)
+    other: AnyArray  # (e,) int32
+    target: AnyArray  # (e,) int32
+    shape: Float32Array  # (e, 4), in mesh units
+    curvature: FloatArray  # (n,) Gaussian curvature, in 1 / squared mesh units
 
 
 def stencil_of(mesh: Mesh) -> Stencil:
-    """Build the stencils of a mesh: every corner, and for obtuse corners the unfolded neighbours that split them.
-
-    Parameters
-    ----------
-    mesh : Mesh
-        A mesh of n vertices; it need not be manifold.
-
-    Returns
-    -------
-    Stencil
-        Two directed updates per corner of a face, and up to four more per obtuse corner.
-
-    Notes
-    -----
-    A front can reach an obtuse corner c of a face (a, b, c) before a or b is known. Following Kimmel & Sethian,
-    *Computing geodesic paths on manifolds*, PNAS 1998, faces beyond the edge (a, b) are unfolded into the plane until
-    a vertex d splits the angle at c into two acute ones; then (a, d) and (d, b) update c as well. O(faces) time,
-    about 240 bytes per vertex.
-    """
+    """Build the stencils of a mesh: every corner, and for obtuse corners the unfolded neighbours that split them."""
+    # A front can reach an obtuse corner c of a face (a, b, c) before a or b is known: its normal then lies between
+    # neither pair of sides. Kimmel & Sethian 1998, section "extension to general triangulations": the faces beyond the
+    # edge (a, b) are unfolded into the plane of the face until a vertex d splits the angle at c into two acute ones.
+    # Then (a, d) and (d, b) update c as well: they are virtual edges, whose lengths are those in the plane. O(faces)
+    # time, about 240 bytes per vertex. The mesh need not be manifold: unfolding ends at edges of one face or of more
+    # than two.
     faces = mesh.sound_faces
     opposite = _opposite_corners(mesh)
     most = 2 * len(faces)  # a face has at most one obtuse corner, which gives at most two updates
@@ -417,6 +156,7 @@ def stencil_of(mesh: Mesh) -> Stencil:
 def _gaussian_curvature(mesh: Mesh, opposite: IntArray) -> FloatArray:
     """Angle defect 2π − Σ angles divided by vertex area, (n,); 0 on boundaries and at non-manifold edges."""
     corner = mesh.sound_faces.ravel()
+    # Gauss–Bonnet on the star of a vertex: ∫ K dA = 2π − Σ angles; the mean of K is that over the area of the vertex
     at, following, before = (
         mesh.vertices[np.roll(mesh.sound_faces, -turn, axis=1).ravel()] for turn in range(3)
     )
@@ -432,10 +172,8 @@ def _gaussian_curvature(mesh: Mesh, opposite: IntArray) -> FloatArray:
 
 
 def _triangle(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
-    """Planar shapes (|ab|, x, y) of m triangles, (m, 3): a at the origin, b on the positive axis, c at (x, y), y ≥ 0.
-
-    Where a and b coincide, the axis is at right angles to c.
-    """
+    """Planar shapes (|ab|, x, y) of m triangles, (m, 3): a at the origin, b on the positive axis, c at (x, y), y ≥ 0."""
+    # x = ab · ac / |ab|, y = |ab × ac| / |ab|; where a and b coincide, the axis is at right angles to c
     ab, ac = b - a, c - a
     length = np.linalg.norm(ab, axis=1)
     safe = np.where(length > 0, length, 1.0)
@@ -487,7 +225,8 @@ def _split_obtuse(
         c = corner_vertex[h]
         a = corner_vertex[base + (h + 1) % 3]
         b = corner_vertex[base + (h + 2) % 3]
-        # the plane of the face: c at the origin, a on the positive axis, b above it
+        # the plane of the face: c at the origin, a on the positive axis, b above it. The angle at c is obtuse if b is
+        # to the left of c, bx < 0
         ax = np.sqrt(_product(points, c, a, c, a))
         if ax == 0.0:
             continue
@@ -517,6 +256,7 @@ def _split_obtuse(
                 nx, ny = -nx, -ny
             dx = lx + along * ex / length + away * nx
             dy = ly + along * ey / length + away * ny
+            # both parts of the angle at c are acute where d · a ≥ 0 and d · b ≥ 0
             slack = RIGHT_ANGLE * np.sqrt(dx * dx + dy * dy)
             acute_to_a = dx >= -slack
             acute_to_b = dx * bx + dy * by >= -slack * cb_length
@@ -558,3 +298,142 @@ def _product(points: FloatArray, a: int, b: int, c: int, d: int) -> float:
     for i in range(3):
         total += (points[b, i] - points[a, i]) * (points[d, i] - points[c, i])
     return total
+
+
+@compiled(inline="always")
+def _excess(before: float, radius: float, step: float, gauss: float) -> float:
+    """Excess of the front's curvature at distance ``radius``, if it was ``before`` one ``step`` earlier."""
+    # A front at distance d in the plane has the curvature 1 / d of a circle. On a surface its curvature κ along a ray
+    # obeys the Riccati equation κ' = −κ² − K (of Jacobi fields: κ = j' / j with j'' = −K j; do Carmo, *Riemannian
+    # Geometry*, ch. 5). The excess ε = κ − 1 / d is carried from vertex to vertex; here the equation is solved over the
+    # step, to first order in K. The result is limited, because the curvature of rough meshes is noisy: the radius of a
+    # diverging front is at least one step, and that of a converging front at least 1 / MOST_FOCUS steps.
+    start = radius - step
+    if step <= 0.0:  # c is on the edge, or coincides with v
+        return before
+    spread = before * start  # κ start − 1: how much faster than a circle the front spreads, at the start
+    share = start / radius
+    # κ' = −κ²: the radius of curvature 1/κ grows by the step. A front that converges is kept before its focus.
+    bent = (1.0 + spread) / max(radius + spread * step, 0.5 * start)
+    # κ = 1/r + δ with small δ: (r² δ)' = −K r², integrated from start to radius and divided by radius²
+    bent -= gauss * step * (1.0 + share + share * share) / 3.0
+    return min(max(bent, -MOST_FOCUS / step), 1.0 / step) - 1.0 / radius
+
+
+@compiled(fastmath={"contract", "arcp", "nsz"})
+def _advance(
+    start: IntArray,
+    other: AnyArray,
+    target: AnyArray,
+    shape: Float32Array,
+    curvature: FloatArray,
+    source: int,
+    distance: FloatArray,
+    bound: FloatArray,
+    awaited: BoolArray,
+    missing: int,
+    farthest: float,
+    known: FloatArray,
+    excess: FloatArray,
+    slot: AnyArray,
+    heap: AnyArray,
+) -> None:
+    # Dijkstra's order with an indexed binary heap: heap[:size] holds tentative vertices, slot[v] the place of v in it, −1
+    # if it was never reached; known[v] is the final distance, inf while tentative, −1 where an earlier source is nearer.
+    size = 1
+    heap[0] = source
+    slot[source] = 0
+    distance[source] = 0.0
+    while size > 0:
+        v = heap[0]
+        dv = distance[v]
+        if dv > farthest:
+            return
+        size -= 1
+        if size > 0:  # sift the last entry down from the root
+            moved = heap[size]
+            key = distance[moved]
+            hole = 0
+            while True:
+                child = 2 * hole + 1
+                if child >= size:
+                    break
+                if child + 1 < size and distance[heap[child + 1]] < distance[heap[child]]:
+                    child += 1
+                if distance[heap[child]] >= key:
+                    break
+                heap[hole] = heap[child]
+                slot[heap[hole]] = hole
+                hole = child
+            heap[hole] = moved
+            slot[moved] = hole
+        if len(bound) and dv >= bound[v]:  # an earlier source is nearer: the front ends here
+            distance[v] = np.inf
+            known[v] = -1.0
+            continue
+        known[v] = dv
+        if missing > 0 and awaited[v]:
+            missing -= 1
+            if missing == 0:
+                return
+        for e in range(start[v], start[v + 1]):
+            c = target[e]
+            if known[c] != np.inf:
+                continue
+            step = np.float64(shape[e, 3])
+            candidate = radius = dv + step  # along the edge from v
+            bent = excess[v]
+            gauss = curvature[v]
+            w = other[e]
+            dw = known[w]
+            if dw != np.inf and dw >= 0.0 and shape[e, 0] > 0.0:
+                length, x, y = np.float64(shape[e, 0]), np.float64(shape[e, 1]), np.float64(shape[e, 2])
+                # The update of Kimmel & Sethian, for spherical instead of plane fronts (Novotni & Klein 2002): the
+                # *virtual source* is the point of the triangle's plane at the distances dv and dw from v and w, on the
+                # other side of their edge. With v = (0, 0), w = (length, 0), c = (x, y), y > 0, it is (sx, −√squared)
+                # where
+                #   sx² + squared = dv²,  (sx − length)² + squared = dw²
+                # and the difference of the two gives sx. c lies height = y + √squared above it. If the straight line from
+                # there to c crosses the edge, c gets its length as distance; otherwise the way along the edge from v.
+                sx = 0.5 * (length + (dv * dv - dw * dw) / length)
+                squared = dv * dv - sx * sx
+                if squared > 0.0:  # else these circles do not meet: |dv − dw| > length, by curvature
+                    height = y + np.sqrt(squared)
+                    # abscissa at which the ray from there to c crosses the edge, times height
+                    crossing = sx * y + x * (height - y)
+                    if crossing >= 0.0 and crossing <= length * height:
+                        straight = np.sqrt((x - sx) ** 2 + height * height)
+                        part = crossing / (height * length)  # of the edge, from v
+                        mean = excess[v] + part * (excess[w] - excess[v])
+                        # Known distances of v and w contain the excess of the front, but the circle through them does
+                        # not bulge as the front does. Let ε be the excess between them, L = length, t = part L where
+                        # the ray crosses, and α its angle with the edge. Along the edge the distance d of the front has
+                        # the second derivative d'' = κ sin²α, that of the circle sin²α / d, and both agree at the ends:
+                        # the difference δ'' = ε sin²α with δ(0) = δ(L) = 0 is δ(t) = −½ ε sin²α t (L − t). So much less
+                        # is the distance from the virtual source; sin α = height / straight. Without it the error is of
+                        # first order in the edge length, and on rough meshes three times as large.
+                        shift = 0.5 * mean * (height / straight) ** 2 * part * (1.0 - part) * length * length
+                        most = MOST_SHIFT * min(length, straight)
+                        shift = min(max(shift, -most), most)
+                        if straight - shift < candidate:
+                            candidate = straight - shift
+                            radius = straight
+                            step = straight * y / height  # length of the ray beyond the edge
+                            bent = mean
+                            gauss = curvature[v] + part * (curvature[w] - curvature[v])
+            if candidate < distance[c] - TIE * step:
+                distance[c] = candidate
+                excess[c] = _excess(bent, radius, step, 0.5 * (gauss + curvature[c]))
+                hole = slot[c]  # insert c, or sift it up from where it is
+                if hole < 0:
+                    hole = size
+                    size += 1
+                while hole > 0:
+                    parent = (hole - 1) // 2
+                    if distance[heap[parent]] <= candidate:
+                        break
+                    heap[hole] = heap[parent]
+                    slot[heap[hole]] = hole
+                    hole = parent
+                heap[hole] = c
+                slot[c] = hole

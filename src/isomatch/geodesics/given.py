@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from isomatch.errors import MeshError, SettingError, some
-from isomatch.geodesics.fast_marching import Balls
-from isomatch.geodesics.protocol import ColumnEngine, DistanceEngine, geodesic_balls, pair_distances
+from isomatch.geodesics.protocol import Balls, ColumnEngine, DistanceEngine, geodesic_balls, pair_distances
 from isomatch.values.arrays import AnyArray, FloatArray, IntArray
 
 DistanceFunction = Callable[[IntArray], ArrayLike]
@@ -21,24 +20,10 @@ ROWS = 256  # rows of a matrix that are checked at once
 
 
 class GivenMatrix(ColumnEngine):
-    """An n × n matrix of distances.
+    """An n × n matrix of distances, finite or ``inf``; it is not copied, so it may be a memory map."""
 
-    Parameters
-    ----------
-    matrix : (n, n) array
-        Distances, finite or ``inf``. It is not copied, so it may be a memory map. d_ij and d_ji may differ by 1 % of the
-        largest distance, as they do when computed approximately; their mean is used.
-
-    Raises
-    ------
-    MeshError
-        If the matrix is not square, real and symmetric with a diagonal of 0, or has entries that are negative or NaN.
-
-    Notes
-    -----
-    Reading and checking take O(n²) time once, but no memory of that order. O(n) time per column.
-    """
-
+    # d_ij and d_ji may differ by 1 % of the largest distance, as they do when computed approximately; their mean is used.
+    # Reading and checking take O(n²) time once, but no memory of that order. O(n) time per column.
     name = "matrix"
 
     def __init__(self, matrix: AnyArray) -> None:
@@ -73,21 +58,7 @@ class GivenMatrix(ColumnEngine):
 
 
 class GivenFunction(ColumnEngine):
-    """A function from sources (m,) to distance columns (m, n).
-
-    Parameters
-    ----------
-    function : callable
-        Takes an (m,) array of int and returns (m, n) distances, finite or ``inf``. Every result is checked.
-    n_points : int, optional
-        Number of points n; by default the function is called with one source to learn it.
-
-    Raises
-    ------
-    MeshError
-        If the function returns the wrong shape, a distance that is negative or NaN, or a distance other than 0 from
-        a source to itself.
-    """
+    """A function from sources (m,) to distance columns (m, n), finite or ``inf``; every result is checked."""
 
     name = "function"
 
@@ -138,9 +109,7 @@ def _require_all(good: AnyArray, first: int, complaint: str) -> None:
 
 
 class RestrictedEngine(ColumnEngine):
-    """Distances among some points of a space, divided by a unit of length.
-
-    Paths may leave the chosen points: a distance is that of the whole space.
+    """Distances among some points of a space, divided by a unit of length; paths may leave these points.
 
     Parameters
     ----------
@@ -157,11 +126,6 @@ class RestrictedEngine(ColumnEngine):
         If ``vertices`` is not a list of points of the whole space.
     SettingError
         If ``unit`` is not a positive number.
-
-    Notes
-    -----
-    A column takes as long as a column of the whole space. `lower` stops early where ``engine`` does. The name is that of
-    ``engine``.
 
     Examples
     --------
@@ -201,24 +165,7 @@ class RestrictedEngine(ColumnEngine):
 
 
 class WeldedEngine(RestrictedEngine):
-    """Distances of points that may be the same point of a space, as those on both sides of a seam are.
-
-    Parameters
-    ----------
-    engine : DistanceEngine
-        Distances of the welded space.
-    point : (n,) array of int
-        The point of that space of each vertex.
-    notes : tuple of str
-        What was welded.
-
-    Examples
-    --------
-    >>> from isomatch.geodesics import distance_engine
-    >>> line = np.abs(np.subtract.outer(np.arange(3.0), np.arange(3.0)))
-    >>> WeldedEngine(distance_engine(line), np.array([0, 1, 1, 2])).distances_from([0])
-    array([[0., 1., 1., 2.]])
-    """
+    """Distances of vertices, each at a point of a welded space; those on both sides of a seam are at the same point."""
 
     def __init__(self, engine: DistanceEngine, point: IntArray, notes: tuple[str, ...] = ()) -> None:
         super().__init__(engine, point)
@@ -241,12 +188,12 @@ class WeldedEngine(RestrictedEngine):
     def balls(self, centres: IntArray, radius: float) -> Balls:
         """Vertices within a radius of m centres."""
         self._require_in_range(centres)
-        found = geodesic_balls(self._engine, self._vertices[centres], radius)
+        balls = geodesic_balls(self._engine, self._vertices[centres], radius)
         order = np.argsort(self._vertices, kind="stable")  # vertices, those of a point together
         ends = np.searchsorted(self._vertices[order], np.arange(self._engine.n_points + 1))
         parts = []
-        for low, high in zip(found.start, found.start[1:]):
-            points, apart = found.points[low:high], found.distances[low:high]
+        for low, high in zip(balls.start, balls.start[1:]):
+            points, apart = balls.points[low:high], balls.distances[low:high]
             copies = [order[ends[p] : ends[p + 1]] for p in points]
             vertices = np.concatenate([self._vertices[:0], *copies])
             distances = np.repeat(apart, [len(each) for each in copies])

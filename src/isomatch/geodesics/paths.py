@@ -117,23 +117,9 @@ def geodesic_paths(
     *,
     weld: bool = True,
 ) -> Iterator[GeodesicPath]:
-    """Find the shortest path from each source to the target of the same number.
+    """Find the shortest path from each source to the target of the same number; the mesh is made ready once for all.
 
-    Parameters
-    ----------
-    surface, weld
-        As for `geodesic_path`.
-    sources, targets : (m,) array_like of int, or PrecisePoints
-
-    Yields
-    ------
-    GeodesicPath
-        The mesh is made ready once for all of them.
-
-    Raises
-    ------
-    MeshError
-        As for `geodesic_path`.
+    ``sources`` and ``targets`` are m vertices or PrecisePoints each; the rest, and the errors, as for `geodesic_path`.
     """
     mesh = mesh_from(surface)
     first, second = points_of(sources, mesh.n_vertices), points_of(targets, mesh.n_vertices)
@@ -221,6 +207,10 @@ class _Ways:
     def _stops(self, windows: Windows, source: int, target: int) -> list[_Stop]:
         """List the points of the path, from the target back; each knows the face of the segment after it."""
         faces, unfolded = self.mesh.faces, self.unfolded
+        # A vertex is reached along an edge, or through the face of a window from its root. The latter segment is
+        # straight in the unfolded row of faces: from c = (x, y) to the root p it crosses the side at px − (x − px) py /
+        # (y − py), as in `windows._propagate`. That point, in the frame of the side of the window before, is the next
+        # (x, y), and so on to the first window, whose side is opposite to the root.
         stops = [_Stop(target, target, 0.0, -1)]
         vertex = target
         while vertex != source:
@@ -273,14 +263,7 @@ PATH_SUFFIXES = (".obj", ".vtp")
 
 
 def write_paths(file: str | Path, paths: Sequence[GeodesicPath]) -> None:
-    """Write paths as polylines.
-
-    Parameters
-    ----------
-    file : path_like
-        ``.obj``: a line for each path. ``.vtp``: also the ``corners`` and ``barycentric`` weights of each point, and the
-        ``length`` of each path.
-    paths : sequence of GeodesicPath
+    """Write paths as polylines: ``.obj``, a line for each, or ``.vtp``, also with the points in faces and the lengths.
 
     Raises
     ------

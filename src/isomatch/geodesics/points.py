@@ -19,16 +19,6 @@ SUM = 1e-6  # by which the weights of a point may differ from 1 together
 def points_of(given: ArrayLike | PrecisePoints, n_vertices: int) -> PrecisePoints:
     """Take vertices as points of the surface, and check those in faces.
 
-    Parameters
-    ----------
-    given : int, (m,) array_like of int, or PrecisePoints
-    n_vertices : int
-        Number of vertices of the surface.
-
-    Returns
-    -------
-    PrecisePoints
-
     Raises
     ------
     MeshError
@@ -90,61 +80,18 @@ AT_CORNER = 1e-12  # smallest weight of a corner; less is rounding, and would ma
 
 @dataclass(frozen=True, eq=False)
 class Inserted:
-    """A mesh with further points of its surface as vertices.
+    """A mesh with further points of its surface as vertices, after those of the original."""
 
-    Parameters
-    ----------
-    mesh : Mesh
-        The vertices of the original come first. Faces with new points inside or on an edge are divided.
-    vertex : (m,) array of int
-        The vertex of each point: of the original, if the point is there.
-    face_index : (n_faces,) array of int
-        Face of the original of which each face is all or a part.
-    places : PrecisePoints
-        Each vertex of the mesh as a point of the original.
-    """
-
-    mesh: Mesh
-    vertex: IntArray
-    face_index: IntArray
-    places: PrecisePoints
+    mesh: Mesh  # faces with new points inside or on an edge are divided
+    vertex: IntArray  # (m,) of each point: of the original, if the point is there
+    face_index: IntArray  # (n_faces,) face of the original of which each face is all or a part
+    places: PrecisePoints  # of each vertex of the mesh in the original
 
 
 def inserted(mesh: Mesh, points: PrecisePoints) -> Inserted:
-    """Make vertices of points of a mesh.
-
-    Distances between all points stay as they are, but for what an engine makes of the other triangles.
-
-    Parameters
-    ----------
-    mesh : Mesh
-    points : PrecisePoints
-        m points in faces, on edges or at vertices, told by their positive weights, as `points_of` checks them. Weights
-        below 1e-12 count as 0.
-
-    Returns
-    -------
-    Inserted
-        With the mesh itself if all points are at vertices.
-
-    Raises
-    ------
-    MeshError
-        If the corners of a point are those of no face.
-
-    Notes
-    -----
-    O(n log n + m), but for q points of one face O(q²).
-
-    Examples
-    --------
-    The middle of a triangle, and the middle of one of its edges:
-
-    >>> triangle = Mesh([[0, 0, 0], [3, 0, 0], [0, 3, 0]], [[0, 1, 2]])
-    >>> found = inserted(triangle, PrecisePoints(np.array([[0, 1, 2]] * 2), np.array([[1, 1, 1], [1.5, 1.5, 0]]) / 3))
-    >>> found.mesh.n_faces, found.vertex.tolist(), found.mesh.vertices[4].tolist()
-    (4, [3, 4], [1.5, 0.0, 0.0])
-    """
+    """Make vertices of m points of a mesh, which stays as it is if all are; `MeshError` if a point is in no face."""
+    # Distances between all points stay as they are, but for what an engine makes of the other triangles. O(n log n +
+    # m), but for q points of one face O(q²).
     between = [between_corners(*point) for point in zip(*points)]
     if all(len(used) == 1 for used, _ in between):
         at = np.array([used[0] for used, _ in between], dtype=np.int64)
@@ -244,8 +191,8 @@ class _Division:
     def _weights(self, part: int, corners: IntArray, point: FloatArray) -> FloatArray:
         """Barycentric coordinates of a point in a part of a face; both are given in those of the face."""
         basis = np.array([self.place(v, corners) for v in self._faces[part]])
-        found: FloatArray = np.linalg.solve(basis.T, point)
-        return found
+        weights: FloatArray = np.linalg.solve(basis.T, point)
+        return weights
 
     def place(self, vertex: int, corners: IntArray) -> FloatArray:
         """Weights of the corners of a face at a vertex in it or on its border."""
@@ -275,25 +222,10 @@ class _Division:
 
 
 class PointsInFaces(ColumnEngine):
-    """The vertices of a mesh, and then points in its faces.
+    """The vertices of a mesh, and then m points in its faces, whose distances follow from those of the corners."""
 
-    The front reaches a point through its face as fast marching reaches a vertex: two corners have known distances, the
-    *virtual source* is the point of the plane at these distances on the other side of the edge between them, and the
-    point gets its straight distance from there if that crosses the edge, or else goes around a corner.
-
-    Parameters
-    ----------
-    engine : DistanceEngine
-        Distances of the n vertices.
-    mesh : Mesh
-    points : PrecisePoints
-        m points, which become n … n + m − 1.
-
-    Notes
-    -----
-    Three columns for each source in a face. Points of one face have the distance in its plane.
-    """
-
+    # For engines that need good triangles. Three columns for each source in a face; points of one face have the
+    # distance in its plane.
     def __init__(self, engine: DistanceEngine, mesh: Mesh, points: PrecisePoints) -> None:
         self.name, self.n_points = engine.name, mesh.n_vertices + len(points.corners)
         self._engine, self._n = engine, mesh.n_vertices
@@ -327,6 +259,10 @@ class PointsInFaces(ColumnEngine):
 
     def _across(self, point: int, distances: FloatArray) -> FloatArray:
         """(n,) distances of a point, given those (3, n) of the corners of its face."""
+        # The front reaches a point through its face as fast marching reaches a vertex: two corners have known
+        # distances, the *virtual source* is the point of the plane at these distances on the other side of the edge
+        # between them. The point gets its straight distance from there if that crosses the edge, or else goes around a
+        # corner.
         place, triangle = self._places[point], self._triangles[point]
         spokes = np.linalg.norm(triangle - place, axis=1)
         nearest: FloatArray = (distances + spokes[:, None]).min(axis=0)
@@ -338,6 +274,7 @@ class PointsInFaces(ColumnEngine):
             x = float((place - a) @ (b - a)) / length
             y = np.sqrt(max(spokes[i] ** 2 - x**2, 0.0))
             with np.errstate(invalid="ignore"):  # inf − inf between components
+                # sx² + depth² = near², (sx − length)² + depth² = far²; the difference of the two gives sx
                 # in the plane of the face the virtual source is (sx, −depth), the edge from (0, 0) to (length, 0)
                 near, far = distances[i], distances[(i + 1) % 3]
                 sx = 0.5 * (length + (near - far) * (near + far) / length)

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Protocol, runtime_checkable
+from collections.abc import Sequence
+from typing import NamedTuple, Protocol, Self, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from isomatch.errors import MeshError, some
-from isomatch.geodesics.fast_marching import Balls
 from isomatch.runtime.memory import require_memory
 from isomatch.surfaces import Mesh, PointCloud
 from isomatch.values.arrays import FloatArray, IntArray
+
+BLOCK = 64  # columns held at a time, where pairs or balls are asked of an engine that has only columns
 
 
 @runtime_checkable
@@ -77,23 +79,8 @@ class ColumnEngine(ABC):
         """(m, n) distances from sources that are in range."""
 
 
-BLOCK = 64  # columns held at a time
-
-
 def pair_distances(engine: DistanceEngine, pairs: ArrayLike) -> FloatArray:
-    """Compute the distances of pairs of points.
-
-    Parameters
-    ----------
-    engine : DistanceEngine
-        Distances of a space of n points.
-    pairs : (m, 2) array_like of int
-        Pairs (source, target).
-
-    Returns
-    -------
-    (m,) array of float
-        Distances; ``inf`` where no path leads.
+    """Compute the distances (m,) of (m, 2) pairs of points, source and target; ``inf`` where no path leads.
 
     Raises
     ------
@@ -136,25 +123,24 @@ def pair_distances(engine: DistanceEngine, pairs: ArrayLike) -> FloatArray:
     return distances
 
 
-BLOCK = 64  # columns held at a time
+class Balls(NamedTuple):
+    """The points within a radius of m centres: those of centre i are in ``start[i]:start[i + 1]``."""
+
+    start: IntArray  # (m + 1,)
+    points: IntArray  # (b,)
+    distances: FloatArray  # (b,) from the centre
+
+    @classmethod
+    def of(cls, parts: Sequence[tuple[IntArray, FloatArray]]) -> Self:
+        """Join the points and distances of single balls."""
+        start = np.zeros(len(parts) + 1, dtype=np.int64)
+        np.cumsum([len(points) for points, _ in parts], out=start[1:])
+        points = np.concatenate([np.zeros(0, np.int64), *(points for points, _ in parts)])
+        return cls(start, points, np.concatenate([np.zeros(0), *(distances for _, distances in parts)]))
 
 
 def geodesic_balls(engine: DistanceEngine, centres: ArrayLike, radius: float) -> Balls:
-    """Find the points within a distance of some centres.
-
-    Parameters
-    ----------
-    engine : DistanceEngine
-        Distances of a space of n points.
-    centres : (m,) array_like of int
-        Points.
-    radius : float
-        In the units of the distances.
-
-    Returns
-    -------
-    Balls
-        The points of each ball, in increasing order, and their distances from its centre.
+    """Find the points within a distance of m centres, those of each ball in increasing order.
 
     Raises
     ------
@@ -175,8 +161,8 @@ def geodesic_balls(engine: DistanceEngine, centres: ArrayLike, radius: float) ->
     """
     wanted = np.atleast_1d(np.asarray(centres))
     if hasattr(engine, "balls"):
-        found: Balls = engine.balls(wanted, radius)
-        return found
+        balls: Balls = engine.balls(wanted, radius)
+        return balls
     parts = []
     for first in range(0, len(wanted), BLOCK):
         columns = engine.distances_from(wanted[first : first + BLOCK])
