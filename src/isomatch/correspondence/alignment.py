@@ -12,20 +12,12 @@ from isomatch.values.arrays import FloatArray, IntArray
 
 @dataclass(frozen=True, eq=False)
 class SignedPoints:
-    """A point cloud with the inner product ⟨x, y⟩ = Σ_c sign_c x_c y_c.
-
-    Parameters
-    ----------
-    coordinates : (..., n, k) array of float
-        One row for each point. Leading axes are stacks of clouds.
-    signs : (k,) array of float
-        1 or −1 for each column. A column of sign −1 stands for an imaginary one.
+    """A cloud of points (..., n, k) with ⟨x, y⟩ = Σ_c sign_c x_c y_c; a column of sign −1 stands for an imaginary one.
 
     Examples
     --------
     In one real and one imaginary column, a vector may have a negative square, or square 0 without being 0.
 
-    >>> import numpy as np
     >>> x = SignedPoints(np.array([[2.0, 1.0], [1.0, 1.0], [0.0, 1.0]]), np.array([1.0, -1.0]))
     >>> x.coordinates @ x.signed().T
     array([[ 3.,  1., -1.],
@@ -51,24 +43,10 @@ NULL_DIRECTION = (
 
 
 def signed_procrustes(source: SignedPoints, target: SignedPoints) -> FloatArray:
-    """Find the orthogonal C that minimises ‖T C − S‖ and mixes only columns of equal sign.
+    """Find the orthogonal C (..., k_t, k_s) that minimises ‖T C − S‖ and mixes only columns of equal sign.
 
-    Parameters
-    ----------
-    source, target : SignedPoints
-        The same m points on both shapes, row by row, with k_s and k_t columns. Stacks (..., m, k) are aligned one by
-        one.
-
-    Returns
-    -------
-    (..., k_t, k_s) array of float
-        C, orthogonal within each block of equal signs, so that inner products are kept. Where a block has more
-        columns on one side, or the points leave a direction undetermined, C is a partial isometry: the direction is
-        dropped.
-
-    Notes
-    -----
-    Schönemann 1966, once for each sign. O(m k²).
+    The clouds hold the same m points on both shapes, row by row; stacks (..., m, k) are aligned one by one. Where a
+    sign has more columns on one side, or the points leave a direction undetermined, C is a partial isometry. O(m k²).
 
     Examples
     --------
@@ -78,6 +56,10 @@ def signed_procrustes(source: SignedPoints, target: SignedPoints) -> FloatArray:
     array([[ 1.,  0.],
            [ 0., -1.]])
     """
+    # Schönemann, *A generalized solution of the orthogonal Procrustes problem*, Psychometrika 1966, once for each sign.
+    # For orthogonal C, ‖T C − S‖² = ‖T‖² + ‖S‖² − 2 tr(Cᵀ Tᵀ S). With the SVD Tᵀ S = U Σ Vᵀ the trace is tr((Uᵀ C V)ᵀ
+    # Σ) ≤ tr Σ, which C = U Vᵀ attains. That C keeps the inner products of each sign, and so all, (T C) diag(s) (T C)ᵀ
+    # = T diag(s) Tᵀ. Directions without a singular value are in no cloud: any C would do there, and they are dropped.
     cross = target.coordinates.swapaxes(-1, -2) @ source.coordinates  # (..., k_t, m) (..., m, k_s)
     rotation = np.zeros_like(cross)
     for sign in (1.0, -1.0):
@@ -90,19 +72,7 @@ def signed_procrustes(source: SignedPoints, target: SignedPoints) -> FloatArray:
 
 
 def alignment_residual(source: SignedPoints, target: SignedPoints, rotation: FloatArray) -> float:
-    """Compute the root mean square of ‖t C − s‖ over the m rows of two clouds.
-
-    Parameters
-    ----------
-    source, target : SignedPoints
-        The same m points on both shapes, row by row, with k_s and k_t columns.
-    rotation : (k_t, k_s) array of float
-        C.
-
-    Returns
-    -------
-    float
-        √(Σ_i ‖t_i C − s_i‖² / m) in the unit of the coordinates; every column counts as real. O(m k_t k_s).
+    """Compute √(Σ_i ‖t_i C − s_i‖² / m) over the m rows of two clouds; every column counts as real.
 
     Examples
     --------
@@ -117,16 +87,7 @@ def alignment_residual(source: SignedPoints, target: SignedPoints, rotation: Flo
 
 @dataclass(frozen=True, eq=False)
 class Alignment:
-    """A map between two clouds, and the rotation that aligns them under it.
-
-    Parameters
-    ----------
-    target_row : (m_source,) array of int
-        Row of the target cloud for each row of the source cloud.
-    rotation : (k_t, k_s) array of float
-        C, with target · C ≈ source.
-    residual : float
-        See `alignment_residual`.
+    """A map between two clouds, the C (k_t, k_s) that aligns them under it, target · C ≈ source, and its residual.
 
     Examples
     --------
@@ -134,7 +95,7 @@ class Alignment:
     array([1, 0])
     """
 
-    target_row: IntArray
+    target_row: IntArray  # (m_source,) row of the target cloud for each row of the source cloud
     rotation: FloatArray
     residual: float
 
@@ -162,11 +123,7 @@ def iterative_closest_points(
     Returns
     -------
     list of Alignment
-        One for each first map.
-
-    Notes
-    -----
-    Shamai & Kimmel 2017, the algorithm for min ‖P X₁ C − X₂‖. O(m_t m_s k) for each iteration and first map.
+        One for each first map. O(m_t m_s k) for each iteration and first map.
 
     Examples
     --------
@@ -198,6 +155,9 @@ def closest_point_images(
     >>> closest_point_images(corners, corners, np.array([[0, 1, 2, 2]]), max_iterations=10)
     array([[0, 1, 2, 3]])
     """
+    # min ‖P X₁ C − X₂‖ over maps P and orthogonal C (Shamai & Kimmel 2017; Besl & McKay, PAMI 1992, for rigid motions):
+    # with P known C is `signed_procrustes`, with C known the image of each point is the nearest one, and each step
+    # lowers the sum
     images, moving = starts.copy(), np.arange(len(starts))
     for _ in range(max_iterations):
         previous = images[moving]
@@ -217,31 +177,10 @@ def alignments_from_points(
     off_diagonal: float = 0.01,
     ridge: float = 0.001,
 ) -> FloatArray:
-    """Align the leading columns of two clouds at a few corresponding points.
+    """Align the leading k columns of two clouds at m corresponding rows (h, m), for each of h alignments: (h, k, k).
 
-    Parameters
-    ----------
-    source, target : SignedPoints
-        The clouds, with k_s and k_t columns.
-    source_rows, target_rows : (h, m) array of int
-        Rows of m corresponding points, for each of h alignments.
-    n_columns : int
-        Leading columns k that are aligned; a few points determine no more.
-    off_diagonal : float
-        Penalty q on mixing columns.
-    ridge : float
-        Penalty r on every entry; it decides where the points do not.
-
-    Returns
-    -------
-    (h, k, k) array of float
-        For each set of points the C with target[:, :k] · C ≈ source[:, :k]. Each column j solves
-        min ‖Y c − x‖² + Σᵢ (q s (i − j)² + r s) cᵢ², s the mean squared norm of the target's rows. Near-isometric
-        shapes have nearly equal spectra, so distant columns mix little. Columns of unequal sign do not mix.
-
-    Notes
-    -----
-    Shamai & Kimmel 2017, initialisation from feature points. O(h k⁴).
+    A few points determine no more than ``n_columns``. ``off_diagonal`` is the penalty on mixing columns, and ``ridge``
+    that on every entry, which decides where the points do not.
 
     Examples
     --------
@@ -257,6 +196,12 @@ def alignments_from_points(
            [[ 1.,  0.],
             [ 0.,  0.]]])
     """
+    # Shamai & Kimmel 2017, initialisation from feature points: C with target[:, :k] C ≈ source[:, :k]. With Y and X the
+    # rows of the points, each column c_j of C solves by itself
+    #   min ‖Y c_j − x_j‖² + Σ_i (q s (i − j)² + r s) c_ij²,  (YᵀY + diag_i(q s (i − j)² + r s)) c_j = Yᵀ x_j,
+    # q and r the penalties, s the mean squared norm of the target's rows. Near-isometric shapes have nearly equal
+    # spectra, so that distant columns mix little. Columns of unequal sign do not mix: their rows are taken out. O(h
+    # k⁴).
     k = min(n_columns, len(target.signs), len(source.signs))
     leading = target.coordinates[:, :k]
     s = float((leading**2).sum(axis=1).mean())
@@ -284,28 +229,9 @@ def alignment_from_functions(
     off_diagonal: float = 0.01,
     ridge: float = 0.001,
 ) -> FloatArray:
-    """Align two point clouds by functions that should correspond: least squares (F_tᵀ W_t) C ≈ F_sᵀ W_s.
+    """Align two clouds of all vertices by q functions that should correspond, (n_s, q) and (n_t, q): (k, k).
 
-    Parameters
-    ----------
-    source, target : SignedPoints
-        Clouds of all n_s and n_t vertices.
-    source_functions, target_functions : (n_s, q), (n_t, q) arrays of float
-        Values of q corresponding functions, such as signatures or indicators of segments.
-    source_weights, target_weights : (n_s,), (n_t,) arrays of float
-        Vertex areas.
-    n_columns, off_diagonal, ridge
-        As for `alignments_from_points`.
-
-    Returns
-    -------
-    (k, k) array of float
-        C, with target[:, :k] · C ≈ source[:, :k].
-
-    Notes
-    -----
-    Shamai & Kimmel 2017, initialisation from descriptors. Columns of X = Q W are orthogonal in the areas, so that XᵀA f
-    holds W times the coefficients of f, and the problem is that of points. O(n k q + k⁴).
+    The weights are the vertex areas, the rest is as for `alignments_from_points`.
 
     Examples
     --------
@@ -318,6 +244,9 @@ def alignment_from_functions(
     array([[ 1.,  0.],
            [ 0., -1.]])
     """
+    # Shamai & Kimmel 2017, initialisation from descriptors. Columns of X = Q W, W = |Λ|^½, are orthogonal in the areas,
+    # so that Xᵀ A f = W (Qᵀ A f) holds W times the coefficients of f; for an isometry these of both shapes are joined
+    # by C as the points are: (F_tᵀ A_t X_t) C ≈ F_sᵀ A_s X_s, the problem of the points with one row for each function
     as_source = SignedPoints(
         (source.coordinates.T @ (source_weights[:, None] * source_functions)).T, source.signs
     )
@@ -332,19 +261,7 @@ def alignment_from_functions(
 
 
 def nearest_under_rotation(source: SignedPoints, target: SignedPoints, rotation: FloatArray) -> IntArray:
-    """Find the nearest target row of each source row, once the target is rotated.
-
-    Parameters
-    ----------
-    source, target : SignedPoints
-        m_s and m_t points.
-    rotation : (k_t, k_s) array of float
-        C. As many leading columns of either cloud are used as it has.
-
-    Returns
-    -------
-    (m_s,) array of int
-        Row of target · C nearest to each row of the source, see `nearest_rows`. O(m_s m_t k_s).
+    """Find the nearest target row (m_s,) of each source row, once the leading columns of the target are rotated.
 
     Examples
     --------

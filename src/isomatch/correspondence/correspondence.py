@@ -496,20 +496,7 @@ class Correspondence(Shown):
 
 
 class MapFile(NamedTuple):
-    """A map that was read from a file, and how its indices were taken.
-
-    Parameters
-    ----------
-    map : Correspondence
-        The map source → target.
-    counts_from : int
-        What the indices in the file count from, 0 or 1.
-    is_certain : bool
-        Whether the file says so or was said to, or no other reading fits.
-    note : str
-        What was decided; empty if nothing had to be.
-    is_likely : bool
-        Whether the other reading, if one fits, is unlikely.
+    """A map that was read from a file, and how its indices were taken, see `IndexBase`.
 
     Examples
     --------
@@ -535,16 +522,8 @@ def read_map(
 ) -> MapFile:
     """Read a map as `Correspondence.load` does, and say how its indices were taken, in place of a warning.
 
-    Parameters
-    ----------
-    path, n_target, n_source, counts_from, variable
-        As for `Correspondence.load`, and so are the errors.
-    allow_doubt : bool
-        Return a map of MATLAB that can count from 0 or from 1, counted from 0 and not certain, and do not refuse it.
-
-    Returns
-    -------
-    MapFile
+    With ``allow_doubt``, a map of MATLAB that can count from 0 or from 1 is not refused, but counted from 0 and not
+    certain.
 
     Examples
     --------
@@ -552,13 +531,13 @@ def read_map(
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     file = Path(folder) / "map.txt"
     ...     np.savetxt(file, [3, 1, 2], fmt="%d")
-    ...     found = read_map(file, n_target=3)
-    >>> found.map.vertices.tolist(), found.counts_from, found.note
+    ...     file_map = read_map(file, n_target=3)
+    >>> file_map.map.vertices.tolist(), file_map.counts_from, file_map.note
     ([2, 0, 1], 1, 'map.txt: counts from 1, as its largest index, 3, is the number of target vertices')
     """
     path = Path(path)
     try:
-        parts, (_, base) = map_parts(path, n_target, n_source, counts_from, variable)
+        parts, base = map_parts(path, n_target, n_source, counts_from, variable)
         if path.suffix.lower() == ".mat" and not (base.is_likely or allow_doubt):
             held = parts["vertices"][parts["vertices"] >= 0]
             raise FormatError(

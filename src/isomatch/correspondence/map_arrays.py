@@ -20,13 +20,7 @@ UNMATCHED = -1
 def checked_map(
     vertices: ArrayLike, n_target: int, faces: ArrayLike | None, barycentric: ArrayLike | None
 ) -> tuple[IntArray, PrecisePoints]:
-    """Check the arrays of a map; return its target vertices (n_source,) and precise images, see `Correspondence`.
-
-    Raises
-    ------
-    MapError
-        If they do not describe a map.
-    """
+    """Check the arrays of a map, see `Correspondence`, and return target vertices and precise images (n_source,)."""
     indices = array_of(vertices, "the vertices of a map", MapError)
     if indices.ndim != 1 or (indices.size and indices.dtype.kind not in "iu"):
         raise MapError(
@@ -150,33 +144,14 @@ TORN = 4.0  # times the usual stretch of an edge by a map: more is a tear
 
 
 def composed(
-    vertices: IntArray,
-    points: PrecisePoints,
-    image: IntArray,
-    there: PrecisePoints,
+    vertices: IntArray,  # (n,) middle vertex of each source vertex
+    points: PrecisePoints,  # the same, precisely
+    image: IntArray,  # (m,) target vertex of each middle vertex
+    there: PrecisePoints,  # the same, precisely
     middle: Mesh | None,
     target: Mesh | None,
 ) -> tuple[IntArray, PrecisePoints]:
-    """Map the images under one map by another; see `Correspondence.then`.
-
-    Parameters
-    ----------
-    vertices : (n,) array of int
-        Middle vertex of each source vertex.
-    points : PrecisePoints
-        The same, as n precise images.
-    image : (m,) array of int
-        Target vertex of each middle vertex.
-    there : PrecisePoints
-        The same, as m precise images.
-    middle, target : Mesh, optional
-        Both or neither.
-
-    Returns
-    -------
-    (n,) array of int, PrecisePoints
-        Target vertex of each source vertex, and n precise images.
-    """
+    """Map the images under one map by another, see `Correspondence.then`: target vertices (n,) and n precise images."""
     by_weight = np.argsort(-points.barycentric, axis=1, kind="stable")
     corners = np.take_along_axis(points.corners, by_weight, axis=1)
     weights = np.take_along_axis(points.barycentric, by_weight, axis=1)
@@ -199,15 +174,7 @@ def composed(
 
 
 def composed_in_faces(points: PrecisePoints, there: PrecisePoints) -> tuple[PrecisePoints, BoolArray]:
-    """Compose exactly where the images of all corners of a point lie in one triangle: m points, and which they are.
-
-    Parameters
-    ----------
-    points : PrecisePoints
-        m points.
-    there : PrecisePoints
-        The image of each vertex.
-    """
+    """Compose exactly where the images of all corners of a point lie in one triangle: m points, and which they are."""
     m = len(points.corners)
     corners = there.corners[points.corners]  # (m, 3, 3)
     weights = (there.barycentric[points.corners] * points.barycentric[:, :, None]).reshape(m, 9)
@@ -226,11 +193,9 @@ def composed_in_faces(points: PrecisePoints, there: PrecisePoints) -> tuple[Prec
 def composed_on_surface(
     points: PrecisePoints, there: PrecisePoints, middle: Mesh, target: Mesh
 ) -> tuple[PrecisePoints, BoolArray]:
-    """Interpolate the images of the corners of m points in space, and take the nearest point of the target.
-
-    Corners that the map tears from the first one are left out. The second result tells which of the m points have more
-    than one corner left.
-    """
+    """Interpolate the images of the corners of m points in space, and take the nearest point of the target."""
+    # Corners that the map tears from the first one are left out. The second result tells which of the m points have
+    # more than one corner left.
     positions, _, _ = normalised(target.vertices)
     images = there.interpolated(positions)
     apart, stretched = (
@@ -253,10 +218,8 @@ def composed_on_surface(
 def inverse(
     image: IntArray, there: PrecisePoints, source: Surface, target: Surface, within: float
 ) -> tuple[PrecisePoints, BoolArray]:
-    """Find the point of the source whose image is nearest to each vertex of the target, and which vertices have one.
-
-    The search starts from the source vertices mapped to the target vertex nearest along edges.
-    """
+    """Find the point of the source whose image is nearest to each vertex of the target, and which vertices have one."""
+    # the search starts from the source vertices mapped to the target vertex nearest along edges
     matched = image >= 0
     n = target.n_vertices
     if not matched.any():

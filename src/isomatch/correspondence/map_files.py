@@ -71,14 +71,8 @@ def map_parts(
     n_source: int | None = None,
     counts_from: int | None = None,
     variable: str | None = None,
-) -> tuple[dict[str, Any], Counted]:
-    """Read the parts of a map, by name, and how its indices were taken; for the arguments see `Correspondence.load`.
-
-    Raises
-    ------
-    FormatError
-        If the file holds no map, or one between other numbers of vertices.
-    """
+) -> tuple[dict[str, Any], IndexBase]:
+    """Read the parts of a map, by name, and how its indices were taken; for the arguments see `Correspondence.load`."""
     suffix = path.suffix.lower()
     declared, stored = False, None
     if suffix == ".mat":
@@ -100,29 +94,27 @@ def map_parts(
             "shapes in this direction"
         )
     known = n_target if stored is None else stored
-    counted = Counted(parts["vertices"], IndexBase(0))
+    image, base = parts["vertices"], IndexBase(0)
     if not declared:
-        counted = counted_from_zero(path, parts["vertices"], known, counts_from)
-    parts |= {"vertices": counted.image, "n_target": known}
-    if known is None:
-        parts["n_target"] = int(counted.image.max(initial=-1)) + 1
-    return parts, counted
+        image, base = counted_from_zero(path, image, known, counts_from)
+    return parts | {
+        "vertices": image,
+        "n_target": int(image.max(initial=-1)) + 1 if known is None else known,
+    }, base
 
 
 def _read_arrays(
     path: Path, n_source: int | None, variable: str | None
 ) -> tuple[bool, int | None, dict[str, Any]]:
-    """Read a map from an ``.npz`` file: whether isomatch wrote it, its number of target vertices, if any, and arrays.
-
-    What isomatch wrote has a direction or a version.
-    """
+    """Whether isomatch wrote an ``.npz`` file, its number of target vertices, if any, and its arrays."""
 
     def refuse(problem: str) -> NoReturn:
         raise FormatError(f"{path}: not a map ({problem}); expected a file written by {FORMAT.writer}")
 
     with Archive.opened(path, refuse) as file:
         names = file.names
-        if not {"direction", "format_version"} & set(names):  # of another program
+        # what isomatch wrote has a direction or a version
+        if not {"direction", "format_version"} & set(names):
             if not names:
                 refuse("it has no array 'vertices'")
             found: dict[str, AnyArray] = file.read_all(names)
@@ -164,18 +156,10 @@ _MOST_NAMED = 8  # arrays that a message lists
 
 
 class IndexBase(NamedTuple):
-    """What indices count from, and how that was found.
+    """What indices count from, 0 or 1, and how that was found.
 
-    Parameters
-    ----------
-    counts_from : int
-        0 or 1.
-    is_certain : bool
-        Whether the file says so or was said to, or no other reading fits.
-    is_likely : bool
-        Whether the other reading, if one fits, is unlikely.
-    note : str
-        What was decided; empty if nothing had to be.
+    ``is_certain`` if the file says so or was said to, or no other reading fits; ``is_likely`` if the other reading is
+    unlikely; ``note`` says what was decided, if something had to be.
 
     Examples
     --------
@@ -189,31 +173,10 @@ class IndexBase(NamedTuple):
     note: str = ""
 
 
-class Counted(NamedTuple):
-    """The indices of a map, counted from 0, and how that was found.
-
-    Parameters
-    ----------
-    image : (n_source,) array of int
-        Target vertex of each source vertex; −1 if unmatched.
-    base : IndexBase
-        What the file counts from.
-    """
-
-    image: IntArray
-    base: IndexBase
-
-
 def the_vector(
     path: Path, arrays: Mapping[str, Any], n_source: int | None, variable: str | None = None
 ) -> AnyArray:
-    """Choose the array that is a map, one number for each source vertex, by its shape or its name.
-
-    Raises
-    ------
-    FormatError
-        If there is none, or several and none is named.
-    """
+    """Choose the array that is a map, one number for each source vertex, by its shape or its name."""
     found = {name: np.squeeze(value) for name, value in arrays.items() if isinstance(value, np.ndarray)}
     held = ", ".join(f"{name} {value.shape}" for name, value in [*found.items()][:_MOST_NAMED]) or "no array"
     if variable is not None:
@@ -240,16 +203,10 @@ def the_vector(
     return next(iter(fitting.values()))
 
 
-def counted_from_zero(path: Path, given: AnyArray, n_target: int | None, counts_from: int | None) -> Counted:
-    """Read indices that count from 0 or from 1, see `index_base`; −1 and nan, and 0 if they count from 1, mean unmatched.
-
-    Raises
-    ------
-    FormatError
-        If entries are no such indices, or fit neither reading.
-    SettingError
-        If ``counts_from`` is neither 0 nor 1.
-    """
+def counted_from_zero(
+    path: Path, given: AnyArray, n_target: int | None, counts_from: int | None
+) -> tuple[IntArray, IndexBase]:
+    """Return indices that count from 0; −1 means unmatched, as nan does, and 0 in a file that counts from 1."""
     if counts_from not in (None, 0, 1):
         raise SettingError(f"counts_from = {counts_from!r} is neither 0 nor 1")
     if given.dtype.kind == "f":
@@ -261,28 +218,17 @@ def counted_from_zero(path: Path, given: AnyArray, n_target: int | None, counts_
     base = index_base(path, image, n_target) if counts_from is None else IndexBase(counts_from)
     if base.counts_from == 1:
         image = np.where(image > 0, image - 1, np.where(image == 0, -1, image))
-    return Counted(image, base)
+    return image, base
 
 
 def index_base(path: Path, indices: AnyArray, n: int | None, what: str = "target vertices") -> IndexBase:
-    """Find whether indices count from 0 or from 1, where 0 may mean unmatched.
+    """Find whether indices (m,) of ``what`` count from 0 or from 1, where −1, and maybe 0, means unmatched.
 
-    - The largest is ``n``, and none is 0: from 1, for certain.
+    - The largest is ``n``, their number if known, and none is 0: from 1, for certain.
     - There are 0 and −1, which then means unmatched, or each index from 0 to the largest once: from 0, for certain.
     - There are 0 and no −1: likely from 0; but not if there are several 0, more than of any other index, as where 0 means
       unmatched.
     - Otherwise from 0, which is not likely.
-
-    Parameters
-    ----------
-    path : Path
-        File, for messages.
-    indices : (m,) array
-        Whole numbers; −1 means unmatched.
-    n : int or None
-        Number of what they are indices of, if it is known.
-    what : str
-        What they are indices of.
 
     Raises
     ------

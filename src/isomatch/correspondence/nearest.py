@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from isomatch.loading.compiled import compiled
 from isomatch.runtime.threads import parallel_map
 from isomatch.surfaces import PrecisePoints, nearest_in_triangle
-from isomatch.values.arrays import Float32Array, FloatArray, IntArray, single
+from isomatch.values.arrays import AnyArray, Float32Array, FloatArray, IntArray, single
 from isomatch.values.cached import cached_property
 
 TINY = np.float32(1e-30)
@@ -20,21 +21,9 @@ TIE = 1e-6  # score differences below this share of the largest squared norm are
 
 
 def nearest_rows(candidates: FloatArray, queries: FloatArray) -> IntArray:
-    """For each query row, the index of the nearest candidate row; the first of equals.
+    """For each query row (m, d), the index (m,) of the nearest candidate row (n, d); the first of equals.
 
-    Parameters
-    ----------
-    candidates : (n, d) array of float
-    queries : (m, d) array of float
-
-    Returns
-    -------
-    (m,) array of int
-
-    Notes
-    -----
-    2 n m d operations in single precision. The nearest candidate has the largest ``y·x − |x|²/2``; all candidates whose
-    score is within the rounding error of the best are ranked by their true distance in double precision.
+    2 n m d operations in single precision.
 
     Examples
     --------
@@ -42,6 +31,9 @@ def nearest_rows(candidates: FloatArray, queries: FloatArray) -> IntArray:
     >>> nearest_rows(candidates, np.array([[1.0, 0.0], [3.0, 1.0]]))
     array([0, 1])
     """
+    # |y − x|² = |y|² − 2 (y · x − ½ |x|²): the nearest candidate has the largest score y · x − ½ |x|², one matrix
+    # product for all. Candidates whose score is within the rounding of the best are ranked by their true distance in
+    # double precision
     centre = candidates.mean(axis=0)
     x, y = np.ascontiguousarray(candidates - centre), np.ascontiguousarray(queries - centre)
     norms = np.einsum("ij,ij->i", x, x)
@@ -61,17 +53,7 @@ def nearest_rows(candidates: FloatArray, queries: FloatArray) -> IntArray:
 
 
 def nearest_of_few(candidates: FloatArray, queries: FloatArray) -> IntArray:
-    """Find nearest rows as `nearest_rows` does, faster for few rows, in single precision.
-
-    Parameters
-    ----------
-    candidates : (n, d) array of float
-    queries : (m, d) array of float
-
-    Returns
-    -------
-    (m,) array of int
-        Of candidates that are equally near in single precision, any one. O(n m d).
+    """Find nearest rows as `nearest_rows` does, faster for few rows; of equally near ones in single precision, any.
 
     Examples
     --------
@@ -89,15 +71,7 @@ def nearest_of_few(candidates: FloatArray, queries: FloatArray) -> IntArray:
 
 @dataclass(frozen=True, eq=False)
 class VertexCells:
-    """A partition of the vertices of a surface into cells, each around a centre.
-
-    Parameters
-    ----------
-    centres : (c,) array of int
-        Vertices.
-    start : (c + 1,) array of int
-    members : (n,) array of int
-        ``members[start[a]:start[a + 1]]`` are the vertices of cell a, increasing.
+    """A partition of n vertices into cells, each around a centre: those of cell a are ``members[start[a]:start[a + 1]]``.
 
     Examples
     --------
@@ -121,25 +95,7 @@ class VertexCells:
 def nearest_in_cells(candidates: FloatArray, queries: FloatArray, cells: VertexCells) -> IntArray:
     """Find nearest rows as `nearest_rows` does, among the vertices of a surface in smooth coordinates.
 
-    Distances are compared in single precision.
-
-    Parameters
-    ----------
-    candidates : (n, d) array of float
-        Coordinates of every vertex.
-    queries : (m, d) array of float
-    cells : VertexCells
-        Any partition of the vertices; compact cells make it fast.
-
-    Returns
-    -------
-    (m,) array of int
-
-    Notes
-    -----
-    By the triangle inequality no vertex of a cell is nearer than the distance to its centre less the cell's radius in
-    these coordinates. A surface is two-dimensional whatever d is, so a handful of cells is opened for each query:
-    2 m c d operations for the centres, about m d n / c for each cell opened.
+    Distances are compared in single precision. Any cells will do; compact ones make it fast.
 
     Examples
     --------
@@ -148,6 +104,10 @@ def nearest_in_cells(candidates: FloatArray, queries: FloatArray, cells: VertexC
     >>> nearest_in_cells(line, np.array([[2.2], [9.0]]), cells)
     array([2, 5])
     """
+    # By the triangle inequality |y − x| ≥ |y − z| − r for every vertex x of a cell with the centre z and the radius r
+    # in these coordinates, and |y − x| ≥ ||y − z| − |x − z||. Cells, and vertices, that are farther by this than the
+    # nearest so far are passed over. A surface is two-dimensional whatever d is, so a handful of cells is opened for
+    # each query: 2 m c d operations for the centres, about m d n / c for each cell opened.
     middle = candidates.mean(axis=0)
     x = _single(candidates[cells.members], middle)
     centres = _single(candidates[cells.centres], middle)
@@ -184,7 +144,7 @@ def _settle(scores: Float32Array, bars: Float32Array, x: FloatArray, y: FloatArr
         winner, nearest = -1, np.inf
         for j in range(scores.shape[1]):
             if scores[i, j] >= bars[i]:
-                distance = _squared(x, j, y, i)
+                distance = squared_distance(x, j, y, i)
                 if distance < nearest:
                     winner, nearest = j, distance
         best[i] = winner
@@ -196,7 +156,7 @@ def _radii(
 ) -> None:
     for a in range(len(centres)):
         for j in range(start[a], start[a + 1]):
-            from_centre[j] = np.sqrt(_squared_single(x, j, centres, a))
+            from_centre[j] = np.sqrt(squared_distance(x, j, centres, a))
             radius[a] = max(radius[a], from_centre[j])
 
 
@@ -228,7 +188,7 @@ def _open_cells(
             for j in range(start[cell], start[cell + 1]):
                 if abs(away - from_centre[j]) > beyond:
                     continue
-                distance = _squared_single(x, j, y, i)
+                distance = squared_distance(x, j, y, i)
                 if distance < nearest or (distance == nearest and members[j] < winner):
                     winner, nearest = members[j], distance
                     reach = np.sqrt(nearest) * np.float32(1.0 + ROUNDING)
@@ -236,18 +196,10 @@ def _open_cells(
         best[i] = winner
 
 
-@compiled(fastmath={"nsz", "reassoc", "contract"}, inline="always")
-def _squared_single(x: Float32Array, j: int, y: Float32Array, i: int) -> np.float32:
-    total = np.float32(0.0)
-    for d in range(x.shape[1]):
-        difference = x[j, d] - y[i, d]
-        total += difference * difference
-    return total
-
-
-@compiled(fastmath={"nsz", "reassoc", "contract"}, inline="always")
-def _squared(x: FloatArray, j: int, y: FloatArray, i: int) -> float:
-    total = 0.0
+@compiled(inline="always")  # with the flags of the loop that calls it
+def squared_distance(x: AnyArray, j: int, y: AnyArray, i: int) -> Any:
+    """Squared distance of row j of x from row i of y, in their precision."""
+    total = x.dtype.type(0)
     for d in range(x.shape[1]):
         difference = x[j, d] - y[i, d]
         total += difference * difference
@@ -264,30 +216,11 @@ def nearest_points(
     nearest_vertex: IntArray,
     around: tuple[IntArray, IntArray] | None = None,
 ) -> PrecisePoints:
-    """Find the nearest point of the triangles around the nearest vertex.
+    """Find the nearest points of the triangles around the nearest vertices (m,), which are their first corners.
 
-    Parameters
-    ----------
-    coordinates : (n, d) array of float
-        Coordinates of the vertices. Triangles are flat in these d dimensions.
-    queries : (m, d) array of float
-        Points whose nearest points are sought.
-    faces : (f, 3) array of int
-        The triangles.
-    nearest_vertex : (m,) array of int
-        Nearest vertex of each query; the first corner of the result.
-    around : two arrays of int, optional
-        What `faces_around_vertices` gives, if that is known.
-
-    Returns
-    -------
-    PrecisePoints
-        m points. Without triangles, the nearest vertices themselves.
-
-    Notes
-    -----
-    Ezuz & Ben-Chen, *Deblurring and Denoising of Maps between Shapes*, SGP 2017, restricted to the faces around
-    the nearest vertex. About 6 m faces, 5 d operations each.
+    Triangles (f, 3) are flat in the d dimensions of the coordinates (n, d); without any, the result are the vertices
+    themselves. ``around`` is what `faces_around_vertices` gives, if that is known. About 6 m faces, 5 d operations
+    each.
 
     Examples
     --------
@@ -299,6 +232,8 @@ def nearest_points(
     array([[0.5 , 0.25, 0.25],
            [0.5 , 0.5 , 0.  ]])
     """
+    # Ezuz & Ben-Chen, *Deblurring and Denoising of Maps between Shapes*, SGP 2017: the precise image of a vertex is the
+    # nearest point of all triangles in the space of the embedding; here of those around the nearest vertex
     start, order = around or faces_around_vertices(faces, len(coordinates))
     points = PrecisePoints.at_vertices(nearest_vertex)
 
@@ -313,18 +248,7 @@ def nearest_points(
 
 
 def faces_around_vertices(faces: IntArray, n_vertices: int) -> tuple[IntArray, IntArray]:
-    """List the faces around each vertex, in compressed sparse rows.
-
-    Parameters
-    ----------
-    faces : (f, 3) array of int
-    n_vertices : int
-
-    Returns
-    -------
-    start : (n_vertices + 1,) array of int
-    order : (3 f,) array of int
-        ``order[start[a]:start[a + 1]]`` holds 3 face + corner for each face around vertex a, increasing. O(f log f).
+    """List the faces around each vertex: ``order[start[a]:start[a + 1]]`` holds 3 face + corner for each, increasing.
 
     Examples
     --------
@@ -353,7 +277,9 @@ def _nearest(
         for at in range(start[a], start[a + 1]):
             face, corner = order[at] // 3, order[at] % 3
             b, c = faces[face, (corner + 1) % 3], faces[face, (corner + 2) % 3]
-            # with u = b − a, v = c − a, p = point − a
+            # the nearest point a + s u + t v of a triangle minimises |p − s u − t v|², which needs inner products
+            # alone, in any dimension; with u = b − a, v = c − a, p = point − a; unconstrained it solves [uu uv; uv vv]
+            # (s, t) = (up, vp)
             uu = uv = vv = up = vp = 0.0
             for d in range(x.shape[1]):
                 u, v, p = x[b, d] - x[a, d], x[c, d] - x[a, d], points[i, d] - x[a, d]
@@ -371,18 +297,10 @@ def _nearest(
 
 @dataclass(frozen=True, eq=False)
 class SurfaceIndex:
-    """An index of a surface that speeds up searches in any smooth coordinates of its n vertices.
-
-    Parameters
-    ----------
-    faces : (f, 3) array of int
-        Triangles; none for points and graphs.
-    cells : VertexCells
-        Partition of the vertices into compact cells.
+    """An index of a surface, by its triangles (f, 3) and cells, for searches in any smooth coordinates of its n vertices.
 
     Examples
     --------
-    >>> import numpy as np
     >>> triangle = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
     >>> index = SurfaceIndex(np.array([[0, 1, 2]]), VertexCells.of(np.array([0]), np.zeros(3, dtype=int)))
     >>> query = np.array([[0.6, 0.1]])
@@ -400,7 +318,7 @@ class SurfaceIndex:
         return faces_around_vertices(self.faces, len(self.cells.members))
 
     def vertices(self, coordinates: FloatArray, queries: FloatArray) -> IntArray:
-        """Vertex (m,) nearest to each query (m, d), given coordinates (n, d); see `nearest_in_cells`."""
+        """Vertex (m,) nearest to each query (m, d), given coordinates (n, d); see ``nearest_in_cells``."""
         return nearest_in_cells(coordinates, queries, self.cells)
 
     def points(self, coordinates: FloatArray, queries: FloatArray) -> PrecisePoints:

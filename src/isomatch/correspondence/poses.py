@@ -15,24 +15,9 @@ AT_ONCE = 10_000  # matrices of a thread
 
 
 def nearest_rotation(matrices: FloatArray, mirrored: bool = False) -> FloatArray:
-    """Find the rotation nearest to each matrix, or the nearest mirror image.
+    """Find the rotation (..., d, d) nearest to each matrix, or the nearest mirror image, of determinant −1.
 
-    Parameters
-    ----------
-    matrices : (..., d, d) array of float
-        For the rotation that carries points (m, d) to others row by row, ``points.T @ others``.
-    mirrored : bool
-        Whether to find orthogonal matrices of determinant −1 in place of rotations.
-
-    Returns
-    -------
-    (..., d, d) array of float
-        R, which minimises ‖R − M‖ and maximises tr(Rᵀ M): ``points @ R`` is nearest to the others.
-
-    Notes
-    -----
-    Kabsch, *A solution for the best rotation to relate two sets of vectors*, Acta Crystallographica A 32, 1976. O(d³) for
-    each.
+    ``points @ R`` is nearest to others, row by row, for the rotation R nearest to ``points.T @ others``. O(d³) for each.
 
     Examples
     --------
@@ -40,6 +25,10 @@ def nearest_rotation(matrices: FloatArray, mirrored: bool = False) -> FloatArray
     array([[ 0.02,  1.  ],
            [-1.  ,  0.02]])
     """
+    # Kabsch, *A solution for the best rotation to relate two sets of vectors*, Acta Crystallographica A 32, 1976. With
+    # M = U Σ Vᵀ, ‖R − M‖² is least where tr(Rᵀ M) = tr((Uᵀ R V)ᵀ Σ) is greatest: at R = U Vᵀ among orthogonal matrices,
+    # and at R = U diag(1, …, 1, ±1) Vᵀ among those of a given determinant, which costs the least singular value twice.
+    # For M = XᵀY, tr(Rᵀ M) is the sum of the products of X R and Y, so that R also minimises ‖X R − Y‖.
     if matrices.ndim == 3 and len(matrices) > AT_ONCE:
         blocks = np.array_split(matrices, -(-len(matrices) // AT_ONCE))
         return np.concatenate(parallel_map(lambda block: nearest_rotation(block, mirrored), blocks))
@@ -59,17 +48,6 @@ SETTLED = 0.999  # times the distance before, above which a pose has settled
 class Pose:
     """A similarity x ↦ scale · x @ rotation + shift, and how near it brings one surface to another, normals included.
 
-    Parameters
-    ----------
-    rotation : (3, 3) array of float
-        Of determinant 1, or −1 for a mirror image.
-    scale : float
-    shift : (3,) array of float
-    nearest : (n_source,) array of int
-        Point of the target nearest to each of the source.
-    distance : float
-        Mean distance of the points of either surface from the nearest one of the other.
-
     Examples
     --------
     >>> Pose(np.eye(3), 2.0, np.zeros(3), np.arange(5), distance=0.1).scale
@@ -80,11 +58,11 @@ class Pose:
     scale: float
     shift: FloatArray
     nearest: IntArray
-    distance: float
+    distance: float  # mean distance of the points of either surface from the nearest one of the other
 
 
 def poses_between(source: FloatArray, target: FloatArray, mirrored: bool = False) -> list[Pose]:
-    """Find similarities that bring points of one surface near those of another: principal axes, then closest points.
+    """Find similarities that bring points of one surface near those of another, nearest first, at most `KEPT`.
 
     Parameters
     ----------
@@ -92,17 +70,6 @@ def poses_between(source: FloatArray, target: FloatArray, mirrored: bool = False
         Evenly spread points, and their normals times a unit, as `with_normals` gives them. Distances are in this space.
     mirrored : bool
         Whether to find mirror images in place of rotations.
-
-    Returns
-    -------
-    list of Pose
-        At most `KEPT`, nearest first.
-
-    Notes
-    -----
-    The principal axes of the source are laid on those of the target in all 24 ways, as two of them may be of nearly equal
-    length. From the nearest ones, closest points and the best similarity alternate (Besl & McKay, *A method for
-    registration of 3-D shapes*, PAMI 1992). 0.05 s for 400 points each.
 
     Examples
     --------
@@ -114,6 +81,9 @@ def poses_between(source: FloatArray, target: FloatArray, mirrored: bool = False
     >>> bool(np.allclose(pose.rotation, turn)), round(pose.scale, 6), pose.shift.round(6).tolist()
     (True, 2.0, [5.0, 5.0, 5.0])
     """
+    # The principal axes of the source are laid on those of the target in all 24 ways, as two of them may be of nearly
+    # equal length. From the nearest ones, closest points and the best similarity alternate (Besl & McKay, *A method for
+    # registration of 3-D shapes*, PAMI 1992). 0.05 s for 400 points each.
     tree = cKDTree(target)
     ways = _axes_on_axes(source[:, :3], target[:, :3], mirrored)
     found = parallel_map(lambda way: tree.query(_moved(source, *way)), ways)
@@ -162,6 +132,9 @@ def _best_similarity(
     source: FloatArray, target: FloatArray, mirrored: bool
 ) -> tuple[FloatArray, float, FloatArray]:
     """Rotation, scale and shift of least squares from points and normals to others, row by row (Umeyama, PAMI 1991)."""
+    # min over s, R, t of Σ ‖s x_i R + t − y_i‖² has t = ȳ − s x̄ R, so that both may be centred. Then R is that of
+    # Kabsch for XᵀY, whatever s; normals add their own products. The derivative by s vanishes at s = Σ (x_i R) · y_i /
+    # Σ ‖x_i‖².
     centre, to = source[:, :3].mean(axis=0), target[:, :3].mean(axis=0)
     here, there = source[:, :3] - centre, target[:, :3] - to
     turn = nearest_rotation(here.T @ there + source[:, 3:].T @ target[:, 3:], mirrored)

@@ -46,8 +46,7 @@ def register_as_rigid_as_possible(
         One step for each: the length over which the source resists being stretched. Decreasing lengths first move
         large pieces, then small ones.
     normal_unit : float
-        Distance that counts as much as the difference of two unit normals of length 1, in the units of the surfaces; the
-        default is for a target of area 1.
+        As for `nearest_with_normals`.
     held : (l,) array of int and (l, 3) array of float, optional
         Vertices of the source and where they are drawn to, each as strongly as a disc whose radius is the length.
 
@@ -60,17 +59,6 @@ def register_as_rigid_as_possible(
     ------
     SettingError
         If a length is not above 0.
-
-    Notes
-    -----
-    With points x_i, areas a, weights w of the tufted intrinsic Delaunay triangulation and rotations R_i, each step
-    decreases::
-
-        Σ_i a_i |y_i − p_i|² + ½ ℓ² Σ_i Σ_j w_ij |(y_i − y_j) − R_i (x_i − x_j)|²
-
-    alternately in R and in y. Between two steps p_i moves to the target's point nearest to y_i. The second sum is that of
-    Sorkine & Alexa, *As-Rigid-As-Possible Surface Modeling*, SGP 2007. A step factorises a sparse matrix of n_source
-    rows, and searches n_source nearest points in six dimensions: 25 ms for 5000 vertices.
 
     Examples
     --------
@@ -93,13 +81,8 @@ def register_as_rigid_as_possible(
 class RigidRegistration:
     """As-rigid-as-possible registrations of one surface, which share its Laplacian.
 
-    Parameters
-    ----------
-    source : Mesh
-        The surface that is bent.
-    keeps : bool
-        Whether the factors of each length are kept for further registrations, about 1 kB a vertex and length. They are
-        the same for all with equal lengths, scale and vertices that are held.
+    With ``keeps``, the factors of each length are kept for further registrations, about 1 kB a vertex and length. They
+    are the same for all with equal lengths, scale and vertices that are held.
 
     Examples
     --------
@@ -153,14 +136,14 @@ class RigidRegistration:
         ------
         SettingError
             If a length is not above 0, or ``most_scaled`` is below 1.
-
-        Notes
-        -----
-        With scales, R_i in the sum of `register_as_rigid_as_possible` becomes s_i R_i, where s_i is the best scale of the
-        edges around a vertex::
-
-            s_i = tr(R_i Σ_i) / Σ_j w_ij |x_i − x_j|², within 1 / most_scaled and most_scaled
         """
+        # With points x_i, areas a_i, weights w of the tufted intrinsic Delaunay triangulation and rotations R_i, each
+        # step lowers
+        #   Σ_i a_i |y_i − p_i|² + ½ ℓ² Σ_i Σ_j w_ij |(y_i − y_j) − R_i (x_i − x_j)|²,
+        # the second sum of Sorkine & Alexa 2007 (`RigidEnergy`), alternately in R and in y. Between two steps p_i moves
+        # to the target's point nearest to y_i. A pull on one vertex decays over the length ℓ, for (A + ℓ² L) y = A p is
+        # a screened Poisson equation. 25 ms a step for 5000 vertices: a factorisation, and n nearest points in six
+        # dimensions.
         lengths = tuple(lengths)
         if not most_scaled >= 1.0:
             raise SettingError(f"most_scaled = {most_scaled}; expected a number of at least 1")
@@ -188,27 +171,8 @@ def nearest_with_normals(
 ) -> PrecisePoints:
     """Find the point of a surface nearest to each vertex of a mesh, in space and in normals times a unit.
 
-    Parameters
-    ----------
-    queries : Mesh
-        The mesh of m vertices.
-    surface : Mesh
-        The surface.
-    index : SurfaceIndex
-        Of the surface.
-    unit : float
-        Distance that counts as much as the difference of two unit normals of length 1, in the units of the surfaces; the
-        default is for an area of about 1.
-
-    Returns
-    -------
-    PrecisePoints
-        m points of the surface.
-
-    Notes
-    -----
     Minimises ‖x − y‖² + unit² ‖n(x) − n(y)‖². Normals tell sheets apart that lie close together, such as both sides of a
-    thin part. Cost as for `nearest_in_cells`.
+    thin part. The default of the unit is for surfaces of area about 1.
 
     Examples
     --------
@@ -229,19 +193,7 @@ def nearest_with_normals(
 
 
 def with_normals(mesh: Mesh, unit: float = NORMAL_UNIT) -> FloatArray:
-    """Append the vertex normals of a mesh to its positions: the space in which `nearest_with_normals` searches.
-
-    Parameters
-    ----------
-    mesh : Mesh
-        n vertices.
-    unit : float
-        Factor of the unit normals, in the units of the mesh.
-
-    Returns
-    -------
-    (n, 6) array of float
-        Positions, and normals times the unit.
+    """Append the vertex normals of a mesh, times a unit, to its positions, (n, 6): the space of `nearest_with_normals`.
 
     Examples
     --------
@@ -262,11 +214,7 @@ def register_nonrigid(
     target_vertices: IntArray,
     steps: int,
 ) -> Embedding:
-    """Move the source, in the space of an embedding, smoothly onto the target.
-
-    In each step the samples of either surface find their nearest points on the other one. The displacement of the
-    source, a combination of smooth functions, that best joins all these points is applied. As the surfaces come to
-    coincide, the map between them becomes smooth, and the two directions become inverse to each other.
+    """Move the source, in the space of an embedding, smoothly onto the target, which stays as it is.
 
     Parameters
     ----------
@@ -279,17 +227,7 @@ def register_nonrigid(
     target_vertices : (m_t,) array of int
         The target's samples.
     steps : int
-        Number of steps.
-
-    Returns
-    -------
-    Embedding
-        The moved source, and the target as it was.
-
-    Notes
-    -----
-    O(m √n d) a step for the nearest neighbours and O(n K d) for the displacement. Using both directions makes a map
-    reversible, as in Ezuz, Solomon & Ben-Chen, *Reversible Harmonic Maps*, 2019. The form of the fit is ours.
+        Number of steps, O(m √n d + n K d) each.
 
     Examples
     --------
@@ -304,6 +242,11 @@ def register_nonrigid(
     >>> moved.source.round(4)[:2].tolist()
     [[0.1, 0.0], [1.1, 0.0]]
     """
+    # In each step the samples of either surface find their nearest points on the other one, and the displacement u = Φ
+    # c of the source that joins all these pairs best, Σ |x + u(x) − y|² over pairs (x, y), is applied to the source as
+    # it was. As the surfaces come to coincide, the map between them becomes smooth, and the two directions become
+    # inverse to each other, as in Ezuz, Solomon & Ben-Chen, *Reversible Harmonic Maps between Discrete Surfaces*, TOG
+    # 2019. The normal equations are (ΦᵀΦ + ridge) c = Φᵀ (y − x), with the rows of Φ at x.
     of_target = embedding.target
     functions, source_vertices = displacements.functions, displacements.vertices
     moved, at_samples = embedding.source, single(displacements.at_samples)

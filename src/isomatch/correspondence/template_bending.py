@@ -9,7 +9,7 @@ import numpy as np
 from scipy.sparse import csr_array, eye_array
 from scipy.spatial import cKDTree
 
-from isomatch.correspondence.nearest import nearest_points
+from isomatch.correspondence.nearest import nearest_points, squared_distance
 from isomatch.correspondence.poses import nearest_rotation
 from isomatch.correspondence.registration import ROTATED, with_normals
 from isomatch.correspondence.rigid_energy import RigidEnergy
@@ -31,21 +31,11 @@ RELEASED_RINGS = 2  # around faces that are turned over, which are drawn nowhere
 
 
 class BentTemplate(NamedTuple):
-    """Where the vertices of a template are on a target.
+    """Where the vertices of a template are on a target."""
 
-    Parameters
-    ----------
-    positions : (n, 3) array of float
-        In the units of the target.
-    beyond : (n,) array of bool
-        Vertices for which the target has nothing: without an image, or over an opening.
-    turned : (m,) array of bool
-        Faces of the template that remain turned over, as in `turned_faces`.
-    """
-
-    positions: FloatArray
-    beyond: BoolArray
-    turned: BoolArray
+    positions: FloatArray  # (n, 3) in the units of the target
+    beyond: BoolArray  # (n,) vertices for which the target has nothing: without an image, or over an opening
+    turned: BoolArray  # (m,) faces of the template that remain turned over, as in `turned_faces`
 
 
 def bend_template(
@@ -63,38 +53,17 @@ def bend_template(
         Which images the template is bent to at first.
     known : (n,) array of bool, optional
         Which vertices are drawn to the nearest points afterwards; by default the same.
-
-    Returns
-    -------
-    BentTemplate
-
-    Notes
-    -----
-    In √area of the target, with points p_i, areas a, weights w and rotations R_i, each step decreases::
-
-        Σ_i a_i |y_i − p_i|² + ½ ℓ² Σ_i Σ_j w_ij |(y_i − y_j) − R_i (x_i − x_j)|²
-
-    alternately in R and y (Sorkine & Alexa, *As-Rigid-As-Possible Surface Modeling*, SGP 2007). First the template is
-    decimated, and its vertices are drawn to the mean images of those merged into them, as the length ℓ decreases; the
-    scale of x is fitted too. Then the vertices of the template follow these rigidly, and are drawn to nearest points, by
-    position and normal. These are sought along the surface from those before, so that no step leads to another sheet.
-    Vertices of the boundary are drawn to that of the target, if it is near. A vertex is drawn nowhere if it has no
-    image, if its point faces elsewhere or lies on a boundary, and where faces are turned over: there the template is
-    completed as rigidly as possible. What remains turned over in the end are slivers, see `turned_back`.
-
-    Time and memory are linear in the vertices of both, but for a search tree of the target: 50 µs a vertex.
-
-    Examples
-    --------
-    An octahedron is bent onto itself from images that are its corners: it stays as it is.
-
-    >>> corners = np.concatenate([np.eye(3), -np.eye(3)])
-    >>> faces = [[0, 1, 2], [1, 3, 2], [3, 4, 2], [4, 0, 2], [1, 0, 5], [3, 1, 5], [4, 3, 5], [0, 4, 5]]
-    >>> solid = Mesh(corners, faces)
-    >>> bent = bend_template(solid, solid, corners, np.ones(6, dtype=bool))
-    >>> bool(np.allclose(bent.positions, corners, atol=1e-3)), bent.beyond.any()
-    (True, np.False_)
     """
+    # In √area of the target, with points p_i, areas a, weights w and rotations R_i, each step lowers
+    #   Σ_i a_i |y_i − p_i|² + ½ ℓ² Σ_i Σ_j w_ij |(y_i − y_j) − R_i (x_i − x_j)|²
+    # alternately in R and y, see `RigidEnergy`. First the template is decimated, and its vertices are drawn to the mean
+    # images of those merged into them, as the length ℓ decreases; the scale of x is fitted too. Then the vertices of
+    # the template follow these rigidly, and are drawn to nearest points, by position and normal. These are sought along
+    # the surface from those before, so that no step leads to another sheet. Vertices of the boundary are drawn to that
+    # of the target, if it is near. A vertex is drawn nowhere if it has no image, if its point faces elsewhere or lies
+    # on a boundary, and where faces are turned over: there the template is completed as rigidly as possible. What
+    # remains turned over in the end are slivers, see `turned_back`. Time and memory are linear in the vertices of both,
+    # but for a search tree of the target: 50 µs a vertex.
     centre, unit = target.vertices.mean(axis=0), np.sqrt(target.area)
     onto = _Target(target.moved((target.vertices - centre) / unit))
     images = (images - centre) / unit
@@ -136,10 +105,11 @@ class _Bending:
         length: float,
         scales: bool = False,
     ) -> FloatArray:
-        """Move the vertices to a lower energy; those that are not ``drawn`` (n,) anywhere are pulled to where they are.
-
-        With ``scales``, the surface at rest is enlarged as fits best.
-        """
+        """Move the vertices to a lower energy; those that are ``drawn`` (n,) nowhere are pulled to where they are."""
+        # ∇E = 0 over ℓ², see `RigidRegistration`, with κ = KEPT, which keeps the matrix definite:
+        #   (L + diag(d)) y = (a / ℓ²) (drawn p + κ y_before) + Σ_j w_ij ½ (R_i + R_j) (x_i − x_j),
+        #   d = (a / ℓ²) (drawn + κ)
+        # With ``scales``, x is enlarged by the factor that lowers the energy most.
         energy = self._energy
         pull = energy.areas * (1 / max(length / self.scale, self._shortest)) ** 2
         pulled_to = pull[:, None] * (drawn[:, None] * wanted + KEPT * moved)
@@ -195,6 +165,8 @@ class _Coarse:
         for length in MAP_LENGTHS:
             drawn = self.known & ~bending.released(self.moved)
             self.moved = bending.step(self.moved, images, drawn, length, scales=True)
+        # A vertex at Σ_k b_k c_k + offset of the coarse triangle c goes where the rotations at its corners carry it, as
+        # in linear blend skinning: Σ_k b_k (y_k + R_k (x − c_k))
         turn, places = bending.turn, self._places
         moved = np.zeros_like(self.rest.vertices)
         for corner, weight in zip(places.corners.T, places.barycentric.T):
@@ -247,10 +219,7 @@ class _Target:
         return np.asarray(nearest, dtype=np.int64)
 
     def points(self, bent: Mesh, near: IntArray) -> tuple[_Points, IntArray]:
-        """Find the points to which the vertices of a bent template are drawn, and the vertices (n,) nearest to these.
-
-        They are sought by steps along the edges, from the vertices ``near`` (n,).
-        """
+        """Find the points to which the vertices of a bent template are drawn, and the vertices (n,) nearest to these."""
         queries = self.queries(bent)
         near = near.copy()
         _descend(self.coordinates, queries, *self._around, near)
@@ -279,23 +248,15 @@ def _descend(
     """Go from each vertex to the neighbour that is nearest to its query, as long as one is nearer."""
     for i in range(len(queries)):
         here = near[i]
-        least = _squared(coordinates, here, queries, i)
+        least = squared_distance(coordinates, here, queries, i)
         before = np.int64(-1)
         while before != here:
             before = here
             for at in range(start[before], start[before + 1]):
-                apart = _squared(coordinates, neighbours[at], queries, i)
+                apart = squared_distance(coordinates, neighbours[at], queries, i)
                 if apart < least:
                     here, least = neighbours[at], apart
         near[i] = here
-
-
-@compiled(inline="always")
-def _squared(coordinates: FloatArray, j: int, queries: FloatArray, i: int) -> float:
-    total = 0.0
-    for d in range(coordinates.shape[1]):
-        total += (coordinates[j, d] - queries[i, d]) ** 2
-    return total
 
 
 ROUNDS, REFITTED = 60, 10  # of turning back; rounds after which rotations are fitted again
@@ -303,127 +264,36 @@ TURNED_WEIGHT = 30.0  # of a face that is turned over, beside the others at its 
 
 
 def turned_faces(mesh: Mesh, moved: FloatArray, rotations: FloatArray | None = None) -> BoolArray:
-    """Find the faces that are turned over against the rotation of the surface around them.
-
-    Where a thin wall has two sides, the nearest point of another surface may belong to either. So a face is not compared
-    with that surface, but with its own neighbourhood.
-
-    Parameters
-    ----------
-    mesh : Mesh
-        The surface with m faces at rest.
-    moved : (n, 3) array of float
-        Where its vertices are.
-    rotations : (n, 3, 3) array of float, optional
-        Rotation of the surface around each vertex; by default `neighbourhood_rotations`.
-
-    Returns
-    -------
-    (m,) array of bool
-
-    Examples
-    --------
-    The middle of a square, moved over one of its sides, turns the face at that side over.
-
-    >>> corners = [[0, 0, 0], [2, 0, 0], [2, 2, 0], [0, 2, 0], [1, 1, 0]]
-    >>> square = Mesh(corners, [[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]])
-    >>> moved = square.vertices.copy()
-    >>> moved[4] = [1.0, -0.5, 0.0]
-    >>> turned_faces(square, moved)
-    array([ True, False, False, False])
-    """
+    """Find the faces (m,) that are turned over against the rotations (n, 3, 3) of the surface around their vertices."""
+    # Where a thin wall has two sides, the nearest point of another surface may belong to either. So a face is not
+    # compared with that surface, but with its own neighbourhood: its normal at rest, turned as its first corner is,
+    # against its normal now.
     if rotations is None:
         rotations = neighbourhood_rotations(mesh, moved)
     return _are_turned(mesh, mesh.faces, moved, rotations)
 
 
 def neighbourhood_rotations(mesh: Mesh, moved: FloatArray) -> FloatArray:
-    """Fit a rotation to each vertex and the two rings around it.
-
-    Parameters
-    ----------
-    mesh : Mesh
-        The surface with n vertices at rest.
-    moved : (n, 3) array of float
-        Where its vertices are.
-
-    Returns
-    -------
-    (n, 3, 3) array of float
-        R_i, which minimises Σ_j |y_j − ȳ − R_i (x_j − x̄)|² over vertices j at most two edges away from i. 20 µs each.
-
-    Examples
-    --------
-    >>> wedge = Mesh([[0, 0, 0], [3, 0, 0], [0, 2, 0], [0, 0, 1]], [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
-    >>> neighbourhood_rotations(wedge, wedge.vertices[:, [1, 2, 0]])[0].round(6) + 0.0
-    array([[0., 1., 0.],
-           [0., 0., 1.],
-           [1., 0., 0.]])
-    """
+    """Fit a rotation (n, 3, 3) to each vertex and the two rings around it: Σ_j |y_j − ȳ − R_i (x_j − x̄)|² is least."""
     return _rotations(mesh, moved, _two_rings(mesh))
 
 
 def is_mirrored(mesh: Mesh, moved: FloatArray) -> bool:
-    """Whether a deformation is more like a mirror image than like a rotation around most vertices.
-
-    Parameters
-    ----------
-    mesh : Mesh
-        The surface with n vertices at rest.
-    moved : (n, 3) array of float
-        Where its vertices are.
-
-    Notes
-    -----
-    A rotation fits to the singular values s₁ + s₂ ± s₃ of the covariance of a neighbourhood, with the sign of its
-    determinant, and a mirror image with the other sign. The sum of ± s₃ decides; what is flat does not count.
-
-    Examples
-    --------
-    >>> wedge = Mesh([[0, 0, 0], [3, 0, 0], [0, 2, 0], [0, 0, 1]], [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
-    >>> is_mirrored(wedge, wedge.vertices[:, [1, 2, 0]]), is_mirrored(wedge, wedge.vertices[:, [1, 0, 2]])
-    (False, True)
-    """
+    """Whether a deformation is more like a mirror image than like a rotation around most vertices."""
+    # With the singular values s₁ ≥ s₂ ≥ s₃ of the covariance of a neighbourhood, the best rotation fits to s₁ + s₂ ±
+    # s₃, with the sign of its determinant, and the best mirror image with the other sign (Kabsch). The sum of ± s₃
+    # decides; what is flat does not count.
     covariances = _covariances(mesh, moved, _two_rings(mesh))
     least = np.linalg.svd(covariances, compute_uv=False)[:, 2]
     return bool((np.sign(np.linalg.det(covariances)) * least).sum() < 0)
 
 
 def turned_back(mesh: Mesh, moved: FloatArray, scale: float) -> tuple[FloatArray, BoolArray]:
-    """Move the corners of faces that are turned over until few are.
-
-    Parameters
-    ----------
-    mesh : Mesh
-        The surface with n vertices at rest.
-    moved : (n, 3) array of float
-        Where its vertices are.
-    scale : float
-        How many times as large the surface is there as at rest.
-
-    Returns
-    -------
-    moved : (n, 3) array of float
-        The same but for the corners of faces that were turned over, which move by about an edge.
-    turned : (m,) array of bool
-        Faces that are turned over there.
-
-    Notes
-    -----
-    Each face would lie around its centre as it lies at rest, but for the rotation of its neighbourhood. Corners move to
-    the mean of where their faces would have them, in which faces that are turned over count thirty times: the global step
-    of Bouaziz et al., *Projective Dynamics*, SIGGRAPH 2014, for few vertices. Most such faces are slivers, which turn
-    over for any noise.
-
-    Examples
-    --------
-    >>> corners = [[0, 0, 0], [2, 0, 0], [2, 2, 0], [0, 2, 0], [1, 1, 0]]
-    >>> square = Mesh(corners, [[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]])
-    >>> moved = square.vertices.copy()
-    >>> moved[4] = [1.0, -0.5, 0.0]
-    >>> turned_back(square, moved, 1.0)[1].any()
-    np.False_
-    """
+    """Move the corners of faces that are turned over, by about an edge, until few are; also which faces (m,) are then."""
+    # Each face would lie around its centre as it lies at rest, ``scale`` times as large, but for the rotation of its
+    # neighbourhood. Corners move to the mean of where their faces would have them, in which faces that are turned over
+    # count thirty times: the global step of Bouaziz et al., *Projective Dynamics*, SIGGRAPH 2014, by Jacobi iteration,
+    # for few vertices. Most such faces are slivers, which turn over for any noise.
     moved, around = moved.copy(), _two_rings(mesh)
     rotations = _rotations(mesh, moved, around)
     moving = np.zeros(mesh.n_vertices, dtype=bool)
@@ -476,6 +346,7 @@ def _covariances(mesh: Mesh, moved: FloatArray, around: csr_array) -> FloatArray
     """Covariances (r, 3, 3), Σ_j (x_j − x̄) (y_j − ȳ)ᵀ, of the vertices that each row (r, n) of ones marks."""
     count = around.sum(axis=1)[:, None]
     before, after = mesh.vertices - mesh.vertices.mean(axis=0), moved - moved.mean(axis=0)
+    # Σ (x − x̄) (y − ȳ)ᵀ = Σ x yᵀ − (Σ x) (Σ y)ᵀ / count
     products = around @ (before[:, :, None] * after[:, None]).reshape(-1, 9)
     sums = around @ before, around @ after
     covariances: FloatArray = (
@@ -489,11 +360,6 @@ ON_EDGE = 1e-6  # barycentric coordinate below which a point of a triangle lies 
 
 class Boundary:
     """Which points of a surface lie on its boundary, and which of the boundary are nearest to others.
-
-    Parameters
-    ----------
-    mesh : Mesh
-        The surface.
 
     Examples
     --------
