@@ -24,15 +24,8 @@ def basis_domain(
 ) -> tuple[DistanceEngine, FloatArray]:
     """Set up the engine and the positive weights (n,) of a surface, or refuse one that cannot have a basis.
 
-    Parameters
-    ----------
-    surface : Mesh, PointCloud or other metric space
-    weights : {"area", "uniform"}
-        Vertex areas, or ones; ones in any case if the space has no areas.
-    engine : str, optional
-        How distances are computed; by default the first of ``engine_names(type(surface))``.
-    n_columns : int
-        Number of distance columns that will be asked for.
+    Weights are vertex areas, or ones if "uniform" or if the space has no areas; ``n_columns`` are those that will be
+    asked for.
 
     Raises
     ------
@@ -85,8 +78,7 @@ def _measure(surface: MetricSpace, weights: Weighting, n: int) -> FloatArray:
 
 def shared_weights(weights: FloatArray, point: IntArray) -> FloatArray:
     """Share the weight of each point of a welded mesh among its vertices (n,), so that sums and norms stay the same."""
-    shares: FloatArray = (weights / np.bincount(point, minlength=len(weights)))[point]
-    return shares
+    return np.asarray((weights / np.bincount(point, minlength=len(weights)))[point])
 
 
 def fix_signs(vectors: FloatArray, weights: FloatArray) -> FloatArray:
@@ -111,30 +103,7 @@ class PlottedBasis(Shown):
         width: int = 1800,
         view: tuple[float, float] | None = None,
     ) -> Figure:
-        """Draw the spectrum, or the first four vectors on their surface; see `isomatch.view.plot_basis`.
-
-        Parameters
-        ----------
-        surface : Mesh, PointCloud, or what `surface_from` takes, optional
-            The surface that the basis was made for.
-        colour_map : str, optional
-            Name of a colour map of matplotlib.
-        title : str
-            Title above all.
-        width : int
-            Width in pixels; notebooks show two of them for each pixel of the page.
-        view : (float, float), optional
-            Where the viewer is, in degrees around the surface and above the horizon: by default (32, 14).
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-
-        Raises
-        ------
-        DescriptorError
-            If the surface has another number of vertices than the basis.
-        """
+        """Draw the spectrum, or the first four vectors on their surface; arguments as for `isomatch.view.plot_basis`."""
         figure: Figure = view_room().plot_basis(
             self, surface, colour_map=colour_map, title=title, width=width, view=view
         )

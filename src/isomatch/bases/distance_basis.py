@@ -122,13 +122,11 @@ class DistanceBasis(PlottedBasis):
     def between(self, rows: ArrayLike, columns: ArrayLike) -> FloatArray:
         """Approximate distances from r vertices to c vertices, (r, c), in mesh units. O(r c k)."""
         chosen = self.vectors[self._indices(columns)]
-        block: FloatArray = (self.vectors[self._indices(rows)] * self.values) @ chosen.T
-        return block
+        return np.asarray((self.vectors[self._indices(rows)] * self.values) @ chosen.T)
 
     def row(self, i: ArrayLike) -> FloatArray:
         """Approximate distances from one or more vertices to all, (..., n), in mesh units. O(n k) each."""
-        distances: FloatArray = (self.vectors[self._indices(i)] * self.values) @ self.vectors.T
-        return distances
+        return np.asarray((self.vectors[self._indices(i)] * self.values) @ self.vectors.T)
 
     def nearest(self, i: int, r: float) -> tuple[IntArray, FloatArray]:
         """Vertices within distance r of vertex i, nearest first, and their distances, negative ones set to 0. O(n k)."""
@@ -141,8 +139,7 @@ class DistanceBasis(PlottedBasis):
     def __matmul__(self, values: ArrayLike) -> FloatArray:
         """Product of the approximate distance matrix with an (n,) or (n, q) array. O(n k q)."""
         x = np.asarray(values, dtype=np.float64)
-        product: FloatArray = self.vectors @ ((self.values * (self.vectors.T @ x).T).T)
-        return product
+        return np.asarray(self.vectors @ ((self.values * (self.vectors.T @ x).T).T))
 
     def truncated(self, k: int) -> DistanceBasis:
         """Keep the first k vectors, at least one: the best approximation of rank k of this one."""
@@ -188,8 +185,7 @@ class DistanceBasis(PlottedBasis):
         for c, (value, vector) in enumerate(zip(self.values, self.vectors.T)):
             missing -= np.outer(value * vector[self.held_out.vertices], vector)
             errors[c] = (self.weights * missing**2).sum()
-        relative: FloatArray = np.sqrt(errors / whole)
-        return relative
+        return np.asarray(np.sqrt(errors / whole))
 
     def with_points(self, points: PrecisePoints) -> DistanceBasis:
         """Add m points of faces as points n … n + m − 1: their distances are interpolated, and their weight is 0.

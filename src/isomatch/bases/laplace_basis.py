@@ -152,19 +152,8 @@ def laplace_basis(
 def refined_laplace_basis(surface: Surface, coarse: LaplaceBasis, prolongation: csr_array) -> LaplaceBasis:
     """Compute k eigenpairs of a surface from those of a coarser one; the last tenth of them is less accurate.
 
-    Parameters
-    ----------
-    surface : Mesh, PointCloud, Graph, or what `surface_from` takes
-        A surface of one component and n vertices; every vertex of a mesh belongs to a face.
-    coarse : LaplaceBasis
-        k eigenpairs of a coarser version of it, with n_c vertices.
-    prolongation : (n, n_c) sparse array
-        Interpolates, at the vertices of the surface, values at the vertices of the coarser one.
-
-    Raises
-    ------
-    MeshError, MemoryBudgetError
-        As for `laplace_basis`.
+    ``prolongation`` (n, n_c) interpolates, at the vertices of the surface, values at the vertices of the coarser one.
+    Errors as for `laplace_basis`.
     """
     # Two levels of the hierarchical subspace iteration of Nasikun & Hildebrandt, *The Hierarchical Subspace Iteration
     # Method for Laplace–Beltrami Eigenproblems*, 2021: one step of inverse iteration from the prolonged functions, V =

@@ -62,21 +62,15 @@ def factorised_single(stiffness: csc_array, diagonal: FloatArray) -> Callable[[F
     factors = _factors(stiffness, diagonal)  # H + diag(d) = Pᵀ L D Lᵀ P
     strict = csr_array(tril(factors.L, -1))
     columns = csc_array(strict)
-    sides = (
-        strict.indptr,
-        strict.indices,
-        single(strict.data),
-        columns.indptr,
-        columns.indices,
-        single(columns.data),
-    )
+    by_row = strict.indptr, strict.indices, single(strict.data)
+    by_column = columns.indptr, columns.indices, single(columns.data)
     inverse, place, n = single(1 / factors.U.diagonal()), factors.perm_c, len(diagonal)
 
     def solve(right: FloatArray) -> Float32Array:
         q = right.shape[1]
         x = np.zeros((n, WIDTH), np.float32)
         x[place, :q] = right
-        _solve(*sides, inverse, x, np.zeros(WIDTH, np.float32))
+        _solve(*by_row, *by_column, inverse, x, np.zeros(WIDTH, np.float32))
         solution: Float32Array = x[place, :q]
         return solution
 

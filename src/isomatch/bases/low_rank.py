@@ -126,8 +126,7 @@ class ColumnPredictor:
         left = np.hstack([self.interpolant[rows], self.half[rows]])
         # (M H) (H M)ᵀ = M Hᵀ + H Mᵀ: (r, 2 p) (2 p, c) -> (r, c)
         power = left @ np.hstack([self.half[columns], self.interpolant[columns]]).T
-        predicted: FloatArray = self.unit * np.cbrt(np.maximum(power, 0.0)) ** 2
-        return predicted
+        return np.asarray(self.unit * np.cbrt(np.maximum(power, 0.0)) ** 2)
 
 
 def predicted_basis(
@@ -180,8 +179,7 @@ def representative_points(
 def density_of(surface: Surface, weights: FloatArray) -> FloatArray:
     """Weight per area at each vertex, (n,); areas below 0.1 % of the mean count as that."""
     area = surface.vertex_areas
-    density: FloatArray = weights / np.maximum(area, LEAST_AREA * area.mean())
-    return density
+    return np.asarray(weights / np.maximum(area, LEAST_AREA * area.mean()))
 
 
 class DensityWeighted:

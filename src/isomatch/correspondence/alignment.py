@@ -214,8 +214,7 @@ def alignments_from_points(
     mask = allowed.T[:, :, None] & allowed.T[:, None, :]  # (j, i, i')
     systems = np.where(mask, gram[:, None], 0.0) + np.eye(k) * penalty.T[:, None, :]
     columns = np.linalg.solve(systems, (right * allowed).swapaxes(1, 2)[..., None])[..., 0]  # (h, j, i)
-    rotations: FloatArray = columns.swapaxes(1, 2)
-    return rotations
+    return np.asarray(columns.swapaxes(1, 2))
 
 
 def alignment_from_functions(

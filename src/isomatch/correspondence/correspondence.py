@@ -121,18 +121,8 @@ class Correspondence(Shown):
             Numbers, such as an expected error, in whose colours the source is drawn once more; ``nan`` is grey.
         label : str
             What the numbers are, with their unit.
-        colour_map : str, optional
-            Name of a colour map of matplotlib for the numbers.
-        title : str
-            Title above all.
-        width : int
-            Width in pixels; notebooks show two of them for each pixel of the page.
-        view : (float, float), optional
-            Where the viewer of the target is, in degrees around it and above the horizon: by default (32, 14).
-
-        Returns
-        -------
-        matplotlib.figure.Figure
+        colour_map, title, width, view
+            A colour map of matplotlib for the numbers, text above all, pixels, and degrees, as for `plot_surface`.
 
         Raises
         ------
@@ -185,10 +175,7 @@ class Correspondence(Shown):
         return self.vertices >= 0
 
     def check_fits(self, source: SurfaceLike = None, target: SurfaceLike = None) -> None:
-        """Raise `MapError` if this is a map of other surfaces: of other numbers of vertices, or with another hash.
-
-        The surfaces are anything that `surface_from` takes.
-        """
+        """Raise `MapError` if this is a map of other surfaces: of other numbers of vertices, or with another hash."""
         for name, given, n, own_hash, other_hash in (
             ("source", source, len(self.vertices), self.source_hash, self.target_hash),
             ("target", target, self.n_target, self.target_hash, self.source_hash),

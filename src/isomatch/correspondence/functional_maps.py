@@ -114,8 +114,7 @@ class FunctionalMap:
 
     def pull_back(self, values: FloatArray) -> FloatArray:
         """Pull the smooth part of target functions back to the source, Φ_s C Φ_tᵀ A_t f: (n_t, q) → (n_s, q)."""
-        pulled: FloatArray = self.source.vectors @ (self.matrix @ self.target.coefficients(values))
-        return pulled
+        return np.asarray(self.source.vectors @ (self.matrix @ self.target.coefficients(values)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,8 +150,7 @@ class SampledBasis:
         # Φ = Q R, c = R⁻¹ Qᵀ v. One QR decomposition serves every k: its leading columns are that of the leading
         # functions, and the leading block of R⁻¹ is the inverse of that of R, as R is triangular.
         q, inverse = self._triangular
-        coefficients: FloatArray = inverse[:k, :k] @ (q[:, :k].T @ values)
-        return coefficients
+        return np.asarray(inverse[:k, :k] @ (q[:, :k].T @ values))
 
 
 @dataclass(frozen=True, eq=False)

@@ -376,26 +376,9 @@ def grow_common_regions(
 ) -> tuple[IntArray, FloatArray]:
     """Assign m points to c candidates, from one pair outward, or to nothing; distances are intervals on both sides.
 
-    As `grow_regions`, but two points may not be matched only if their intervals are disjoint, and of each region several
-    variants are kept while it grows.
-
-    Parameters
-    ----------
-    points, candidates : Intervals
-        Between m points, (m, m), and between c candidates, (c, c).
-    unary, seeds, cost, near
-        As for `grow_regions`.
-    dearest : float
-        Mean cost of distances at which nothing is gained, and from which nothing is assigned.
-    width : int
-        Variants that are kept.
-    apart : float
-        Least distance between candidates of one point for them to be variants.
-
-    Returns
-    -------
-    (s, m) array of int, (s,) array of float
-        Candidates in the best variant, −1 for none, and what it gains. O(s width m² c), on all threads.
+    As `grow_regions`, but two points may not be matched only if their intervals are disjoint, and of each region
+    ``width`` variants are kept while it grows, in which candidates of one point are at least ``apart``. Nothing is
+    assigned beyond the mean cost ``dearest``. O(s width m² c), on all threads.
 
     Examples
     --------

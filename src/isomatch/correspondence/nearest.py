@@ -218,9 +218,8 @@ def nearest_points(
 ) -> PrecisePoints:
     """Find the nearest points of the triangles around the nearest vertices (m,), which are their first corners.
 
-    Triangles (f, 3) are flat in the d dimensions of the coordinates (n, d); without any, the result are the vertices
-    themselves. ``around`` is what `faces_around_vertices` gives, if that is known. About 6 m faces, 5 d operations
-    each.
+    Triangles (f, 3) are flat in the d dimensions of the coordinates (n, d); without any, the vertices are the result.
+    ``around`` is what `faces_around_vertices` gives, if that is known. About 6 m faces, 5 d operations each.
 
     Examples
     --------

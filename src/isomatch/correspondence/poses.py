@@ -35,8 +35,7 @@ def nearest_rotation(matrices: FloatArray, mirrored: bool = False) -> FloatArray
     u, _, vt = np.linalg.svd(matrices)
     side = -1.0 if mirrored else 1.0
     u[..., -1] *= (side * np.linalg.det(u @ vt))[..., None]
-    rotations: FloatArray = u @ vt
-    return rotations
+    return np.asarray(u @ vt)
 
 
 KEPT = 4  # poses that are refined, nearest first: a solid may lie on its axes in as many ways

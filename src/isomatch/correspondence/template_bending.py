@@ -39,21 +39,14 @@ class BentTemplate(NamedTuple):
 
 
 def bend_template(
-    template: Mesh, target: Mesh, images: FloatArray, trusted: BoolArray, known: BoolArray | None = None
+    template: Mesh,  # every vertex belongs to a face
+    target: Mesh,
+    images: FloatArray,  # (n, 3) of the template's vertices; where they are not trusted, a guess
+    trusted: BoolArray,  # (n,) which images the template is bent to at first
+    known: BoolArray
+    | None = None,  # (n,) which vertices are drawn to nearest points afterwards; by default these
 ) -> BentTemplate:
-    """Bend a template onto a target as rigidly as possible, from where a map puts its vertices.
-
-    Parameters
-    ----------
-    template, target : Mesh
-        The surfaces; every vertex of the template belongs to a face.
-    images : (n, 3) array of float
-        Images of the template's vertices on the target; where they are not trusted, a guess.
-    trusted : (n,) array of bool
-        Which images the template is bent to at first.
-    known : (n,) array of bool, optional
-        Which vertices are drawn to the nearest points afterwards; by default the same.
-    """
+    """Bend a template onto a target as rigidly as possible, from where a map puts its vertices."""
     # In √area of the target, with points p_i, areas a, weights w and rotations R_i, each step lowers
     #   Σ_i a_i |y_i − p_i|² + ½ ℓ² Σ_i Σ_j w_ij |(y_i − y_j) − R_i (x_i − x_j)|²
     # alternately in R and y, see `RigidEnergy`. First the template is decimated, and its vertices are drawn to the mean
@@ -180,8 +173,7 @@ class _Coarse:
         near = onto.nearest(self.mesh.moved(self.moved))[self._places.corners]  # (n, 3)
         apart = onto.coordinates[near] - onto.queries(bent)[:, None]
         best = np.einsum("nkd,nkd->nk", apart, apart).argmin(axis=1)
-        nearest: IntArray = near[np.arange(len(near)), best]
-        return nearest
+        return np.asarray(near[np.arange(len(near)), best])
 
 
 class _Points(NamedTuple):
@@ -269,13 +261,8 @@ def turned_faces(mesh: Mesh, moved: FloatArray, rotations: FloatArray | None = N
     # compared with that surface, but with its own neighbourhood: its normal at rest, turned as its first corner is,
     # against its normal now.
     if rotations is None:
-        rotations = neighbourhood_rotations(mesh, moved)
+        rotations = _rotations(mesh, moved, _two_rings(mesh))
     return _are_turned(mesh, mesh.faces, moved, rotations)
-
-
-def neighbourhood_rotations(mesh: Mesh, moved: FloatArray) -> FloatArray:
-    """Fit a rotation (n, 3, 3) to each vertex and the two rings around it: Σ_j |y_j − ȳ − R_i (x_j − x̄)|² is least."""
-    return _rotations(mesh, moved, _two_rings(mesh))
 
 
 def is_mirrored(mesh: Mesh, moved: FloatArray) -> bool:
@@ -323,8 +310,7 @@ def turned_back(mesh: Mesh, moved: FloatArray, scale: float) -> tuple[FloatArray
 
 def _are_turned(mesh: Mesh, faces: IntArray, moved: FloatArray, rotations: FloatArray) -> BoolArray:
     expected = np.einsum("fij,fj->fi", rotations[faces[:, 0]], Mesh(mesh.vertices, faces).face_cross)
-    over: BoolArray = np.einsum("fi,fi->f", expected, Mesh(moved, faces).face_cross) < 0
-    return over
+    return np.asarray(np.einsum("fi,fi->f", expected, Mesh(moved, faces).face_cross) < 0)
 
 
 def _two_rings(mesh: Mesh) -> csr_array:

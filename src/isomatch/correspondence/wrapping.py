@@ -215,8 +215,7 @@ def _similar(here: FloatArray, there: FloatArray) -> Callable[[FloatArray, IntAr
 
     def moved(points: FloatArray, group: IntArray) -> FloatArray:
         offsets = grown[group, None] * (points - middles[0][group])
-        turned: FloatArray = (offsets[:, None] @ rotations[group])[:, 0] + middles[1][group]
-        return turned
+        return np.asarray((offsets[:, None] @ rotations[group])[:, 0] + middles[1][group])
 
     return moved
 

@@ -51,8 +51,7 @@ def wave_kernel_signature(
     (True, False)
     """
     filters = _wave_filters(basis.values[1:k], n_energies, bandwidth)
-    signature: FloatArray = row_product(np.square(basis.vectors[:, 1:k]), filters)  # (n, k) (k, e) -> (n, e)
-    return signature
+    return row_product(np.square(basis.vectors[:, 1:k]), filters)  # (n, k) (k, e) -> (n, e)
 
 
 def wave_kernel_map(
@@ -65,8 +64,7 @@ def wave_kernel_map(
     """
     # Σ_i g_e(λ_i) φ_i(x) φ_i(y)
     filters = _wave_filters(basis.values[1:k], n_energies, bandwidth)
-    kernel: FloatArray = basis.vectors[:, 1:k] @ (basis.vectors[vertex, 1:k, None] * filters)
-    return kernel
+    return np.asarray(basis.vectors[:, 1:k] @ (basis.vectors[vertex, 1:k, None] * filters))
 
 
 def _wave_filters(values: FloatArray, n_energies: int, bandwidth: float) -> FloatArray:
@@ -119,8 +117,7 @@ def heat_kernel_signature(basis: LaplaceBasis, n_times: int = 100, k: int | None
     scale = 4 * np.log(10)
     times = np.geomspace(scale / values[-1], scale / values[1], n_times)
     decay = np.exp(-values[:, None] * times)  # (k, t)
-    signature: FloatArray = squares @ (decay / decay.sum(axis=0))
-    return signature
+    return np.asarray(squares @ (decay / decay.sum(axis=0)))
 
 
 CLIPPED = 0.02  # share of the values clipped at either end; curvature at sharp tips is noisy and large

@@ -51,22 +51,10 @@ class Dijkstra(ColumnEngine):
 def distance_along_edges_to_nearest(
     surface: Surface, vertices: IntArray, *, weld: bool = False
 ) -> tuple[FloatArray, IntArray]:
-    """Compute the distance along edges from each vertex (n,) to the nearest of m vertices, and which one that is (n,).
+    """Compute the distance along edges from each vertex to the nearest of m others, at least one, and which one that is.
 
-    Parameters
-    ----------
-    surface : Mesh, PointCloud or Graph
-    vertices : (m,) array of int
-        The vertices to measure from, at least one.
-    weld : bool
-        Whether vertices of a mesh at exactly the same position are one point of the surface.
-
-    Returns
-    -------
-    distance : (n,) array of float
-        In the units of the surface; ``inf`` where no path leads.
-    nearest : (n,) array of int
-        Negative where there is none. One run of Dijkstra's algorithm from all vertices at once.
+    Both (n,), in the units of the surface; ``inf`` and negative where no path leads. With ``weld``, vertices of a mesh at
+    exactly the same position are one point. One run of Dijkstra's algorithm from all vertices at once.
 
     Examples
     --------

@@ -111,14 +111,7 @@ def _require_all(good: AnyArray, first: int, complaint: str) -> None:
 class RestrictedEngine(ColumnEngine):
     """Distances among some points of a space, divided by a unit of length; paths may leave these points.
 
-    Parameters
-    ----------
-    engine : DistanceEngine
-        Distances of the whole space.
-    vertices : (n,) array_like of int
-        The points of the whole space that are kept; point i of this engine is ``vertices[i]``.
-    unit : float
-        Length, in the units of ``engine``, that becomes 1.
+    Point i of this engine is point ``vertices[i]`` of the whole space.
 
     Raises
     ------

@@ -44,8 +44,7 @@ class MissingRegion:
     @property
     def to_boundary(self) -> FloatArray:
         """(n,) distance of each vertex to the boundary; inf on a closed surface."""
-        nearest: FloatArray = self.columns.min(axis=0, initial=np.inf)
-        return nearest
+        return np.asarray(self.columns.min(axis=0, initial=np.inf))
 
     def lower_bound(self, sources: IntArray, others: IntArray, along: FloatArray) -> FloatArray:
         """Lower bounds (m, r) of distances on the whole surface between vertices, given those along the part."""
@@ -62,5 +61,4 @@ class MissingRegion:
         for row, to_posts in zip(through, reached):
             row[:] = (to_posts[:, None] + onward).min(axis=0)
         # a path may leave between two posts, for which the gap allows
-        bound: FloatArray = np.minimum(along, np.maximum(through - self.gap, 0.0))
-        return bound
+        return np.asarray(np.minimum(along, np.maximum(through - self.gap, 0.0)))

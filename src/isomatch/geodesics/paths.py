@@ -247,8 +247,7 @@ class _Ways:
 
     def _place(self, stop: _Stop) -> FloatArray:
         points = self.mesh.vertices
-        place: FloatArray = (1 - stop.share) * points[stop.start] + stop.share * points[stop.end]
-        return place
+        return np.asarray((1 - stop.share) * points[stop.start] + stop.share * points[stop.end])
 
     def _in_face(self, stop: _Stop, face: int) -> tuple[IntArray, FloatArray]:
         """Corners, of the user, and weights of a point in a face of the mended mesh."""

@@ -191,8 +191,7 @@ class _Division:
     def _weights(self, part: int, corners: IntArray, point: FloatArray) -> FloatArray:
         """Barycentric coordinates of a point in a part of a face; both are given in those of the face."""
         basis = np.array([self.place(v, corners) for v in self._faces[part]])
-        weights: FloatArray = np.linalg.solve(basis.T, point)
-        return weights
+        return np.asarray(np.linalg.solve(basis.T, point))
 
     def place(self, vertex: int, corners: IntArray) -> FloatArray:
         """Weights of the corners of a face at a vertex in it or on its border."""
