@@ -37,6 +37,7 @@ FORMAT = ArrayFormat(
     filled=("n", "k"),
 )
 NULL_VALUE = 1e-12  # of the largest eigenvalue; smaller ones are rounding errors
+FEWEST_FOR_THREADS = 50_000  # pairs; for fewer, starting threads costs more time than it saves
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -260,9 +261,6 @@ def orthonormalised(
     order = order[np.abs(values[order]) > NULL_VALUE * np.abs(values).max()]
     basis = fix_signs(q @ vectors[:, order] / root, weights)
     return DistanceBasis(basis, values[order], weights, method, engine, samples)
-
-
-FEWEST_FOR_THREADS = 50_000  # pairs; for fewer, starting threads costs more time than it saves
 
 
 def low_rank_distances(vectors: AnyArray, values: AnyArray, i: IntArray, j: IntArray) -> FloatArray:

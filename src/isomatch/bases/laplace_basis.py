@@ -32,9 +32,8 @@ TESTED_EVERY = 48  # vectors, a multiple of the width of either precision; a tes
 DENSE = 1000  # vertices up to which a dense solver computes all eigenpairs
 RELATIVE_SHIFT = 0.1  # in eigenvalues of the last function; makes inverse iteration favour no single function
 SHIFT = 1e-2  # in 1 / area; makes the singular Laplacian definite
-SINGLE_SHIFT = (
-    10.0  # near the second eigenvalue: with less, rounding of the largest part of the inverse covers others
-)
+# near the second eigenvalue: with less, rounding of the largest part of the inverse covers others
+SINGLE_SHIFT = 10.0
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -21,6 +21,15 @@ from isomatch.runtime.threads import parallel_map, serial_blas
 from isomatch.surfaces import Mesh, PointCloud, Surface
 from isomatch.values.arrays import FloatArray, IntArray
 
+RIDGE = 1e-9  # of the mean variance; keeps the system well conditioned when samples nearly coincide
+NODES_PER_VECTOR = 12  # predicted columns per basis vector; twice as many lower the error by less than 1 %
+FEWEST_NODES = 300
+LEAST_AREA = 1e-3  # of the mean; smaller vertex areas count as this, so that they do not attract samples
+BLOCK = 4096  # rows of predicted columns held at a time
+# μ at unit area
+FIDELITY = 1e6  # above 1e4 the interpolant is practically exact at the samples
+SPECTRAL_FIDELITY = 1e4  # lower: p functions that follow p values closely oscillate between the samples
+
 
 def nystrom_basis(sampling: Sampling, weights: FloatArray, rank: int, engine: str) -> DistanceBasis:
     """Build the basis of k vectors from the distance columns of p ≥ k samples, orthonormal in the weights (n,).
@@ -72,13 +81,6 @@ def leading_eigenpairs(symmetric: FloatArray, count: int) -> tuple[FloatArray, F
     keep = np.argsort(-np.abs(values), kind="stable")[:count]
     keep = keep[np.abs(values[keep]) > NULL_VALUE * np.abs(values).max()]
     return values[keep], vectors[:, keep]
-
-
-RIDGE = 1e-9  # of the mean variance; keeps the system well conditioned when samples nearly coincide
-NODES_PER_VECTOR = 12  # predicted columns per basis vector; twice as many lower the error by less than 1 %
-FEWEST_NODES = 300
-LEAST_AREA = 1e-3  # of the mean; smaller vertex areas count as this, so that they do not attract samples
-BLOCK = 4096  # rows of predicted columns held at a time
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,11 +207,6 @@ class DensityWeighted:
         column = self._engine.lower(plain, source)
         np.multiply(plain, self._gain, out=nearest)
         return column
-
-
-# μ at unit area
-FIDELITY = 1e6  # above 1e4 the interpolant is practically exact at the samples
-SPECTRAL_FIDELITY = 1e4  # lower: p functions that follow p values closely oscillate between the samples
 
 
 def fmds_basis(

@@ -9,6 +9,9 @@ import numpy as np
 from isomatch.correspondence.nearest import nearest_of_few, nearest_rows
 from isomatch.values.arrays import FloatArray, IntArray
 
+# of the largest singular value; smaller ones are rounding, and leave the rotation undetermined
+NULL_DIRECTION = 1e-9
+
 
 @dataclass(frozen=True, eq=False)
 class SignedPoints:
@@ -35,11 +38,6 @@ class SignedPoints:
     def signed(self) -> FloatArray:
         """Coordinates times signs: ``x.coordinates @ x.signed().T`` holds all inner products."""
         return self.coordinates * self.signs
-
-
-NULL_DIRECTION = (
-    1e-9  # rounding: singular values below this share of the largest leave the rotation undetermined
-)
 
 
 def signed_procrustes(source: SignedPoints, target: SignedPoints) -> FloatArray:

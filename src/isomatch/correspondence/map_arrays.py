@@ -15,6 +15,8 @@ from isomatch.surfaces import Mesh, PrecisePoints, Surface
 from isomatch.values.arrays import AnyArray, BoolArray, FloatArray, IntArray, array_of, numbers_of
 
 UNMATCHED = -1
+_FILLS = {"f": np.nan, "c": np.nan, "i": -1, "b": False, "U": "", "S": b""}  # by the kind of an array's type
+TORN = 4.0  # times the usual stretch of an edge by a map: more is a tear
 
 
 def checked_map(
@@ -61,9 +63,6 @@ def _precise(faces: AnyArray, weights: FloatArray, image: IntArray, n_target: in
     corners = faces.astype(np.int64)
     corners[~held], weights[~held] = UNMATCHED, (1.0, 0.0, 0.0)
     return PrecisePoints(corners, weights)
-
-
-_FILLS = {"f": np.nan, "c": np.nan, "i": -1, "b": False, "U": "", "S": b""}  # by the kind of an array's type
 
 
 def pulled_back(
@@ -138,9 +137,6 @@ def _filled(labels: AnyArray, holes: BoolArray, fill: object) -> AnyArray:
     filled: AnyArray = labels.astype(kind)
     filled[holes] = value
     return filled
-
-
-TORN = 4.0  # times the usual stretch of an edge by a map: more is a tear
 
 
 def composed(

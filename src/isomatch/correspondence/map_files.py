@@ -46,6 +46,7 @@ _HEADER = re.compile(
 )
 LONGEST_HEADER = 1000  # bytes of a text
 _LINES = "write one 0-based target vertex on each line, -1 where unmatched"
+_MOST_NAMED = 8  # arrays that a message lists
 
 
 def write_map(path: Path, parts: dict[str, Any]) -> None:
@@ -150,9 +151,6 @@ def _read_text(path: Path) -> tuple[bool, int | None, dict[str, Any]]:
         raise FormatError(f"{path}: no target vertices; {_LINES}")
     hashes = {name: header[name] or "" for name in ("source_hash", "target_hash")} if header else {}
     return header is not None, int(header["n_target"]) if header else None, {"vertices": image, **hashes}
-
-
-_MOST_NAMED = 8  # arrays that a message lists
 
 
 class IndexBase(NamedTuple):

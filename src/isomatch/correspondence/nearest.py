@@ -18,6 +18,7 @@ ROWS = 1024  # queries at once among few candidates
 BLOCK = 512  # queries at once; fixed, so that results do not depend on the number of threads
 ROUNDING = 1e-5  # of sums of products in single precision, relative to the squared norms
 TIE = 1e-6  # score differences below this share of the largest squared norm are compared again in float64
+CHUNK = 2048  # points at once; fixed, so that results do not depend on the number of threads
 
 
 def nearest_rows(candidates: FloatArray, queries: FloatArray) -> IntArray:
@@ -204,9 +205,6 @@ def squared_distance(x: AnyArray, j: int, y: AnyArray, i: int) -> Any:
         difference = x[j, d] - y[i, d]
         total += difference * difference
     return total
-
-
-CHUNK = 2048  # points at once; fixed, so that results do not depend on the number of threads
 
 
 def nearest_points(

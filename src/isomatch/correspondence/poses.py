@@ -12,6 +12,9 @@ from isomatch.runtime.threads import parallel_map
 from isomatch.values.arrays import FloatArray, IntArray
 
 AT_ONCE = 10_000  # matrices of a thread
+KEPT = 4  # poses that are refined, nearest first: a solid may lie on its axes in as many ways
+MOST_STEPS = 30
+SETTLED = 0.999  # times the distance before, above which a pose has settled
 
 
 def nearest_rotation(matrices: FloatArray, mirrored: bool = False) -> FloatArray:
@@ -36,11 +39,6 @@ def nearest_rotation(matrices: FloatArray, mirrored: bool = False) -> FloatArray
     side = -1.0 if mirrored else 1.0
     u[..., -1] *= (side * np.linalg.det(u @ vt))[..., None]
     return np.asarray(u @ vt)
-
-
-KEPT = 4  # poses that are refined, nearest first: a solid may lie on its axes in as many ways
-MOST_STEPS = 30
-SETTLED = 0.999  # times the distance before, above which a pose has settled
 
 
 @dataclass(frozen=True, eq=False)

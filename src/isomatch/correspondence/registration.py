@@ -19,6 +19,7 @@ from isomatch.values.cached import cached_method, cached_property
 
 NORMAL_UNIT = 0.1  # for surfaces of area 1
 ROTATED = 2  # times that the rotations are fitted between two searches for nearest points
+RIDGE = 1e-6  # of the number of equations; above the rounding of normal equations in single precision
 
 
 def register_as_rigid_as_possible(
@@ -201,9 +202,6 @@ def with_normals(mesh: Mesh, unit: float = NORMAL_UNIT) -> FloatArray:
     array([1. , 0. , 0. , 0. , 0. , 0.5])
     """
     return np.hstack([mesh.vertices, unit * mesh.vertex_normals])
-
-
-RIDGE = 1e-6  # of the number of equations; above the rounding of normal equations in single precision
 
 
 def register_nonrigid(

@@ -13,11 +13,8 @@ from isomatch.loading.compiled import compiled
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import FloatArray, IntArray
 
-TURNS, STILL, SMALLEST = (
-    20,
-    1e-4,
-    1e-30,
-)  # most turns of a rotation, the angle (rad) of the last, and a number above 0
+TURNS, STILL = 20, 1e-4  # most turns of a rotation, and the angle (rad) of the last
+SMALLEST = 1e-30  # in place of 0 in denominators
 EDGE_SHARE = 2 / 3  # so that edges of equilateral triangles have the weights of the cotangents
 PRECISION, MOST_ITERATIONS = 1e-2, 100  # of conjugate gradients
 STIFFEST = 20.0  # weight of an edge: where triangles are slivers, the shortest edges count no more

@@ -28,6 +28,9 @@ REACH = 0.025  # a boundary so near is met, in √area, and what is farther from
 BOUNDARY_PULL = 4.0  # to a point of the boundary, beside that to other points
 KEPT = 0.02  # the pull of a vertex to where it is, beside that to its point
 RELEASED_RINGS = 2  # around faces that are turned over, which are drawn nowhere
+ROUNDS, REFITTED = 60, 10  # of turning back; rounds after which rotations are fitted again
+TURNED_WEIGHT = 30.0  # of a face that is turned over, beside the others at its corners
+ON_EDGE = 1e-6  # barycentric coordinate below which a point of a triangle lies on an edge
 
 
 class BentTemplate(NamedTuple):
@@ -43,8 +46,7 @@ def bend_template(
     target: Mesh,
     images: FloatArray,  # (n, 3) of the template's vertices; where they are not trusted, a guess
     trusted: BoolArray,  # (n,) which images the template is bent to at first
-    known: BoolArray
-    | None = None,  # (n,) which vertices are drawn to nearest points afterwards; by default these
+    known: BoolArray | None = None,  # (n,) which vertices are drawn to nearest points afterwards
 ) -> BentTemplate:
     """Bend a template onto a target as rigidly as possible, from where a map puts its vertices."""
     # In √area of the target, with points p_i, areas a, weights w and rotations R_i, each step lowers
@@ -251,10 +253,6 @@ def _descend(
         near[i] = here
 
 
-ROUNDS, REFITTED = 60, 10  # of turning back; rounds after which rotations are fitted again
-TURNED_WEIGHT = 30.0  # of a face that is turned over, beside the others at its corners
-
-
 def turned_faces(mesh: Mesh, moved: FloatArray, rotations: FloatArray | None = None) -> BoolArray:
     """Find the faces (m,) that are turned over against the rotations (n, 3, 3) of the surface around their vertices."""
     # Where a thin wall has two sides, the nearest point of another surface may belong to either. So a face is not
@@ -339,9 +337,6 @@ def _covariances(mesh: Mesh, moved: FloatArray, around: csr_array) -> FloatArray
         products.reshape(-1, 3, 3) - sums[0][:, :, None] * sums[1][:, None] / count[:, None]
     )
     return covariances
-
-
-ON_EDGE = 1e-6  # barycentric coordinate below which a point of a triangle lies on an edge
 
 
 class Boundary:

@@ -10,6 +10,8 @@ from isomatch.runtime.threads import row_product
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import FloatArray
 
+CLIPPED = 0.02  # share of the values clipped at either end; curvature at sharp tips is noisy and large
+
 
 def wave_kernel_signature(
     basis: LaplaceBasis, n_energies: int = 100, bandwidth: float = 7.0, k: int | None = None
@@ -118,9 +120,6 @@ def heat_kernel_signature(basis: LaplaceBasis, n_times: int = 100, k: int | None
     times = np.geomspace(scale / values[-1], scale / values[1], n_times)
     decay = np.exp(-values[:, None] * times)  # (k, t)
     return np.asarray(squares @ (decay / decay.sum(axis=0)))
-
-
-CLIPPED = 0.02  # share of the values clipped at either end; curvature at sharp tips is noisy and large
 
 
 def mean_curvature(mesh: Mesh, laplace: LaplaceBasis, k: int, *, weld: bool = True) -> FloatArray:

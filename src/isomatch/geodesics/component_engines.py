@@ -19,6 +19,9 @@ from isomatch.values.arrays import FloatArray, IntArray
 Solver = Callable[[int], FloatArray]
 """Distances from a vertex of a connected mesh to all its vertices, (n,)."""
 
+# by pygeodesic
+_NOT_HANDLED = ("repeated_index_faces", "duplicate_faces", "non_manifold_edges", "non_manifold_vertices")
+
 
 class ComponentEngine(ColumnEngine):
     """Distances within each connected component from its own solver, and ``inf`` between components.
@@ -59,10 +62,6 @@ class ComponentEngine(ColumnEngine):
 class _Component(NamedTuple):
     vertices: IntArray  # indices in the whole mesh, increasing
     distances_from: Solver
-
-
-# by pygeodesic
-_NOT_HANDLED = ("repeated_index_faces", "duplicate_faces", "non_manifold_edges", "non_manifold_vertices")
 
 
 class Exact(ComponentEngine):

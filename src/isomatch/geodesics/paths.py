@@ -25,6 +25,7 @@ from isomatch.values.cached import cached_property
 
 ROUNDING = 1e-9  # of a length
 SHORTEST = 1e-12  # of a path; shorter segments are of rounding, where it passes through a vertex
+PATH_SUFFIXES = (".obj", ".vtp")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -256,9 +257,6 @@ class _Ways:
             for corner, weight in zip(*(part[vertex] for part in self.divided.places)):
                 weights[corners == corner] += share * weight
         return self.original.faces[self.mended.face_index[face]], weights
-
-
-PATH_SUFFIXES = (".obj", ".vtp")
 
 
 def write_paths(file: str | Path, paths: Sequence[GeodesicPath]) -> None:

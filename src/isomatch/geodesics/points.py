@@ -14,6 +14,7 @@ from isomatch.surfaces import Mesh, PrecisePoints
 from isomatch.values.arrays import AnyArray, FloatArray, IntArray
 
 SUM = 1e-6  # by which the weights of a point may differ from 1 together
+AT_CORNER = 1e-12  # smallest weight of a corner; less is rounding, and would make faces without area
 
 
 def points_of(given: ArrayLike | PrecisePoints, n_vertices: int) -> PrecisePoints:
@@ -73,9 +74,6 @@ def _require_in_range(vertices: AnyArray, n_vertices: int) -> None:
     bad = vertices[(vertices < 0) | (vertices >= n_vertices)]
     if len(bad):
         raise MeshError(f"vertices {some(bad)} are outside 0…{n_vertices - 1}, the vertices of the surface")
-
-
-AT_CORNER = 1e-12  # smallest weight of a corner; less is rounding, and would make faces without area
 
 
 @dataclass(frozen=True, eq=False)
