@@ -55,7 +55,7 @@ def test_pairs_outside_the_surface(basis, bad):
 
 
 def test_pairs_by_other_than_integers(basis):
-    with pytest.raises(MeshError, match="must be integers, not float64"):
+    with pytest.raises(MeshError, match="integers"):
         basis.distance(0.5, 1)
 
 

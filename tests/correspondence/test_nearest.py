@@ -6,7 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from isomatch.correspondence import VertexCells, nearest_in_cells, nearest_of_few, nearest_rows
+from isomatch.correspondence import VertexCells, nearest_of_few, nearest_rows
+from isomatch.correspondence.nearest import nearest_in_cells
 
 
 def brute_force(candidates, queries):

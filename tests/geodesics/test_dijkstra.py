@@ -92,7 +92,7 @@ def test_the_start_in_a_graph_is_drawn_by_the_seed():
 
 def test_separate_graphs_cannot_be_sampled():
     engine = distance_engine(Graph(4, [[0, 1], [2, 3]], [1, 1]))
-    with pytest.raises(MeshError, match="some points cannot be reached"):
+    with pytest.raises(MeshError, match="reached"):
         farthest_point_sampling(engine, 3, start=0)
 
 

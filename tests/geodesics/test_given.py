@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from isomatch import MeshError, geodesic_distances
-from isomatch.geodesics import GivenFunction, GivenMatrix, distance_engine, farthest_point_sampling
+from isomatch.geodesics import distance_engine, farthest_point_sampling
+from isomatch.geodesics.given import GivenFunction, GivenMatrix
 from shapes import icosphere
 
 

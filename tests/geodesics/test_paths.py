@@ -239,7 +239,7 @@ def test_across_a_seam_with_the_indices_of_the_user():
     assert path.points.corners[-1].tolist() == [j] * 3
     assert_sound(torn, path)
     assert geodesic_path(whole, 3, 3).length == 0
-    with pytest.raises(MeshError, match="no path leads from the source to the target"):
+    with pytest.raises(MeshError, match="no path"):
         geodesic_path(torn, i, j, weld=False)
 
 
@@ -291,7 +291,7 @@ def test_points_that_are_none_of_the_surface(target, message):
 
 @pytest.mark.parametrize("ends", [[], [0, 1]])
 def test_one_path_at_a_time(ends):
-    with pytest.raises(MeshError, match="use geodesic_paths for several"):
+    with pytest.raises(MeshError, match="geodesic_paths"):
         geodesic_path(flat_grid(3, 3), ends, ends)
 
 
@@ -340,7 +340,7 @@ def test_fast_marching_is_as_accurate_in_faces_as_at_vertices(example):
 
 def test_points_in_faces_need_faces():
     points = PrecisePoints(np.array([[0, 1, 2]]), np.full((1, 3), 1 / 3))
-    with pytest.raises(MeshError, match="points in faces are points of a Mesh, not of a Graph"):
+    with pytest.raises(MeshError, match="Graph"):
         geodesic_distances(isomatch.Graph(3, [[0, 1], [1, 2]], [1.0, 1.0]), points)
 
 

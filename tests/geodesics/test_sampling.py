@@ -78,7 +78,7 @@ def test_two_components_cannot_be_sampled():
 
 
 def test_more_samples_than_points():
-    with pytest.raises(MeshError, match="cannot place 13 samples: only 12 points are distinct; ask"):
+    with pytest.raises(MeshError, match="12 points"):
         farthest_point_sampling(distance_engine(icosphere(0)), 13, start=0)
 
 
@@ -86,7 +86,7 @@ def test_coincident_points_are_not_distinct():
     """A square with one corner twice, at both ends of a face without area."""
     vertices = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 1, 0]]
     mesh = Mesh(vertices, [[0, 1, 2], [0, 2, 3], [0, 3, 4]])
-    with pytest.raises(MeshError, match="only 4 points are distinct"):
+    with pytest.raises(MeshError, match="4 points"):
         farthest_point_sampling(distance_engine(mesh), 5, start=0)
 
 

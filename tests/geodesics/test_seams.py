@@ -19,7 +19,7 @@ from isomatch.geodesics import (
     geodesic_path,
     pair_distances,
 )
-from isomatch.geodesics.welded import WeldedEngine
+from isomatch.geodesics.given import WeldedEngine
 from isomatch.mending import welded_surface
 from shapes import flat_grid, icosphere
 from zoo.made import block, boxes, soup

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from data import real_file
 from isomatch import Correspondence, Mesh, match, wrap
-from isomatch.correspondence.turned_faces import turned_faces
+from isomatch.correspondence.template_bending import turned_faces
 from isomatch.errors import MapError
 from shapes import disguised, flat_grid, icosphere
 from thin_walls import shell

@@ -9,14 +9,18 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from isomatch.assets import SurfaceLike
-from isomatch.bases.choices import BasisMethod, Weighting
+from isomatch.bases.basis import BasisMethod, Weighting, basis_domain, shared_weights
 from isomatch.bases.distance_basis import DistanceBasis
-from isomatch.bases.domain import basis_domain
-from isomatch.bases.interpolation import fmds_basis, smds_basis
 from isomatch.bases.laplacian import require_mesh_or_points
-from isomatch.bases.nystrom import exact_basis, nystrom_basis
-from isomatch.bases.prediction import DensityWeighted, density_of, predicted_basis
-from isomatch.bases.seams import shared_weights
+from isomatch.bases.low_rank import (
+    DensityWeighted,
+    density_of,
+    exact_basis,
+    fmds_basis,
+    nystrom_basis,
+    predicted_basis,
+    smds_basis,
+)
 from isomatch.errors import NotConvergedError, SettingError
 from isomatch.geodesics import (
     DistanceEngine,
@@ -61,10 +65,10 @@ def distance_basis(
     p : int
         Number of distance columns, from farthest point samples; 2 k is a good choice. Ignored by "exact".
     method : {"predicted", "nystrom", "fmds", "smds", "exact"}, optional
-        "predicted", the default on meshes and point clouds: `predicted_basis`, Nyström's method with many more columns
-        predicted from the p measured ones. "nystrom", the default on everything else: `nystrom_basis`, from the p
-        columns alone. "fmds", "smds": `fmds_basis` and `smds_basis`, interpolation by smooth functions. "exact":
-        `exact_basis`, from all n columns; the optimum, for small n and as a reference.
+        "predicted", the default on meshes and point clouds: Nyström's method with many more columns, predicted from
+        the p measured ones. "nystrom", the default on everything else: from the p columns alone. "fmds", "smds":
+        interpolated by smooth functions, all or the span of p Laplace eigenfunctions. "exact": from all n columns;
+        the optimum, for small n and as a reference.
     weights : {"area", "uniform"}
         Inner product in which the basis is orthonormal and the error is least: that of the surface, or that of its
         vertices. No difference for a matrix or a function, which have no areas.

@@ -9,12 +9,10 @@ import numpy as np
 from scipy.linalg import eigh
 
 from isomatch.assets import SurfaceLike
-from isomatch.bases.choices import Weighting
+from isomatch.bases.basis import Weighting, basis_domain
 from isomatch.bases.distance_basis import orthonormalised
-from isomatch.bases.domain import basis_domain
-from isomatch.bases.interpolation import biharmonic_interpolant, swapped
 from isomatch.bases.laplacian import require_mesh_or_points
-from isomatch.bases.nystrom import leading_eigenpairs
+from isomatch.bases.low_rank import biharmonic_interpolant, leading_eigenpairs, swapped
 from isomatch.errors import MeshError, SettingError
 from isomatch.geodesics import (
     MetricSpace,
@@ -158,28 +156,10 @@ def canonical_form(
 
 
 def classical_scaling(squares: FloatArray, measure: FloatArray, dim: int) -> tuple[FloatArray, FloatArray]:
-    """Place points in a Euclidean space by all their squared distances.
+    """Place n points in a Euclidean space by all their squared distances (n, n), which are made symmetric.
 
-    Parameters
-    ----------
-    squares : (n, n) array of float
-        Squared distances. They are made symmetric.
-    measure : (n,) array of float
-        How much each point counts, above 0.
-    dim : int
-        Number of coordinates.
-
-    Returns
-    -------
-    points : (n, min(dim, n)) array of float
-        Coordinates, centred, in decreasing order of spread; 0 along axes whose eigenvalue is not positive.
-    values : (min(dim, n),) array of float
-        The eigenvalues, decreasing.
-
-    Notes
-    -----
-    Torgerson, *Multidimensional scaling: I. Theory and method*, Psychometrika 1952, with weights: eigenpairs of
-    A^½ (−½ J D² J) A^½. O(n³).
+    Returns coordinates (n, min(dim, n)), centred, in decreasing order of spread, 0 along axes whose eigenvalue is not
+    positive; and the eigenvalues, decreasing. ``measure`` (n,), above 0, says how much each point counts. O(n³).
 
     Examples
     --------
@@ -188,7 +168,13 @@ def classical_scaling(squares: FloatArray, measure: FloatArray, dim: int) -> tup
     >>> abs(points[:2] - points[1:]).round(6).ravel()
     array([1., 2.])
     """
+    # Torgerson, *Multidimensional scaling: I. Theory and method*, Psychometrika 1952, with weights a_i. If d_ij² = ‖x_i
+    # − x_j‖² and Σ a_i x_i = 0, then
+    #   d_ij² = ‖x_i‖² − 2 x_i · x_j + ‖x_j‖²,
+    # and the terms of one index vanish by centring on both sides with J = I − 1 aᵀ / Σ a: B = −½ J D² Jᵀ = X Xᵀ. So X
+    # is the best root of rank dim of B in the weights: with the eigenpairs A^½ B A^½ = V Λ Vᵀ, X = A^(−½) V Λ^½.
     share = measure / measure.sum()
+    # B_ij = −½ (d_ij² − m_i − m_j + m), m_i the weighted mean of row i, and m that of all
     inner = -0.25 * (squares + squares.T)
     mean = inner @ share
     inner += share @ mean - mean - mean[:, None]
@@ -203,6 +189,8 @@ def _scaled_low_rank(
     surface: MetricSpace, sampling: Sampling, measure: FloatArray, dim: int, method: EmbeddingMethod
 ) -> tuple[FloatArray, FloatArray]:
     """Classical scaling of D² ≈ S T Sᵀ: eigenpairs of −½ (J S) T (J S)ᵀ by one QR decomposition."""
+    # Shamai, Zibulevsky & Kimmel, 3DOR 2015. Centring acts on S alone, J (S T Sᵀ) Jᵀ = (J S) T (J S)ᵀ, so that
+    # ``orthonormalised`` gives the form Q Λ Qᵀ of −½ J D² Jᵀ, and X = Q Λ^½ for the largest, positive eigenvalues
     squares, samples, p = sampling.columns**2, sampling.vertices, len(sampling.vertices)
     if method == "fmds":
         spread = np.hstack([biharmonic_interpolant(require_mesh_or_points(surface), samples), squares.T])

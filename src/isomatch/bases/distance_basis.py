@@ -10,14 +10,14 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike
 from scipy.linalg import qr
 
-from isomatch.bases.low_rank_distances import low_rank_distances
-from isomatch.bases.plotted import PlottedBasis
-from isomatch.bases.signs import fix_signs
+from isomatch.bases.basis import PlottedBasis, fix_signs
 from isomatch.errors import MeshError, SettingError, some
 from isomatch.geodesics import Sampling, points_of
+from isomatch.loading.compiled import compiled
+from isomatch.runtime.threads import n_threads, parallel_map
 from isomatch.storage.array_file import ArrayFormat, Stored, save_arrays
 from isomatch.surfaces import PrecisePoints
-from isomatch.values.arrays import FloatArray, IntArray
+from isomatch.values.arrays import AnyArray, FloatArray, IntArray
 
 FORMAT = ArrayFormat(
     what="a distance basis",
@@ -37,6 +37,7 @@ FORMAT = ArrayFormat(
     filled=("n", "k"),
 )
 NULL_VALUE = 1e-12  # of the largest eigenvalue; smaller ones are rounding errors
+FEWEST_FOR_THREADS = 50_000  # pairs; for fewer, starting threads costs more time than it saves
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -122,13 +123,11 @@ class DistanceBasis(PlottedBasis):
     def between(self, rows: ArrayLike, columns: ArrayLike) -> FloatArray:
         """Approximate distances from r vertices to c vertices, (r, c), in mesh units. O(r c k)."""
         chosen = self.vectors[self._indices(columns)]
-        block: FloatArray = (self.vectors[self._indices(rows)] * self.values) @ chosen.T
-        return block
+        return np.asarray((self.vectors[self._indices(rows)] * self.values) @ chosen.T)
 
     def row(self, i: ArrayLike) -> FloatArray:
         """Approximate distances from one or more vertices to all, (..., n), in mesh units. O(n k) each."""
-        distances: FloatArray = (self.vectors[self._indices(i)] * self.values) @ self.vectors.T
-        return distances
+        return np.asarray((self.vectors[self._indices(i)] * self.values) @ self.vectors.T)
 
     def nearest(self, i: int, r: float) -> tuple[IntArray, FloatArray]:
         """Vertices within distance r of vertex i, nearest first, and their distances, negative ones set to 0. O(n k)."""
@@ -141,8 +140,7 @@ class DistanceBasis(PlottedBasis):
     def __matmul__(self, values: ArrayLike) -> FloatArray:
         """Product of the approximate distance matrix with an (n,) or (n, q) array. O(n k q)."""
         x = np.asarray(values, dtype=np.float64)
-        product: FloatArray = self.vectors @ ((self.values * (self.vectors.T @ x).T).T)
-        return product
+        return np.asarray(self.vectors @ ((self.values * (self.vectors.T @ x).T).T))
 
     def truncated(self, k: int) -> DistanceBasis:
         """Keep the first k vectors, at least one: the best approximation of rank k of this one."""
@@ -188,8 +186,7 @@ class DistanceBasis(PlottedBasis):
         for c, (value, vector) in enumerate(zip(self.values, self.vectors.T)):
             missing -= np.outer(value * vector[self.held_out.vertices], vector)
             errors[c] = (self.weights * missing**2).sum()
-        relative: FloatArray = np.sqrt(errors / whole)
-        return relative
+        return np.asarray(np.sqrt(errors / whole))
 
     def with_points(self, points: PrecisePoints) -> DistanceBasis:
         """Add m points of faces as points n … n + m − 1: their distances are interpolated, and their weight is 0.
@@ -251,24 +248,11 @@ class DistanceBasis(PlottedBasis):
 def orthonormalised(
     spread: FloatArray, middle: FloatArray, weights: FloatArray, method: str, engine: str, samples: IntArray
 ) -> DistanceBasis:
-    """Bring D ≈ S T Sᵀ to the form Q Λ Qᵀ with QᵀAQ = I: QR of A^½ S, then the eigenpairs of R T Rᵀ.
-
-    Parameters
-    ----------
-    spread : (n, q) array of float
-        S.
-    middle : (q, q) array of float
-        T, symmetric.
-    weights : (n,) array of float
-        The diagonal of A.
-    method, engine, samples
-        As in `DistanceBasis`.
-
-    Returns
-    -------
-    DistanceBasis
-        Of rank q, or less if eigenvalues are null. O(n q²).
-    """
+    """Bring D ≈ S T Sᵀ to the form Q Λ Qᵀ with QᵀAQ = I; of rank q, or less if eigenvalues are null. O(n q²)."""
+    # Shamai & Kimmel 2017, section "Computing the basis": with the QR decomposition A^½ S = P R, PᵀP = I, and the
+    # eigenpairs R T Rᵀ = V Λ Vᵀ of a q × q matrix,
+    #   D ≈ S T Sᵀ = A^(−½) P (R T Rᵀ) Pᵀ A^(−½) = Q Λ Qᵀ,  Q = A^(−½) P V,
+    # and QᵀAQ = Vᵀ PᵀP V = I. So Λ holds the eigenvalues of the operator f ↦ D A f of the approximation.
     root = np.sqrt(weights)[:, None]
     q, r = qr(root * spread, mode="economic", check_finite=True)
     inner = r @ middle @ r.T
@@ -277,3 +261,28 @@ def orthonormalised(
     order = order[np.abs(values[order]) > NULL_VALUE * np.abs(values).max()]
     basis = fix_signs(q @ vectors[:, order] / root, weights)
     return DistanceBasis(basis, values[order], weights, method, engine, samples)
+
+
+def low_rank_distances(vectors: AnyArray, values: AnyArray, i: IntArray, j: IntArray) -> FloatArray:
+    """Σ_c Λ_c Q_ic Q_jc (m,) for pairs (i, j) of rows of Q (n, k), negative ones from the end; they are not checked."""
+    # in the precision of Q; rows are not gathered, so that no memory but the result is needed
+    out = np.zeros(len(i))
+    parts = n_threads() if len(i) >= FEWEST_FOR_THREADS else 1
+    ends = np.linspace(0, len(i), parts + 1).astype(np.int64)
+
+    def part(a: int) -> None:
+        chosen = slice(ends[a], ends[a + 1])
+        _sum_pairs(vectors, values, i[chosen], j[chosen], out[chosen])
+
+    parallel_map(part, range(parts))
+    return out
+
+
+@compiled(fastmath=True)
+def _sum_pairs(vectors: AnyArray, values: AnyArray, i: IntArray, j: IntArray, out: FloatArray) -> None:
+    for a in range(len(i)):
+        x, y = vectors[i[a]], vectors[j[a]]
+        total = values[0] * x[0] * y[0]
+        for c in range(1, len(values)):
+            total += values[c] * x[c] * y[c]
+        out[a] = total

@@ -10,11 +10,8 @@ from scipy.linalg import eigh, solve_triangular
 from scipy.sparse import csc_array, csr_array
 
 from isomatch.assets import SurfaceLike, surface_from
-from isomatch.bases.domain import require_one_component
+from isomatch.bases.basis import PlottedBasis, fix_signs, require_one_component, shared_weights
 from isomatch.bases.laplacian import WIDTH, factorised, factorised_single, stiffness_and_masses
-from isomatch.bases.plotted import PlottedBasis
-from isomatch.bases.seams import shared_weights
-from isomatch.bases.signs import fix_signs
 from isomatch.errors import MeshError, NotConvergedError, SettingError, some
 from isomatch.mending import without_seams
 from isomatch.runtime.memory import require_memory
@@ -35,9 +32,8 @@ TESTED_EVERY = 48  # vectors, a multiple of the width of either precision; a tes
 DENSE = 1000  # vertices up to which a dense solver computes all eigenpairs
 RELATIVE_SHIFT = 0.1  # in eigenvalues of the last function; makes inverse iteration favour no single function
 SHIFT = 1e-2  # in 1 / area; makes the singular Laplacian definite
-SINGLE_SHIFT = (
-    10.0  # near the second eigenvalue: with less, rounding of the largest part of the inverse covers others
-)
+# near the second eigenvalue: with less, rounding of the largest part of the inverse covers others
+SINGLE_SHIFT = 10.0
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -153,33 +149,17 @@ def laplace_basis(
 
 
 def refined_laplace_basis(surface: Surface, coarse: LaplaceBasis, prolongation: csr_array) -> LaplaceBasis:
-    """Compute the eigenpairs of a surface from those of a coarser one.
+    """Compute k eigenpairs of a surface from those of a coarser one; the last tenth of them is less accurate.
 
-    Parameters
-    ----------
-    surface : Mesh, PointCloud, Graph, or what `surface_from` takes
-        A surface of one component and n vertices; every vertex of a mesh belongs to a face.
-    coarse : LaplaceBasis
-        k eigenpairs of a coarser version of it, with n_c vertices.
-    prolongation : (n, n_c) sparse array
-        Interpolates, at the vertices of the surface, values at the vertices of the coarser one.
-
-    Returns
-    -------
-    LaplaceBasis
-        k eigenpairs; the last tenth of them is less accurate.
-
-    Raises
-    ------
-    MeshError, MemoryBudgetError
-        As for `laplace_basis`.
-
-    Notes
-    -----
-    One step of inverse iteration from the prolonged functions, and the Rayleigh–Ritz method: two levels of the
-    hierarchical subspace iteration of Nasikun & Hildebrandt, *The Hierarchical Subspace Iteration Method for
-    Laplace–Beltrami Eigenproblems*, 2021. k solves in place of some 2.5 k of `laplace_basis`; in single precision.
+    ``prolongation`` (n, n_c) interpolates, at the vertices of the surface, values at the vertices of the coarser one.
+    Errors as for `laplace_basis`.
     """
+    # Two levels of the hierarchical subspace iteration of Nasikun & Hildebrandt, *The Hierarchical Subspace Iteration
+    # Method for Laplace–Beltrami Eigenproblems*, 2021: one step of inverse iteration from the prolonged functions, V =
+    # (H + σ)⁻¹ A^½ P Φ_c, which damps what is above the k-th eigenvalue, and the Rayleigh–Ritz method in its span,
+    #   VᵀHV c = λ VᵀV c.
+    # k solves in place of some 2.5 k of `laplace_basis`; in single precision, with the shift σ well inside the
+    # spectrum, so that no single function dominates.
     operator, weights = _unit_operator(surface)
     k, area = len(coarse.values), weights.sum()
     with serial_blas():
@@ -206,6 +186,7 @@ def _unit_operator(surface: Surface) -> tuple[csc_array, FloatArray]:
             )
     require_one_component(surface)
     stiffness, weights = stiffness_and_masses(surface)
+    # L φ = λ A φ with φ = A^(−½) u is H u = λ u with the symmetric H = A^(−½) L A^(−½), times the area: at unit area
     scale, operator = np.sqrt(weights.sum() / weights), csc_array(stiffness)
     operator.data *= scale[operator.indices] * np.repeat(scale, np.diff(operator.indptr))
     return operator, weights
@@ -229,41 +210,16 @@ def smallest_eigenpairs(
     tolerance: float = 1e-4,
     dtype: np.dtype[Any] = np.dtype(np.float64),  # noqa: B008
 ) -> tuple[FloatArray, AnyArray]:
-    """Smallest k eigenpairs of a symmetric positive semidefinite sparse matrix H.
-
-    Parameters
-    ----------
-    operator : (n, n) sparse array
-        H.
-    k : int
-        Number of eigenpairs, at most n.
-    seed : int
-        Draws the first block.
-    tolerance : float
-        Largest residual of an eigenpair of the inverse, relative to its eigenvalue; the relative error of the
-        eigenvalue is at most of the order of its square.
-    dtype : numpy.dtype
-        float64 or float32, of the Krylov space and the vectors.
-
-    Returns
-    -------
-    values : (k,) array of float
-        Increasing.
-    vectors : (n, k) array of float
-        Orthonormal.
-
-    Raises
-    ------
-    MemoryBudgetError
-        If the Krylov space would need more memory than allowed.
-    NotConvergedError
-        If the residuals are not small enough when the space has about 6 k vectors.
-
-    Notes
-    -----
-    Rayleigh–Ritz method for (H + σ)⁻¹ on the block Krylov space spanned by its powers applied to a random block. Each
-    new block is made orthogonal to the two before it, which is enough in exact arithmetic, and then once to all.
-    """
+    """Smallest k eigenpairs of a symmetric semidefinite sparse matrix H: values (k,), orthonormal vectors (n, k)."""
+    # Rayleigh–Ritz for B = (H + σ)⁻¹ on the block Krylov space spanned by X, B X, B² X, … with a random block X (n, w)
+    # (Grimes, Lewis & Simon, *A shifted block Lanczos algorithm*, SIMAX 1994): the smallest eigenvalues λ of H are the
+    # largest 1 / (λ + σ) of B, far from the others, so that they converge first. With the space Q = [Q_1 … Q_j],
+    # orthonormal,
+    #   B Q_j = Σ_i Q_i T_ij + Q_{j+1} R_{j+1},  T = Qᵀ B Q,
+    # each new block is what remains of B Q_j, made orthonormal, Q_{j+1} R_{j+1}. It need be orthogonal only to the two
+    # before it in exact arithmetic, where T is block tridiagonal; and then once to all, as rounding brings converged
+    # directions back. ``tolerance`` bounds the residual of an eigenpair of B relative to its eigenvalue; the relative
+    # error of the eigenvalue is at most of the order of its square. ``dtype`` is that of the space and the vectors.
     n = operator.shape[0]
     if n <= max(DENSE, k + 20 * BLOCK):
         values, vectors = np.linalg.eigh(operator.toarray())
@@ -293,6 +249,8 @@ def smallest_eigenpairs(
         block, coupling = _orthonormal_columns(image.T.astype(np.float64))
         full = size + width > limit
         if full or (size >= SPACE * k and size % TESTED_EVERY == 0):
+            # Ritz pairs T s = θ s give (θ, Q s). As B Q − Q T is Q_{j+1} R_{j+1} in the last block alone, the residual
+            # ‖B Q s − θ Q s‖ is ‖R_{j+1} s_last‖: no product with B is needed to know it. λ = 1 / θ − σ
             values, mix = np.linalg.eigh(projected[:size, :size], UPLO="U")
             values, mix = values[: -k - 1 : -1], mix[:, : -k - 1 : -1]
             residual = np.linalg.norm(coupling @ mix[last], axis=0) / values
@@ -312,6 +270,9 @@ def _orthonormal_columns(block: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Cholesky QR, repeated once for accuracy: block = q r with qᵀq = I, for well-conditioned (n, b) blocks."""
     q, r = block, np.eye(block.shape[1])
     for _ in range(2):
+        # qᵀq = UᵀU, so that (q U⁻¹)ᵀ (q U⁻¹) = I. The error of qᵀq grows with the square of the condition, of which the
+        # second round leaves nothing (Yamamoto et al., *Roundoff error analysis of the CholeskyQR2 algorithm*, ETNA
+        # 2015)
         upper = np.linalg.cholesky(q.T @ q).T
         q = q @ solve_triangular(upper, np.eye(len(upper)), check_finite=False)
         r = upper @ r

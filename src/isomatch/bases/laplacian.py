@@ -10,7 +10,7 @@ import robust_laplacian
 from scipy.sparse import coo_array, csc_array, csr_array, diags_array, tril
 from scipy.sparse.linalg import splu
 
-from isomatch.bases.domain import require_areas
+from isomatch.bases.basis import require_areas
 from isomatch.errors import MeshError, SettingError
 from isomatch.geodesics import MetricSpace
 from isomatch.loading.compiled import compiled
@@ -21,30 +21,10 @@ WIDTH = 16  # right-hand sides solved for at once in single precision: 64 bytes 
 
 
 def stiffness_and_masses(surface: Surface) -> tuple[csc_array, FloatArray]:
-    """Compute the stiffness matrix L and the lumped mass matrix of a surface.
+    """Compute the stiffness matrix L (n, n), semidefinite and without unit, and the lumped masses (n,) of a surface.
 
-    Parameters
-    ----------
-    surface : Mesh, PointCloud or Graph
-        A surface of n vertices.
-
-    Returns
-    -------
-    stiffness : (n, n) sparse array
-        L, symmetric positive semidefinite, without unit.
-    masses : (n,) array of float
-        The diagonal of the mass matrix, in squared mesh units.
-
-    Raises
-    ------
-    MeshError
-        If a vertex has no area, or one that is not finite.
-
-    Notes
-    -----
     On meshes and point clouds, the tufted intrinsic Delaunay Laplacian of Sharp & Crane, *A Laplacian for Nonmanifold
-    Triangle Meshes*, SGP 2020. On a graph, the weight of an edge is the geometric mean of the masses at its ends over
-    its squared length, times a constant that makes L the five-point Laplacian on a square grid.
+    Triangle Meshes*, SGP 2020. `MeshError` if a vertex has no area, or one that is not finite.
     """
     if isinstance(surface, Graph):
         return _graph_laplacian(surface), surface.vertex_areas
@@ -56,6 +36,9 @@ def stiffness_and_masses(surface: Surface) -> tuple[csc_array, FloatArray]:
 
 
 def _graph_laplacian(graph: Graph) -> csc_array:
+    # The weight of an edge is the geometric mean of the masses at its ends over its squared length, times a constant
+    # that makes L the five-point Laplacian on a square grid: there the masses are h², so that 4 / degree √(m_i m_j) /
+    # h² = 1
     i, j = graph.edges.T
     lengths = np.maximum(graph.edge_lengths, 1e-6 * graph.edge_lengths.mean())  # no division by 0
     degree = 2 * len(i) / graph.n_vertices  # average number of neighbours, 4 on a square grid
@@ -75,28 +58,19 @@ def factorised(stiffness: csc_array, diagonal: FloatArray) -> Callable[[FloatArr
 
 
 def factorised_single(stiffness: csc_array, diagonal: FloatArray) -> Callable[[FloatArray], Float32Array]:
-    """As `factorised`; the function solves for up to WIDTH right-hand sides in single precision.
-
-    It takes less than half of the time of double precision, and several threads can solve at once.
-    """
+    """As `factorised`, for up to WIDTH right-hand sides in single precision: half the time, and thread-safe."""
     factors = _factors(stiffness, diagonal)  # H + diag(d) = Pᵀ L D Lᵀ P
     strict = csr_array(tril(factors.L, -1))
     columns = csc_array(strict)
-    sides = (
-        strict.indptr,
-        strict.indices,
-        single(strict.data),
-        columns.indptr,
-        columns.indices,
-        single(columns.data),
-    )
+    by_row = strict.indptr, strict.indices, single(strict.data)
+    by_column = columns.indptr, columns.indices, single(columns.data)
     inverse, place, n = single(1 / factors.U.diagonal()), factors.perm_c, len(diagonal)
 
     def solve(right: FloatArray) -> Float32Array:
         q = right.shape[1]
         x = np.zeros((n, WIDTH), np.float32)
         x[place, :q] = right
-        _solve(*sides, inverse, x, np.zeros(WIDTH, np.float32))
+        _solve(*by_row, *by_column, inverse, x, np.zeros(WIDTH, np.float32))
         solution: Float32Array = x[place, :q]
         return solution
 
@@ -130,10 +104,9 @@ def _solve(
     x: Float32Array,
     sums: Float32Array,
 ) -> None:
-    """Solve L D Lᵀ x = b in place, given the rows and the columns of L below its diagonal of ones, and D⁻¹.
-
-    Both ways values are gathered: to scatter them takes half as long again. ``sums`` are WIDTH zeros.
-    """
+    """Solve L D Lᵀ x = b in place, given the rows and the columns of L below its diagonal of ones, and D⁻¹."""
+    # L y = b forwards: y_i = b_i − Σ_{j<i} L_ij y_j. Then Lᵀ x = D⁻¹ y backwards: x_j = y_j / d_j − Σ_{i>j} L_ij x_i.
+    # Both ways values are gathered: to scatter them takes half as long again. ``sums`` are WIDTH zeros.
     n = len(inverse)
     for i in range(n):
         for at in range(row_start[i], row_start[i + 1]):

@@ -1,15 +1,15 @@
 from isomatch.correspondence.alignment import (
     Alignment,
+    SignedPoints,
+    alignment_from_functions,
     alignment_residual,
+    alignments_from_points,
     closest_point_images,
     iterative_closest_points,
+    nearest_under_rotation,
     signed_procrustes,
 )
-from isomatch.correspondence.boundary import Boundary
-from isomatch.correspondence.checked_map import UNMATCHED
-from isomatch.correspondence.common_regions import Intervals, grow_common_regions, trilaterate_common
 from isomatch.correspondence.correspondence import Correspondence, MapFile, read_map
-from isomatch.correspondence.foreign_maps import IndexBase, index_base
 from isomatch.correspondence.functional_maps import (
     Embedding,
     FunctionalMap,
@@ -18,42 +18,37 @@ from isomatch.correspondence.functional_maps import (
     fit_functional_map,
     spectral_embedding,
 )
-from isomatch.correspondence.grown_regions import grow_regions
 from isomatch.correspondence.interval_matching import (
     IntervalCost,
+    Intervals,
     assign_points,
+    grow_common_regions,
+    grow_regions,
     pin_first,
     trilaterate,
+    trilaterate_common,
 )
-from isomatch.correspondence.linear_alignment import (
-    alignment_from_functions,
-    alignments_from_points,
-    nearest_under_rotation,
-)
+from isomatch.correspondence.map_arrays import UNMATCHED
+from isomatch.correspondence.map_files import IndexBase, index_base
 from isomatch.correspondence.median_map import geometric_median, median_map
-from isomatch.correspondence.nearest_neighbours import (
+from isomatch.correspondence.nearest import (
+    SurfaceIndex,
     VertexCells,
-    nearest_in_cells,
+    faces_around_vertices,
     nearest_of_few,
+    nearest_points,
     nearest_rows,
 )
-from isomatch.correspondence.nearest_points import (
-    faces_around_vertices,
-    nearest_points,
-)
-from isomatch.correspondence.poses import Pose, poses_between
-from isomatch.correspondence.registration import register_nonrigid
-from isomatch.correspondence.rigid_registration import (
+from isomatch.correspondence.poses import Pose, nearest_rotation, poses_between
+from isomatch.correspondence.registration import (
     RigidRegistration,
     nearest_with_normals,
     register_as_rigid_as_possible,
+    register_nonrigid,
     with_normals,
 )
-from isomatch.correspondence.rotation import nearest_rotation
-from isomatch.correspondence.signed_points import SignedPoints
-from isomatch.correspondence.surface_index import SurfaceIndex
-from isomatch.correspondence.welding import welded_map
-from isomatch.correspondence.wrapping import Wrapped, WrapQuality, wrap
+from isomatch.correspondence.template_bending import Boundary
+from isomatch.correspondence.wrapping import Wrapped, WrapQuality, welded_map, wrap
 from isomatch.surfaces import PrecisePoints, nearest_in_triangle
 
 __all__ = [
@@ -90,7 +85,6 @@ __all__ = [
     "index_base",
     "iterative_closest_points",
     "median_map",
-    "nearest_in_cells",
     "nearest_in_triangle",
     "nearest_of_few",
     "nearest_points",

@@ -1,4 +1,4 @@
-"""Orthogonal alignment of signed point clouds: Procrustes, and iterative closest points."""
+"""Orthogonal alignment of signed point clouds: Procrustes, iterative closest points, and first alignments."""
 
 from __future__ import annotations
 
@@ -6,34 +6,45 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from isomatch.correspondence.nearest_neighbours import nearest_of_few
-from isomatch.correspondence.signed_points import SignedPoints
+from isomatch.correspondence.nearest import nearest_of_few, nearest_rows
 from isomatch.values.arrays import FloatArray, IntArray
 
-NULL_DIRECTION = (
-    1e-9  # rounding: singular values below this share of the largest leave the rotation undetermined
-)
+# of the largest singular value; smaller ones are rounding, and leave the rotation undetermined
+NULL_DIRECTION = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class SignedPoints:
+    """A cloud of points (..., n, k) with ⟨x, y⟩ = Σ_c sign_c x_c y_c; a column of sign −1 stands for an imaginary one.
+
+    Examples
+    --------
+    In one real and one imaginary column, a vector may have a negative square, or square 0 without being 0.
+
+    >>> x = SignedPoints(np.array([[2.0, 1.0], [1.0, 1.0], [0.0, 1.0]]), np.array([1.0, -1.0]))
+    >>> x.coordinates @ x.signed().T
+    array([[ 3.,  1., -1.],
+           [ 1.,  0., -1.],
+           [-1., -1., -1.]])
+    """
+
+    coordinates: FloatArray
+    signs: FloatArray
+
+    def at(self, rows: IntArray, k: int | None = None) -> SignedPoints:
+        """Restrict to some points, and to the first k columns."""
+        return SignedPoints(self.coordinates[rows, :k], self.signs[:k])
+
+    def signed(self) -> FloatArray:
+        """Coordinates times signs: ``x.coordinates @ x.signed().T`` holds all inner products."""
+        return self.coordinates * self.signs
 
 
 def signed_procrustes(source: SignedPoints, target: SignedPoints) -> FloatArray:
-    """Find the orthogonal C that minimises ‖T C − S‖ and mixes only columns of equal sign.
+    """Find the orthogonal C (..., k_t, k_s) that minimises ‖T C − S‖ and mixes only columns of equal sign.
 
-    Parameters
-    ----------
-    source, target : SignedPoints
-        The same m points on both shapes, row by row, with k_s and k_t columns. Stacks (..., m, k) are aligned one by
-        one.
-
-    Returns
-    -------
-    (..., k_t, k_s) array of float
-        C, orthogonal within each block of equal signs, so that inner products are kept. Where a block has more
-        columns on one side, or the points leave a direction undetermined, C is a partial isometry: the direction is
-        dropped.
-
-    Notes
-    -----
-    Schönemann 1966, once for each sign. O(m k²).
+    The clouds hold the same m points on both shapes, row by row; stacks (..., m, k) are aligned one by one. Where a
+    sign has more columns on one side, or the points leave a direction undetermined, C is a partial isometry. O(m k²).
 
     Examples
     --------
@@ -43,6 +54,10 @@ def signed_procrustes(source: SignedPoints, target: SignedPoints) -> FloatArray:
     array([[ 1.,  0.],
            [ 0., -1.]])
     """
+    # Schönemann, *A generalized solution of the orthogonal Procrustes problem*, Psychometrika 1966, once for each sign.
+    # For orthogonal C, ‖T C − S‖² = ‖T‖² + ‖S‖² − 2 tr(Cᵀ Tᵀ S). With the SVD Tᵀ S = U Σ Vᵀ the trace is tr((Uᵀ C V)ᵀ
+    # Σ) ≤ tr Σ, which C = U Vᵀ attains. That C keeps the inner products of each sign, and so all, (T C) diag(s) (T C)ᵀ
+    # = T diag(s) Tᵀ. Directions without a singular value are in no cloud: any C would do there, and they are dropped.
     cross = target.coordinates.swapaxes(-1, -2) @ source.coordinates  # (..., k_t, m) (..., m, k_s)
     rotation = np.zeros_like(cross)
     for sign in (1.0, -1.0):
@@ -55,19 +70,7 @@ def signed_procrustes(source: SignedPoints, target: SignedPoints) -> FloatArray:
 
 
 def alignment_residual(source: SignedPoints, target: SignedPoints, rotation: FloatArray) -> float:
-    """Compute the root mean square of ‖t C − s‖ over the m rows of two clouds.
-
-    Parameters
-    ----------
-    source, target : SignedPoints
-        The same m points on both shapes, row by row, with k_s and k_t columns.
-    rotation : (k_t, k_s) array of float
-        C.
-
-    Returns
-    -------
-    float
-        √(Σ_i ‖t_i C − s_i‖² / m) in the unit of the coordinates; every column counts as real. O(m k_t k_s).
+    """Compute √(Σ_i ‖t_i C − s_i‖² / m) over the m rows of two clouds; every column counts as real.
 
     Examples
     --------
@@ -82,16 +85,7 @@ def alignment_residual(source: SignedPoints, target: SignedPoints, rotation: Flo
 
 @dataclass(frozen=True, eq=False)
 class Alignment:
-    """A map between two clouds, and the rotation that aligns them under it.
-
-    Parameters
-    ----------
-    target_row : (m_source,) array of int
-        Row of the target cloud for each row of the source cloud.
-    rotation : (k_t, k_s) array of float
-        C, with target · C ≈ source.
-    residual : float
-        See `alignment_residual`.
+    """A map between two clouds, the C (k_t, k_s) that aligns them under it, target · C ≈ source, and its residual.
 
     Examples
     --------
@@ -99,7 +93,7 @@ class Alignment:
     array([1, 0])
     """
 
-    target_row: IntArray
+    target_row: IntArray  # (m_source,) row of the target cloud for each row of the source cloud
     rotation: FloatArray
     residual: float
 
@@ -127,11 +121,7 @@ def iterative_closest_points(
     Returns
     -------
     list of Alignment
-        One for each first map.
-
-    Notes
-    -----
-    Shamai & Kimmel 2017, the algorithm for min ‖P X₁ C − X₂‖. O(m_t m_s k) for each iteration and first map.
+        One for each first map. O(m_t m_s k) for each iteration and first map.
 
     Examples
     --------
@@ -163,6 +153,9 @@ def closest_point_images(
     >>> closest_point_images(corners, corners, np.array([[0, 1, 2, 2]]), max_iterations=10)
     array([[0, 1, 2, 3]])
     """
+    # min ‖P X₁ C − X₂‖ over maps P and orthogonal C (Shamai & Kimmel 2017; Besl & McKay, PAMI 1992, for rigid motions):
+    # with P known C is `signed_procrustes`, with C known the image of each point is the nearest one, and each step
+    # lowers the sum
     images, moving = starts.copy(), np.arange(len(starts))
     for _ in range(max_iterations):
         previous = images[moving]
@@ -171,3 +164,108 @@ def closest_point_images(
             images[i] = nearest_of_few(points, source.coordinates)
         moving = moving[(images[moving] == previous).mean(axis=1) < unchanged]
     return images
+
+
+def alignments_from_points(
+    source: SignedPoints,
+    target: SignedPoints,
+    source_rows: IntArray,
+    target_rows: IntArray,
+    n_columns: int = 20,
+    off_diagonal: float = 0.01,
+    ridge: float = 0.001,
+) -> FloatArray:
+    """Align the leading k columns of two clouds at m corresponding rows (h, m), for each of h alignments: (h, k, k).
+
+    A few points determine no more than ``n_columns``. ``off_diagonal`` is the penalty on mixing columns, and ``ridge``
+    that on every entry, which decides where the points do not.
+
+    Examples
+    --------
+    The second columns differ in sign. Two points show it; one at the origin of that column leaves it to the penalty.
+
+    >>> cloud = SignedPoints(np.array([[1.0, 2.0], [-1.0, 1.0], [3.0, 0.0]]), np.ones(2))
+    >>> mirrored = SignedPoints(cloud.coordinates * [1.0, -1.0], cloud.signs)
+    >>> rows = np.array([[0, 1], [2, 2]])
+    >>> alignments_from_points(cloud, mirrored, rows, rows).round(1) + 0.0
+    array([[[ 1.,  0.],
+            [ 0., -1.]],
+    <BLANKLINE>
+           [[ 1.,  0.],
+            [ 0.,  0.]]])
+    """
+    # Shamai & Kimmel 2017, initialisation from feature points: C with target[:, :k] C ≈ source[:, :k]. With Y and X the
+    # rows of the points, each column c_j of C solves by itself
+    #   min ‖Y c_j − x_j‖² + Σ_i (q s (i − j)² + r s) c_ij²,  (YᵀY + diag_i(q s (i − j)² + r s)) c_j = Yᵀ x_j,
+    # q and r the penalties, s the mean squared norm of the target's rows. Near-isometric shapes have nearly equal
+    # spectra, so that distant columns mix little. Columns of unequal sign do not mix: their rows are taken out. O(h
+    # k⁴).
+    k = min(n_columns, len(target.signs), len(source.signs))
+    leading = target.coordinates[:, :k]
+    s = float((leading**2).sum(axis=1).mean())
+    allowed = target.signs[:k, None] == source.signs[:k]  # (i, j)
+    y, x = leading[target_rows], source.coordinates[source_rows][..., :k]  # (h, m, k)
+    offset = np.subtract.outer(np.arange(k), np.arange(k))
+    penalty = s * (off_diagonal * offset**2 + ridge)  # (i, j)
+    gram, right = y.swapaxes(1, 2) @ y, y.swapaxes(1, 2) @ x  # (h, k, k)
+    # for every column j: (gram restricted to allowed rows and columns, identity elsewhere) c = right_j
+    mask = allowed.T[:, :, None] & allowed.T[:, None, :]  # (j, i, i')
+    systems = np.where(mask, gram[:, None], 0.0) + np.eye(k) * penalty.T[:, None, :]
+    columns = np.linalg.solve(systems, (right * allowed).swapaxes(1, 2)[..., None])[..., 0]  # (h, j, i)
+    return np.asarray(columns.swapaxes(1, 2))
+
+
+def alignment_from_functions(
+    source: SignedPoints,
+    target: SignedPoints,
+    source_functions: FloatArray,
+    target_functions: FloatArray,
+    source_weights: FloatArray,
+    target_weights: FloatArray,
+    n_columns: int = 20,
+    off_diagonal: float = 0.01,
+    ridge: float = 0.001,
+) -> FloatArray:
+    """Align two clouds of all vertices by q functions that should correspond, (n_s, q) and (n_t, q): (k, k).
+
+    The weights are the vertex areas, the rest is as for `alignments_from_points`.
+
+    Examples
+    --------
+    Functions that correspond, the indicators of the vertices, tell that the second column of the target has another sign.
+
+    >>> cloud = SignedPoints(np.array([[1.0, 2.0], [-1.0, 1.0], [3.0, 0.0]]), np.ones(2))
+    >>> mirrored = SignedPoints(cloud.coordinates * [1.0, -1.0], cloud.signs)
+    >>> areas = np.full(3, 1 / 3)
+    >>> alignment_from_functions(cloud, mirrored, np.eye(3), np.eye(3), areas, areas).round(1) + 0.0
+    array([[ 1.,  0.],
+           [ 0., -1.]])
+    """
+    # Shamai & Kimmel 2017, initialisation from descriptors. Columns of X = Q W, W = |Λ|^½, are orthogonal in the areas,
+    # so that Xᵀ A f = W (Qᵀ A f) holds W times the coefficients of f; for an isometry these of both shapes are joined
+    # by C as the points are: (F_tᵀ A_t X_t) C ≈ F_sᵀ A_s X_s, the problem of the points with one row for each function
+    as_source = SignedPoints(
+        (source.coordinates.T @ (source_weights[:, None] * source_functions)).T, source.signs
+    )
+    as_target = SignedPoints(
+        (target.coordinates.T @ (target_weights[:, None] * target_functions)).T, target.signs
+    )
+    rows = np.arange(source_functions.shape[1])[None]
+    rotation: FloatArray = alignments_from_points(
+        as_source, as_target, rows, rows, n_columns, off_diagonal, ridge
+    )[0]
+    return rotation
+
+
+def nearest_under_rotation(source: SignedPoints, target: SignedPoints, rotation: FloatArray) -> IntArray:
+    """Find the nearest target row (m_s,) of each source row, once the leading columns of the target are rotated.
+
+    Examples
+    --------
+    >>> source = SignedPoints(np.array([[1.0], [5.0]]), np.ones(1))
+    >>> target = SignedPoints(np.array([[-5.5], [-0.5]]), np.ones(1))
+    >>> nearest_under_rotation(source, target, np.array([[-1.0]]))
+    array([1, 0])
+    """
+    k_target, k_source = rotation.shape
+    return nearest_rows(target.coordinates[:, :k_target] @ rotation, source.coordinates[:, :k_source])

@@ -13,10 +13,15 @@ from scipy.sparse import csc_array, csr_array
 
 from isomatch.assets import SurfaceLike, mesh_from, surface_from
 from isomatch.bases import LaplaceBasis, laplace_basis
-from isomatch.correspondence.carried_values import pulled_back, pushed_forward
-from isomatch.correspondence.checked_map import UNMATCHED, checked_map
-from isomatch.correspondence.composition import composed, inverse
 from isomatch.correspondence.functional_maps import FunctionalMap, fit_functional_map
+from isomatch.correspondence.map_arrays import (
+    UNMATCHED,
+    checked_map,
+    composed,
+    inverse,
+    pulled_back,
+    pushed_forward,
+)
 from isomatch.correspondence.map_files import map_parts, write_map
 from isomatch.errors import DescriptorError, FormatError, MapError
 from isomatch.loading.notebooks import Shown, view_room
@@ -116,18 +121,8 @@ class Correspondence(Shown):
             Numbers, such as an expected error, in whose colours the source is drawn once more; ``nan`` is grey.
         label : str
             What the numbers are, with their unit.
-        colour_map : str, optional
-            Name of a colour map of matplotlib for the numbers.
-        title : str
-            Title above all.
-        width : int
-            Width in pixels; notebooks show two of them for each pixel of the page.
-        view : (float, float), optional
-            Where the viewer of the target is, in degrees around it and above the horizon: by default (32, 14).
-
-        Returns
-        -------
-        matplotlib.figure.Figure
+        colour_map, title, width, view
+            A colour map of matplotlib for the numbers, text above all, pixels, and degrees, as for `plot_surface`.
 
         Raises
         ------
@@ -180,10 +175,7 @@ class Correspondence(Shown):
         return self.vertices >= 0
 
     def check_fits(self, source: SurfaceLike = None, target: SurfaceLike = None) -> None:
-        """Raise `MapError` if this is a map of other surfaces: of other numbers of vertices, or with another hash.
-
-        The surfaces are anything that `surface_from` takes.
-        """
+        """Raise `MapError` if this is a map of other surfaces: of other numbers of vertices, or with another hash."""
         for name, given, n, own_hash, other_hash in (
             ("source", source, len(self.vertices), self.source_hash, self.target_hash),
             ("target", target, self.n_target, self.target_hash, self.source_hash),
@@ -491,20 +483,7 @@ class Correspondence(Shown):
 
 
 class MapFile(NamedTuple):
-    """A map that was read from a file, and how its indices were taken.
-
-    Parameters
-    ----------
-    map : Correspondence
-        The map source → target.
-    counts_from : int
-        What the indices in the file count from, 0 or 1.
-    is_certain : bool
-        Whether the file says so or was said to, or no other reading fits.
-    note : str
-        What was decided; empty if nothing had to be.
-    is_likely : bool
-        Whether the other reading, if one fits, is unlikely.
+    """A map that was read from a file, and how its indices were taken, see `IndexBase`.
 
     Examples
     --------
@@ -530,16 +509,8 @@ def read_map(
 ) -> MapFile:
     """Read a map as `Correspondence.load` does, and say how its indices were taken, in place of a warning.
 
-    Parameters
-    ----------
-    path, n_target, n_source, counts_from, variable
-        As for `Correspondence.load`, and so are the errors.
-    allow_doubt : bool
-        Return a map of MATLAB that can count from 0 or from 1, counted from 0 and not certain, and do not refuse it.
-
-    Returns
-    -------
-    MapFile
+    With ``allow_doubt``, a map of MATLAB that can count from 0 or from 1 is not refused, but counted from 0 and not
+    certain.
 
     Examples
     --------
@@ -547,13 +518,13 @@ def read_map(
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     file = Path(folder) / "map.txt"
     ...     np.savetxt(file, [3, 1, 2], fmt="%d")
-    ...     found = read_map(file, n_target=3)
-    >>> found.map.vertices.tolist(), found.counts_from, found.note
+    ...     file_map = read_map(file, n_target=3)
+    >>> file_map.map.vertices.tolist(), file_map.counts_from, file_map.note
     ([2, 0, 1], 1, 'map.txt: counts from 1, as its largest index, 3, is the number of target vertices')
     """
     path = Path(path)
     try:
-        parts, (_, base) = map_parts(path, n_target, n_source, counts_from, variable)
+        parts, base = map_parts(path, n_target, n_source, counts_from, variable)
         if path.suffix.lower() == ".mat" and not (base.is_likely or allow_doubt):
             held = parts["vertices"][parts["vertices"] >= 0]
             raise FormatError(

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.linalg import polar, solve_triangular
 
 from isomatch.bases import LaplaceBasis
-from isomatch.correspondence.nearest_neighbours import nearest_rows
+from isomatch.correspondence.nearest import nearest_rows
 from isomatch.values.arrays import FloatArray, IntArray
 from isomatch.values.cached import cached_property
 
@@ -23,12 +23,7 @@ NearestVertices = Callable[[FloatArray, FloatArray], IntArray]
 
 
 class Embedding(NamedTuple):
-    """Coordinates of both shapes in one space; the image of a source vertex is the nearest target vertex.
-
-    Parameters
-    ----------
-    source : (n_s, d) array of float
-    target : (n_t, d) array of float
+    """Coordinates (n_s, d) and (n_t, d) of both shapes in one space, in which images are nearest neighbours.
 
     Examples
     --------
@@ -44,24 +39,9 @@ class Embedding(NamedTuple):
 def spectral_embedding(
     functional_map: FloatArray, source_functions: FloatArray, target_functions: FloatArray
 ) -> Embedding:
-    """Place both shapes in the space in which images under a functional map are nearest neighbours.
+    """Place both shapes in the space in which images under a functional map (k_s, k_t) are nearest neighbours.
 
-    Parameters
-    ----------
-    functional_map : (k_s, k_t) array of float
-        F, which carries functions of the target to the source.
-    source_functions, target_functions : (n_s, K_s), (n_t, K_t) arrays of float
-        Φ_source and Φ_target, of which the first k_s and k_t columns are used.
-
-    Returns
-    -------
-    Embedding
-        Φ_source and Φ_target Fᵀ, (n_s, k_s) and (n_t, k_s). O(n_t k_s k_t).
-
-    Notes
-    -----
-    Ovsjanikov et al., *Functional Maps*, SIGGRAPH 2012: the indicator of a vertex has its row of Φ as coefficients, and F
-    carries that of the image to that of the vertex.
+    Of the functions (n_s, K_s) and (n_t, K_t) the first k_s and k_t are used. O(n_t k_s k_t).
 
     Examples
     --------
@@ -72,22 +52,17 @@ def spectral_embedding(
     >>> nearest_rows(target, source)
     array([1, 0])
     """
+    # Ovsjanikov et al., *Functional Maps*, SIGGRAPH 2012: the coefficients of the indicator of a vertex, over its area,
+    # are its row of Φ, and F carries those of the image to those of the vertex: F Φ_target[image]ᵀ ≈ Φ_source[vertex]ᵀ.
+    # So the image is the row of Φ_target Fᵀ nearest to that of Φ_source.
     k_source, k_target = functional_map.shape
     return Embedding(source_functions[:, :k_source], target_functions[:, :k_target] @ functional_map.T)
 
 
 def fit_functional_map(source_functions: FloatArray, target_functions: FloatArray) -> FloatArray:
-    """Fit a functional map to functions at q corresponding points, by least squares.
+    """Fit F (k_s, k_t) to functions at q corresponding points, (q, k_s) and (q, k_t): min ‖Φ_source F − Φ_target‖.
 
-    Parameters
-    ----------
-    source_functions, target_functions : (q, k_s), (q, k_t) arrays of float
-        Basis functions of both shapes, one row for each pair of points.
-
-    Returns
-    -------
-    (k_s, k_t) array of float
-        F that minimises ‖Φ_source F − Φ_target‖, the smallest one if there are several. O(q k²), in double precision.
+    The smallest one if there are several. O(q k²), in double precision.
 
     Examples
     --------
@@ -139,20 +114,12 @@ class FunctionalMap:
 
     def pull_back(self, values: FloatArray) -> FloatArray:
         """Pull the smooth part of target functions back to the source, Φ_s C Φ_tᵀ A_t f: (n_t, q) → (n_s, q)."""
-        pulled: FloatArray = self.source.vectors @ (self.matrix @ self.target.coefficients(values))
-        return pulled
+        return np.asarray(self.source.vectors @ (self.matrix @ self.target.coefficients(values)))
 
 
 @dataclass(frozen=True, eq=False)
 class SampledBasis:
-    """Functions of a surface, to which values known at some vertices are fitted.
-
-    Parameters
-    ----------
-    functions : (n, K) array of float
-        Functions at all vertices.
-    vertices : (m,) array of int
-        Vertices at which values are known.
+    """Functions (n, K) of a surface, to which values known at some vertices (m,) are fitted.
 
     Examples
     --------
@@ -179,28 +146,16 @@ class SampledBasis:
         return q, solve_triangular(r, np.eye(len(r)), check_finite=False)
 
     def fit(self, values: FloatArray, k: int) -> FloatArray:
-        """Least-squares coefficients (k, q) of values (m, q) in the first k functions.
-
-        One QR decomposition serves every k, because its leading columns are that of the leading functions, and the
-        leading block of R⁻¹ is the inverse of that of R.
-        """
+        """Least-squares coefficients (k, q) of values (m, q) in the first k functions."""
+        # Φ = Q R, c = R⁻¹ Qᵀ v. One QR decomposition serves every k: its leading columns are that of the leading
+        # functions, and the leading block of R⁻¹ is the inverse of that of R, as R is triangular.
         q, inverse = self._triangular
-        coefficients: FloatArray = inverse[:k, :k] @ (q[:, :k].T @ values)
-        return coefficients
+        return np.asarray(inverse[:k, :k] @ (q[:, :k].T @ values))
 
 
 @dataclass(frozen=True, eq=False)
 class SpectralPair:
-    """The bases of two shapes: vertex maps and functional maps between them.
-
-    Parameters
-    ----------
-    source : SampledBasis
-        Basis of the source; its m sampled vertices are mapped.
-    target : (n_t, K) array of float
-        Basis of the target, at the vertices among which images are sought.
-    nearest : callable
-        Finds nearest rows among n_t; by default `nearest_rows`.
+    """The bases of two shapes, between which vertex maps of the samples and functional maps turn into one another.
 
     Examples
     --------
@@ -238,13 +193,12 @@ class SpectralPair:
         return self.nearest(target, source)
 
     def upsampled(self, functional_map: FloatArray, sizes: Iterable[int]) -> FloatArray:
-        """Alternate images and the functional map that fits them best, while its size grows.
-
-        Notes
-        -----
-        Melzi, Ren, Rodolà, Sharma, Wonka & Ovsjanikov, *ZoomOut*, SIGGRAPH Asia 2019; images of the sampled vertices
-        only, which is their acceleration.
-        """
+        """Alternate images and the functional map that fits them best, while its size grows."""
+        # ZoomOut, Melzi, Ren, Rodolà, Sharma, Wonka & Ovsjanikov, SIGGRAPH Asia 2019: from F of size k the map P, each
+        # image the nearest row in k functions, and from P the F = Φ_source⁺ P Φ_target of a larger size. Section 4.2
+        # derives both steps from min Σ_k ‖F_kᵀ F_k − I‖² / k over maps, F_k the leading block of size k: the pull back
+        # by an isometry commutes with the Laplacian, so that all leading blocks are orthogonal. Images of the sampled
+        # vertices only, which is their acceleration.
         for k in sizes:
             functional_map = self.functional_map(self.image(functional_map), k)
         return functional_map
@@ -256,15 +210,10 @@ class SpectralPair:
     def orthogonal_icp(
         self, functional_map: FloatArray, k: int, steps: int, weights: FloatArray
     ) -> FloatArray:
-        """Alternate images and the orthogonal functional map of k functions that fits them best.
-
-        On the sampled vertices until nothing changes, or for a number of steps; then once on all n_s vertices, with
-        their areas (n_s,) as weights.
-
-        Notes
-        -----
-        Ovsjanikov et al., *Functional Maps*, SIGGRAPH 2012, section 6.2.
-        """
+        """Alternate images and the orthogonal functional map of k functions that fits them best."""
+        # Ovsjanikov et al. 2012, section 6.2: C of an isometry is orthogonal in orthonormal bases. The orthogonal
+        # matrix nearest to a fit F = U Σ Vᵀ is its polar factor U Vᵀ. On the sampled vertices until nothing changes;
+        # then once on all n_s vertices, with their areas (n_s,) as weights, F = Φ_sᵀ A P Φ_t.
         image = np.zeros(0, dtype=np.int64)
         for _ in range(steps):
             previous, image = image, self.image(functional_map)

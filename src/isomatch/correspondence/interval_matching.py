@@ -1,28 +1,34 @@
-"""Assign points so that distances fall into intervals: a beam search over few points, and trilateration of many."""
+"""Points assigned so that distances fall into intervals: by beam search, by growing regions, by trilateration."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from isomatch.loading.compiled import compiled
-from isomatch.values.arrays import Float32Array, FloatArray, IntArray, single
+from isomatch.runtime.threads import parallel_rows
+from isomatch.values.arrays import AnyArray, Float32Array, FloatArray, IntArray, single
 
 FORBIDDEN = 50.0  # more than any assignment costs
+NOTHING = np.float32(-1e9)  # gain of a place in a beam that is still free
+
+# Where a part of a surface is missing, the distance of two points on the whole is known only to lie in an interval [l,
+# u]: u is the distance along the part, and l allows paths through what is missing (`MissingRegion`; Bracha, Dagès &
+# Kimmel, *Wormhole Loss for Partial Shape Matching*, NeurIPS 2024). A map f of a near-isometric pair should then
+# satisfy
+#   l_ab ≤ d(f(a), f(b)) ≤ u_ab for all pairs a, b of points.
+# Violations are summed as in a quadratic assignment problem, Σ_ab c(d(f(a), f(b))) + Σ_a unary(a, f(a)), which is solved
+# approximately by assigning one point after the other.
 
 
 @dataclass(frozen=True)
 class IntervalCost:
     """The cost of placing two points at distance d, if it should lie in the interval [l, u].
 
-    ``c(d) = min(v + inside |d − u|, most) / (soft + u)``, with v
-    the violation of [(1 − tolerance) l, (1 + tolerance) u].
-
-    Parameters
-    ----------
-    tolerance, inside, most, soft : float
-        As in the formula; ``most`` makes the cost robust, ``inside`` prefers the upper bound.
+    ``c(d) = min(v + inside |d − u|, most) / (soft + u)``, with v the violation of [(1 − tolerance) l, (1 + tolerance) u]:
+    ``most`` makes the cost robust, ``inside`` prefers the upper bound.
 
     Examples
     --------
@@ -53,6 +59,30 @@ class IntervalCost:
         return self.tolerance, self.inside, self.most, self.soft
 
 
+@dataclass(frozen=True, eq=False)
+class Intervals:
+    """Least and greatest distances (m, n) between m points and n points of a surface that does not show everything.
+
+    Examples
+    --------
+    >>> apart = np.array([[0.0, 2.0], [2.0, 0.0]])
+    >>> Intervals(0.5 * apart, apart).at(np.array([0]), np.array([1])).lower
+    array([[1.]])
+    """
+
+    lower: FloatArray
+    upper: FloatArray
+
+    def at(self, rows: IntArray, columns: IntArray) -> Intervals:
+        """Restrict to some of both."""
+        return Intervals(self.lower[np.ix_(rows, columns)], self.upper[np.ix_(rows, columns)])
+
+    @property
+    def arrays(self) -> tuple[Float32Array, Float32Array]:
+        """Both bounds for compiled loops."""
+        return single(np.ascontiguousarray(self.lower)), single(np.ascontiguousarray(self.upper))
+
+
 def assign_points(
     distances: FloatArray,
     lower: FloatArray,
@@ -81,11 +111,7 @@ def assign_points(
     Returns
     -------
     (h, m) array of int, (h,) array of float
-        Candidates, h ≤ width, and their cost, least cost first.
-
-    Notes
-    -----
-    O(width m (c m + width)).
+        Candidates, h ≤ width, and their cost, least cost first. O(width m (c m + width)).
 
     Examples
     --------
@@ -100,7 +126,10 @@ def assign_points(
     """
     m, c = unary.shape
     distances, lower, upper = map(np.ascontiguousarray, (distances, lower, upper))
-    # of h partial assignments: candidates (h, point), costs (h,), summed distances Σ_a d(x_a, y_a) of each two (h, h)
+    # A beam search: the cost of an assignment x of the first p points is a sum over pairs, so that one more point adds
+    #   E(x_0 … x_p) = E(x_0 … x_{p−1}) + unary(p, x_p) + Σ_{a<p} c(d(x_a, x_p)),
+    # and of the h c children the cheapest that differ are kept. Two assignments differ if Σ_a d(x_a, y_a) ≥ apart p: that
+    # sum too is the one of the parents plus one distance. Of h: candidates (h, point), costs (h,), and sums (h, h).
     assigned, total = np.zeros((1, 0), dtype=np.int64), np.zeros(1)
     between, of_kept, room = np.zeros((width, width)), np.zeros((width, width)), np.zeros((width, c))
     for point in range(m):
@@ -156,12 +185,10 @@ def _keep_differing(
     kept: IntArray,
     of_kept: FloatArray,
 ) -> int:
-    """Keep the first assignments whose summed distance to all kept before is at least ``apart``, and count them.
-
-    Each assignment has a parent and one more candidate, the last. ``of_parents`` (h, h) holds the summed distances
-    between parents; those between the assignments kept are written to ``of_kept``. ``latest`` (h,) is −1 on entry. Most
-    assignments are too near to the latest one kept of the same parent, so they are compared with that one first.
-    """
+    """Keep the first assignments whose summed distance to all kept before is at least ``apart``, and count them."""
+    # Each assignment has a parent and one more candidate, the last. of_parents (h, h) holds the summed distances between
+    # parents; those between the assignments kept are written to of_kept. latest (h,) is −1 on entry. Most assignments are
+    # too near to the latest one kept of the same parent, so they are compared with that one first.
     n = 0
     for i in range(len(last)):
         mine, here = parent[i], last[i]
@@ -189,14 +216,7 @@ def _keep_differing(
 
 
 def pin_first(unary: FloatArray, candidates: IntArray) -> None:
-    """Let the first q points go to given candidates alone.
-
-    Parameters
-    ----------
-    unary : (m, c) array of float
-        Cost of each assignment by itself, changed in place: ``FORBIDDEN`` for the other candidates of these points.
-    candidates : (q,) array of int
-        Candidate of each of the first points, q ≤ m.
+    """Let the first q points go to given candidates (q,) alone, by their costs (m, c), which are changed in place.
 
     Examples
     --------
@@ -211,24 +231,266 @@ def pin_first(unary: FloatArray, candidates: IntArray) -> None:
     unary[first, candidates] = 0.0
 
 
-def trilaterate(lower: FloatArray, upper: FloatArray, distances: FloatArray, cost: IntervalCost) -> IntArray:
-    """Place each point where its intervals to all anchors fit best.
+def grow_regions(
+    distances: FloatArray,
+    lower: FloatArray,
+    upper: FloatArray,
+    unary: FloatArray,
+    seeds: IntArray,
+    cost: IntervalCost,
+    near: float,
+    dearest: float,
+) -> tuple[IntArray, FloatArray]:
+    """Assign m points to candidates, from one pair outward; a point that agrees with nothing gets none.
 
     Parameters
     ----------
-    lower, upper : (q, m) array of float
-        Intervals of the distances of q points to m anchors.
-    distances : (m, c) array of float
-        Distances of the images of the anchors to c candidates.
+    distances : (c, c) array of float
+        Distances between candidates.
+    lower, upper : (m, m) array of float
+        Intervals of the distances between the points.
+    unary : (m, c) array of float
+        Cost of each assignment by itself, negative where it is likely.
+    seeds : (s, 2) array of int
+        Pairs of a point and its candidate.
     cost : IntervalCost
+    near : float
+        A distance u weighs 1 / (near + u).
+    dearest : float
+        Mean cost at which nothing is gained.
 
     Returns
     -------
-    (q,) array of int
-        A candidate for each point.
+    (s, m) array of int, (s,) array of float
+        Candidate of each point, −1 for none, and what each region gains. O(s m² c), on all threads.
 
-    Notes
-    -----
+    Examples
+    --------
+    Candidates on a line at 0, 1, 3, 7. Of three points whose distances are 4, 2 and 50, the last is far from everything.
+
+    >>> places = np.array([0.0, 1.0, 3.0, 7.0])
+    >>> distances = np.abs(places[:, None] - places)
+    >>> known = np.array([[0.0, 4.0, 50.0], [4.0, 0.0, 50.0], [50.0, 50.0, 0.0]])
+    >>> seeds = np.array([[0, 2]])
+    >>> grow_regions(distances, known, known, np.zeros((3, 4)), seeds, IntervalCost(), near=1.0, dearest=0.005)[0]
+    array([[ 2,  3, -1]])
+    """
+    s, m = len(seeds), len(lower)
+    assigned, gains = np.full((s, m), -1, dtype=np.int64), np.zeros(s)
+    distances, lower, upper, unary = map(np.ascontiguousarray, (distances, lower, upper, unary))
+    order = np.argsort(upper, axis=1, kind="stable")
+    numbers = (*cost.numbers, near)
+
+    def region(row: int) -> None:
+        root, image = seeds[row]
+        gains[row] = _grow(
+            distances, lower, upper, unary, order[root], root, image, numbers, dearest, assigned[row]
+        )
+
+    parallel_rows(region, s)
+    return assigned, gains
+
+
+@compiled()
+def _grow(
+    distances: FloatArray,
+    lower: FloatArray,
+    upper: FloatArray,
+    unary: FloatArray,
+    order: IntArray,
+    root: int,
+    image: int,
+    numbers: tuple[float, ...],
+    dearest: float,
+    assigned: IntArray,
+) -> float:
+    """Fill in the candidates (m,) of the points, all −1 on entry, and return the gain."""
+    # Points join in order of their distance from that of the seed. With c̄(k) the mean cost of candidate k towards those
+    # assigned before (`_summed_costs`), "no partner" gains 0 and a candidate
+    #   g(k) = 1 − c̄(k) / dearest − unary(k):
+    # one point more for a perfect agreement, nothing at the dearest cost. The candidate that gains most is taken, if any
+    # gains. So a region ends where no candidate fits, and the sum of the gains counts the points by how well they fit.
+    c = unary.shape[1]
+    assigned[root] = image
+    gain = 1.0 - unary[root, image]
+    total = np.zeros(c)
+    for point in order:
+        if point == root:
+            continue
+        weights = _summed_costs(assigned, point, lower, upper, distances, distances, numbers, total)
+        best, most_gained = -1, 0.0
+        for k in range(c):
+            gained = 1.0 - total[k] / weights / dearest - unary[point, k]
+            if gained > most_gained:
+                best, most_gained = k, gained
+        assigned[point] = best
+        gain += most_gained
+    return float(gain)
+
+
+@compiled(inline="always")
+def _summed_costs(
+    assigned: IntArray,
+    point: int,
+    lower: AnyArray,
+    upper: AnyArray,
+    least: AnyArray,
+    greatest: AnyArray,
+    numbers: tuple[Any, ...],
+    total: AnyArray,
+) -> Any:
+    """Set the summed costs (c,) of the candidates of a point, and return the sum of the weights."""
+    # c̄(k) = Σ_a w_a c(d(x_a, k)) / Σ_a w_a over the points a that have a candidate, w_a = 1 / (near + u_a): near ones
+    # weigh more, whose distances are known better and whose agreement says more of where a point belongs. The distance
+    # between candidates lies in [least, greatest], and violates [l, u] by how far the two intervals are apart. Of a
+    # whole surface, both are the distance. Anchors outside, candidates inside: rows are read in order.
+    tolerance, inside, most, soft, near = numbers
+    zero, one = total.dtype.type(0), total.dtype.type(1)
+    total[:] = zero
+    weights = zero
+    for a in range(len(assigned)):
+        row = assigned[a]
+        if row < 0:
+            continue
+        u = upper[point, a]
+        low, high = lower[point, a] * (one - tolerance), u * (one + tolerance)
+        weight = one / (near + u)
+        weights += weight
+        weight /= soft + u
+        for k in range(len(total)):
+            v = max(low - greatest[row, k], least[row, k] - high, zero)
+            total[k] += weight * min(v + inside * abs(greatest[row, k] - u), most)
+    return weights
+
+
+def grow_common_regions(
+    points: Intervals,
+    candidates: Intervals,
+    unary: FloatArray,
+    seeds: IntArray,
+    cost: IntervalCost,
+    near: float,
+    dearest: float,
+    width: int,
+    apart: float,
+) -> tuple[IntArray, FloatArray]:
+    """Assign m points to c candidates, from one pair outward, or to nothing; distances are intervals on both sides.
+
+    As `grow_regions`, but two points may not be matched only if their intervals are disjoint, and of each region
+    ``width`` variants are kept while it grows, in which candidates of one point are at least ``apart``. Nothing is
+    assigned beyond the mean cost ``dearest``. O(s width m² c), on all threads.
+
+    Examples
+    --------
+    >>> places = np.array([0.0, 1.0, 3.0, 7.0])
+    >>> distances = np.abs(places[:, None] - places)
+    >>> known = np.array([[0.0, 4.0, 50.0], [4.0, 0.0, 50.0], [50.0, 50.0, 0.0]])
+    >>> points, candidates = Intervals(known, known), Intervals(distances, distances)
+    >>> costs = np.zeros((3, 4)), np.array([[0, 2]]), IntervalCost()
+    >>> grow_common_regions(points, candidates, *costs, near=1.0, dearest=0.005, width=2, apart=0.1)[0]
+    array([[ 2,  3, -1]])
+    """
+    s, m = len(seeds), len(unary)
+    assigned, gains = np.full((s, m), -1, dtype=np.int64), np.zeros(s)
+    order = np.argsort(points.upper, axis=1, kind="stable")
+    here, there, alone = points.arrays, candidates.arrays, single(np.ascontiguousarray(unary))
+    numbers = tuple(np.float32(number) for number in (*cost.numbers, near))
+    bounds = np.float32(dearest), np.float32(apart)
+
+    def region(row: int) -> None:
+        root, image = seeds[row]
+        gains[row] = _grow_variants(
+            *here, *there, alone, order[root], root, image, numbers, bounds, width, assigned[row]
+        )
+
+    parallel_rows(region, s)
+    return assigned, gains
+
+
+@compiled(fastmath={"nnan", "nsz", "reassoc", "contract", "arcp"})
+def _grow_variants(
+    lower: Float32Array,
+    upper: Float32Array,
+    least: Float32Array,
+    greatest: Float32Array,
+    unary: Float32Array,
+    order: IntArray,
+    root: int,
+    image: int,
+    numbers: tuple[np.float32, ...],
+    bounds: tuple[np.float32, np.float32],
+    width: int,
+    assigned: IntArray,
+) -> float:
+    """Fill in the candidates (m,) of the points, and return the gain."""
+    # As `_grow`, with a beam of variants in place of one region, in order of their gain. Each may go on without a partner
+    # for the point, at the same gain, or with a candidate k that gains
+    #   g(k) = 1 − c̄(k) / dearest − unary(k),
+    # if c̄(k) ≤ dearest: a likely candidate alone does not make up for distances that disagree. A candidate nearer than
+    # ``apart`` to another one of the same variant takes its place, if it gains more, so that variants differ.
+    dearest, apart = bounds
+    m, c = unary.shape
+    one = np.float32(1)
+    states, gains = np.full((width, m), -1), np.full(width, NOTHING)
+    grown, grown_gains = np.full((width, m), -1), np.full(width, NOTHING)
+    parents, images = np.zeros(width, np.int64), np.zeros(width, np.int64)
+    states[0, root], gains[0] = image, one - unary[root, image]
+    total = np.zeros(c, np.float32)
+    for point in order:
+        if point == root:
+            continue
+        grown_gains[:] = NOTHING
+        for state in range(width):
+            if gains[state] > NOTHING:
+                _enter(grown_gains, parents, images, width - 1, gains[state], state, -1)
+        for state in range(width):
+            if gains[state] <= NOTHING:
+                continue
+            weights = _summed_costs(states[state], point, lower, upper, least, greatest, numbers, total)
+            for k in range(c):
+                mean = total[k] / weights
+                if mean > dearest:
+                    continue
+                gain = gains[state] + one - mean / dearest - unary[point, k]
+                at = width - 1
+                for i in range(width):
+                    known = grown_gains[i] > NOTHING and parents[i] == state and images[i] >= 0
+                    if known and greatest[images[i], k] < apart:
+                        at = i
+                        break
+                if gain > grown_gains[at]:
+                    _enter(grown_gains, parents, images, at, gain, state, k)
+        for i in range(width):
+            if grown_gains[i] > NOTHING:
+                grown[i] = states[parents[i]]
+                grown[i, point] = images[i]
+        states[:], gains[:] = grown, grown_gains
+    assigned[:] = states[0]
+    return float(gains[0])
+
+
+@compiled()
+def _enter(
+    gains: Float32Array,
+    parents: IntArray,
+    images: IntArray,
+    at: int,
+    gain: np.float32,
+    parent: int,
+    image: int,
+) -> None:
+    """Put one more variant in the place of another, and move it up to where it belongs."""
+    if gain <= gains[at]:
+        return
+    while at > 0 and gains[at - 1] < gain:
+        gains[at], parents[at], images[at] = gains[at - 1], parents[at - 1], images[at - 1]
+        at -= 1
+    gains[at], parents[at], images[at] = gain, parent, image
+
+
+def trilaterate(lower: FloatArray, upper: FloatArray, distances: FloatArray, cost: IntervalCost) -> IntArray:
+    """Place each of q points where its intervals to m anchors, (q, m), fit best the distances of c candidates, (m, c).
+
     O(q m c), in single precision.
 
     Examples
@@ -241,41 +503,71 @@ def trilaterate(lower: FloatArray, upper: FloatArray, distances: FloatArray, cos
     >>> trilaterate(lower, upper, to_anchors, IntervalCost())
     array([1, 2])
     """
-    placed = np.zeros(len(lower), dtype=np.int64)
-    tolerance, inside, most, soft = single(np.array(cost.numbers))
-    total = np.zeros(distances.shape[1], np.float32)
-    _trilaterate(
-        single(lower), single(upper), single(distances), tolerance, inside, most, soft, total, placed
-    )
-    return placed
+    return _trilaterated(Intervals(lower.T, upper.T), Intervals(distances, distances), cost, -1.0)[0]
+
+
+def trilaterate_common(
+    points: Intervals, candidates: Intervals, near: float, cost: IntervalCost
+) -> tuple[IntArray, FloatArray]:
+    """Place each point where its intervals to all anchors agree best with those of the candidates to their images.
+
+    Of the intervals from m anchors to q points, (m, q), and from their images to c candidates, (m, c), a distance u
+    weighs 1 / (near + u)². Returns a candidate for each point (q,), and its mean cost (q,).
+
+    Examples
+    --------
+    Anchors at both ends of a line of five candidates, and a point of which both distances are known.
+
+    >>> ends = np.array([[0.0, 1.0, 2.0, 3.0, 4.0], [4.0, 3.0, 2.0, 1.0, 0.0]])
+    >>> point = np.array([[1.0], [3.0]])
+    >>> trilaterate_common(Intervals(point, point), Intervals(ends, ends), 1.0, IntervalCost())
+    (array([1]), array([0.]))
+    """
+    return _trilaterated(points, candidates, cost, near)
+
+
+def _trilaterated(
+    points: Intervals, candidates: Intervals, cost: IntervalCost, near: float
+) -> tuple[IntArray, FloatArray]:
+    """Place points; all distances weigh alike if ``near`` is negative."""
+    q = points.upper.shape[1]
+    placed, costs = np.zeros(q, dtype=np.int64), np.zeros(q)
+    numbers = tuple(np.float32(number) for number in (*cost.numbers, near))
+    _trilaterate(*points.arrays, *candidates.arrays, numbers, placed, costs)
+    return placed, costs
 
 
 @compiled(fastmath={"nnan", "nsz", "reassoc", "contract", "arcp"})
 def _trilaterate(
     lower: Float32Array,
     upper: Float32Array,
-    distances: Float32Array,
-    tolerance: np.float32,
-    inside: np.float32,
-    most: np.float32,
-    soft: np.float32,
-    total: Float32Array,
+    least: Float32Array,
+    greatest: Float32Array,
+    numbers: tuple[np.float32, ...],
     placed: IntArray,
+    costs: FloatArray,
 ) -> None:
-    """Set ``placed`` (q,); ``total`` is room for the cost of each candidate."""
-    q, m = lower.shape
-    c = distances.shape[1]
+    # Once some points are anchors, each other one is placed by itself, at the candidate k of least mean cost
+    #   Σ_a w_a c(d(x_a, k)) / Σ_a w_a,  w_a = 1 / (near + u_a)², or 1
+    tolerance, inside, most, soft, near = numbers
+    m, q = upper.shape
+    c = greatest.shape[1]
     zero, one = np.float32(0), np.float32(1)
+    total = np.zeros(c, np.float32)
     for i in range(q):
-        for k in range(c):
-            total[k] = 0.0
-        for a in range(m):  # anchors outside, candidates inside: rows of distances are read in order
-            u = upper[i, a]
-            low, high = lower[i, a] * (one - tolerance), u * (one + tolerance)
-            weight = one / (soft + u)
+        total[:] = zero
+        weights = zero
+        for a in range(m):
+            u = upper[a, i]
+            low, high = lower[a, i] * (one - tolerance), u * (one + tolerance)
+            weight = one / ((near + u) * (near + u)) if near >= zero else one
+            weights += weight
+            weight /= soft + u
             for k in range(c):
-                d = distances[a, k]
-                total[k] += min(max(low - d, d - high, zero) + inside * abs(d - u), most) * weight
+                v = max(low - greatest[a, k], least[a, k] - high, zero)
+                total[k] += weight * min(v + inside * abs(greatest[a, k] - u), most)
+        best = 0
         for k in range(c):
-            if total[k] < total[placed[i]]:
-                placed[i] = k
+            if total[k] < total[best]:
+                best = k
+        placed[i], costs[i] = best, total[best] / weights

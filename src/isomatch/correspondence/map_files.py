@@ -1,15 +1,15 @@
-"""Files of maps: all arrays in an ``.npz`` file, or the vertices alone in a text; and those of other programs."""
+"""Files of maps, of isomatch and of other programs: which array is the map, and what its indices count from."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 
-from isomatch.correspondence.foreign_maps import Counted, IndexBase, counted_from_zero, the_vector
-from isomatch.errors import FormatError
+from isomatch.errors import FormatError, SettingError
 from isomatch.storage.array_file import (
     FIRST_VERSION,
     Archive,
@@ -21,7 +21,7 @@ from isomatch.storage.array_file import (
 )
 from isomatch.storage.files import opened, read_integers, replaced
 from isomatch.storage.mat_file import read_mat
-from isomatch.values.arrays import AnyArray
+from isomatch.values.arrays import AnyArray, IntArray
 
 DIRECTION = "source -> target"
 FORMAT = ArrayFormat(
@@ -46,6 +46,7 @@ _HEADER = re.compile(
 )
 LONGEST_HEADER = 1000  # bytes of a text
 _LINES = "write one 0-based target vertex on each line, -1 where unmatched"
+_MOST_NAMED = 8  # arrays that a message lists
 
 
 def write_map(path: Path, parts: dict[str, Any]) -> None:
@@ -71,14 +72,8 @@ def map_parts(
     n_source: int | None = None,
     counts_from: int | None = None,
     variable: str | None = None,
-) -> tuple[dict[str, Any], Counted]:
-    """Read the parts of a map, by name, and how its indices were taken; for the arguments see `Correspondence.load`.
-
-    Raises
-    ------
-    FormatError
-        If the file holds no map, or one between other numbers of vertices.
-    """
+) -> tuple[dict[str, Any], IndexBase]:
+    """Read the parts of a map, by name, and how its indices were taken; for the arguments see `Correspondence.load`."""
     suffix = path.suffix.lower()
     declared, stored = False, None
     if suffix == ".mat":
@@ -100,29 +95,27 @@ def map_parts(
             "shapes in this direction"
         )
     known = n_target if stored is None else stored
-    counted = Counted(parts["vertices"], IndexBase(0))
+    image, base = parts["vertices"], IndexBase(0)
     if not declared:
-        counted = counted_from_zero(path, parts["vertices"], known, counts_from)
-    parts |= {"vertices": counted.image, "n_target": known}
-    if known is None:
-        parts["n_target"] = int(counted.image.max(initial=-1)) + 1
-    return parts, counted
+        image, base = counted_from_zero(path, image, known, counts_from)
+    return parts | {
+        "vertices": image,
+        "n_target": int(image.max(initial=-1)) + 1 if known is None else known,
+    }, base
 
 
 def _read_arrays(
     path: Path, n_source: int | None, variable: str | None
 ) -> tuple[bool, int | None, dict[str, Any]]:
-    """Read a map from an ``.npz`` file: whether isomatch wrote it, its number of target vertices, if any, and arrays.
-
-    What isomatch wrote has a direction or a version.
-    """
+    """Whether isomatch wrote an ``.npz`` file, its number of target vertices, if any, and its arrays."""
 
     def refuse(problem: str) -> NoReturn:
         raise FormatError(f"{path}: not a map ({problem}); expected a file written by {FORMAT.writer}")
 
     with Archive.opened(path, refuse) as file:
         names = file.names
-        if not {"direction", "format_version"} & set(names):  # of another program
+        # what isomatch wrote has a direction or a version
+        if not {"direction", "format_version"} & set(names):
             if not names:
                 refuse("it has no array 'vertices'")
             found: dict[str, AnyArray] = file.read_all(names)
@@ -158,3 +151,116 @@ def _read_text(path: Path) -> tuple[bool, int | None, dict[str, Any]]:
         raise FormatError(f"{path}: no target vertices; {_LINES}")
     hashes = {name: header[name] or "" for name in ("source_hash", "target_hash")} if header else {}
     return header is not None, int(header["n_target"]) if header else None, {"vertices": image, **hashes}
+
+
+class IndexBase(NamedTuple):
+    """What indices count from, 0 or 1, and how that was found.
+
+    ``is_certain`` if the file says so or was said to, or no other reading fits; ``is_likely`` if the other reading is
+    unlikely; ``note`` says what was decided, if something had to be.
+
+    Examples
+    --------
+    >>> IndexBase(1)
+    IndexBase(counts_from=1, is_certain=True, is_likely=True, note='')
+    """
+
+    counts_from: int
+    is_certain: bool = True
+    is_likely: bool = True
+    note: str = ""
+
+
+def the_vector(
+    path: Path, arrays: Mapping[str, Any], n_source: int | None, variable: str | None = None
+) -> AnyArray:
+    """Choose the array that is a map, one number for each source vertex, by its shape or its name."""
+    found = {name: np.squeeze(value) for name, value in arrays.items() if isinstance(value, np.ndarray)}
+    held = ", ".join(f"{name} {value.shape}" for name, value in [*found.items()][:_MOST_NAMED]) or "no array"
+    if variable is not None:
+        if variable not in arrays:
+            raise FormatError(f"{path}: has no variable {variable!r}; it holds {held}")
+        found = {name: value for name, value in found.items() if name == variable}
+    fitting = {
+        name: value
+        for name, value in found.items()
+        if value.ndim == 1 and value.dtype.kind in "iuf" and n_source in (None, len(value))
+    }
+    vertices = "vertices" if n_source is None else f"{n_source} vertices"
+    if not fitting:
+        raise FormatError(
+            f"{path}: not a map (no array has one number for each of the source's {vertices}); it holds {held}; give the "
+            "map of these two shapes in this direction"
+        )
+    if len(fitting) > 1:
+        names = ", ".join(fitting)
+        raise FormatError(
+            f"{path}: {names} could each be the map of the source's {vertices}; name one of them as variable, or save it "
+            "alone"
+        )
+    return next(iter(fitting.values()))
+
+
+def counted_from_zero(
+    path: Path, given: AnyArray, n_target: int | None, counts_from: int | None
+) -> tuple[IntArray, IndexBase]:
+    """Return indices that count from 0; −1 means unmatched, as nan does, and 0 in a file that counts from 1."""
+    if counts_from not in (None, 0, 1):
+        raise SettingError(f"counts_from = {counts_from!r} is neither 0 nor 1")
+    if given.dtype.kind == "f":
+        numbers = np.where(np.isnan(given), -1, given)
+        if (numbers != np.rint(numbers)).any() or (np.abs(numbers) > 2**53).any():
+            raise FormatError(f"{path}: not a map (fractions are no vertices); give whole numbers")
+        given = numbers
+    image = given.astype(np.int64)
+    base = index_base(path, image, n_target) if counts_from is None else IndexBase(counts_from)
+    if base.counts_from == 1:
+        image = np.where(image > 0, image - 1, np.where(image == 0, -1, image))
+    return image, base
+
+
+def index_base(path: Path, indices: AnyArray, n: int | None, what: str = "target vertices") -> IndexBase:
+    """Find whether indices (m,) of ``what`` count from 0 or from 1, where −1, and maybe 0, means unmatched.
+
+    - The largest is ``n``, their number if known, and none is 0: from 1, for certain.
+    - There are 0 and −1, which then means unmatched, or each index from 0 to the largest once: from 0, for certain.
+    - There are 0 and no −1: likely from 0; but not if there are several 0, more than of any other index, as where 0 means
+      unmatched.
+    - Otherwise from 0, which is not likely.
+
+    Raises
+    ------
+    FormatError
+        If there are both 0 and ``n``.
+
+    Examples
+    --------
+    >>> index_base(Path("map.txt"), np.array([2, 4, 1]), 4).note
+    'map.txt: counts from 1, as its largest index, 4, is the number of target vertices'
+    >>> index_base(Path("map.txt"), np.array([2, 0, 1, 2]), 4)[:3]  # likely from 0
+    (0, False, True)
+    >>> index_base(Path("map.txt"), np.array([2, 0, -1, 2]), 4)[:3]
+    (0, True, True)
+    """
+    held = indices[indices >= 0].astype(np.int64)
+    if not len(held):
+        return IndexBase(0)
+    least, most = int(held.min()), int(held.max())
+    if most == n and least == 0:
+        raise FormatError(
+            f"{path}: has both 0 and {n}, the number of {what}; if it counts from 1, and 0 means unmatched, say that it "
+            "counts from 1, or else give the map of these two shapes"
+        )
+    if most == n:
+        note = f"{path.name}: counts from 1, as its largest index, {most}, is the number of {what}"
+        return IndexBase(1, note=note)
+    if least > 0:
+        note = "" if n is None else f"{path.name}: taken to count from 0; it has neither 0 nor {n}"
+        return IndexBase(0, False, False, note)
+    _, times = np.unique(held, return_counts=True)
+    if len(held) < len(indices) or len(held) == len(times) == most + 1:
+        return IndexBase(0)
+    if times[0] > max(1, times[1:].max(initial=0)):
+        note = f"{path.name}: taken to count from 0; it has {times[0]} of it, which mean unmatched if it counts from 1"
+        return IndexBase(0, False, False, note)
+    return IndexBase(0, False)

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from isomatch.assets import SurfaceLike, mesh_from
-from isomatch.correspondence.checked_map import UNMATCHED
 from isomatch.correspondence.correspondence import Correspondence
+from isomatch.correspondence.map_arrays import UNMATCHED
 from isomatch.errors import MapError
 from isomatch.resolution import PlacedMesh, VertexGroups, normalised
 from isomatch.values.arrays import BoolArray, FloatArray
@@ -19,7 +19,11 @@ PRECISE = 1e-6  # of the target's extent, far less than maps can be right
 
 
 def median_map(maps: Sequence[Correspondence], target: SurfaceLike) -> Correspondence:
-    """Join maps between the same two surfaces.
+    """Join maps between the same two surfaces: to the geometric median of the images of each vertex, on the target.
+
+    The median lies inside a triangle, on a sheet that one of the images is on. A vertex is unmatched where fewer than
+    half of the maps have an image. One wrong map in three moves an image little. O(n m) time for each of some tens of
+    steps.
 
     Parameters
     ----------
@@ -28,20 +32,10 @@ def median_map(maps: Sequence[Correspondence], target: SurfaceLike) -> Correspon
     target : Mesh, or what `mesh_from` takes
         Where they end.
 
-    Returns
-    -------
-    Correspondence
-        To the point of the target nearest to the geometric median of the images of each vertex, inside a triangle, on a
-        sheet that one of them is on. Unmatched where fewer than half of the maps have an image.
-
     Raises
     ------
     MapError
         If there are none, or they are maps of other surfaces.
-
-    Notes
-    -----
-    One wrong map in three moves an image little. O(n m) time for each of some tens of steps, for m maps of n vertices.
 
     Examples
     --------
@@ -79,13 +73,15 @@ def median_map(maps: Sequence[Correspondence], target: SurfaceLike) -> Correspon
 def geometric_median(points: FloatArray, tolerance: float = EXACT) -> FloatArray:
     """Find the points (m, 3) with the least sum of distances from points (t, m, 3); nan rows are left out.
 
-    Iterations end once no point moves by more than the tolerance, relative to the extent of the points.
-
     Examples
     --------
     >>> geometric_median(np.array([[[0.0, 0, 0]], [[1, 0, 0]], [[9, 0, 0]]])).round(6)
     array([[1., 0., 0.]])
     """
+    # Weiszfeld 1937: Σ_k |p_k − x| has the gradient Σ_k (x − p_k) / |p_k − x|, which vanishes at the mean of the p_k
+    # with the weights 1 / |p_k − x|: x is put there in turn, until no point moves by more than the tolerance, relative
+    # to the extent of the points. Where a median is one of the points the weight is singular; they are compared at the
+    # end. Of two points, any between them.
     there = np.asarray(np.isfinite(points).all(axis=2))[:, :, None]
     given = np.where(there, points, 0.0)
     count = there.sum(axis=0)

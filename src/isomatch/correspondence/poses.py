@@ -1,4 +1,4 @@
-"""Poses: similarities in space that bring one surface near another, found from principal axes and closest points."""
+"""Rotations nearest to matrices, and similarities in space that bring one surface near another."""
 
 from __future__ import annotations
 
@@ -8,29 +8,42 @@ from itertools import permutations, product
 import numpy as np
 from scipy.spatial import cKDTree
 
-from isomatch.correspondence.rotation import nearest_rotation
 from isomatch.runtime.threads import parallel_map
 from isomatch.values.arrays import FloatArray, IntArray
 
+AT_ONCE = 10_000  # matrices of a thread
 KEPT = 4  # poses that are refined, nearest first: a solid may lie on its axes in as many ways
 MOST_STEPS = 30
 SETTLED = 0.999  # times the distance before, above which a pose has settled
 
 
+def nearest_rotation(matrices: FloatArray, mirrored: bool = False) -> FloatArray:
+    """Find the rotation (..., d, d) nearest to each matrix, or the nearest mirror image, of determinant −1.
+
+    ``points @ R`` is nearest to others, row by row, for the rotation R nearest to ``points.T @ others``. O(d³) for each.
+
+    Examples
+    --------
+    >>> nearest_rotation(np.array([[0.0, 2.0], [-3.0, 0.1]])).round(2)
+    array([[ 0.02,  1.  ],
+           [-1.  ,  0.02]])
+    """
+    # Kabsch, *A solution for the best rotation to relate two sets of vectors*, Acta Crystallographica A 32, 1976. With
+    # M = U Σ Vᵀ, ‖R − M‖² is least where tr(Rᵀ M) = tr((Uᵀ R V)ᵀ Σ) is greatest: at R = U Vᵀ among orthogonal matrices,
+    # and at R = U diag(1, …, 1, ±1) Vᵀ among those of a given determinant, which costs the least singular value twice.
+    # For M = XᵀY, tr(Rᵀ M) is the sum of the products of X R and Y, so that R also minimises ‖X R − Y‖.
+    if matrices.ndim == 3 and len(matrices) > AT_ONCE:
+        blocks = np.array_split(matrices, -(-len(matrices) // AT_ONCE))
+        return np.concatenate(parallel_map(lambda block: nearest_rotation(block, mirrored), blocks))
+    u, _, vt = np.linalg.svd(matrices)
+    side = -1.0 if mirrored else 1.0
+    u[..., -1] *= (side * np.linalg.det(u @ vt))[..., None]
+    return np.asarray(u @ vt)
+
+
 @dataclass(frozen=True, eq=False)
 class Pose:
     """A similarity x ↦ scale · x @ rotation + shift, and how near it brings one surface to another, normals included.
-
-    Parameters
-    ----------
-    rotation : (3, 3) array of float
-        Of determinant 1, or −1 for a mirror image.
-    scale : float
-    shift : (3,) array of float
-    nearest : (n_source,) array of int
-        Point of the target nearest to each of the source.
-    distance : float
-        Mean distance of the points of either surface from the nearest one of the other.
 
     Examples
     --------
@@ -42,11 +55,11 @@ class Pose:
     scale: float
     shift: FloatArray
     nearest: IntArray
-    distance: float
+    distance: float  # mean distance of the points of either surface from the nearest one of the other
 
 
 def poses_between(source: FloatArray, target: FloatArray, mirrored: bool = False) -> list[Pose]:
-    """Find similarities that bring points of one surface near those of another: principal axes, then closest points.
+    """Find similarities that bring points of one surface near those of another, nearest first, at most `KEPT`.
 
     Parameters
     ----------
@@ -54,17 +67,6 @@ def poses_between(source: FloatArray, target: FloatArray, mirrored: bool = False
         Evenly spread points, and their normals times a unit, as `with_normals` gives them. Distances are in this space.
     mirrored : bool
         Whether to find mirror images in place of rotations.
-
-    Returns
-    -------
-    list of Pose
-        At most `KEPT`, nearest first.
-
-    Notes
-    -----
-    The principal axes of the source are laid on those of the target in all 24 ways, as two of them may be of nearly equal
-    length. From the nearest ones, closest points and the best similarity alternate (Besl & McKay, *A method for
-    registration of 3-D shapes*, PAMI 1992). 0.05 s for 400 points each.
 
     Examples
     --------
@@ -76,6 +78,9 @@ def poses_between(source: FloatArray, target: FloatArray, mirrored: bool = False
     >>> bool(np.allclose(pose.rotation, turn)), round(pose.scale, 6), pose.shift.round(6).tolist()
     (True, 2.0, [5.0, 5.0, 5.0])
     """
+    # The principal axes of the source are laid on those of the target in all 24 ways, as two of them may be of nearly
+    # equal length. From the nearest ones, closest points and the best similarity alternate (Besl & McKay, *A method for
+    # registration of 3-D shapes*, PAMI 1992). 0.05 s for 400 points each.
     tree = cKDTree(target)
     ways = _axes_on_axes(source[:, :3], target[:, :3], mirrored)
     found = parallel_map(lambda way: tree.query(_moved(source, *way)), ways)
@@ -124,6 +129,9 @@ def _best_similarity(
     source: FloatArray, target: FloatArray, mirrored: bool
 ) -> tuple[FloatArray, float, FloatArray]:
     """Rotation, scale and shift of least squares from points and normals to others, row by row (Umeyama, PAMI 1991)."""
+    # min over s, R, t of Σ ‖s x_i R + t − y_i‖² has t = ȳ − s x̄ R, so that both may be centred. Then R is that of
+    # Kabsch for XᵀY, whatever s; normals add their own products. The derivative by s vanishes at s = Σ (x_i R) · y_i /
+    # Σ ‖x_i‖².
     centre, to = source[:, :3].mean(axis=0), target[:, :3].mean(axis=0)
     here, there = source[:, :3] - centre, target[:, :3] - to
     turn = nearest_rotation(here.T @ there + source[:, 3:].T @ target[:, 3:], mirrored)

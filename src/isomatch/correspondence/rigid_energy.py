@@ -8,16 +8,13 @@ import numpy as np
 from scipy.sparse import coo_array, csc_array, diags_array
 
 from isomatch.bases import stiffness_and_masses
-from isomatch.correspondence.rotation import nearest_rotation
+from isomatch.correspondence.poses import nearest_rotation
 from isomatch.loading.compiled import compiled
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import FloatArray, IntArray
 
-TURNS, STILL, SMALLEST = (
-    20,
-    1e-4,
-    1e-30,
-)  # most turns of a rotation, the angle (rad) of the last, and a number above 0
+TURNS, STILL = 20, 1e-4  # most turns of a rotation, and the angle (rad) of the last
+SMALLEST = 1e-30  # in place of 0 in denominators
 EDGE_SHARE = 2 / 3  # so that edges of equilateral triangles have the weights of the cotangents
 PRECISION, MOST_ITERATIONS = 1e-2, 100  # of conjugate gradients
 STIFFEST = 20.0  # weight of an edge: where triangles are slivers, the shortest edges count no more
@@ -25,53 +22,33 @@ STIFFEST = 20.0  # weight of an edge: where triangles are slivers, the shortest 
 
 @dataclass(frozen=True, eq=False)
 class RigidEnergy:
-    """½ Σ_i Σ_j w_ij |(y_i − y_j) − R_i (x_i − x_j)|² of vertices x_i that move to y_i.
+    """½ Σ_i Σ_j w_ij |(y_i − y_j) − R_i (x_i − x_j)|² of vertices x_i that move to y_i."""
 
-    Parameters
-    ----------
-    stiffness : (n, n) sparse array
-        L: −w_ij off the diagonal, rows sum to 0.
-    areas : (n,) array of float
-        Of the vertices, in squared units of the surface.
-    start : (n + 1,) array of int
-    neighbours, weights : (e,) array of int, (e,) array of float
-        ``neighbours[start[i]:start[i + 1]]`` are those of vertex i, with the weights w_ij.
-
-    Examples
-    --------
-    A surface that turns as a whole has no energy: each vertex is pulled to where it is.
-
-    >>> wedge = Mesh([[0, 0, 0], [3, 0, 0], [0, 2, 0], [0, 0, 1]], [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
-    >>> energy = RigidEnergy.of_edges(wedge)
-    >>> turned = np.ascontiguousarray(wedge.vertices[:, [1, 2, 0]])
-    >>> pulled, _ = energy.pulled(wedge.vertices, turned, None)
-    >>> bool(np.allclose(energy.stiffness @ turned, pulled))
-    True
-    """
-
-    stiffness: csc_array
-    areas: FloatArray
-    start: IntArray
-    neighbours: IntArray
-    weights: FloatArray
+    # Sorkine & Alexa, *As-Rigid-As-Possible Surface Modeling*, SGP 2007. Each vertex i has a rotation R_i, which its
+    # edges e_ij = x_i − x_j should follow: e'_ij = y_i − y_j ≈ R_i e_ij. The energy is lowered in the rotations and in
+    # y in turn. Local step: given y, each R_i is by itself the rotation that maximises
+    #   Σ_j w_ij e'_ij · R_i e_ij = tr(R_i Σ_i),  Σ_i = Σ_j w_ij e_ij e'_ijᵀ,
+    # that of Kabsch for Σ_iᵀ. Global step: given the rotations, the derivative by y_i, where each edge counts from both
+    # ends,
+    #   ∂E/∂y_i = 2 Σ_j w_ij (e'_ij − ½ (R_i + R_j) e_ij),
+    # vanishes for all i where L y = p, p_i = Σ_j w_ij ½ (R_i + R_j) e_ij: the vertices are *pulled* to p.
+    stiffness: csc_array  # (n, n) L: −w_ij off the diagonal, rows sum to 0
+    areas: FloatArray  # (n,) of the vertices, in squared units of the surface
+    start: IntArray  # (n + 1,) the neighbours of vertex i are neighbours[start[i]:start[i + 1]]
+    neighbours: IntArray  # (e,)
+    weights: FloatArray  # (e,) w_ij
 
     @classmethod
     def of_surface(cls, mesh: Mesh) -> RigidEnergy:
-        """Take the weights of the tufted intrinsic Delaunay triangulation: independent of the triangles.
-
-        `MeshError` if a vertex has no area. 30 µs a vertex.
-        """
+        """Take the weights of the tufted intrinsic Delaunay triangulation: independent of the triangles."""
         return cls._of(*stiffness_and_masses(mesh))
 
     @classmethod
     def of_edges(cls, mesh: Mesh) -> RigidEnergy:
-        """Give each edge of the mesh its area over its squared length: triangles keep their shape, slivers too.
-
-        Notes
-        -----
-        w_ij = ⅔ √(a_i a_j) / |x_i − x_j|², at most 20. On equilateral triangles these are the weights of the cotangents.
-        1 µs a vertex.
-        """
+        """Give each edge of the mesh its area over its squared length: triangles keep their shape, slivers too."""
+        # w_ij = ⅔ √(a_i a_j) / |x_i − x_j|², at most STIFFEST. In a grid of equilateral triangles of side h a vertex
+        # has a third of six faces of area √3 h² / 4, which is √3 h² / 2: w = 1 / √3 = ½ (cot 60° + cot 60°), the weight
+        # of the cotangents
         areas = np.maximum(mesh.vertex_areas, SMALLEST)
         i, j = mesh.edges.T
         shortest = np.maximum(mesh.edge_lengths, SMALLEST)
@@ -93,24 +70,8 @@ class RigidEnergy:
     def pulled(
         self, before: FloatArray, moved: FloatArray, turn: FloatArray | None, most_scaled: float = 1.0
     ) -> tuple[FloatArray, FloatArray]:
-        """Fit the rotations to where the vertices are, and find where they pull the vertices.
-
-        Parameters
-        ----------
-        before, moved : (n, 3) array of float
-            The vertices at rest, and where they are.
-        turn : (n, 3, 3) array of float, optional
-            Rotations near the best ones.
-        most_scaled : float
-            Edges around a vertex may become so many times as long or as short at no cost.
-
-        Returns
-        -------
-        pulled : (n, 3) array of float
-            Σ_j w_ij ½ (R_i + R_j) (x_i − x_j). With these rotations, the energy is least where L y = pulled.
-        turn : (n, 3, 3) array of float
-            The best rotations R_i.
-        """
+        """Where the vertices are pulled (n, 3), and the best rotations (n, 3, 3), sought near ``turn`` if given."""
+        # edges around a vertex may become most_scaled times as long or as short at no cost
         covariances, pulled = np.zeros((len(self.areas), 3, 3)), np.zeros(before.shape)
         _covariances(before, moved, self.start, self.neighbours, self.weights, covariances)
         fitted = (
@@ -118,33 +79,25 @@ class RigidEnergy:
         )
         grown = fitted
         if most_scaled > 1.0:
+            # as similar as possible: R_i becomes s_i R_i, where Σ_j w_ij |e'_ij − s R_i e_ij|² is least at
+            # s_i = tr(R_i Σ_i) / Σ_j w_ij |e_ij|², within 1 / most_scaled and most_scaled
             own_scale = self._scales(before, fitted, covariances)
             grown = fitted * np.clip(own_scale, 1.0 / most_scaled, most_scaled)[:, None, None]
         _pulled(before, grown, self.start, self.neighbours, self.weights, pulled)
         return pulled, fitted
 
     def solved(self, diagonal: FloatArray, right: FloatArray, start: FloatArray) -> FloatArray:
-        """Solve (L + diag(d)) y = b approximately, from a guess, by conjugate gradients.
-
-        Parameters
-        ----------
-        diagonal : (n,) array of float
-            d, above 0.
-        right, start : (n, 3) array of float
-            b, and the guess.
-
-        Returns
-        -------
-        (n, 3) array of float
-            y, whose residual is a hundredth of that of the guess: enough where the next step starts from it. Each
-            iteration is linear in the edges; their number grows with the length that the diagonal stands for.
-        """
+        """Solve (L + diag(d)) y = b (n, 3) approximately, from a guess, by conjugate gradients; d (n,) is above 0."""
+        # The residual becomes a hundredth of that of the guess: enough where the next step starts from it. Each
+        # iteration is linear in the edges; their number grows with the length that the diagonal stands for.
         y = start.copy()
         _conjugate_gradients(self.start, self.neighbours, self.weights, diagonal, right, y)
         return y
 
     def scale(self, before: FloatArray, moved: FloatArray, pulled: FloatArray) -> float:
         """By how much the surface at rest is best enlarged, given what `pulled` returns: y·p / x·L x."""
+        # Σ_i Σ_j w_ij |e'_ij − s R_i e_ij|² is least at s = Σ w e' · R e / Σ w |e|². Summed over both ends of each
+        # edge, with the antisymmetry of e, the numerator is 2 Σ_i y_i · p_i and the denominator 2 x · L x
         return float((moved * pulled).sum() / max((before * (self.stiffness @ before)).sum(), SMALLEST))
 
     def _scales(self, before: FloatArray, turn: FloatArray, covariances: FloatArray) -> FloatArray:
@@ -165,6 +118,8 @@ def _conjugate_gradients(
     y: FloatArray,
 ) -> None:
     """Improve y for three right-hand sides at once, preconditioned by the diagonal of the matrix."""
+    # Hestenes & Stiefel 1952 with the preconditioner M = diag(A): with r = b − A y and z = M⁻¹ r, directions
+    # s ← z + (r·z / r'·z') s, steps y ← y + (r·z / s·A s) s, until r·z has fallen by PRECISION² of each column
     n = len(y)
     total, residual, step, product = np.zeros(n), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3))
     first, before, now, along, share = np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3)
@@ -266,10 +221,12 @@ def _pulled(
 
 @compiled()
 def turned(turn: FloatArray, covariances: FloatArray) -> FloatArray:
-    """Turn rotations (n, 3, 3) that nearly maximise the trace of R Σ until they do.
-
-    Müller, Bender, Chentanez & Macklin, *A Robust Method to Extract the Rotational Part of Deformations*, MIG 2016.
-    """
+    """Turn rotations (n, 3, 3) that nearly maximise the trace of R Σ until they do."""
+    # Müller, Bender, Chentanez & Macklin, *A Robust Method to Extract the Rotational Part of Deformations*, MIG 2016. A
+    # small turn by the vector ω changes tr(R Σ) by tr([ω]× m) = ω · a, m = R Σ, with a the axial vector of the skew
+    # part of m: the trace grows fastest around a, and is greatest where a = 0, so that m is symmetric. Around the unit
+    # axis n its second derivative is n · m n − tr m. Newton's step for the angle would be |a| / (tr m − n · m n);
+    # without the last term, as here, it is shorter and does not overshoot.
     rotations, step, r, m = turn.copy(), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     for i in range(len(turn)):
         _multiply(rotations[i], covariances[i], m)

@@ -6,16 +6,16 @@ from copy import copy
 from typing import NamedTuple
 
 import numpy as np
+from scipy.sparse import csr_array, eye_array
 from scipy.spatial import cKDTree
 
-from isomatch.correspondence.boundary import Boundary
-from isomatch.correspondence.nearest_points import nearest_points
+from isomatch.correspondence.nearest import nearest_points, squared_distance
+from isomatch.correspondence.poses import nearest_rotation
+from isomatch.correspondence.registration import ROTATED, with_normals
 from isomatch.correspondence.rigid_energy import RigidEnergy
-from isomatch.correspondence.rigid_registration import ROTATED, with_normals
-from isomatch.correspondence.turned_faces import is_mirrored, turned_back, turned_faces
 from isomatch.loading.compiled import compiled
 from isomatch.resolution import Prolongation, decimate
-from isomatch.surfaces import Mesh
+from isomatch.surfaces import Mesh, PrecisePoints
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 
 N_COARSE = 3000  # vertices of the template that is bent to where the map puts it
@@ -28,73 +28,37 @@ REACH = 0.025  # a boundary so near is met, in √area, and what is farther from
 BOUNDARY_PULL = 4.0  # to a point of the boundary, beside that to other points
 KEPT = 0.02  # the pull of a vertex to where it is, beside that to its point
 RELEASED_RINGS = 2  # around faces that are turned over, which are drawn nowhere
+ROUNDS, REFITTED = 60, 10  # of turning back; rounds after which rotations are fitted again
+TURNED_WEIGHT = 30.0  # of a face that is turned over, beside the others at its corners
+ON_EDGE = 1e-6  # barycentric coordinate below which a point of a triangle lies on an edge
 
 
 class BentTemplate(NamedTuple):
-    """Where the vertices of a template are on a target.
+    """Where the vertices of a template are on a target."""
 
-    Parameters
-    ----------
-    positions : (n, 3) array of float
-        In the units of the target.
-    beyond : (n,) array of bool
-        Vertices for which the target has nothing: without an image, or over an opening.
-    turned : (m,) array of bool
-        Faces of the template that remain turned over, as in `turned_faces`.
-    """
-
-    positions: FloatArray
-    beyond: BoolArray
-    turned: BoolArray
+    positions: FloatArray  # (n, 3) in the units of the target
+    beyond: BoolArray  # (n,) vertices for which the target has nothing: without an image, or over an opening
+    turned: BoolArray  # (m,) faces of the template that remain turned over, as in `turned_faces`
 
 
 def bend_template(
-    template: Mesh, target: Mesh, images: FloatArray, trusted: BoolArray, known: BoolArray | None = None
+    template: Mesh,  # every vertex belongs to a face
+    target: Mesh,
+    images: FloatArray,  # (n, 3) of the template's vertices; where they are not trusted, a guess
+    trusted: BoolArray,  # (n,) which images the template is bent to at first
+    known: BoolArray | None = None,  # (n,) which vertices are drawn to nearest points afterwards
 ) -> BentTemplate:
-    """Bend a template onto a target as rigidly as possible, from where a map puts its vertices.
-
-    Parameters
-    ----------
-    template, target : Mesh
-        The surfaces; every vertex of the template belongs to a face.
-    images : (n, 3) array of float
-        Images of the template's vertices on the target; where they are not trusted, a guess.
-    trusted : (n,) array of bool
-        Which images the template is bent to at first.
-    known : (n,) array of bool, optional
-        Which vertices are drawn to the nearest points afterwards; by default the same.
-
-    Returns
-    -------
-    BentTemplate
-
-    Notes
-    -----
-    In √area of the target, with points p_i, areas a, weights w and rotations R_i, each step decreases::
-
-        Σ_i a_i |y_i − p_i|² + ½ ℓ² Σ_i Σ_j w_ij |(y_i − y_j) − R_i (x_i − x_j)|²
-
-    alternately in R and y (Sorkine & Alexa, *As-Rigid-As-Possible Surface Modeling*, SGP 2007). First the template is
-    decimated, and its vertices are drawn to the mean images of those merged into them, as the length ℓ decreases; the
-    scale of x is fitted too. Then the vertices of the template follow these rigidly, and are drawn to nearest points, by
-    position and normal. These are sought along the surface from those before, so that no step leads to another sheet.
-    Vertices of the boundary are drawn to that of the target, if it is near. A vertex is drawn nowhere if it has no
-    image, if its point faces elsewhere or lies on a boundary, and where faces are turned over: there the template is
-    completed as rigidly as possible. What remains turned over in the end are slivers, see `turned_back`.
-
-    Time and memory are linear in the vertices of both, but for a search tree of the target: 50 µs a vertex.
-
-    Examples
-    --------
-    An octahedron is bent onto itself from images that are its corners: it stays as it is.
-
-    >>> corners = np.concatenate([np.eye(3), -np.eye(3)])
-    >>> faces = [[0, 1, 2], [1, 3, 2], [3, 4, 2], [4, 0, 2], [1, 0, 5], [3, 1, 5], [4, 3, 5], [0, 4, 5]]
-    >>> solid = Mesh(corners, faces)
-    >>> bent = bend_template(solid, solid, corners, np.ones(6, dtype=bool))
-    >>> bool(np.allclose(bent.positions, corners, atol=1e-3)), bent.beyond.any()
-    (True, np.False_)
-    """
+    """Bend a template onto a target as rigidly as possible, from where a map puts its vertices."""
+    # In √area of the target, with points p_i, areas a, weights w and rotations R_i, each step lowers
+    #   Σ_i a_i |y_i − p_i|² + ½ ℓ² Σ_i Σ_j w_ij |(y_i − y_j) − R_i (x_i − x_j)|²
+    # alternately in R and y, see `RigidEnergy`. First the template is decimated, and its vertices are drawn to the mean
+    # images of those merged into them, as the length ℓ decreases; the scale of x is fitted too. Then the vertices of
+    # the template follow these rigidly, and are drawn to nearest points, by position and normal. These are sought along
+    # the surface from those before, so that no step leads to another sheet. Vertices of the boundary are drawn to that
+    # of the target, if it is near. A vertex is drawn nowhere if it has no image, if its point faces elsewhere or lies
+    # on a boundary, and where faces are turned over: there the template is completed as rigidly as possible. What
+    # remains turned over in the end are slivers, see `turned_back`. Time and memory are linear in the vertices of both,
+    # but for a search tree of the target: 50 µs a vertex.
     centre, unit = target.vertices.mean(axis=0), np.sqrt(target.area)
     onto = _Target(target.moved((target.vertices - centre) / unit))
     images = (images - centre) / unit
@@ -136,10 +100,11 @@ class _Bending:
         length: float,
         scales: bool = False,
     ) -> FloatArray:
-        """Move the vertices to a lower energy; those that are not ``drawn`` (n,) anywhere are pulled to where they are.
-
-        With ``scales``, the surface at rest is enlarged as fits best.
-        """
+        """Move the vertices to a lower energy; those that are ``drawn`` (n,) nowhere are pulled to where they are."""
+        # ∇E = 0 over ℓ², see `RigidRegistration`, with κ = KEPT, which keeps the matrix definite:
+        #   (L + diag(d)) y = (a / ℓ²) (drawn p + κ y_before) + Σ_j w_ij ½ (R_i + R_j) (x_i − x_j),
+        #   d = (a / ℓ²) (drawn + κ)
+        # With ``scales``, x is enlarged by the factor that lowers the energy most.
         energy = self._energy
         pull = energy.areas * (1 / max(length / self.scale, self._shortest)) ** 2
         pulled_to = pull[:, None] * (drawn[:, None] * wanted + KEPT * moved)
@@ -195,6 +160,8 @@ class _Coarse:
         for length in MAP_LENGTHS:
             drawn = self.known & ~bending.released(self.moved)
             self.moved = bending.step(self.moved, images, drawn, length, scales=True)
+        # A vertex at Σ_k b_k c_k + offset of the coarse triangle c goes where the rotations at its corners carry it, as
+        # in linear blend skinning: Σ_k b_k (y_k + R_k (x − c_k))
         turn, places = bending.turn, self._places
         moved = np.zeros_like(self.rest.vertices)
         for corner, weight in zip(places.corners.T, places.barycentric.T):
@@ -208,8 +175,7 @@ class _Coarse:
         near = onto.nearest(self.mesh.moved(self.moved))[self._places.corners]  # (n, 3)
         apart = onto.coordinates[near] - onto.queries(bent)[:, None]
         best = np.einsum("nkd,nkd->nk", apart, apart).argmin(axis=1)
-        nearest: IntArray = near[np.arange(len(near)), best]
-        return nearest
+        return np.asarray(near[np.arange(len(near)), best])
 
 
 class _Points(NamedTuple):
@@ -247,10 +213,7 @@ class _Target:
         return np.asarray(nearest, dtype=np.int64)
 
     def points(self, bent: Mesh, near: IntArray) -> tuple[_Points, IntArray]:
-        """Find the points to which the vertices of a bent template are drawn, and the vertices (n,) nearest to these.
-
-        They are sought by steps along the edges, from the vertices ``near`` (n,).
-        """
+        """Find the points to which the vertices of a bent template are drawn, and the vertices (n,) nearest to these."""
         queries = self.queries(bent)
         near = near.copy()
         _descend(self.coordinates, queries, *self._around, near)
@@ -279,20 +242,146 @@ def _descend(
     """Go from each vertex to the neighbour that is nearest to its query, as long as one is nearer."""
     for i in range(len(queries)):
         here = near[i]
-        least = _squared(coordinates, here, queries, i)
+        least = squared_distance(coordinates, here, queries, i)
         before = np.int64(-1)
         while before != here:
             before = here
             for at in range(start[before], start[before + 1]):
-                apart = _squared(coordinates, neighbours[at], queries, i)
+                apart = squared_distance(coordinates, neighbours[at], queries, i)
                 if apart < least:
                     here, least = neighbours[at], apart
         near[i] = here
 
 
-@compiled(inline="always")
-def _squared(coordinates: FloatArray, j: int, queries: FloatArray, i: int) -> float:
-    total = 0.0
-    for d in range(coordinates.shape[1]):
-        total += (coordinates[j, d] - queries[i, d]) ** 2
-    return total
+def turned_faces(mesh: Mesh, moved: FloatArray, rotations: FloatArray | None = None) -> BoolArray:
+    """Find the faces (m,) that are turned over against the rotations (n, 3, 3) of the surface around their vertices."""
+    # Where a thin wall has two sides, the nearest point of another surface may belong to either. So a face is not
+    # compared with that surface, but with its own neighbourhood: its normal at rest, turned as its first corner is,
+    # against its normal now.
+    if rotations is None:
+        rotations = _rotations(mesh, moved, _two_rings(mesh))
+    return _are_turned(mesh, mesh.faces, moved, rotations)
+
+
+def is_mirrored(mesh: Mesh, moved: FloatArray) -> bool:
+    """Whether a deformation is more like a mirror image than like a rotation around most vertices."""
+    # With the singular values s₁ ≥ s₂ ≥ s₃ of the covariance of a neighbourhood, the best rotation fits to s₁ + s₂ ±
+    # s₃, with the sign of its determinant, and the best mirror image with the other sign (Kabsch). The sum of ± s₃
+    # decides; what is flat does not count.
+    covariances = _covariances(mesh, moved, _two_rings(mesh))
+    least = np.linalg.svd(covariances, compute_uv=False)[:, 2]
+    return bool((np.sign(np.linalg.det(covariances)) * least).sum() < 0)
+
+
+def turned_back(mesh: Mesh, moved: FloatArray, scale: float) -> tuple[FloatArray, BoolArray]:
+    """Move the corners of faces that are turned over, by about an edge, until few are; also which faces (m,) are then."""
+    # Each face would lie around its centre as it lies at rest, ``scale`` times as large, but for the rotation of its
+    # neighbourhood. Corners move to the mean of where their faces would have them, in which faces that are turned over
+    # count thirty times: the global step of Bouaziz et al., *Projective Dynamics*, SIGGRAPH 2014, by Jacobi iteration,
+    # for few vertices. Most such faces are slivers, which turn over for any noise.
+    moved, around = moved.copy(), _two_rings(mesh)
+    rotations = _rotations(mesh, moved, around)
+    moving = np.zeros(mesh.n_vertices, dtype=bool)
+    moving[mesh.faces[turned_faces(mesh, moved, rotations)]] = True
+    for i in range(1, ROUNDS + 1):
+        corners = mesh.faces[np.logical_or.reduce(moving[mesh.faces.T])]
+        over = _are_turned(mesh, corners, moved, rotations)
+        if not over.any():
+            break
+        moving[corners[over]] = True
+        rows, local = np.unique(corners, return_inverse=True)
+        weight = np.where(over, TURNED_WEIGHT, 1.0)
+        before, after = mesh.vertices[corners], moved[corners]  # (f, 3 corners, 3)
+        offsets = scale * (before - before.mean(axis=1, keepdims=True))
+        wanted = np.einsum("fij,fkj->fki", rotations[corners[:, 0]], offsets)
+        wanted += after.mean(axis=1, keepdims=True)
+        total, *sums = (
+            np.bincount(local.ravel(), np.repeat(weight, 3) * values)
+            for values in (np.ones(corners.size), *wanted.reshape(-1, 3).T)
+        )
+        held = moving[rows]
+        moved[rows[held]] = np.stack(sums, axis=1)[held] / total[held, None]
+        if i % REFITTED == 0:
+            rotations[rows] = _rotations(mesh, moved, around[rows])
+    return moved, turned_faces(mesh, moved, _rotations(mesh, moved, around))
+
+
+def _are_turned(mesh: Mesh, faces: IntArray, moved: FloatArray, rotations: FloatArray) -> BoolArray:
+    expected = np.einsum("fij,fj->fi", rotations[faces[:, 0]], Mesh(mesh.vertices, faces).face_cross)
+    return np.asarray(np.einsum("fi,fi->f", expected, Mesh(moved, faces).face_cross) < 0)
+
+
+def _two_rings(mesh: Mesh) -> csr_array:
+    """(n, n) ones where vertices are at most two edges apart."""
+    ends = mesh.edges
+    both = np.ones(2 * len(ends)), (ends.ravel(), ends[:, ::-1].ravel())
+    ring = csr_array(both, shape=(mesh.n_vertices,) * 2) + eye_array(mesh.n_vertices)
+    around = csr_array(ring @ ring)
+    around.data[:] = 1.0
+    return around
+
+
+def _rotations(mesh: Mesh, moved: FloatArray, around: csr_array) -> FloatArray:
+    """Best rotations (r, 3, 3) of the vertices that each row (r, n) of ones marks."""
+    return nearest_rotation(_covariances(mesh, moved, around)).transpose(0, 2, 1)
+
+
+def _covariances(mesh: Mesh, moved: FloatArray, around: csr_array) -> FloatArray:
+    """Covariances (r, 3, 3), Σ_j (x_j − x̄) (y_j − ȳ)ᵀ, of the vertices that each row (r, n) of ones marks."""
+    count = around.sum(axis=1)[:, None]
+    before, after = mesh.vertices - mesh.vertices.mean(axis=0), moved - moved.mean(axis=0)
+    # Σ (x − x̄) (y − ȳ)ᵀ = Σ x yᵀ − (Σ x) (Σ y)ᵀ / count
+    products = around @ (before[:, :, None] * after[:, None]).reshape(-1, 9)
+    sums = around @ before, around @ after
+    covariances: FloatArray = (
+        products.reshape(-1, 3, 3) - sums[0][:, :, None] * sums[1][:, None] / count[:, None]
+    )
+    return covariances
+
+
+class Boundary:
+    """Which points of a surface lie on its boundary, and which of the boundary are nearest to others.
+
+    Examples
+    --------
+    >>> square = Mesh([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])
+    >>> Boundary(square).nearest(np.array([[0.3, 0.2, 0.5]]))
+    array([[0.3, 0. , 0. ]])
+    """
+
+    def __init__(self, mesh: Mesh) -> None:
+        self._mesh = mesh
+        self._of_rim = self.vertices_of(mesh)
+
+    @staticmethod
+    def vertices_of(mesh: Mesh) -> BoolArray:
+        """(n,) whether each vertex of a mesh is on its boundary."""
+        of_rim = np.zeros(mesh.n_vertices, dtype=bool)
+        of_rim[mesh.boundary_edges] = True
+        return of_rim
+
+    def holds(self, points: PrecisePoints) -> BoolArray:
+        """(m,) whether points of the surface lie on its boundary."""
+        on_edges: BoolArray = self._of_rim[points.corners] | (points.barycentric < ON_EDGE)
+        return np.asarray(on_edges.all(axis=1))
+
+    def nearest(self, positions: FloatArray) -> FloatArray:
+        """Nearest points (m, 3) of the boundary, on the edges at the nearest of its vertices."""
+        x, ends = self._mesh.vertices, self._mesh.boundary_edges
+        rim = np.flatnonzero(self._of_rim)
+        nearest = rim[cKDTree(x[rim]).query(positions)[1]]
+        points = np.array(x[nearest])
+        least = np.linalg.norm(points - positions, axis=1)
+        order = np.argsort(ends.ravel(), kind="stable")
+        first = np.searchsorted(ends.ravel()[order], nearest)
+        for at in (first, first + 1):  # a vertex of the boundary has two edges there, and rarely more
+            edge = ends[order[np.minimum(at, len(order) - 1)] // 2]
+            start, along = x[edge[:, 0]], x[edge[:, 1]] - x[edge[:, 0]]
+            share = np.einsum("ni,ni->n", positions - start, along) / np.maximum(
+                np.einsum("ni,ni->n", along, along), 1e-30
+            )
+            there = start + np.clip(share, 0.0, 1.0)[:, None] * along
+            apart = np.linalg.norm(there - positions, axis=1)
+            points[apart < least] = there[apart < least]
+            least = np.minimum(least, apart)
+        return points

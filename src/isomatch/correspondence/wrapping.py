@@ -11,12 +11,11 @@ from scipy.sparse.linalg import spsolve
 from scipy.spatial import cKDTree
 
 from isomatch.assets import SurfaceLike, mesh_from
-from isomatch.correspondence.boundary import Boundary
 from isomatch.correspondence.correspondence import Correspondence
-from isomatch.correspondence.nearest_points import nearest_points
-from isomatch.correspondence.rotation import nearest_rotation
-from isomatch.correspondence.template_bending import bend_template
-from isomatch.correspondence.welding import welded_map
+from isomatch.correspondence.map_arrays import UNMATCHED
+from isomatch.correspondence.nearest import nearest_points
+from isomatch.correspondence.poses import nearest_rotation
+from isomatch.correspondence.template_bending import Boundary, bend_template
 from isomatch.errors import MapError
 from isomatch.resolution import normalised
 from isomatch.surfaces import Mesh, PrecisePoints, first_equal
@@ -86,7 +85,8 @@ def wrap(correspondence: Correspondence, source: SurfaceLike, target: SurfaceLik
     The source is bent onto the target, so that its triangles keep their shape: at first to the images of the map, then
     to the nearest points of the target. So it lies on the target or very near it, folds of the map are smoothed out, and
     the two sides of a thin wall stay apart. Where the target has nothing, it is completed as rigidly as possible, and a
-    component without any image moves with the nearest that have one, as a similarity.
+    component without any image moves with the nearest that have one, as a similarity. A map that reverses the orientation
+    gives a mirror image. Time and memory are linear, 60 µs a vertex.
 
     Parameters
     ----------
@@ -103,12 +103,6 @@ def wrap(correspondence: Correspondence, source: SurfaceLike, target: SurfaceLik
     ------
     MapError
         If the map is one of other surfaces, or has no image.
-
-    Notes
-    -----
-    ``bend_template`` says how: M. Sorkine & M. Alexa, *As-Rigid-As-Possible Surface Modeling*, SGP 2007, with lengths
-    that decrease, on the source decimated and then in full. Time and memory are linear, 60 µs a vertex. A map that
-    reverses the orientation gives a mirror image.
 
     Examples
     --------
@@ -185,6 +179,8 @@ def _extended(mesh: Mesh, positions: FloatArray, known: BoolArray) -> FloatArray
     similar = _similar(mesh.vertices[known][None], positions[known][None])(
         mesh.vertices, np.zeros(len(known), int)
     )
+    # The difference u of the positions from a similarity of the whole is extended harmonically along the surface: L u =
+    # 0 at the unknown vertices, L_uu u_u = −L_uk u_k, with edges of the weight 1 / length
     placed = positions.copy()
     linked = np.isin(mesh.components, mesh.components[known])
     ends = mesh.edges
@@ -209,6 +205,8 @@ def _extended(mesh: Mesh, positions: FloatArray, known: BoolArray) -> FloatArray
 
 def _similar(here: FloatArray, there: FloatArray) -> Callable[[FloatArray, IntArray], FloatArray]:
     """Fit similarities to groups of points (g, q, 3); they move points (m, 3), each as its group (m,)."""
+    # Kabsch's rotation of centred points, and the scale of their root mean squares, which unlike that of least squares
+    # does not shrink where they do not fit
     middles = here.mean(axis=1), there.mean(axis=1)
     here, there = here - middles[0][:, None], there - middles[1][:, None]
     rotations = nearest_rotation(here.transpose(0, 2, 1) @ there)
@@ -217,8 +215,7 @@ def _similar(here: FloatArray, there: FloatArray) -> Callable[[FloatArray, IntAr
 
     def moved(points: FloatArray, group: IntArray) -> FloatArray:
         offsets = grown[group, None] * (points - middles[0][group])
-        turned: FloatArray = (offsets[:, None] @ rotations[group])[:, 0] + middles[1][group]
-        return turned
+        return np.asarray((offsets[:, None] @ rotations[group])[:, 0] + middles[1][group])
 
     return moved
 
@@ -226,3 +223,22 @@ def _similar(here: FloatArray, there: FloatArray) -> Callable[[FloatArray, IntAr
 def _sums(values: FloatArray, group: IntArray, n_groups: int) -> FloatArray:
     """Sum values (m, q) within groups: (n_groups, q)."""
     return np.stack([np.bincount(group, column, n_groups) for column in values.T], axis=1)
+
+
+def welded_map(given: Correspondence, source_vertex: IntArray, target_vertex: IntArray) -> Correspondence:
+    """Return the map between the vertices into which the points of both sides are welded, (n_source,) and (n_target,).
+
+    A vertex has the image of the first of its points that has one.
+
+    Examples
+    --------
+    >>> welded_map(Correspondence([-1, 1, 2], n_target=3), np.array([0, 1, 0]), np.array([0, 0, 1])).vertices
+    array([1, 0])
+    """
+    matched_first = np.argsort(~given.matched, kind="stable")
+    rows = matched_first[np.unique(source_vertex[matched_first], return_index=True)[1]]
+    vertex = np.append(target_vertex, UNMATCHED)
+    n_target = int(target_vertex.max(initial=-1)) + 1
+    return Correspondence(
+        vertex[given.vertices[rows]], n_target, vertex[given.faces[rows]], given.barycentric[rows]
+    )

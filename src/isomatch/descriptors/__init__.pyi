@@ -1,12 +1,12 @@
 from isomatch.descriptors.ball_signature import RADII, BallSignature, ball_signature, deviation_of
-from isomatch.descriptors.curvature import mean_curvature
 from isomatch.descriptors.gdd import GeodesicDistanceDescriptor, geodesic_distance_descriptor
 from isomatch.descriptors.spectral_signatures import (
     heat_kernel_signature,
+    mean_curvature,
+    standardised,
     wave_kernel_map,
     wave_kernel_signature,
 )
-from isomatch.descriptors.standardised import standardised
 
 __all__ = [
     "RADII",

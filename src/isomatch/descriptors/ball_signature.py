@@ -46,25 +46,16 @@ MOST_DIFFERENCE = 2.0  # standard deviations from which values differ as much as
 
 @dataclass(frozen=True, eq=False)
 class BallSignature:
-    """Moments of the geodesic balls around the points of a surface.
+    """Moments of the geodesic balls around n points of a surface, at r radii; lengths are in units of the ``unit`` given.
 
-    Parameters
-    ----------
-    radii : (r,) array of float
-        Radii of the balls, in units of the ``unit`` given.
-    values : (n, r, 4) array of float
-        For each ball the offset of its centroid from its centre along the normal, positive in hollows, and its three
-        extents, the greatest first: square roots of the eigenvalues of its covariance. All over the radius.
-    to_boundary : (n,) array of float
-        Distance of each point to the boundary, in the same units; inf where there is none.
-    finest : float
-        Radius, in the same units, below which a ball has too few vertices to tell anything.
+    ``values`` holds for each ball the offset of its centroid from its centre along the normal, positive in hollows, and
+    its three extents, the greatest first: square roots of the eigenvalues of its covariance. All over the radius.
     """
 
-    radii: FloatArray
-    values: FloatArray
-    to_boundary: FloatArray
-    finest: float = 0.0
+    radii: FloatArray  # (r,)
+    values: FloatArray  # (n, r, 4)
+    to_boundary: FloatArray  # (n,) inf where there is none
+    finest: float = 0.0  # radius below which a ball has too few vertices to tell anything
 
     @cached_property
     def known(self) -> BoolArray:
@@ -87,19 +78,9 @@ class BallSignature:
     def mismatch(self, other: BallSignature, deviation: FloatArray | None = None) -> FloatArray:
         """Compare with the signature of as many points: the mean difference (n,) of what is known of both.
 
-        Offsets count most, then the least extent: how the surface bulges, and how thick it is.
-
-        Parameters
-        ----------
-        other : BallSignature
-            Of the n points that may correspond to these, with the same radii.
-        deviation : (r, 4) array of float, optional
-            Unit of the differences, see `deviation_of`; by default that of these points and the others.
-
-        Returns
-        -------
-        (n,) array of float
-            In standard deviations, each counted up to 2; nan where nothing is known of both.
+        In standard deviations, each counted up to 2; nan where nothing is known of both. Offsets count most, then the
+        least extent: how the surface bulges, and how thick it is. ``deviation`` (r, 4) is the unit of the differences,
+        see `deviation_of`; by default that of these points and the others.
 
         Raises
         ------
@@ -160,10 +141,6 @@ def ball_signature(
     weld : bool
         Whether vertices of a mesh at exactly the same position are one point of the surface.
 
-    Returns
-    -------
-    BallSignature
-
     Raises
     ------
     DescriptorError
@@ -175,9 +152,7 @@ def ball_signature(
     Notes
     -----
     Moments of balls on surfaces are integral invariants, see Pottmann et al., *Integral invariants for robust geometry
-    processing*, CAGD 2009, there of balls in space. Of a smooth surface of mean curvature H the offset is −H r / 4 to
-    leading order, and two extents are ½. A vertex stands for a disk of its area. O(m b log b) time for balls of b
-    vertices.
+    processing*, CAGD 2009, there of balls in space. O(m b log b) time for balls of b vertices.
 
     Examples
     --------
@@ -188,8 +163,8 @@ def ball_signature(
     >>> x, y = (side.ravel() for side in np.meshgrid(np.arange(41.0), np.arange(41.0)))
     >>> corner = (np.arange(40) + 41 * np.arange(40)[:, None]).ravel()[:, None]
     >>> plane = Mesh(np.stack([x, y, 0 * x], 1), np.concatenate([corner + [0, 1, 42], corner + [0, 42, 41]]))
-    >>> found = ball_signature(plane, [0.2], samples=[20 * 41 + 20])
-    >>> found.values[20 * 41 + 20].round(2) + 0.0
+    >>> signature = ball_signature(plane, [0.2], samples=[20 * 41 + 20])
+    >>> signature.values[20 * 41 + 20].round(2) + 0.0
     array([[0. , 0.5, 0.5, 0. ]])
     """
     if isinstance(surface, Graph):
@@ -285,10 +260,11 @@ def _moments(
     offsets: FloatArray,
     covariances: FloatArray,
 ) -> None:
-    """Fill in the offsets (m, r) of centroids along the normal, and covariances (m, r, 3, 3); lengths over the radius.
-
-    A vertex stands for a disk of radius ``half_cells``; a ball has the share of it that the front has passed.
-    """
+    """Fill in the offsets (m, r) of centroids along the normal, and covariances (m, r, 3, 3); lengths over the radius."""
+    # A vertex stands for a disk of radius ``half_cells``; a ball has the share of it that the front has passed, so that
+    # the moments change continuously with the radius. Of a smooth surface of mean curvature H the height over the
+    # tangent plane is −½ (κ₁ x² + κ₂ y²), whose mean over a disk of radius r is −¼ r² · ½ (κ₁ + κ₂) = −H r² / 4: the
+    # offset is −H r / 4 to leading order. ∫ x² over the unit disk is ¼ of its area: two extents are ½.
     for i in range(len(centres)):
         centre = centres[i]
         for j in range(len(radii)):

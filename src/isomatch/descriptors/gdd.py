@@ -52,25 +52,11 @@ class GeodesicDistanceDescriptor:
 
 
 def geodesic_distance_descriptor(basis: DistanceBasis, k: int | None = None) -> GeodesicDistanceDescriptor:
-    """Compute the geodesic distance descriptor of every vertex.
-
-    Parameters
-    ----------
-    basis : DistanceBasis
-        Distance basis of n points.
-    k : int, optional
-        Use the first k basis vectors only.
-
-    Returns
-    -------
-    GeodesicDistanceDescriptor
-        (n, k) coordinates and their signature.
+    """Compute the geodesic distance descriptor of every vertex, from the first k vectors of its distance basis, or all.
 
     Notes
     -----
-    Shamai & Kimmel, *Geodesic Distance Descriptors*, CVPR 2017. The descriptors of two isometric shapes differ by a
-    unitary matrix only. Columns are not normalised: they decay, so that the leading ones have the largest weight.
-    O(n k).
+    Shamai & Kimmel, *Geodesic Distance Descriptors*, CVPR 2017. O(n k).
 
     Examples
     --------
@@ -80,5 +66,10 @@ def geodesic_distance_descriptor(basis: DistanceBasis, k: int | None = None) -> 
     >>> bool(abs(x.coordinates[0] @ x.inner()[1] - 2**0.5) < 1e-6)
     True
     """
+    # X = Q Λ^½ makes D ≈ Q Λ Qᵀ = X Xᵀ. If a permutation P takes the distances of a shape to those of another, D₂ = P
+    # D₁ Pᵀ, then X₂ X₂ᵀ = (P X₁) (P X₁)ᵀ, and X₂ = P X₁ C with C Cᵀ = I. As both Q are orthonormal eigenvectors, C is
+    # ±1 on the diagonal, or orthogonal among those of one eigenvalue; real and imaginary columns, of eigenvalues of
+    # other sign, never mix (`signed_procrustes`). So the map is found as min ‖P X₁ C − X₂‖ over P and C in turn.
+    # Columns are not normalised: they decay, so that the leading ones have the largest weight.
     values = basis.values[:k]
     return GeodesicDistanceDescriptor(basis.vectors[:, :k] * np.sqrt(np.abs(values)), np.sign(values))

@@ -1,12 +1,16 @@
-"""Wave and heat kernel signatures: intrinsic descriptors of the vertices from the Laplace–Beltrami basis."""
+"""Descriptors from the Laplace–Beltrami basis: wave and heat kernel signatures, and mean curvature."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from isomatch.bases import LaplaceBasis
+from isomatch.mending import without_seams
 from isomatch.runtime.threads import row_product
+from isomatch.surfaces import Mesh
 from isomatch.values.arrays import FloatArray
+
+CLIPPED = 0.02  # share of the values clipped at either end; curvature at sharp tips is noisy and large
 
 
 def wave_kernel_signature(
@@ -49,40 +53,27 @@ def wave_kernel_signature(
     (True, False)
     """
     filters = _wave_filters(basis.values[1:k], n_energies, bandwidth)
-    signature: FloatArray = row_product(np.square(basis.vectors[:, 1:k]), filters)  # (n, k) (k, e) -> (n, e)
-    return signature
+    return row_product(np.square(basis.vectors[:, 1:k]), filters)  # (n, k) (k, e) -> (n, e)
 
 
 def wave_kernel_map(
     basis: LaplaceBasis, vertex: int, n_energies: int = 100, bandwidth: float = 7.0, k: int | None = None
 ) -> FloatArray:
-    """Wave kernel between one vertex, such as a landmark, and all vertices.
+    """Wave kernel between one vertex, such as a landmark, and all vertices, (n, n_energies).
 
-    Parameters
-    ----------
-    basis, n_energies, bandwidth, k
-        As for `wave_kernel_signature`.
-    vertex : int
-        The vertex.
-
-    Returns
-    -------
-    (n, n_energies) array of float
-        Σ g_e(λ_i) φ_i(x) φ_i(y), with g_e the filter of energy e; its value at the vertex itself is the wave kernel
-        signature there.
-
-    Notes
-    -----
-    Ovsjanikov et al., *Functional Maps*, SIGGRAPH 2012, after the heat kernel map of Ovsjanikov, Mérigot,
-    Mémoli & Guibas, *One Point Isometric Matching with the Heat Kernel*, SGP 2010. O(n k n_energies).
+    The rest as for `wave_kernel_signature`. Ovsjanikov et al., *Functional Maps*, SIGGRAPH 2012, after the heat kernel
+    map of Ovsjanikov, Mérigot, Mémoli & Guibas, *One Point Isometric Matching with the Heat Kernel*, SGP 2010.
     """
+    # Σ_i g_e(λ_i) φ_i(x) φ_i(y)
     filters = _wave_filters(basis.values[1:k], n_energies, bandwidth)
-    kernel: FloatArray = basis.vectors[:, 1:k] @ (basis.vectors[vertex, 1:k, None] * filters)
-    return kernel
+    return np.asarray(basis.vectors[:, 1:k] @ (basis.vectors[vertex, 1:k, None] * filters))
 
 
 def _wave_filters(values: FloatArray, n_energies: int, bandwidth: float) -> FloatArray:
     """Compute normal distributions over the logarithms of positive eigenvalues, (k, n_energies); columns sum to 1."""
+    # Aubry et al. 2011, equation 5: a particle whose energy is known to be about e, as a normal distribution of log λ,
+    # is at x with the probability density Σ_i g_e(λ_i) φ_i(x)², averaged over all time, as the phases of different
+    # eigenvalues cancel; Σ_i g_e(λ_i) = 1. The logarithm, for perturbations of a shape change eigenvalues by factors.
     logs = np.log(np.maximum(values, values[-1] * 1e-12))
     energies = np.linspace(logs[0], logs[-1], n_energies)
     sigma = bandwidth * (energies[1] - energies[0]) if n_energies > 1 else 1.0
@@ -123,8 +114,62 @@ def heat_kernel_signature(basis: LaplaceBasis, n_times: int = 100, k: int | None
     array([1., 1., 1.])
     """
     values, squares = basis.values[:k], basis.vectors[:, :k] ** 2
+    # the heat kernel k_t(x, x) = Σ_i exp(−λ_i t) φ_i(x)²: at these times exp(−λ t) is 10⁻⁴ for the last and for the
+    # second eigenvalue. Divided by its integral, the heat trace Σ_i exp(−λ_i t), each scale counts alike
     scale = 4 * np.log(10)
     times = np.geomspace(scale / values[-1], scale / values[1], n_times)
     decay = np.exp(-values[:, None] * times)  # (k, t)
-    signature: FloatArray = squares @ (decay / decay.sum(axis=0))
-    return signature
+    return np.asarray(squares @ (decay / decay.sum(axis=0)))
+
+
+def mean_curvature(mesh: Mesh, laplace: LaplaceBasis, k: int, *, weld: bool = True) -> FloatArray:
+    """Signed mean curvature (n,) of a mesh smoothed to its first k Laplace eigenfunctions, in 1 / mesh units.
+
+    It is positive where the surface bulges to the side to which its faces look: on outward bumps of a closed mesh that is
+    wound outward. Unlike the other descriptors it is extrinsic: it depends on the pose, but not on rigid motion. It is
+    clipped to the 2 % and 98 % quantiles.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        A mesh of n vertices.
+    laplace : LaplaceBasis
+        Its eigenfunctions Φ and eigenvalues Λ.
+    k : int
+        Number of eigenfunctions used; fewer give a smoother surface.
+    weld : bool
+        Whether vertices at exactly the same position are one point of the surface, as they were for ``laplace``.
+    """
+    # The mean curvature normal is −Δ V = 2 H N for the coordinates V of a surface (Meyer et al., *Discrete
+    # Differential-Geometry Operators for Triangulated 2-Manifolds*, 2003). With V_k = Φ_k Φ_kᵀA V the low-passed
+    # coordinates (Vallet & Lévy, *Spectral Geometry Processing with Manifold Harmonics*, 2008), −Δ V_k = Φ_k Λ_k Φ_kᵀA
+    # V, and with the normals N_k of the smooth surface H = ½ ⟨−Δ V_k, N_k⟩; a sphere of radius r has H = 1 / r.
+    coefficients = laplace.coefficients(mesh.vertices, k)
+    basis = laplace.vectors[:, :k]
+    smooth = row_product(basis, coefficients)
+    mesh, seams = without_seams(mesh, weld)
+    if seams:
+        normals = mesh.moved(smooth[seams.vertex_index]).vertex_normals[seams.new_index]
+    else:
+        normals = mesh.moved(smooth).vertex_normals
+    bending = row_product(basis, laplace.values[:k, None] * coefficients)  # −Δ of the coordinates
+    curvature = 0.5 * np.einsum("ij,ij->i", bending, normals)
+    low, high = np.quantile(curvature, [CLIPPED, 1 - CLIPPED])
+    return np.asarray(np.clip(curvature, low, high), dtype=np.float64)
+
+
+def standardised(values: FloatArray, weights: FloatArray) -> FloatArray:
+    """Shift and scale functions (n, q) to mean 0 and variance 1 in the weights (n,): (f − f̄) / σ with f̄ = Σ w f / Σ w.
+
+    A function that is constant up to rounding, 1e-12 of the largest value of all, becomes 0.
+
+    Examples
+    --------
+    >>> standardised(np.array([[1.0, 5.0], [3.0, 5.0]]), np.ones(2))
+    array([[-1.,  0.],
+           [ 1.,  0.]])
+    """
+    centred = values - np.average(values, axis=0, weights=weights)
+    deviation = np.sqrt(np.average(centred**2, axis=0, weights=weights))
+    scale = np.where(deviation > 1e-12 * np.abs(values).max(initial=0.0), deviation, np.inf)
+    return np.asarray(centred / scale, dtype=np.float64)

@@ -1,5 +1,4 @@
-from isomatch.geodesics.balls import geodesic_balls
-from isomatch.geodesics.component_engine import ComponentEngine
+from isomatch.geodesics.component_engines import ComponentEngine
 from isomatch.geodesics.dijkstra import distance_along_edges_to_nearest
 from isomatch.geodesics.engines import (
     ENGINES,
@@ -9,22 +8,24 @@ from isomatch.geodesics.engines import (
     geodesic_distances,
     metric_space,
 )
-from isomatch.geodesics.front import Balls
-from isomatch.geodesics.given import GivenFunction, GivenMatrix
+from isomatch.geodesics.given import RestrictedEngine
 from isomatch.geodesics.intervals import MissingRegion
-from isomatch.geodesics.pairs import pair_distances
-from isomatch.geodesics.path_files import PATH_SUFFIXES, write_paths
-from isomatch.geodesics.paths import GeodesicPath, geodesic_path, geodesic_paths
+from isomatch.geodesics.paths import PATH_SUFFIXES, GeodesicPath, geodesic_path, geodesic_paths, write_paths
 from isomatch.geodesics.points import points_of
-from isomatch.geodesics.protocol import ColumnEngine, DistanceEngine
-from isomatch.geodesics.restricted import RestrictedEngine
+from isomatch.geodesics.protocol import (
+    Balls,
+    ColumnEngine,
+    DistanceEngine,
+    geodesic_balls,
+    ordinary_unit,
+    pair_distances,
+)
 from isomatch.geodesics.sampling import (
     Sampling,
     euclidean_farthest_points,
     farthest_point_sampling,
     peripheral_vertex,
 )
-from isomatch.geodesics.units import ordinary_unit
 
 __all__ = [
     "ENGINES",
@@ -34,8 +35,6 @@ __all__ = [
     "ComponentEngine",
     "DistanceEngine",
     "GeodesicPath",
-    "GivenFunction",
-    "GivenMatrix",
     "MetricSpace",
     "MissingRegion",
     "RestrictedEngine",

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import scipy
 
-from isomatch.geodesics.protocol import ColumnEngine
-from isomatch.geodesics.units import require_finite
+from isomatch.geodesics.protocol import ColumnEngine, require_finite
 from isomatch.mending import without_seams
 from isomatch.runtime.threads import parallel_map
 from isomatch.surfaces import Graph, Mesh, PointCloud, Surface
@@ -16,20 +15,12 @@ BLOCK = 8  # sources that a thread takes at once
 
 
 class Dijkstra(ColumnEngine):
-    """Lengths of shortest paths along edges.
+    """Lengths of shortest paths along edges."""
 
-    Parameters
-    ----------
-    surface : Mesh, PointCloud or Graph
-        A shape of n points joined by edges that have lengths.
-
-    Notes
-    -----
-    Dijkstra, *A note on two problems in connexion with graphs*, 1959, as implemented in scipy. O(e + n log n) time per
-    column for e edges, on all threads. On a graph this is the exact distance. On a mesh or a point cloud paths zigzag, so
-    distances are too long however fine the sampling: by about 5 to 8 % on a mesh; for point clouds see `PointCloud`.
-    """
-
+    # Dijkstra, *A note on two problems in connexion with graphs*, 1959, as implemented in scipy. O(e + n log n) time
+    # per column for e edges, on all threads. On a graph this is the exact distance. On a mesh or a point cloud paths
+    # zigzag, so distances are too long however fine the sampling: by about 5 to 8 % on a mesh; for point clouds see
+    # `PointCloud`.
     name = "dijkstra"
 
     def __init__(self, surface: Mesh | PointCloud | Graph) -> None:
@@ -60,27 +51,10 @@ class Dijkstra(ColumnEngine):
 def distance_along_edges_to_nearest(
     surface: Surface, vertices: IntArray, *, weld: bool = False
 ) -> tuple[FloatArray, IntArray]:
-    """Compute the distance along edges from each vertex to the nearest of some vertices, and which one that is.
+    """Compute the distance along edges from each vertex to the nearest of m others, at least one, and which one that is.
 
-    Parameters
-    ----------
-    surface : Mesh, PointCloud or Graph
-        A shape of n points joined by edges that have lengths.
-    vertices : (m,) array of int
-        The vertices to measure from, at least one.
-    weld : bool
-        Whether vertices of a mesh at exactly the same position are one point of the surface.
-
-    Returns
-    -------
-    distance : (n,) array of float
-        Length of the shortest path, in the units of the surface; ``inf`` where no path leads.
-    nearest : (n,) array of int
-        The vertex at the other end of that path; negative where there is none.
-
-    Notes
-    -----
-    One run of Dijkstra's algorithm from all vertices at once: O(e + n log n) for e edges.
+    Both (n,), in the units of the surface; ``inf`` and negative where no path leads. With ``weld``, vertices of a mesh at
+    exactly the same position are one point. One run of Dijkstra's algorithm from all vertices at once.
 
     Examples
     --------

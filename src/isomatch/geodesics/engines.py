@@ -9,17 +9,12 @@ from numpy.typing import ArrayLike
 
 from isomatch.assets import SurfaceLike, surface_from
 from isomatch.errors import MeshError, SettingError
+from isomatch.geodesics.component_engines import Exact, Heat
 from isomatch.geodesics.dijkstra import Dijkstra
-from isomatch.geodesics.exact import Exact
 from isomatch.geodesics.fast_marching import FastMarching
-from isomatch.geodesics.given import DistanceFunction, GivenFunction, GivenMatrix
-from isomatch.geodesics.heat import Heat
-from isomatch.geodesics.in_faces import PointsInFaces
-from isomatch.geodesics.inserted import inserted
-from isomatch.geodesics.pairs import pair_distances
-from isomatch.geodesics.points import joined, points_of, vertices_of
-from isomatch.geodesics.protocol import DistanceEngine
-from isomatch.geodesics.welded import WeldedEngine
+from isomatch.geodesics.given import DistanceFunction, GivenFunction, GivenMatrix, WeldedEngine
+from isomatch.geodesics.points import PointsInFaces, inserted, joined, points_of, vertices_of
+from isomatch.geodesics.protocol import DistanceEngine, pair_distances
 from isomatch.mending import without_seams
 from isomatch.surfaces import Graph, Mesh, PointCloud, PrecisePoints
 from isomatch.values.arrays import AnyArray, FloatArray
@@ -39,17 +34,7 @@ MetricSpace: TypeAlias = Mesh | PointCloud | Graph | AnyArray | DistanceFunction
 
 
 def engine_names(kind: type | None = None) -> tuple[str, ...]:
-    """Names that `distance_engine` accepts.
-
-    Parameters
-    ----------
-    kind : type, optional
-        Class of a surface; by default all of them.
-
-    Returns
-    -------
-    tuple of str
-        The default of that kind first.
+    """Names that `distance_engine` accepts for a class of surfaces, by default all; the default engine comes first.
 
     Examples
     --------
@@ -103,11 +88,6 @@ def distance_engine(
         If the surface, or the given distances, do not fit the engine; or if further points are not of the surface.
     MissingDependencyError
         If the engine needs an extra that is not installed.
-
-    Notes
-    -----
-    Setting up takes O(n log n) time for fast marching and Dijkstra, a factorisation of the Laplacian for the heat method,
-    and O(n²) for a matrix, whose entries are checked. Later calls of the engine share it.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Distances given by the user: a matrix, or a function that returns columns."""
+"""Engines of distances that come from elsewhere: given by the user, or those of a larger or a welded space."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch.errors import MeshError, some
-from isomatch.geodesics.protocol import ColumnEngine
+from isomatch.errors import MeshError, SettingError, some
+from isomatch.geodesics.protocol import Balls, ColumnEngine, DistanceEngine, geodesic_balls, pair_distances
 from isomatch.values.arrays import AnyArray, FloatArray, IntArray
 
 DistanceFunction = Callable[[IntArray], ArrayLike]
@@ -20,24 +20,10 @@ ROWS = 256  # rows of a matrix that are checked at once
 
 
 class GivenMatrix(ColumnEngine):
-    """An n × n matrix of distances.
+    """An n × n matrix of distances, finite or ``inf``; it is not copied, so it may be a memory map."""
 
-    Parameters
-    ----------
-    matrix : (n, n) array
-        Distances, finite or ``inf``. It is not copied, so it may be a memory map. d_ij and d_ji may differ by 1 % of the
-        largest distance, as they do when computed approximately; their mean is used.
-
-    Raises
-    ------
-    MeshError
-        If the matrix is not square, real and symmetric with a diagonal of 0, or has entries that are negative or NaN.
-
-    Notes
-    -----
-    Reading and checking take O(n²) time once, but no memory of that order. O(n) time per column.
-    """
-
+    # d_ij and d_ji may differ by 1 % of the largest distance, as they do when computed approximately; their mean is used.
+    # Reading and checking take O(n²) time once, but no memory of that order. O(n) time per column.
     name = "matrix"
 
     def __init__(self, matrix: AnyArray) -> None:
@@ -72,21 +58,7 @@ class GivenMatrix(ColumnEngine):
 
 
 class GivenFunction(ColumnEngine):
-    """A function from sources (m,) to distance columns (m, n).
-
-    Parameters
-    ----------
-    function : callable
-        Takes an (m,) array of int and returns (m, n) distances, finite or ``inf``. Every result is checked.
-    n_points : int, optional
-        Number of points n; by default the function is called with one source to learn it.
-
-    Raises
-    ------
-    MeshError
-        If the function returns the wrong shape, a distance that is negative or NaN, or a distance other than 0 from
-        a source to itself.
-    """
+    """A function from sources (m,) to distance columns (m, n), finite or ``inf``; every result is checked."""
 
     name = "function"
 
@@ -134,3 +106,90 @@ def _require_all(good: AnyArray, first: int, complaint: str) -> None:
     bad = first + np.flatnonzero(~good.all(axis=1))
     if len(bad):
         raise MeshError(f"{complaint} at points {some(bad)}; give distances of a metric")
+
+
+class RestrictedEngine(ColumnEngine):
+    """Distances among some points of a space, divided by a unit of length; paths may leave these points.
+
+    Point i of this engine is point ``vertices[i]`` of the whole space.
+
+    Raises
+    ------
+    MeshError
+        If ``vertices`` is not a list of points of the whole space.
+    SettingError
+        If ``unit`` is not a positive number.
+
+    Examples
+    --------
+    >>> from isomatch.geodesics import distance_engine
+    >>> line = np.abs(np.subtract.outer(np.arange(9.0), np.arange(9.0)))
+    >>> RestrictedEngine(distance_engine(line), [0, 4, 8], unit=4.0).distances_from([1])
+    array([[1., 0., 1.]])
+    """
+
+    def __init__(self, engine: DistanceEngine, vertices: ArrayLike, unit: float = 1.0) -> None:
+        kept = np.asarray(vertices)
+        if kept.ndim != 1 or (kept.size and kept.dtype.kind not in "iu"):
+            raise MeshError(
+                f"vertices of shape {kept.shape} and type {kept.dtype} are not a list of points, expected (n,) integers"
+            )
+        bad = kept[(kept < 0) | (kept >= engine.n_points)]
+        if len(bad):
+            raise MeshError(
+                f"vertices {some(bad)} are outside 0…{engine.n_points - 1}, the points of the engine"
+            )
+        if not 0.0 < unit < np.inf:
+            raise SettingError(f"unit = {unit} is not a positive length")
+        self.name, self.n_points = engine.name, len(kept)
+        self._engine, self._vertices, self._unit = engine, kept.astype(np.int64), float(unit)
+
+    def lower(self, nearest: FloatArray, source: int) -> FloatArray | None:
+        """Lower ``nearest`` (n,) in place to the distance from one more source, where it is nearer."""
+        self._require_in_range(np.array([source]))
+        whole = np.full(self._engine.n_points, np.inf)  # no bound elsewhere: a front may pass there
+        whole[self._vertices] = nearest * self._unit
+        column = self._engine.lower(whole, int(self._vertices[source]))
+        np.minimum(nearest, whole[self._vertices] / self._unit, out=nearest)
+        return None if column is None else column[self._vertices] / self._unit
+
+    def _columns(self, sources: IntArray) -> FloatArray:
+        return self._engine.distances_from(self._vertices[sources])[:, self._vertices] / self._unit
+
+
+class WeldedEngine(RestrictedEngine):
+    """Distances of vertices, each at a point of a welded space; those on both sides of a seam are at the same point."""
+
+    def __init__(self, engine: DistanceEngine, point: IntArray, notes: tuple[str, ...] = ()) -> None:
+        super().__init__(engine, point)
+        self.notes = notes
+
+    def lower(self, nearest: FloatArray, source: int) -> FloatArray | None:
+        """Lower ``nearest`` (n,) in place to the distance from one more source, where it is nearer."""
+        self._require_in_range(np.array([source]))
+        bound = np.zeros(self._engine.n_points)
+        np.maximum.at(bound, self._vertices, nearest)
+        column = self._engine.lower(bound, int(self._vertices[source]))
+        np.minimum(nearest, bound[self._vertices], out=nearest)
+        return None if column is None else column[self._vertices]
+
+    def pair_distances(self, pairs: IntArray) -> FloatArray:
+        """Distances (m,) of m pairs of vertices."""
+        self._require_in_range(pairs.ravel())
+        return pair_distances(self._engine, self._vertices[pairs])
+
+    def balls(self, centres: IntArray, radius: float) -> Balls:
+        """Vertices within a radius of m centres."""
+        self._require_in_range(centres)
+        balls = geodesic_balls(self._engine, self._vertices[centres], radius)
+        order = np.argsort(self._vertices, kind="stable")  # vertices, those of a point together
+        ends = np.searchsorted(self._vertices[order], np.arange(self._engine.n_points + 1))
+        parts = []
+        for low, high in zip(balls.start, balls.start[1:]):
+            points, apart = balls.points[low:high], balls.distances[low:high]
+            copies = [order[ends[p] : ends[p + 1]] for p in points]
+            vertices = np.concatenate([self._vertices[:0], *copies])
+            distances = np.repeat(apart, [len(each) for each in copies])
+            inside = np.argsort(vertices)
+            parts.append((vertices[inside], distances[inside]))
+        return Balls.of(parts)

@@ -17,16 +17,9 @@ from isomatch.values.arrays import FloatArray, IntArray
 class MissingRegion:
     """The missing region beyond the boundary of a surface: distances to it, and how short paths through it may be.
 
-    Parameters
-    ----------
-    posts : (q,) array of int
-        Boundary vertices, evenly spread; none on a closed surface.
-    columns : (q, n) array of float
-        Distances from them along the surface.
-    between : (q, q) array of float
-        Straight distances between them: no path through what is missing is shorter.
-    gap : float
-        How far a boundary vertex may be from the nearest post.
+    ``posts`` (q,) are boundary vertices, evenly spread, none on a closed surface; ``columns`` (q, n) distances from them
+    along the surface, ``between`` (q, q) straight distances between them, and ``gap`` how far a boundary vertex may be
+    from the nearest post.
     """
 
     posts: IntArray
@@ -51,37 +44,21 @@ class MissingRegion:
     @property
     def to_boundary(self) -> FloatArray:
         """(n,) distance of each vertex to the boundary; inf on a closed surface."""
-        nearest: FloatArray = self.columns.min(axis=0, initial=np.inf)
-        return nearest
+        return np.asarray(self.columns.min(axis=0, initial=np.inf))
 
     def lower_bound(self, sources: IntArray, others: IntArray, along: FloatArray) -> FloatArray:
-        """Bound the distances on the whole surface from below.
-
-        Parameters
-        ----------
-        sources, others : (m,) and (r,) arrays of int
-            Vertices.
-        along : (m, r) array of float
-            Distances between them along the surface, which bound those on the whole surface from above.
-
-        Returns
-        -------
-        (m, r) array of float
-            min(d(x, y), min over boundary points b, c of d(x, b) + ‖b − c‖ + d(c, y)): a path that leaves the surface
-            is no shorter.
-
-        Notes
-        -----
-        The criterion of Bracha, Dagès & Kimmel, *Wormhole Loss for Partial Shape Matching*, NeurIPS 2024, used as a
-        bound. O(m q (q + r)).
-        """
+        """Lower bounds (m, r) of distances on the whole surface between vertices, given those along the part."""
         if not len(self.posts):
             return along
+        # The criterion of Bracha, Dagès & Kimmel, *Wormhole Loss for Partial Shape Matching*, NeurIPS 2024, used as a
+        # bound. A path on the whole surface either stays on the part, and is no shorter than along it, or leaves it for
+        # good at a point b of the boundary and comes back at c. What is between b and c lies in space, so that
+        #   d(x, y) ≥ min(d_part(x, y), min over b, c of d_part(x, b) + ‖b − c‖ + d_part(c, y)),
+        # where b is the first point left and c the last. Two minima, over b and then over c, cost O(m q (q + r)).
         reached = (self.columns[:, sources].T[:, :, None] + self.between).min(axis=1)  # (m, q)
         onward = self.columns[:, others]  # (q, r)
         through = np.empty_like(along)
         for row, to_posts in zip(through, reached):
             row[:] = (to_posts[:, None] + onward).min(axis=0)
         # a path may leave between two posts, for which the gap allows
-        bound: FloatArray = np.minimum(along, np.maximum(through - self.gap, 0.0))
-        return bound
+        return np.asarray(np.minimum(along, np.maximum(through - self.gap, 0.0)))

@@ -1,29 +1,31 @@
-"""Shortest paths on a mesh: exact, straight across its triangles."""
+"""Shortest paths on a mesh, exact and straight across its triangles, and their files."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from isomatch.assets import SurfaceLike, mesh_from
-from isomatch.errors import MeshError
+from isomatch.errors import FormatError, MeshError
 from isomatch.geodesics.dijkstra import Dijkstra
-from isomatch.geodesics.inserted import Inserted, inserted
-from isomatch.geodesics.points import joined, points_of
-from isomatch.geodesics.units import ordinary_unit, require_finite
+from isomatch.geodesics.points import Inserted, inserted, joined, points_of
+from isomatch.geodesics.protocol import ordinary_unit, require_finite
 from isomatch.geodesics.windows import UnfoldedFaces, Windows, windows_from
 from isomatch.mending import Repair, repair
+from isomatch.storage.files import write_text
 from isomatch.surfaces import Mesh, PrecisePoints
-from isomatch.values.arrays import FloatArray, IntArray
+from isomatch.values.arrays import AnyArray, FloatArray, IntArray
 from isomatch.values.cached import cached_property
 
 ROUNDING = 1e-9  # of a length
 SHORTEST = 1e-12  # of a path; shorter segments are of rounding, where it passes through a vertex
+PATH_SUFFIXES = (".obj", ".vtp")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -116,23 +118,9 @@ def geodesic_paths(
     *,
     weld: bool = True,
 ) -> Iterator[GeodesicPath]:
-    """Find the shortest path from each source to the target of the same number.
+    """Find the shortest path from each source to the target of the same number; the mesh is made ready once for all.
 
-    Parameters
-    ----------
-    surface, weld
-        As for `geodesic_path`.
-    sources, targets : (m,) array_like of int, or PrecisePoints
-
-    Yields
-    ------
-    GeodesicPath
-        The mesh is made ready once for all of them.
-
-    Raises
-    ------
-    MeshError
-        As for `geodesic_path`.
+    ``sources`` and ``targets`` are m vertices or PrecisePoints each; the rest, and the errors, as for `geodesic_path`.
     """
     mesh = mesh_from(surface)
     first, second = points_of(sources, mesh.n_vertices), points_of(targets, mesh.n_vertices)
@@ -220,6 +208,10 @@ class _Ways:
     def _stops(self, windows: Windows, source: int, target: int) -> list[_Stop]:
         """List the points of the path, from the target back; each knows the face of the segment after it."""
         faces, unfolded = self.mesh.faces, self.unfolded
+        # A vertex is reached along an edge, or through the face of a window from its root. The latter segment is
+        # straight in the unfolded row of faces: from c = (x, y) to the root p it crosses the side at px − (x − px) py /
+        # (y − py), as in `windows._propagate`. That point, in the frame of the side of the window before, is the next
+        # (x, y), and so on to the first window, whose side is opposite to the root.
         stops = [_Stop(target, target, 0.0, -1)]
         vertex = target
         while vertex != source:
@@ -256,8 +248,7 @@ class _Ways:
 
     def _place(self, stop: _Stop) -> FloatArray:
         points = self.mesh.vertices
-        place: FloatArray = (1 - stop.share) * points[stop.start] + stop.share * points[stop.end]
-        return place
+        return np.asarray((1 - stop.share) * points[stop.start] + stop.share * points[stop.end])
 
     def _in_face(self, stop: _Stop, face: int) -> tuple[IntArray, FloatArray]:
         """Corners, of the user, and weights of a point in a face of the mended mesh."""
@@ -266,3 +257,85 @@ class _Ways:
             for corner, weight in zip(*(part[vertex] for part in self.divided.places)):
                 weights[corners == corner] += share * weight
         return self.original.faces[self.mended.face_index[face]], weights
+
+
+def write_paths(file: str | Path, paths: Sequence[GeodesicPath]) -> None:
+    """Write paths as polylines: ``.obj``, a line for each, or ``.vtp``, also with the points in faces and the lengths.
+
+    Raises
+    ------
+    FormatError
+        If the suffix is another.
+    UnwritableFileError
+        If the file cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from isomatch import Mesh, geodesic_path
+    >>> square = Mesh([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_paths(f"{folder}/path.obj", [geodesic_path(square, 0, 1)])
+    ...     print(Path(folder, "path.obj").read_text())
+    v 0.0 0.0 0.0
+    v 1.0 0.0 0.0
+    l 1 2
+    <BLANKLINE>
+    """
+    file = Path(file)
+    if file.suffix.lower() not in PATH_SUFFIXES:
+        raise FormatError(
+            f"{file}: suffix {file.suffix!r} cannot hold paths; use {' or '.join(PATH_SUFFIXES)}"
+        )
+    write_text(file, (_obj if file.suffix.lower() == ".obj" else _vtp)(paths))
+
+
+def _obj(paths: Sequence[GeodesicPath]) -> str:
+    lines, first = [], 1
+    for path in paths:
+        lines += [f"v {x!r} {y!r} {z!r}" for x, y, z in path.positions.tolist()]
+        lines.append("l " + " ".join(map(str, range(first, first + len(path.positions)))))
+        first += len(path.positions)
+    return "\n".join([*lines, ""])
+
+
+def _vtp(paths: Sequence[GeodesicPath]) -> str:
+    ends = np.cumsum([len(path.positions) for path in paths])
+    n = int(ends[-1]) if len(paths) else 0
+
+    def together(parts: Iterable[AnyArray], width: int) -> AnyArray:
+        return np.concatenate([np.zeros((0, width)), *parts])
+
+    corners = together((path.points.corners for path in paths), 3).astype(np.int64)
+    weights = together((path.points.barycentric for path in paths), 3)
+    arrays = (
+        ("PointData", [_array("corners", corners), _array("barycentric", weights)]),
+        ("CellData", [_array("length", np.array([path.length for path in paths], dtype=np.float64))]),
+        ("Points", [_array("points", together((path.positions for path in paths), 3))]),
+        (
+            "Lines",
+            [_array("connectivity", np.arange(n)), _array("offsets", np.asarray(ends, dtype=np.int64))],
+        ),
+    )
+    parts = [line for tag, inside in arrays for line in (f"<{tag}>", *inside, f"</{tag}>")]
+    return "\n".join(
+        [
+            '<?xml version="1.0"?>',
+            '<VTKFile type="PolyData" version="1.0" byte_order="LittleEndian" header_type="UInt64">',
+            "<PolyData>",
+            f'<Piece NumberOfPoints="{n}" NumberOfVerts="0" NumberOfLines="{len(paths)}" NumberOfStrips="0" '
+            'NumberOfPolys="0">',
+            *parts,
+            "</Piece>",
+            "</PolyData>",
+            "</VTKFile>",
+            "",
+        ]
+    )
+
+
+def _array(name: str, values: AnyArray) -> str:
+    kind = "Float64" if values.dtype.kind == "f" else "Int64"
+    width = f' NumberOfComponents="{values.shape[1]}"' if values.ndim == 2 else ""
+    words = " ".join(map(repr, values.ravel().tolist()))
+    return f'<DataArray type="{kind}" Name="{name}"{width} format="ascii">{words}</DataArray>'

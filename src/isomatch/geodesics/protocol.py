@@ -1,16 +1,20 @@
-"""The interface of distance engines, and the base class of those in this package."""
+"""What is asked of a distance engine: columns, pairs and balls; the base class of the engines of this package."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Protocol, runtime_checkable
+from collections.abc import Sequence
+from typing import NamedTuple, Protocol, Self, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from isomatch.errors import MeshError, some
 from isomatch.runtime.memory import require_memory
+from isomatch.surfaces import Mesh, PointCloud
 from isomatch.values.arrays import FloatArray, IntArray
+
+BLOCK = 64  # columns held at a time, where pairs or balls are asked of an engine that has only columns
 
 
 @runtime_checkable
@@ -73,3 +77,111 @@ class ColumnEngine(ABC):
     @abstractmethod
     def _columns(self, sources: IntArray) -> FloatArray:
         """(m, n) distances from sources that are in range."""
+
+
+def pair_distances(engine: DistanceEngine, pairs: ArrayLike) -> FloatArray:
+    """Compute the distances (m,) of (m, 2) pairs of points, source and target; ``inf`` where no path leads.
+
+    Raises
+    ------
+    MeshError
+        If ``pairs`` has another shape or type, or names a point that does not exist.
+
+    Notes
+    -----
+    One column per distinct source, 64 at a time: of the two ends, put the one with fewer distinct points first. An
+    engine that has a method ``pair_distances``, as fast marching does, is asked directly: its fronts end early.
+
+    Examples
+    --------
+    >>> from isomatch.geodesics import distance_engine
+    >>> line = np.abs(np.subtract.outer(np.arange(4.0), np.arange(4.0)))
+    >>> pair_distances(distance_engine(line), [[0, 3], [2, 1]])
+    array([3., 1.])
+    """
+    wanted = np.asarray(pairs)
+    if wanted.ndim != 2 or wanted.shape[1] != 2 or wanted.dtype.kind not in "iu":
+        raise MeshError(
+            f"pairs have shape {wanted.shape} and type {wanted.dtype}, expected (m, 2) integers: two vertices each"
+        )
+    bad = wanted[((wanted < 0) | (wanted >= engine.n_points)).any(axis=1)].ravel()
+    if len(bad):
+        raise MeshError(
+            f"pairs of vertices {some(bad)} leave 0…{engine.n_points - 1}, the vertices of the surface"
+        )
+    if hasattr(engine, "pair_distances"):
+        return np.asarray(engine.pair_distances(wanted))
+    sources, of_pair = np.unique(wanted[:, 0], return_inverse=True)
+    order = np.argsort(of_pair, kind="stable")
+    distances = np.zeros(len(wanted))
+    for first in range(0, len(sources), BLOCK):
+        columns = engine.distances_from(sources[first : first + BLOCK])
+        low, high = np.searchsorted(of_pair[order], [first, first + BLOCK])
+        rows = order[low:high]
+        distances[rows] = columns[of_pair[rows] - first, wanted[rows, 1]]
+    return distances
+
+
+class Balls(NamedTuple):
+    """The points within a radius of m centres: those of centre i are in ``start[i]:start[i + 1]``."""
+
+    start: IntArray  # (m + 1,)
+    points: IntArray  # (b,)
+    distances: FloatArray  # (b,) from the centre
+
+    @classmethod
+    def of(cls, parts: Sequence[tuple[IntArray, FloatArray]]) -> Self:
+        """Join the points and distances of single balls."""
+        start = np.zeros(len(parts) + 1, dtype=np.int64)
+        np.cumsum([len(points) for points, _ in parts], out=start[1:])
+        points = np.concatenate([np.zeros(0, np.int64), *(points for points, _ in parts)])
+        return cls(start, points, np.concatenate([np.zeros(0), *(distances for _, distances in parts)]))
+
+
+def geodesic_balls(engine: DistanceEngine, centres: ArrayLike, radius: float) -> Balls:
+    """Find the points within a distance of m centres, those of each ball in increasing order.
+
+    Raises
+    ------
+    MeshError
+        If ``centres`` names a point that does not exist.
+
+    Notes
+    -----
+    The fronts of an engine that has a method ``balls``, as fast marching does, end at the radius. Of any other engine
+    whole columns are asked, 64 at a time.
+
+    Examples
+    --------
+    >>> from isomatch import distance_engine
+    >>> line = np.abs(np.subtract.outer(np.arange(5.0), np.arange(5.0)))
+    >>> geodesic_balls(distance_engine(line), [0, 3], 1.0)
+    Balls(start=array([0, 2, 5]), points=array([0, 1, 2, 3, 4]), distances=array([0., 1., 1., 0., 1.]))
+    """
+    wanted = np.atleast_1d(np.asarray(centres))
+    if hasattr(engine, "balls"):
+        balls: Balls = engine.balls(wanted, radius)
+        return balls
+    parts = []
+    for first in range(0, len(wanted), BLOCK):
+        columns = engine.distances_from(wanted[first : first + BLOCK])
+        parts += [
+            (inside, column[inside]) for column in columns for inside in [np.flatnonzero(column <= radius)]
+        ]
+    return Balls.of(parts)
+
+
+def ordinary_unit(surface: Mesh | PointCloud) -> float:
+    """Length to divide coordinates by so that their squares neither overflow nor vanish; 1 at ordinary sizes."""
+    extent = float(np.abs(surface.vertices).max(initial=0.0))
+    return 1.0 if extent == 0.0 or 1e-10 < extent < 1e10 else extent
+
+
+def require_finite(mesh: Mesh) -> None:
+    """Raise `MeshError` if a coordinate is not finite."""
+    bad = np.flatnonzero(~np.isfinite(mesh.vertices).all(axis=1))
+    if len(bad):
+        raise MeshError(
+            f"vertices {some(bad)} have coordinates that are not finite, so no distance is defined; "
+            "correct the file or call repair(mesh)"
+        )

@@ -18,29 +18,21 @@ from isomatch.values.settings import generator
 
 @dataclass(frozen=True, eq=False)
 class Sampling:
-    """Samples of a surface with the geodesic distances from each.
+    """Samples of a surface, in the order in which they were chosen, with the geodesic distances from each."""
 
-    Parameters
-    ----------
-    vertices : (p,) array of int
-        The samples, in the order in which they were chosen.
-    columns : (p, n) array of float
-        ``columns[a]`` holds the distances from sample a to every vertex, in mesh units.
-    """
-
-    vertices: IntArray
-    columns: FloatArray
+    vertices: IntArray  # (p,)
+    columns: FloatArray  # (p, n) distances from sample a to every vertex in row a, in mesh units
 
 
 def farthest_point_sampling(engine: DistanceEngine, n_samples: int, start: int) -> Sampling:
-    """Choose each sample farthest from all before it, beginning with ``start``.
+    """Choose each of p samples farthest from all before it, beginning with ``start``.
 
     Parameters
     ----------
     engine : DistanceEngine
         Distances of a space of n points.
     n_samples : int
-        Number p of samples; at most n.
+        p, at most n.
     start : int
         The first sample.
 
@@ -61,10 +53,8 @@ def farthest_point_sampling(engine: DistanceEngine, n_samples: int, start: int) 
 
     Notes
     -----
-    Eldar et al., *The farthest point strategy for progressive image sampling*, 1997, with geodesic distances. While
-    samples are chosen, a front advances only where its sample is the nearest so far, which costs about log p full
-    fronts; the p full columns are then computed on all threads. Engines that compute full columns anyway are asked
-    for each only once. Time of p columns, O(p n log n) for fast marching, and 8 p n bytes.
+    Eldar et al., *The farthest point strategy for progressive image sampling*, 1997, with geodesic distances. Time of p
+    columns, O(p n log n) for fast marching, and 8 p n bytes.
 
     Examples
     --------
@@ -86,6 +76,10 @@ def farthest_point_sampling(engine: DistanceEngine, n_samples: int, start: int) 
     require_memory(
         8.0 * n_samples * engine.n_points, f"{n_samples} distance columns", "ask for fewer samples"
     )
+    # While samples are chosen, a front advances only where its sample is the nearest so far. The cells of p samples
+    # have about n / p points each, so that sample i costs a front of n / i points: Σ n / i ≈ n log p, about log p full
+    # fronts. The p full columns are then computed on all threads. Engines that compute full columns anyway are asked
+    # for each only once.
     nearest = np.full(engine.n_points, np.inf)
     chosen = np.zeros(n_samples, dtype=np.int64)
     columns = []  # from engines that compute full columns
@@ -106,30 +100,15 @@ def farthest_point_sampling(engine: DistanceEngine, n_samples: int, start: int) 
 
 
 def euclidean_farthest_points(points: FloatArray, n_samples: int, start: int) -> IntArray:
-    """Choose each point farthest from all before it in Euclidean distance, beginning with ``start``.
+    """Choose each of some of n points (n, d) farthest from all before it in Euclidean distance, beginning with ``start``.
 
-    Parameters
-    ----------
-    points : (n, d) array of float
-        Points of a Euclidean space.
-    n_samples : int
-        Number of points to choose, at most n.
-    start : int
-        The first one.
-
-    Returns
-    -------
-    (n_samples,) array of int
-        Distinct points, in the order in which they were chosen; every prefix is a farthest point sampling itself.
+    Every prefix of the result is a farthest point sampling itself. Of equally far points the first is taken.
+    O(n n_samples d) time.
 
     Raises
     ------
     SettingError
         If ``n_samples`` is not in 1…n, or ``start`` not in 0…n − 1.
-
-    Notes
-    -----
-    O(n n_samples d) time and 8 n bytes. Of equally far points the first is taken.
 
     Examples
     --------
@@ -168,26 +147,10 @@ def _fill_with_farthest(points: FloatArray, chosen: IntArray, nearest: FloatArra
 def peripheral_vertex(surface: MetricSpace, engine: DistanceEngine, seed: int = 0) -> int:
     """Return a vertex at one end of the surface that depends on the shape, not on the order of the vertices.
 
-    Parameters
-    ----------
-    surface : Mesh, PointCloud or other metric space
-        The surface, n vertices.
-    engine : DistanceEngine
-        Its distances.
-    seed : int
-        Draws the vertex where the search begins.
-
-    Returns
-    -------
-    int
-        The vertex farthest from the one that is farthest from the beginning.
-
-    Notes
-    -----
-    Two distance columns. The first vertex is drawn by its rank in distance from the centroid, so that the answer does not
-    change when vertices are relabelled or the surface is moved rigidly. Where there are no coordinates, as in a
-    graph or a matrix, it is drawn by its index, and the answer may depend on the order of the vertices.
+    It is the vertex farthest from the one that is farthest from a first one, which ``seed`` draws; two distance columns.
     """
+    # drawn by its rank in distance from the centroid, so that the answer does not change when vertices are relabelled
+    # or the surface is moved rigidly; by its index where there are no coordinates, as in a graph or a matrix
     vertex = int(generator(seed).integers(engine.n_points))
     if isinstance(surface, Mesh | PointCloud):
         shares = surface.vertex_areas / surface.area if 0 < surface.area < np.inf else None

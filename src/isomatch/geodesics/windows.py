@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -22,35 +21,21 @@ THINNEST = 1e-13  # height of a face over a side, in sides
 
 
 class UnfoldedFaces(NamedTuple):
-    """The faces of a mesh in the plane, and what meets at their sides; side 3 f + i goes from corner i to corner i + 1.
+    """The faces of a mesh in the plane, and what meets at side 3 f + i, from corner i to corner i + 1."""
 
-    Parameters
-    ----------
-    faces : (m, 3) array of int
-    length : (3 m,) array of float
-        Of each side.
-    apex : (3 m, 2) array of float
-        The third corner, with the side from (0, 0) to (length, 0); its ordinate is positive.
-    edge : (3 m,) array of int
-        The edge of each side.
-    first, sides : (e + 1,) and (3 m,) arrays of int
-        The sides of edge i are ``sides[first[i]:first[i + 1]]``.
-    corner_first, corners : (n + 1,) and (3 m,) arrays of int
-        The corners of vertex v are ``corners[corner_first[v]:corner_first[v + 1]]``.
-    bends : (n,) array of bool
-        Where a shortest path may bend: the angle of the faces is more than 2 π, on a boundary more than π, or the mesh
-        is not manifold there.
-    """
-
-    faces: IntArray
-    length: FloatArray
-    apex: FloatArray
-    edge: IntArray
-    first: IntArray
-    sides: IntArray
-    corner_first: IntArray
-    corners: IntArray
-    bends: BoolArray
+    faces: IntArray  # (m, 3)
+    length: FloatArray  # (3 m,) of each side
+    apex: (
+        FloatArray  # (3 m, 2) the third corner, the side from (0, 0) to (length, 0); its ordinate is positive
+    )
+    edge: IntArray  # (3 m,) of each side
+    first: IntArray  # (e + 1,) the sides of edge i are sides[first[i]:first[i + 1]]
+    sides: IntArray  # (3 m,)
+    corner_first: (
+        IntArray  # (n + 1,) the corners of vertex v are corners[corner_first[v]:corner_first[v + 1]]
+    )
+    corners: IntArray  # (3 m,)
+    bends: BoolArray  # (n,) where a shortest path may bend
 
     @classmethod
     def of(cls, mesh: Mesh) -> UnfoldedFaces:
@@ -71,6 +56,10 @@ class UnfoldedFaces(NamedTuple):
         edge[sides] = np.repeat(np.arange(len(edges.ends)), edges.n_faces)
         corner_first = np.append(0, np.cumsum(np.bincount(faces.ravel(), minlength=mesh.n_vertices)))
         corners = np.argsort(faces.ravel(), kind="stable")
+        # A shortest path passes straight through a vertex or bends where there are at least π of angle on both sides of
+        # it (Mitchell, Mount & Papadimitriou 1987, lemma 3.5): where the angle of the faces is at least 2 π; on a
+        # boundary, along which it may run, at least π; and where the mesh is not manifold. At 2 π it is straight: no
+        # root is needed.
         angle = np.arctan2(apex[:, 1], apex[:, 0])
         total = np.bincount(faces.ravel(), angle, mesh.n_vertices)
         straight = np.full(mesh.n_vertices, 2 * np.pi)
@@ -81,66 +70,34 @@ class UnfoldedFaces(NamedTuple):
         return cls(faces, length, apex, edge, first, sides, corner_first, corners, bends)
 
 
-@dataclass(frozen=True, eq=False)
-class Windows:
-    """The windows of rays from one vertex, and how each vertex is reached.
+class Windows(NamedTuple):
+    """The windows of rays from one vertex, and how each vertex is reached."""
 
-    A window is an interval of an edge that light reaches from a vertex, its *root*, through a row of faces that lie in
-    one plane once they are unfolded. It is about to enter a face at one of its sides.
+    distance: FloatArray  # (n,) exact; inf where no path leads. Only that of the target, if there was one
+    reached: IntArray  # (n,) the window through whose face a vertex is reached; −1 − u if along an edge from vertex u
+    root: IntArray  # (w,)
+    parent: IntArray  # (w,) the window that each continues, or −1
+    side: IntArray  # (w,) where it enters a face
+    before: IntArray  # (w,) the face that it comes from
+    source: FloatArray  # (w, 2) the root in the plane of the face entered, with the side from (0, 0) to (length, 0)
 
-    Parameters
-    ----------
-    distance : (n,) array of float
-        Exact distance of each vertex; ``inf`` where no path leads. Only that of the target, if there was one.
-    reached : (n,) array of int
-        The window through whose face a vertex is reached; or −1 − u if along an edge from vertex u.
-    root, parent, side, before : (w,) arrays of int
-        The root of each window, the window that it continues or −1, the side where it enters a face, and the face that
-        it comes from.
-    source : (w, 2) array of float
-        The root in the plane of the face entered, with the side from (0, 0) to (length, 0).
-    """
 
-    distance: FloatArray
-    reached: IntArray
-    root: IntArray
-    parent: IntArray
-    side: IntArray
-    before: IntArray
-    source: FloatArray
+class _Queue(NamedTuple):
+    """Windows so far, and a binary heap of those (≥ 0) and of roots (−1 − v) from which light has to spread."""
+
+    numbers: IntArray  # (w, 4) side, face before, parent, root
+    values: FloatArray  # (w, 5) low, high, root in the plane of the face entered (x, y ≤ 0), its distance from the source
+    sizes: IntArray  # numbers of windows, and of items in the heap
+    keys: FloatArray
+    items: IntArray
 
 
 def windows_from(
     unfolded: UnfoldedFaces, points: FloatArray, source: int, bound: FloatArray, target: int = -1
 ) -> Windows:
-    """Propagate windows from a vertex until all distances are known, or that of one target.
-
-    Parameters
-    ----------
-    unfolded : UnfoldedFaces
-        Of a mesh of n vertices, manifold or not.
-    points : (n, 3) array of float
-        Its vertices.
-    source : int
-    bound : (n,) array of float
-        Lengths of some paths to each vertex, such as those along edges; ``inf`` where none is known.
-    target : int
-        The vertex whose distance is wanted; −1 for all.
-
-    Returns
-    -------
-    Windows
-
-    Notes
-    -----
-    Chen & Han, *Shortest paths on a polyhedron*, SoCG 1990, with the filter and the queue of Xin & Wang, *Improving Chen
-    and Han's algorithm on the discrete geodesic problem*, TOG 2009. At a corner only the window that reaches it first
-    goes on at both sides of it; a window is dropped where a path through a corner of its face is shorter; and on the way
-    to a target the queue is in the order of the shortest path that a window may still be part of. O(n²) windows in the
-    worst case; at most 270 bytes for each.
-    """
+    """Propagate windows from a vertex until all distances (n,) are known, or that of one target; see `_propagate`."""
     most = memory_budget() // BYTES
-    distance, reached, numbers, values = _propagate(*unfolded, points, source, target, bound.copy(), most)
+    distance, reached, numbers, values = _propagate(unfolded, points, source, target, bound.copy(), most)
     require_memory(
         float(BYTES) * len(numbers),
         "the windows of exact distances",
@@ -168,10 +125,10 @@ def _to_target(points: FloatArray, a: int, b: int, low: float, high: float, targ
 
 
 @compiled()
-def _push(keys: FloatArray, items: IntArray, count: IntArray, key: float, item: int) -> None:
-    """Put an item in a binary heap whose size is ``count[1]``."""
-    hole = count[1]
-    count[1] += 1
+def _push(queue: _Queue, key: float, item: int) -> None:
+    keys, items, sizes = queue.keys, queue.items, queue.sizes
+    hole = sizes[1]
+    sizes[1] += 1
     while hole > 0:
         above = (hole - 1) // 2
         if keys[above] <= key:
@@ -182,11 +139,12 @@ def _push(keys: FloatArray, items: IntArray, count: IntArray, key: float, item: 
 
 
 @compiled()
-def _pop(keys: FloatArray, items: IntArray, count: IntArray) -> tuple[float, int]:
+def _pop(queue: _Queue) -> tuple[float, int]:
     """Take the item with the least key."""
+    keys, items, sizes = queue.keys, queue.items, queue.sizes
     key, item = keys[0], items[0]
-    count[1] -= 1
-    size = count[1]
+    sizes[1] -= 1
+    size = sizes[1]
     last = keys[size]
     hole = 0
     while 2 * hole + 1 < size:
@@ -203,93 +161,85 @@ def _pop(keys: FloatArray, items: IntArray, count: IntArray) -> tuple[float, int
 
 @compiled()
 def _add(
-    faces: IntArray,
-    length: FloatArray,
-    apex: FloatArray,
-    edge: IntArray,
-    first: IntArray,
-    sides: IntArray,
-    points: FloatArray,
-    target: int,
-    bound: FloatArray,
-    numbers: IntArray,
-    values: FloatArray,
-    count: IntArray,
-    keys: FloatArray,
-    items: IntArray,
+    unfolded: UnfoldedFaces,
+    queue: _Queue,
+    goal: tuple[FloatArray, int, FloatArray],
     own: int,
-    low: float,
-    high: float,
-    along: float,
-    height: float,
-    sigma: float,
+    light: tuple[float, float, float, float, float],
     root: int,
     parent: int,
-    third_is_near: int,
+    far_end: int,
 ) -> None:
-    """Add the windows that leave a face by part low…high of its side ``own``, unless a shorter path makes them useless.
-
-    The root is at (along, height) over that side, at the distance sigma from the source. ``third_is_near`` is the end of
-    the interval, 0 or 1, on whose side of all rays the third corner of the face is. ``count`` holds the numbers of
-    windows and of queued items.
-    """
+    """Add the windows that leave a face by part low…high of its side ``own``, unless shorter paths make them useless."""
+    faces, length, apex = unfolded.faces, unfolded.length, unfolded.apex
+    points, target, bound = goal
+    # the root I is at (along, height) over the side, in the plane of the face, and at the distance sigma from the source
+    low, high, along, height, sigma = light
     full = length[own]
     if high - low <= NARROW * full:
         return
     face, i = own // 3, own % 3
     a, b, c = faces[face, i], faces[face, (i + 1) % 3], faces[face, (i + 2) % 3]
-    from_low = sigma + np.hypot(along - low, height)
+    from_low = sigma + np.hypot(along - low, height)  # σ + |I X| at X = low
     from_high = sigma + np.hypot(along - high, height)
+    # The filter of Xin & Wang 2009. A window is useless if for every X in it the way around one corner v of the face is
+    # shorter, bound(v) + |v X| < σ + |I X|. It is enough to look at the end X that is farther from v: if Y is nearer to
+    # v, the segments v X and I Y cross, and the diagonals of a quadrilateral are together no shorter than two opposite
+    # sides:
+    #   |v X| + |I Y| ≥ |v Y| + |I X|, so that |v X| − |I X| is greatest at the far end.
+    # That is high for v = a, low for v = b, and far_end (0: low, 1: high) for the third corner c, which is on one side of
+    # all rays, for these came in over the side between c and a or that between c and b.
     if bound[a] + high < from_high * (1.0 - LOSS) or bound[b] + full - low < from_low * (1.0 - LOSS):
         return
-    end, there = (low, from_low) if third_is_near == 0 else (high, from_high)
+    end, there = (low, from_low) if far_end == 0 else (high, from_high)
     if bound[c] + np.hypot(apex[own, 0] - end, apex[own, 1]) < there * (1.0 - LOSS):
         return
+    # the least distance in the window: straight down from the root if its foot is inside, otherwise at an end. On the way
+    # to a target, no path by this window is shorter than that and then straight through space: the order of A*
     key = sigma + height if low <= along <= high else min(from_low, from_high)
     if target >= 0:
         key += _to_target(points, a, b, low / full, high / full, target)
         if key > bound[target] * (1.0 + LOSS):
             return
-    for k in range(first[edge[own]], first[edge[own] + 1]):
-        side = sides[k]
+    edge = unfolded.edge[own]
+    for k in range(unfolded.first[edge], unfolded.first[edge + 1]):
+        side = unfolded.sides[k]  # of another face at the same edge, of which there are several off manifolds
         if side == own:
             continue
-        same = faces[side // 3, side % 3] == a
-        size = count[0]
-        numbers[size, 0] = side
-        numbers[size, 1] = face
-        numbers[size, 2] = parent
-        numbers[size, 3] = root
-        values[size, 0] = low if same else full - high
-        values[size, 1] = high if same else full - low
-        values[size, 2] = along if same else full - along
-        values[size, 3] = -height
-        values[size, 4] = sigma
-        _push(keys, items, count, key, size)
-        count[0] += 1
+        same = (
+            faces[side // 3, side % 3] == a
+        )  # it runs the same way, or the other way, where t becomes full − t
+        size = queue.sizes[0]
+        numbers, values = queue.numbers[size], queue.values[size]
+        numbers[0], numbers[1], numbers[2], numbers[3] = side, face, parent, root
+        values[0] = low if same else full - high
+        values[1] = high if same else full - low
+        values[2] = along if same else full - along
+        values[3] = -height  # the next face is unfolded to the other side of the edge
+        values[4] = sigma
+        _push(queue, key, size)
+        queue.sizes[0] += 1
 
 
 @compiled()
 def _propagate(
-    faces: IntArray,
-    length: FloatArray,
-    apex: FloatArray,
-    edge: IntArray,
-    first: IntArray,
-    sides: IntArray,
-    corner_first: IntArray,
-    corners: IntArray,
-    bends: BoolArray,
-    points: FloatArray,
-    source: int,
-    target: int,
-    bound: FloatArray,
-    limit: int,
+    unfolded: UnfoldedFaces, points: FloatArray, source: int, target: int, bound: FloatArray, limit: int
 ) -> tuple[FloatArray, IntArray, IntArray, FloatArray]:
-    """Return distances, how each vertex is reached, and the windows: (w, 4) numbers and (w, 5) values; see `_add`.
-
-    It gives up when there are more windows than a limit.
-    """
+    """Return distances, how each vertex is reached, and the windows, see `_Queue`; give up at a limit of windows."""
+    # Mitchell, Mount & Papadimitriou, *The discrete geodesic problem*, SIAM J. Comput. 1987; Chen & Han, *Shortest
+    # paths on a polyhedron*, SoCG 1990; the filter and the queue of Xin & Wang, *Improving Chen and Han's algorithm on
+    # the discrete geodesic problem*, TOG 2009. A shortest path is straight in each face, goes straight over an edge
+    # once its two faces are unfolded into one plane, and bends only at vertices (*roots*). So the light of a root is
+    # followed through rows of unfolded faces. A *window* is the part low…high of a side by which it enters a face;
+    # there the distance is
+    #   d(t) = σ + |(t, 0) − (px, py)|,   low ≤ t ≤ high,
+    # with the root at (px, py), py ≤ 0, in the frame of the side, and σ its own distance. Unlike MMP, windows on one
+    # edge are not trimmed against one another, which takes O(n²) windows in the worst case too but no search among
+    # intervals: those that a shorter path beats are dropped by the filter of `_add`, or where a corner is split
+    # (below). ``bound`` (n,) holds lengths of some paths to each vertex, such as those along edges, and is lowered.
+    faces, length, apex = unfolded.faces, unfolded.length, unfolded.apex
+    first, edge = unfolded.first, unfolded.edge
+    corner_first, bends = unfolded.corner_first, unfolded.bends
     n = len(bends)
     distance = np.full(n, np.inf)
     reached = np.full(n, -1, np.int64)
@@ -302,32 +252,41 @@ def _propagate(
     most = np.int64(0)
     for v in range(n):
         most = max(most, corner_first[v + 1] - corner_first[v])
-    room = (most + 2) * max(widest, 1)
-    numbers = np.zeros((4 * room + 1024, 4), np.int64)
-    values = np.zeros((4 * room + 1024, 5))
-    count = np.zeros(2, np.int64)
-    keys, items = np.zeros(len(numbers)), np.zeros(len(numbers), np.int64)
+    room = (most + 2) * max(widest, 1)  # windows that one item may add
+    size = 4 * room + 1024
+    queue = _Queue(
+        np.zeros((size, 4), np.int64),
+        np.zeros((size, 5)),
+        np.zeros(2, np.int64),
+        np.zeros(size),
+        np.zeros(size, np.int64),
+    )
     distance[source] = 0.0
     bound[source] = 0.0
-    _push(keys, items, count, 0.0, -1 - source)
-    while count[1] > 0 and count[0] <= limit:
-        key, at = _pop(keys, items, count)
+    _push(queue, 0.0, -1 - source)
+    while queue.sizes[1] > 0 and queue.sizes[0] <= limit:
+        key, at = _pop(queue)
         if target >= 0 and key > bound[target] * (1.0 + LOSS):
             break
-        if count[0] + room > len(numbers):
+        numbers, values, sizes, keys, items = queue
+        if sizes[0] + room > len(numbers):
             numbers = np.concatenate((numbers, np.zeros_like(numbers)))
             values = np.concatenate((values, np.zeros_like(values)))
-        if count[1] + 3 * room > len(keys):
+        if sizes[1] + 3 * room > len(keys):
             keys = np.concatenate((keys, np.zeros_like(keys)))
             items = np.concatenate((items, np.zeros_like(items)))
-        if at < 0:  # a vertex from which light spreads
+        queue = _Queue(numbers, values, sizes, keys, items)
+        goal = (points, target, bound)
+        if (
+            at < 0
+        ):  # light spreads from a vertex, along the edges to its neighbours and over the sides opposite
             v = -1 - at
             sigma = distance[v]
             if spread[v] <= sigma:
                 continue
             spread[v] = sigma
             for k in range(corner_first[v], corner_first[v + 1]):
-                face, i = corners[k] // 3, corners[k] % 3
+                face, i = unfolded.corners[k] // 3, unfolded.corners[k] % 3
                 own = 3 * face + (i + 1) % 3
                 for j in range(1, 3):
                     u = faces[face, (i + j) % 3]
@@ -338,11 +297,9 @@ def _propagate(
                         reached[u] = -1 - v
                         if bends[u]:
                             more = _to_target(points, u, u, 0.0, 0.0, target) if target >= 0 else 0.0
-                            _push(keys, items, count, d + more, -1 - u)
-                _add(
-                    faces, length, apex, edge, first, sides, points, target, bound, numbers, values, count, keys, items,
-                    own, 0.0, length[own], apex[own, 0], apex[own, 1], sigma, v, -1, 0,
-                )  # fmt: skip
+                            _push(queue, d + more, -1 - u)
+                light = (0.0, length[own], apex[own, 0], apex[own, 1], sigma)
+                _add(unfolded, queue, goal, own, light, v, -1, 0)
             continue
         side, root = numbers[at, 0], numbers[at, 3]
         low, high, px, py, sigma = values[at]
@@ -351,7 +308,9 @@ def _propagate(
         face, i = side // 3, side % 3
         c = faces[face, (i + 2) % 3]
         full, x, y = length[side], apex[side, 0], apex[side, 1]
-        ray = px - (x - px) * py / (y - py)  # where the ray to c crosses the side
+        # p + s (c − p) has the ordinate 0 at s = −py / (y − py): there the ray to the corner c = (x, y) crosses the side.
+        # Rays at the left of it leave the face by the side from c to a, those at the right by the side from b to c
+        ray = px - (x - px) * py / (y - py)
         slack = GRAZE * full
         left, right = ray > low, ray < high
         if low - slack <= ray <= high + slack:
@@ -362,12 +321,15 @@ def _propagate(
                 reached[c] = at
                 if bends[c]:
                     more = _to_target(points, c, c, 0.0, 0.0, target) if target >= 0 else 0.0
-                    _push(keys, items, count, d + more, -1 - c)
+                    _push(queue, d + more, -1 - c)
+            # "one angle, one split" (Chen & Han 1990): of the windows that enter a face at one side, and whose light
+            # falls on both sides of its corner c, only the one that reaches c first goes on at both. Of another one,
+            # the rays that lie beyond the path of that window to c would cross it, and shortest paths from one source
+            # do not cross
             if left and right and first[edge[side] + 1] - first[edge[side]] == 2:
                 if d < split_at[side]:
                     split_at[side], split_ray[side] = d, ray
                 elif d > split_at[side] * (1.0 + LOSS):
-                    # the path to c of that window cuts off the rays on its other side
                     if ray < split_ray[side]:
                         right = False
                     elif ray > split_ray[side]:
@@ -376,7 +338,8 @@ def _propagate(
             if not (right if j == 1 else left):
                 continue
             own = 3 * face + (i + j) % 3
-            # in shares of the side from the end that it has in common with the one entered
+            # Both sides are treated alike, from the end that each has in common with the one entered: from b at the
+            # right, mirrored, and from a at the left. near…far is the part of the side entered whose light falls on it
             if j == 1:
                 near, far = full - high, full - max(low, ray)
                 ax, sx = full - x, full - px
@@ -388,19 +351,16 @@ def _propagate(
             reach = length[own]
             if reach == 0.0:
                 continue
+            # the root in the frame of the side that the light leaves by: its components along and at right angles to it
             along = (sx * ax + py * y) / reach  # from that end
             height = abs(sx * y - py * ax) / reach
             if j == 1:
-                _add(
-                    faces, length, apex, edge, first, sides, points, target, bound, numbers, values, count, keys, items,
-                    own, begin * reach, end * reach, along, height, sigma, root, at, 0,
-                )  # fmt: skip
+                light = (begin * reach, end * reach, along, height, sigma)
+                _add(unfolded, queue, goal, own, light, root, at, 0)
             else:
-                _add(
-                    faces, length, apex, edge, first, sides, points, target, bound, numbers, values, count, keys, items,
-                    own, (1.0 - end) * reach, (1.0 - begin) * reach, reach - along, height, sigma, root, at, 1,
-                )  # fmt: skip
-    return distance, reached, numbers[: count[0]], values[: count[0]]
+                light = ((1.0 - end) * reach, (1.0 - begin) * reach, reach - along, height, sigma)
+                _add(unfolded, queue, goal, own, light, root, at, 1)
+    return distance, reached, queue.numbers[: queue.sizes[0]], queue.values[: queue.sizes[0]]
 
 
 @compiled()

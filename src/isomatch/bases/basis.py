@@ -1,38 +1,31 @@
-"""The domain of a basis: distances, a weight for each vertex, and paths between all of them."""
+"""What every basis has: weights and a domain, a rule for signs, and pictures."""
 
 from __future__ import annotations
 
-from typing import get_args
+from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 
-from isomatch.bases.choices import Weighting
+from isomatch.assets import SurfaceLike
 from isomatch.errors import MeshError, SettingError
 from isomatch.geodesics import DistanceEngine, MetricSpace, distance_engine
-from isomatch.values.arrays import FloatArray
+from isomatch.loading.notebooks import Shown, view_room
+from isomatch.values.arrays import FloatArray, IntArray
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+BasisMethod = Literal["predicted", "nystrom", "fmds", "smds", "exact"]
+Weighting = Literal["area", "uniform"]
 
 
 def basis_domain(
     surface: MetricSpace, weights: Weighting = "area", engine: str | None = None, n_columns: int = 1
 ) -> tuple[DistanceEngine, FloatArray]:
-    """Set up the distances and the weights of a surface, or refuse one that cannot have a basis.
+    """Set up the engine and the positive weights (n,) of a surface, or refuse one that cannot have a basis.
 
-    Parameters
-    ----------
-    surface : Mesh, PointCloud or other metric space
-        Anything that `distance_engine` takes, n points.
-    weights : {"area", "uniform"}
-        Vertex areas, or ones; ones in any case if the space has no areas.
-    engine : str, optional
-        How distances are computed; by default the first of ``engine_names(type(surface))``.
-    n_columns : int
-        Number of distance columns that will be asked for.
-
-    Returns
-    -------
-    engine : DistanceEngine
-    weights : (n,) array of float
-        Positive.
+    Weights are vertex areas, or ones if "uniform" or if the space has no areas; ``n_columns`` are those that will be
+    asked for.
 
     Raises
     ------
@@ -40,10 +33,6 @@ def basis_domain(
         If a setting is unknown.
     MeshError
         If the surface has fewer than ``n_columns`` points or several components, or a vertex has no area.
-
-    Notes
-    -----
-    O(n); no distance is computed.
     """
     distances = distance_engine(surface, engine, weld=False)
     n = distances.n_points
@@ -85,3 +74,37 @@ def _measure(surface: MetricSpace, weights: Weighting, n: int) -> FloatArray:
     if weights == "uniform" or areas is None:
         return np.ones(n)
     return require_areas(areas, ", or use weights='uniform'")
+
+
+def shared_weights(weights: FloatArray, point: IntArray) -> FloatArray:
+    """Share the weight of each point of a welded mesh among its vertices (n,), so that sums and norms stay the same."""
+    return np.asarray((weights / np.bincount(point, minlength=len(weights)))[point])
+
+
+def fix_signs(vectors: FloatArray, weights: FloatArray) -> FloatArray:
+    """Change signs of columns (n, k) so that their third moments Σ_i w_i φ(i)³ are positive."""
+    # The rule does not depend on the order of the points. The third moment of a function that is odd under a symmetry
+    # of the surface is 0 up to rounding; its sign stays arbitrary, and no result may depend on it.
+    moments = weights.astype(vectors.dtype) @ (vectors * vectors * vectors)  # a power takes ten times as long
+    return np.ascontiguousarray(vectors * np.where(moments < 0, -1.0, 1.0).astype(vectors.dtype))
+
+
+class PlottedBasis(Shown):
+    """A basis, whose spectrum and whose vectors can be drawn."""
+
+    __slots__ = ()
+
+    def plot(
+        self,
+        surface: SurfaceLike = None,
+        *,
+        colour_map: str | None = None,
+        title: str = "",
+        width: int = 1800,
+        view: tuple[float, float] | None = None,
+    ) -> Figure:
+        """Draw the spectrum, or the first four vectors on their surface; arguments as for `isomatch.view.plot_basis`."""
+        figure: Figure = view_room().plot_basis(
+            self, surface, colour_map=colour_map, title=title, width=width, view=view
+        )
+        return figure
