@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from isomatch.assets import SurfaceLike
-from isomatch.loading.notebooks import Shown, view_room
+from isomatch.loading.first_use import Shown, view_room
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -14,7 +14,7 @@ from isomatch.collections.plan import Plan
 from isomatch.collections.units import common_unit, scales_of
 from isomatch.mending import check, without_seams
 from isomatch.statistics import likely_units, size_factors, told_factor
-from isomatch.storage.files import read_csv
+from isomatch.storage.texts import read_csv
 from isomatch.surfaces import Mesh
 
 RESCALED = 0.01  # factor of the sizes of copies: with less, they are of one size

@@ -17,7 +17,7 @@ from isomatch.collections.map_file import PairMaps, Record
 from isomatch.collections.pairs import Pair
 from isomatch.correspondence import UNMATCHED
 from isomatch.matching import Evidence, Outcome, lowered, match_both
-from isomatch.runtime.limits import peak_memory
+from isomatch.runtime.memory import peak_memory
 from isomatch.shapes import PreparedShape
 from isomatch.values.arrays import FloatArray, IntArray
 

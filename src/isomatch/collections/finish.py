@@ -25,7 +25,8 @@ from isomatch.collections.units import scales_of
 from isomatch.collections.workers import Task, late_after, workers_of
 from isomatch.collections.wrapped import MOST_WAYS, PlannedSurface, WrapJob
 from isomatch.statistics import doubtful_positions
-from isomatch.storage.files import claimed, read_csv, write_csv, writing
+from isomatch.storage.files import claimed, writing
+from isomatch.storage.texts import read_csv, write_csv
 
 OWN = ("name", "key", "turned", "stretch", "distance", "extended", "error")  # columns of the work itself
 COLUMNS = (*OWN, "ways", "scale", "reflected", "mirror_image", "unlike")

@@ -23,7 +23,7 @@ from isomatch.collections.shapes import Entry
 from isomatch.collections.template import features_of
 from isomatch.errors import FormatError, MissingFileError, UnwritableFileError
 from isomatch.matching import MatchResult, Outcome, match_both
-from isomatch.runtime.limits import peak_memory
+from isomatch.runtime.memory import peak_memory
 from isomatch.settings import Config
 from isomatch.shapes import PreparedShape, prepare
 from isomatch.storage.files import is_of_one_file, legible

@@ -7,7 +7,7 @@ from itertools import combinations, pairwise
 from pathlib import Path
 
 from isomatch.errors import InputError
-from isomatch.storage.files import read_csv
+from isomatch.storage.texts import read_csv
 
 Pair = tuple[str, str]
 """Names of two shapes; both directions are matched."""

@@ -12,7 +12,8 @@ from unicodedata import normalize
 
 from isomatch.assets import FORMATS
 from isomatch.errors import InputError
-from isomatch.storage.files import ignores_case, legible, read_csv
+from isomatch.storage.files import ignores_case, legible
+from isomatch.storage.texts import read_csv
 
 BETWEEN = "__"  # of two names, in the name of the file of their maps
 _OF_DEVICES = re.compile(

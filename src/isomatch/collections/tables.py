@@ -10,7 +10,8 @@ from isomatch.collections.ledger import Rows
 from isomatch.collections.map_file import Record
 from isomatch.collections.pairs import Pair
 from isomatch.matching import Outcome, Quality
-from isomatch.storage.files import replaced, write_csv
+from isomatch.storage.files import replaced
+from isomatch.storage.texts import write_csv
 
 MOST_SHOWN = 200  # pairs on the page
 MEASURES = tuple(each.name for each in fields(Quality))

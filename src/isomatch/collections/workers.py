@@ -15,7 +15,7 @@ from functools import lru_cache, partial
 from typing import Any
 
 from isomatch.errors import InputError, UnwritableFileError
-from isomatch.loading.packages import package
+from isomatch.loading.first_use import package
 from isomatch.runtime.threads import n_threads
 from isomatch.runtime.workers import begin_worker, worker_processes
 

@@ -11,7 +11,7 @@ from functools import partial
 from typing import Any
 
 from isomatch.errors import IsomatchError, SettingError
-from isomatch.loading.packages import package
+from isomatch.loading.first_use import package
 from isomatch.serving.guard import App, Guard
 from isomatch.serving.session import Session
 

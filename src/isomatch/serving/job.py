@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from isomatch.runtime.interruption import Abandoned, Call, stop_if_abandoned
+from isomatch.runtime.threads import Abandoned, Call, stop_if_abandoned
 
 Tell = Callable[[str, float], None]
 POLL = 0.05  # seconds between two looks at a job that is waited for
