@@ -21,7 +21,8 @@ from pathlib import Path
 
 import numpy as np
 
-from isomatch.collections import Collection, jobs, workers
+from isomatch.collections import Collection, workers
+from isomatch.collections import run as run_module
 from studies import write_table
 
 PREPARED_MB, MAP_MB = 9.1, 0.19  # of shapes with 5,000 vertices
@@ -56,7 +57,7 @@ class SimulatedWorkers(Executor):
         """Go on to the time when the next task ends."""
         end, _, future, task = heapq.heappop(self.ends)
         self.now = max(self._clock(), end)
-        future.set_result(task.function(task.items))
+        future.set_result([task.function(item) for item in task.items])
         self.since = time.perf_counter()
         return argparse.Namespace(done=[future])
 
@@ -69,31 +70,25 @@ class SimulatedWorkers(Executor):
         return self.now
 
 
-def prepared(job, entries):
-    """Stand for the preparation of shapes."""
-    found = []
-    for entry in entries:
-        stat = entry.path.stat()
-        key = jobs.key_of(job.config, job.seed, entry.name)
-        job.layout.prepared(key).touch()
-        features = np.random.default_rng(int(entry.name[1:])).normal(size=FEATURES).tolist()
-        about = {"size": stat.st_size, "changed": stat.st_mtime_ns, "key": key, "hash": entry.name}
-        found.append(
-            {"state": "done", "time": 0.0, "bytes": int(PREPARED_MB * 1e6), "features": features} | about
-        )
-    return found
+def prepared(job, entry):
+    """Stand for the preparation of a shape."""
+    stat = entry.path.stat()
+    key = run_module.key_of(job.config, job.seed, entry.name)
+    job.layout.prepared(key).touch()
+    features = np.random.default_rng(int(entry.name[1:])).normal(size=FEATURES).tolist()
+    about = {"size": stat.st_size, "changed": stat.st_mtime_ns, "key": key, "hash": entry.name}
+    return {"state": "done", "time": 0.0, "bytes": int(PREPARED_MB * 1e6), "features": features} | about
 
 
-def matched(job, plans):
-    """Stand for the matches of pairs."""
-    for plan in plans:
-        job.layout.maps(plan.pair).touch()
-    return [{"state": "done", "time": 0.0, "seconds": 1.0, **ROW} for _ in plans]
+def matched(job, plan):
+    """Stand for the match of a pair."""
+    job.layout.maps(plan.pair).touch()
+    return {"state": "done", "time": 0.0, "seconds": 1.0, **ROW}
 
 
 def simulated(n: int, pairs: str, count: int, seconds: np.ndarray, folder: Path) -> dict[str, float]:
     """Run a collection of n shapes on so many workers."""
-    jobs.Job.prepare_shapes, jobs.Job.match_pairs = prepared, matched
+    run_module.Job.prepare_shape, run_module.Job.match_pair = prepared, matched
     shapes = folder / "shapes"
     shapes.mkdir()
     for i in range(n):

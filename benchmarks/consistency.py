@@ -21,7 +21,7 @@ import numpy as np
 
 from isomatch import Mesh, PreparedShape, match, match_both, write_mesh
 from isomatch.collections import Collection, PairMaps, agree, agreement_of
-from isomatch.collections.consistency import CONTRADICTED, inconsistency
+from isomatch.collections.agreement import CONTRADICTED, inconsistency
 from isomatch.datasets import Creature, creature, ground_truth
 from isomatch_lab.sets import BenchmarkPair, relabelled, remeshed, scape
 from studies import asked_for, mean_error, write_rows, write_table

@@ -10,15 +10,20 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
-from isomatch.collections.layout import Layout
-from isomatch.collections.ledger import Rows, read_ledgers, writing_ledger
+from isomatch.collections.cohort import OTHERS, checked_units
+from isomatch.collections.ledger import Rows, read_ledgers, state_of, was_contradicted, writing_ledger
 from isomatch.collections.map_file import PairMaps, maps_of_pair
-from isomatch.collections.pairs import PATTERNS, Pair, pairs_of
-from isomatch.collections.plan import Plan
+from isomatch.collections.plan import Layout, Plan
 from isomatch.collections.run import Event, Run
-from isomatch.collections.shapes import Entry, entries_of, require_files_of_their_own, unusable_names
-from isomatch.collections.states import state_of, was_contradicted
-from isomatch.collections.units import OTHERS, checked_units
+from isomatch.collections.shapes import (
+    PATTERNS,
+    Entry,
+    Pair,
+    entries_of,
+    pairs_of,
+    require_files_of_their_own,
+    unusable_names,
+)
 from isomatch.errors import FormatError, InputError, SettingError
 from isomatch.settings import Config
 from isomatch.storage.files import write_text
@@ -29,26 +34,18 @@ KNOWN = ("source_hash", "target_hash", "reflected", "made_with")  # of a pair th
 
 @dataclass(frozen=True)
 class Collection(Plan):
-    """Shapes in a folder with their maps.
+    """Shapes in a folder with their maps, see `create` and `open`.
 
     Parameters
     ----------
     folder : path_like
-        The folder, see `create` and `open`.
+        The folder.
     shapes : tuple of Entry
         Names and files of the shapes.
-    pairs : str
-        Which pairs are matched, see `create`.
     template : str, optional
         Name of the template; None for that in the middle of all, which is found once all are prepared.
-    config : Config
-        Settings of the matches.
-    seed : int
-        Their seed.
-    reflect : "auto" or tuple of str
-        Which shapes are matched as their mirror images, see `create`.
-    units : mapping of str to str
-        Units of some shapes, see `create`.
+    pairs, config, seed, reflect, units
+        See `create`.
 
     Examples
     --------
@@ -131,16 +128,8 @@ class Collection(Plan):
         if pairs not in PATTERNS:
             pairs = str(Path(pairs).resolve())
             pairs_of(names, pairs, template)
-        new = cls(
-            layout.folder,
-            entries,
-            pairs,
-            template,
-            config or Config(),
-            seed,
-            _checked(reflect, names),
-            checked_units(units or {}, names),
-        )
+        turned, units_of = _checked(reflect, names), checked_units(units or {}, names)
+        new = cls(layout.folder, entries, pairs, template, config or Config(), seed, turned, units_of)
         if layout.plan.exists():
             old = cls.open(folder)
             new._require_same(old)
@@ -293,9 +282,8 @@ class Collection(Plan):
         """Raise `SettingError` unless another collection has the same settings."""
         mine, theirs = self.config.changed(), old.config.changed()
         different = [name for name in {**mine, **theirs} if mine.get(name) != theirs.get(name)]
-        different += [
-            name for name in ("pairs", "template", "seed") if getattr(self, name) != getattr(old, name)
-        ]
+        plain = ("pairs", "template", "seed")
+        different += [name for name in plain if getattr(self, name) != getattr(old, name)]
         if different:
             raise SettingError(
                 f"{self.folder}: holds a collection with other {', '.join(different)}; continue it with the same, or "
