@@ -51,23 +51,14 @@ SHARPNESS = 1.3 ** np.arange(15)  # 1 to 39, in 1/√area
 class Agreement(NamedTuple):
     """The agreement of the maps of a collection.
 
-    Parameters
-    ----------
-    compared : int
-        Pairs that are in triangles of matched pairs.
-    contradicted : list of two str
-        Those whose maps the others still contradict.
-    replaced : list of two str
-        Those whose maps were replaced.
-    turned : list of str
-        Shapes whose maps to the others mostly reverse the orientation. Maps that are wrong in the same way agree with
-        each other; if all maps to one symmetric shape are mirrored, only the orientation shows it.
+    Maps that are wrong in the same way agree with each other: if all maps to one symmetric shape are mirrored, only the
+    orientation shows it.
     """
 
-    compared: int
-    contradicted: list[Pair]
-    replaced: list[Pair]
-    turned: list[str]
+    compared: int  # pairs that are in triangles of matched pairs
+    contradicted: list[Pair]  # those whose maps the others still contradict
+    replaced: list[Pair]  # those whose maps were replaced
+    turned: list[str]  # shapes whose maps to the others mostly reverse the orientation
 
 
 def agree(
@@ -83,12 +74,10 @@ def agree(
     has low confidence. The rows of pairs get ``inconsistency``, now and ``before``, and ``replaced_by``. Maps are
     compared each time; a replacement that was tried with as many shapes is not tried again.
 
-    Parameters
-    ----------
-    collection : Collection
-        Pairs that are in no triangle of matched pairs stay as they are: all pairs make triangles, a star none.
-    executor, jobs, time_limit
-        As for `Collection.run`.
+    Pairs that are in no triangle of matched pairs stay as they are: all pairs make triangles, a star none. Of n shapes in
+    triangles, 3 n² maps are read up to four times, with O(n³) time and 48 n³ bytes of memory.
+
+    Other arguments are those of `Collection.run`.
 
     Raises
     ------
@@ -96,10 +85,6 @@ def agree(
         If a run of the collection or of a shard goes on, or the folder cannot be written.
     MemoryBudgetError
         If there are too many shapes to compare.
-
-    Notes
-    -----
-    For n shapes in triangles, 3 n² maps are read up to four times, with O(n³) time and memory: 48 n³ bytes.
     """
     late = late_after(time_limit)
     own = collection.layout.ledger()
@@ -312,8 +297,8 @@ class CycleJob:
         shape, column = self._shape(target), names.index(target)
         readings = np.full((len(names), len(names)), np.nan)
         for b in np.flatnonzero((images[:, column] >= 0).any(axis=1)):
-            onwards = self.collection.maps(names[b], target).there.vertices
-            readings[:, b] = _mean_distances(shape, _mapped(onwards, images[:, b]), images[:, column])
+            onwards = self._mapped(names[b], target, images[:, b])
+            readings[:, b] = _mean_distances(shape, onwards, images[:, column])
         return {"readings": readings}
 
     def _repaired(self, repair: Repair) -> Record:
@@ -373,13 +358,15 @@ class CycleJob:
         PairMaps.of(results[0], results[1], record).save(file)
         return {**record, "file": digest_of(file)}
 
+    def _mapped(self, first: str, last: str, vertices: IntArray) -> IntArray:
+        """Images of vertices of one shape on another one, of which −1 have none."""
+        return np.where(vertices >= 0, self.collection.maps(first, last).there.vertices[vertices], UNMATCHED)
+
     def _paths(self, ends: Pair, middles: Sequence[str]) -> IntArray:
         """Image of each vertex (q, n) of the first of two shapes under the maps over each of q others."""
         first, last = ends
-        maps = self.collection.maps
-        return np.array(
-            [_mapped(maps(b, last).there.vertices, maps(first, b).there.vertices) for b in middles]
-        )
+        begun = {b: self.collection.maps(first, b).there.vertices for b in middles}
+        return np.array([self._mapped(b, last, vertices) for b, vertices in begun.items()])
 
     def _shape(self, name: str) -> PreparedShape:
         file = self.collection.layout.prepared(self.prepared[name])
@@ -388,11 +375,6 @@ class CycleJob:
     def _samples(self, name: str) -> IntArray:
         shape = self._shape(name)
         return np.resize(shape.user_vertex[shape.sample_vertices[:N_SAMPLES]], N_SAMPLES)
-
-
-def _mapped(image: IntArray, vertices: IntArray) -> IntArray:
-    """Images of vertices, of which −1 have none."""
-    return np.where(vertices >= 0, image[vertices], UNMATCHED)
 
 
 def _mean_distances(shape: PreparedShape, first: IntArray, second: IntArray) -> FloatArray:

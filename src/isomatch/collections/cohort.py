@@ -133,9 +133,8 @@ def _unlike(collection: Plan) -> Iterator[tuple[str, str]]:
 def mirror_images(collection: Plan, rows: Rows) -> dict[str, Pair]:
     """Find the shapes that seem to be mirror images of the others, each with the pair that shows it best.
 
-    In a star, these are the mirror images of the template. Other pairs divide the shapes in two groups: pairs between
-    the groups are mirror images, and pairs within them are not. Then it is the group without the template, if one was
-    named; or else that of which fewer are reflected already; or else the smaller one.
+    In a star, these are the mirror images of the template. Other pairs divide the shapes in two groups; then it is that
+    without the template, if one was named, or of which fewer are reflected already, or the smaller one.
     """
     pairs = [pair for pair in collection.wanted_pairs(rows) if rows.is_current(pair)]
     shown = [pair for pair in pairs if is_mirrored(rows.pairs[pair])]
@@ -146,7 +145,8 @@ def mirror_images(collection: Plan, rows: Rows) -> dict[str, Pair]:
     else:
         turned = set(_turned(collection, rows, pairs))
     found: dict[str, Pair] = {}
-    for pair in sorted(shown, key=lambda pair: _score(rows.pairs[pair])):
+    scores = {pair: rows.pairs[pair]["there"]["quality"]["mirrored"] for pair in shown}  # lower is clearer
+    for pair in sorted(shown, key=lambda pair: math.inf if scores[pair] is None else float(scores[pair])):
         for name, other in (pair, pair[::-1]):
             if name in turned and other not in turned:
                 found.setdefault(name, pair)
@@ -167,11 +167,9 @@ def _turned(collection: Plan, rows: Rows, pairs: Iterable[Pair]) -> Iterator[str
 
 
 def two_groups(links: dict[str, dict[str, int]]) -> Iterator[tuple[list[str], list[str]]]:
-    """Divide each connected set of shapes in two groups, so that links are 1 within a group, and −1 between them.
-
-    Each shape, from the first one outwards, joins the group that most of its links to those before ask for, and then
-    that which all ask for. The first shape is in the second group.
-    """
+    """Divide each connected set of shapes in two groups, so that links are 1 within a group, and −1 between them."""
+    # each shape, from the first one outwards, joins the group that most of its links to those before ask for, and then
+    # that which all ask for; the first shape is in the second group
     group: dict[str, int] = {}
     for first in links:
         if first in group:
@@ -179,10 +177,10 @@ def two_groups(links: dict[str, dict[str, int]]) -> Iterator[tuple[list[str], li
         members = [first]
         group[first] = 1
         for name in members:
-            new = [other for other in links[name] if other not in group]
-            for other in new:
-                group[other] = _asked_for(links[other], group)
-            members += new
+            for other in links[name]:
+                if other not in group:
+                    group[other] = _asked_for(links[other], group)
+                    members.append(other)
         for name in members[1:]:
             group[name] = _asked_for(links[name], group)
         yield [name for name in members if group[name] < 0], [name for name in members if group[name] > 0]
@@ -197,12 +195,6 @@ def _link(record: Record) -> int:
     if is_mirrored(record):
         return -1
     return int(Outcome[record["there"]["outcome"]].sureness >= Outcome.PARTIAL.sureness)
-
-
-def _score(record: Record) -> float:
-    """Score of the mirror image against the map; lower is clearer."""
-    mirrored = record["there"]["quality"]["mirrored"]
-    return math.inf if mirrored is None else float(mirrored)
 
 
 def checked_units(units: Mapping[str, str], names: Iterable[str]) -> dict[str, str]:
@@ -236,11 +228,8 @@ def scales_of(units: Mapping[str, str], rows: Rows) -> dict[str, float]:
     common = common_unit(units, rows)
     if common is None:
         return {}
-    return {
-        name: METRES[unit] / METRES[common]
-        for name, unit in units.items()
-        if name != OTHERS and unit != common
-    }
+    named = {name: unit for name, unit in units.items() if name != OTHERS and unit != common}
+    return {name: METRES[unit] / METRES[common] for name, unit in named.items()}
 
 
 class Alike(NamedTuple):

@@ -77,7 +77,7 @@ class Collection(Plan):
     ) -> Collection:
         """Make a collection, or continue one with the same settings.
 
-        Shapes may be added and taken out, and ``reflect`` and ``units`` may change.
+        Shapes may be added and taken out, and ``reflect`` and ``units`` may change; by default they are as before.
 
         Parameters
         ----------
@@ -91,18 +91,15 @@ class Collection(Plan):
             columns ``source`` and ``target``. Each pair is matched in both directions.
         template : str, optional
             Name of a shape, or its file; by default the one in the middle of all, by spectra and distances.
-        config : Config, optional
-            Settings of the matches.
-        seed : int
-            Their seed.
+        config, seed : Config, int
+            Settings of the matches, and their seed.
         reflect : "auto", str or iterable of str, optional
             Names of shapes that are matched as their mirror images, such as left ones among right ones. "auto": those of
             which the pairs end as ``MIRROR_IMAGE``, if then they end without doubt; of a star, the mirror images of the
-            template, and otherwise the smaller of two groups. By default as before, and none in a new collection.
+            template, and otherwise the smaller of two groups.
         units : mapping of str to str, optional
             Units of shapes whose files are in others than most, by name: "um", "mm", "cm", "m" or "in". In the topology
-            of the template they are in the unit of all others; that is found by their sizes, or given for ``"*"``. By
-            default as before.
+            of the template they are in the unit of all others; that is found by their sizes, or given for ``"*"``.
 
         Raises
         ------
@@ -164,13 +161,7 @@ class Collection(Plan):
 
     @classmethod
     def open(cls, folder: str | Path) -> Collection:
-        """Open the collection in a folder.
-
-        Raises
-        ------
-        FormatError
-            If the folder holds none, or its plan is damaged.
-        """
+        """Open the collection in a folder; `FormatError` if it holds none, or its plan is damaged."""
         folder = Path(folder).absolute()
         path = Layout(folder).plan
         try:
@@ -201,11 +192,7 @@ class Collection(Plan):
         """Read the maps of a pair; ``there`` leads from source to target, in whichever order they were matched.
 
         They are those of the surfaces in the files, also where these were reflected, which keeps the numbers of vertices.
-
-        Raises
-        ------
-        FormatError
-            If the pair is not matched.
+        `FormatError` if the pair is not matched.
         """
         return maps_of_pair(self.layout, source, target)
 
@@ -241,22 +228,14 @@ class Collection(Plan):
             If another run does the same shard, or the folder cannot be written.
         """
         if not 0 <= shard[0] < shard[1]:
-            raise InputError(
-                f"shard {shard} is not its index, from 0, and the number of shards, such as (0, 8)"
-            )
+            raise InputError(f"shard {shard} is not its index, from 0, and the number of all, such as (0, 8)")
         return Run(self, shard).events(executor, jobs, time_limit)
 
     def retry(self, which: Literal["failed", "low"]) -> list[Pair]:
-        """Let the next run match pairs again: those that failed, or those that ended with low confidence.
+        """Let the next run match pairs again, and return them: those that failed, or those with low confidence.
 
         The same input gives the same map, so the latter are matched with another seed, and the surer map is kept; a map
-        that others contradict gives way to the new one. Shapes that could not be prepared are tried again with
-        "failed".
-
-        Returns
-        -------
-        list of two str
-            The pairs.
+        that others contradict gives way to the new one. With "failed", shapes that could not be prepared are tried again.
         """
         again = {
             pair: {

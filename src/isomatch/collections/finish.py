@@ -63,12 +63,7 @@ def finish(
     `isomatch.wrap`. Files of shapes that were taken out, or are not matched any more, are removed. A file that was
     changed after it was written is written again.
 
-    Parameters
-    ----------
-    collection : Collection
-        The collection.
-    executor, jobs, time_limit
-        As for `Collection.run`.
+    Other arguments are those of `Collection.run`.
 
     Raises
     ------
@@ -314,20 +309,17 @@ def export(
     maps: str | None = ".npz",
     force: bool = False,
 ) -> Iterator[Path]:
-    """Write the shapes in the topology of the template, and the maps of all pairs as they are now; yield each file.
+    """Write the surfaces of `surfaces_written`, and the maps of all pairs as they are now; yield each file.
 
     Parameters
     ----------
     collection : Collection
-        The collection; of its shapes, those that `surfaces_written` names.
+        The collection.
     folder : path_like
         Folder for ``meshes/NAME``, in the units of the collection, with ``measured`` as far as the format has a place for
         it, for ``maps/SOURCE__TARGET``, a file for each direction, and for ``pairs.csv``, which is written last.
-    meshes : str, optional
-        Suffix of the meshes, of `FORMATS`; None for none.
-    maps : str, optional
-        Suffix of the maps, see `Correspondence.save`: ".npz" for all arrays, ".txt" for a target vertex on each line;
-        None for none.
+    meshes, maps : str, optional
+        Suffixes, see `FORMATS` and `Correspondence.save`; None for none.
     force : bool
         Whether to write over files of an earlier export; others in the folder stay. All are replaced once the last one
         is written.

@@ -32,21 +32,11 @@ GREY = 0.82
 
 
 class LeftOut(NamedTuple):
-    """The landmarks that the other templates give for a shape of which they are known.
-
-    Parameters
-    ----------
-    name : str
-        The shape.
-    carried : Landmarks
-        What the others give, with its expected errors and spread.
-    error : (m,) array of float
-        Distance of each from the known one, in the units of the shape; nan where either has no place.
-    """
+    """The landmarks that the other templates give for a shape of which they are known."""
 
     name: str
-    carried: Landmarks
-    error: FloatArray
+    carried: Landmarks  # with its expected errors and spread
+    error: FloatArray  # (m,) distance of each from the known one, in units of the shape; nan where either has no place
 
 
 def collected_landmarks(
@@ -91,21 +81,8 @@ def landmarks_left_out(
 ) -> Iterator[LeftOut]:
     """Carry to each template what all others give for it, and compare it with its own landmarks.
 
-    Parameters
-    ----------
-    collection, files, curve_points
-        As for `collected_landmarks`.
-
-    Yields
-    ------
-    LeftOut
-        Each template that the others lead to; none if there is only one. So the errors are those to be expected of a
-        shape of which nothing was marked, from one template less.
-
-    Raises
-    ------
-    InputError, FormatError, LandmarkError
-        As `collected_landmarks`.
+    Yields each template that the others lead to; none if there is only one. So the errors are those to be expected of a
+    shape of which nothing was marked, from one template less. Arguments and errors are those of `collected_landmarks`.
     """
     templates = _Templates(collection, files, curve_points)
     for name in files:
@@ -184,21 +161,10 @@ class _Templates:
 
 
 def draw_landmarks(path: str | Path, collection: Collection, found: Mapping[str, Landmarks]) -> None:
-    """Draw the landmarks of the first 24 shapes as dots, and their expected errors as paler discs around them.
+    """Draw the landmarks ``found`` for the first 24 shapes as dots, with their expected errors as discs around them.
 
-    Parameters
-    ----------
-    path : path_like
-        PNG file; an existing one is replaced.
-    collection : Collection
-        The collection; shapes are turned like its template as far as they are written in its topology.
-    found : mapping of str to Landmarks
-        Landmarks of its shapes by name, such as `collected_landmarks` yields.
-
-    Notes
-    -----
-    A point of the surface takes the colour of the nearest landmark in space, so that those behind are not seen. About
-    0.2 s for a shape.
+    Shapes are turned like the template as far as they are written in its topology. A point of the surface takes the
+    colour of the nearest landmark in space, so that those behind are not seen. About 0.2 s for a shape.
     """
     rows = collection.rows()
     template = collection.chosen_template(rows)

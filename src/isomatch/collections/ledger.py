@@ -47,10 +47,7 @@ class Rows:
     damaged: list[str] = field(default_factory=list)  # such as "the row of a and b in ledger.sqlite"
 
     def merge(self, other: Rows) -> None:
-        """Add rows; of two for the same shape or pair, one that is done counts, and otherwise the later one.
-
-        Of two for a shape whose file changed between them, the later one counts.
-        """
+        """Add rows; of two for one name, one that is done counts, else, or if the file of a shape changed, the later."""
         _merge(self.shapes, other.shapes)
         _merge(self.pairs, other.pairs)
         _merge(self.files, other.files)
@@ -102,7 +99,7 @@ def _merge(mine: dict[K, Record], theirs: dict[K, Record]) -> None:
 
 def _counts_more(one: Record, other: Record) -> bool:
     if any(one.get(of_file) != other.get(of_file) for of_file in ("size", "changed")):
-        return bool(one["time"] > other["time"])  # the file of the shape changed
+        return bool(one["time"] > other["time"])
     return (one["state"] == "done", one["time"]) > (other["state"] == "done", other["time"])
 
 

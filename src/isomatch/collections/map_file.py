@@ -49,17 +49,10 @@ MOST_NAMED = 5  # files in an error
 
 @dataclass(frozen=True, eq=False)
 class PairMaps:
-    """The maps between two shapes.
+    """The maps between two shapes, source → target and target → source, with the row of the pair in the ledger.
 
-    Parameters
-    ----------
-    there, back : Correspondence
-        Source → target, and target → source.
-    record : dict
-        The row of the pair in the ledger.
-    there_error, back_error : (n,) array of float, optional
-        ``expected_error`` of both, for each vertex where they start, in √area of where they end; nan where it is not
-        known, as in files of earlier versions.
+    The errors are the ``expected_error`` of both, for each vertex where they start, in √area of where they end; nan where
+    it is not known, and None in files of earlier versions.
     """
 
     there: Correspondence
@@ -93,13 +86,7 @@ class PairMaps:
 
     @classmethod
     def load(cls, path: Path) -> PairMaps:
-        """Read what `save` wrote.
-
-        Raises
-        ------
-        FormatError
-            If the file is missing (`MissingFileError`), damaged, or holds something else.
-        """
+        """Read what `save` wrote; `FormatError` if it is missing (`MissingFileError`) or damaged."""
         arrays = FORMAT.read(path)
         try:
             record = json.loads(arrays["record"])
@@ -164,21 +151,9 @@ def keep_files(layout: Layout, paths: Iterable[Path]) -> None:
 
 
 def changed_files(layout: Layout, rows: Rows, folders: Iterable[str] = KEPT) -> dict[Path, str]:
-    """Find the files that are not as they were written.
+    """Find the files in some of the `KEPT` folders that are missing, or not as they were written, and say which it is.
 
-    Parameters
-    ----------
-    layout : Layout
-        The folder of the collection.
-    rows : Rows
-        The contents of its ledgers.
-    folders : iterable of str
-        Of which folders in it, see `KEPT`.
-
-    Returns
-    -------
-    dict of Path to str
-        What is wrong with each: ``MISSING`` or ``CHANGED``. Maps of pairs that are to be matched again are not looked at.
+    Maps of pairs that are to be matched again are not looked at.
     """
     wanted = set(folders)
     kept = [each for each in _kept(layout, rows) if each.path.parent.name in wanted]

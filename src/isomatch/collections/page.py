@@ -121,7 +121,8 @@ def _shown(collection: Collection, pair: Mapping[str, Any], rows: Rows) -> str:
     """Show one pair: names, outcome, measures, and links to its report and maps, as far as they exist."""
     layout, both = collection.layout, (pair["source"], pair["target"])
     measures = {**pair, "in doubt": _in_doubt(pair)}
-    cells = [f"<td>{escape(_text(form, measures.get(name)))}</td>" for name, form in SHOWN.items()]
+    numbers = {name: measures.get(name) for name in SHOWN}
+    texts = [SHOWN[name].format(n) if isinstance(n, int | float) else "–" for name, n in numbers.items()]
     files = {"report": layout.report(both)} if has_report(layout, both, rows.pairs[both]) else {}
     files |= {"maps": layout.maps(both)} if layout.maps(both).exists() else {}
     links = [f'<a href="{_link(collection, path)}">{word}</a>' for word, path in files.items()]
@@ -130,7 +131,7 @@ def _shown(collection: Collection, pair: Mapping[str, Any], rows: Rows) -> str:
     words = outcome.lower().replace("_", " ") + (f": {pair['error']}" if pair.get("error") else "")
     return (
         f"<tr{'' if good else ' class=bad'}><td class=words>{escape(', '.join(both))}</td>"
-        f"<td class=words>{escape(words)}</td><td class=words>{' '.join(links)}</td>{''.join(cells)}</tr>\n"
+        f"<td class=words>{escape(words)}</td><td class=words>{' '.join(links)}</td>{''.join(f'<td>{escape(text)}</td>' for text in texts)}</tr>\n"
     )
 
 
@@ -145,10 +146,6 @@ def _in_doubt(pair: Mapping[str, Any]) -> float | None:
     if not result or (Outcome[result["outcome"]].is_doubtful and not regions):
         return None
     return float(sum(region["area"] for region in regions))
-
-
-def _text(form: str, value: object) -> str:
-    return form.format(value) if isinstance(value, int | float) else "–"
 
 
 def table_of(rows: Rows) -> list[dict[str, Any]]:
@@ -197,28 +194,10 @@ def write_reports(
     jobs: int | None = None,
     time_limit: float | None = None,
 ) -> Iterator[tuple[Pair, Record]]:
-    """Write the reports of pairs that have none of their present map.
+    """Write the reports of pairs that have none of their present map; yield each with its ``state`` or ``error``.
 
-    Parameters
-    ----------
-    collection : Collection
-        The collection.
-    which : int, or "doubtful" or "all"
-        So many of the worst pairs; those on the page that are not ``CONVERGED``, and the three next; or all.
-    executor, jobs, time_limit
-        As for `Collection.run`.
-
-    Raises
-    ------
-    SettingError
-        If the number is negative.
-    UnwritableFileError
-        If the folder cannot be made.
-
-    Yields
-    ------
-    (str, str), dict
-        Each pair with a row: its ``state``, "done" or "failed", with the ``error``.
+    Of the pairs, these are so many of the worst; the "doubtful" ones on the page, which are not ``CONVERGED``, with the
+    three next; or "all". Other arguments are those of `Collection.run`.
     """
     if not isinstance(which, str) and which < 0:
         raise SettingError(f"{which} reports cannot be written; give a number, or doubtful, all or none")

@@ -131,7 +131,8 @@ def why_again(
     for key, name in contents.items():
         if key in old and key in new and old[key] != new[key]:
             reasons.append(f"the contents of {name} changed")
-    before, now = (_turned(row, contents) for row in (old, new))
+    sides = (row.get("reflected") or () for row in (old, new))
+    before, now = (set(contents.values() if side is True else side) for side in sides)
     reasons += [f"{name} is matched as its mirror image" for name in sorted(now - before)]
     reasons += [f"{name} is not matched as its mirror image any more" for name in sorted(before - now)]
     known = [origins.get(row.get("made_with", "")) for row in (old, new)]
@@ -140,11 +141,6 @@ def why_again(
         pairs = {name: (a.get(name, UNTOLD), b.get(name, UNTOLD)) for name in (*a, *b)}
         reasons += [f"{name} {was} → {now}" for name, (was, now) in pairs.items() if was != now]
     return reasons
-
-
-def _turned(row: Record, contents: Mapping[str, str]) -> set[str]:
-    turned = row.get("reflected", ())
-    return set(contents.values() if turned is True else turned or ())
 
 
 def _flat(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:

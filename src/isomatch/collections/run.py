@@ -112,9 +112,8 @@ class Run:
         plans = [self._planned(pair, rows) for pair in pairs]
         wrong = self._removed_if_changed("maps", rows.of_pairs(pairs))
         files = {path.name for path in (self.collection.layout.folder / "maps").iterdir()}
-        missing = {
-            plan.pair: plan for plan in plans if not self._is_matched(plan, rows.pairs.get(plan.pair), files)
-        }
+        todo = [plan for plan in plans if not self._is_matched(plan, rows.pairs.get(plan.pair), files)]
+        missing = {plan.pair: plan for plan in todo}
         largest = max((rows.shapes[name]["bytes"] for pair in missing for name in pair), default=1)
         most = min(max(1, len(missing) // (TILES_PER_WORKER * workers.count())), MOST_PAIRS)
         tiles = tiles_of(list(missing), self.collection.names, max(1, LOADED // (2 * largest)), most)
@@ -191,27 +190,22 @@ class Run:
         if record is None or not entry.path.exists():
             return False
         stat = entry.path.stat()
-        if (record.get("size"), record.get("changed")) != (stat.st_size, stat.st_mtime_ns):
-            return False
-        if record["state"] == "failed":
-            return True
+        is_same = (record.get("size"), record.get("changed")) == (stat.st_size, stat.st_mtime_ns)
+        if not is_same or record["state"] == "failed":
+            return is_same
         if "file" not in record:  # of an earlier version; the file is looked at, and taken if it is whole
             return False
         key = self._key(identity_of(record["hash"], entry.reflected))
         return bool(record["key"] == key) and self.collection.layout.prepared(key).exists()
 
     def _planned(self, pair: Pair, rows: Rows) -> PlannedPair:
-        shapes = [rows.shapes[name] for name in pair]
-        hashes = (shapes[0]["hash"], shapes[1]["hash"])
+        source, target = (rows.shapes[name] for name in pair)
         row = rows.pairs.get(pair, {})
-        attempt = row.get("attempt", 0)
-        turned = tuple(rows.reflected(pair))
+        attempt, turned = row.get("attempt", 0), tuple(rows.reflected(pair))
+        keys, hashes = (source["key"], target["key"]), (source["hash"], target["hash"])
         surfaces = (identity_of(content, name in turned) for name, content in zip(pair, hashes))
-        keys = (shapes[0]["key"], shapes[1]["key"])
-        contradicted = row.get("contradicted", False)
-        return PlannedPair(
-            pair, self._key(*surfaces, attempt=attempt), keys, hashes, turned, attempt, contradicted
-        )
+        key = self._key(*surfaces, attempt=attempt)
+        return PlannedPair(pair, key, keys, hashes, turned, attempt, row.get("contradicted", False))
 
     def _removed_if_changed(self, folder: str, rows: Rows) -> dict[Path, str]:
         """Remove files that are not as they were written, so that no job takes them; return what was wrong."""
@@ -239,9 +233,8 @@ class Run:
     def _is_matched(self, plan: PlannedPair, row: Record | None, files: Container[str]) -> bool:
         if row is None or row["state"] == "todo" or row["key"] != plan.key:
             return False
-        return row["state"] == "failed" or (
-            "file" in row and self.collection.layout.maps(plan.pair).name in files
-        )
+        has_file = "file" in row and self.collection.layout.maps(plan.pair).name in files
+        return row["state"] == "failed" or has_file
 
 
 def _of_plan(plan: PlannedPair) -> Record:
@@ -271,9 +264,7 @@ class PlannedPair(NamedTuple):
     hashes: tuple[str, str]  # content_hash of the surfaces in the files
     reflected: tuple[str, ...]  # which of the shapes are matched as their mirror images
     attempt: int  # added to the seed
-    contradicted: bool = (
-        False  # whether other maps contradict the earlier one, so that any new one replaces it
-    )
+    contradicted: bool = False  # whether others contradict the earlier map, so that any new one replaces it
 
 
 class Reflection(NamedTuple):

@@ -29,21 +29,11 @@ Pair = tuple[str, str]
 
 @dataclass(frozen=True)
 class Entry:
-    """A shape of a collection.
+    """A shape of a collection."""
 
-    Parameters
-    ----------
-    name : str
-        Stands for the shape in tables and names of files.
-    path : Path
-        Its file.
-    reflected : bool
-        Whether it is matched as its mirror image.
-    """
-
-    name: str
+    name: str  # stands for the shape in tables and names of files
     path: Path
-    reflected: bool = False
+    reflected: bool = False  # whether it is matched as its mirror image
 
 
 def entries_of(shapes: str | Path | Iterable[str | Path]) -> tuple[Entry, ...]:

@@ -43,17 +43,9 @@ class _Package(ModuleType):
 
 
 def names_at_first_use(package: str) -> list[str]:
-    """Make a package import its public names at their first use.
+    """Make a package import its public names at their first use; return the ``__all__`` of its stub.
 
-    Parameters
-    ----------
-    package : str
-        Full name of the package, whose stub has nothing but imports and ``__all__``.
-
-    Returns
-    -------
-    list of str
-        The ``__all__`` of the stub.
+    The stub of the package, given by its full name, has nothing but imports and ``__all__``.
     """
     module: Any = sys.modules[package]
     stub = get_data(package, "__init__.pyi")
@@ -66,13 +58,7 @@ def names_at_first_use(package: str) -> list[str]:
 
 
 def package(module: str, extra: str | None, what: str) -> Any:
-    """Import a module of an optional package, which an extra of isomatch installs, or none.
-
-    Raises
-    ------
-    MissingDependencyError
-        If the package is not installed, and the message names the extra, or if it cannot be loaded.
-    """
+    """Import a module of an optional package; `MissingDependencyError` if the ``extra``, or none, has to be installed."""
     try:
         return import_module(module)
     except ImportError as error:

@@ -17,10 +17,7 @@ _ANY_FILE = 2**26  # bytes, which are no harm
 
 
 def memory_budget() -> int:
-    """Return how many bytes one step may allocate.
-
-    This is ``ISOMATCH_MEMORY_BUDGET``, in GiB, if it is set, and otherwise half of `available_memory`.
-    """
+    """Return how many bytes one step may allocate: ``ISOMATCH_MEMORY_BUDGET``, in GiB, or half of `available_memory`."""
     wanted = os.environ.get("ISOMATCH_MEMORY_BUDGET", "")
     if not wanted:
         return available_memory() // 2
@@ -32,15 +29,7 @@ def memory_budget() -> int:
 
 
 def require_memory(n_bytes: float, purpose: str, instead: str) -> None:
-    """Raise `MemoryBudgetError` if an allocation exceeds the budget.
-
-    Parameters
-    ----------
-    n_bytes : float
-        Estimated size of the allocation.
-    purpose, instead : str
-        What needs it, and what the user can do instead, for the message.
-    """
+    """Raise `MemoryBudgetError` if so many bytes for a ``purpose`` exceed the budget, and say what to do ``instead``."""
     budget = memory_budget()
     if n_bytes > budget:
         raise MemoryBudgetError(

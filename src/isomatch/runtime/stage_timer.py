@@ -165,12 +165,7 @@ _shown = _Shown()
 def show_progress(stage: str, share: float) -> None:
     """Show stage, share and elapsed time, in one line of the terminal or in a bar below the cell of a notebook.
 
-    Parameters
-    ----------
-    stage : str
-        What is being done.
-    share : float
-        Share of the work that is done; a smaller one than before starts the clock, 1 ends the line.
+    A smaller share than before starts the clock, 1 ends the line.
 
     Examples
     --------

@@ -29,11 +29,7 @@ R = TypeVar("R")
 
 
 def n_threads() -> int:
-    """Return the number of threads to use.
-
-    This is ``ISOMATCH_NUM_THREADS`` if it is set, and otherwise the number of processors that this process may use,
-    see `processors`.
-    """
+    """Return the number of threads to use: ``ISOMATCH_NUM_THREADS`` if it is set, and otherwise of `processors`."""
     wanted = os.environ.get("ISOMATCH_NUM_THREADS", "")
     if wanted:
         if not re.fullmatch("0*[1-9][0-9]{0,5}", wanted):

@@ -21,9 +21,7 @@ from isomatch.runtime.memory import require_memory, room_for
 from isomatch.storage.files import opened, replaced
 from isomatch.values.arrays import AnyArray
 
-FIRST_VERSION = 1
-"""Format of files that carry no version, which isomatch 0.1 wrote."""
-
+FIRST_VERSION = 1  # format of files that carry no version, which isomatch 0.1 wrote
 _VERSION = "format_version"
 _KINDS = {"float": ("fiu", "numbers"), "integer": ("iu", "integers"), "text": ("U", "a text")}
 LONGEST_HEADER = 1000  # bytes of the header of an array; numpy writes 128
@@ -115,14 +113,8 @@ class ArrayFormat:
     def read(self, path: str | Path) -> dict[str, Any]:
         """Read the arrays of a file, each as float32, float64, int64 or, for a text, as a string.
 
-        Headers are checked before any contents are read.
-
-        Raises
-        ------
-        FormatError
-            If the file is missing (`MissingFileError`), damaged or too new, or an array is not as declared.
-        MemoryBudgetError
-            If the arrays would exceed the memory budget.
+        Headers are checked before any contents are read. `FormatError` if the file is missing (`MissingFileError`),
+        damaged or too new, or an array is not as declared; `MemoryBudgetError` if they would exceed the budget.
         """
         path = Path(path)
 
@@ -248,14 +240,7 @@ class Archive:
 def read_mat(path: Path, what: str, expected: str) -> dict[str, Any]:
     """Read the variables of a ``.mat`` file by name: arrays, and structs as objects, both without axes of length 1.
 
-    ``what`` the file should be, and what is ``expected`` in it, is for the message.
-
-    Raises
-    ------
-    MissingFileError
-        If there is no such file.
-    FormatError
-        If it is no file of MATLAB, or one of version 7.3, which is HDF5.
+    `FormatError` if it is not ``what`` it should be, with what is ``expected`` in it, or of version 7.3, which is HDF5.
     """
     from scipy.io import loadmat
 

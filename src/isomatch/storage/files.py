@@ -28,15 +28,7 @@ logger = logging.getLogger(__name__)
 
 
 def opened(path: Path) -> BinaryIO:
-    """Open a file to read its bytes.
-
-    Raises
-    ------
-    MissingFileError
-        If there is none.
-    FormatError
-        If it cannot be opened, such as a folder, a pipe, a device or a file of another user.
-    """
+    """Open a file to read its bytes; `MissingFileError` if there is none, `FormatError` if it is no readable file."""
     try:
         if not S_ISREG(path.stat().st_mode):  # a pipe could block, a device never end
             raise FormatError(
@@ -53,12 +45,8 @@ def opened(path: Path) -> BinaryIO:
 def replaced(path: Path) -> Iterator[BinaryIO]:
     """Open a new file beside an earlier one, which it replaces when the block ends without an error.
 
-    A link keeps pointing at the file it names; one that names nothing is itself replaced.
-
-    Raises
-    ------
-    UnwritableFileError
-        If the file cannot be written, or if there is something else of that name, such as a device.
+    A link keeps pointing at the file it names; one that names nothing is itself replaced. `UnwritableFileError` if the
+    file cannot be written, or there is something else of that name, such as a device.
     """
     with writing(path):
         _require_replaceable(path)
@@ -178,25 +166,13 @@ def abandon_files() -> None:
 def claimed(path: Path, new: Iterable[Path] = ()) -> Iterator[None]:
     """Keep every other process that claims a file waiting outside: it is refused while the block runs.
 
-    The claim is a lock of the operating system, which releases that of a process that is killed.
-
-    Parameters
-    ----------
-    path : Path
-        The file; of several that belong together, the one that stands for all. Its folder must exist.
-    new : iterable of Path
-        Files that must not exist yet. A link counts, whatever it names.
-
-    Raises
-    ------
-    UnwritableFileError
-        If another process has claimed the file, it is something else, such as a device, one of ``new`` exists, or the
-        folder cannot be written.
+    Of files that belong together, one stands for all; its folder must exist. `UnwritableFileError` if another process has
+    claimed it, if it is no file or cannot be written, or if one of ``new`` exists, even as a link that names nothing.
     """
     from filelock import FileLock, Timeout  # 0.1 s, which commands that write nothing need not wait
 
     lock = path.with_name(f".{path.name}.lock")
-    claim = FileLock(lock, timeout=0, thread_local=False)
+    claim = FileLock(lock, timeout=0, thread_local=False)  # the system releases that of a killed process
     with writing(path):
         _require_replaceable(path)
         with _changing:

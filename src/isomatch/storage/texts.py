@@ -18,13 +18,13 @@ from isomatch.errors import FormatError
 from isomatch.storage.files import opened, write_text
 from isomatch.values.arrays import IntArray
 
+# encodings by the bytes that a text begins with
 MARKS = {b"\xef\xbb\xbf": "utf-8-sig", b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16"}
-"""Encodings by the bytes that a text begins with."""
-SEPARATORS = ";\t,"
-"""What stands between cells; the comma last, as it may be that of decimals."""
+SEPARATORS = ";\t,"  # of cells; the comma last, as it may be that of decimals
 Rows = list[tuple[int, list[str]]]
-_FORMULA = re.compile(r"'*[=+\-@\t\r]")
-"""How texts begin that a spreadsheet takes for a formula, and these when they are escaped."""
+_FORMULA = re.compile(
+    r"'*[=+\-@\t\r]"
+)  # how what a spreadsheet takes for a formula begins, also when it is escaped
 
 
 def text_lines(path: Path, comment: str = r"(?:^|(?<=\s))#") -> Iterator[tuple[int, str]]:
@@ -68,10 +68,7 @@ def encoding_of(text: bytes) -> str:
 
 
 def read_integers(path: Path, width: int, refuse: Callable[[int, str], NoReturn]) -> IntArray:
-    """Read a text of ``width`` integers on each line, separated by a comma or blanks, (rows, width).
-
-    ``refuse`` raises the error about a line, given its number and text, that holds anything else.
-    """
+    """Read (rows, width) integers, separated by a comma or blanks; ``refuse`` another line, by its number and text."""
     found = array("q")
     for number, line in text_lines(path):
         words = line.replace(",", " ").split()
@@ -124,19 +121,8 @@ def unescaped(cell: str) -> str:
 def separated(text: str, name: str, separators: Iterable[str] = SEPARATORS) -> tuple[Rows, str]:
     r"""Split the lines of a text by the separator that gives most rows of one length, of at least two cells.
 
-    A first line ``sep=;``, for a spreadsheet program, says which it is.
-
-    Returns
-    -------
-    rows : list of (int, list of str)
-        Number of the line, and its cells without outer blanks, of each row.
-    separator : str
-        What stands between the cells.
-
-    Raises
-    ------
-    FormatError
-        If it is no table; the message begins with ``name``.
+    A first line ``sep=;``, for a spreadsheet program, says which it is. Returned are rows, with the numbers of their
+    lines and cells without outer blanks, and the separator. `FormatError`, about ``name``, if it is no table.
 
     Examples
     --------
@@ -162,21 +148,13 @@ def _rows_alike(rows: Rows) -> int:
 
 
 def read_csv(path: Path) -> list[dict[str, str]]:
-    """Read a table whose first line names the columns; a cell that a line lacks is empty.
-
-    Raises
-    ------
-    FormatError
-        If there is no such file (`MissingFileError`), or it is no table.
-    """
+    """Read a table whose first line names the columns; a cell that a line lacks is empty; `FormatError` if it is none."""
     with opened(path) as file:
         reader = csv.DictReader(StringIO(decoded(file.read()), newline=""), restval="")
     try:
         reader.fieldnames = [unescaped(name) for name in reader.fieldnames or ()]
-        return [
-            {name: unescaped(cell) if isinstance(cell, str) else cell for name, cell in row.items()}
-            for row in reader
-        ]
+        plain = lambda cell: unescaped(cell) if isinstance(cell, str) else cell  # noqa: E731
+        return [{name: plain(cell) for name, cell in row.items()} for row in reader]
     except csv.Error as error:
         raise FormatError(f"{path}: not a table ({error}); write cells separated by commas") from None
 
