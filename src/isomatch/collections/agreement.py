@@ -400,7 +400,7 @@ def inconsistency(readings: FloatArray, prior: FloatArray | None = None) -> Floa
     # a → b → c and under a → c; nan where a map is missing. prior (n, n): weight of the maps of each pair, symmetric.
     # A right map disagrees with the composition of two others exactly if one of these is wrong. So the disagreements
     # d_abc of a map are averaged with the trust in the two other maps of each triangle, in rounds of rising β:
-    #     s_ac ← Σ_b w_ab w_bc d_abc / Σ_b w_ab w_bc,   w = exp(−β s)
+    #     s_ac ← Σ_b w_ab w_bc d_abc / Σ_b w_ab w_bc,   w = prior · exp(−β s)
     # cycle-edge message passing (Lerman & Shi, Robust Group Synchronization via Cycle-Edge Message Passing, FoCM 2022).
     # O(n³) time and memory.
     triangles = _triangles(readings)

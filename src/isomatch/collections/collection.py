@@ -118,9 +118,7 @@ class Collection(Plan):
             by_file = {entry.path: entry.name for entry in entries}
             named = by_file.get(Path(template).resolve())
             if named is None:
-                raise InputError(
-                    f"template {template!r} is no shape of this collection; give its name or file"
-                )
+                raise InputError(f"template {template!r} is no shape of this collection; give name or file")
             template = named
         if pairs not in PATTERNS:
             pairs = str(Path(pairs).resolve())
@@ -130,15 +128,13 @@ class Collection(Plan):
         if layout.plan.exists():
             old = cls.open(folder)
             new._require_same(old)
-            if reflect is None:
-                new = replace(new, reflect=old.reflect)
-            if units is None:
-                kept = {name: unit for name, unit in old.units.items() if name in {OTHERS, *names}}
-                new = replace(new, units=kept)
             if pairs == "all":  # of two shapes, the same one stays the source
                 place = {name: i for i, name in enumerate(old.names)}
                 entries = tuple(sorted(entries, key=lambda entry: place.get(entry.name, len(place))))
-                new = replace(new, shapes=entries)
+            turned = old.reflect if reflect is None else turned
+            if units is None:
+                units_of = {name: unit for name, unit in old.units.items() if name in {OTHERS, *names}}
+            new = replace(new, shapes=entries, reflect=turned, units=units_of)
         if new.reflect == "auto" and new.config.orientation == "any":
             raise SettingError(
                 "reflect = 'auto' finds mirror images by maps that must keep the orientation, and orientation = 'any' "

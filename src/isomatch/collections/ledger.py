@@ -41,9 +41,7 @@ class Rows:
     shapes: dict[str, Record] = field(default_factory=dict)
     pairs: dict[Pair, Record] = field(default_factory=dict)
     files: dict[str, Record] = field(default_factory=dict)  # "file": digest, by their path in the folder
-    origins: dict[str, Record] = field(
-        default_factory=dict
-    )  # version and settings that rows were "made_with"
+    origins: dict[str, Record] = field(default_factory=dict)  # version and settings by "made_with" of rows
     damaged: list[str] = field(default_factory=list)  # such as "the row of a and b in ledger.sqlite"
 
     def merge(self, other: Rows) -> None:

@@ -123,6 +123,7 @@ def _shown(collection: Collection, pair: Mapping[str, Any], rows: Rows) -> str:
     measures = {**pair, "in doubt": _in_doubt(pair)}
     numbers = {name: measures.get(name) for name in SHOWN}
     texts = [SHOWN[name].format(n) if isinstance(n, int | float) else "–" for name, n in numbers.items()]
+    cells = "".join(f"<td>{escape(text)}</td>" for text in texts)
     files = {"report": layout.report(both)} if has_report(layout, both, rows.pairs[both]) else {}
     files |= {"maps": layout.maps(both)} if layout.maps(both).exists() else {}
     links = [f'<a href="{_link(collection, path)}">{word}</a>' for word, path in files.items()]
@@ -131,7 +132,7 @@ def _shown(collection: Collection, pair: Mapping[str, Any], rows: Rows) -> str:
     words = outcome.lower().replace("_", " ") + (f": {pair['error']}" if pair.get("error") else "")
     return (
         f"<tr{'' if good else ' class=bad'}><td class=words>{escape(', '.join(both))}</td>"
-        f"<td class=words>{escape(words)}</td><td class=words>{' '.join(links)}</td>{''.join(f'<td>{escape(text)}</td>' for text in texts)}</tr>\n"
+        f"<td class=words>{escape(words)}</td><td class=words>{' '.join(links)}</td>{cells}</tr>\n"
     )
 
 

@@ -30,9 +30,7 @@ class Task:
     """Something to do for some items of a collection."""
 
     items: tuple[Any, ...]
-    function: Callable[
-        [Any], Any
-    ]  # makes the row of an item, None if it is too late for it; both travel to the worker
+    function: Callable[[Any], Any]  # makes the row of an item, None if it is too late for it
     lost: int = 0  # how often a worker died while this task was running, on it or on another worker
 
     def alone(self) -> list[Task]:
