@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
@@ -30,7 +30,7 @@ from isomatch.collections.run import Event, loaded_shape, row_of
 from isomatch.collections.shapes import Pair, tiles_of
 from isomatch.collections.workers import Task, Workers, late_after, workers_of
 from isomatch.correspondence import UNMATCHED
-from isomatch.matching import Evidence, Outcome, lowered, match_both, outcome_of
+from isomatch.matching import Evidence, MatchResult, Outcome, lowered, match_both, outcome_of
 from isomatch.runtime.memory import peak_memory, require_memory
 from isomatch.settings import Config
 from isomatch.shapes import PreparedShape
@@ -333,9 +333,7 @@ class CycleJob:
             refused = "changes when it is refined"
         elif any(side * result.quality.orientation < 0 for result in rematched):
             refused = f"does not {config.orientation} the orientation"
-        elif (
-            worst := float(np.nanmax([0.0, *(1 / result.quality.rival for result in rematched)]))
-        ) > config.outcome.tie:
+        elif (worst := _against_rivals(rematched)) > config.outcome.tie:
             refused = f"fits worse than another map, by a factor {worst:.2f}"
         if refused:
             return {"refused": f"the composition over {over} {refused}"}
@@ -375,6 +373,10 @@ class CycleJob:
     def _samples(self, name: str) -> IntArray:
         shape = self._shape(name)
         return np.resize(shape.user_vertex[shape.sample_vertices[:N_SAMPLES]], N_SAMPLES)
+
+
+def _against_rivals(results: Iterable[MatchResult]) -> float:
+    return float(np.nanmax([0.0, *(1 / result.quality.rival for result in results)]))
 
 
 def _mean_distances(shape: PreparedShape, first: IntArray, second: IntArray) -> FloatArray:

@@ -44,11 +44,14 @@ def collected_landmarks(
 ) -> Iterator[tuple[str, Landmarks]]:
     """Carry the landmarks of some shapes, the templates, to all others.
 
+    Used are the maps of a template with a shape or, where they are not matched with each other, both maps with the
+    template of the collection, one after the other. Doubtful maps are not used, see `Rows.is_doubtful`; a shape that no
+    other map leads to is left out.
+
     Parameters
     ----------
     collection : Collection
-        Whose maps are used: those of a template with a shape, or, where they are not matched with each other, both maps
-        with the template of the collection, one after the other.
+        The collection.
     files : mapping of str to path_like
         File of the landmarks of each template, by its name.
     curve_points : int, optional
@@ -59,8 +62,7 @@ def collected_landmarks(
     str, Landmarks
         Each shape of the collection, and its landmarks: of a template its own, with the points of curves equally spaced;
         of another the medians over templates, with their ``spread`` and ``expected_error``. Of two maps, one after the
-        other, this is the root of the sum of squares. Doubtful maps are not used, see `Rows.is_doubtful`; a shape that no
-        other map leads to is left out.
+        other, this is the root of the sum of squares.
 
     Raises
     ------

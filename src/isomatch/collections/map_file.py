@@ -95,15 +95,11 @@ class PairMaps:
             back = _map(arrays, "back", len(arrays["there_vertices"]), *hashes[::-1])
         except (ValueError, KeyError, TypeError, MapError) as error:
             raise FormatError(
-                f"{path}: not the maps of a pair ({error}); remove it, and match again"
+                f"{path}: not the maps of a pair ({error}); remove it and match again"
             ) from None
-        errors = [arrays.get(f"{side}_expected_error") for side in SIDES]
-        return cls(
-            there,
-            back,
-            record,
-            *(None if each is None else np.where(each < 0, np.nan, each) for each in errors),
-        )
+        stored = [arrays.get(f"{side}_expected_error") for side in SIDES]
+        errors = [None if each is None else np.where(each < 0, np.nan, each) for each in stored]
+        return cls(there, back, record, *errors)
 
 
 def maps_of_pair(layout: Layout, source: str, target: str) -> PairMaps:

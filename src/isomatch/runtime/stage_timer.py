@@ -19,10 +19,11 @@ logger = logging.getLogger(__name__)
 Progress: TypeAlias = Callable[[str, float], Any] | Callable[[str], Any]
 """Called with the name of a stage as it starts, and with the share of all work that is done, if it takes two arguments.
 
-The share rises from 0 to 1 and never falls. It is an estimate from typical times. What the function raises ends the
-computation and reaches the caller as it is.
+The share, an estimate from typical times, never falls. What the function raises ends the computation and reaches the
+caller as it is.
 """
 
+# share of the time of a match, and of the preparation of a shape, that is typically over when each stage starts
 MATCHING = {
     "prepare": 0.0,
     "components": 0.5,
@@ -36,10 +37,7 @@ MATCHING = {
     "carry": 0.95,
     "pins": 0.98,
 }
-"""Share of the time of a match that is typically over when each stage starts."""
-
 PREPARATION = {"body": 0.0, "levels": 0.02, "distances": 0.3, "functions": 0.5, "samples": 0.85}
-"""The same for the preparation of a shape."""
 
 
 def two_arguments(progress: Progress) -> Callable[[str, float], Any]:

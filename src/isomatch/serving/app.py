@@ -64,8 +64,7 @@ def app_of(session: Session, token: str, port: int, once: str = "") -> App:
     def does(function: Callable[..., None], **fields: Callable[[Any], Any]) -> Any:
         async def answer(request: Any) -> Any:
             try:
-                given = _fields(await request.body(), fields)
-                function(**given)
+                function(**_fields(await request.body(), fields))
                 return text("", 202)
             except IsomatchError as error:
                 return text(str(error), REFUSED)
@@ -79,12 +78,8 @@ def app_of(session: Session, token: str, port: int, once: str = "") -> App:
         return responses.Response(session.archive(), media_type="application/zip")
 
     of_match = {"landmarks": _pairs, "only": _flag, "hold": _flag, "start": _word, "orientation": _word}
-    get = {
-        "/": page,
-        "/state": answers(session.state),
-        "/result": answers(session.shown),
-        "/packed": packed,
-    }
+    get = {"/": page, "/packed": packed}
+    get |= {"/state": answers(session.state), "/result": answers(session.shown)}
     post = {
         "/match": does(session.match, **of_match),
         "/choose": does(session.choose, number=_whole),
@@ -100,19 +95,8 @@ def app_of(session: Session, token: str, port: int, once: str = "") -> App:
 class PageServer:
     """Serves the page of a session to browsers of this machine, on a port; 0 is any that is free.
 
-    Attributes
-    ----------
-    address : str
-        Address of the page, with the token.
-    once : str
-        Another address of it, which works once: for command lines, which other users of a machine can read.
-
-    Raises
-    ------
-    MissingDependencyError
-        If starlette or uvicorn is not installed.
-    SettingError
-        If the port cannot be used.
+    ``address`` is that of the page, with the token; ``once`` is another, which works once: for command lines, which other
+    users of a machine can read. `SettingError` if the port cannot be used.
     """
 
     def __init__(self, session: Session, port: int = 0) -> None:

@@ -32,7 +32,7 @@ class Job:
         self._result: Any = None
         self._error: Exception | None = None
         self.succeeded = False  # whether it has come to a result, even if it was given up before
-        self._now = ("", 0.0)
+        self._now = ("", 0.0)  # the stage, and the share of the work that is done
         self._since = time.perf_counter()
         self._seconds: float | None = None
         self._call = Call()
@@ -105,20 +105,10 @@ class Keeper(Protocol):
 
 
 class Session:
-    """The state behind a page; its methods are called from one thread.
+    """The state behind a page that is drawn by a `WorkPage`; its methods are called from one thread.
 
-    Parameters
-    ----------
-    surfaces : (Surface, Surface)
-        Source and target. Their preparation begins at once.
-    page : WorkPage
-        Draws them.
-    keeper : Keeper
-        Keeps results.
-    config, seed : Config, int
-        Settings of matches.
-    result, landmarks : MatchResult, sequence of (int, int)
-        A result to begin with, and the landmarks with which it was found.
+    The preparation of the surfaces, source and target, begins at once. A ``result`` to begin with comes with the
+    landmarks with which it was found.
     """
 
     def __init__(
@@ -163,11 +153,9 @@ class Session:
         """Tell in plain values what is done now, and what has changed."""
         self._settle()
         job = self._job
-        stage, share = "", 0.0
-        if job is not None:
-            stage, share = job.now()
-            if not stage and not self._preparation.is_over:
-                stage, share = self._preparation.now()
+        stage, share = job.now() if job else ("", 0.0)
+        if job and not stage and not self._preparation.is_over:
+            stage, share = self._preparation.now()
         return {
             "job": job and job.name,
             "stage": stage,
@@ -207,13 +195,9 @@ class Session:
         def work(tell: Tell) -> tuple[MatchResult, Pairs, dict[str, Any]]:
             source, target = self._preparation.wait()
             tell("match", 0.0)
+            told = _before_drawing(tell)
             result = match(
-                source,
-                target,
-                landmarks=landmarks or None,
-                config=config,
-                seed=self._seed,
-                progress=_before_drawing(tell),
+                source, target, landmarks=landmarks or None, config=config, seed=self._seed, progress=told
             )
             tell("drawing", DRAWING)
             return result, landmarks, self._page.result(result, before, landmarks)

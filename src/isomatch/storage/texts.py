@@ -153,8 +153,10 @@ def read_csv(path: Path) -> list[dict[str, str]]:
         reader = csv.DictReader(StringIO(decoded(file.read()), newline=""), restval="")
     try:
         reader.fieldnames = [unescaped(name) for name in reader.fieldnames or ()]
-        plain = lambda cell: unescaped(cell) if isinstance(cell, str) else cell  # noqa: E731
-        return [{name: plain(cell) for name, cell in row.items()} for row in reader]
+        return [  # under None are the further cells of a line, a list
+            {name: unescaped(cell) if name is not None else cell for name, cell in row.items()}
+            for row in reader
+        ]
     except csv.Error as error:
         raise FormatError(f"{path}: not a table ({error}); write cells separated by commas") from None
 
