@@ -126,6 +126,12 @@ def test_the_claim_of_a_killed_process_does_not_block(tmp_path, claimant):
     assert names(tmp_path) == []
 
 
+def test_a_claim_makes_no_folder(tmp_path):
+    with pytest.raises(UnwritableFileError, match="No such file"), claimed(tmp_path / "absent" / "result"):
+        pass
+    assert names(tmp_path) == []
+
+
 def test_a_claim_refuses_what_exists_even_a_dangling_link(tmp_path):
     (tmp_path / "map").symlink_to(tmp_path / "absent")
     message = r"map: already exists .* --force"

@@ -175,6 +175,7 @@ def claimed(path: Path, new: Iterable[Path] = ()) -> Iterator[None]:
     claim = FileLock(lock, timeout=0, thread_local=False)  # the system releases that of a killed process
     with writing(path):
         _require_replaceable(path)
+        path.parent.stat()  # some versions of filelock would make the folder
         with _changing:
             try:
                 claim.acquire()
