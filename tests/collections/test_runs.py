@@ -233,7 +233,7 @@ def test_a_tile_is_not_so_large_that_a_killed_run_loses_hours(small, tmp_path, m
     monkeypatch.setattr(run_module, "TILES_PER_WORKER", 1)
 
     def made(items, function):
-        sizes.extend([len(items)] * (function.__name__ == "match_pair"))
+        sizes.extend([len(items)] * (getattr(function, "__name__", "") == "match_pair"))
         return tile(items, function)
 
     monkeypatch.setattr(run_module, "Task", made)

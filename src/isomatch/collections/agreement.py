@@ -110,7 +110,7 @@ def agree(
             _write(ledger, job, inconsistencies)
             repairs = _repairs(ledger.rows, job, inconsistencies)
             n_replaced = 0
-            tasks = [Task((repair,), job.repaired) for repair in repairs]
+            tasks = [Task((repair,), partial(row_of, job.repaired)) for repair in repairs]
             for count, (repair, result) in enumerate(workers.completed(tasks, late), 1):
                 row = _after(ledger.rows.pairs[repair.pair], result, len(job.prepared))
                 n_replaced += not isinstance(result, Exception) and "replaced_by" in result
@@ -160,7 +160,8 @@ def _measured(job: CycleJob, ledger: Ledger, workers: Workers, late: Callable[[]
     done = [pair for pair in rows.pairs if number.keys() >= set(pair) and rows.is_current(pair)]
     images = np.full((len(names), len(names), N_SAMPLES), UNMATCHED)
     tiles = tiles_of(done, names, TILE, max(1, len(done) // workers.count()))
-    for pair, result in workers.completed([Task(tuple(tile), job.images) for tile in tiles], late):
+    tasks = [Task(tuple(tile), partial(row_of, job.images)) for tile in tiles]
+    for pair, result in workers.completed(tasks, late):
         if isinstance(result, Exception) or "images" not in result:
             continue  # the next run matches it again
         if result["record"]["key"] != rows.pairs[pair]["key"]:
@@ -174,9 +175,8 @@ def _measured(job: CycleJob, ledger: Ledger, workers: Workers, late: Callable[[]
         images[a, b], images[b, a] = result["images"]
     readings = np.full((len(names),) * 3, np.nan)
     side = max(1, -(-len(names) // workers.count()))  # the images travel with each task
-    tasks = [
-        Task(tuple(names[i : i + side]), partial(job.readings, images)) for i in range(0, len(names), side)
-    ]
+    compared = partial(row_of, partial(job.readings, images))
+    tasks = [Task(tuple(names[i : i + side]), compared) for i in range(0, len(names), side)]
     for name, result in workers.completed(tasks, late):
         if not isinstance(result, Exception) and "readings" in result:
             readings[:, :, number[name]] = result["readings"]
@@ -275,23 +275,13 @@ class CycleJob:
 
     def images(self, pair: Pair) -> Record:
         """Map the samples of the shapes of a pair, there and back: ``images``; with the ``record`` of the file."""
-        return row_of(partial(self._images, pair))
-
-    def readings(self, images: IntArray, target: str) -> Record:
-        """Compare all maps to a shape with all compositions of two maps that end there: ``readings``."""
-        return row_of(partial(self._readings, images, target))
-
-    def repaired(self, repair: Repair) -> Record:
-        """Return the row of a pair with a map that agrees better and fits as well, or why it was ``refused``."""
-        return row_of(partial(self._repaired, repair))
-
-    def _images(self, pair: Pair) -> Record:
         maps = self.collection.maps(*pair)
         images = [maps.there.vertices[self._samples(pair[0])], maps.back.vertices[self._samples(pair[1])]]
         record = {**maps.record, "file": digest_of(self.collection.layout.maps(pair))}
         return {"images": images, "record": record}
 
-    def _readings(self, images: IntArray, target: str) -> Record:
+    def readings(self, images: IntArray, target: str) -> Record:
+        """Compare all maps to a shape with all compositions of two maps that end there: ``readings``."""
         # images (n, n, m): vertex of the second shape that each sample of the first is mapped to, −1 if not known
         names = list(self.prepared)
         shape, column = self._shape(target), names.index(target)
@@ -301,7 +291,8 @@ class CycleJob:
             readings[:, b] = _mean_distances(shape, onwards, images[:, column])
         return {"readings": readings}
 
-    def _repaired(self, repair: Repair) -> Record:
+    def repaired(self, repair: Repair) -> Record:
+        """Return the row of a pair with a map that agrees better and fits as well, or why it was ``refused``."""
         pair, turned = repair.pair, repair.pair[::-1]
         old = self.collection.maps(*pair)
         paths, paths_back = (self._paths(ends, repair.middles) for ends in (pair, turned))

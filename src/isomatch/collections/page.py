@@ -211,7 +211,7 @@ def write_reports(
     folder = collection.layout.folder / "reports"
     with writing(folder):
         folder.mkdir(exist_ok=True)
-    tasks = [Task((item,), partial(_reported, collection.of(item[0]))) for item in todo]
+    tasks = [Task((each,), partial(row_of, partial(_written, collection.of(each[0])))) for each in todo]
     with workers_of(executor, jobs) as workers:
         for (pair, _), row in workers.completed(tasks, late):
             yield pair, row if isinstance(row, dict) else {"state": "failed", "error": str(row)}
@@ -231,12 +231,9 @@ def _chosen(lines: list[dict[str, Any]], which: int | str) -> list[Pair]:
     return [(line["source"], line["target"]) for line in matched[: None if which == "all" else int(which)]]
 
 
-def _reported(collection: Collection, item: tuple[Pair, Record]) -> Record:
-    return row_of(partial(_written, collection, *item))
-
-
-def _written(collection: Collection, pair: Pair, record: Record) -> Record:
+def _written(collection: Collection, item: tuple[Pair, Record]) -> Record:
     """Write the report of a pair, source → target."""
+    pair, record = item
     files = [collection.paths[name] for name in pair]
     source_turned, target_turned = (name in record.get("reflected", ()) for name in pair)
     maps = collection.maps(*pair)

@@ -131,7 +131,7 @@ class Run:
         self, job: Job, workers: Workers, ledger: Ledger, reflections: Sequence[Reflection]
     ) -> Iterator[Event]:
         """Turn shapes the other way round, as far as the pair of each bears it out."""
-        tasks = [Task((reflection,), job.reflect_shape) for reflection in reflections]
+        tasks = [Task((reflection,), partial(row_of, job.reflect_shape)) for reflection in reflections]
         for count, ((entry, plan), result) in enumerate(workers.completed(tasks, job.is_late), 1):
             if isinstance(result, Exception) or "pair" not in result:
                 made = _row_of(result)
@@ -289,11 +289,7 @@ class Job:
 
     def match_pair(self, plan: PlannedPair) -> Record | None:
         """Match a pair that is not matched yet, if it is not too late, and return its row."""
-        return None if self.is_late() else row_of(partial(self._matched, plan))
-
-    def reflect_shape(self, reflection: Reflection) -> Record:
-        """Turn a shape, if a match bears it out; rows of the ``shape`` and the ``pair``, or why it was ``refused``."""
-        return row_of(partial(self._reflected, reflection))
+        return None if self.is_late() else row_of(self._matched, plan)
 
     def prepare_shape(self, entry: Entry) -> Record:
         """Read and prepare a shape that is not prepared yet, and return its row."""
@@ -301,7 +297,7 @@ class Job:
         if entry.path.exists():
             file = entry.path.stat()
             stat = {"size": file.st_size, "changed": file.st_mtime_ns}
-        return stat | row_of(partial(self._prepared, entry))
+        return stat | row_of(self._prepared, entry)
 
     def _prepared(self, entry: Entry) -> Record:
         surface = surface_from(entry.path)
@@ -344,7 +340,8 @@ class Job:
         maps.save(file)
         return {**maps.record, "file": digest_of(file)}
 
-    def _reflected(self, reflection: Reflection) -> Record:
+    def reflect_shape(self, reflection: Reflection) -> Record:
+        """Turn a shape, if a match bears it out; rows of the ``shape`` and the ``pair``, or why it was ``refused``."""
         entry, plan = reflection
         shape = self.prepare_shape(entry)
         if shape["state"] == "failed":
@@ -390,11 +387,11 @@ def _unsureness(record: Record) -> tuple[int, float]:
     return -Outcome[there["outcome"]].sureness, there["quality"]["misfit"] or 0.0
 
 
-def row_of(work: Callable[[], Record]) -> Record:
-    """Run a job and return its row, with the time; a failure becomes a row with its reason, but for a full disk."""
+def row_of(work: Callable[[T], Record], item: T) -> Record:
+    """Run a job for an item and return its row, with the time; a failure is one with its reason, but for a full disk."""
     start = time.perf_counter()
     try:
-        record = work()
+        record = work(item)
         return {"state": "done", "time": time.time(), "seconds": time.perf_counter() - start, **record}
     except Exception as error:  # whatever else it is becomes a row with its reason; nothing ends a run
         if isinstance(error, UnwritableFileError) and not is_of_one_file(error):
