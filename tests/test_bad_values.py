@@ -20,7 +20,7 @@ from isomatch.errors import FormatError, LandmarkError, MapError, MeshError, Set
 from isomatch.matching.hints import checked_landmarks
 from isomatch.runtime.memory import GIB, memory_budget
 from isomatch.runtime.threads import n_threads
-from isomatch.storage.files import read_integers
+from isomatch.storage.texts import read_integers
 from isomatch.values.settings import generator
 from isomatch_lab.sets import benchmark_set
 from zoo import grid, torus

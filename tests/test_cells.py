@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from isomatch.assets import Attribute, read_attributes, write_attributes
-from isomatch.storage.cells import joined, separated
-from isomatch.storage.files import read_csv, write_csv
+from isomatch.storage.texts import joined, read_csv, separated, write_csv
 
 FORMULAS = ["=1+1", "+cmd|' /C calc'!A0", "-2+3", "@SUM(A1)", "\tx", "\r=1", "'=1", "''@a"]
 PLAIN = ["a", "", "'tis", "a=b", "é", "-1.5", "+2", "-inf", "#a"]

@@ -5,7 +5,7 @@ import pytest
 import isomatch
 from isomatch import errors
 from isomatch.errors import MissingDependencyError
-from isomatch.loading.packages import package
+from isomatch.loading.first_use import package
 
 TREE = {
     "InputError": ("IsomatchError", ValueError),

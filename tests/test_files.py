@@ -12,7 +12,8 @@ from contextlib import suppress
 import pytest
 
 from isomatch import UnwritableFileError
-from isomatch.storage.files import claimed, replaced, text_lines, write_csv, write_text
+from isomatch.storage.files import claimed, replaced, write_text
+from isomatch.storage.texts import text_lines, write_csv
 
 CLAIM = """
 import sys
@@ -52,9 +53,7 @@ def test_a_file_appears_when_it_is_complete_and_otherwise_stays_as_it_was(tmp_pa
 
 def test_the_system_is_quoted(tmp_path):
     with (
-        pytest.raises(
-            UnwritableFileError, match=r"file: cannot be written \(No space left on device\); make room"
-        ),
+        pytest.raises(UnwritableFileError, match=r"file: cannot be written \(No space left on device\)"),
         replaced(tmp_path / "file"),
     ):
         raise OSError(errno.ENOSPC, "No space left on device")
@@ -127,6 +126,12 @@ def test_the_claim_of_a_killed_process_does_not_block(tmp_path, claimant):
     assert names(tmp_path) == []
 
 
+def test_a_claim_makes_no_folder(tmp_path):
+    with pytest.raises(UnwritableFileError, match="No such file"), claimed(tmp_path / "absent" / "result"):
+        pass
+    assert names(tmp_path) == []
+
+
 def test_a_claim_refuses_what_exists_even_a_dangling_link(tmp_path):
     (tmp_path / "map").symlink_to(tmp_path / "absent")
     message = r"map: already exists .* --force"
@@ -136,12 +141,13 @@ def test_a_claim_refuses_what_exists_even_a_dangling_link(tmp_path):
 
 
 def test_a_system_without_locks_is_noted(tmp_path, monkeypatch, caplog):
-    def unable(_):
+    def unable(*_):
         raise OSError(errno.ENOLCK, "No locks available")
 
-    monkeypatch.setattr("isomatch.runtime.locks._lock", unable)
+    monkeypatch.setattr("fcntl.flock", unable)
     with claimed(tmp_path / "result"):
-        assert "cannot be locked (No locks available)" in caplog.text
+        assert "not locked (No locks available)" in caplog.text
+    assert names(tmp_path) == []
 
 
 def test_lines_of_texts(tmp_path):

@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 from isomatch import match, match_both, prepare
-from isomatch.runtime.interruption import Abandoned, in_background, stop_if_abandoned, tell
 from isomatch.runtime.stage_timer import StageTimer
-from isomatch.runtime.threads import parallel_map
+from isomatch.runtime.threads import Abandoned, in_background, parallel_map, stop_if_abandoned, tell
 from later import some_later
 
 

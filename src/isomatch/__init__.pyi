@@ -40,7 +40,7 @@ from isomatch.geodesics import (
 from isomatch.landmarks import Landmarks, median_landmarks, nearest_landmarks, read_landmarks, write_landmarks
 from isomatch.matching import BothDirections, MatchResult, Outcome, Quality, match, match_both
 from isomatch.mending import MeshReport, check, repair
-from isomatch.runtime.progress import show_progress
+from isomatch.runtime.stage_timer import show_progress
 from isomatch.settings import Config
 from isomatch.shapes import PreparedShape, prepare
 from isomatch.surfaces import Graph, Mesh, PointCloud, PrecisePoints

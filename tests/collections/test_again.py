@@ -10,8 +10,7 @@ import pytest
 
 import isomatch
 from isomatch.cli import main
-from isomatch.collections import Collection, layout, workers
-from isomatch.collections import again as again_module
+from isomatch.collections import Collection, plan, workers
 from isomatch.datasets import example_pair
 from isomatch.resolution import decimate
 from small_collections import run
@@ -27,11 +26,10 @@ def reasons(collection):
 
 @pytest.fixture
 def other_version(monkeypatch):
-    for module in (layout, again_module):
-        monkeypatch.setattr(module, "version", lambda name: "99.0")
-    layout._settings.cache_clear()
+    monkeypatch.setattr(plan, "version", lambda name: "99.0")
+    plan._settings.cache_clear()
     yield
-    layout._settings.cache_clear()
+    plan._settings.cache_clear()
 
 
 @pytest.mark.long

@@ -15,13 +15,11 @@ from isomatch import write_mesh
 from isomatch.cli.collect import collect
 from isomatch.collections import Collection, PairMaps, Rows, agree, agreement_of
 from isomatch.collections import agreement as agreement_module
-from isomatch.collections import reports as reports_module
+from isomatch.collections import page as reports_module
 from isomatch.collections import run as run_module
-from isomatch.collections.consistency import CONTRADICTED
-from isomatch.collections.cycles import CycleJob
-from isomatch.collections.kept import digest_of
-from isomatch.collections.ledger import writing_ledger
-from isomatch.collections.states import state_of
+from isomatch.collections.agreement import CONTRADICTED, CycleJob
+from isomatch.collections.ledger import state_of, writing_ledger
+from isomatch.collections.map_file import digest_of
 from isomatch.collections.workers import Workers
 from isomatch.datasets import ground_truth
 from isomatch.errors import InputError, MemoryBudgetError, UnwritableFileError
@@ -297,9 +295,9 @@ def in_threads(monkeypatch, small_pictures):
 @pytest.mark.long
 def test_jobs_travel_to_processes(right):
     job = CycleJob(right, {name: row["key"] for name, row in right.rows().shapes.items()})
-    (here,) = job.images([WRONG])
+    here = job.images(WRONG)
     with worker_processes(1) as executor:
-        (there,) = executor.submit(job.images, [WRONG]).result()
+        there = executor.submit(job.images, WRONG).result()
     np.testing.assert_array_equal(here["images"], there["images"])
 
 

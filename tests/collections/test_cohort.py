@@ -13,8 +13,8 @@ import pytest
 from isomatch import Correspondence, InputError, Mesh, read_asset, read_mesh, write_mesh
 from isomatch.cli import main
 from isomatch.collections import Collection, Rows, export, finish, misfits, scales_of
-from isomatch.collections.kept import keep_files
-from isomatch.collections.likeness import alike_shapes, likeness_of
+from isomatch.collections.cohort import alike_shapes, likeness_of
+from isomatch.collections.map_file import keep_files
 from isomatch.correspondence import UNMATCHED
 from isomatch.statistics import ShapeModel, read_shapes
 from isomatch.surfaces import reflected

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from isomatch.collections.consistency import CONTRADICTED, inconsistency, turned_shapes
+from isomatch.collections.agreement import CONTRADICTED, inconsistency, turned_shapes
 
 N_POINTS = 60
 RNG = np.random.default_rng(0)

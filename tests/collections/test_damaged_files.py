@@ -13,8 +13,8 @@ import isomatch
 from isomatch import FormatError
 from isomatch.cli import main
 from isomatch.collections import Collection, changed_files, export, finish
-from isomatch.collections.kept import CHANGED, MISSING
 from isomatch.collections.ledger import writing_ledger
+from isomatch.collections.map_file import CHANGED, MISSING
 from later import some_later
 from small_collections import arrays_of, run
 

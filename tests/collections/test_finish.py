@@ -15,7 +15,7 @@ import isomatch
 from isomatch import Correspondence, FormatError, InputError, SettingError, UnwritableFileError, read_mesh
 from isomatch.cli import main
 from isomatch.collections import Collection, export, finish, surfaces_written, write_reports
-from isomatch.collections import reports as reports_module
+from isomatch.collections import page as reports_module
 from isomatch.collections.ledger import writing_ledger
 from isomatch.datasets import example_pair
 from isomatch.resolution import decimate
@@ -182,7 +182,7 @@ def test_a_surface_that_could_not_be_written_is_tried_again(star, tmp_path, monk
     collection = Collection.open(shutil.copytree(star.folder, tmp_path / "star"))
     changed(collection, PAIR, replaced_by=["s0", "s2", "s1"])
     with monkeypatch.context() as broken:
-        broken.setattr("isomatch.collections.wrapped.wrap", lambda *_: 1 / 0)
+        broken.setattr(finish_module, "wrap", lambda *_: 1 / 0)
         assert finished_lines(collection) == ["s1"]
     assert surfaces_written(collection) == ["s0", "s2", "s3"]
     assert finished_lines(collection) == ["s1"]

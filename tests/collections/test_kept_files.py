@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 
 from isomatch import Correspondence, FormatError, UnwritableFileError
-from isomatch.collections import PairMaps, jobs
+from isomatch.collections import PairMaps, plan
 from isomatch.collections import ledger as ledger_module
-from isomatch.collections.layout import OLD, Layout, key_of
+from isomatch.collections import run as run_module
 from isomatch.collections.ledger import Rows, read_ledgers, writing_ledger
-from isomatch.collections.template import medoid
+from isomatch.collections.plan import OLD, Layout, key_of, medoid
 from isomatch.settings import Config
 from isomatch.storage.files import claimed
 
@@ -61,8 +61,6 @@ def test_damaged_maps_are_refused(tmp_path, finished):
 
 
 def test_a_key_tells_contents_settings_seed_and_version(monkeypatch):
-    from isomatch.collections import layout
-
     key = key_of(Config(), 0, "a", "b")
     assert key == key_of(Config(), 0, "a", "b")
     others = {
@@ -70,10 +68,10 @@ def test_a_key_tells_contents_settings_seed_and_version(monkeypatch):
         key_of(Config(n_search=300), 0, "a", "b"),
         key_of(Config(), 1, "a", "b"),
     }
-    monkeypatch.setattr(layout, "version", lambda name: "99")
-    layout._settings.cache_clear()
+    monkeypatch.setattr(plan, "version", lambda name: "99")
+    plan._settings.cache_clear()
     others.add(key_of(Config(), 0, "a", "b"))
-    layout._settings.cache_clear()
+    plan._settings.cache_clear()
     assert len(others | {key}) == 5
 
 
@@ -256,16 +254,18 @@ def test_prepared_shapes_stay_in_memory_up_to_so_many_bytes(finished, monkeypatc
     files = sorted((finished / "prepared").iterdir())
     config = Config.from_dict(json.loads((finished / "collection.json").read_text())["config"])
     reads = []
-    load = jobs.PreparedShape.load
-    monkeypatch.setattr(jobs.PreparedShape, "load", lambda *given: reads.append(given[0]) or load(*given))
-    monkeypatch.setattr(jobs, "_shapes", type(jobs._shapes)())
-    monkeypatch.setattr(jobs, "LOADED", 3 * max(file.stat().st_size for file in files))
+    load = run_module.PreparedShape.load
+    monkeypatch.setattr(
+        run_module.PreparedShape, "load", lambda *given: reads.append(given[0]) or load(*given)
+    )
+    monkeypatch.setattr(run_module, "_shapes", type(run_module._shapes)())
+    monkeypatch.setattr(run_module, "LOADED", 3 * max(file.stat().st_size for file in files))
     for i in (0, 1, 2, 1, 0, 3, 1, 2):  # room for three of them: 2 was not used for longest when 3 came
-        jobs.loaded_shape(files[i], config)
+        run_module.loaded_shape(files[i], config)
     assert [files.index(file) for file in reads] == [0, 1, 2, 3, 2]
-    monkeypatch.setattr(jobs, "LOADED", 1)
-    jobs.loaded_shape(files[0], config)
-    assert len(jobs._shapes) == 2  # those of a pair
+    monkeypatch.setattr(run_module, "LOADED", 1)
+    run_module.loaded_shape(files[0], config)
+    assert len(run_module._shapes) == 2  # those of a pair
 
 
 def test_the_medoid_is_the_nearest_to_all_and_does_not_need_their_matrix():

@@ -19,8 +19,8 @@ from isomatch.collections import (
     finish,
     landmarks_left_out,
 )
-from isomatch.collections.kept import digest_of
 from isomatch.collections.ledger import writing_ledger
+from isomatch.collections.map_file import digest_of
 from isomatch.landmarks import Curve, nearest_on_surface
 from isomatch.view import camera_of
 from small_collections import run

@@ -13,9 +13,10 @@ import pytest
 
 from isomatch import Correspondence, InputError, Mesh, Outcome, SettingError, read_mesh, write_mesh
 from isomatch.cli import main
-from isomatch.collections import Collection, export, finish, jobs, mirror_images, write_reports
+from isomatch.collections import Collection, export, finish, mirror_images, write_reports
+from isomatch.collections import run as run_module
+from isomatch.collections.cohort import two_groups
 from isomatch.collections.ledger import Ledger, Rows
-from isomatch.collections.mirror_images import two_groups
 from isomatch.errors import MeshError
 from isomatch.matching import match_both
 from isomatch.surfaces import Graph, PointCloud, reflected
@@ -73,10 +74,10 @@ def auto(blobs, plain, tmp_path_factory):
 def work(monkeypatch):
     """How often shapes are prepared and pairs are matched."""
     done = []
-    prepare, matched = jobs.prepare, jobs.match_both
-    monkeypatch.setattr(jobs, "prepare", lambda *given: done.append("prepare") or prepare(*given))
+    prepare, matched = run_module.prepare, run_module.match_both
+    monkeypatch.setattr(run_module, "prepare", lambda *given: done.append("prepare") or prepare(*given))
     monkeypatch.setattr(
-        jobs, "match_both", lambda *given, **options: done.append("match") or matched(*given, **options)
+        run_module, "match_both", lambda *given, **options: done.append("match") or matched(*given, **options)
     )
     return done
 
@@ -252,7 +253,7 @@ def test_a_reflection_that_the_match_does_not_bear_out_is_not_kept(
         return found._replace(back=replace(found.back, outcome=Outcome.LOW_CONFIDENCE))
 
     with monkeypatch.context() as patch:
-        patch.setattr(jobs, "match_both", doubtful)
+        patch.setattr(run_module, "match_both", doubtful)
         events = run(collection)
     assert [(event.what, event.name) for event in events] == [("reflection", name) for name in LEFT]
     assert arrays_of(collection.folder) == before
@@ -270,7 +271,7 @@ def test_a_reflection_that_the_match_does_not_bear_out_is_not_kept(
 @pytest.mark.long
 def test_a_match_that_fails_is_no_reflection(blobs, plain, tmp_path, monkeypatch):
     collection = star(blobs, shutil.copytree(plain, tmp_path / "out"), "auto")
-    monkeypatch.setattr(jobs, "match_both", lambda *_, **__: 1 / 0)
+    monkeypatch.setattr(run_module, "match_both", lambda *_, **__: 1 / 0)
     assert {"division" in event.record["not_reflected"][event.name] for event in run(collection)} == {True}
     assert collection.rows().reflected(NAMES) == []
 

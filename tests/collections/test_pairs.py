@@ -7,9 +7,8 @@ import pytest
 
 from isomatch import InputError
 from isomatch.collections import Collection
-from isomatch.collections.pairs import pairs_of, tiles_of
 from isomatch.collections.run import Run
-from isomatch.collections.shapes import entries_of
+from isomatch.collections.shapes import entries_of, pairs_of, tiles_of
 
 NAMES = [f"n{i:02}" for i in range(13)]
 

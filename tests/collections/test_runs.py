@@ -11,7 +11,7 @@ import pytest
 import isomatch
 from isomatch import SettingError
 from isomatch.cli import main
-from isomatch.collections import Collection, jobs, plan, write_table
+from isomatch.collections import Collection, plan, write_table
 from isomatch.collections import run as run_module
 from isomatch.collections.ledger import Rows, writing_ledger
 from isomatch.datasets import example_pair
@@ -27,7 +27,7 @@ BAD = "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"
 def work(monkeypatch):
     """What is prepared and matched, in order: names of files and seeds."""
     done = []
-    prepare, match_both = jobs.prepare, jobs.match_both
+    prepare, match_both = run_module.prepare, run_module.match_both
 
     def counted_prepare(surface, *given):
         done.append("prepare")
@@ -37,8 +37,8 @@ def work(monkeypatch):
         done.append(options["seed"])
         return match_both(*given, **options)
 
-    monkeypatch.setattr(jobs, "prepare", counted_prepare)
-    monkeypatch.setattr(jobs, "match_both", counted_match)
+    monkeypatch.setattr(run_module, "prepare", counted_prepare)
+    monkeypatch.setattr(run_module, "match_both", counted_match)
     return done
 
 
@@ -147,7 +147,7 @@ def test_a_failure_is_a_row_with_its_reason_and_can_be_tried_again(small, tmp_pa
         raise RuntimeError("no luck")
 
     with monkeypatch.context() as patch:
-        patch.setattr(jobs, "match_both", broken)
+        patch.setattr(run_module, "match_both", broken)
         run(collection)
     rows = collection.rows()
     assert rows.pairs["s0", "s1"]["error"] == "RuntimeError: no luck"
@@ -228,16 +228,15 @@ def test_a_collection_stays_where_it_is_when_the_working_directory_changes(small
 
 @pytest.mark.long
 def test_a_tile_is_not_so_large_that_a_killed_run_loses_hours(small, tmp_path, monkeypatch):
-    sizes = []
+    sizes, tile = [], run_module.Task
     monkeypatch.setattr(run_module, "MOST_PAIRS", 2)
     monkeypatch.setattr(run_module, "TILES_PER_WORKER", 1)
-    counted = jobs.Job.match_pairs
 
-    def match_pairs(self, plans):
-        sizes.append(len(plans))
-        return counted(self, plans)
+    def made(items, function):
+        sizes.extend([len(items)] * (getattr(function, "__name__", "") == "match_pair"))
+        return tile(items, function)
 
-    monkeypatch.setattr(jobs.Job, "match_pairs", match_pairs)
+    monkeypatch.setattr(run_module, "Task", made)
     run(Collection.create(tmp_path, small.shapes, pairs="all", config=small.config))
     assert sum(sizes) == 6
     assert max(sizes) == 2

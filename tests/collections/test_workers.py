@@ -17,25 +17,25 @@ from isomatch.runtime.workers import worker_processes
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
 
 
-def doubled(items):
-    return [2 * item for item in items]
+def doubled(item):
+    return 2 * item
 
 
-def deadly(items):
+def deadly(item):
     """A job that no worker survives, among others that take a moment."""
-    if 13 in items:
+    if item == 13:
         os.kill(os.getpid(), signal.SIGKILL)
     time.sleep(0.01)
-    return doubled(items)
+    return doubled(item)
 
 
-def deadly_once(items):
+def deadly_once(item):
     """The first worker that comes by dies."""
-    item, folder = items[0]
-    if item == 3 and not (Path(folder) / "died").exists():
+    number, folder = item
+    if number == 3 and not (Path(folder) / "died").exists():
         (Path(folder) / "died").touch()
         os.kill(os.getpid(), signal.SIGKILL)
-    return [item]
+    return number
 
 
 @pytest.mark.long
@@ -103,7 +103,9 @@ def test_nothing_is_begun_when_it_is_late():
             late.set()
     assert found == [0, 1]  # the second one was sent with the first
     with ThreadPoolExecutor(1) as pool, workers_of(pool, 1) as workers:
-        one = Task((1, 2, 3), lambda items: doubled(items[:2]))  # a tile for which there was no time in full
+        one = Task(
+            (1, 2, 3), lambda item: doubled(item) if item < 3 else None
+        )  # a tile for which there was no time in full
         assert dict(workers.completed([one])) == {1: 2, 2: 4}
 
 

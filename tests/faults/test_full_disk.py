@@ -16,7 +16,7 @@ from isomatch.cli import main
 from isomatch.collections import Collection, workers
 from isomatch.geodesics import Sampling
 from isomatch.storage.array_file import write_arrays
-from isomatch.storage.files import write_csv
+from isomatch.storage.texts import write_csv
 from isomatch_lab.evaluation.ledger import appending, read_rows
 from shapes import icosphere
 from small_collections import arrays_of

@@ -68,8 +68,8 @@ def test_commands_where_open_files_stay_and_posix_is_missing(small, finished, tm
 def test_the_simulation_refuses_what_windows_does(tmp_path):
     """Otherwise the test above would show nothing."""
     program = """
-import isomatch.storage.files as files, isomatch.runtime.limits as limits, os, signal, pathlib
-assert not hasattr(files, "flock") and limits.peak_memory() is None and not hasattr(signal, "SIGHUP")
+import isomatch.storage.files as files, isomatch.runtime.memory as memory, os, signal, pathlib
+assert memory.peak_memory() is None and not hasattr(signal, "SIGHUP")
 path = pathlib.Path("a"); held = path.open("w"); held.write("one\\n"); held.flush()
 pathlib.Path("b").write_text("two")
 assert path.read_bytes() == b"one\\r\\n"

@@ -10,7 +10,7 @@ from isomatch.assets.appearance import with_one_texture
 from isomatch.assets.asset import Asset
 from isomatch.assets.attribute_names import told_apart
 from isomatch.assets.seams import split_at_seams
-from isomatch.loading.packages import package
+from isomatch.loading.first_use import package
 from isomatch.values.arrays import AnyArray
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from isomatch.assets import SurfaceLike
 from isomatch.errors import MeshError, SettingError
 from isomatch.geodesics import DistanceEngine, MetricSpace, distance_engine
-from isomatch.loading.notebooks import Shown, view_room
+from isomatch.loading.first_use import Shown, view_room
 from isomatch.values.arrays import FloatArray, IntArray
 
 if TYPE_CHECKING:

@@ -31,8 +31,7 @@ from isomatch.geodesics import (
     peripheral_vertex,
 )
 from isomatch.mending import Repair, without_seams
-from isomatch.runtime.interruption import in_background
-from isomatch.runtime.threads import serial_blas
+from isomatch.runtime.threads import in_background, serial_blas
 from isomatch.surfaces import Mesh, PointCloud
 from isomatch.values.arrays import FloatArray
 from isomatch.values.settings import generator

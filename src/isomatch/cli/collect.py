@@ -19,7 +19,7 @@ from isomatch.cli.inputs import read_config
 from isomatch.cli.outputs import require_writable
 from isomatch.cli.terminal import TALK, Talk, Tell, complain, say
 from isomatch.errors import InputError, MemoryBudgetError
-from isomatch.storage.files import text_lines
+from isomatch.storage.texts import text_lines
 
 Reports = int | Literal["doubtful", "all", "none"]
 

@@ -15,7 +15,8 @@ import isomatch.landmarks as shape_landmarks
 from isomatch import collections
 from isomatch.cli.terminal import TALK, Talk, Tell, say
 from isomatch.errors import InputError
-from isomatch.storage.files import claimed, legible, made_folder, write_csv
+from isomatch.storage.files import claimed, legible, made_folder
+from isomatch.storage.texts import write_csv
 
 SUFFIXES = (".mrk.json", ".json", ".fcsv", ".pp", ".csv", ".txt")
 ERRORS = ("specimen", "landmark", "expected_error", "spread", "error")  # columns of the table of errors

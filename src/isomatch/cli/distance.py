@@ -19,8 +19,8 @@ from isomatch.cli.terminal import TALK, Talk, Tell, complain, part, say
 from isomatch.errors import FormatError, SettingError
 from isomatch.geodesics import PATH_SUFFIXES, engine_names
 from isomatch.storage.array_file import write_arrays
-from isomatch.storage.cells import joined
 from isomatch.storage.files import write_text
+from isomatch.storage.texts import joined
 from isomatch.values.arrays import FloatArray, IntArray
 
 AT_ONCE = 16  # columns between two announcements of progress

@@ -8,8 +8,8 @@ from unicodedata import normalize
 
 from isomatch import assets
 from isomatch.errors import FormatError
-from isomatch.storage.cells import Rows, separated
-from isomatch.storage.files import decoded, opened
+from isomatch.storage.files import opened
+from isomatch.storage.texts import Rows, decoded, separated
 
 
 def read_groups(path: Path, names: Collection[str], left_out: Collection[str] = ()) -> dict[str, str]:

@@ -11,7 +11,7 @@ import numpy as np
 
 import isomatch
 from isomatch.errors import FormatError, SettingError, some
-from isomatch.storage.files import is_whole_number, text_lines
+from isomatch.storage.texts import is_whole_number, text_lines
 from isomatch.surfaces import PrecisePoints
 from isomatch.values.arrays import IntArray
 

@@ -18,7 +18,7 @@ from isomatch.cli.inputs import read_initial_map
 from isomatch.cli.statistics_files import StatisticsFolder
 from isomatch.cli.terminal import TALK, Talk, complain, say, say_table
 from isomatch.errors import IsomatchError
-from isomatch.storage.files import read_csv
+from isomatch.storage.texts import read_csv
 from isomatch.values.arrays import FloatArray
 
 TRUSTED = {"CONVERGED", "PARTIAL"}  # outcomes of maps that are not in doubt

@@ -17,7 +17,8 @@ from isomatch.assets import Asset, Attribute, write_asset, write_mesh
 from isomatch.cli.statistics_page import page_of
 from isomatch.cli.terminal import json_text
 from isomatch.errors import MissingDependencyError
-from isomatch.storage.files import claimed, made_folder, staged, write_csv, write_text
+from isomatch.storage.files import claimed, made_folder, staged, write_text
+from isomatch.storage.texts import write_csv
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import FloatArray
 

@@ -1,22 +1,14 @@
-from isomatch.collections.agreement import Agreement, agree, agreement_of
-from isomatch.collections.cohort import Misfit, misfits
+from isomatch.collections.agreement import Agreement, agree, agreement_of, inconsistency
+from isomatch.collections.cohort import Misfit, mirror_images, misfits, scales_of
 from isomatch.collections.collection import Collection
-from isomatch.collections.consistency import CONTRADICTED, inconsistency
-from isomatch.collections.export import export
-from isomatch.collections.finish import finish, surfaces_written
-from isomatch.collections.kept import KEPT, changed_files, keep_files, require_unchanged
-from isomatch.collections.landmark_sheet import draw_landmarks
-from isomatch.collections.landmarks import LeftOut, collected_landmarks, landmarks_left_out
-from isomatch.collections.layout import Layout
-from isomatch.collections.ledger import Rows
-from isomatch.collections.map_file import PairMaps
-from isomatch.collections.mirror_images import mirror_images
-from isomatch.collections.reports import write_reports
+from isomatch.collections.finish import export, finish, surfaces_written
+from isomatch.collections.landmarks import LeftOut, collected_landmarks, draw_landmarks, landmarks_left_out
+from isomatch.collections.ledger import CONTRADICTED, Rows, state_of
+from isomatch.collections.map_file import KEPT, PairMaps, changed_files, keep_files, require_unchanged
+from isomatch.collections.page import write_reports, write_table
+from isomatch.collections.plan import Layout
 from isomatch.collections.run import Event
 from isomatch.collections.shapes import Entry
-from isomatch.collections.states import state_of
-from isomatch.collections.tables import write_table
-from isomatch.collections.units import scales_of
 
 __all__ = [
     "CONTRADICTED",

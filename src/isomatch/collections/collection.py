@@ -10,15 +10,20 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
-from isomatch.collections.layout import Layout
-from isomatch.collections.ledger import Rows, read_ledgers, writing_ledger
+from isomatch.collections.cohort import OTHERS, checked_units
+from isomatch.collections.ledger import Rows, read_ledgers, state_of, was_contradicted, writing_ledger
 from isomatch.collections.map_file import PairMaps, maps_of_pair
-from isomatch.collections.pairs import PATTERNS, Pair, pairs_of
-from isomatch.collections.plan import Plan
+from isomatch.collections.plan import Layout, Plan
 from isomatch.collections.run import Event, Run
-from isomatch.collections.shapes import Entry, entries_of, require_files_of_their_own, unusable_names
-from isomatch.collections.states import state_of, was_contradicted
-from isomatch.collections.units import OTHERS, checked_units
+from isomatch.collections.shapes import (
+    PATTERNS,
+    Entry,
+    Pair,
+    entries_of,
+    pairs_of,
+    require_files_of_their_own,
+    unusable_names,
+)
 from isomatch.errors import FormatError, InputError, SettingError
 from isomatch.settings import Config
 from isomatch.storage.files import write_text
@@ -29,26 +34,18 @@ KNOWN = ("source_hash", "target_hash", "reflected", "made_with")  # of a pair th
 
 @dataclass(frozen=True)
 class Collection(Plan):
-    """Shapes in a folder with their maps.
+    """Shapes in a folder with their maps, see `create` and `open`.
 
     Parameters
     ----------
     folder : path_like
-        The folder, see `create` and `open`.
+        The folder.
     shapes : tuple of Entry
         Names and files of the shapes.
-    pairs : str
-        Which pairs are matched, see `create`.
     template : str, optional
         Name of the template; None for that in the middle of all, which is found once all are prepared.
-    config : Config
-        Settings of the matches.
-    seed : int
-        Their seed.
-    reflect : "auto" or tuple of str
-        Which shapes are matched as their mirror images, see `create`.
-    units : mapping of str to str
-        Units of some shapes, see `create`.
+    pairs, config, seed, reflect, units
+        See `create`.
 
     Examples
     --------
@@ -80,7 +77,7 @@ class Collection(Plan):
     ) -> Collection:
         """Make a collection, or continue one with the same settings.
 
-        Shapes may be added and taken out, and ``reflect`` and ``units`` may change.
+        Shapes may be added and taken out, and ``reflect`` and ``units`` may change; by default they are as before.
 
         Parameters
         ----------
@@ -94,18 +91,15 @@ class Collection(Plan):
             columns ``source`` and ``target``. Each pair is matched in both directions.
         template : str, optional
             Name of a shape, or its file; by default the one in the middle of all, by spectra and distances.
-        config : Config, optional
-            Settings of the matches.
-        seed : int
-            Their seed.
+        config, seed : Config, int
+            Settings of the matches, and their seed.
         reflect : "auto", str or iterable of str, optional
             Names of shapes that are matched as their mirror images, such as left ones among right ones. "auto": those of
             which the pairs end as ``MIRROR_IMAGE``, if then they end without doubt; of a star, the mirror images of the
-            template, and otherwise the smaller of two groups. By default as before, and none in a new collection.
+            template, and otherwise the smaller of two groups.
         units : mapping of str to str, optional
             Units of shapes whose files are in others than most, by name: "um", "mm", "cm", "m" or "in". In the topology
-            of the template they are in the unit of all others; that is found by their sizes, or given for ``"*"``. By
-            default as before.
+            of the template they are in the unit of all others; that is found by their sizes, or given for ``"*"``.
 
         Raises
         ------
@@ -124,35 +118,23 @@ class Collection(Plan):
             by_file = {entry.path: entry.name for entry in entries}
             named = by_file.get(Path(template).resolve())
             if named is None:
-                raise InputError(
-                    f"template {template!r} is no shape of this collection; give its name or file"
-                )
+                raise InputError(f"template {template!r} is no shape of this collection; give name or file")
             template = named
         if pairs not in PATTERNS:
             pairs = str(Path(pairs).resolve())
             pairs_of(names, pairs, template)
-        new = cls(
-            layout.folder,
-            entries,
-            pairs,
-            template,
-            config or Config(),
-            seed,
-            _checked(reflect, names),
-            checked_units(units or {}, names),
-        )
+        turned, units_of = _checked(reflect, names), checked_units(units or {}, names)
+        new = cls(layout.folder, entries, pairs, template, config or Config(), seed, turned, units_of)
         if layout.plan.exists():
             old = cls.open(folder)
             new._require_same(old)
-            if reflect is None:
-                new = replace(new, reflect=old.reflect)
-            if units is None:
-                kept = {name: unit for name, unit in old.units.items() if name in {OTHERS, *names}}
-                new = replace(new, units=kept)
             if pairs == "all":  # of two shapes, the same one stays the source
                 place = {name: i for i, name in enumerate(old.names)}
                 entries = tuple(sorted(entries, key=lambda entry: place.get(entry.name, len(place))))
-                new = replace(new, shapes=entries)
+            turned = old.reflect if reflect is None else turned
+            if units is None:
+                units_of = {name: unit for name, unit in old.units.items() if name in {OTHERS, *names}}
+            new = replace(new, shapes=entries, reflect=turned, units=units_of)
         if new.reflect == "auto" and new.config.orientation == "any":
             raise SettingError(
                 "reflect = 'auto' finds mirror images by maps that must keep the orientation, and orientation = 'any' "
@@ -175,13 +157,7 @@ class Collection(Plan):
 
     @classmethod
     def open(cls, folder: str | Path) -> Collection:
-        """Open the collection in a folder.
-
-        Raises
-        ------
-        FormatError
-            If the folder holds none, or its plan is damaged.
-        """
+        """Open the collection in a folder; `FormatError` if it holds none, or its plan is damaged."""
         folder = Path(folder).absolute()
         path = Layout(folder).plan
         try:
@@ -212,11 +188,7 @@ class Collection(Plan):
         """Read the maps of a pair; ``there`` leads from source to target, in whichever order they were matched.
 
         They are those of the surfaces in the files, also where these were reflected, which keeps the numbers of vertices.
-
-        Raises
-        ------
-        FormatError
-            If the pair is not matched.
+        `FormatError` if the pair is not matched.
         """
         return maps_of_pair(self.layout, source, target)
 
@@ -252,22 +224,14 @@ class Collection(Plan):
             If another run does the same shard, or the folder cannot be written.
         """
         if not 0 <= shard[0] < shard[1]:
-            raise InputError(
-                f"shard {shard} is not its index, from 0, and the number of shards, such as (0, 8)"
-            )
+            raise InputError(f"shard {shard} is not its index, from 0, and the number of all, such as (0, 8)")
         return Run(self, shard).events(executor, jobs, time_limit)
 
     def retry(self, which: Literal["failed", "low"]) -> list[Pair]:
-        """Let the next run match pairs again: those that failed, or those that ended with low confidence.
+        """Let the next run match pairs again, and return them: those that failed, or those with low confidence.
 
         The same input gives the same map, so the latter are matched with another seed, and the surer map is kept; a map
-        that others contradict gives way to the new one. Shapes that could not be prepared are tried again with
-        "failed".
-
-        Returns
-        -------
-        list of two str
-            The pairs.
+        that others contradict gives way to the new one. With "failed", shapes that could not be prepared are tried again.
         """
         again = {
             pair: {
@@ -293,9 +257,8 @@ class Collection(Plan):
         """Raise `SettingError` unless another collection has the same settings."""
         mine, theirs = self.config.changed(), old.config.changed()
         different = [name for name in {**mine, **theirs} if mine.get(name) != theirs.get(name)]
-        different += [
-            name for name in ("pairs", "template", "seed") if getattr(self, name) != getattr(old, name)
-        ]
+        plain = ("pairs", "template", "seed")
+        different += [name for name in plain if getattr(self, name) != getattr(old, name)]
         if different:
             raise SettingError(
                 f"{self.folder}: holds a collection with other {', '.join(different)}; continue it with the same, or "

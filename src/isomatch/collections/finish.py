@@ -1,31 +1,42 @@
-"""What a run leaves to work with and to look at: surfaces in one topology, tables, and a page."""
+"""What a run leaves to work with and to look at: surfaces in one topology, tables, and a page; files for others."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Container, Iterator
 from concurrent.futures import Executor
+from dataclasses import asdict, dataclass
+from functools import lru_cache
 from hashlib import blake2b
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from matplotlib.image import imsave
 
-from isomatch.assets import read_mesh
-from isomatch.collections.cohort import NOT_UNLIKE
+from isomatch.assets import Asset, Attribute, mesh_from, read_asset, read_mesh, write_asset
+from isomatch.collections.cohort import NOT_UNLIKE, mirror_images, scales_of
 from isomatch.collections.collection import Collection
-from isomatch.collections.kept import changed_files, put_files
-from isomatch.collections.layout import Layout
-from isomatch.collections.ledger import Ledger, Rows, read_ledgers, writing_ledger
-from isomatch.collections.mirror_images import mirror_images
-from isomatch.collections.page import write_page
-from isomatch.collections.shapes import Entry
-from isomatch.collections.tables import write_table
-from isomatch.collections.units import scales_of
+from isomatch.collections.ledger import Ledger, Record, Rows, read_ledgers, writing_ledger
+from isomatch.collections.map_file import (
+    as_matched,
+    changed_files,
+    digest_of,
+    maps_of_pair,
+    put_files,
+    require_unchanged,
+)
+from isomatch.collections.page import write_page, write_table
+from isomatch.collections.plan import Layout
+from isomatch.collections.shapes import BETWEEN, Entry, Pair
 from isomatch.collections.workers import Task, late_after, workers_of
-from isomatch.collections.wrapped import MOST_WAYS, PlannedSurface, WrapJob
-from isomatch.statistics import doubtful_positions
-from isomatch.storage.files import claimed, read_csv, write_csv, writing
+from isomatch.correspondence import Correspondence, WrapQuality, median_map, wrap
+from isomatch.errors import FormatError, InputError, IsomatchError, UnwritableFileError
+from isomatch.statistics import MEASURED, doubtful_positions
+from isomatch.storage.files import claimed, is_of_one_file, made_folder, replaced, staged, writing
+from isomatch.storage.texts import read_csv, write_csv
+from isomatch.surfaces import Mesh, reflected
+from isomatch.view import camera_of, position_colours, surface_image, to_screen, turn_to_target
 
 OWN = ("name", "key", "turned", "stretch", "distance", "extended", "error")  # columns of the work itself
 COLUMNS = (*OWN, "ways", "scale", "reflected", "mirror_image", "unlike")
@@ -33,6 +44,8 @@ AT_ONCE = 4  # surfaces of a task
 N_COMPARED = 1000  # vertices of a shape by which outliers are found
 MOST_COMPARED = 2000  # shapes that are compared; of more, every so many-th
 SAVED = 60.0  # seconds between two writings of the table: a run that is killed repeats no more than these
+MOST_WAYS = 20  # over other shapes; as many as were measured
+PIXELS_PER_UNIT = 110.0  # of a thumbnail: about 200 pixels tall
 
 
 def finish(
@@ -50,12 +63,7 @@ def finish(
     `isomatch.wrap`. Files of shapes that were taken out, or are not matched any more, are removed. A file that was
     changed after it was written is written again.
 
-    Parameters
-    ----------
-    collection : Collection
-        The collection.
-    executor, jobs, time_limit
-        As for `Collection.run`.
+    Other arguments are those of `Collection.run`.
 
     Raises
     ------
@@ -84,9 +92,7 @@ def finish(
             whole = _whole(layout, rows, changed)
             job = WrapJob(layout, _entry(collection, rows, template))
             todo = [plan for plan in plans if not _is_written(plan, lines, whole)]
-            tasks = [
-                Task(tuple(todo[i : i + AT_ONCE]), job.wrap_shapes) for i in range(0, len(todo), AT_ONCE)
-            ]
+            tasks = [Task(tuple(todo[i : i + AT_ONCE]), job.wrapped) for i in range(0, len(todo), AT_ONCE)]
             saved = time.monotonic()
             with workers_of(executor, jobs) as workers:
                 for plan, line in workers.completed(tasks, late):
@@ -98,14 +104,11 @@ def finish(
                     if time.monotonic() > saved + SAVED:
                         write_csv(layout.shapes_table, lines.values(), COLUMNS)
                         saved = time.monotonic()
-                    yield {
-                        **lines[name],
-                        **({"again": f"its file {changed[file]}"} if file in changed else {}),
-                    }
+                    again = {"again": f"its file {changed[file]}"} if file in changed else {}
+                    yield {**lines[name], **again}
             _tell_sides(collection, rows, lines)
-            _tell_unlike(
-                layout, [plan.entry.name for plan in plans if _is_written(plan, lines, whole)], lines
-            )
+            written = [plan.entry.name for plan in plans if _is_written(plan, lines, whole)]
+            _tell_unlike(layout, written, lines)
             write_csv(layout.shapes_table, lines.values(), COLUMNS)
     write_table(rows, layout.table)
     write_page(collection, rows, template, lines)
@@ -131,17 +134,16 @@ def _planned(collection: Collection, rows: Rows, template: str) -> list[PlannedS
     }
     sure = {frozenset(pair) for pair in rows.pairs if frozenset(pair) in keys and not rows.is_doubtful(pair)}
     linked = [name for name in collection.names if {template, name} in sure]
-    plans = [
-        PlannedSurface(_entry(collection, rows, template), None, rows.shapes.get(template, {}).get("key", ""))
-    ]
+    own = rows.shapes.get(template, {}).get("key", "")
+    plans = [PlannedSurface(_entry(collection, rows, template), None, own)]
     for pair in rows.pairs:
         if template not in pair or frozenset(pair) not in keys:
             continue
         name = pair[0] if pair[1] == template else pair[1]
         over = [each for each in linked if {each, name} in sure]
-        over = (
-            [over[i] for i in np.unique(np.linspace(0, len(over) - 1, MOST_WAYS).astype(int))] if over else []
-        )
+        if over:
+            chosen = np.linspace(0, len(over) - 1, MOST_WAYS).astype(int)
+            over = [over[i] for i in np.unique(chosen)]
         ways: tuple[Entry | None, ...] = tuple(_entry(collection, rows, each) for each in over)
         legs = [frozenset(leg) for each in over for leg in ((template, each), (each, name))]
         if not over or frozenset(pair) in sure:
@@ -214,3 +216,156 @@ def _lines_of_table(collection: Collection) -> dict[str, Any]:
     path = collection.layout.shapes_table
     lines = read_csv(path) if path.exists() else []
     return {line["name"]: line for line in lines if set(OWN) <= set(line)}  # others were not written by us
+
+
+class PlannedSurface(NamedTuple):
+    """A shape to be drawn with the vertices of the template."""
+
+    entry: Entry
+    pair: Pair | None  # that with the template; None for the template itself
+    key: str  # identifies the map, and with it the surface
+    scale: float = 1.0  # what its positions are multiplied by, so that they are in the units of the others
+    # how the template's vertices come to it: by the map of the pair (None), and over other shapes; the median of all
+    ways: tuple[Entry | None, ...] = (None,)
+
+    def scaled(self, factor: float) -> PlannedSurface:
+        """Return the same surface with positions multiplied by a factor."""
+        return self if factor == 1 else self._replace(scale=factor, key=f"{self.key} × {factor:.6g}")
+
+
+@dataclass(frozen=True)
+class WrapJob:
+    """The job of writing surfaces, which worker processes do."""
+
+    layout: Layout
+    template: Entry
+
+    def wrapped(self, plan: PlannedSurface) -> Record:
+        """Write a shape with the vertices of the template, and its picture; return a line about it."""
+        name = plan.entry.name
+        line: Record = {"name": name, "key": plan.key, **asdict(WrapQuality(0.0, 1.0, 0.0, 0))}
+        line |= {"scale": plan.scale if plan.scale != 1 else "", "ways": len(plan.ways)}
+        try:
+            template, mesh = map(_mesh, (self.template, plan.entry))
+            marks: list[Attribute] = []
+            if plan.pair is None:
+                template = mesh = reflected(mesh) if plan.entry.reflected else mesh
+            else:
+                there = self._map(plan, template, mesh)
+                turned = self.template.reflected, plan.entry.reflected
+                there, template, mesh = as_matched(there, template, mesh, turned)
+                wrapped = wrap(there, template, mesh)
+                mesh = wrapped.mesh
+                line |= asdict(wrapped.quality)
+                if wrapped.extended.any():
+                    marks = [Attribute(MEASURED, "point", "label", (~wrapped.extended).astype(np.uint8))]
+            mesh = mesh.moved(plan.scale * mesh.vertices)
+            write_asset(self.layout.corresponded(name), Asset.of_mesh(mesh, marks))
+            line["file"] = digest_of(self.layout.corresponded(name))
+            _draw(template, mesh, self.layout.thumbnail(name))
+        except (IsomatchError, OSError, ValueError, ArithmeticError) as error:
+            if isinstance(error, UnwritableFileError) and not is_of_one_file(error):
+                raise  # as on a full disk: the shape is not to blame
+            line["error"] = f"{type(error).__name__}: {error}"
+        return line
+
+    def _map(self, plan: PlannedSurface, template: Mesh, mesh: Mesh) -> Correspondence:
+        """Return the map from the template, between the surfaces in the files: the median of all ways."""
+        centre, name = self.template.name, plan.entry.name
+        maps = []
+        for over in plan.ways:
+            if over is None:
+                maps.append(maps_of_pair(self.layout, centre, name).there)
+                continue
+            first = maps_of_pair(self.layout, centre, over.name).there
+            second = maps_of_pair(self.layout, over.name, name).there
+            maps.append(first.then(second, _mesh(over), mesh))
+        return median_map(maps, mesh) if len(maps) > 1 else maps[0]
+
+
+def _draw(template: Mesh, mesh: Mesh, path: Path) -> None:
+    """Draw a shape in the colours of the template's positions, turned like the template."""
+    same = Correspondence(np.arange(mesh.n_vertices), mesh.n_vertices)
+    turned = camera_of(template) @ turn_to_target(mesh, template, same)
+    image = surface_image(mesh, position_colours(template), to_screen, turned, PIXELS_PER_UNIT)
+    with replaced(path) as file:
+        imsave(file, np.clip(image, 0.0, 1.0), format="png")
+
+
+def _mesh(entry: Entry) -> Mesh:
+    return _read(entry.path, entry.path.stat().st_mtime_ns)
+
+
+@lru_cache(MOST_WAYS + 2)
+def _read(path: Path, changed: int) -> Mesh:
+    """Read a mesh, or take it from memory if its file has not changed since."""
+    return mesh_from(path)
+
+
+def export(
+    collection: Collection,
+    folder: str | Path,
+    meshes: str | None = ".ply",
+    maps: str | None = ".npz",
+    force: bool = False,
+) -> Iterator[Path]:
+    """Write the surfaces of `surfaces_written`, and the maps of all pairs as they are now; yield each file.
+
+    Parameters
+    ----------
+    collection : Collection
+        The collection.
+    folder : path_like
+        Folder for ``meshes/NAME``, in the units of the collection, with ``measured`` as far as the format has a place for
+        it, for ``maps/SOURCE__TARGET``, a file for each direction, and for ``pairs.csv``, which is written last.
+    meshes, maps : str, optional
+        Suffixes, see `FORMATS` and `Correspondence.save`; None for none.
+    force : bool
+        Whether to write over files of an earlier export; others in the folder stay. All are replaced once the last one
+        is written.
+
+    Raises
+    ------
+    InputError
+        If there is nothing to export, or the folder is that of the collection.
+    FormatError
+        If the format of the meshes is unknown, or does not keep the order of vertices; or if files of the collection
+        were changed after they were written.
+    UnwritableFileError
+        If a file cannot be written, or there are files of an earlier export.
+    """
+    if meshes and meshes.lower() == ".stl":
+        raise FormatError(
+            "STL files do not keep the order of vertices, by which shapes correspond; use another"
+        )
+    rows, last = collection.rows(), Path(folder) / "pairs.csv"
+    if last.parent.resolve() == collection.folder.resolve():
+        raise InputError(f"{folder}: is the folder of the collection itself; give another one")
+    folders = {"corresponded": meshes, "maps": maps}
+    require_unchanged(collection.layout, [folder for folder, suffix in folders.items() if suffix])
+    names = surfaces_written(collection) if meshes else []
+    pairs = [pair for pair in rows.pairs if rows.is_current(pair)] if maps else []
+    if not names and not pairs:
+        raise InputError(
+            f"{collection.folder}: nothing to export; run isomatch collect to its end, or see shapes.csv"
+        )
+    earlier = [last, *(file for kind in ("meshes", "maps") for file in sorted(last.parent.glob(f"{kind}/*")))]
+    with (
+        made_folder(last.parent),
+        claimed(last, [] if force else earlier),
+        staged(last.parent, last.name) as new,
+    ):
+        for kind in ("meshes", "maps"):
+            (new / kind).mkdir()
+        for name in names:
+            path = new / "meshes" / f"{name}{meshes}"
+            write_asset(path, read_asset(collection.layout.corresponded(name)))
+            yield last.parent / path.relative_to(new)
+        for pair in pairs:
+            pair_maps = collection.maps(*pair)
+            for ends, correspondence in ((pair, pair_maps.there), (pair[::-1], pair_maps.back)):
+                path = new / "maps" / f"{BETWEEN.join(ends)}{maps}"
+                correspondence.save(path)
+                yield last.parent / path.relative_to(new)
+        write_table(rows, new / last.name)
+    yield last

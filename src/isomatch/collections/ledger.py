@@ -5,19 +5,24 @@ from __future__ import annotations
 import json
 import sqlite3
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from types import UnionType
 from typing import Any, TypeVar
 
-from isomatch.collections.map_file import SIDES, Record
-from isomatch.collections.pairs import Pair
-from isomatch.collections.row_kinds import OF_FILES, OF_ORIGINS, OF_PAIRS, OF_SHAPES, Kinds, record_of
+from isomatch.collections.shapes import Pair
 from isomatch.errors import FormatError, UnwritableFileError
 from isomatch.matching import Outcome
 from isomatch.storage.files import claimed
 
+Record = dict[str, Any]
+"""What is known of a shape or a pair, as plain values."""
+SIDES = ("there", "back")
+CONTRADICTED = 0.1  # √area: a mean error from which a map counts as a failure; right maps reach half of it
+N_EIGENVALUES, N_QUANTILES = 30, 20  # of the features by which a template is chosen
+N_RANKS = 64  # distances from the centroid by which shapes are compared
 PATIENCE = 60.0  # seconds that a ledger is waited for while another process reads or writes it
 _TABLES = """
 BEGIN IMMEDIATE;
@@ -31,31 +36,16 @@ COMMIT;
 
 @dataclass
 class Rows:
-    """The rows of a collection.
-
-    Parameters
-    ----------
-    shapes, pairs : dict
-        Of shapes and pairs, by name.
-    files : dict of str to dict
-        Of files without such a row: their ``file``, the digest of their bytes, by their path in the folder.
-    origins : dict of str to dict
-        The version and the settings that rows were ``made_with``.
-    damaged : list of str
-        Where rows were that cannot be used, such as "the row of a and b in ledger.sqlite".
-    """
+    """The rows of a collection: those of shapes and of pairs, and of what else its folder holds."""
 
     shapes: dict[str, Record] = field(default_factory=dict)
     pairs: dict[Pair, Record] = field(default_factory=dict)
-    files: dict[str, Record] = field(default_factory=dict)
-    origins: dict[str, Record] = field(default_factory=dict)
-    damaged: list[str] = field(default_factory=list)
+    files: dict[str, Record] = field(default_factory=dict)  # "file": digest, by their path in the folder
+    origins: dict[str, Record] = field(default_factory=dict)  # version and settings by "made_with" of rows
+    damaged: list[str] = field(default_factory=list)  # such as "the row of a and b in ledger.sqlite"
 
     def merge(self, other: Rows) -> None:
-        """Add rows; of two for the same shape or pair, one that is done counts, and otherwise the later one.
-
-        Of two for a shape whose file changed between them, the later one counts.
-        """
+        """Add rows; of two for one name, one that is done counts, else, or if the file of a shape changed, the later."""
         _merge(self.shapes, other.shapes)
         _merge(self.pairs, other.pairs)
         _merge(self.files, other.files)
@@ -107,7 +97,7 @@ def _merge(mine: dict[K, Record], theirs: dict[K, Record]) -> None:
 
 def _counts_more(one: Record, other: Record) -> bool:
     if any(one.get(of_file) != other.get(of_file) for of_file in ("size", "changed")):
-        return bool(one["time"] > other["time"])  # the file of the shape changed
+        return bool(one["time"] > other["time"])
     return (one["state"] == "done", one["time"]) > (other["state"] == "done", other["time"])
 
 
@@ -165,22 +155,9 @@ class Ledger:
 
 @contextmanager
 def writing_ledger(path: Path, *, one_host: bool = True) -> Iterator[Ledger]:
-    """Open a ledger for writing; it is made if it does not exist.
+    """Open a ledger for writing; it is made if it does not exist, and no other process may write it.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-    one_host : bool
-        Whether only processes of this machine read it meanwhile. They need not wait then (SQLite's write-ahead log),
-        which does not work across machines.
-
-    Raises
-    ------
-    UnwritableFileError
-        If another process writes it, or it cannot be written.
-    FormatError
-        If the file is something else.
+    Where only processes of ``one_host`` read it meanwhile, they need not wait (SQLite's write-ahead log).
     """
     with claimed(path), closing(_connected(path, one_host)) as connection:
         with _named(path, "not a ledger"):
@@ -188,9 +165,8 @@ def writing_ledger(path: Path, *, one_host: bool = True) -> Iterator[Ledger]:
         yield ledger
         with suppress(sqlite3.OperationalError):  # somebody reads it
             connection.execute("PRAGMA busy_timeout = 0")
-            connection.execute(
-                "PRAGMA journal_mode = DELETE"
-            )  # leaves a file that needs no others, also to be read
+            # leaves a file that needs no others, also to be read
+            connection.execute("PRAGMA journal_mode = DELETE")
 
 
 def _connected(path: Path, one_host: bool) -> sqlite3.Connection:
@@ -229,13 +205,7 @@ def _named(path: Path, problem: str) -> Iterator[None]:
 
 
 def read_ledgers(paths: Iterable[Path]) -> Rows:
-    """Read the rows of several ledgers, also while they are written.
-
-    Raises
-    ------
-    FormatError
-        If a file is no ledger.
-    """
+    """Read the rows of several ledgers, also while they are written; `FormatError` if a file is none."""
     rows = Rows()
     for path in paths:
         # reading undoes the half-written changes of a killed process, which mode=ro could not
@@ -251,13 +221,7 @@ def read_ledgers(paths: Iterable[Path]) -> Rows:
 def _rows(connection: sqlite3.Connection, path: Path) -> Rows:
     present = {name for (name,) in connection.execute("SELECT name FROM sqlite_master")}
     rows = Rows()
-    tables: dict[str, tuple[dict[Any, Record], Kinds]] = {
-        "shapes": (rows.shapes, OF_SHAPES),
-        "pairs": (rows.pairs, OF_PAIRS),
-        "files": (rows.files, OF_FILES),
-        "origins": (rows.origins, OF_ORIGINS),
-    }
-    for table, (into, kinds) in tables.items():
+    for table, kinds in _KINDS.items():
         if table not in present:  # another process has just begun it, or it is of an earlier version
             continue
         # all at once: while rows are read, nobody can write them
@@ -266,5 +230,112 @@ def _rows(connection: sqlite3.Connection, path: Path) -> Rows:
             if record is None:
                 rows.damaged.append(f"the row of {' and '.join(map(str, names))} in {path.name}")
             else:
-                into[names[0] if len(names) == 1 else tuple(names)] = record
+                getattr(rows, table)[names[0] if len(names) == 1 else tuple(names)] = record
     return rows
+
+
+# What the values of a row must be, by its state and names, to be used: others were damaged, or are of another program
+Kind = type | UnionType | Callable[[Any], bool]
+Kinds = Mapping[str, Mapping[str, Kind]]
+NUMBER = int | float
+
+
+def _texts(value: Any) -> bool:
+    return isinstance(value, list) and all(isinstance(each, str) for each in value)
+
+
+def _numbers(count: int) -> Callable[[Any], bool]:
+    def are(value: Any) -> bool:
+        are_all = isinstance(value, list) and all(isinstance(each, NUMBER) for each in value)
+        return are_all and len(value) == count
+
+    return are
+
+
+def _result(value: Any) -> bool:
+    quality = value.get("quality") if isinstance(value, dict) else None
+    return (
+        isinstance(quality, dict)
+        and value.get("outcome") in Outcome.__members__
+        and {"misfit", "orientation", "mirrored"} <= quality.keys()
+        and all(isinstance(each, NUMBER | None) for each in quality.values())
+    )
+
+
+_FEATURES, _holes = _numbers(N_EIGENVALUES + N_QUANTILES), _numbers(2)
+_OF_SHAPES: Kinds = {
+    "done": {"key": str, "hash": str, "bytes": int, "area": NUMBER, "features": _FEATURES, "notes": _texts},
+    "failed": {"error": str},
+}
+_OF_MATCH: Mapping[str, Kind] = {"source_hash": str, "target_hash": str, **dict.fromkeys(SIDES, _result)}
+_OF_PAIRS: Kinds = {
+    "done": {"key": str, "attempt": int, **_OF_MATCH},
+    "failed": {"key": str, "attempt": int, "error": str},
+    "todo": {"attempt": int},
+}
+_KINDS = {
+    "shapes": _OF_SHAPES,
+    "pairs": _OF_PAIRS,
+    "files": {"done": {"file": str}},
+    "origins": {"done": {"made_with": dict}},
+}
+_OPTIONAL: Mapping[str, Kind] = {  # what other values must be, where a row has them
+    "file": str,
+    "error": str,
+    "source_hash": str,
+    "target_hash": str,
+    "seconds": NUMBER,
+    "memory": NUMBER | None,
+    "again": _texts,
+    "replaced_by": _texts,
+    "reflected": lambda value: isinstance(value, bool) or _texts(value),
+    "made_with": str | dict,
+    "agreement": lambda value: (
+        isinstance(value, dict) and isinstance(value.get("inconsistency", 0.0), NUMBER)
+    ),
+    "not_reflected": lambda value: isinstance(value, dict) and _texts(list(value.values())),
+    "n_points": int,
+    "spread": NUMBER,
+    "ranks": _numbers(N_RANKS),
+    "handedness": NUMBER,
+    "holes": lambda value: value is None or _holes(value),
+}
+
+
+def record_of(text: Any, kinds: Kinds) -> Record | None:
+    """Read a row, which has a state and the time and what belongs to its state; None if it is no such row."""
+    try:
+        record: Record = json.loads(text)
+        needed = {"time": NUMBER, **kinds[record["state"]]}
+    except (ValueError, TypeError, KeyError, RecursionError):
+        return None
+    wanted = {name: kind for name, kind in _OPTIONAL.items() if name in record} | needed
+    return record if all(_is(record.get(name), kind) for name, kind in wanted.items()) else None
+
+
+def _is(value: Any, kind: Kind) -> bool:
+    return isinstance(value, kind) if isinstance(kind, type | UnionType) else kind(value)
+
+
+def state_of(record: Record) -> str:
+    """Return the state of a pair: "todo", "failed", "low" (matched with low confidence) or "done"."""
+    if record["state"] == "done" and Outcome[record["there"]["outcome"]].is_doubtful:
+        return "low"
+    return str(record["state"])
+
+
+def is_mirrored(record: Record) -> bool:
+    """Whether the mirror image of one of its shapes fits clearly better than the map of a pair."""
+    return record["state"] == "done" and any(
+        record[side]["outcome"] == Outcome.MIRROR_IMAGE.name for side in SIDES
+    )
+
+
+def is_contradicted(record: Record) -> bool:
+    """Whether other maps contradict that of a pair, as far as they were compared."""
+    return bool(record.get("agreement", {}).get("inconsistency", 0.0) > CONTRADICTED)
+
+
+def was_contradicted(record: Record) -> bool:
+    """Whether other maps contradict that of a pair, or did before it was to be matched again."""
+    return is_contradicted(record) or bool(record.get("contradicted", False))

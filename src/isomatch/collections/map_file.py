@@ -1,63 +1,58 @@
-"""Files of the maps of a pair: both directions in little space, with the row of the ledger."""
+"""Files of the maps of a pair; and whether files are as they were written, by the digests in the ledgers."""
 
 from __future__ import annotations
 
 import json
+import time
+from collections.abc import Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
+from hashlib import blake2b, file_digest
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from isomatch.collections.layout import Layout
+from isomatch.collections.ledger import SIDES, Ledger, Record, Rows, read_ledgers, writing_ledger
+from isomatch.collections.plan import Layout
+from isomatch.collections.shapes import Pair
 from isomatch.correspondence import Correspondence
 from isomatch.errors import FormatError, MapError
 from isomatch.matching import MatchResult
+from isomatch.runtime.threads import n_threads
 from isomatch.storage.array_file import ArrayFormat, Stored, save_arrays
+from isomatch.storage.files import opened
 from isomatch.surfaces import Mesh, reflected
 from isomatch.values.arrays import FloatArray
 
-Record = dict[str, Any]
-"""What is known of a shape or a pair, as plain values."""
-
-SIDES = ("there", "back")
 UNKNOWN = -1.0  # in a file, an error that is not known
+_ENDS = tuple(zip(SIDES, ("n_source", "n_target")))
 FORMAT = ArrayFormat(
     what="the maps of a pair",
     writer="isomatch collect",
     version=1,
     arrays={
         "record": Stored("text"),
-        **{
-            f"{side}_{name}": stored
-            for side, n in zip(SIDES, ("n_source", "n_target"))
-            for name, stored in (
-                ("vertices", Stored("integer", (n,))),
-                ("faces", Stored("integer", (n, 3))),
-                ("barycentric", Stored("float", (n, 3))),
-            )
-        },
-        **{
-            f"{side}_expected_error": Stored("float", (n,), group="errors")
-            for side, n in zip(SIDES, ("n_source", "n_target"))
-        },
+        **{f"{side}_vertices": Stored("integer", (n,)) for side, n in _ENDS},
+        **{f"{side}_faces": Stored("integer", (n, 3)) for side, n in _ENDS},
+        **{f"{side}_barycentric": Stored("float", (n, 3)) for side, n in _ENDS},
+        **{f"{side}_expected_error": Stored("float", (n,), group="errors") for side, n in _ENDS},
     },
 )
+KEPT = ("prepared", "maps", "corresponded", "landmarks")
+"""Folders of the files that have a digest."""
+MISSING, CHANGED = "is missing", "was changed after it was written"
+MOST_NAMED = 5  # files in an error
 
 
 @dataclass(frozen=True, eq=False)
 class PairMaps:
-    """The maps between two shapes.
+    """The maps between two shapes, source → target and target → source, with the row of the pair in the ledger.
 
-    Parameters
-    ----------
-    there, back : Correspondence
-        Source → target, and target → source.
-    record : dict
-        The row of the pair in the ledger.
-    there_error, back_error : (n,) array of float, optional
-        ``expected_error`` of both, for each vertex where they start, in √area of where they end; nan where it is not
-        known, as in files of earlier versions.
+    The errors are the ``expected_error`` of both, for each vertex where they start, in √area of where they end; nan where
+    it is not known, and None in files of earlier versions.
     """
 
     there: Correspondence
@@ -91,13 +86,7 @@ class PairMaps:
 
     @classmethod
     def load(cls, path: Path) -> PairMaps:
-        """Read what `save` wrote.
-
-        Raises
-        ------
-        FormatError
-            If the file is missing (`MissingFileError`), damaged, or holds something else.
-        """
+        """Read what `save` wrote; `FormatError` if it is missing (`MissingFileError`) or damaged."""
         arrays = FORMAT.read(path)
         try:
             record = json.loads(arrays["record"])
@@ -106,25 +95,15 @@ class PairMaps:
             back = _map(arrays, "back", len(arrays["there_vertices"]), *hashes[::-1])
         except (ValueError, KeyError, TypeError, MapError) as error:
             raise FormatError(
-                f"{path}: not the maps of a pair ({error}); remove it, and match again"
+                f"{path}: not the maps of a pair ({error}); remove it and match again"
             ) from None
-        errors = [arrays.get(f"{side}_expected_error") for side in SIDES]
-        return cls(
-            there,
-            back,
-            record,
-            *(None if each is None else np.where(each < 0, np.nan, each) for each in errors),
-        )
+        stored = [arrays.get(f"{side}_expected_error") for side in SIDES]
+        errors = [None if each is None else np.where(each < 0, np.nan, each) for each in stored]
+        return cls(there, back, record, *errors)
 
 
 def maps_of_pair(layout: Layout, source: str, target: str) -> PairMaps:
-    """Read the maps of a pair; ``there`` leads from source to target, in whichever order they were matched.
-
-    Raises
-    ------
-    FormatError
-        If the pair is not matched.
-    """
+    """Read the maps of a pair, see `Collection.maps`."""
     path = layout.maps((source, target))
     return PairMaps.load(path) if path.exists() else PairMaps.load(layout.maps((target, source))).turned
 
@@ -132,29 +111,93 @@ def maps_of_pair(layout: Layout, source: str, target: str) -> PairMaps:
 def as_matched(
     correspondence: Correspondence, source: Mesh, target: Mesh, turned: tuple[bool, bool]
 ) -> tuple[Correspondence, Mesh, Mesh]:
-    """Return a map with its surfaces as they were matched: those that are turned are reflected.
-
-    Maps are kept as those of the surfaces in the user's files. Reflection leaves the numbers of vertices as they are.
-
-    Raises
-    ------
-    MapError
-        If it is a map of other surfaces.
-    """
+    """Return a map, kept as that of the surfaces in files, with these as they were matched: the turned ones reflected."""
     if not any(turned):
         return correspondence, source, target
     correspondence.check_fits(source, target)
     source, target = (reflected(mesh) if turn else mesh for mesh, turn in zip((source, target), turned))
     hashes = source.content_hash, target.content_hash
     points = correspondence.faces, correspondence.barycentric
-    return (
-        Correspondence(correspondence.vertices, correspondence.n_target, *points, *hashes),
-        source,
-        target,
-    )
+    return Correspondence(correspondence.vertices, correspondence.n_target, *points, *hashes), source, target
 
 
 def _map(arrays: dict[str, Any], side: str, n_target: int, *hashes: str) -> Correspondence:
     vertices, faces, weights = (arrays[f"{side}_{name}"] for name in ("vertices", "faces", "barycentric"))
     weights = weights.astype(np.float64)
     return Correspondence(vertices, n_target, faces, weights / weights.sum(axis=1, keepdims=True), *hashes)
+
+
+def digest_of(path: Path) -> str:
+    """Return the digest of the bytes of a file."""
+    with opened(path) as file:
+        return file_digest(file, partial(blake2b, digest_size=16)).hexdigest()  # type: ignore[arg-type]
+
+
+def put_files(ledger: Ledger, layout: Layout, digests: dict[Path, str]) -> None:
+    """Write rows of files in the folder of a collection."""
+    for path, digest in digests.items():
+        name = path.relative_to(layout.folder).as_posix()
+        ledger.put_file(name, {"state": "done", "time": time.time(), "file": digest})
+
+
+def keep_files(layout: Layout, paths: Iterable[Path]) -> None:
+    """Write the digests of files in the folder of a collection to its ledger."""
+    with writing_ledger(layout.ledger()) as ledger:
+        put_files(ledger, layout, {path: digest_of(path) for path in paths})
+
+
+def changed_files(layout: Layout, rows: Rows, folders: Iterable[str] = KEPT) -> dict[Path, str]:
+    """Find the files in some of the `KEPT` folders that are missing, or not as they were written, and say which it is.
+
+    Maps of pairs that are to be matched again are not looked at.
+    """
+    wanted = set(folders)
+    kept = [each for each in _kept(layout, rows) if each.path.parent.name in wanted]
+    with ThreadPoolExecutor(n_threads()) as threads:
+        return {each.path: found for each, found in zip(kept, threads.map(_wrong, kept)) if found}
+
+
+def require_unchanged(layout: Layout, folders: Iterable[str]) -> None:
+    """Raise `FormatError` if files of some folders of a collection are not as they were written."""
+    found = changed_files(layout, read_ledgers(layout.ledgers()), folders)
+    if found:
+        named = [f"{path} {what}" for path, what in list(found.items())[:MOST_NAMED]]
+        more = f" and {len(found) - MOST_NAMED} more" if len(found) > MOST_NAMED else ""
+        raise FormatError(
+            f"{', '.join(named)}{more}; run isomatch collect again, which makes what is damaged again"
+        )
+
+
+class _Kept(NamedTuple):
+    path: Path
+    row: Record
+    pair: Pair | None = None  # whose maps it holds
+
+
+def _kept(layout: Layout, rows: Rows) -> Iterator[_Kept]:
+    for row in rows.shapes.values():
+        if "file" in row:
+            yield _Kept(layout.prepared(row["key"]), row)
+    for pair, row in rows.pairs.items():
+        if "file" in row and rows.is_current(pair):
+            yield _Kept(layout.maps(pair), row, pair)
+    for name, row in rows.files.items():
+        yield _Kept(layout.folder / name, row)
+
+
+def _wrong(kept: _Kept) -> str:
+    # all bytes are read, since neither time nor size of a file tells that a disk lost some
+    with suppress(FormatError, OSError):  # the second: the disk does not give it
+        if digest_of(kept.path) == kept.row["file"] or (kept.pair and _was_just_replaced(kept)):
+            return ""
+    return CHANGED if kept.path.exists() else MISSING
+
+
+def _was_just_replaced(kept: _Kept) -> bool:
+    """Whether a comparison of maps replaced those of a pair, and was killed before it wrote the row."""
+    record = PairMaps.load(kept.path).record
+    return bool(
+        record.get("key") == kept.row["key"]
+        and record.get("replaced_by") != kept.row.get("replaced_by")
+        and "replaced_by" in record
+    )

@@ -1,24 +1,38 @@
-"""The page of a collection: all shapes in corresponding colours, and all pairs, worst first."""
+"""The page of a collection, its table of pairs, worst first, and the reports of those to look at."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import fields, replace
+from functools import partial
 from html import escape
 from importlib.resources import files
+from pathlib import Path
+from shlex import join
 from string import Template
-from typing import Any
+from typing import Any, Literal
 from urllib.parse import quote
 
+from isomatch.assets import mesh_from
 from isomatch.collections.cohort import Misfit, misfits
 from isomatch.collections.collection import Collection
-from isomatch.collections.ledger import Rows
-from isomatch.collections.reports import has_report
-from isomatch.collections.tables import MOST_SHOWN, table_of
-from isomatch.matching import Outcome
-from isomatch.storage.files import write_text
+from isomatch.collections.ledger import Record, Rows, is_contradicted
+from isomatch.collections.map_file import as_matched
+from isomatch.collections.plan import Layout
+from isomatch.collections.run import row_of
+from isomatch.collections.shapes import Pair
+from isomatch.collections.workers import Task, late_after, workers_of
+from isomatch.correspondence import Correspondence
+from isomatch.errors import SettingError
+from isomatch.matching import MatchResult, Outcome, Quality
+from isomatch.storage.files import replaced, write_text, writing
+from isomatch.storage.texts import write_csv
+from isomatch.values.arrays import FloatArray
+from isomatch.view import write_report
 
-SHOWN = {
+SHOWN = {  # columns of the table of pairs on the page, and how their numbers are written
     "in doubt": "{:.1%}",
     "distortion_mean": "{:.1%}",
     "coverage": "{:.0%}",
@@ -27,11 +41,27 @@ SHOWN = {
     "rival": "{:.2f}",
     "seconds": "{:.1f}",
 }
-"""Columns of the table of pairs, and how their numbers are written."""
-HEADS = {"rival": "best alternative", "distortion_mean": "distortion"}
-"""Heads of columns that say more than their names in ``pairs.csv``."""
-
+HEADS = {
+    "rival": "best alternative",
+    "distortion_mean": "distortion",
+}  # where they say more than in pairs.csv
 MOST_TURNED = 0.01  # share of faces that are turned over, which is not worth a word
+MOST_SHOWN = 200  # pairs on the page
+MEASURES = tuple(each.name for each in fields(Quality))
+COLUMNS = (
+    *(
+        "source",
+        "target",
+        "state",
+        "outcome",
+        "outcome_back",
+        *MEASURES,
+        *(f"{name}_back" for name in MEASURES),
+    ),
+    *("inconsistency", "inconsistency_before", "replaced_by", "reflected", "seconds", "memory", "error"),
+    *("source_hash", "target_hash", "key"),
+)
+ALSO = 3  # the worst of the pairs that are not in doubt
 
 
 def write_page(
@@ -39,16 +69,7 @@ def write_page(
 ) -> None:
     """Write ``index.html``, with links to the pictures, reports and maps in the folder.
 
-    Parameters
-    ----------
-    collection : Collection
-        The collection.
-    rows : Rows
-        The contents of its ledgers.
-    template : str, optional
-        Name of the template.
-    lines : mapping of str to mapping
-        What is known of the surfaces in the topology of the template, by name.
+    ``lines`` are what is known of the surfaces in the topology of the template, by name.
     """
     layout = collection.layout
     pairs = table_of(rows)
@@ -62,7 +83,7 @@ def write_page(
         first=_first(misfits(collection, rows)),
         shapes="".join(_figure(collection, name, rows, lines) for name in collection.names),
         count=f"{min(len(pairs), MOST_SHOWN)} of {len(pairs)}, worst first.",
-        pairs="".join(_line(collection, pair, rows) for pair in pairs[:MOST_SHOWN]),
+        pairs="".join(_shown(collection, pair, rows) for pair in pairs[:MOST_SHOWN]),
         columns="".join(
             f"<th scope=col>{escape(HEADS.get(name, name.replace('_', ' ')))}</th>" for name in SHOWN
         ),
@@ -72,13 +93,11 @@ def write_page(
 
 def _first(found: Sequence[Misfit]) -> str:
     """List what does not fit, if anything does not."""
-    if not found:
-        return ""
     items = "".join(
         f"<li><b>{escape(name)}</b> <small>{escape(kind)}</small> {escape(reason)}</li>\n"
         for kind, name, reason in found
     )
-    return f"<h2>To look at first</h2>\n<ul class=first>{items}</ul>"
+    return f"<h2>To look at first</h2>\n<ul class=first>{items}</ul>" if found else ""
 
 
 def _figure(collection: Collection, name: str, rows: Rows, lines: Mapping[str, Mapping[str, Any]]) -> str:
@@ -98,25 +117,22 @@ def _figure(collection: Collection, name: str, rows: Rows, lines: Mapping[str, M
     return f"<figure>{image}<figcaption>{escape(name)}{side}{problem}</figcaption></figure>"
 
 
-def _line(collection: Collection, pair: Mapping[str, Any], rows: Rows) -> str:
+def _shown(collection: Collection, pair: Mapping[str, Any], rows: Rows) -> str:
     """Show one pair: names, outcome, measures, and links to its report and maps, as far as they exist."""
     layout, both = collection.layout, (pair["source"], pair["target"])
     measures = {**pair, "in doubt": _in_doubt(pair)}
-    cells = [f"<td>{escape(_text(form, measures.get(name)))}</td>" for name, form in SHOWN.items()]
-    links = [
-        f'<a href="{_link(collection, path)}">{word}</a>'
-        for word, path, exists in (
-            ("report", layout.report(both), has_report(layout, both, rows.pairs[both])),
-            ("maps", layout.maps(both), layout.maps(both).exists()),
-        )
-        if exists
-    ]
+    numbers = {name: measures.get(name) for name in SHOWN}
+    texts = [SHOWN[name].format(n) if isinstance(n, int | float) else "–" for name, n in numbers.items()]
+    cells = "".join(f"<td>{escape(text)}</td>" for text in texts)
+    files = {"report": layout.report(both)} if has_report(layout, both, rows.pairs[both]) else {}
+    files |= {"maps": layout.maps(both)} if layout.maps(both).exists() else {}
+    links = [f'<a href="{_link(collection, path)}">{word}</a>' for word, path in files.items()]
     outcome = pair.get("outcome") or pair["state"]
     good = outcome in ("CONVERGED", "PARTIAL")
     words = outcome.lower().replace("_", " ") + (f": {pair['error']}" if pair.get("error") else "")
     return (
         f"<tr{'' if good else ' class=bad'}><td class=words>{escape(', '.join(both))}</td>"
-        f"<td class=words>{escape(words)}</td><td class=words>{' '.join(links)}</td>{''.join(cells)}</tr>\n"
+        f"<td class=words>{escape(words)}</td><td class=words>{' '.join(links)}</td>{cells}</tr>\n"
     )
 
 
@@ -133,5 +149,115 @@ def _in_doubt(pair: Mapping[str, Any]) -> float | None:
     return float(sum(region["area"] for region in regions))
 
 
-def _text(form: str, value: object) -> str:
-    return form.format(value) if isinstance(value, int | float) else "–"
+def table_of(rows: Rows) -> list[dict[str, Any]]:
+    """One row for each pair, with the columns ``COLUMNS``; worst first: failed, then by outcome and misfit."""
+    lines = [_line(pair, record) for pair, record in rows.pairs.items()]
+    return sorted(lines, key=_goodness)
+
+
+def write_table(rows: Rows, path: Path) -> None:
+    """Write the table as CSV, and beside it as Parquet if the package pyarrow is installed."""
+    lines = table_of(rows)
+    write_csv(path, lines, COLUMNS)
+    try:
+        from pyarrow import Table, parquet
+    except ImportError:
+        return
+    table = Table.from_pylist([{name: line.get(name) for name in COLUMNS} for line in lines])
+    with replaced(path.with_suffix(".parquet")) as file:
+        parquet.write_table(table, file)
+
+
+def _line(pair: Pair, record: Record) -> dict[str, Any]:
+    line: dict[str, Any] = {"source": pair[0], "target": pair[1], **record}
+    for side, ending in (("there", ""), ("back", "_back")):
+        result = record.get(side)
+        if result:
+            line[f"outcome{ending}"] = result["outcome"]
+            line |= {f"{name}{ending}": result["quality"].get(name) for name in MEASURES}
+    agreement = record.get("agreement", {})
+    line |= {"inconsistency": agreement.get("inconsistency"), "inconsistency_before": agreement.get("before")}
+    if "replaced_by" in record:
+        line["replaced_by"] = " > ".join(record["replaced_by"])
+    line["reflected"] = ", ".join(record.get("reflected", ()))
+    return line
+
+
+def _goodness(line: dict[str, Any]) -> tuple[bool, int, float]:
+    outcome = line.get("outcome")
+    return line["state"] == "done", Outcome[outcome].sureness if outcome else -1, -(line.get("misfit") or 0.0)
+
+
+def write_reports(
+    collection: Collection,
+    which: int | Literal["doubtful", "all"] = "doubtful",
+    executor: str | Executor = "local",
+    jobs: int | None = None,
+    time_limit: float | None = None,
+) -> Iterator[tuple[Pair, Record]]:
+    """Write the reports of pairs that have none of their present map; yield each with its ``state`` or ``error``.
+
+    Of the pairs, these are so many of the worst; the "doubtful" ones on the page, which are not ``CONVERGED``, with the
+    three next; or "all". Other arguments are those of `Collection.run`.
+    """
+    if not isinstance(which, str) and which < 0:
+        raise SettingError(f"{which} reports cannot be written; give a number, or doubtful, all or none")
+    late = late_after(time_limit)
+    rows = collection.rows()
+    chosen = [(pair, rows.pairs[pair]) for pair in _chosen(table_of(rows), which)]
+    todo = [(pair, row) for pair, row in chosen if not has_report(collection.layout, pair, row)]
+    if not todo:
+        return
+    folder = collection.layout.folder / "reports"
+    with writing(folder):
+        folder.mkdir(exist_ok=True)
+    tasks = [Task((each,), partial(row_of, partial(_written, collection.of(each[0])))) for each in todo]
+    with workers_of(executor, jobs) as workers:
+        for (pair, _), row in workers.completed(tasks, late):
+            yield pair, row if isinstance(row, dict) else {"state": "failed", "error": str(row)}
+
+
+def has_report(layout: Layout, pair: Pair, record: Record) -> bool:
+    """Whether there is a report of the map that a pair has now."""
+    path = layout.report(pair)
+    return record["state"] == "done" and path.exists() and path.stat().st_mtime >= record["time"]
+
+
+def _chosen(lines: list[dict[str, Any]], which: int | str) -> list[Pair]:
+    """Choose from the lines of the table, worst first."""
+    matched = [line for line in lines if line["state"] == "done"]
+    if which == "doubtful":
+        which = min(sum(line["outcome"] != Outcome.CONVERGED.name for line in matched) + ALSO, MOST_SHOWN)
+    return [(line["source"], line["target"]) for line in matched[: None if which == "all" else int(which)]]
+
+
+def _written(collection: Collection, item: tuple[Pair, Record]) -> Record:
+    """Write the report of a pair, source → target."""
+    pair, record = item
+    files = [collection.paths[name] for name in pair]
+    source_turned, target_turned = (name in record.get("reflected", ()) for name in pair)
+    maps = collection.maps(*pair)
+    source, target = map(mesh_from, files)
+    there, source, target = as_matched(maps.there, source, target, (source_turned, target_turned))
+    command = join(["isomatch", "match", *map(str, files)])
+    if source_turned != target_turned:
+        command += " --orientation any"
+    command += " -o DIR --landmarks landmarks.txt"
+    path = collection.layout.report(pair)
+    result = _result(collection, record, there, maps.there_error)
+    write_report(path, source, target, result, names=pair, command=command)
+    return {"bytes": path.stat().st_size}
+
+
+def _result(
+    collection: Collection, record: Record, there: Correspondence, errors: FloatArray | None
+) -> MatchResult:
+    """Restore the result of a match from its saved parts, and say what is not in them."""
+    summary = record["there"]
+    notes = list(summary["notes"])
+    if summary["alternatives"]:
+        notes.append("a collection does not keep alternatives; isomatch match finds them again")
+    if is_contradicted(record):
+        notes.insert(0, f"other maps contradict it by {record['agreement']['inconsistency']:.2f} √area")
+    result = replace(MatchResult.from_dict(summary, there, collection.config), notes=tuple(notes))
+    return result if errors is None else replace(result, expected_error=errors)

@@ -1,22 +1,179 @@
-"""What a collection is to hold: its shapes, and which pairs are matched with which settings."""
+"""What a collection is to hold: shapes, pairs, settings; where its files are, and the keys that identify them."""
 
 from __future__ import annotations
 
+import json
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
+from hashlib import blake2b
+from importlib.metadata import version
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
+from scipy.spatial.distance import cdist
 
-from isomatch.collections.layout import Layout
-from isomatch.collections.ledger import Rows
-from isomatch.collections.pairs import Pair, pairs_of
-from isomatch.collections.shapes import Entry
-from isomatch.collections.template import medoid
+from isomatch.collections.ledger import N_EIGENVALUES, N_QUANTILES, Record, Rows
+from isomatch.collections.shapes import BETWEEN, Entry, Pair, pairs_of
 from isomatch.settings import Config
+from isomatch.shapes import PreparedShape
+from isomatch.storage.files import UNFINISHED, remove_unfinished
+from isomatch.values.arrays import FloatArray
 from isomatch.values.cached import cached_property
+
+OLD = 3600.0  # seconds; files are written in a few
+UNTOLD = "—"  # a setting that there was not
+N_OTHERS = 1000  # shapes with which each is compared, to find the medoid
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where each file in the folder of a collection is."""
+
+    folder: Path
+
+    @property
+    def plan(self) -> Path:
+        """The shapes and the settings of the collection."""
+        return self.folder / "collection.json"
+
+    @property
+    def table(self) -> Path:
+        """One line for each pair."""
+        return self.folder / "pairs.csv"
+
+    @property
+    def shapes_table(self) -> Path:
+        """One line for each shape in the topology of the template."""
+        return self.folder / "shapes.csv"
+
+    @property
+    def page(self) -> Path:
+        """The page to look at."""
+        return self.folder / "index.html"
+
+    def prepared(self, key: str) -> Path:
+        """Return the path of the prepared shape with a key."""
+        return self.folder / "prepared" / f"{key}.npz"
+
+    def maps(self, pair: Pair) -> Path:
+        """Return the path of the maps of a pair, both directions."""
+        return self.folder / "maps" / f"{BETWEEN.join(pair)}.npz"
+
+    def corresponded(self, name: str) -> Path:
+        """Return the path of a shape's surface in the topology of the template."""
+        return self.folder / "corresponded" / f"{name}.ply"
+
+    def report(self, pair: Pair) -> Path:
+        """Return the path of the report of a pair."""
+        return self.folder / "reports" / f"{BETWEEN.join(pair)}.html"
+
+    def thumbnail(self, name: str) -> Path:
+        """Return the path of a small picture of a shape."""
+        return self.folder / "thumbnails" / f"{name}.png"
+
+    @property
+    def landmarks(self) -> Path:
+        """The folder of the landmarks of all shapes."""
+        return self.folder / "landmarks"
+
+    def ledger(self, shard: tuple[int, int] = (0, 1)) -> Path:
+        """Return the path of the ledger of a shard (index from 0, count)."""
+        index, count = shard
+        return self.folder / ("ledger.sqlite" if count == 1 else f"ledger_{index + 1}_of_{count}.sqlite")
+
+    def ledgers(self) -> list[Path]:
+        """Find the ledgers of all shards."""
+        return sorted(self.folder.glob("ledger*.sqlite"))
+
+    def remove_unfinished(self, shard: tuple[int, int]) -> None:
+        """Remove unfinished files of killed runs; while other shards may be at work, only files too old to be theirs."""
+        # listed before the ledgers: a run that is writing one of these files has a ledger by then
+        unfinished = list(self.folder.glob(f"**/{UNFINISHED.format('*')}"))
+        alone = shard[1] == 1 and self.ledgers() == [self.ledger(shard)]
+        remove_unfinished(unfinished, 0.0 if alone else OLD)
+
+
+def key_of(config: Config, seed: int, *surfaces: str) -> str:
+    """Return the key of a result: it depends on the surfaces (see `identity_of`), the settings and this version."""
+    text = json.dumps([_settings(config), seed, *surfaces])
+    return blake2b(text.encode(), digest_size=16).hexdigest()
+
+
+def identity_of(content_hash: str, reflected: bool) -> str:
+    """Identify a surface, by the hash of that in the user's file, as it is matched."""
+    return f"{content_hash} reflected" if reflected else content_hash
+
+
+@lru_cache
+def _settings(config: Config) -> str:
+    return json.dumps([version("isomatch"), config.to_dict()], sort_keys=True)
+
+
+def made_with(config: Config, seed: int) -> tuple[str, Record]:
+    """Return what a key depends on beside the surfaces, as plain values, with their digest, by which rows name it."""
+    found = {"isomatch": version("isomatch"), "seed": seed, **config.to_dict()}
+    text = json.dumps(found, sort_keys=True)
+    return blake2b(text.encode(), digest_size=8).hexdigest(), json.loads(text)
+
+
+def why_again(
+    old: Record, new: Record, contents: Mapping[str, str], origins: Mapping[str, Record]
+) -> list[str]:
+    """Say what differs between two rows of a shape or a pair.
+
+    ``contents`` names the shape whose hash is in a field, such as ``source_hash``; ``origins`` are the versions and
+    settings that rows were ``made_with``.
+    """
+    reasons = list(old.get("again", [])) if old["state"] == "todo" else []
+    for key, name in contents.items():
+        if key in old and key in new and old[key] != new[key]:
+            reasons.append(f"the contents of {name} changed")
+    sides = (row.get("reflected") or () for row in (old, new))
+    before, now = (set(contents.values() if side is True else side) for side in sides)
+    reasons += [f"{name} is matched as its mirror image" for name in sorted(now - before)]
+    reasons += [f"{name} is not matched as its mirror image any more" for name in sorted(before - now)]
+    known = [origins.get(row.get("made_with", "")) for row in (old, new)]
+    if None not in known:
+        a, b = (dict(_flat(origin["made_with"])) for origin in known if origin)
+        pairs = {name: (a.get(name, UNTOLD), b.get(name, UNTOLD)) for name in (*a, *b)}
+        reasons += [f"{name} {was} → {now}" for name, (was, now) in pairs.items() if was != now]
+    return reasons
+
+
+def _flat(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield settings with those of stages named as in a file of settings: ``search.rank``."""
+    for name, value in values.items():
+        if isinstance(value, dict):
+            yield from _flat(value, f"{prefix}{name}.")
+        else:
+            yield f"{prefix}{name}", value
+
+
+def features_of(shape: PreparedShape) -> list[float]:
+    """Describe a shape by its spectrum and the distribution of its distances, whatever its size and pose."""
+    n = N_EIGENVALUES + 1
+    values = np.full(n, np.nan)
+    scaled = shape.laplace.values[:n] * shape.laplace.weights.sum()
+    values[: len(scaled)] = scaled
+    spectrum = values[1:] / (4 * np.pi * np.arange(1, n))  # Weyl's law: λ_i ≈ 4π i / area
+    vertices = shape.sample_vertices[: shape.config.n_search]
+    apart = shape.distances_between(vertices)  # in √area
+    levels = (np.arange(N_QUANTILES) + 0.5) / N_QUANTILES
+    quantiles = np.quantile(apart[np.triu_indices(len(vertices), 1)], levels)
+    return [float(x) for x in np.concatenate([spectrum, quantiles])]
+
+
+def medoid(features: FloatArray) -> int:
+    """Row of the shape with the least mean distance to all others, or to every so many-th of very many."""
+    rows = np.nan_to_num(features)  # (m, q); each is divided by its standard deviation
+    spread = rows.std(axis=0)
+    rows = rows / np.where(spread > 0, spread, 1.0)
+    others = rows[:: len(rows) // N_OTHERS + 1]
+    blocks = (rows[i : i + N_OTHERS] for i in range(0, len(rows), N_OTHERS))
+    return int(np.concatenate([cdist(block, others).mean(axis=1) for block in blocks]).argmin())
 
 
 @dataclass(frozen=True)

@@ -1,33 +1,40 @@
-"""A run of a collection: open jobs are planned, sent to workers, and their rows written to the ledger."""
+"""A run of a collection: open jobs are planned, done by worker processes, and their rows written to the ledger."""
 
 from __future__ import annotations
 
 import logging
 import math
 import time
-from collections.abc import Container, Iterator, Sequence
+from collections import OrderedDict
+from collections.abc import Callable, Container, Iterator, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import Literal, NamedTuple
+from threading import Lock
+from typing import Literal, NamedTuple, TypeVar
 
-from isomatch.collections.again import made_with, why_again
-from isomatch.collections.cohort import OF_SHAPES, misfits
-from isomatch.collections.jobs import LOADED, Job, PlannedPair, Reflection
-from isomatch.collections.kept import changed_files
-from isomatch.collections.layout import identity_of, key_of
-from isomatch.collections.ledger import Ledger, Rows, read_ledgers, writing_ledger
-from isomatch.collections.map_file import Record
-from isomatch.collections.mirror_images import mirror_images
-from isomatch.collections.pairs import SIDE, Pair, pairs_of, tiles_of
-from isomatch.collections.plan import Plan
-from isomatch.collections.shapes import Entry
+from isomatch.assets import surface_from
+from isomatch.collections.cohort import OF_SHAPES, holes_of, likeness_of, mirror_images, misfits
+from isomatch.collections.ledger import SIDES, Ledger, Record, Rows, read_ledgers, writing_ledger
+from isomatch.collections.map_file import PairMaps, changed_files, digest_of
+from isomatch.collections.plan import Layout, Plan, features_of, identity_of, key_of, made_with, why_again
+from isomatch.collections.shapes import SIDE, Entry, Pair, pairs_of, tiles_of
 from isomatch.collections.workers import Task, Workers, workers_of
-from isomatch.storage.files import writing
+from isomatch.errors import FormatError, MissingFileError, UnwritableFileError
+from isomatch.matching import MatchResult, Outcome, match_both
+from isomatch.runtime.memory import peak_memory
+from isomatch.settings import Config
+from isomatch.shapes import PreparedShape, prepare
+from isomatch.storage.files import is_of_one_file, legible, writing
+from isomatch.surfaces import Graph, Mesh, reflected
 
 MOST_PAIRS = 64  # of a tile, whose rows come when all of it is done
 TILES_PER_WORKER = 4  # so that the last ones end at about the same time
+LOADED = 256 * 2**20  # bytes of files of prepared shapes that a worker keeps; a match itself needs more
+REFLECTED = "reflected before it was prepared, x → −x; vertices and faces keep their numbers"
 logger = logging.getLogger(__name__)
+T = TypeVar("T")
 
 
 class Event(NamedTuple):
@@ -66,7 +73,7 @@ class Run:
             layout.remove_unfinished(self.shard)
             own = layout.ledger(self.shard)
             ledger.rows.merge(read_ledgers(path for path in layout.ledgers() if path != own))
-            ledger.put_origin(*self._made_with)
+            ledger.put_origin(*made_with(self.collection.config, self.collection.seed))
             yield from self._prepared_shapes(job, workers, ledger)
             yield from self._misfits(ledger.rows)
             tried: set[str] = set()
@@ -82,7 +89,7 @@ class Run:
         """Prepare the shapes that are not prepared yet."""
         wrong = self._removed_if_changed("prepared", ledger.rows)
         todo = [entry for entry in self._entries(ledger.rows) if not self._is_prepared(entry, ledger.rows)]
-        tasks = [Task((entry,), job.prepare_shapes) for entry in todo]
+        tasks = [Task((entry,), job.prepare_shape) for entry in todo]
         for count, (entry, record) in enumerate(workers.completed(tasks, job.is_late), 1):
             old = ledger.rows.shapes.get(entry.name)
             file = self.collection.layout.prepared(old.get("key", "")) if old else None
@@ -105,13 +112,12 @@ class Run:
         plans = [self._planned(pair, rows) for pair in pairs]
         wrong = self._removed_if_changed("maps", rows.of_pairs(pairs))
         files = {path.name for path in (self.collection.layout.folder / "maps").iterdir()}
-        missing = {
-            plan.pair: plan for plan in plans if not self._is_matched(plan, rows.pairs.get(plan.pair), files)
-        }
+        todo = [plan for plan in plans if not self._is_matched(plan, rows.pairs.get(plan.pair), files)]
+        missing = {plan.pair: plan for plan in todo}
         largest = max((rows.shapes[name]["bytes"] for pair in missing for name in pair), default=1)
         most = min(max(1, len(missing) // (TILES_PER_WORKER * workers.count())), MOST_PAIRS)
         tiles = tiles_of(list(missing), self.collection.names, max(1, LOADED // (2 * largest)), most)
-        tasks = [Task(tuple(missing[pair] for pair in tile), job.match_pairs) for tile in tiles]
+        tasks = [Task(tuple(missing[pair] for pair in tile), job.match_pair) for tile in tiles]
         for count, (plan, record) in enumerate(workers.completed(tasks, job.is_late), 1):
             row = {**_of_plan(plan), **_row_of(record), "key": plan.key}
             if row["state"] == "failed":  # the map that was there before is judged as before
@@ -125,7 +131,7 @@ class Run:
         self, job: Job, workers: Workers, ledger: Ledger, reflections: Sequence[Reflection]
     ) -> Iterator[Event]:
         """Turn shapes the other way round, as far as the pair of each bears it out."""
-        tasks = [Task((reflection,), job.reflect_shapes) for reflection in reflections]
+        tasks = [Task((reflection,), partial(row_of, job.reflect_shape)) for reflection in reflections]
         for count, ((entry, plan), result) in enumerate(workers.completed(tasks, job.is_late), 1):
             if isinstance(result, Exception) or "pair" not in result:
                 made = _row_of(result)
@@ -184,31 +190,22 @@ class Run:
         if record is None or not entry.path.exists():
             return False
         stat = entry.path.stat()
-        if (record.get("size"), record.get("changed")) != (stat.st_size, stat.st_mtime_ns):
-            return False
-        if record["state"] == "failed":
-            return True
+        is_same = (record.get("size"), record.get("changed")) == (stat.st_size, stat.st_mtime_ns)
+        if not is_same or record["state"] == "failed":
+            return is_same
         if "file" not in record:  # of an earlier version; the file is looked at, and taken if it is whole
             return False
         key = self._key(identity_of(record["hash"], entry.reflected))
         return bool(record["key"] == key) and self.collection.layout.prepared(key).exists()
 
     def _planned(self, pair: Pair, rows: Rows) -> PlannedPair:
-        shapes = [rows.shapes[name] for name in pair]
-        hashes = (shapes[0]["hash"], shapes[1]["hash"])
+        source, target = (rows.shapes[name] for name in pair)
         row = rows.pairs.get(pair, {})
-        attempt = row.get("attempt", 0)
-        turned = tuple(rows.reflected(pair))
+        attempt, turned = row.get("attempt", 0), tuple(rows.reflected(pair))
+        keys, hashes = (source["key"], target["key"]), (source["hash"], target["hash"])
         surfaces = (identity_of(content, name in turned) for name, content in zip(pair, hashes))
-        keys = (shapes[0]["key"], shapes[1]["key"])
-        contradicted = row.get("contradicted", False)
-        return PlannedPair(
-            pair, self._key(*surfaces, attempt=attempt), keys, hashes, turned, attempt, contradicted
-        )
-
-    @property
-    def _made_with(self) -> tuple[str, Record]:
-        return made_with(self.collection.config, self.collection.seed)
+        key = self._key(*surfaces, attempt=attempt)
+        return PlannedPair(pair, key, keys, hashes, turned, attempt, row.get("contradicted", False))
 
     def _removed_if_changed(self, folder: str, rows: Rows) -> dict[Path, str]:
         """Remove files that are not as they were written, so that no job takes them; return what was wrong."""
@@ -222,7 +219,7 @@ class Run:
         self, row: Record, old: Record | None, contents: dict[str, str], wrong: str | None, rows: Rows
     ) -> Record:
         """Return a new row that tells what it was made with and, if it is not the first, ``again``: why it was made."""
-        row["made_with"] = self._made_with[0]
+        row["made_with"] = made_with(self.collection.config, self.collection.seed)[0]
         if old is not None:
             of_file = [f"its file {wrong}"] if wrong else []
             if reasons := of_file + why_again(old, row, contents, rows.origins):
@@ -236,20 +233,14 @@ class Run:
     def _is_matched(self, plan: PlannedPair, row: Record | None, files: Container[str]) -> bool:
         if row is None or row["state"] == "todo" or row["key"] != plan.key:
             return False
-        return row["state"] == "failed" or (
-            "file" in row and self.collection.layout.maps(plan.pair).name in files
-        )
+        has_file = "file" in row and self.collection.layout.maps(plan.pair).name in files
+        return row["state"] == "failed" or has_file
 
 
 def _of_plan(plan: PlannedPair) -> Record:
     """Return what is known of a pair before it is matched."""
-    source_hash, target_hash = plan.hashes
-    return {
-        "source_hash": source_hash,
-        "target_hash": target_hash,
-        "reflected": list(plan.reflected),
-        "attempt": plan.attempt,
-    }
+    hashes = dict(zip(("source_hash", "target_hash"), plan.hashes))
+    return {**hashes, "reflected": list(plan.reflected), "attempt": plan.attempt}
 
 
 def _contents(plan: PlannedPair) -> dict[str, str]:
@@ -262,3 +253,177 @@ def _row_of(record: Record | Exception) -> Record:
         return record
     reason = f"three workers died of it, killed or out of memory ({type(record).__name__}: {record})"
     return {"state": "failed", "time": time.time(), "error": reason}
+
+
+class PlannedPair(NamedTuple):
+    """A pair to match."""
+
+    pair: Pair
+    key: str  # of the match
+    shapes: tuple[str, str]  # keys of the prepared shapes
+    hashes: tuple[str, str]  # content_hash of the surfaces in the files
+    reflected: tuple[str, ...]  # which of the shapes are matched as their mirror images
+    attempt: int  # added to the seed
+    contradicted: bool = False  # whether others contradict the earlier map, so that any new one replaces it
+
+
+class Reflection(NamedTuple):
+    """A shape to turn the other way round, as ``entry`` says, and the pair that is matched with it to see if it fits."""
+
+    entry: Entry
+    plan: PlannedPair
+
+
+@dataclass(frozen=True)
+class Job:
+    """The jobs of a run, which worker processes do: they read files, write files and return rows for the ledger."""
+
+    layout: Layout
+    config: Config
+    seed: int
+    end: float = math.inf  # time, in seconds since the epoch, after which nothing new is begun
+
+    def is_late(self) -> bool:
+        """Whether nothing new is to be begun."""
+        return time.time() > self.end
+
+    def match_pair(self, plan: PlannedPair) -> Record | None:
+        """Match a pair that is not matched yet, if it is not too late, and return its row."""
+        return None if self.is_late() else row_of(self._matched, plan)
+
+    def prepare_shape(self, entry: Entry) -> Record:
+        """Read and prepare a shape that is not prepared yet, and return its row."""
+        stat: Record = {}
+        if entry.path.exists():
+            file = entry.path.stat()
+            stat = {"size": file.st_size, "changed": file.st_mtime_ns}
+        return stat | row_of(self._prepared, entry)
+
+    def _prepared(self, entry: Entry) -> Record:
+        surface = surface_from(entry.path)
+        key = key_of(self.config, self.seed, identity_of(surface.content_hash, entry.reflected))
+        file = self.layout.prepared(key)
+        shape = _if_whole(lambda: PreparedShape.load(file, self.config))
+        if shape is None:
+            shape = prepare(reflected(surface) if entry.reflected else surface, self.config, self.seed)
+            if entry.reflected:
+                shape = replace(shape, notes=(REFLECTED, *shape.notes))
+            shape.save(file)
+        return {
+            "key": key,
+            "hash": surface.content_hash,
+            "reflected": entry.reflected,
+            "bytes": file.stat().st_size,
+            "file": digest_of(file),
+            "n_vertices": surface.n_vertices,
+            "area": float(surface.vertex_areas.sum()),
+            "features": features_of(shape),
+            **({} if isinstance(surface, Graph) else likeness_of(surface)),
+            "holes": holes_of(surface) if isinstance(surface, Mesh) else None,
+            "notes": list(shape.notes),
+        }
+
+    def _matched(self, plan: PlannedPair) -> Record:
+        file = self.layout.maps(plan.pair)
+        earlier = _if_whole(lambda: PairMaps.load(file))
+        if earlier and earlier.record["key"] == plan.key:
+            return {**earlier.record, "file": digest_of(file)}
+        maps = self._new_maps(plan)
+        if (
+            earlier
+            and plan.attempt
+            and not plan.contradicted
+            and _surfaces_of(earlier.record) == _surfaces_of(maps.record)
+            and _unsureness(earlier.record) <= _unsureness(maps.record)
+        ):
+            maps = replace(earlier, record={**earlier.record, "key": plan.key})
+        maps.save(file)
+        return {**maps.record, "file": digest_of(file)}
+
+    def reflect_shape(self, reflection: Reflection) -> Record:
+        """Turn a shape, if a match bears it out; rows of the ``shape`` and the ``pair``, or why it was ``refused``."""
+        entry, plan = reflection
+        shape = self.prepare_shape(entry)
+        if shape["state"] == "failed":
+            return {"refused": shape["error"]}
+        file = self.layout.maps(plan.pair)
+        maps = _if_whole(lambda: PairMaps.load(file))
+        if maps is None or maps.record["key"] != plan.key:  # else a run saved it, and was killed
+            maps = self._new_maps(plan)
+            outcomes = [Outcome[maps.record[side]["outcome"]] for side in SIDES]
+            if any(outcome.is_doubtful for outcome in outcomes):
+                doubts = min(outcomes, key=lambda outcome: outcome.sureness)
+                return {"refused": f"the other way round, the match ends with {doubts.value}"}
+            maps.save(file)
+        pair = {"state": "done", "time": time.time(), **maps.record, "file": digest_of(file)}
+        return {"shape": shape, "pair": pair}
+
+    def _new_maps(self, plan: PlannedPair) -> PairMaps:
+        start = time.perf_counter()
+        source, target = (loaded_shape(self.layout.prepared(key), self.config) for key in plan.shapes)
+        matches = match_both(source, target, config=self.config, seed=self.seed + plan.attempt)
+        record = {
+            "key": plan.key,
+            **dict(zip(("source_hash", "target_hash"), plan.hashes)),
+            "reflected": list(plan.reflected),
+            **{side: _summary(result) for side, result in zip(SIDES, matches)},
+            "seconds": time.perf_counter() - start,
+            "memory": peak_memory(),
+        }
+        return PairMaps.of(*matches, record)
+
+
+def _summary(result: MatchResult) -> Record:
+    """Describe a result, without the settings, which are those of the collection."""
+    return {name: value for name, value in result.to_dict().items() if name != "config"}
+
+
+def _surfaces_of(record: Record) -> tuple[str, str, list[str]]:
+    return record["source_hash"], record["target_hash"], record.get("reflected", [])
+
+
+def _unsureness(record: Record) -> tuple[int, float]:
+    there = record["there"]
+    return -Outcome[there["outcome"]].sureness, there["quality"]["misfit"] or 0.0
+
+
+def row_of(work: Callable[[T], Record], item: T) -> Record:
+    """Run a job for an item and return its row, with the time; a failure is one with its reason, but for a full disk."""
+    start = time.perf_counter()
+    try:
+        record = work(item)
+        return {"state": "done", "time": time.time(), "seconds": time.perf_counter() - start, **record}
+    except Exception as error:  # whatever else it is becomes a row with its reason; nothing ends a run
+        if isinstance(error, UnwritableFileError) and not is_of_one_file(error):
+            raise
+        reason = legible(f"{type(error).__name__}: {error}")  # it may name a file
+        seconds = time.perf_counter() - start
+        return {"state": "failed", "time": time.time(), "error": reason, "seconds": seconds}
+
+
+def _if_whole(load: Callable[[], T]) -> T | None:
+    try:
+        return load()
+    except FormatError:  # there is no file, or one that a full disk cut short
+        return None
+
+
+_shapes = OrderedDict[tuple[Path, int, Config], tuple[PreparedShape, int]]()
+"""Of this process, by file and time; last used last."""
+_taking = Lock()  # a worker of a cluster may have several threads
+
+
+def loaded_shape(file: Path, config: Config) -> PreparedShape:
+    """Read a prepared shape, or take it from memory, from which the least recently used shapes are dropped."""
+    with _taking:
+        if not file.exists():
+            raise MissingFileError(
+                f"{file}: no such prepared shape; run isomatch collect again, which makes it"
+            )
+        stat = file.stat()
+        key = file, stat.st_mtime_ns, config
+        held = _shapes.pop(key, None) or (PreparedShape.load(file, config), stat.st_size)
+        _shapes[key] = held
+        while sum(size for _, size in _shapes.values()) > LOADED and len(_shapes) > 2:
+            _shapes.popitem(last=False)
+    return held[0]

@@ -1,90 +1,78 @@
-"""The shapes of a collection: names and files, from a folder, a pattern or a list."""
+"""The shapes of a collection, from a folder, a pattern or a list; and which pairs of them are matched."""
 
 from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from glob import glob
+from itertools import combinations, pairwise
 from pathlib import Path
 from unicodedata import normalize
 
 from isomatch.assets import FORMATS
 from isomatch.errors import InputError
-from isomatch.storage.files import ignores_case, legible, read_csv
+from isomatch.storage.files import ignores_case, legible
+from isomatch.storage.texts import read_csv
 
 BETWEEN = "__"  # of two names, in the name of the file of their maps
+PATTERNS = ("star", "all", "chain")
+SIDE = 8  # shapes at either side of the tiles that shards are cut from
 _OF_DEVICES = re.compile(
     r"(con|prn|aux|nul|(com|lpt)[0-9])(\..*)?", re.IGNORECASE
 )  # on Windows, whatever the suffix
+_NAMED = "give a list.csv with columns name and path"
+Pair = tuple[str, str]
+"""Names of two shapes; both directions are matched."""
 
 
 @dataclass(frozen=True)
 class Entry:
-    """A shape of a collection.
+    """A shape of a collection."""
 
-    Parameters
-    ----------
-    name : str
-        Stands for the shape in tables and names of files.
-    path : Path
-        Its file.
-    reflected : bool
-        Whether it is matched as its mirror image.
-    """
-
-    name: str
+    name: str  # stands for the shape in tables and names of files
     path: Path
-    reflected: bool = False
+    reflected: bool = False  # whether it is matched as its mirror image
 
 
 def entries_of(shapes: str | Path | Iterable[str | Path]) -> tuple[Entry, ...]:
-    """List the shapes of a collection.
-
-    Parameters
-    ----------
-    shapes : path_like, or iterable of path_like
-        A folder, all files of which that can be read are taken; a pattern such as ``'scans/*.vtp'``; a CSV file with
-        a column ``path``, relative to its folder, and perhaps ``name``; or the files.
-
-    Returns
-    -------
-    tuple of Entry
-        In the order of their names, or of the list. By default a shape has the name of its file without the suffix, see
-        `isomatch.storage.files.legible`.
-
-    Raises
-    ------
-    InputError
-        If there are none, two have the same name, or a name cannot be part of that of a file.
-    """
-    if isinstance(shapes, str | Path):
-        entries = _listed(Path(shapes)) if str(shapes).endswith(".csv") else _in_folder(str(shapes))
-    else:
+    """List the shapes of a collection, see `Collection.create`, in the order of their names, or of the list."""
+    if not isinstance(shapes, str | Path):
         entries = [Entry(legible(Path(path).stem), Path(path)) for path in shapes]
+    elif str(shapes).endswith(".csv"):
+        entries = _in_table(Path(shapes))
+    else:
+        folder = Path(shapes)
+        paths = folder.iterdir() if folder.is_dir() else map(Path, glob(str(shapes)))
+        meshes = [path for path in sorted(paths) if path.is_file() and path.suffix.lower() in FORMATS]
+        entries = [Entry(legible(path.stem), path) for path in meshes]
     if not entries:
         raise InputError(
             f"{shapes}: no shapes that can be read; give a folder, a quoted pattern or a list.csv"
         )
-    twice = [name for name, count in Counter(entry.name for entry in entries).items() if count > 1]
-    if twice:
-        raise InputError(
-            f"{shapes}: several shapes are named {', '.join(twice)}; give a list.csv with columns name and path"
-        )
-    bad = unusable_names(entry.name for entry in entries)
-    if bad:
+    names = [entry.name for entry in entries]
+    if twice := [name for name, count in Counter(names).items() if count > 1]:
+        raise InputError(f"{shapes}: several shapes are named {', '.join(twice)}; {_NAMED}")
+    if bad := unusable_names(names):
         raise InputError(
             f"{shapes}: {', '.join(bad)} cannot be names of shapes: they are parts of file names, joined by {BETWEEN!r}; "
-            "give a list.csv with columns name and path"
+            f"{_NAMED}"
         )
-    devices = [entry.name for entry in entries if _OF_DEVICES.fullmatch(entry.name)]
-    if devices:
+    if devices := [name for name in names if _OF_DEVICES.fullmatch(name)]:
         raise InputError(
-            f"{shapes}: {', '.join(devices)} cannot be names of shapes: files of such names are devices on Windows; give "
-            "a list.csv with columns name and path"
+            f"{shapes}: {', '.join(devices)} cannot be names of shapes: files of such names are devices on Windows; "
+            f"{_NAMED}"
         )
     return tuple(entries)
+
+
+def _in_table(path: Path) -> list[Entry]:
+    rows = read_csv(path)
+    if rows and "path" not in rows[0]:
+        raise InputError(f"{path}: has no column 'path'; its first line names the columns, such as name,path")
+    files = [path.parent / row["path"] for row in rows]
+    return [Entry(row.get("name") or legible(file.stem), file) for row, file in zip(rows, files)]
 
 
 def unusable_names(names: Iterable[str]) -> list[str]:
@@ -106,24 +94,40 @@ def require_files_of_their_own(names: Iterable[str], folder: Path) -> None:
     twice = [same for same in alike.values() if len(same) > 1]
     if twice and ignores_case(folder):
         raise InputError(
-            f"{folder}: has one file for the shapes {' and '.join(twice[0])}, as it ignores case; give a list.csv with "
-            "columns name and path"
+            f"{folder}: has one file for the shapes {' and '.join(twice[0])}, as it ignores case; {_NAMED}"
         )
 
 
-def _in_folder(where: str) -> list[Entry]:
-    folder = Path(where)
-    paths = folder.iterdir() if folder.is_dir() else map(Path, glob(where))
-    return [
-        Entry(legible(path.stem), path)
-        for path in sorted(paths)
-        if path.is_file() and path.suffix.lower() in FORMATS
-    ]
+def pairs_of(names: Sequence[str], pattern: str, template: str | None) -> list[Pair]:
+    """List the pairs to match, each two shapes once: by a pattern of `Collection.create`, or from its CSV file."""
+    if pattern == "star":
+        return [(template, name) for name in names if template and name != template]
+    if pattern == "all":
+        return list(combinations(names, 2))
+    if pattern == "chain":
+        return list(pairwise(names))
+    return _listed(Path(pattern), names)
 
 
-def _listed(path: Path) -> list[Entry]:
+def _listed(path: Path, names: Collection[str]) -> list[Pair]:
     rows = read_csv(path)
-    if rows and "path" not in rows[0]:
-        raise InputError(f"{path}: has no column 'path'; its first line names the columns, such as name,path")
-    files = [path.parent / row["path"] for row in rows]
-    return [Entry(row.get("name") or legible(file.stem), file) for row, file in zip(rows, files)]
+    if not rows or not {"source", "target"} <= set(rows[0]):
+        raise InputError(f"{path}: no pairs; give columns source and target, named in the first line")
+    pairs = [(row["source"], row["target"]) for row in rows]
+    if strangers := sorted({name for pair in pairs for name in pair} - set(names)):
+        raise InputError(f"{path}: {', '.join(strangers)} are no shapes of this collection; give their names")
+    if any(a == b for a, b in pairs):
+        raise InputError(f"{path}: a shape is paired with itself; remove these lines")
+    by_ends: dict[frozenset[str], Pair] = {}
+    for pair in pairs:
+        by_ends.setdefault(frozenset(pair), pair)
+    return list(by_ends.values())
+
+
+def tiles_of(pairs: Sequence[Pair], names: Sequence[str], side: int, most: int) -> list[list[Pair]]:
+    """Group pairs, at most so many, of at most ``side`` shapes with as many others, so that shapes are loaded once."""
+    block = {name: i // side for i, name in enumerate(names)}
+    groups: dict[tuple[int, int], list[Pair]] = {}
+    for a, b in pairs:
+        groups.setdefault((block[a], block[b]), []).append((a, b))
+    return [group[i : i + most] for group in groups.values() for i in range(0, len(group), most)]

@@ -12,10 +12,11 @@ from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, 
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
+from itertools import takewhile
 from typing import Any
 
 from isomatch.errors import InputError, UnwritableFileError
-from isomatch.loading.packages import package
+from isomatch.loading.first_use import package
 from isomatch.runtime.threads import n_threads
 from isomatch.runtime.workers import begin_worker, worker_processes
 
@@ -26,22 +27,11 @@ LOST = "the workers gave their tasks up, as when the scheduler of a cluster ends
 
 @dataclass(frozen=True)
 class Task:
-    """Something to do for some items of a collection.
-
-    Parameters
-    ----------
-    items : tuple
-        What it is done for.
-    function : callable
-        Makes the rows of some items, in their order; fewer if it was too late for the last ones. It and the items
-        travel to the worker.
-    lost : int
-        How often a worker died while this task was running, on it or on another worker.
-    """
+    """Something to do for some items of a collection."""
 
     items: tuple[Any, ...]
-    function: Callable[[tuple[Any, ...]], list[Any]]
-    lost: int = 0
+    function: Callable[[Any], Any]  # makes the row of an item, None if it is too late for it
+    lost: int = 0  # how often a worker died while this task was running, on it or on another worker
 
     def alone(self) -> list[Task]:
         """Make a task for each item."""
@@ -57,14 +47,8 @@ def late_after(time_limit: float | None) -> Callable[[], bool]:
 class Workers:
     """Workers that tasks are sent to, for a block.
 
-    Parameters
-    ----------
-    open : callable
-        Opens an executor, for a block; again where one has broken.
-    count : callable
-        Tells how many workers there are now.
-    threads : int
-        How many threads each of them uses, if it is a process of its own.
+    ``open`` opens an executor, again where one has broken; ``count`` tells how many workers there are now, and
+    ``threads`` how many threads each of them uses, if it is a process of its own.
     """
 
     def __init__(
@@ -87,13 +71,6 @@ class Workers:
 
         A task whose worker dies is done again item by item. An item beside which a worker dies again is done when
         nothing else is running; if the worker dies then, it is the item's fault. No task is begun once it is late.
-
-        Raises
-        ------
-        InputError
-            If no worker stays alive, whatever it does, or the cluster gives the tasks up.
-        UnwritableFileError
-            If a job says so, as on a full disk.
         """
         waiting, suspects = deque(tasks), deque[Task]()
         while (waiting or suspects) and not late():
@@ -157,7 +134,7 @@ class Workers:
 def _rows(task: Task, threads: int, sender: tuple[str, int]) -> list[Any]:
     if _here() != sender:
         begin_worker(threads)
-    return task.function(task.items)
+    return list(takewhile(lambda row: row is not None, map(task.function, task.items)))
 
 
 def _here() -> tuple[str, int]:
@@ -166,23 +143,7 @@ def _here() -> tuple[str, int]:
 
 @contextmanager
 def workers_of(executor: str | Executor = "local", jobs: int | None = None) -> Iterator[Workers]:
-    """Find the workers that are asked for, for a block.
-
-    Parameters
-    ----------
-    executor : str or Executor
-        "local": processes of this machine; "dask:ADDRESS": those of a Dask cluster, which see the same files; or any
-        executor of `concurrent.futures`.
-    jobs : int, optional
-        How many run at once. By default one for each processor, or for each thread of the cluster.
-
-    Raises
-    ------
-    InputError
-        If the executor is not known, the cluster does not answer, or the number of jobs is below 1.
-    MissingDependencyError
-        If Dask is not installed.
-    """
+    """Find the workers that are asked for, see `Collection.run`, for a block."""
     if jobs is not None and jobs < 1:
         raise InputError(f"{jobs} jobs cannot run at once; give a number from 1")
     count = jobs or n_threads()
@@ -192,18 +153,14 @@ def workers_of(executor: str | Executor = "local", jobs: int | None = None) -> I
         return
     kind, _, address = executor.partition(":")
     if kind == "local" and not address:
-        with Workers(
-            partial(worker_processes, count), lambda: count, max(1, n_threads() // count)
-        ) as workers:
+        threads = max(1, n_threads() // count)
+        with Workers(partial(worker_processes, count), lambda: count, threads) as workers:
             yield workers
     elif kind == "dask" and address:
-        with (
-            _dask_client(address) as client,
-            Workers(
-                partial(_dask_executor, client), (lambda: jobs) if jobs else _n_threads_of(client)
-            ) as workers,
-        ):
-            yield workers
+        with _dask_client(address) as client:
+            at_once = (lambda: jobs) if jobs else _n_threads_of(client)
+            with Workers(partial(_dask_executor, client), at_once) as workers:
+                yield workers
     else:
         raise InputError(
             f"executor {executor!r} is not known; give 'local' or 'dask:ADDRESS', such as dask:tcp://host:8786"

@@ -24,7 +24,7 @@ from isomatch.correspondence.map_arrays import (
 )
 from isomatch.correspondence.map_files import map_parts, write_map
 from isomatch.errors import DescriptorError, FormatError, MapError
-from isomatch.loading.notebooks import Shown, view_room
+from isomatch.loading.first_use import Shown, view_room
 from isomatch.surfaces import PrecisePoints, Surface, surface_in_use
 from isomatch.values.arrays import AnyArray, FloatArray, IntArray, array_of
 

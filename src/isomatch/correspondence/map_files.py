@@ -16,11 +16,12 @@ from isomatch.storage.array_file import (
     ArrayFormat,
     Stored,
     read_array,
+    read_mat,
     require_known_version,
     save_arrays,
 )
-from isomatch.storage.files import opened, read_integers, replaced
-from isomatch.storage.mat_file import read_mat
+from isomatch.storage.files import opened, replaced
+from isomatch.storage.texts import read_integers
 from isomatch.values.arrays import AnyArray, IntArray
 
 DIRECTION = "source -> target"

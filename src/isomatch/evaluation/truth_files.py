@@ -10,9 +10,8 @@ import numpy as np
 
 from isomatch.correspondence import IndexBase, index_base, read_map
 from isomatch.errors import FormatError, some
-from isomatch.storage.array_file import read_array
-from isomatch.storage.files import read_integers, text_lines
-from isomatch.storage.mat_file import read_mat
+from isomatch.storage.array_file import read_array, read_mat
+from isomatch.storage.texts import read_integers, text_lines
 from isomatch.surfaces import Mesh, PrecisePoints
 from isomatch.values.arrays import AnyArray, FloatArray, IntArray
 

@@ -9,7 +9,8 @@ import numpy as np
 
 from isomatch.errors import LandmarkError
 from isomatch.landmarks.shape_landmarks import Landmarks
-from isomatch.storage.files import write_csv, write_text
+from isomatch.storage.files import write_text
+from isomatch.storage.texts import write_csv
 
 
 def write_specimens(path: str | Path, specimens: Mapping[str, Landmarks]) -> None:

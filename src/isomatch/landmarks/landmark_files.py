@@ -15,8 +15,8 @@ from xml.etree import ElementTree
 import numpy as np
 
 from isomatch.errors import FormatError
-from isomatch.storage.cells import unescaped
-from isomatch.storage.files import is_whole_number, opened, read_text
+from isomatch.storage.files import opened
+from isomatch.storage.texts import is_whole_number, read_text, unescaped
 
 PAIRS = "write two 0-based vertex indices, of the source and of the target, or their positions x y z x y z"
 POINTS = "write a 0-based vertex index or a position x y z, after a name if there is a header"

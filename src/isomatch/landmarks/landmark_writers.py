@@ -18,8 +18,8 @@ from isomatch.errors import FormatError
 from isomatch.landmarks.geomorph import tps_text
 from isomatch.landmarks.landmark_files import CURVES, SLICER
 from isomatch.landmarks.shape_landmarks import Landmarks
-from isomatch.storage.cells import joined
 from isomatch.storage.files import write_text
+from isomatch.storage.texts import joined
 from isomatch.values.arrays import FloatArray
 
 SCHEMA = (

@@ -17,13 +17,7 @@ UNCACHED = (
 
 
 def compiled(**options: Any) -> Callable[[F], F]:
-    """Decorate a loop to be compiled at its first call; it runs without the interpreter lock.
-
-    Parameters
-    ----------
-    **options
-        Those of `numba.njit`, such as ``fastmath``.
-    """
+    """Decorate a loop to be compiled, as by `numba.njit`, at its first call; it runs without the interpreter lock."""
     options = {"nogil": True, "no_cfunc_wrapper": True, **options}  # C does not call loops
 
     def decorate(function: F) -> F:

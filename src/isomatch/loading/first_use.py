@@ -1,6 +1,6 @@
-"""Packages whose public names are imported at their first use, so that what is not used costs no time.
+"""What is imported at its first use, so that the rest costs no time: public names, optional packages, the room `view`.
 
-The stub ``__init__.pyi`` beside the package is the only list of its names: type checkers and editors read it as usual.
+The stub ``__init__.pyi`` beside a package is the only list of its names: type checkers and editors read it as usual.
 """
 
 from __future__ import annotations
@@ -11,6 +11,8 @@ from importlib import import_module
 from pkgutil import get_data
 from types import ModuleType
 from typing import Any
+
+from isomatch.errors import MissingDependencyError
 
 
 class _Package(ModuleType):
@@ -41,17 +43,9 @@ class _Package(ModuleType):
 
 
 def names_at_first_use(package: str) -> list[str]:
-    """Make a package import its public names at their first use.
+    """Make a package import its public names at their first use; return the ``__all__`` of its stub.
 
-    Parameters
-    ----------
-    package : str
-        Full name of the package, whose stub has nothing but imports and ``__all__``.
-
-    Returns
-    -------
-    list of str
-        The ``__all__`` of the stub.
+    The stub of the package, given by its full name, has nothing but imports and ``__all__``.
     """
     module: Any = sys.modules[package]
     stub = get_data(package, "__init__.pyi")
@@ -61,3 +55,33 @@ def names_at_first_use(package: str) -> list[str]:
     module._homes = {alias.name: node.module for node in imports for alias in node.names}
     module.__class__ = _Package
     return public
+
+
+def package(module: str, extra: str | None, what: str) -> Any:
+    """Import a module of an optional package; `MissingDependencyError` if the ``extra``, or none, has to be installed."""
+    try:
+        return import_module(module)
+    except ImportError as error:
+        name = module.partition(".")[0]
+        missing = isinstance(error, ModuleNotFoundError) and error.name in (name, module)
+        if not missing:
+            raise MissingDependencyError(
+                f"{what} needs the package {name}, which cannot be loaded: {error}"
+            ) from error
+        install = f"'isomatch[{extra}]'" if extra else name
+        raise MissingDependencyError(f"{what} needs the package {name}; pip install {install}") from None
+
+
+def view_room() -> Any:
+    """Return the room `view`, for methods that show their own object and for nothing else."""
+    return import_module("isomatch.view")
+
+
+class Shown:
+    """An object that notebooks show as `isomatch.view.html_of` represents it."""
+
+    __slots__ = ()
+
+    def _repr_html_(self) -> str:
+        html: str = view_room().html_of(self)
+        return html

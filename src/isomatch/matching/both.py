@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from isomatch.assets import SurfaceLike
 from isomatch.correspondence import UNMATCHED, iterative_closest_points
-from isomatch.loading.notebooks import view_room
+from isomatch.loading.first_use import view_room
 from isomatch.matching.fit import Hypothesis
 from isomatch.matching.hints import Hints, checked_initial_map, checked_landmarks
 from isomatch.matching.judge import Evidence, judged
@@ -24,9 +24,8 @@ from isomatch.matching.search import HINT_STEPS
 from isomatch.matching.solve import part_role, solve_complete, solve_touching
 from isomatch.matching.stages import Refinement, Relation, Stages, Start
 from isomatch.matching.windings import side_to_turn
-from isomatch.runtime.interruption import in_background
 from isomatch.runtime.stage_timer import Progress, StageTimer, two_arguments
-from isomatch.runtime.threads import serial_blas
+from isomatch.runtime.threads import in_background, serial_blas
 from isomatch.settings import Config
 from isomatch.shapes import PreparedShape
 from isomatch.values.arrays import IntArray

@@ -20,9 +20,8 @@ from isomatch.matching.refinements import REFINEMENTS
 from isomatch.matching.result import MatchResult
 from isomatch.matching.stages import Refinement, Relation, Stages, Start, name_of
 from isomatch.matching.windings import solve_either_winding
-from isomatch.runtime.interruption import in_background
 from isomatch.runtime.stage_timer import Progress, StageTimer
-from isomatch.runtime.threads import serial_blas
+from isomatch.runtime.threads import in_background, serial_blas
 from isomatch.settings import Config
 from isomatch.shapes import PreparedShape
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import Enum
 
-from isomatch.loading.notebooks import Shown
+from isomatch.loading.first_use import Shown
 
 
 class Outcome(Shown, Enum):

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from isomatch.assets import SurfaceLike
 from isomatch.correspondence import UNMATCHED, Correspondence, wrap
 from isomatch.errors import FormatError, InputError
-from isomatch.loading.notebooks import Shown, view_room
+from isomatch.loading.first_use import Shown, view_room
 from isomatch.matching.outcome import Outcome
 from isomatch.matching.regions import DoubtfulRegion, packed, unpacked
 from isomatch.settings import MatchSettings

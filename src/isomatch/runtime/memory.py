@@ -1,48 +1,35 @@
-"""The memory budget: large allocations are estimated first, and refused with an alternative if they exceed it."""
+"""Memory: what this process may use, and the budget by which large allocations are refused before they are made."""
 
 from __future__ import annotations
 
-import math
 import os
 import re
+import sys
+from functools import cache
+from pathlib import Path
 
 from isomatch.errors import MemoryBudgetError, SettingError
-from isomatch.runtime.limits import memory
 
-GIB = 2**30
+MIB, GIB = 2**20, 2**30
+ROOT = Path("/")
 _MOST_TIMES = 20  # the size of a file, which SECURITY.md promises
 _ANY_FILE = 2**26  # bytes, which are no harm
 
 
 def memory_budget() -> int:
-    """Return how many bytes one step may allocate.
-
-    This is ``ISOMATCH_MEMORY_BUDGET``, in GiB, if it is set, and otherwise half the memory that this process may
-    use, see `isomatch.runtime.limits`; 4 GiB where the system does not tell.
-    """
+    """Return how many bytes one step may allocate: ``ISOMATCH_MEMORY_BUDGET``, in GiB, or half of `available_memory`."""
     wanted = os.environ.get("ISOMATCH_MEMORY_BUDGET", "")
-    if wanted:
-        if re.fullmatch(r"[0-9]{1,9}(\.[0-9]*)?|\.[0-9]+", wanted) and float(wanted) > 0:
-            return int(float(wanted) * GIB)
-        raise SettingError(
-            f"ISOMATCH_MEMORY_BUDGET = {wanted!r} is not a positive number; give GiB, such as 8 or 0.5"
-        )
-    available = memory()
-    return int(available / 2) if math.isfinite(available) else 4 * GIB
+    if not wanted:
+        return available_memory() // 2
+    if re.fullmatch(r"[0-9]{1,9}(\.[0-9]*)?|\.[0-9]+", wanted) and float(wanted) > 0:
+        return int(float(wanted) * GIB)
+    raise SettingError(
+        f"ISOMATCH_MEMORY_BUDGET = {wanted!r} is not a positive number; give GiB, such as 8 or 0.5"
+    )
 
 
 def require_memory(n_bytes: float, purpose: str, instead: str) -> None:
-    """Raise `MemoryBudgetError` if an allocation exceeds the budget.
-
-    Parameters
-    ----------
-    n_bytes : float
-        Estimated size of the allocation.
-    purpose : str
-        What needs it, for the message.
-    instead : str
-        What the user can do instead, for the message.
-    """
+    """Raise `MemoryBudgetError` if so many bytes for a ``purpose`` exceed the budget, and say what to do ``instead``."""
     budget = memory_budget()
     if n_bytes > budget:
         raise MemoryBudgetError(
@@ -54,3 +41,46 @@ def require_memory(n_bytes: float, purpose: str, instead: str) -> None:
 def room_for(size: int) -> int:
     """Return how many bytes of memory what is in a file of a size may claim: many times that, and some of any file."""
     return _MOST_TIMES * size + _ANY_FILE
+
+
+def available_memory(root: Path = ROOT) -> int:
+    """Return how many bytes the machine, control groups and SLURM leave to this process."""
+    import psutil
+
+    groups = [int(words[0]) for words in group_limits("memory.max", root) if words[0].isdecimal()]
+    cpus = slurm("SLURM_CPUS_PER_TASK") or slurm("SLURM_CPUS_ON_NODE") or 1
+    job = (slurm("SLURM_MEM_PER_NODE") or slurm("SLURM_MEM_PER_CPU") * cpus) * MIB
+    total = int(psutil.virtual_memory().total)
+    return min([total, *groups, job or total])
+
+
+@cache
+def group_limits(name: str, root: Path = ROOT) -> list[list[str]]:
+    """Return the words of a limit of each control group (version 2) around this process.
+
+    psutil tells of the machine alone, and the system kills what exceeds the limit of a container or a job.
+    """
+    outermost = root / "sys/fs/cgroup"
+    try:
+        group = outermost / (root / "proc/self/cgroup").read_text().rpartition("0::/")[2].strip()
+    except OSError:  # not Linux
+        return []
+    # in a container, the path can be that outside, where only the outermost folder is visible
+    files = [folder / name for folder in (group, *group.parents) if folder.is_relative_to(outermost)]
+    return [words for file in files if file.is_file() and (words := file.read_text().split())]
+
+
+def slurm(name: str) -> int:
+    """Return a number that SLURM gave, 0 if it gave none."""
+    word = os.environ.get(name, "")
+    return int(word) if re.fullmatch("[0-9]+", word) else 0
+
+
+def peak_memory() -> int | None:
+    """Return the most bytes that this process has used so far; None where the system does not tell."""
+    try:
+        import resource
+    except ImportError:  # Windows
+        return None
+    unit = 1 if sys.platform == "darwin" else 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit

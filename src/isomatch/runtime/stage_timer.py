@@ -1,26 +1,29 @@
-"""The stages of a computation: their seconds, and their announcement as they start."""
+"""The stages of a computation: their seconds, their announcement as they start, and a line or a bar that shows it."""
 
 from __future__ import annotations
 
 import inspect
 import logging
+import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from html import escape
 from threading import Lock
 from typing import Any, TypeAlias
 
-from isomatch.runtime.interruption import stop_if_abandoned, tell
+from isomatch.runtime.threads import stop_if_abandoned, tell
 
 logger = logging.getLogger(__name__)
 
 Progress: TypeAlias = Callable[[str, float], Any] | Callable[[str], Any]
 """Called with the name of a stage as it starts, and with the share of all work that is done, if it takes two arguments.
 
-The share rises from 0 to 1 and never falls. It is an estimate from typical times. What the function raises ends the
-computation and reaches the caller as it is.
+The share, an estimate from typical times, never falls. What the function raises ends the computation and reaches the
+caller as it is.
 """
 
+# share of the time of a match, and of the preparation of a shape, that is typically over when each stage starts
 MATCHING = {
     "prepare": 0.0,
     "components": 0.5,
@@ -34,10 +37,7 @@ MATCHING = {
     "carry": 0.95,
     "pins": 0.98,
 }
-"""Share of the time of a match that is typically over when each stage starts."""
-
 PREPARATION = {"body": 0.0, "levels": 0.02, "distances": 0.3, "functions": 0.5, "samples": 0.85}
-"""The same for the preparation of a shape."""
 
 
 def two_arguments(progress: Progress) -> Callable[[str, float], Any]:
@@ -52,15 +52,7 @@ def two_arguments(progress: Progress) -> Callable[[str, float], Any]:
 
 
 class StageTimer:
-    """Times stages, one after the other.
-
-    Parameters
-    ----------
-    progress : callable, optional
-        Called with the name of each stage as it starts, and the share of the work that is done.
-    begins : dict of str to float
-        Share at which each stage typically begins.
-    """
+    """Times stages, one after the other, and tells ``progress`` of each, with the share at which it typically begins."""
 
     def __init__(self, progress: Progress | None = None, begins: dict[str, float] = MATCHING) -> None:
         self._progress = two_arguments(progress) if progress else None
@@ -118,3 +110,66 @@ class StageTimer:
         if self._stage:
             self._seconds[self._stage] = self._seconds.get(self._stage, 0.0) + now - self._since
         self._since = now
+
+
+class _Shown:
+    """One line with stage, share and seconds, which each call writes anew."""
+
+    def __init__(self) -> None:
+        self._since = 0.0
+        self._share = 1.0
+        self._bar: Any = None
+        self._cell: Any = None
+
+    def __call__(self, stage: str, share: float) -> None:
+        now, shell = time.perf_counter(), _notebook()
+        cell = getattr(shell, "execution_count", None)
+        if share < self._share or self._share == 1.0 or cell != self._cell:  # another computation
+            self._since, self._bar, self._cell = now, None, cell
+        self._share = share
+        if shell is None:
+            end = "\n" if share == 1.0 else ""
+            sys.stderr.write(f"\r{share:4.0%} {now - self._since:6.1f} s  {stage:24.24}{end}")
+            sys.stderr.flush()
+        else:
+            self._show_bar(stage, share, now - self._since)
+
+    def _show_bar(self, stage: str, share: float, seconds: float) -> None:
+        from IPython.display import DisplayHandle
+
+        text = f"{share:4.0%} · {seconds:.1f} s · {stage}"
+        html = (
+            f'<progress max="1" value="{share:.3f}" style="width:14em;vertical-align:middle"></progress> '
+            f'<span style="font-variant-numeric:tabular-nums">{escape(text)}</span>'
+        )
+        told = {"text/plain": text, "text/html": html}
+        if self._bar is None:
+            self._bar = DisplayHandle()
+            self._bar.display(told, raw=True)
+        else:
+            self._bar.update(told, raw=True)
+
+
+def _notebook() -> Any:
+    """Return the shell of the notebook in which the program runs, if it does."""
+    python: Any = sys.modules.get("IPython")
+    shell = python.get_ipython() if python else None
+    return shell if getattr(shell, "kernel", None) is not None else None
+
+
+_shown = _Shown()
+
+
+def show_progress(stage: str, share: float) -> None:
+    """Show stage, share and elapsed time, in one line of the terminal or in a bar below the cell of a notebook.
+
+    A smaller share than before starts the clock, 1 ends the line.
+
+    Examples
+    --------
+    >>> from isomatch import match
+    >>> from isomatch.datasets import example_pair
+    >>> source, target = example_pair()
+    >>> result = match(source.mesh, target.mesh, progress=show_progress)
+    """
+    _shown(stage, share)

@@ -1,40 +1,135 @@
-"""The number of threads, and how they are used: independent items run in parallel, results keep their order."""
+"""Threads: calls that can be given up, and independent items in parallel, whose results keep their order."""
 
 from __future__ import annotations
 
+import math
 import os
 import re
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from threading import Lock, local
+from contextvars import copy_context
+from functools import partial
+from pathlib import Path
+from queue import Empty, SimpleQueue
+from threading import Lock, Thread, local
 from typing import Any, TypeVar
 
 import numpy as np
 from threadpoolctl import OpenBLASController, ThreadpoolController
 
 from isomatch.errors import SettingError
-from isomatch.runtime.interruption import current_call, in_background, stop_if_abandoned
-from isomatch.runtime.limits import processors
+from isomatch.runtime.memory import ROOT, group_limits, slurm
 from isomatch.values.arrays import FloatArray
 
 ROWS = 1280  # of a block of a product: the 5000 vertices that are matched by default make four
+POLL = 0.2  # seconds; where a wait cannot be interrupted, as on Windows, it is at least this short
 
 T = TypeVar("T")
 R = TypeVar("R")
 
 
 def n_threads() -> int:
-    """Return the number of threads to use.
-
-    This is ``ISOMATCH_NUM_THREADS`` if it is set, and otherwise the number of processors that this process may use,
-    see `isomatch.runtime.limits`.
-    """
+    """Return the number of threads to use: ``ISOMATCH_NUM_THREADS`` if it is set, and otherwise of `processors`."""
     wanted = os.environ.get("ISOMATCH_NUM_THREADS", "")
     if wanted:
         if not re.fullmatch("0*[1-9][0-9]{0,5}", wanted):
             raise SettingError(f"ISOMATCH_NUM_THREADS = {wanted!r} is not a positive number of threads")
         return int(wanted)
     return processors()
+
+
+def processors(root: Path = ROOT) -> int:
+    """Return the number of processors that affinity, control groups and SLURM leave to this process, at least 1."""
+    allowed = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    limits = [words for words in group_limits("cpu.max", root) if words[0].isdecimal()]
+    shares = [int(quota) / int(period) for quota, period in limits]
+    return math.ceil(min([allowed, slurm("SLURM_CPUS_PER_TASK") or allowed, *shares]))
+
+
+class Abandoned(BaseException):
+    """Ends a thread whose result nobody waits for; never seen outside it."""
+
+
+class Call:
+    """A call under way, on one thread or on several."""
+
+    def __init__(self) -> None:
+        self.abandoned = False
+        self.messages: SimpleQueue[Callable[[], Any] | None] = SimpleQueue()
+
+    def thread(self, function: Callable[[], Any]) -> Thread:
+        """Make a thread that works for this call; it keeps no process alive."""
+
+        def work() -> None:
+            _here.call = self
+            function()
+
+        return Thread(target=copy_context().run, args=(work,), daemon=True)
+
+
+_here = local()
+
+
+def current_call() -> Call | None:
+    """Return the call that this thread works for, if it is one in the background."""
+    return getattr(_here, "call", None)
+
+
+def stop_if_abandoned() -> None:
+    """End this thread if nobody waits for it any more; to be called where a computation can stop."""
+    call = current_call()
+    if call is not None and call.abandoned:
+        raise Abandoned
+
+
+def in_background(function: Callable[[], R]) -> R:
+    """Call a function on another thread and wait for its result, so that an interruption need not wait for a loop.
+
+    When an exception, such as that of Ctrl-C, reaches the waiting thread, it goes through at once; the function ends
+    at the next `stop_if_abandoned`. Within such a call, the function is called directly.
+    """
+    if current_call() is not None:
+        return function()
+    call, results, errors = Call(), [], []
+
+    def work() -> None:
+        try:
+            results.append(function())
+        except BaseException as error:
+            errors.append(error)
+        finally:
+            call.messages.put(None)
+
+    thread = call.thread(work)
+    try:
+        thread.start()
+        while message := _next(call):
+            message()
+        thread.join()  # what it held is free
+    except BaseException:
+        call.abandoned = True
+        raise
+    if errors:
+        raise errors.pop()
+    return results.pop()
+
+
+def _next(call: Call) -> Callable[[], Any] | None:
+    while True:
+        try:
+            return call.messages.get(timeout=POLL)
+        except Empty:
+            continue
+
+
+def tell(listener: Callable[..., Any], *values: Any) -> None:
+    """Call a function of the user's, on the thread that waits for this call; what it raises gives up the call."""
+    stop_if_abandoned()
+    call = current_call()
+    if call is None:
+        listener(*values)
+    else:
+        call.messages.put(partial(listener, *values))
 
 
 def parallel_rows(function: Callable[[int], None], count: int) -> None:

@@ -1,4 +1,4 @@
-"""The addresses that the page asks, and the server that answers."""
+"""The addresses that the page asks, the server that answers, and who may ask: the page itself, with the token."""
 
 from __future__ import annotations
 
@@ -6,19 +6,37 @@ import json
 import os
 import secrets
 import socket
-from collections.abc import Callable, Mapping
+from collections.abc import Awaitable, Callable, Mapping, MutableMapping
 from functools import partial
-from typing import Any
+from hmac import compare_digest
+from typing import Any, TypeVar
+from urllib.parse import parse_qs
 
 from isomatch.errors import IsomatchError, SettingError
-from isomatch.loading.packages import package
-from isomatch.serving.guard import App, Guard
+from isomatch.loading.first_use import package
 from isomatch.serving.session import Session
 
 HOST = "127.0.0.1"
 EXTRA, WHAT = "open", "isomatch open"
 REFUSED = 400  # answer to what cannot be done, with the reason in words
 MANY = 2**31  # no surface has so many vertices
+Scope = MutableMapping[str, Any]
+Receive = Callable[[], Awaitable[MutableMapping[str, Any]]]
+Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
+App = Callable[[Scope, Receive, Send], Awaitable[None]]
+
+TOKEN_HEADER = b"x-isomatch-token"
+LARGEST_BODY = 2**20  # bytes; some 70 000 pairs of landmarks
+PAGE = "/"  # its address has the token; all else is asked for by its script, with a header that no other page can send
+HEADERS = (
+    (b"cache-control", b"no-store"),
+    (b"referrer-policy", b"no-referrer"),  # the address has the token
+    (b"x-content-type-options", b"nosniff"),
+    (b"content-security-policy", b"frame-ancestors 'none'"),
+    (b"cross-origin-opener-policy", b"same-origin"),
+    (b"cross-origin-resource-policy", b"same-origin"),
+)
+T = TypeVar("T")
 
 
 def require_server() -> None:
@@ -28,22 +46,7 @@ def require_server() -> None:
 
 
 def app_of(session: Session, token: str, port: int, once: str = "") -> App:
-    """Make the ASGI application of a session.
-
-    Parameters
-    ----------
-    session : Session
-        What the page works on.
-    token, once : str
-        See `Guard`.
-    port : int
-        Port on which it is served.
-
-    Raises
-    ------
-    MissingDependencyError
-        If starlette is not installed.
-    """
+    """Make the ASGI application of a session; for the token and ``once`` see `Guard`."""
     applications, responses, routing = (
         package(f"starlette.{name}", EXTRA, WHAT) for name in ("applications", "responses", "routing")
     )
@@ -61,8 +64,7 @@ def app_of(session: Session, token: str, port: int, once: str = "") -> App:
     def does(function: Callable[..., None], **fields: Callable[[Any], Any]) -> Any:
         async def answer(request: Any) -> Any:
             try:
-                given = _fields(await request.body(), fields)
-                function(**given)
+                function(**_fields(await request.body(), fields))
                 return text("", 202)
             except IsomatchError as error:
                 return text(str(error), REFUSED)
@@ -75,52 +77,26 @@ def app_of(session: Session, token: str, port: int, once: str = "") -> App:
     async def packed(request: Any) -> Any:
         return responses.Response(session.archive(), media_type="application/zip")
 
-    def get(path: str, answer: Any) -> Any:
-        return routing.Route(path, answer, methods=["GET"])
-
-    def post(path: str, answer: Any) -> Any:
-        return routing.Route(path, answer, methods=["POST"])
-
-    routes = [
-        get("/", page),
-        get("/state", answers(session.state)),
-        get("/result", answers(session.shown)),
-        get("/packed", packed),
-        post(
-            "/match",
-            does(session.match, landmarks=_pairs, only=_flag, hold=_flag, start=_word, orientation=_word),
-        ),
-        post("/choose", does(session.choose, number=_whole)),
-        post("/write", does(session.write)),
-        post("/pack", does(session.pack)),
-        post("/cancel", does(session.cancel)),
-    ]
+    of_match = {"landmarks": _pairs, "only": _flag, "hold": _flag, "start": _word, "orientation": _word}
+    get = {"/": page, "/packed": packed}
+    get |= {"/state": answers(session.state), "/result": answers(session.shown)}
+    post = {
+        "/match": does(session.match, **of_match),
+        "/choose": does(session.choose, number=_whole),
+        "/write": does(session.write),
+        "/pack": does(session.pack),
+        "/cancel": does(session.cancel),
+    }
+    routes = [routing.Route(path, answer, methods=["GET"]) for path, answer in get.items()]
+    routes += [routing.Route(path, answer, methods=["POST"]) for path, answer in post.items()]
     return Guard(applications.Starlette(routes=routes), token, port, once)
 
 
 class PageServer:
-    """Serves the page of a session to browsers of this machine.
+    """Serves the page of a session to browsers of this machine, on a port; 0 is any that is free.
 
-    Parameters
-    ----------
-    session : Session
-        What the page works on.
-    port : int
-        Port; 0 for any that is free.
-
-    Attributes
-    ----------
-    address : str
-        Address of the page, with the token.
-    once : str
-        Another address of it, which works once: for command lines, which other users of a machine can read.
-
-    Raises
-    ------
-    MissingDependencyError
-        If starlette or uvicorn is not installed.
-    SettingError
-        If the port cannot be used.
+    ``address`` is that of the page, with the token; ``once`` is another, which works once: for command lines, which other
+    users of a machine can read. `SettingError` if the port cannot be used.
     """
 
     def __init__(self, session: Session, port: int = 0) -> None:
@@ -176,33 +152,97 @@ def _fields(body: bytes, fields: Mapping[str, Callable[[object], object]]) -> di
         raise SettingError("the page asked for something that is not understood; load it again") from None
 
 
-def _whole(value: object) -> int:
-    if type(value) is not int:
-        raise ValueError
-    return value
+def _exactly(kind: type[T]) -> Callable[[object], T]:
+    def read(value: object) -> T:
+        if type(value) is not kind:
+            raise ValueError
+        return value
+
+    return read
 
 
-def _word(value: object) -> str:
-    if not isinstance(value, str):
-        raise ValueError
-    return value
-
-
-def _flag(value: object) -> bool:
-    if type(value) is not bool:
-        raise ValueError
-    return value
+_whole, _word, _flag = _exactly(int), _exactly(str), _exactly(bool)
 
 
 def _pairs(value: object) -> list[tuple[int, int]]:
-    if not isinstance(value, list):
-        raise ValueError
     pairs = []
-    for row in value:
-        if not isinstance(row, list):
-            raise ValueError
-        first, second = map(_whole, row)
+    for row in _exactly(list)(value):
+        first, second = map(_whole, _exactly(list)(row))
         if max(abs(first), abs(second)) >= MANY:
             raise ValueError
         pairs.append((first, second))
     return pairs
+
+
+class Guard:
+    """An ASGI application that lets through what has the token and comes from the page, in a browser on this machine.
+
+    The token has to be in the query of the page's address, and in a header of all other requests: without cookies
+    there is nothing that a browser would send along for another page. ``Host`` and, of a POST, ``Origin`` must name
+    this machine and the port, so that no foreign name that leads here passes. ``once``, in the query, leads to the
+    page's address a single time.
+    """
+
+    def __init__(self, app: App, token: str, port: int, once: str = "") -> None:
+        self._app, self._token, self._once = app, token.encode(), once.encode()
+        self._hosts = {f"{name}:{port}".encode() for name in ("127.0.0.1", "localhost")}
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer a request."""
+        if scope["type"] != "http":
+            return
+
+        async def guarded(message: MutableMapping[str, Any]) -> None:
+            if message["type"] == "http.response.start":
+                message["headers"] = [*message.get("headers", ()), *HEADERS]
+            await send(message)
+
+        code, words, *headers = self._refused(scope) or (0, "")
+        if not code:
+            body = await _body(receive)
+            if body is not None:
+
+                async def again() -> MutableMapping[str, Any]:
+                    return {"type": "http.request", "body": body, "more_body": False}
+
+                return await self._app(scope, again, guarded)
+            code, words = 413, "The request is too large."
+        headers.append((b"content-type", b"text/plain"))
+        await guarded({"type": "http.response.start", "status": code, "headers": headers})
+        await guarded({"type": "http.response.body", "body": words.encode()})
+
+    def _refused(self, scope: Scope) -> tuple[Any, ...] | None:
+        """Return code, reason and headers of an answer in place of the application's; None if the request passes."""
+        headers: dict[bytes, list[bytes]] = {}
+        for name, value in scope["headers"]:
+            headers.setdefault(name.lower(), []).append(value)
+        (host, *more), origins = headers.get(b"host", [b""]), headers.get(b"origin", [])
+        if host not in self._hosts or more:
+            return 403, "This address is not that of isomatch."
+        if scope["method"] not in ("GET", "POST"):
+            return 403, "Only GET and POST are answered."
+        if (scope["method"] == "POST" or origins) and origins != [b"http://" + host]:
+            return 403, "Only the page of isomatch may ask."
+        if scope["method"] == "GET" and scope["path"] == PAGE:
+            query = parse_qs(scope["query_string"].decode("latin-1"))
+            given, key = ([word.encode() for word in query.get(name, [])] for name in ("token", "once"))
+            if self._once and len(key) == 1 and compare_digest(key[0], self._once):
+                self._once = b""
+                return 303, "", (b"location", b"/?token=" + self._token)
+        else:
+            given = headers.get(TOKEN_HEADER, [])
+        if len(given) != 1 or not compare_digest(given[0], self._token):
+            return 403, "The token is missing or wrong. Open the address that isomatch open printed."
+        return None
+
+
+async def _body(receive: Receive) -> bytes | None:
+    """Read the body; None if it is too large."""
+    body: bytes = b""
+    while True:
+        message = await receive()
+        body += message.get("body", b"")
+        if len(body) > LARGEST_BODY:
+            return None
+        if not message.get("more_body"):
+            return body

@@ -3,23 +3,91 @@
 from __future__ import annotations
 
 import logging
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any, Protocol
 
 from isomatch.errors import IsomatchError, SettingError
 from isomatch.matching import MatchResult, continue_with, match
-from isomatch.runtime.threads import parallel_map
-from isomatch.serving.job import Job, Tell
+from isomatch.runtime.threads import Abandoned, Call, parallel_map, stop_if_abandoned
 from isomatch.settings import Config, Orientation, Start
 from isomatch.shapes import PreparedShape, prepare
 from isomatch.surfaces import Surface
 from isomatch.view import WorkPage
 
+Tell = Callable[[str, float], None]
+POLL = 0.05  # seconds between two looks at a job that is waited for
 logger = logging.getLogger(__name__)
 
 Pairs = Sequence[Sequence[int]]  # (source vertex, target vertex)
 DRAWING = 0.97  # share of a match after which its result is drawn
+
+
+class Job:
+    """Runs a function, called with a function of stage and share of the work, on a thread of its own."""
+
+    def __init__(self, name: str, work: Callable[[Tell], Any]) -> None:
+        self.name = name
+        self._result: Any = None
+        self._error: Exception | None = None
+        self.succeeded = False  # whether it has come to a result, even if it was given up before
+        self._now = ("", 0.0)  # the stage, and the share of the work that is done
+        self._since = time.perf_counter()
+        self._seconds: float | None = None
+        self._call = Call()
+
+        def run() -> None:
+            try:
+                self._result = work(self._tell)
+                self.succeeded = True
+            except Abandoned:
+                pass
+            except Exception as error:
+                self._error = error
+            finally:
+                self._seconds = time.perf_counter() - self._since
+
+        self._thread = self._call.thread(run)
+        self._thread.start()
+
+    def _tell(self, stage: str, share: float) -> None:
+        self._now = stage, share
+
+    def give_up(self) -> None:
+        """Let it end at the next place where it can stop."""
+        self._call.abandoned = True
+
+    @property
+    def is_over(self) -> bool:
+        """Whether its thread has ended."""
+        return not self._thread.is_alive()
+
+    @property
+    def seconds(self) -> float:
+        """How long it has run."""
+        return time.perf_counter() - self._since if self._seconds is None else self._seconds
+
+    def join(self) -> None:
+        """Wait until it is over, however it ended; a wait within a job ends with that job."""
+        while not self.is_over:
+            stop_if_abandoned()
+            self._thread.join(POLL)
+
+    def wait(self) -> Any:
+        """Wait until it is over (`join`), and return its result or raise its error."""
+        self.join()
+        if self._error:
+            raise self._error
+        return self._result
+
+    def now(self) -> tuple[str, float]:
+        """Return the stage, and the share of the work that is done."""
+        while not self._call.messages.empty():
+            message = self._call.messages.get()
+            if message is not None:
+                message()
+        return self._now
 
 
 class Keeper(Protocol):
@@ -37,24 +105,10 @@ class Keeper(Protocol):
 
 
 class Session:
-    """The state behind a page; its methods are called from one thread.
+    """The state behind a page that is drawn by a `WorkPage`; its methods are called from one thread.
 
-    Parameters
-    ----------
-    surfaces : (Surface, Surface)
-        Source and target. Their preparation begins at once.
-    page : WorkPage
-        Draws them.
-    keeper : Keeper
-        Keeps results.
-    config : Config
-        Settings of matches.
-    seed : int
-        Their seed.
-    result : MatchResult, optional
-        A result to begin with.
-    landmarks : sequence of (int, int)
-        Landmarks with which it was found.
+    The preparation of the surfaces, source and target, begins at once. A ``result`` to begin with comes with the
+    landmarks with which it was found.
     """
 
     def __init__(
@@ -99,11 +153,9 @@ class Session:
         """Tell in plain values what is done now, and what has changed."""
         self._settle()
         job = self._job
-        stage, share = "", 0.0
-        if job is not None:
-            stage, share = job.now()
-            if not stage and not self._preparation.is_over:
-                stage, share = self._preparation.now()
+        stage, share = job.now() if job else ("", 0.0)
+        if job and not stage and not self._preparation.is_over:
+            stage, share = self._preparation.now()
         return {
             "job": job and job.name,
             "stage": stage,
@@ -128,16 +180,8 @@ class Session:
     ) -> None:
         """Begin a match with landmarks, or without any if there are none.
 
-        Parameters
-        ----------
-        landmarks : sequence of (int, int)
-            Pairs (source vertex, target vertex).
-        only : bool
-            Whether only maps that follow the landmarks may win.
-        hold : bool
-            Whether the map goes through them exactly, or as the settings say.
-        start, orientation : str
-            See `Config`.
+        ``only`` maps that follow the landmarks may win; they ``hold`` if the map goes through them exactly, or as the
+        settings say.
         """
         config = replace(
             self._config,
@@ -151,13 +195,9 @@ class Session:
         def work(tell: Tell) -> tuple[MatchResult, Pairs, dict[str, Any]]:
             source, target = self._preparation.wait()
             tell("match", 0.0)
+            told = _before_drawing(tell)
             result = match(
-                source,
-                target,
-                landmarks=landmarks or None,
-                config=config,
-                seed=self._seed,
-                progress=lambda stage, share: tell(stage, DRAWING * share),
+                source, target, landmarks=landmarks or None, config=config, seed=self._seed, progress=told
             )
             tell("drawing", DRAWING)
             return result, landmarks, self._page.result(result, before, landmarks)
@@ -170,14 +210,7 @@ class Session:
 
         def work(tell: Tell) -> tuple[MatchResult, Pairs, dict[str, Any]]:
             source, target = self._preparation.wait()
-            chosen = continue_with(
-                result,
-                number,
-                source,
-                target,
-                landmarks or None,
-                lambda stage, share: tell(stage, DRAWING * share),
-            )
+            chosen = continue_with(result, number, source, target, landmarks or None, _before_drawing(tell))
             return chosen, landmarks, self._page.result(chosen, None, landmarks)
 
         self._begin("choose", work)
@@ -259,6 +292,10 @@ class Session:
             return prepare(self._surfaces[side], self._config, self._seed, progress=told)
 
         return parallel_map(prepared, (0, 1))
+
+
+def _before_drawing(tell: Tell) -> Tell:
+    return lambda stage, share: tell(stage, DRAWING * share)
 
 
 def _in_words(error: Exception) -> str:

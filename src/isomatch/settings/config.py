@@ -10,7 +10,7 @@ from typing import Any, Literal, Protocol, Self
 from isomatch.bases import Weighting
 from isomatch.errors import FormatError, SettingError
 from isomatch.geodesics import engine_names
-from isomatch.loading.notebooks import Shown
+from isomatch.loading.first_use import Shown
 from isomatch.settings import (
     ElasticSettings,
     LevelSettings,

@@ -18,9 +18,8 @@ from isomatch.geodesics import (
     farthest_point_sampling,
     peripheral_vertex,
 )
-from isomatch.runtime.interruption import in_background
 from isomatch.runtime.stage_timer import PREPARATION, Progress, StageTimer
-from isomatch.runtime.threads import serial_blas
+from isomatch.runtime.threads import in_background, serial_blas
 from isomatch.settings import Config
 from isomatch.shapes.body import Body, body_of
 from isomatch.shapes.extremities import extremal_points

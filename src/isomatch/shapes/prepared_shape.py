@@ -21,7 +21,7 @@ from isomatch.descriptors import (
 )
 from isomatch.errors import SettingError
 from isomatch.geodesics import distance_along_edges_to_nearest
-from isomatch.loading.notebooks import Shown, view_room
+from isomatch.loading.first_use import Shown, view_room
 from isomatch.mending import check, handles, seems_inside_out
 from isomatch.resolution import Prolongation
 from isomatch.settings import Config

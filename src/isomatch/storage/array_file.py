@@ -1,42 +1,34 @@
-"""Files of named arrays (``.npz``): complete when written, checked when read, headers before contents."""
+"""Files of named arrays (``.npz``, ``.npy``, ``.mat``): complete when written, headers before contents when read."""
 
 from __future__ import annotations
 
 import os
 import warnings
 import zipfile
-import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from io import BytesIO
 from math import prod
 from pathlib import Path
-from tokenize import TokenError
-from typing import Any, BinaryIO, Literal, NamedTuple, NoReturn
+from typing import IO, Any, BinaryIO, Literal, NoReturn
 
 import numpy as np
 from numpy.lib import format as npy
 
-from isomatch.errors import FormatError, MemoryBudgetError, some
+from isomatch.errors import FormatError, IsomatchError, MemoryBudgetError, some
 from isomatch.runtime.memory import require_memory, room_for
 from isomatch.storage.files import opened, replaced
 from isomatch.values.arrays import AnyArray
 
-FIRST_VERSION = 1
-"""Format of files that carry no version, which isomatch 0.1 wrote."""
-
+FIRST_VERSION = 1  # format of files that carry no version, which isomatch 0.1 wrote
 _VERSION = "format_version"
-_DAMAGED = (
-    OSError, EOFError, ValueError, KeyError, RuntimeError, OverflowError, zipfile.BadZipFile, zlib.error,
-    SyntaxError, TokenError, TypeError, MemoryError,
-)  # fmt: skip
-"""What the zip archive raises, and in the last line the parser of headers of arrays."""
 _KINDS = {"float": ("fiu", "numbers"), "integer": ("iu", "integers"), "text": ("U", "a text")}
 LONGEST_HEADER = 1000  # bytes of the header of an array; numpy writes 128
-LARGEST_RATIO = 1032  # of the sizes before and after deflate
-_NUMBERS_OR_TEXT = "fciubU"  # kinds of types
 _READ_HEADER = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
+
+Header = tuple[tuple[int, ...], np.dtype[np.generic]]  # shape and type of an array
+Refuse = Callable[[str], NoReturn]  # raises the error that says what is wrong with a file
 
 
 def save_arrays(
@@ -60,94 +52,69 @@ def require_known_version(path: Path, found: int, known: int) -> None:
         )
 
 
+@contextmanager
+def _refusing_damage(refuse: Refuse) -> Iterator[None]:
+    try:
+        with warnings.catch_warnings(action="ignore"):
+            yield
+    except IsomatchError:
+        raise
+    except (
+        Exception
+    ) as error:  # zipfile, zlib, numpy and scipy raise a dozen kinds of errors for damaged files
+        refuse(str(error).partition("\n")[0] or type(error).__name__)
+
+
+def _header(start: IO[bytes], size: int, refuse: Refuse) -> Header:
+    """Read the header of an array; it has to declare what the ``size`` bytes hold, header included."""
+    beginning = BytesIO(start.read(LONGEST_HEADER))  # a header may declare to be longer than memory
+    shape, _, dtype = _READ_HEADER[npy.read_magic(beginning)](beginning)
+    if dtype.kind not in "fciubU" or min(shape, default=0) < 0:
+        refuse(f"{dtype} of shape {shape} is not an array of numbers or text")
+    if beginning.tell() + dtype.itemsize * prod(shape) != size:
+        refuse(f"it declares shape {shape}, more or less than the file holds")
+    return shape, dtype
+
+
 def read_array(path: Path) -> AnyArray:
     """Read an ``.npy`` file of numbers or text; `FormatError` if it is none, or holds more or less than it declares."""
 
     def refuse(problem: str) -> NoReturn:
         raise FormatError(f"{path}: not an array ({problem}); expected a file written by numpy.save")
 
-    with opened(path) as file:
-        data = BytesIO(file.read())
-    size = len(data.getbuffer())
-    try:
-        with warnings.catch_warnings(action="ignore"):
-            header = Header(*_read_shape(BytesIO(data.getvalue()[:LONGEST_HEADER])))
-            if header.dtype.kind not in _NUMBERS_OR_TEXT or header.n_bytes > size:
-                refuse(f"it declares shape {header.shape} of type {header.dtype}")
-            array: AnyArray = npy.read_array(data, allow_pickle=False)
-    except _DAMAGED as error:
-        if isinstance(error, FormatError):
-            raise
-        refuse(str(error).partition("\n")[0] or type(error).__name__)
+    with opened(path) as file, _refusing_damage(refuse):
+        _header(file, os.fstat(file.fileno()).st_size, refuse)
+        file.seek(0)
+        array: AnyArray = npy.read_array(file, allow_pickle=False)
     return array
-
-
-def _read_shape(start: BinaryIO) -> tuple[tuple[int, ...], np.dtype[np.generic]]:
-    """Read the shape and type that the header of an array declares."""
-    shape, _, dtype = _READ_HEADER[npy.read_magic(start)](start)
-    return shape, dtype
 
 
 @dataclass(frozen=True)
 class Stored:
-    """What one array of a file has to be.
+    """What one array of a file has to be."""
 
-    Parameters
-    ----------
-    kind : {"float", "integer", "text"}
-        Type of its entries. Integers are accepted as floats, and floats have to be finite.
-    shape : tuple of int or str
-        Its lengths. A name stands for a length that is the same wherever the name occurs.
-    positive : bool
-        Whether all entries have to be larger than 0.
-    index_of : str
-        Name of a length n; the entries have to be indices 0…n − 1.
-    group : str
-        The array may be absent together with all others of its group. By default it may not.
-    """
-
-    kind: Literal["float", "integer", "text"]
-    shape: tuple[int | str, ...] = ()
-    positive: bool = False
-    index_of: str = ""
-    group: str = ""
+    kind: Literal["float", "integer", "text"]  # integers are accepted as floats, and floats have to be finite
+    shape: tuple[int | str, ...] = ()  # a name stands for a length that is the same wherever the name occurs
+    positive: bool = False  # whether all entries have to be larger than 0
+    index_of: str = ""  # name of a length n, of which the entries have to be indices 0…n − 1
+    group: str = ""  # the array may be absent together with all others of its group; by default it may not
 
 
 @dataclass(frozen=True)
 class ArrayFormat:
-    """The arrays that a file has to hold.
+    """The arrays that a file has to hold."""
 
-    Parameters
-    ----------
-    what : str
-        What they make together, such as "a map".
-    writer : str
-        What writes such files.
-    version : int
-        Format version of the files; earlier ones are read too.
-    arrays : mapping of str to Stored
-        What each array has to be, by name. Other arrays are not read.
-    filled : tuple of str
-        Names of lengths that may not be 0.
-    """
-
-    what: str
-    writer: str
-    version: int
-    arrays: Mapping[str, Stored]
-    filled: tuple[str, ...] = ()
+    what: str  # what they make together, such as "a map"
+    writer: str  # what writes such files
+    version: int  # of the format; earlier ones are read too
+    arrays: Mapping[str, Stored]  # by name; other arrays are not read
+    filled: tuple[str, ...] = ()  # names of lengths that may not be 0
 
     def read(self, path: str | Path) -> dict[str, Any]:
         """Read the arrays of a file, each as float32, float64, int64 or, for a text, as a string.
 
-        Headers are checked before any contents are read.
-
-        Raises
-        ------
-        FormatError
-            If the file is missing (`MissingFileError`), damaged or too new, or an array is not as declared.
-        MemoryBudgetError
-            If the arrays would exceed the memory budget.
+        Headers are checked before any contents are read. `FormatError` if the file is missing (`MissingFileError`),
+        damaged or too new, or an array is not as declared; `MemoryBudgetError` if they would exceed the budget.
         """
         path = Path(path)
 
@@ -164,9 +131,7 @@ class ArrayFormat:
             wanted = {name: each for name, each in self.arrays.items() if each.group in groups}
             lengths = self._fit(wanted, stored)
             contents = stored.read_all(wanted)
-        for name, each in wanted.items():
-            contents[name] = _checked(name, contents[name], each, lengths, refuse)
-        return contents
+        return {name: _checked(name, contents[name], each, lengths, refuse) for name, each in wanted.items()}
 
     def _fit(self, wanted: Mapping[str, Stored], stored: Archive) -> dict[str, int]:
         """Refuse headers that do not fit; return the lengths that have names."""
@@ -174,26 +139,21 @@ class ArrayFormat:
         for name, each in wanted.items():
             if name not in stored:
                 stored.refuse(f"it has no array {name!r}")
-            header = stored.header(name)
+            found, dtype = stored.header(name)
             expected = [lengths.get(size) if isinstance(size, str) else size for size in each.shape]
-            fits = len(header.shape) == len(expected) and all(
-                size in (None, found) for size, found in zip(expected, header.shape)
-            )
+            fits = len(found) == len(expected) and all(a in (None, b) for a, b in zip(expected, found))
             kinds, kind = _KINDS[each.kind]
-            if not fits or header.dtype.kind not in kinds:
+            if not fits or dtype.kind not in kinds:
                 shape = ", ".join("any" if size is None else str(size) for size in expected)
-                stored.refuse(
-                    f"{name} has shape {header.shape} and type {header.dtype}, not {kind} of shape ({shape})"
-                )
-            lengths |= {size: found for size, found in zip(each.shape, header.shape) if isinstance(size, str)}
-            if any(size in self.filled and not found for size, found in zip(each.shape, header.shape)):
-                stored.refuse(f"{name} is empty: it has shape {header.shape}")
+                stored.refuse(f"{name} has shape {found} and type {dtype}, not {kind} of shape ({shape})")
+            named = {size: n for size, n in zip(each.shape, found) if isinstance(size, str)}
+            if any(size in self.filled and not n for size, n in named.items()):
+                stored.refuse(f"{name} is empty: it has shape {found}")
+            lengths |= named
         return lengths
 
 
-def _checked(
-    name: str, array: AnyArray, wanted: Stored, lengths: Mapping[str, int], refuse: Callable[[str], NoReturn]
-) -> Any:
+def _checked(name: str, array: AnyArray, wanted: Stored, lengths: Mapping[str, int], refuse: Refuse) -> Any:
     """Return an array in a type that compiled code takes, once its entries are checked."""
     if wanted.kind == "text":
         try:
@@ -217,41 +177,18 @@ def _checked(
     return array
 
 
-class Header(NamedTuple):
-    """What the header of an array declares."""
-
-    shape: tuple[int, ...]
-    dtype: np.dtype[np.generic]
-
-    @property
-    def n_bytes(self) -> int:
-        """Size of the contents."""
-        return self.dtype.itemsize * prod(self.shape)
-
-
 class Archive:
-    """An ``.npz`` file of unknown origin. What cannot be true of its size is refused before memory is allocated.
+    """An ``.npz`` file of unknown origin, by the directory of the zip archive that it is; see `opened`."""
 
-    Parameters
-    ----------
-    path : Path
-        Its name, for messages.
-    stream : file object
-        Its bytes.
-    refuse : callable
-        Raises the error that says what is wrong with it.
-    """
-
-    def __init__(self, path: Path, stream: BinaryIO, refuse: Callable[[str], NoReturn]) -> None:
-        self.path, self.refuse = path, refuse
-        self._size = os.fstat(stream.fileno()).st_size
-        with self._refusing_damage():
+    def __init__(self, path: Path, stream: BinaryIO, refuse: Refuse) -> None:
+        self.path, self.refuse, self._size = path, refuse, os.fstat(stream.fileno()).st_size
+        with _refusing_damage(refuse):
             self._zip = zipfile.ZipFile(stream)
 
     @classmethod
     @contextmanager
-    def opened(cls, path: Path, refuse: Callable[[str], NoReturn]) -> Iterator[Archive]:
-        """Open a file; `MissingFileError` if there is none."""
+    def opened(cls, path: Path, refuse: Refuse) -> Iterator[Archive]:
+        """Open a file; `MissingFileError` if there is none, and what ``refuse`` raises if it is damaged."""
         with opened(path) as stream:
             yield cls(path, stream, refuse)
 
@@ -264,48 +201,55 @@ class Archive:
         return f"{name}.npy" in self._zip.NameToInfo
 
     def header(self, name: str) -> Header:
-        """Read what an array declares to be; its size agrees with that of the archive."""
+        """Read the shape and type that an array declares; its size agrees with that in the directory."""
         info = self._zip.NameToInfo[f"{name}.npy"]
-        if info.flag_bits & 1:
-            self.refuse(f"{name} is encrypted")
         if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-            self.refuse(f"{name} is compressed by a method other than deflate")
-        with self._refusing_damage(), self._zip.open(info) as member:
-            start = BytesIO(member.read(LONGEST_HEADER))  # a header may declare to be longer than memory
-            header = Header(*_read_shape(start))
-        shape, dtype = header
-        if dtype.kind not in _NUMBERS_OR_TEXT or min(shape, default=0) < 0:
-            self.refuse(f"{name} is not an array of numbers or text")
-        ratio = LARGEST_RATIO if info.compress_type == zipfile.ZIP_DEFLATED else 1
-        if start.tell() + header.n_bytes != info.file_size or info.file_size > ratio * min(
-            info.compress_size, self._size
-        ):
-            self.refuse(f"{name} declares shape {shape}, more or less than the file holds")
-        return header
+            self.refuse(
+                f"{name} is compressed by a method other than deflate"
+            )  # others may claim much memory
+
+        def refuse(problem: str) -> NoReturn:
+            self.refuse(f"{name}: {problem}")
+
+        with _refusing_damage(refuse), self._zip.open(info) as member:
+            found = _header(member, info.file_size, refuse)
+        return found
 
     def read(self, name: str) -> AnyArray:
         """Read one array."""
-        self.header(name)
-        with self._refusing_damage(), self._zip.open(f"{name}.npy") as member:
-            array: AnyArray = npy.read_array(member, allow_pickle=False)
-            member.read(1)  # at the end, the checksum is compared
-        return array
+        return self.read_all([name])[name]
 
     def read_all(self, names: Iterable[str]) -> dict[str, AnyArray]:
         """Read some arrays; `MemoryBudgetError` if they would exceed the memory budget together."""
-        n_bytes = sum(self.header(name).n_bytes for name in names)
-        if n_bytes > room_for(self._size):
+        headers = {name: self.header(name) for name in names}
+        n_bytes = sum(dtype.itemsize * prod(shape) for shape, dtype in headers.values())
+        if n_bytes > room_for(self._size):  # zeros shrink a thousandfold
             raise MemoryBudgetError(
                 f"{self.path}: its {self._size} bytes would become {n_bytes}; if you trust it, write it again without "
                 "compression (numpy.savez)"
             )
         require_memory(n_bytes, f"{self.path}: reading", "raise the budget if you trust this file")
-        return {name: self.read(name) for name in names}
+        arrays: dict[str, AnyArray] = {}
+        for name in headers:
+            with _refusing_damage(self.refuse), self._zip.open(f"{name}.npy") as member:
+                arrays[name] = npy.read_array(member, allow_pickle=False)
+                member.read(1)  # at the end, the checksum is compared
+        return arrays
 
-    @contextmanager
-    def _refusing_damage(self) -> Iterator[None]:
-        try:
-            with warnings.catch_warnings(action="ignore"):
-                yield
-        except _DAMAGED as error:
-            self.refuse(str(error).partition("\n")[0] or type(error).__name__)
+
+def read_mat(path: Path, what: str, expected: str) -> dict[str, Any]:
+    """Read the variables of a ``.mat`` file by name: arrays, and structs as objects, both without axes of length 1.
+
+    `FormatError` if it is not ``what`` it should be, with what is ``expected`` in it, or of version 7.3, which is HDF5.
+    """
+    from scipy.io import loadmat
+
+    def refuse(problem: str) -> NoReturn:
+        raise FormatError(
+            f"{path}: not {what} ({problem}); expected a MATLAB file before version 7.3 (save -v7) with {expected}"
+        )
+
+    stored: dict[str, Any] = {}
+    with opened(path) as file, _refusing_damage(refuse):
+        stored = loadmat(BytesIO(file.read()), squeeze_me=True, struct_as_record=False)
+    return {name: value for name, value in stored.items() if not name.startswith("__")}

@@ -2,39 +2,25 @@
 
 from __future__ import annotations
 
-import csv
 import errno
 import logging
 import os
 import re
 import time
-from array import array
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
-from io import StringIO
 from pathlib import Path
 from secrets import token_hex
 from shutil import rmtree
 from stat import S_ISREG
 from tempfile import NamedTemporaryFile
 from threading import Lock
-from typing import BinaryIO, NoReturn
-
-import numpy as np
+from typing import BinaryIO
 
 from isomatch.errors import FormatError, IsomatchError, MissingFileError, UnwritableFileError
-from isomatch.runtime.locks import locked, unlocked
-from isomatch.storage.cells import joined, unescaped
-from isomatch.values.arrays import IntArray
 
 _OF_ONE_FILE = (None, errno.ENAMETOOLONG, errno.EINVAL, errno.EILSEQ)  # the first: it is no regular file
-_REMEDIES = {
-    errno.ENOSPC: "make room on its disk, and run again",
-    errno.EDQUOT: "make room within the quota, and run again",
-    errno.EIO: "check its disk, and run again",
-}
-MARKS = {b"\xef\xbb\xbf": "utf-8-sig", b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16"}
-"""Encodings by the bytes that a text begins with."""
+_NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP)
 UNFINISHED = ".isomatch-{}.unfinished"  # name of a file or folder until it is complete
 _HALF_LETTER = re.compile("[\ud800-\udfff]")  # what Python makes of bytes that are no UTF-8
 _HALF_LETTER_OR_PERCENT = re.compile("[%\ud800-\udfff]")
@@ -42,15 +28,7 @@ logger = logging.getLogger(__name__)
 
 
 def opened(path: Path) -> BinaryIO:
-    """Open a file to read its bytes.
-
-    Raises
-    ------
-    MissingFileError
-        If there is none.
-    FormatError
-        If it cannot be opened, such as a folder, a pipe, a device or a file of another user.
-    """
+    """Open a file to read its bytes; `MissingFileError` if there is none, `FormatError` if it is no readable file."""
     try:
         if not S_ISREG(path.stat().st_mode):  # a pipe could block, a device never end
             raise FormatError(
@@ -63,75 +41,12 @@ def opened(path: Path) -> BinaryIO:
         raise FormatError(f"{path}: cannot be opened ({error.strerror}); give a readable file") from None
 
 
-def text_lines(path: Path, comment: str = r"(?:^|(?<=\s))#") -> Iterator[tuple[int, str]]:
-    """Read the lines of a text with their numbers from 1, without comments, blank lines and outer blanks.
-
-    A comment starts where its pattern is found, by default at a ``#`` that begins a word.
-    """
-    for number, line in enumerate(StringIO(read_text(path), newline=None), start=1):
-        text = re.split(comment, line, maxsplit=1)[0].strip()
-        if text:
-            yield number, text
-
-
-def read_text(path: Path) -> str:
-    """Read a text file, see `decoded`."""
-    with opened(path) as file:
-        return decoded(file.read())
-
-
-def decoded(text: bytes) -> str:
-    """Read a text in the encoding that is found by `encoding_of`, without the mark that it may begin with."""
-    return text.decode(encoding_of(text), errors="replace")
-
-
-def encoding_of(text: bytes) -> str:
-    """Return an encoding in which a text can be read, and written again as it was: UTF-8 or UTF-16 if it is that.
-
-    Examples
-    --------
-    >>> encoding_of("Füße".encode()), encoding_of("Füße".encode("latin-1"))
-    ('utf-8', 'cp1252')
-    """
-    for mark, encoding in MARKS.items():
-        if text.startswith(mark):
-            return encoding
-    for encoding in ("utf-8", "cp1252"):  # the second, of Windows, has no letter for five of the bytes
-        with suppress(UnicodeDecodeError):
-            text.decode(encoding)
-            return encoding
-    return "latin-1"
-
-
-def read_integers(path: Path, width: int, refuse: Callable[[int, str], NoReturn]) -> IntArray:
-    """Read a text of ``width`` integers on each line, separated by a comma or blanks, (rows, width).
-
-    ``refuse`` raises the error about a line, given its number and text, that holds anything else.
-    """
-    found = array("q")
-    for number, line in text_lines(path):
-        words = line.replace(",", " ").split()
-        if len(words) != width or not all(map(is_whole_number, words)):
-            refuse(number, line)
-        found.extend(map(int, words))
-    return np.array(found, dtype=np.int64).reshape(-1, width)
-
-
-def is_whole_number(word: str) -> bool:
-    """Whether a word is an integer of at most 18 ASCII digits; `int` also takes 1_0 and other digits."""
-    return re.fullmatch(r"[+-]?[0-9]{1,18}", word) is not None
-
-
 @contextmanager
 def replaced(path: Path) -> Iterator[BinaryIO]:
     """Open a new file beside an earlier one, which it replaces when the block ends without an error.
 
-    A link keeps pointing at the file it names; one that names nothing is itself replaced.
-
-    Raises
-    ------
-    UnwritableFileError
-        If the file cannot be written, or if there is something else of that name, such as a device.
+    A link keeps pointing at the file it names; one that names nothing is itself replaced. `UnwritableFileError` if the
+    file cannot be written, or there is something else of that name, such as a device.
     """
     with writing(path):
         _require_replaceable(path)
@@ -142,45 +57,42 @@ def replaced(path: Path) -> Iterator[BinaryIO]:
             with file:
                 yield file
                 file.flush()
-                os.fsync(
-                    file.fileno()
-                )  # otherwise a power failure could leave an empty file of the final name
+                os.fsync(file.fileno())  # a power failure could leave an empty file of the final name
             with _changing:
                 unfinished.replace(final)
+
+
+def write_text(path: Path, text: str) -> None:
+    r"""Write a text file in UTF-8, see `replaced`.
+
+    Bytes of file names that are not UTF-8 become escapes such as ``\udcff``, which JSON understands.
+    """
+    with replaced(path) as file:
+        file.write(text.encode("utf-8", "backslashreplace"))
 
 
 @contextmanager
 def staged(folder: Path, last: str, gone: Iterable[str] = ()) -> Iterator[Path]:
     """Give a new folder inside another; its files move there when the block ends without an error.
 
-    Of earlier files, the one named ``last`` is taken away first, and its successor moves last. If a file cannot be
-    moved, the earlier ones come back.
-
-    Parameters
-    ----------
-    folder : Path
-        The folder.
-    last : str
-        Name of the file that vouches for the others.
-    gone : iterable of str
-        Earlier files that are removed, by their paths in the folder.
+    The file named ``last`` vouches for the others: an earlier one is taken away first, and its successor moves last.
+    Earlier files named in ``gone`` are removed. If a file cannot be moved, the earlier ones come back.
     """
     places = [folder / UNFINISHED.format(token_hex(8)) for _ in range(2)]
     with writing(folder), _passing(places[0]) as new, _passing(places[1]) as earlier:
         with _changing:
             new.mkdir()
         yield new
+        names = [file.relative_to(new) for file in new.rglob("*") if not file.is_dir()]
+        names.sort(key=lambda name: name == Path(last))
+        away = dict.fromkeys([Path(last), *names, *map(Path, gone)])
         with _changing:
-            _exchange(folder, new, earlier, last, gone)
+            moves = [(folder / name, earlier / name) for name in away if os.path.lexists(folder / name)]
+            _move([*moves, *((new / name, folder / name) for name in names)])
 
 
-def _exchange(folder: Path, new: Path, earlier: Path, last: str, gone: Iterable[str]) -> None:
-    """Move files into a folder, and those that were there to another; if one cannot be moved, move all back."""
-    names = [file.relative_to(new) for file in new.rglob("*") if not file.is_dir()]
-    names.sort(key=lambda name: name == Path(last))
-    away = dict.fromkeys([Path(last), *names, *map(Path, gone)])
-    moves = [(folder / name, earlier / name) for name in away if os.path.lexists(folder / name)]
-    moves += [(new / name, folder / name) for name in names]
+def _move(moves: Iterable[tuple[Path, Path]]) -> None:
+    """Move files, each to its new place; if one cannot be moved, move all back."""
     done: list[tuple[Path, Path]] = []
     try:
         for place, to in moves:
@@ -250,6 +162,73 @@ def abandon_files() -> None:
             _remove(path)
 
 
+@contextmanager
+def claimed(path: Path, new: Iterable[Path] = ()) -> Iterator[None]:
+    """Keep every other process that claims a file waiting outside: it is refused while the block runs.
+
+    Of files that belong together, one stands for all; its folder must exist. `UnwritableFileError` if another process has
+    claimed it, if it is no file or cannot be written, or if one of ``new`` exists, even as a link that names nothing.
+    """
+    from filelock import FileLock, Timeout  # 0.1 s, which commands that write nothing need not wait
+
+    lock = path.with_name(f".{path.name}.lock")
+    claim = FileLock(lock, timeout=0, thread_local=False)  # the system releases that of a killed process
+    with writing(path):
+        _require_replaceable(path)
+        path.parent.stat()  # some versions of filelock would make the folder
+        with _changing:
+            try:
+                claim.acquire()
+            except Timeout:
+                raise UnwritableFileError(
+                    f"{path}: is being written by another run; wait until that ends, or choose another name with -o"
+                ) from None
+            except OSError as error:
+                if error.errno not in _NO_LOCKS:
+                    raise
+                logger.warning("%s: not locked (%s); let no other run write there", path, error.strerror)
+            _passed.append(lock)
+    try:
+        for one in new:
+            if os.path.lexists(one):
+                raise UnwritableFileError(
+                    f"{one}: already exists and would be replaced; choose another name with -o, or pass --force"
+                )
+        yield
+    finally:
+        with _changing:
+            with suppress(PermissionError):  # Windows removes it as it is released
+                lock.unlink(missing_ok=True)  # before that: later, it could be that of another process
+            claim.release()
+            _passed.remove(lock)
+
+
+def _require_replaceable(path: Path) -> None:
+    if path.exists() and not path.is_file():
+        raise UnwritableFileError(f"{path}: is not a file and is left as it is; choose another name")
+
+
+@contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """Name the file in the errors of the system, of which `UnwritableFileError` keeps the ``errno``."""
+    try:
+        yield
+    except OSError as error:
+        if isinstance(error, IsomatchError):
+            raise
+        reason = error.strerror or str(error) or type(error).__name__
+        unwritable = UnwritableFileError(
+            f"{path}: cannot be written ({reason}); give a file in an existing, writable folder with free space"
+        )
+        unwritable.errno = error.errno
+        raise unwritable from None
+
+
+def is_of_one_file(error: UnwritableFileError) -> bool:
+    """Whether a file cannot be written for what it is or how it is named, and not as on a full disk, like any other."""
+    return error.errno in _OF_ONE_FILE
+
+
 def legible(name: str) -> str:
     r"""Return the name of a file as it is written in tables, pages and other names: with bytes that are no UTF-8 as %XX.
 
@@ -267,125 +246,7 @@ def legible(name: str) -> str:
 
 
 def ignores_case(folder: Path) -> bool:
-    """Whether files whose names differ only in case are the same in a folder, or in that in which it would be made.
-
-    Raises
-    ------
-    UnwritableFileError
-        If nothing can be written there.
-    """
+    """Whether files whose names differ only in case are the same in a folder, or in that in which it would be made."""
     place = next(one for one in (folder, *folder.parents) if os.path.isdir(one))
     with writing(place), NamedTemporaryFile(prefix="isomatch-case-", dir=place) as probe:
         return os.path.exists(place / Path(probe.name).name.upper())
-
-
-def write_text(path: Path, text: str) -> None:
-    r"""Write a text file, see `replaced`.
-
-    It is UTF-8. Bytes of file names that are not UTF-8 become escapes such as ``\udcff``, which JSON understands.
-    """
-    with replaced(path) as file:
-        file.write(text.encode("utf-8", "backslashreplace"))
-
-
-def read_csv(path: Path) -> list[dict[str, str]]:
-    """Read a table whose first line names the columns; a cell that a line lacks is empty.
-
-    Raises
-    ------
-    FormatError
-        If there is no such file (`MissingFileError`), or it is no table.
-    """
-    with opened(path) as file:
-        reader = csv.DictReader(StringIO(decoded(file.read()), newline=""), restval="")
-    try:
-        reader.fieldnames = [unescaped(name) for name in reader.fieldnames or ()]
-        return [
-            {name: unescaped(cell) if isinstance(cell, str) else cell for name, cell in row.items()}
-            for row in reader
-        ]
-    except csv.Error as error:
-        raise FormatError(f"{path}: not a table ({error}); write cells separated by commas") from None
-
-
-def write_csv(path: Path, rows: Iterable[Mapping[str, object]], columns: Collection[str]) -> None:
-    """Write a table with a line of names, see `replaced`; values of other columns are left out."""
-    cells = ([row.get(column, "") for column in columns] for row in rows)
-    write_text(path, joined([columns, *cells], line_end="\r\n"))
-
-
-@contextmanager
-def claimed(path: Path, new: Iterable[Path] = ()) -> Iterator[None]:
-    """Keep every other process that claims a file waiting outside: it is refused while the block runs.
-
-    The operating system releases the claim of a process that is killed.
-
-    Parameters
-    ----------
-    path : Path
-        The file; of several that belong together, the one that stands for all. Its folder must exist.
-    new : iterable of Path
-        Files that must not exist yet. A link counts, whatever it names.
-
-    Raises
-    ------
-    UnwritableFileError
-        If another process has claimed the file, it is something else, such as a device, one of ``new`` exists, or the
-        folder cannot be written.
-    """
-    lock = path.with_name(f".{path.name}.lock")
-    with writing(path):
-        _require_replaceable(path)
-        with _changing:
-            file = _locked(lock, path)
-            _passed.append(lock)
-    try:
-        for one in new:
-            if os.path.lexists(one):
-                raise UnwritableFileError(
-                    f"{one}: already exists and would be replaced; choose another name with -o, or pass --force"
-                )
-        yield
-    finally:
-        with _changing:
-            unlocked(file, lock)
-            _passed.remove(lock)
-
-
-def _require_replaceable(path: Path) -> None:
-    if path.exists() and not path.is_file():
-        raise UnwritableFileError(f"{path}: is not a file and is left as it is; choose another name")
-
-
-def _locked(lock: Path, path: Path) -> BinaryIO:
-    def warn(error: OSError) -> None:
-        logger.warning("%s: cannot be locked (%s); let no other run write there", path, error.strerror)
-
-    file = locked(lock, warn)
-    if file is None:
-        raise UnwritableFileError(
-            f"{path}: is being written by another run; wait until that ends, or choose another name with -o"
-        )
-    return file
-
-
-@contextmanager
-def writing(path: Path) -> Iterator[None]:
-    """Name the file in the errors of the system, of which `UnwritableFileError` keeps the ``errno``."""
-    try:
-        yield
-    except OSError as error:
-        if isinstance(error, IsomatchError):
-            raise
-        reason = error.strerror or str(error) or type(error).__name__
-        remedy = _REMEDIES.get(
-            error.errno or 0, "give a file in an existing, writable folder with free space"
-        )
-        unwritable = UnwritableFileError(f"{path}: cannot be written ({reason}); {remedy}")
-        unwritable.errno = error.errno
-        raise unwritable from None
-
-
-def is_of_one_file(error: UnwritableFileError) -> bool:
-    """Whether a file cannot be written for what it is or how it is named, and not as on a full disk, like any other."""
-    return error.errno in _OF_ONE_FILE

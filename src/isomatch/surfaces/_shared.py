@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from numpy.typing import ArrayLike
 
-from isomatch.loading.notebooks import Shown, view_room
+from isomatch.loading.first_use import Shown, view_room
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -19,18 +19,9 @@ def setting(
     most: float | None = None,
     empty: bool = False,
 ) -> Any:
-    """Declare a setting: its default, where that comes from, and the bounds of what is allowed.
+    """Declare a setting: its default, the paper or measurement that this rests on, and what is allowed.
 
-    Parameters
-    ----------
-    default
-        Default value.
-    source : str
-        The paper and equation, or the measurement, that the default rests on.
-    least, most : float, optional
-        Bounds, both allowed; of a tuple they hold for each entry.
-    empty : bool
-        Whether a tuple may be empty.
+    The bounds are allowed themselves, and of a tuple hold for each entry; it may be ``empty`` if that is said.
     """
     return field(default=default, metadata={"source": source, "least": least, "most": most, "empty": empty})
 
@@ -65,10 +56,7 @@ class Settings:
     def from_dict(cls, values: Mapping[str, Any]) -> Self:
         """Make settings from plain values, such as `to_dict` gave; what is left out keeps its default.
 
-        Raises
-        ------
-        SettingError
-            If a setting is unknown, or its value is not allowed.
+        `SettingError` if one is unknown, or its value is not allowed.
         """
         hints = get_type_hints(cls)
         known = [each.name for each in fields(cls)]

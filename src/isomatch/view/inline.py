@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch.loading.packages import package
+from isomatch.loading.first_use import package
 from isomatch.matching import MatchResult, Outcome
 from isomatch.surfaces import Surface
 from isomatch.values.arrays import IntArray

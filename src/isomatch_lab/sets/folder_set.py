@@ -16,7 +16,7 @@ from isomatch.correspondence import IndexBase
 from isomatch.errors import FormatError, IsomatchError, MissingFileError, SettingError
 from isomatch.evaluation import Truth, read_indices, read_marked, read_truth
 from isomatch.landmarks import read_landmarks
-from isomatch.storage.files import read_text
+from isomatch.storage.texts import read_text
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import IntArray
 from isomatch_lab.sets.pair_list import FILES, PairList

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from isomatch.errors import FormatError, MissingFileError
-from isomatch.storage.files import text_lines
+from isomatch.storage.texts import text_lines
 
 FILES = ("pairs.txt", "test_pairs.txt")
 _MOST_NAMED = 8  # shapes that a message lists

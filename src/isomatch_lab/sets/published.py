@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 from isomatch.errors import FormatError, MissingFileError
-from isomatch.storage.files import text_lines
+from isomatch.storage.texts import text_lines
 from isomatch_lab.sets.shape_files import SUFFIXES, shapes_in
 from isomatch_lab.sets.shape_set import ShapeSet
 

@@ -11,8 +11,7 @@ import numpy as np
 from isomatch.assets import read_mesh
 from isomatch.errors import FormatError
 from isomatch.evaluation import counted_from, read_table
-from isomatch.storage.array_file import Archive
-from isomatch.storage.mat_file import read_mat
+from isomatch.storage.array_file import Archive, read_mat
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import AnyArray, IntArray
 

@@ -25,8 +25,7 @@ import numpy as np
 import isomatch
 from isomatch import Mesh
 from isomatch.datasets import example_pair, ground_truth
-from isomatch.runtime.limits import processors
-from isomatch.runtime.threads import serial_blas
+from isomatch.runtime.threads import processors, serial_blas
 from isomatch.shapes import prepare
 from isomatch_lab.procedural import creature
 from isomatch_lab.sets import benchmark_set

@@ -71,7 +71,7 @@ def present_stamp(step: Step) -> Stamp:
 
 def machine() -> str:
     """Processor and how many of them may be used."""
-    from isomatch.runtime.limits import processors
+    from isomatch.runtime.threads import processors
 
     named = Path("/proc/cpuinfo")
     found = re.search(r"model name\s*: (.+)", named.read_text()) if named.exists() else None

@@ -17,6 +17,8 @@ import subprocess  # noqa: F401 - decides by msvcrt, when it is imported, on wha
 import sys
 import types
 
+import psutil  # noqa: F401 - as it is on Linux, where it needs what is taken away below
+
 
 def _locking(number, mode, count):
     try:

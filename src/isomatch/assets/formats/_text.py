@@ -13,7 +13,7 @@ import numpy as np
 
 from isomatch.assets.fans import spans
 from isomatch.errors import FormatError
-from isomatch.storage.files import MARKS, decoded
+from isomatch.storage.texts import MARKS, decoded
 from isomatch.values.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from isomatch.values.cached import cached_property
 

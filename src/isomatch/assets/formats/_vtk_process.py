@@ -14,7 +14,7 @@ from isomatch.assets.formats import _vtk_reader
 from isomatch.assets.formats._reading import damaged, on_disk, reading
 from isomatch.assets.formats._vtk_reader import ARRAYS, DISK, ENDED, PROBLEM
 from isomatch.errors import FormatError, UnwritableFileError
-from isomatch.loading.packages import package
+from isomatch.loading.first_use import package
 from isomatch.runtime.memory import room_for
 from isomatch.values.arrays import AnyArray
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from isomatch.loading.packages import package
+from isomatch.loading.first_use import package
 from isomatch.values.arrays import AnyArray
 
 ARRAYS, PROBLEM = "arrays.npz", "problem.txt"

@@ -14,8 +14,8 @@ from isomatch.assets.attribute import Attribute
 from isomatch.assets.formats._reading import on_disk, reading
 from isomatch.assets.frame import Frame
 from isomatch.assets.polygons import Polygons
-from isomatch.loading.packages import package
-from isomatch.storage.files import encoding_of
+from isomatch.loading.first_use import package
+from isomatch.storage.texts import encoding_of
 from isomatch.values.arrays import IntArray
 
 SURFACES = (

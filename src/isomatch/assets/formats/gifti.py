@@ -21,7 +21,7 @@ from isomatch.assets.frame import Frame
 from isomatch.assets.polygons import Polygons
 from isomatch.assets.renumbering import Renumbering
 from isomatch.errors import FormatError
-from isomatch.loading.packages import package
+from isomatch.loading.first_use import package
 
 _PIECE = 2**20  # bytes that are unpacked at a time
 _LABEL, _VECTOR, _POINTS, _TRIANGLES = 1002, 1007, 1008, 1009

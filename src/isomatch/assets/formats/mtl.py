@@ -9,7 +9,8 @@ from pathlib import Path, PurePosixPath
 from isomatch.assets.looks import IN_PLACE, Layer, Look, Picture, Wrap
 from isomatch.assets.pictures import picture_in
 from isomatch.errors import FormatError
-from isomatch.storage.files import decoded, encoding_of, opened
+from isomatch.storage.files import opened
+from isomatch.storage.texts import decoded, encoding_of
 
 _NUMBERS = {"-o": 3, "-s": 3, "-t": 3, "-mm": 2}
 """Options of a picture, with the most numbers that follow each."""

@@ -15,8 +15,7 @@ from isomatch.assets.attribute_names import guessed_kind, told_apart
 from isomatch.assets.formats._reading import reading
 from isomatch.assets.formats._text import number_of
 from isomatch.errors import FormatError
-from isomatch.storage.cells import SEPARATORS, joined, separated
-from isomatch.storage.files import decoded, encoding_of
+from isomatch.storage.texts import SEPARATORS, decoded, encoding_of, joined, separated
 from isomatch.values.arrays import AnyArray
 
 _INDEX_NAMES = ("", "index", "vertex", "vertex_index", "point", "node", "unnamed: 0")

@@ -12,7 +12,7 @@ from isomatch.assets.formats._vtk_process import grid_of, polygons_of
 from isomatch.assets.from_libraries import held_by
 from isomatch.assets.to_libraries import to_meshio, to_pyvista
 from isomatch.errors import MeshError
-from isomatch.loading.packages import package
+from isomatch.loading.first_use import package
 
 _LEGACY_HEADER = 1024  # bytes, in which the kind of the data set is told
 
