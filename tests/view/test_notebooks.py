@@ -31,13 +31,13 @@ from isomatch import (
     show_progress,
 )
 from isomatch.errors import DescriptorError, MapError, MeshError, MissingDependencyError, SettingError
-from isomatch.view import ValuePanel, camera_of, html_of, representations, summary_of
+from isomatch.view import ValuePanel, camera_of, html_of, notebook, summary_of
 from shapes import icosphere
 from view_results import QUALITY, map_of, result_of
 from zoo import zoo
 
 BALL = icosphere(2)
-SIZES = {name: getattr(representations, name) for name in ("PAIR_WIDTH", "ALONE_WIDTH")}
+SIZES = {name: getattr(notebook, name) for name in ("PAIR_WIDTH", "ALONE_WIDTH")}
 HAS_ANYWIDGET = find_spec("anywidget") is not None
 
 
@@ -45,7 +45,7 @@ HAS_ANYWIDGET = find_spec("anywidget") is not None
 def small(monkeypatch):
     """Pictures take time as their pixels do."""
     for name, wide in SIZES.items():
-        monkeypatch.setattr(representations, name, wide // 3)
+        monkeypatch.setattr(notebook, name, wide // 3)
 
 
 @pytest.fixture(scope="module")

@@ -76,11 +76,9 @@ def _principal_axes(points: FloatArray, areas: FloatArray) -> tuple[FloatArray, 
 
 
 def _up_axis(mesh: Mesh) -> int:
-    """Guess the up axis, 1 or 2: that on whose zero the shape stands in its file, if it does so on one of them.
-
-    Otherwise it is one along which the shape is long and on which it can stand: a wolf is long, but would fall on its
-    nose. Otherwise it is the one on which the shape stands more stably.
-    """
+    """Guess the up axis, 1 or 2."""
+    # The one on whose zero the shape stands in its file, if it does so on one of them; else one along which it is long
+    # and on which it can stand (a wolf is long, but would fall on its nose); else the one on which it is more stable.
     used = mesh.vertices[mesh.vertex_areas > 0]
     extent = np.ptp(used, axis=0)
     on_the_floor = [axis for axis in (1, 2) if abs(used[:, axis].min()) < CONTACT * extent[axis]]
@@ -94,10 +92,7 @@ def _up_axis(mesh: Mesh) -> int:
 
 
 def _stability(mesh: Mesh, axis: int) -> float:
-    """Compute how stably a shape stands: the distance of its centroid from the rim of its support, over its height.
-
-    Both are projected to the ground. Negative if the shape would fall over.
-    """
+    """Distance of the centroid from the rim of the support, on the ground, over the height; negative if it falls."""
     height = mesh.vertices[:, axis]
     used = mesh.vertex_areas > 0
     low, tall = height[used].min(), max(float(np.ptp(height[used])), 1e-300)
@@ -124,10 +119,7 @@ def used_vertices(mesh: Mesh) -> IntArray:
 
 
 def seen_from(camera: FloatArray, mesh: Mesh) -> FloatArray:
-    """Transform the vertices to camera coordinates (right, up, towards the viewer), (n, 3).
-
-    The surface is scaled to unit area, and the middle of the drawn vertices is at 0.
-    """
+    """Vertices in camera coordinates (right, up, towards the viewer), (n, 3): unit area, the middle of the drawn at 0."""
     points = mesh.vertices @ camera.T / np.sqrt(mesh.area)
     drawn = points[used_vertices(mesh)]
     middled: FloatArray = points - (drawn.min(axis=0) + drawn.max(axis=0)) / 2
@@ -157,9 +149,9 @@ def turn_to_target(source: Mesh, target: Mesh, correspondence: Correspondence) -
     return _QUARTER_TURNS[nearest] if cosines[nearest] > np.cos(SNAP) else best
 
 
-_SIGNED = [
-    np.eye(3)[list(order)] * signs
+_QUARTER_TURNS = [
+    turn
     for order in permutations(range(3))
     for signs in product((1.0, -1.0), repeat=3)
+    if np.linalg.det(turn := np.eye(3)[list(order)] * signs) > 0
 ]
-_QUARTER_TURNS = [matrix for matrix in _SIGNED if np.linalg.det(matrix) > 0]

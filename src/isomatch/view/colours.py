@@ -63,14 +63,12 @@ def position_colours(mesh: Mesh) -> FloatArray:
 
 
 def principal_coordinates(mesh: Mesh) -> FloatArray:
-    """Compute coordinates along the principal axes, (n, 3), longest axis first, each in −1 … 1 and spread by area.
-
-    Each axis is directed so that its largest component is positive.
-    """
+    """Coordinates along the principal axes, (n, 3), longest first, each in −1 … 1 and spread by area."""
     areas = np.maximum(mesh.vertex_areas, 0.0)
     centred = mesh.vertices - np.average(mesh.vertices, axis=0, weights=areas)
     _, axes = np.linalg.eigh((centred * areas[:, None]).T @ centred)
     axes = axes[:, ::-1]
+    # the largest component of each axis is positive
     axes = axes * np.sign(axes[np.abs(axes).argmax(axis=0), range(3)])
     return np.column_stack([_evenly(column, areas) for column in (centred @ axes).T])
 
