@@ -24,24 +24,20 @@ app = App(
     version=__version__,
     default_parameter=Parameter(negative=()),
 )
-COMMANDS = (
-    "match",
-    "choose",
-    "transfer",
-    "collect",
-    "basis",
-    "distance",
-    "check",
-    "repair",
-    "evaluate",
-    "statistics",
-    "demo",
-    "info",
-    "warm",
-)
-for name in COMMANDS:  # each is imported when it is called
-    app.command(f"isomatch.cli.{name}:{name}")
-app.command("isomatch.cli.open:open_page", name="open")
+COMMANDS = {  # by the file that has them, each imported when it is called
+    "match": ("match", "choose", "demo"),
+    "open": ("open",),
+    "transfer": ("transfer",),
+    "collect": ("collect",),
+    "statistics": ("statistics",),
+    "distance": ("distance", "basis"),
+    "mesh": ("check", "repair"),
+    "evaluate": ("evaluate",),
+    "machine": ("info", "warm"),
+}
+for file, names in COMMANDS.items():
+    for name in names:
+        app.command(f"isomatch.cli.{file}:{name}", name=name)
 for entry in entry_points(group="isomatch.commands"):  # of other packages, such as isomatch_lab
     app.command(entry.value, name=entry.name)
 app.register_install_completion_command(
@@ -50,23 +46,17 @@ app.register_install_completion_command(
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run one command.
+    """Run one command, by default that of the process, and return its exit code.
 
-    Parameters
-    ----------
-    argv : sequence of str, optional
-        Arguments after the name of the program; by default those of the process.
-
-    Returns
-    -------
-    int
-        Exit code: 0 if it succeeded, 1 for bad input or a bad result, 2 for wrong usage.
+    0 if it succeeded, 1 for bad input or a bad result, 2 for wrong usage.
     """
     print_anything()
+    words = sys.argv[1:] if argv is None else list(argv)
+    if not words or words[0] in app.help_flags:
+        for name in app:
+            app[name]  # the list of all commands has the first line of each
     try:
-        command, bound, _ = app.parse_args(
-            sys.argv[1:] if argv is None else list(argv), exit_on_error=False, print_error=False
-        )
+        command, bound, _ = app.parse_args(words, exit_on_error=False, print_error=False)
     except CycloptsError as error:
         return _complain(f"{error} See isomatch --help.", MISUSED)
     try:
