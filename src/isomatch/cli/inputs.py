@@ -19,7 +19,7 @@ Surface: TypeAlias = "isomatch.Mesh | isomatch.PointCloud"
 
 Output = Annotated[Path, Parameter(name=["--output", "-o"])]
 Force = Annotated[bool, Parameter(help="Replace existing files.")]
-Seed = Annotated[int, Parameter(help="Seed of all that is drawn at random.")]
+Seed = Annotated[int, Parameter(help="Seed of random choices.")]
 Json = Annotated[
     bool, Parameter(help="Print JSON and nothing else: an object, of several files a list of them.")
 ]

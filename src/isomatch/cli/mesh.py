@@ -212,13 +212,7 @@ _INDICES = ("vertex_index", "new_index", "polygon_index", "face_index")
 
 
 def repair(
-    file: Path,
-    /,
-    *,
-    output: Output,
-    outer: bool = False,
-    opening: float = 0.1,
-    force: Force = False,
+    file: Path, /, *, output: Output, outer: bool = False, opening: float = 0.1, force: Force = False
 ) -> None:
     """Mend a mesh: weld vertices, remove unusable faces and vertices, and orient the faces outward.
 

@@ -199,16 +199,11 @@ def described(result: isomatch.MatchResult) -> dict[str, Any]:
     return {**result.to_dict(), "bounds": view.quality_bounds(result)}
 
 
-_NEEDED: dict[str, type] = {
-    "source": str,
-    "target": str,
-    "match_again": str,
-    "landmarks": list,
-    "config": dict,
-    "seed": int,
-    "origin": str,
-    "alternatives": list,
-    "files": dict,
+_NEEDED: dict[type, tuple[str, ...]] = {
+    str: ("source", "target", "match_again", "origin"),
+    list: ("landmarks", "alternatives"),
+    dict: ("config", "files"),
+    int: ("seed",),
 }
 
 
@@ -231,7 +226,8 @@ class Earlier:
         except ValueError:
             record = None
         fields = record if isinstance(record, dict) else {}
-        missing = [name for name, kind in _NEEDED.items() if not isinstance(fields.get(name), kind)]
+        needed = ((name, kind) for kind, names in _NEEDED.items() for name in names)
+        missing = [name for name, kind in needed if not isinstance(fields.get(name), kind)]
         if missing:
             raise FormatError(
                 f"{path}: lacks {', '.join(missing)}; give the folder of a result of isomatch match"
@@ -249,13 +245,12 @@ class Earlier:
         n_saved = sum(name.startswith("alternative") for name in self.record["files"])
         result = isomatch.MatchResult.load(self.folder.files["map"])
         result.map.check_fits(*surfaces)
-        others = tuple(
-            _alternative(
-                evidence, isomatch.Correspondence.load(self.folder.alternative(i), surfaces[1].n_vertices)
-            )
-            for i, evidence in enumerate(self.record["alternatives"][:n_saved], 1)
-        )
-        return replace(result, alternatives=others)
+        maps = [
+            isomatch.Correspondence.load(self.folder.alternative(i), surfaces[1].n_vertices)
+            for i in range(1, n_saved + 1)
+        ]
+        others = map(_alternative, self.record["alternatives"], maps)
+        return replace(result, alternatives=tuple(others))
 
     def back(self, source: Surface) -> Back | None:
         """Read the map of the other direction, if there is one."""

@@ -70,28 +70,12 @@ def run(
     into = StatisticsFolder(output, pictures)
     with talk.progress() as tell, into.claimed(force) as new:
         tell("reading", 0.0)
-        collections.require_unchanged(collections.Layout(folder), ["corresponded"])
-        shapes = shape_statistics.read_shapes(folder)
-        labels = read_groups(groups, shapes.names, shapes.left_out) if groups else {}
-        doubts = shape_statistics.doubtful_shapes(shapes)
-        for doubt in doubts:
-            complain(f"{' and '.join(doubt.names)} {doubt.reason}")
-        notes = [f"left out: {reason}" for reason in shapes.left_out]
-        notes += _doubts(folder / "pairs.csv", shapes.names) + _reflected(folder / "shapes.csv", shapes.names)
+        shapes, labels, doubts, notes = _read(folder, groups)
         extra = {str(path): isomatch.read_mesh(path) for path in score}
         tell("model", 0.1)
         if mirror is not None:
-            of = ""  # the shape whose left–right map it is, if not that of the mean
-            if mirror == "auto":
-                mean = shape_statistics.ShapeModel.fit(shapes, scale, weights).mesh()
-                left_right, of = shape_statistics.left_right_of_shapes(shapes, mean, seed=seed)
-            else:
-                left_right = read_initial_map(Path(mirror), shapes.n_vertices)
-            shapes = shapes.mirrored(left_right)
-            if of:
-                notes.append(
-                    f"left and right are told by {of}, since the left–right map of the mean is not certain"
-                )
+            shapes, note = _mirrored(shapes, mirror, scale, weights, seed)
+            notes += note
         share = shapes.area_weights if weights == "area" else None
         shapes = shape_statistics.filled(shapes, share, scale)
         missing = _missing(shapes)
@@ -159,6 +143,37 @@ def run(
     talk.result({**record, "output": str(output), "files": into.written}, summary)
 
 
+def _read(
+    folder: Path, groups: Path | None
+) -> tuple[shape_statistics.CorrespondedShapes, dict[str, str], list[shape_statistics.Doubt], list[str]]:
+    """Read shapes, their groups, which of them seem wrong, and notes."""
+    collections.require_unchanged(collections.Layout(folder), ["corresponded"])
+    shapes = shape_statistics.read_shapes(folder)
+    labels = read_groups(groups, shapes.names, shapes.left_out) if groups else {}
+    doubts = shape_statistics.doubtful_shapes(shapes)
+    for doubt in doubts:
+        complain(f"{' and '.join(doubt.names)} {doubt.reason}")
+    notes = [f"left out: {reason}" for reason in shapes.left_out]
+    notes += _doubts(folder / "pairs.csv", shapes.names) + _reflected(folder / "shapes.csv", shapes.names)
+    return shapes, labels, list(doubts), notes
+
+
+def _mirrored(
+    shapes: shape_statistics.CorrespondedShapes,
+    mirror: str,
+    scale: Literal["keep", "remove"],
+    weights: Literal["area", "uniform"],
+    seed: int,
+) -> tuple[shape_statistics.CorrespondedShapes, list[str]]:
+    """Add the mirror images by a left–right map, found or read; note of which shape it is, if not of the mean."""
+    if mirror != "auto":
+        return shapes.mirrored(read_initial_map(Path(mirror), shapes.n_vertices)), []
+    mean = shape_statistics.ShapeModel.fit(shapes, scale, weights).mesh()
+    left_right, of = shape_statistics.left_right_of_shapes(shapes, mean, seed=seed)
+    note = f"left and right are told by {of}, since the left–right map of the mean is not certain"
+    return shapes.mirrored(left_right), [note] if of else []
+
+
 def _scored(
     model: shape_statistics.ShapeModel, name: str, mesh: isomatch.Mesh
 ) -> shape_statistics.ScoredShape:
@@ -210,10 +225,7 @@ def _first_half(shapes: shape_statistics.CorrespondedShapes) -> shape_statistics
 
 
 def _allometry(
-    shapes: shape_statistics.CorrespondedShapes,
-    sizes: FloatArray,
-    weights: FloatArray | None,
-    seed: int,
+    shapes: shape_statistics.CorrespondedShapes, sizes: FloatArray, weights: FloatArray | None, seed: int
 ) -> tuple[shape_statistics.ShapeRegression | None, list[str]]:
     """Regress shape, without size, on the logarithm of size; or say why not."""
     try:

@@ -18,7 +18,7 @@ from isomatch.cli.outputs import claimed_files, notes_on, say_left_out, say_note
 from isomatch.cli.terminal import TALK, Talk, say
 from isomatch.errors import FormatError, LandmarkError, SettingError
 from isomatch.storage.files import replaced
-from isomatch.transfer import Labelling, NumbersAs, Side
+from isomatch.transfer import Carried, Labelling, NumbersAs, Side
 
 
 def transfer(
@@ -92,37 +92,32 @@ def transfer(
         n_source = len(assets[0].points) if map_file.suffix == ".mat" else None
         correspondence = isomatch.Correspondence.load(map_file, n_target, n_source)
         tell("carrying", 0.3)
-        names: tuple[str, ...]
-        taken: tuple[str, ...] = ()
-        counts: dict[str, int]
-        with naming_files(source=ends[0], target=ends[1]):
+        with naming_files(source=source, target=target):
             if bake:
                 baked = isomatch.bake_texture(correspondence, *assets, bake, to=to)
-                asset, names, notes = baked.asset, ("texture",), baked.notes
+                carried = Carried(baked.asset, ("texture",), 0, 0, baked.notes)
                 counts = {"n_unmatched_texels": baked.unmatched}
             else:
                 carried = isomatch.carry_attributes(
                     correspondence, *assets, words, to=to, labels=labels, numbers_as=numbers_as
                 )
-                asset, names, notes = carried.asset, carried.names, carried.notes
-                taken = carried.taken_as_labels
                 counts = {"n_unmatched": carried.unmatched, "n_across_seams": carried.across_seams}
         tell("writing", 0.8)
-        others = () if holds_values(output) else files_beside(output, asset)
+        others = () if holds_values(output) else files_beside(output, carried.asset)
         beside = [each for each in others if each != picture]
         with claimed_files(*beside, force=force):
-            left = _written(output, asset, names)
+            left = _written(output, carried.asset, carried.names)
         if picture:
             with replaced(picture) as file:
                 file.write(baked.png)
         tell("done", 1.0)
-    told = [*notes_on(dict(zip(ends, assets))), *notes]
+    told = [*notes_on(dict(zip(ends, assets))), *carried.notes]
     record: dict[str, Any] = {
         "files": [str(path) for path in (output, *beside, picture) if path],
         "to": to,
-        "carried": [name for name in names if name not in left],
+        "carried": [name for name in carried.names if name not in left],
         "left_out": left,
-        "taken_as_labels": list(taken),
+        "taken_as_labels": list(carried.taken_as_labels),
         **counts,
     }
     if told:

@@ -49,14 +49,14 @@ def camera_of(mesh: Mesh, up_axis: int | None = None, view: tuple[float, float] 
     if view is not None and not (len(view) == 2 and np.isfinite(view).all()):
         raise SettingError(f"view = {view!r} is not two angles in degrees, such as (32, 14)")
     areas = mesh.vertex_areas
-    moments, axes = _principal_axes(mesh.vertices, areas)
+    moments, axes = principal_axes(mesh.vertices, areas)
     is_sheet = moments[0] < FLAT**2 * moments[1]
     if is_sheet:
         narrow, broad = axes[:, 0], axes[:, 2]
         up = np.cross(narrow, broad)
     else:
         up = np.eye(3)[_up_axis(mesh) if up_axis is None else up_axis]
-        _, level_axes = _principal_axes(mesh.vertices - np.outer(mesh.vertices @ up, up), areas)
+        _, level_axes = principal_axes(mesh.vertices - np.outer(mesh.vertices @ up, up), areas)
         front = np.array([0.3, -1.0, 0.0]) if up[2] else np.array([0.3, 0.0, 1.0])
         narrow = level_axes[:, 1]  # column 0 is the up axis, along which the projected points have no extent
         narrow = narrow * (1.0 if narrow @ front >= 0 else -1.0)
@@ -68,7 +68,7 @@ def camera_of(mesh: Mesh, up_axis: int | None = None, view: tuple[float, float] 
     return np.array([right, np.cross(towards, right), towards])
 
 
-def _principal_axes(points: FloatArray, areas: FloatArray) -> tuple[FloatArray, FloatArray]:
+def principal_axes(points: FloatArray, areas: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Compute the second moments, smallest first, and their directions as columns."""
     centred = points - np.average(points, axis=0, weights=areas)
     moments, axes = np.linalg.eigh((centred * areas[:, None]).T @ centred)

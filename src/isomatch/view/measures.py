@@ -192,10 +192,7 @@ _BOUNDS_OF_PART = {
 
 
 def quality_measures(result: MatchResult) -> Iterator[tuple[Measure, float, bool]]:
-    """Give the measures of a result with their values, and whether a value is evidence against the map.
-
-    A measure without a value, such as the landmark error of a match without landmarks, is left out.
-    """
+    """Give the measures of a result that have values, with these, and whether a value is evidence against the map."""
     measures = _measures_of(result)
     for field, number in asdict(result.quality).items():
         measure = measures.get(field, Measure(field, "{:.3g}", "", ""))

@@ -144,21 +144,9 @@ def write_landmark_picker(
     landmarks: ArrayLike | None = None,
     command: str = COMMAND,
 ) -> None:
-    """Write the report of a match that found no map: both shapes in 3D, to pick landmarks for another match.
+    """Write the report of a match that found no map, for a reason: both shapes in 3D, to pick landmarks for another.
 
-    Parameters
-    ----------
-    reason : str
-        Why no map was found.
-    path, source, target, names, facts, landmarks, command
-        As for `write_report`.
-
-    Raises
-    ------
-    LandmarkError
-        If landmarks are not pairs of integers.
-    UnwritableFileError
-        If the file cannot be written.
+    All else is as for `write_report`.
     """
     pairs = pairs_on(landmarks, source, target)
     scene = scene_of(source, target, {}, landmarks=pairs)

@@ -85,11 +85,6 @@ class Summary:
 def summary_of(result: MatchResult) -> Summary:
     """Sum up a result for a reader who knows none of its measures.
 
-    Parameters
-    ----------
-    result : MatchResult
-        Result of `match`, or of a baseline.
-
     Examples
     --------
     >>> from isomatch import match

@@ -34,22 +34,7 @@ BEFORE = "before"
 
 
 class WorkPage:
-    """What a browser shows of two shapes while they are matched.
-
-    Parameters
-    ----------
-    source, target : Mesh
-        The shapes.
-    names : (str, str)
-        Their names, such as those of their files.
-    landmarks : sequence of (int, int)
-        Landmarks with which the list begins.
-
-    Raises
-    ------
-    LandmarkError
-        If landmarks are not pairs of integers.
-    """
+    """What a browser shows of two shapes while they are matched; names and landmarks as for `write_report`."""
 
     def __init__(
         self,
