@@ -10,7 +10,7 @@ import pytest
 import isomatch
 from corresponded import ellipsoids, moved, random_shapes
 from isomatch.cli import main
-from isomatch.cli.group_table import read_groups
+from isomatch.cli.statistics import read_groups
 from isomatch.statistics import ShapeModel, read_shapes
 from shapes import icosphere
 

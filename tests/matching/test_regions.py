@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from isomatch import FormatError, MatchResult, Mesh, Outcome, match, prepare
-from isomatch.cli.outputs import say_result
+from isomatch.cli.results import say_result
 from isomatch.datasets import ground_truth
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching import DoubtfulRegion, outcome_of, prepare_pair

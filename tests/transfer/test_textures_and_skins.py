@@ -140,8 +140,8 @@ def test_a_baked_texture_shows_what_the_other_shows(giver, receiver, by):
 def test_what_cannot_be_baked_is_refused(giver, receiver):
     bare = Asset(giver.mesh.vertices, Polygons.of_triangles(giver.mesh.faces))
     found = onto(receiver, giver)
-    with pytest.raises(DescriptorError, match="source has no texture coordinates"):
+    with pytest.raises(DescriptorError, match="texture coordinates"):
         bake_texture(found, receiver, giver)
     own = Attribute("uv", "point", "uv", receiver.points[:, :2] / 4)
-    with pytest.raises(DescriptorError, match="neither a texture"):
+    with pytest.raises(DescriptorError, match="neither"):
         bake_texture(found, receiver.with_attributes(own), bare)

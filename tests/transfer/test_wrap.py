@@ -20,12 +20,12 @@ def error(points, truth, target):
 
 def test_a_map_of_nothing_cannot_be_wrapped():
     mesh = icosphere(1)
-    with pytest.raises(MapError, match="gives no vertex an image"):
+    with pytest.raises(MapError, match="no vertex"):
         wrap(Correspondence(np.full(42, -1), 42), mesh, mesh)
 
 
 def test_a_map_of_other_surfaces_is_refused():
-    with pytest.raises(MapError, match="not a map of this target"):
+    with pytest.raises(MapError, match="target"):
         wrap(Correspondence(np.zeros(42, int), 5), icosphere(1), icosphere(1))
 
 

@@ -20,11 +20,10 @@ from isomatch.datasets import example_pair, ground_truth
 from isomatch.errors import DescriptorError, LandmarkError
 from isomatch.matching import Alternative, DoubtfulRegion, MatchResult
 from isomatch.view import HEADLINES, position_colours, report, summary_of, write_report
-from isomatch.view.alternatives import told_of_all, told_of_alternative
 from isomatch.view.colours import to_screen
-from isomatch.view.layers import stretch
 from isomatch.view.measures import MEASURES, quality_bounds, quality_measures
-from isomatch.view.scene import scene_of
+from isomatch.view.scene import scene_of, stretch
+from isomatch.view.summary import told_of_all, told_of_alternative
 
 HOSTILE = '</title><script>alert("x")</script>&amp;$scene ${title} \\.ply'
 VOID = {"meta", "img", "br", "line", "circle", "input"}

@@ -1,10 +1,11 @@
-"""``isomatch collect``: a folder of shapes in correspondence, resumable, on one machine or many."""
+"""``isomatch collect``: a folder of shapes in correspondence, resumable, on one machine or many; how far it is."""
 
 from __future__ import annotations
 
 import re
 import time
 from collections import Counter
+from collections.abc import Iterable, Mapping
 from os.path import isfile
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -12,16 +13,30 @@ from typing import Annotated, Any, Literal
 from cyclopts import App, Parameter
 
 import isomatch
-from isomatch import collections
-from isomatch.cli.collect_landmarks import landmark_files, landmarks, say_landmarks, write_all
-from isomatch.cli.collect_status import reasons_of, status_of, tell_status, told
-from isomatch.cli.inputs import read_config
+from isomatch import collections, view
+from isomatch.cli.collect_landmarks import CurvePoints, landmark_files, landmarks, say_landmarks, write_all
+from isomatch.cli.inputs import ConfigFile, Force, Output, Seed, read_config
 from isomatch.cli.outputs import require_writable
-from isomatch.cli.terminal import TALK, Talk, Tell, complain, say
+from isomatch.cli.terminal import TALK, Talk, Tell, complain, say, say_rows
 from isomatch.errors import InputError, MemoryBudgetError
+from isomatch.matching import Outcome
 from isomatch.storage.texts import text_lines
 
-Reports = int | Literal["doubtful", "all", "none"]
+Reports = Annotated[
+    int | Literal["doubtful", "all", "none"],
+    Parameter(
+        help="How many of the worst pairs get a report; all; none; or doubtful (default): those on the page that did not "
+        "converge, and three others."
+    ),
+]
+Jobs = Annotated[int | None, Parameter(help="Pairs at a time; by default one for each processor.")]
+Executor = Annotated[
+    str,
+    Parameter(
+        help="local (default), or dask:ADDRESS, the scheduler of a Dask cluster whose workers see the same files."
+    ),
+]
+TimeLimit = Annotated[float | None, Parameter(help="Seconds after which nothing new is begun.")]
 
 collect = App(name="collect", default_parameter=Parameter(negative=()))
 
@@ -31,67 +46,45 @@ def run(
     shapes: str,
     /,
     *,
-    output: Annotated[Path, Parameter(name=["--output", "-o"])],
+    output: Output,
     template: str = "auto",
     pairs: str = "star",
-    jobs: int | None = None,
-    executor: str = "local",
+    jobs: Jobs = None,
+    executor: Executor = "local",
     shard: str = "1/1",
     reflect: str | None = None,
     units: str | None = None,
     landmarks: Path | None = None,
-    curve_points: int | None = None,
-    time_limit: float | None = None,
+    curve_points: CurvePoints = None,
+    time_limit: TimeLimit = None,
     agree: Annotated[bool | None, Parameter(negative="--no-agree")] = None,
     reports: Reports = "doubtful",
-    config: Path | None = None,
-    seed: int = 0,
+    config: ConfigFile = None,
+    seed: Seed = 0,
     talk: Talk = TALK,
 ) -> None:
     """Match the shapes of a folder with a template, or with one another; run it again to continue.
 
-    Parameters
-    ----------
-    shapes : str
-        A folder, a quoted pattern such as 'scans/*.vtp', or a list.csv with a column path and perhaps name.
-    output : Path
-        Folder for prepared shapes, maps, pairs.csv, index.html, and the shapes in the topology of the template.
-    template : str
-        Name or file of the template; by default (auto) the shape in the middle of all, by spectra and distances.
-    pairs : str
-        star (default): each shape with the template; all; chain: each with the next; or a CSV file with columns source
-        and target.
-    jobs : int
-        Number of pairs to match at a time; by default one for each processor.
-    executor : str
-        local (default), or dask:ADDRESS, the scheduler of a Dask cluster whose workers see the same files.
-    shard : str
-        i/n: match the i-th of n parts of the pairs. Runs of other parts may go on at the same time, on other machines.
-    reflect : str
-        Shapes to match as their mirror images. auto: those that fit clearly better so, as left ones among right ones;
-        none; or their names, separated by commas, or a file with a name on each line. By default as before, at first
-        none.
-    units : str
-        Units of shapes that are in others than most, such as scan7=mm,scan9=cm: um, mm, cm, m or in. They are brought to
-        that of all others, which is found by their sizes, or given first: m,scan7=mm. none: all are in one unit. By
-        default as before.
-    landmarks : Path
-        File of landmarks and curves of the template, as of 3D Slicer, or folder of such files of several shapes, named
-        like them: the folder landmarks gets a file for each shape, and tables; see isomatch collect landmarks.
-    curve_points : int
-        Number of equally spaced points on each curve; by default as many as it was drawn with.
-    time_limit : float
-        Seconds after which nothing new is begun.
-    agree : bool
-        Once all pairs are matched, replace maps that the others contradict, see isomatch collect agree; by default only
-        if all pairs are. Maps of shards are compared by that command.
-    reports : int or str
-        How many of the worst pairs get a report; all; none; or doubtful (default): those on the page that did not
-        converge, and three others.
-    config : Path
-        TOML file with settings; see isomatch.Config.
-    seed : int
-        Seed of the matches.
+    Args:
+        shapes: A folder, a quoted pattern such as 'scans/*.vtp', or a list.csv with a column path and perhaps name.
+        output: Folder for prepared shapes, maps, pairs.csv, index.html, and the shapes in the topology of the template.
+        template: Name or file of the template; by default (auto) the shape in the middle of all, by spectra and
+            distances.
+        pairs: star (default): each shape with the template; all; chain: each with the next; or a CSV file with columns
+            source and target.
+        shard: i/n: match the i-th of n parts of the pairs. Runs of other parts may go on at the same time, on other
+            machines.
+        reflect: Shapes to match as their mirror images. auto: those that fit clearly better so, as left ones among right
+            ones; none; or their names, separated by commas, or a file with a name on each line. By default as before, at
+            first none.
+        units: Units of shapes that are in others than most, such as scan7=mm,scan9=cm: um, mm, cm, m or in. They are
+            brought to that of all others, which is found by their sizes, or given first: m,scan7=mm. none: all are in one
+            unit. By default as before.
+        landmarks: File of landmarks and curves of the template, as of 3D Slicer, or folder of such files of several
+            shapes, named like them: the folder landmarks gets a file for each shape, and tables; see isomatch collect
+            landmarks.
+        agree: Once all pairs are matched, replace maps that the others contradict, see isomatch collect agree; by default
+            only if all pairs are. Maps of shards are compared by that command.
     """
     place = re.fullmatch(r"([1-9]\d{0,5})/([1-9]\d{0,5})", shard)
     if not place or int(place[1]) > int(place[2]):
@@ -146,10 +139,8 @@ def run(
 def status(folder: Path, /, *, talk: Talk = TALK) -> None:
     """Tell how far a collection is, with the pairs that failed, from the ledgers of all shards; write its tables.
 
-    Parameters
-    ----------
-    folder : Path
-        The folder of the collection.
+    Args:
+        folder: The folder of the collection.
     """
     collection = collections.Collection.open(folder)
     collections.write_table(collection.rows(), collection.layout.table)
@@ -160,12 +151,9 @@ def status(folder: Path, /, *, talk: Talk = TALK) -> None:
 def retry(which: Literal["failed", "low"], folder: Path, /, *, talk: Talk = TALK) -> None:
     """Let the next run match pairs again that failed, or that ended with low confidence.
 
-    Parameters
-    ----------
-    which : str
-        failed, or low: with another seed, and the surer map is kept, unless others contradict it.
-    folder : Path
-        The folder of the collection.
+    Args:
+        which: failed, or low: with another seed, and the surer map is kept, unless others contradict it.
+        folder: The folder of the collection.
     """
     again = collections.Collection.open(folder).retry(which)
     talk.result(
@@ -182,24 +170,17 @@ def export(
     *,
     format: str = ".ply",
     maps: Literal["npz", "txt", "none"] = "npz",
-    force: bool = False,
+    force: Force = False,
     talk: Talk = TALK,
 ) -> None:
     """Write the shapes in the topology of the template, and the maps, for other programs.
 
-    Parameters
-    ----------
-    folder : Path
-        The folder of a collection.
-    to : Path
-        Folder for meshes, maps, a file for each direction, and pairs.csv.
-    format : str
-        Suffix of the meshes, such as .ply (default), .obj, .vtp or .glb; or none.
-    maps : str
-        npz (default): image vertices, and precise images in triangles; txt: the image vertex of each vertex on a line;
-        or none.
-    force : bool
-        Write over files of an earlier export; others in the folder stay.
+    Args:
+        folder: The folder of a collection.
+        to: Folder for meshes, maps, a file for each direction, and pairs.csv.
+        format: Suffix of the meshes, such as .ply (default), .obj, .vtp or .glb; or none.
+        maps: npz (default): image vertices, and precise images in triangles; txt: the image vertex of each vertex on a
+            line; or none.
     """
     meshes = None if format == "none" else f".{format.removeprefix('.')}"
     if meshes:
@@ -211,12 +192,8 @@ def export(
             written[path.parent.name] += 1
             tell(f"written: {path.name}", 1.0)
     left_out = sorted({*collection.names} - {*collections.surfaces_written(collection)}) if meshes else []
-    result = {
-        "folder": str(to),
-        "meshes": written["meshes"],
-        "maps": written["maps"],
-        "left_out": left_out,
-    }
+    counts = {"meshes": written["meshes"], "maps": written["maps"]}
+    result = {"folder": str(to), **counts, "left_out": left_out}
 
     def summary() -> None:
         say(f"wrote {written['meshes']} meshes and {written['maps']} maps to {to}")
@@ -234,9 +211,9 @@ def agree(
     folder: Path,
     /,
     *,
-    jobs: int | None = None,
-    executor: str = "local",
-    time_limit: float | None = None,
+    jobs: Jobs = None,
+    executor: Executor = "local",
+    time_limit: TimeLimit = None,
     reports: Reports = "doubtful",
     talk: Talk = TALK,
 ) -> None:
@@ -245,18 +222,8 @@ def agree(
     A map from a to c disagrees with those from a to b and b to c if one of the three is wrong; many such triangles tell
     which. Maps that stay contradicted have low confidence. Run it again to continue, or after adding shapes.
 
-    Parameters
-    ----------
-    folder : Path
-        The folder of a collection whose pairs make triangles, as all do; also of one matched in shards.
-    jobs : int
-        Number of maps to replace at a time; by default one for each processor.
-    executor : str
-        local (default), or dask:ADDRESS; as for isomatch collect.
-    time_limit : float
-        Seconds after which nothing new is begun.
-    reports : int or str
-        Which pairs get a report; as for isomatch collect.
+    Args:
+        folder: The folder of a collection whose pairs make triangles, as all do; also of one matched in shards.
     """
     collection = collections.Collection.open(folder)
     end = None if time_limit is None else time.monotonic() + time_limit
@@ -303,6 +270,7 @@ def _write(
     end: float | None,
     tell: Tell,
 ) -> None:
+    """Write reports, and the shapes in the topology of the template."""
     if reports != "none":
         for pair, row in collections.write_reports(collection, reports, executor, jobs, _until(end)):
             failed = f", failed: {row['error']}" if row["state"] == "failed" else ""
@@ -312,3 +280,140 @@ def _write(
         tell(f"written in the topology of the template: {line['name']}{again}", 1.0)
         if again:
             complain(f"the surface of {line['name']} done again, because {line['again']}")
+
+
+_DONE = {
+    "shape": "prepared",
+    "misfit": "looked at",
+    "pair": "matched",
+    "reflection": "reflected",
+    "agreement": "compared",
+}
+OUTCOMES = 26  # columns of a number of pairs with their outcome
+
+
+def tell_status(
+    collection: collections.Collection,
+    talk: Talk,
+    landmarks: Mapping[str, Any] | None = None,
+    *,
+    is_answer: bool = False,
+) -> None:
+    """Tell how far a collection is, in words or as JSON, with the landmarks that were carried."""
+    # as an answer, with all files that were damaged; a run has just compared most of them
+    status = status_of(collection, collections.KEPT if is_answer else ("landmarks",))
+    if landmarks:
+        status["landmarks"] = landmarks
+    talk.result(status, lambda: _say_status(status, collection.layout), is_answer=is_answer)
+
+
+def status_of(collection: collections.Collection, folders: Iterable[str] = ()) -> dict[str, Any]:
+    """Sum up how far a collection is, from the ledgers of all shards, with the damaged files of some folders."""
+    rows = collection.rows()
+    pairs = collection.wanted_pairs(rows)
+    states = Counter(collections.state_of(rows.pairs.get(pair, {"state": "todo"})) for pair in pairs)
+    outcomes = Counter(
+        rows.pairs[pair]["there"]["outcome"]
+        for pair in pairs
+        if rows.pairs.get(pair, {}).get("state") == "done"
+    )
+    changed = collections.changed_files(collection.layout, rows, folders)
+    damaged = {str(path.relative_to(collection.folder)): what for path, what in changed.items()}
+    damaged |= dict.fromkeys(rows.damaged, "is no row of a collection, and was ignored")
+    failures = {name: row["error"] for name, row in rows.shapes.items() if row["state"] == "failed"}
+    failed = {pair: row for pair, row in rows.pairs.items() if row["state"] == "failed"}
+    failures |= {" and ".join(pair): row["error"] for pair, row in failed.items()}
+    mirrored = collections.mirror_images(collection, rows)
+    prepared = sum(row["state"] == "done" for row in rows.shapes.values())
+    return {
+        "folder": str(collection.folder),
+        "shapes": {"all": len(collection.shapes), "prepared": prepared},
+        "template": collection.chosen_template(rows),
+        "pairs": {"all": len(pairs), **states},
+        "outcomes": dict(outcomes),
+        "reflected": rows.reflected(collection.names),
+        "mirror_images": {
+            name: rows.pairs[pair].get("not_reflected", {}).get(name) for name, pair in mirrored.items()
+        },
+        "misfits": [misfit._asdict() for misfit in collections.misfits(collection, rows)],
+        "agreement": collections.agreement_of(rows)._asdict(),
+        "damaged": damaged,
+        "failures": failures,
+    }
+
+
+def _say_status(status: dict[str, Any], layout: collections.Layout) -> None:
+    shapes, pairs, agreement = status["shapes"], status["pairs"], status["agreement"]
+    done = pairs.get("done", 0) + pairs.get("low", 0)
+    failed = f", {pairs['failed']} failed" if pairs.get("failed") else ""
+    prepared = f"{shapes['prepared']} of {shapes['all']} shapes prepared"
+    say(f"{done} of {pairs['all']} pairs matched{failed}; {prepared}", "bold")
+    for outcome in Outcome:
+        if count := status["outcomes"].get(outcome.name):
+            say_rows([(f"{count} {outcome.value}", view.HEADLINES[outcome])], indent=OUTCOMES)
+    say(f"template {status['template'] or 'not yet chosen'}")
+    if agreement["compared"]:
+        say(
+            f"{agreement['compared']} pairs compared with compositions: {len(agreement['contradicted'])} contradicted, "
+            f"{len(agreement['replaced'])} replaced"
+        )
+    if agreement["turned"]:
+        say(
+            f"maps to {', '.join(agreement['turned'])} mostly reverse the orientation: perhaps mirrored together",
+            "bold red",
+        )
+    _say_sides(status)
+    for misfit in status["misfits"]:
+        if misfit["kind"] != "broken" and misfit["name"] not in status["mirror_images"]:
+            say(f"look at {misfit['name']}: it {misfit['reason']}", "bold red")
+    for name, what in status["damaged"].items():
+        say(f"{name} {what}; run isomatch collect again, which makes it again", "bold red")
+    for name, error in status["failures"].items():
+        say(f"failed: {name}: {error}", "bold red")
+    say(f"open first: {layout.page}; the table is {layout.table.name}")
+
+
+def _say_sides(status: dict[str, Any]) -> None:
+    """Name the shapes that were reflected, and those that seem to be mirror images of the others."""
+    if status["reflected"]:
+        say(f"reflected before they were matched: {', '.join(status['reflected'])}")
+    untried = [name for name, reason in status["mirror_images"].items() if reason is None]
+    if untried:
+        say(
+            f"seem to be mirror images of the others: {', '.join(untried)}; run again with --reflect auto, "
+            "or with the names of those to reflect",
+            "bold red",
+        )
+    for name, reason in status["mirror_images"].items():
+        if reason is not None:
+            say(f"seems to be a mirror image, but not reflected: {name}: {reason}", "bold red")
+
+
+def told(event: collections.Event) -> tuple[str, float]:
+    """Describe a step of a run, with the share of its steps that are done."""
+    name = event.name if isinstance(event.name, str) else " and ".join(event.name)
+    reasons = reasons_of(event)
+    again = f"; again, because {'; '.join(reasons)}" if reasons else ""
+    return (
+        f"{_DONE[event.what]} {event.done} of {event.of}: {name}, {_ending(event.record)}{again}",
+        event.done / event.of,
+    )
+
+
+def reasons_of(event: collections.Event) -> list[str]:
+    """Return why a shape or a pair was done again, if it was."""
+    return event.record.get("again", []) if event.what in ("shape", "pair") else []
+
+
+def _ending(record: dict[str, Any]) -> str:
+    if "reason" in record:
+        return str(record["reason"])
+    if record["state"] == "failed":
+        return f"failed: {record['error']}"
+    if "not_reflected" in record:
+        return f"not kept: {', '.join(record['not_reflected'].values())}"
+    if "refused" in record.get("agreement", {}):
+        return f"contradicted, but not replaced: {record['agreement']['refused']}"
+    if "replaced_by" in record:
+        return f"replaced by the composition over {record['replaced_by'][1]}"
+    return str(record["there"]["outcome"]).lower().replace("_", " ") if "there" in record else "done"

@@ -6,18 +6,24 @@ from collections.abc import Iterator
 from dataclasses import replace
 from os.path import isfile
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from cyclopts import Parameter
 
 import isomatch
 import isomatch.landmarks as shape_landmarks
 from isomatch import collections
+from isomatch.cli.inputs import Force
 from isomatch.cli.terminal import TALK, Talk, Tell, say
 from isomatch.errors import InputError
 from isomatch.storage.files import claimed, legible, made_folder
 from isomatch.storage.texts import write_csv
 
+CurvePoints = Annotated[
+    int | None,
+    Parameter(help="Number of equally spaced points on each curve; by default as many as it was drawn with."),
+]
 SUFFIXES = (".mrk.json", ".json", ".fcsv", ".pp", ".csv", ".txt")
 ERRORS = ("specimen", "landmark", "expected_error", "spread", "error")  # columns of the table of errors
 
@@ -29,29 +35,21 @@ def landmarks(
     /,
     *,
     format: str = "mrk.json",
-    curve_points: int | None = None,
-    force: bool = False,
+    curve_points: CurvePoints = None,
+    force: Force = False,
     talk: Talk = TALK,
 ) -> None:
     """Carry the landmarks of some shapes to all others: the median of what each of them gives.
 
-    Parameters
-    ----------
-    folder : Path
-        The folder of a collection.
-    marks : Path
-        Folder of the landmarks of some of its shapes, named like them, or one such file: .mrk.json or .fcsv of 3D
-        Slicer, .pp of MeshLab, or a table name,x,y,z. A file of another name is that of the template.
-    to : Path
-        Folder for a file of each shape, and for R's geomorph landmarks.csv, with a row for each, and landmarks.tps: in
-        the unit of the collection, and reflected, x → −x, where a shape was matched as its mirror image.
-        landmarks_errors.csv has the expected error of each, and that of the marked shapes, carried from the others.
-    format : str
-        Suffix of the files: mrk.json (default), fcsv, pp or csv. They have the spread over templates, but those of pp.
-    curve_points : int
-        Number of equally spaced points on each curve; by default as many as it was drawn with.
-    force : bool
-        Write over files of an earlier run; others in the folder stay.
+    Args:
+        folder: The folder of a collection.
+        marks: Folder of the landmarks of some of its shapes, named like them, or one such file: .mrk.json or .fcsv of 3D
+            Slicer, .pp of MeshLab, or a table name,x,y,z. A file of another name is that of the template.
+        to: Folder for a file of each shape, and for R's geomorph landmarks.csv, with a row for each, and landmarks.tps:
+            in the unit of the collection, and reflected, x → −x, where a shape was matched as its mirror image.
+            landmarks_errors.csv has the expected error of each, and that of the marked shapes, carried from the others.
+        format: Suffix of the files: mrk.json (default), fcsv, pp or csv. They have the spread over templates, but those
+            of pp.
     """
     suffix = f".{format.removeprefix('.')}"
     shape_landmarks.writer_of(Path(f"landmarks{suffix}"))
@@ -63,20 +61,14 @@ def landmarks(
 
 
 def landmark_files(marks: Path, collection: collections.Collection, template: str | None) -> dict[str, Path]:
-    """Find the file of landmarks of each shape that has one, in the order of the shapes.
-
-    Raises
-    ------
-    InputError
-        If there is none.
-    """
+    """Find the file of landmarks of each shape that has one, in the order of the shapes; `InputError` for none."""
     names = collection.names
     present = {legible(path.name): path for path in (marks.iterdir() if marks.is_dir() else [marks])}
-    found = {
-        name: next((present[name + suffix] for suffix in SUFFIXES if name + suffix in present), None)
+    files = {
+        name: next(present[name + suffix] for suffix in SUFFIXES if name + suffix in present)
         for name in names
+        if any(name + suffix in present for suffix in SUFFIXES)
     }
-    files = {name: path for name, path in found.items() if path is not None}
     if not files and isfile(marks):
         if template is None:
             raise InputError(
@@ -112,9 +104,7 @@ def write_all(
             lost |= {*isomatch.write_landmarks(to / f"{name}{suffix}", carried)}
             found[name] = carried
             tell(f"landmarks of {name}", len(found) / len(collection.names))
-        left_out = {
-            each.name: each for each in collections.landmarks_left_out(collection, files, curve_points)
-        }
+        left_out = {x.name: x for x in collections.landmarks_left_out(collection, files, curve_points)}
         write_csv(to / "landmarks_errors.csv", _errors(found, left_out), ERRORS)
         first = next(iter(found.values()))
         turned = rows.reflected(found)
@@ -154,10 +144,9 @@ def write_all(
 
 def say_landmarks(record: dict[str, Any]) -> None:
     """Print what `write_all` did."""
-    say(
-        f"wrote the landmarks of {len(record['shapes'])} shapes to {record['folder']}, from "
-        f"{len(record['templates'])} template{'s' * (len(record['templates']) != 1)}"
-    )
+    n = len(record["templates"])
+    start = f"wrote the landmarks of {len(record['shapes'])} shapes to {record['folder']}"
+    say(f"{start}, from {n} template{'s' * (n != 1)}")
     for name, mean in record["mean_spread"].items():
         say(f"{name}: mean spread {mean:.4g}, largest at {record['largest_spread'][name]}")
     for name, error in record["left_out_errors"].items():

@@ -1,8 +1,11 @@
-"""``isomatch distance``: geodesic distances and shortest paths of pairs of points, or from some points to others."""
+"""``isomatch distance`` and ``isomatch basis``: geodesic distances and paths of points, or all in a low-rank form."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import re
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -12,15 +15,16 @@ from cyclopts.validators import LimitedChoice
 
 import isomatch
 from isomatch import geodesics, mending
-from isomatch.cli.inputs import surface_of
+from isomatch.bases import BasisMethod, Weighting
+from isomatch.cli.inputs import Force, Output, Seed, Weld, surface_of
 from isomatch.cli.outputs import claimed_files
-from isomatch.cli.points import AskedPoints, word_pairs, words_of
-from isomatch.cli.terminal import TALK, Talk, Tell, complain, part, say
-from isomatch.errors import FormatError, SettingError
+from isomatch.cli.terminal import TALK, Talk, Tell, complain, part, say, say_table
+from isomatch.errors import FormatError, SettingError, some
 from isomatch.geodesics import PATH_SUFFIXES, engine_names
 from isomatch.storage.array_file import write_arrays
 from isomatch.storage.files import write_text
-from isomatch.storage.texts import joined
+from isomatch.storage.texts import is_whole_number, joined, text_lines
+from isomatch.surfaces import PrecisePoints
 from isomatch.values.arrays import FloatArray, IntArray
 
 AT_ONCE = 16  # columns between two announcements of progress
@@ -53,9 +57,9 @@ def distance(
     engine: Annotated[EngineOption, Parameter(group=HOW)] = None,
     basis: Annotated[Path | None, Parameter(group=HOW)] = None,
     path: Annotated[Path | None, Parameter(group=HOW)] = None,
-    weld: Annotated[bool, Parameter(negative="--no-weld")] = True,
+    weld: Weld = True,
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
-    force: bool = False,
+    force: Force = False,
     talk: Talk = TALK,
 ) -> None:
     """Print or write geodesic distances, in the units of the file; inf where no path leads.
@@ -63,33 +67,19 @@ def distance(
     A point is a 0-based vertex, such as 12, or lies in a face: f12:0.2,0.3,0.5 has these weights of the corners of face
     12.
 
-    Parameters
-    ----------
-    file : Path
-        Mesh: any surface file, such as .ply, .obj or .vtp. Points without faces are joined to their nearest neighbours.
-    pairs : Path
-        File with two points per line, separated by a comma or blank, # comments: one distance for each.
-    sources : str
-        Points separated by commas: distances from each to all vertices.
-    targets : str
-        With --from, points separated by commas: distances to these only.
-    engine : str
-        How distances are computed.
-    basis : Path
-        Distance basis of this mesh, written by isomatch basis: its approximate distances are used.
-        The distance of a vertex from itself is 0.
-    path : Path
-        File for the shortest paths of the pairs, or from --from to --to, as polylines: .obj or .vtp.
-        The distances are their lengths, which are exact.
-    weld : bool
-        Take vertices at exactly the same position, as along the seams of a texture, for one point.
-    output : Path
-        File to write the distances to, instead of printing them: .csv, or .npz with distances and pairs, or sources and
-        targets; numbers after those of the vertices are those of points in faces, whose corners and weights it has.
-    force : bool
-        Replace existing files.
-    talk : Talk
-        What is told.
+    Args:
+        file: Mesh: any surface file, such as .ply, .obj or .vtp. Points without faces are joined to their nearest
+            neighbours.
+        pairs: File with two points per line, separated by a comma or blank, # comments: one distance for each.
+        sources: Points separated by commas: distances from each to all vertices.
+        targets: With --from, points separated by commas: distances to these only.
+        basis: Distance basis of this mesh, written by isomatch basis: its approximate distances are used. The distance of
+            a vertex from itself is 0.
+        path: File for the shortest paths of the pairs, or from --from to --to, as polylines: .obj or .vtp. The distances
+            are their lengths, which are exact.
+        output: File to write the distances to, instead of printing them: .csv, or .npz with distances and pairs, or
+            sources and targets; numbers after those of the vertices are those of points in faces, whose corners and
+            weights it has.
     """
     if output is not None and output.suffix not in (".csv", ".npz"):
         raise FormatError(f"{output}: suffix {output.suffix!r} cannot be written; use .csv or .npz")
@@ -144,25 +134,13 @@ def distance(
 
 @dataclass(frozen=True)
 class _Asked:
-    """Which distances are asked for: numbers of points, as `AskedPoints` gives them, and their words.
-
-    Parameters
-    ----------
-    points : AskedPoints
-    pairs : (m, 2) array of int, optional
-    sources : (m,) array of int
-        If there are no pairs.
-    targets : (t,) array of int, optional
-        By default all vertices.
-    words : dict of str to list
-        As they were written, by kind.
-    """
+    """Which distances are asked for: numbers of points, as `AskedPoints` gives them, and their words."""
 
     points: AskedPoints
-    pairs: IntArray | None
-    sources: IntArray
-    targets: IntArray | None
-    words: dict[str, list[Any]]
+    pairs: IntArray | None  # (m, 2)
+    sources: IntArray  # (s,), if there are no pairs
+    targets: IntArray | None  # (t,), by default all vertices
+    words: dict[str, list[Any]]  # as they were written, by kind
 
     @classmethod
     def of(
@@ -184,8 +162,13 @@ class _Asked:
         """(m, 2) the pairs, or each source with each target in turn."""
         if self.pairs is not None:
             return self.pairs
-        grid = np.meshgrid(self.sources, np.zeros(0) if self.targets is None else self.targets, indexing="ij")
-        return np.stack(grid, axis=-1).reshape(-1, 2).astype(np.int64)
+        targets = np.zeros(0) if self.targets is None else self.targets
+        return np.stack(np.meshgrid(self.sources, targets, indexing="ij"), -1).reshape(-1, 2).astype(np.int64)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Shape of the distances of all pairs: a row for each source, if there are targets."""
+        return (-1,) if self.targets is None else (len(self.sources), len(self.targets))
 
     @property
     def record(self) -> dict[str, Any]:
@@ -197,10 +180,8 @@ class _Asked:
         if self.pairs is not None:
             return [repr(value) for value in distances.tolist()]
         rows = self.words.get("targets", range(distances.shape[1]))
-        header = [
-            "vertex" if self.targets is None else "target",
-            *(f"from_{word}" for word in self.words["sources"]),
-        ]
+        name = "vertex" if self.targets is None else "target"
+        header = [name, *(f"from_{word}" for word in self.words["sources"])]
         return _csv([header, *([row, *map(repr, values)] for row, values in zip(rows, distances.T.tolist()))])
 
 
@@ -227,8 +208,7 @@ def _found(
     notes = getattr(chosen, "notes", ())
     if asked.pairs is not None or asked.targets is not None:
         found = geodesics.pair_distances(chosen, asked.all_pairs)
-        shape = (-1,) if asked.targets is None else (len(asked.sources), len(asked.targets))
-        return _Found(chosen.name, found.reshape(shape), None, notes)
+        return _Found(chosen.name, found.reshape(asked.shape), None, notes)
     rows, count = [], len(asked.sources)
     for first in range(0, count, AT_ONCE):
         columns = chosen.distances_from(asked.sources[first : first + AT_ONCE])
@@ -247,18 +227,13 @@ def _paths(asked: _Asked, file: Path, weld: bool, tell: Tell) -> _Found:
         tell(f"path {number} of {len(pairs)}", number / len(pairs))
     geodesics.write_paths(file, paths)
     lengths = np.array([path.length for path in paths], dtype=np.float64)
-    shape = (-1,) if asked.targets is None else (len(asked.sources), len(asked.targets))
     _, seams = mending.without_seams(mesh, weld)
-    return _Found("exact path", lengths.reshape(shape), None, seams.changes if seams else ())
+    return _Found("exact path", lengths.reshape(asked.shape), None, seams.changes if seams else ())
 
 
 def _from_basis(asked: _Asked, file: Path) -> _Found:
     """Approximate distances, with those of a point from itself set to 0."""
-    low_rank, n, precise = (
-        isomatch.DistanceBasis.load(file),
-        asked.points.mesh.n_vertices,
-        asked.points.precise,
-    )
+    low_rank, n = isomatch.DistanceBasis.load(file), asked.points.mesh.n_vertices
     if len(low_rank.vectors) != n:
         raise isomatch.MeshError(
             f"{file}: a basis of {len(low_rank.vectors)} points, but the surface has {n} vertices; "
@@ -266,7 +241,7 @@ def _from_basis(asked: _Asked, file: Path) -> _Found:
         )
     name = f"{low_rank.method} basis of rank {low_rank.rank} by {low_rank.engine}"
     error, notes = low_rank.error_estimate(), low_rank.notes
-    if precise is not None:
+    if (precise := asked.points.precise) is not None:
         low_rank = low_rank.with_points(precise)
     if asked.pairs is not None:
         first, second = asked.pairs.T
@@ -306,3 +281,161 @@ def _write(path: Path, asked: _Asked, distances: FloatArray) -> None:
         rows = ([*pair, line] for pair, line in zip(asked.words["pairs"], lines))
         lines = _csv([["source", "target", "distance"], *rows])
     write_text(path, "\n".join([*lines, ""]))
+
+
+_WEIGHT = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+_POINT = rf"f\d{{1,18}}:{_WEIGHT},{_WEIGHT},{_WEIGHT}|[+-]?\d{{1,18}}"
+_WORD = re.compile(_POINT, re.ASCII)
+_WORDS = re.compile(rf"(?:{_POINT})(?:(?:\s*,\s*|\s+)(?:{_POINT}))*", re.ASCII)
+SUM = 0.01  # by which weights written with few digits may differ from 1 together
+NOTATION = "a vertex, such as 12, or a point in a face, such as f12:0.2,0.3,0.5"
+
+
+@dataclass
+class AskedPoints:
+    """Points that were asked for, by number: a vertex by its own, a point in a face by one after all vertices."""
+
+    mesh: isomatch.Mesh
+    corners: list[IntArray] = field(default_factory=list)
+    weights: list[list[float]] = field(default_factory=list)
+
+    def numbers(self, words: Sequence[str], what: str) -> IntArray:
+        """Numbers of points; ``what`` they are is for the message about those that do not exist."""
+        found = np.array(
+            [self._number(word) if word[0] == "f" else int(word) for word in words], dtype=np.int64
+        )
+        n = self.mesh.n_vertices
+        bad = np.array([v for v, word in zip(found, words) if word[0] != "f" and not 0 <= v < n])
+        if len(bad):
+            raise isomatch.MeshError(f"{what} {some(bad)} are outside 0…{n - 1}, the vertices of the surface")
+        return found
+
+    @property
+    def precise(self) -> PrecisePoints | None:
+        """The points in faces; None if there are none."""
+        if not self.corners:
+            return None
+        return PrecisePoints(np.array(self.corners), np.array(self.weights))
+
+    def at(self, numbers: IntArray) -> PrecisePoints:
+        """Return points by their numbers."""
+        n = self.mesh.n_vertices
+        corners = [[v] * 3 if v < n else self.corners[v - n] for v in numbers]
+        weights = [[1.0, 0.0, 0.0] if v < n else self.weights[v - n] for v in numbers]
+        return PrecisePoints(np.array(corners).reshape(-1, 3), np.array(weights).reshape(-1, 3))
+
+    def _number(self, word: str) -> int:
+        face, _, weights = word[1:].partition(":")
+        parts = np.array(weights.split(","), dtype=np.float64)
+        if int(face) >= self.mesh.n_faces:
+            raise isomatch.MeshError(f"{word}: there is no such face; faces are 0…{self.mesh.n_faces - 1}")
+        if not abs(parts.sum() - 1) <= SUM:
+            raise isomatch.MeshError(f"{word}: the weights add up to {parts.sum():g}, not to 1")
+        self.corners.append(self.mesh.faces[int(face)])
+        self.weights.append((parts / parts.sum()).tolist())
+        return self.mesh.n_vertices + len(self.corners) - 1
+
+
+def _words(line: str) -> list[str]:
+    """Split a line into points; empty if it is anything else."""
+    if ":" in line:
+        return _WORD.findall(line) if _WORDS.fullmatch(line) else []
+    words = line.replace(",", " ").split()
+    return words if all(map(is_whole_number, words)) else []
+
+
+def words_of(text: str, option: str) -> list[str]:
+    """Split a list of points that are separated by commas."""
+    if not _WORDS.fullmatch(text.strip()):
+        raise SettingError(
+            f"{option} {text!r} is not a list of points; write 0-based indices separated by commas, such as 0,12; "
+            f"each is {NOTATION}"
+        )
+    return _WORD.findall(text)
+
+
+def word_pairs(path: Path) -> list[tuple[str, str]]:
+    """Read a pair of points from each line."""
+    pairs = []
+    for number, line in text_lines(path):
+        words = _words(line)
+        if len(words) != 2:
+            raise FormatError(
+                f"{path}:{number}: {line[:80]!r} is not a pair; write two 0-based vertex indices, separated by a comma "
+                f"or blank; each is {NOTATION}"
+            )
+        pairs.append((words[0], words[1]))
+    return pairs
+
+
+N_COLUMNS = 100
+
+
+def basis(
+    file: Path,
+    /,
+    *,
+    output: Output,
+    k: Annotated[int, Parameter(name="--k")] = 50,
+    p: Annotated[int, Parameter(name="--p")] = N_COLUMNS,
+    method: BasisMethod | None = None,
+    weights: Weighting = "area",
+    engine: EngineOption = None,
+    tolerance: float | None = None,
+    single: bool = False,
+    canonical: Path | None = None,
+    weld: Weld = True,
+    seed: Seed = 0,
+    force: Force = False,
+    talk: Talk = TALK,
+) -> None:
+    """Compute the geodesic distance basis of a mesh: all its distances, approximately, in n × k numbers.
+
+    Args:
+        file: Mesh of one component: any surface file, such as .ply, .obj or .vtp.
+        output: File for the basis, .npz; isomatch.DistanceBasis.load reads it.
+        k: Rank.
+        p: Number of distance columns to compute.
+        method: How the basis is built; by default predicted.
+        weights: What is approximated best: the surface (area) or its vertices (uniform).
+        tolerance: Choose k and p so that the estimated relative error is at most this.
+        single: Store single precision, which halves the size.
+        canonical: Also write the canonical form: the mesh with vertices whose Euclidean distances approximate the
+            geodesic ones.
+    """
+    with claimed_files(output, canonical, force=force), talk.progress() as tell:
+        tell("reading", 0.0)
+        mesh = isomatch.read_mesh(file)
+        tell("distances", 0.05)
+        started = time.perf_counter()
+        dtype = np.float32 if single else np.float64
+        computed = isomatch.distance_basis(
+            mesh, k, p, method, weights, seed, engine, tolerance, dtype, weld=weld
+        )
+        seconds = time.perf_counter() - started
+        tell("writing", 0.95 if canonical is None else 0.55)
+        computed.save(output)
+        record = {
+            "file": str(file),
+            "basis": str(output),
+            "points": mesh.n_vertices,
+            "rank": computed.rank,
+            "columns": len(computed.samples),
+            "method": computed.method,
+            "engine": computed.engine,
+            "seconds": seconds,
+            "estimated_relative_error": computed.error_estimate(),
+        }
+        if computed.notes:
+            record["notes"] = "; ".join(computed.notes)
+        if canonical is not None:
+            tell("canonical form", 0.6)
+            form = isomatch.canonical_form(mesh, weights=weights, seed=seed, engine=engine, weld=weld)
+            isomatch.write_mesh(canonical, isomatch.Mesh(form.points, mesh.faces))
+            record |= {"canonical_form": str(canonical), "stress": form.stress}
+        tell("done", 1.0)
+    rows = (
+        (name.replace("_", " "), f"{value:.4g}" if isinstance(value, float) else str(value), "")
+        for name, value in record.items()
+    )
+    talk.result(record, lambda: say_table(rows))

@@ -10,6 +10,7 @@ from cyclopts import Parameter
 
 import isomatch
 from isomatch import correspondence, evaluation
+from isomatch.cli.inputs import Seed
 from isomatch.cli.outputs import say_notes
 from isomatch.cli.terminal import TALK, Talk, say_table
 from isomatch.errors import FormatError
@@ -30,39 +31,27 @@ def evaluate(
     truth_counts_from: Literal[0, 1] | None = None,
     variable: str | None = None,
     points: int | None = None,
-    seed: int = 0,
+    seed: Seed = 0,
     talk: Talk = TALK,
 ) -> None:
     """Score a map of any tool: geodesic errors on the target, in √(target area), as in the Princeton benchmark.
 
-    Parameters
-    ----------
-    map_file : Path
-        The map: a text file with the target vertex of each source vertex, one a line (-1: unmatched), an .npy or .npz
-        file with such an array, or a .mat file with such a variable.
-    truth : Path
-        The truth: another map; or two columns of vertices that correspond (source, target); or four, a triangle of the
-        target and three barycentric weights for each source vertex; or, with --target-marks, the marks of the source.
-    source : Path
-        Mesh that the map leads from.
-    target : Path
-        Mesh that the map leads to.
-    target_marks : Path
-        Marks of the target, such as a .vts file: the vertex on each line, counted from 1, corresponds to that on the
-        same line of TRUTH.
-    counts_from : int
-        What MAP counts from, 0 or 1. By default from 1 where its largest index is the number of target vertices and none
-        is 0, which a note tells, and otherwise from 0; of a .mat file that may well count from either, it has to be said.
-    truth_counts_from : int
-        The same of TRUTH.
-    variable : str
-        Name of the map in a .mat or .npz file that holds several arrays of its length.
-    points : int
-        Number of truth points to judge, drawn without replacement; all by default.
-    seed : int
-        Seed of the draw.
-    talk : Talk
-        What is told.
+    Args:
+        map_file: The map: a text file with the target vertex of each source vertex, one a line (-1: unmatched), an .npy
+            or .npz file with such an array, or a .mat file with such a variable.
+        truth: The truth: another map; or two columns of vertices that correspond (source, target); or four, a triangle of
+            the target and three barycentric weights for each source vertex; or, with --target-marks, the marks of the
+            source.
+        source: Mesh that the map leads from.
+        target: Mesh that the map leads to.
+        target_marks: Marks of the target, such as a .vts file: the vertex on each line, counted from 1, corresponds to
+            that on the same line of TRUTH.
+        counts_from: What MAP counts from, 0 or 1. By default from 1 where its largest index is the number of target
+            vertices and none is 0, which a note tells, and otherwise from 0; of a .mat file that may well count from
+            either, it has to be said.
+        truth_counts_from: The same of TRUTH.
+        variable: Name of the map in a .mat or .npz file that holds several arrays of its length.
+        points: Number of truth points to judge, drawn without replacement; all by default.
     """
     with talk.progress() as tell:
         tell("reading", 0.0)
@@ -109,12 +98,12 @@ def evaluate(
         "coverage": coverage,
         "notes": [note for note in notes if note],
     }
-    talk.result(record, lambda: _say(record), is_answer=True)
 
+    def summary() -> None:
+        say_table(_rows(record))
+        say_notes(record["notes"])
 
-def _say(record: dict[str, Any]) -> None:
-    say_table(_rows(record))
-    say_notes(record["notes"])
+    talk.result(record, summary, is_answer=True)
 
 
 def _of_marks(of_source: Path, of_target: Path) -> IntArray:

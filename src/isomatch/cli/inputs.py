@@ -1,4 +1,4 @@
-"""The inputs of commands: surfaces without faces, pairs, an initial map, settings, outcomes."""
+"""The options that several commands have, and their inputs: surfaces, functions, maps, settings, outcomes."""
 
 from __future__ import annotations
 
@@ -6,20 +6,45 @@ import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Annotated, TypeAlias
 
 import numpy as np
+from cyclopts import Parameter
 
 import isomatch
-from isomatch.errors import FormatError, IsomatchError, MeshError, SettingError
+from isomatch.errors import FormatError, IsomatchError, LandmarkError, MeshError, SettingError
 from isomatch.values.arrays import FloatArray, IntArray
 
+Surface: TypeAlias = "isomatch.Mesh | isomatch.PointCloud"
 
-def surface_of(mesh: isomatch.Mesh) -> isomatch.Mesh | isomatch.PointCloud:
+Output = Annotated[Path, Parameter(name=["--output", "-o"])]
+Force = Annotated[bool, Parameter(help="Replace existing files.")]
+Seed = Annotated[int, Parameter(help="Seed of random choices.")]
+Json = Annotated[
+    bool, Parameter(help="Print JSON and nothing else: an object, of several files a list of them.")
+]
+Details = Annotated[
+    bool, Parameter(help="Print every measure too, with its bound, and the seconds of each stage.")
+]
+ConfigFile = Annotated[
+    Path | None,
+    Parameter(help="TOML file with settings of the match, see isomatch.Config; options take precedence."),
+]
+Weld = Annotated[
+    bool,
+    Parameter(
+        negative="--no-weld",
+        help="Take vertices at exactly the same position, as along texture seams, for one point.",
+    ),
+]
+
+
+def surface_of(mesh: isomatch.Mesh) -> Surface:
     """Take the vertices of a mesh without faces as a point cloud."""
     return mesh if mesh.n_faces else isomatch.PointCloud(mesh.vertices)
 
 
-def read_surface(path: Path) -> isomatch.Mesh | isomatch.PointCloud:
+def read_surface(path: Path) -> Surface:
     """Read a mesh, or points without faces as a point cloud."""
     mesh = isomatch.read_mesh(path)
     try:
@@ -58,6 +83,17 @@ def read_functions(path: Path, names: list[str], n: int) -> FloatArray:
     return values
 
 
+def read_landmarks(
+    landmarks: Path | None, of_target: Path | None, shapes: tuple[Surface, Surface]
+) -> IntArray | None:
+    """Read pairs (q, 2) of vertices, from one file or from one of each shape; None if there is none."""
+    if landmarks is None:
+        if of_target is not None:
+            raise LandmarkError("--target-landmarks needs --landmarks with the points of the source")
+        return None
+    return isomatch.read_landmarks(landmarks, *shapes, of_target)
+
+
 def read_initial_map(path: Path, n_target: int) -> IntArray:
     """Read the target vertex of each source vertex from text or ``.npz``; −1 if unknown."""
     return isomatch.Correspondence.load(path, n_target).vertices
@@ -75,19 +111,11 @@ def read_config(path: Path | None) -> isomatch.Config | None:
 
 def read_outcomes(names: str | None) -> tuple[isomatch.Outcome, ...]:
     """Read a list of outcomes, such as "low-confidence,ambiguous", where one word of a name will do."""
+    known = {outcome.value.replace(" ", "-"): outcome for outcome in isomatch.Outcome}
     outcomes = []
     for word in filter(None, map(str.strip, (names or "").split(","))):
-        named = [
-            outcome
-            for outcome in isomatch.Outcome
-            if word in (_dashed(outcome), *_dashed(outcome).split("-"))
-        ]
+        named = [outcome for name, outcome in known.items() if word in (name, *name.split("-"))]
         if not named:
-            allowed = ", ".join(map(_dashed, isomatch.Outcome))
-            raise SettingError(f"--fail-on {word!r} is not an outcome; known are {allowed}")
+            raise SettingError(f"--fail-on {word!r} is not an outcome; known are {', '.join(known)}")
         outcomes += named
     return tuple(outcomes)
-
-
-def _dashed(outcome: isomatch.Outcome) -> str:
-    return outcome.value.replace(" ", "-")

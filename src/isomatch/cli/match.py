@@ -1,35 +1,120 @@
-"""``isomatch match``: match two files and write a folder with their map."""
+"""``isomatch match``, ``choose`` and ``demo``: match two files, continue with an alternative, match the shipped pair."""
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 from cyclopts import Parameter
 
 import isomatch
-from isomatch import view
+from isomatch import datasets, evaluation, matching
 from isomatch.assets import files_beside
-from isomatch.cli.inputs import naming_files, read_config, read_functions, read_outcomes, read_surface
-from isomatch.cli.outputs import (
+from isomatch.cli.inputs import (
+    ConfigFile,
+    Details,
+    Force,
+    Output,
+    Seed,
+    Surface,
+    naming_files,
+    read_config,
+    read_functions,
+    read_landmarks,
+    read_outcomes,
+    read_surface,
+)
+from isomatch.cli.outputs import claimed_files, notes_on, require_writable, say_wrapped, write_wrapped
+from isomatch.cli.results import (
+    BACK_REMOVED,
+    Earlier,
+    Given,
     ResultFolder,
-    back_of,
-    claimed_files,
-    notes_on,
-    refuse_outcomes,
-    require_writable,
+    described,
+    match_again,
     say_files,
     say_result,
-    say_wrapped,
-    write_wrapped,
 )
-from isomatch.cli.terminal import TALK, Talk, json_text, part, say
-from isomatch.errors import LandmarkError, MapError, NotConvergedError
+from isomatch.cli.terminal import TALK, Talk, json_text, part, say, say_rows
+from isomatch.errors import LandmarkError, MapError, MeshError, NotConvergedError
 from isomatch.settings import Hypotheses, Orientation, RefinementName, Resolution, Start
 from isomatch.storage.files import write_text
+
+N_JUDGED = 500  # source vertices, drawn with seed 0, whose images a demo compares with the ground truth
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Hints:
+    """What is known of a map before the match.
+
+    Args:
+        landmarks: Pairs: on each line two 0-based vertex indices (source, target) or two positions (x y z x y z),
+            separated by commas or blanks, or a table with the columns source, target; # starts a comment. With
+            --target-landmarks, the points marked on the source.
+        target_landmarks: The points marked on the target: .mrk.json or .fcsv of 3D Slicer, .pp of MeshLab, or text.
+            Points of both files are joined by name, or in order if no name is shared.
+        pin: Landmarks hold: the map is bent around those farther off than this, in √area; 0 holds all exactly.
+        hypotheses: Whether automatic maps compete with the hints (all, the default), or are only reported as
+            alternatives (given).
+        initial_map: A map to start from: a text file with one target vertex per line (-1: unknown), an .npy, .mat or
+            map.npz.
+        function: Name of a scalar or a colour of the points that means the same in both files, such as thickness: it
+            takes part in search and refinement. May be given several times.
+    """
+
+    landmarks: Path | None = None
+    target_landmarks: Path | None = None
+    pin: float | None = None
+    hypotheses: Hypotheses | None = None
+    initial_map: Path | None = None
+    function: list[str] | None = None
+
+    @property
+    def files(self) -> dict[str, str]:
+        """Those that are files, by what they are."""
+        paths = {
+            "landmarks": self.landmarks,
+            "target landmarks": self.target_landmarks,
+            "initial map": self.initial_map,
+        }
+        return {what: str(path) for what, path in paths.items() if path is not None}
+
+    def read(self, ends: tuple[Path, Path], shapes: tuple[Surface, Surface]) -> dict[str, Any]:
+        """Read what `isomatch.match` takes of them."""
+        pairs = read_landmarks(self.landmarks, self.target_landmarks, shapes)
+        n_target, first, functions = shapes[1].n_vertices, self.initial_map, None
+        if self.function:
+            columns = zip(ends, shapes)
+            functions = tuple(read_functions(path, self.function, x.n_vertices) for path, x in columns)
+        start = None if first is None else isomatch.Correspondence.load(first, n_target)
+        return {"landmarks": pairs, "initial_map": start, "functions": functions}
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Way:
+    """How a map is searched and refined.
+
+    Args:
+        refinement: How the map is refined: joint (default), smooth, laplace_icp (similar to the paper), or none.
+        orientation: Whether the map preserves orientation: preserve (default), reverse (a mirror image), or any.
+        start: "pose" if the meshes are roughly aligned in space, which gives a first map; otherwise auto (default).
+        resolution: On how many vertices large meshes are matched: auto (default), full, or fast. The map is of all
+            vertices.
+    """
+
+    refinement: RefinementName | None = None
+    orientation: Orientation | None = None
+    start: Start | None = None
+    resolution: Resolution | None = None
+    config: ConfigFile = None
+
+
+HINTS, WAY = Hints(), Way()
 
 
 def match(
@@ -37,166 +122,63 @@ def match(
     target: Path,
     /,
     *,
-    output: Annotated[Path, Parameter(name=["--output", "-o"])],
-    landmarks: Path | None = None,
-    target_landmarks: Path | None = None,
-    pin: float | None = None,
-    hypotheses: Hypotheses | None = None,
-    initial_map: Path | None = None,
-    function: Annotated[list[str] | None, Parameter(negative=())] = None,
-    refinement: RefinementName | None = None,
-    orientation: Orientation | None = None,
-    start: Start | None = None,
-    resolution: Resolution | None = None,
-    config: Path | None = None,
+    output: Output,
+    hints: Hints = HINTS,
+    way: Way = WAY,
     both: bool = False,
     fail_on: str | None = None,
     report: Annotated[bool, Parameter(name="--report", negative="--no-report", show_default=False)] = True,
     as_mesh: Path | None = None,
-    seed: int = 0,
-    force: bool = False,
-    details: Annotated[bool, Parameter(negative=())] = False,
+    seed: Seed = 0,
+    force: Force = False,
+    details: Details = False,
     talk: Talk = TALK,
 ) -> None:
     """Match two shapes: find the target point of every source vertex.
 
-    Parameters
-    ----------
-    source : Path
-        Mesh to map from: any surface file, such as .ply, .obj or .vtp. Points without faces are a point cloud.
-    target : Path
-        Mesh to map to.
-    output : Path
-        Folder for map.npz, map.txt, result.json, map.png, report.html, and alternative_1.npz … for isomatch choose; with
-        --both also map_back.npz. Without a map, picker.html.
-    landmarks : Path
-        Pairs: on each line two 0-based vertex indices (source, target) or two positions (x y z x y z), separated by
-        commas or blanks, or a table with the columns source, target; # starts a comment. With --target-landmarks, the
-        points marked on the source.
-    target_landmarks : Path
-        The points marked on the target: .mrk.json or .fcsv of 3D Slicer, .pp of MeshLab, or text. Points of both files
-        are joined by name, or in order if no name is shared.
-    pin : float
-        Landmarks hold: the map is bent around those farther off than this, in √area; 0 holds all exactly.
-    initial_map : Path
-        A map to start from: a text file with one target vertex per line (-1: unknown), an .npy, .mat or map.npz.
-    hypotheses : str
-        Whether automatic maps compete with the hints (all, the default), or are only reported as alternatives (given).
-    function : list of str
-        Name of a scalar or a colour of the points that means the same in both files, such as thickness: it takes part
-        in search and refinement. May be given several times.
-    refinement : str
-        How the map is refined: joint (default), smooth, laplace_icp (similar to the paper), or none.
-    orientation : str
-        Whether the map preserves orientation: preserve (default), reverse (a mirror image), or any.
-    start : str
-        "pose" if the meshes are roughly aligned in space, which gives a first map; otherwise auto (default).
-    resolution : str
-        On how many vertices large meshes are matched: auto (default), full, or fast. The map is of all vertices.
-    config : Path
-        TOML file with these and all other settings; see isomatch.Config. Options given here take precedence.
-    both : bool
-        Also find the map of the other direction, map_back.npz; both together take about 1.3 times as long as one.
-    fail_on : str
-        Outcomes that make the exit code 1, after all files are written: low-confidence, mirror-image,
-        symmetry-ambiguous, hints-contradicted, partial, converged; several with commas. With --both, that of either
-        direction counts.
-    report : bool
-        Whether to write report.html.
-    as_mesh : Path
-        Surface file to write: the source, with its faces and all that its file carries, in the shape of the target, in
-        the target's coordinates and frame.
-    seed : int
-        Seed of the sampling and of the eigensolver.
-    force : bool
-        Replace an existing result in the folder.
-    details : bool
-        Print every measure too, with its bound, and the seconds of each stage.
-    talk : Talk
-        What is told.
+    Args:
+        source: Mesh to map from: any surface file, such as .ply, .obj or .vtp. Points without faces are a point cloud.
+        target: Mesh to map to.
+        output: Folder for map.npz, map.txt, result.json, map.png, report.html, and alternative_1.npz … for isomatch
+            choose; with --both also map_back.npz. Without a map, picker.html.
+        both: Also find the map of the other direction, map_back.npz; both together take about 1.3 times as long as one.
+        fail_on: Outcomes that make the exit code 1, after all files are written: low-confidence, mirror-image,
+            symmetry-ambiguous, hints-contradicted, partial, converged; several with commas. With --both, that of either
+            direction counts.
+        report: Whether to write report.html.
+        as_mesh: Surface file to write: the source, with its faces and all that its file carries, in the shape of the
+            target, in the target's coordinates and frame.
     """
     refused = read_outcomes(fail_on)
-    folder = ResultFolder(output, report=report, both=both)
-    settings = read_config(config) or isomatch.Config()
-    options: dict[str, Any] = {
-        "refinement": refinement,
-        "orientation": orientation,
-        "start": start,
-        "pin": pin,
-        "hypotheses": hypotheses,
-        "resolution": resolution,
-    }
-    settings = replace(settings, **{name: value for name, value in options.items() if value is not None})
-    if landmarks is None and target_landmarks is not None:
-        raise isomatch.LandmarkError("--target-landmarks needs --landmarks with the points of the source")
+    folder, ends = ResultFolder(output, report=report, both=both), (source, target)
+    options: dict[str, Any] = {**vars(way), "pin": hints.pin, "hypotheses": hints.hypotheses}
+    chosen = {name: value for name, value in options.items() if value is not None and name != "config"}
+    settings = replace(read_config(way.config) or isomatch.Config(), **chosen)
+    options |= {"output": output, "initial_map": hints.initial_map, "function": hints.function}
+    again = match_again(*ends, **options, seed=seed, both=both, as_mesh=as_mesh)
     with talk.progress() as tell:
         tell("reading", 0.0)
         shapes = read_surface(source), read_surface(target)
-        drawn = view.drawable(shapes[0]), view.drawable(shapes[1])
-        pairs = None if landmarks is None else isomatch.read_landmarks(landmarks, *shapes, target_landmarks)
-        n_target = shapes[1].n_vertices
-        first: Any = None if initial_map is None else isomatch.Correspondence.load(initial_map, n_target)
-        known = None
-        if function:
-            known = (
-                read_functions(source, function, shapes[0].n_vertices),
-                read_functions(target, function, shapes[1].n_vertices),
-            )
-        beside: tuple[Path, ...] = ()
-        if as_mesh is not None:
-            require_writable(as_mesh)
-            _require_faces(**{str(source): shapes[0], str(target): shapes[1]})
-            assets = isomatch.read_asset(source), isomatch.read_asset(target, sound=False)
-            beside = files_beside(as_mesh, assets[0])
+        known = hints.read(ends, shapes)
+        pairs = known["landmarks"]
+        given = Given(*ends, again, [] if pairs is None else pairs.tolist(), hints.files)
+        assets, beside = _to_wrap(as_mesh, ends, shapes)
         with folder.claimed(force), claimed_files(as_mesh, *beside, force=force):
-            inputs = {
-                "source": source,
-                "target": target,
-                "landmarks": landmarks,
-                "target landmarks": target_landmarks,
-                "initial map": initial_map,
-            }
-            again = {**options, "output": output, "initial_map": initial_map, "config": config, "seed": seed}
-            again |= {"function": function}
-            again |= {"both": both or None, "as_mesh": as_mesh}
-            shown: dict[str, Any] = {
-                "names": (source.name, target.name),
-                "facts": {what: str(path) for what, path in inputs.items() if path is not None},
-                "landmarks": pairs,
-                "command": with_landmarks(source, target, **again),
-            }
-            run: Callable[..., tuple[isomatch.MatchResult, isomatch.MatchResult | None]]
-            run = isomatch.match_both if both else _one_way
+            run: Callable[..., Any] = isomatch.match_both if both else isomatch.match
             try:
                 with naming_files(source=source, target=target):
-                    result, back = run(
-                        *shapes,
-                        landmarks=pairs,
-                        initial_map=first,
-                        functions=known,
-                        config=settings,
-                        seed=seed,
-                        progress=part(tell, 0.05, 0.85),
-                    )
+                    found = run(*shapes, **known, config=settings, seed=seed, progress=part(tell, 0.05, 0.85))
             except (LandmarkError, MapError, NotConvergedError) as error:
-                raise folder.write_picker(*drawn, error, **shown) from error
+                raise folder.write_picker(shapes, error, given) from error
+            result, back = found if both else (found, None)
             tell("writing", 0.85)
-            titles = f"source: {source.name}", f"target: {target.name}"
-            more: dict[str, Any] = {
-                "source": str(source),
-                "target": str(target),
-                "match_again": shown["command"],
-                "landmarks": [] if pairs is None else pairs.tolist(),
-            }
-            record = folder.write(
-                *drawn, result, titles=titles, more=more, back=back_of(back) if back else None, **shown
-            )
+            record = folder.write(shapes, result, given, back=(back.map, described(back)) if back else None)
             if as_mesh is not None:
                 wrapped = isomatch.wrap(result.map, *shapes)
                 record["as_mesh"] = {
                     **write_wrapped(as_mesh, assets[0], assets[1].frame, wrapped, result.expected_error),
                     "files_beside": list(map(str, beside)),
-                    "notes": notes_on(dict(zip((source, target), assets))),
+                    "notes": notes_on(dict(zip(ends, assets))),
                 }
                 write_text(folder.result, json_text(record))
         tell("done", 1.0)
@@ -212,27 +194,94 @@ def match(
 
     talk.result(record, summary)
     for matched in filter(None, (result, back)):
-        refuse_outcomes(matched, refused, folder.folder)
-
-
-def _one_way(source: Any, target: Any, **options: Any) -> tuple[isomatch.MatchResult, None]:
-    return isomatch.match(source, target, **options), None
-
-
-def _require_faces(**shapes: isomatch.Mesh | isomatch.PointCloud) -> None:
-    for name, shape in shapes.items():
-        if isinstance(shape, isomatch.PointCloud):
-            raise isomatch.MeshError(
-                f"{name}: has no faces, which --as-mesh needs; give a mesh, or leave it out"
+        if (outcome := matched.outcome) in refused:
+            raise NotConvergedError(
+                f"{outcome.value} ({matched.map!r}); the files are in {output}. {outcome.advice}"
             )
 
 
-def with_landmarks(source: Path, target: Path, **options: Any) -> str:
-    """Write the command that matches again with landmarks."""
-    words = ["isomatch", "match", str(source), str(target)]
-    for name, value in options.items():
-        if value is not None and (name, value) != ("seed", 0):
-            option = f"--{name.replace('_', '-')}"
-            for each in value if isinstance(value, list) else [value]:
-                words += [option, *([] if each is True else [str(each)])]
-    return shlex.join([*words, "--landmarks", "landmarks.txt", "--force"])
+def _to_wrap(
+    as_mesh: Path | None, ends: tuple[Path, Path], shapes: tuple[Surface, Surface]
+) -> tuple[list[isomatch.Asset], list[Path]]:
+    """Read what the file of ``--as-mesh`` is made of, and name the files beside it; nothing without that option."""
+    if as_mesh is None:
+        return [], []
+    require_writable(as_mesh)
+    for path, shape in zip(ends, shapes):
+        if isinstance(shape, isomatch.PointCloud):
+            raise MeshError(f"{path}: has no faces, which --as-mesh needs; give a mesh, or leave it out")
+    assets = [isomatch.read_asset(ends[0]), isomatch.read_asset(ends[1], sound=False)]
+    return assets, list(files_beside(as_mesh, assets[0]))
+
+
+def choose(folder: Path, number: int, /, *, details: Details = False, talk: Talk = TALK) -> None:
+    """Make an alternative the map: refine and measure it, and replace the files of the result.
+
+    The former map becomes alternative 1, and the other alternatives follow. A map of the other direction is removed;
+    the file of --as-mesh stays what it was.
+
+    Args:
+        folder: Folder that isomatch match wrote. The two meshes are read from where they were then.
+        number: Number of the alternative in the report, from 1.
+    """
+    earlier = Earlier.read(folder)
+    given, landmarks = earlier.given, earlier.given.landmarks or None
+    with talk.progress() as tell, earlier.folder.claimed(force=True):
+        tell("reading", 0.0)
+        shapes = earlier.surfaces()
+        with naming_files(source=given.source, target=given.target):
+            before = earlier.result(*shapes)
+            result = matching.continue_with(before, number, *shapes, landmarks, part(tell, 0.05, 0.85))
+        tell("writing", 0.85)
+        had_back = earlier.folder.has_back
+        record = earlier.folder.write(shapes, result, replace(given, facts={"chosen": result.notes[0]}))
+
+    def summary() -> None:
+        say_result(result, details)
+        say_rows(("note", note) for note in [*([BACK_REMOVED] if had_back else []), *earlier.mesh_left])
+        say_files(record)
+
+    talk.result(record, summary)
+
+
+def demo(*, output: Output = Path("demo"), details: Details = False, talk: Talk = TALK) -> None:
+    """Match two poses of an animal without landmarks, and compare the map with the exact ground truth.
+
+    Args:
+        output: Folder for standing.ply and running.ply, the pair, and for map.npz, map.txt, result.json, map.png and
+            report.html. Existing files are replaced.
+    """
+    source, target = datasets.example_pair()
+    ends, shapes = (output / "standing.ply", output / "running.ply"), (source.mesh, target.mesh)
+    folder = ResultFolder(output)
+    with folder.claimed(force=True), talk.progress() as tell:
+        result = isomatch.match(*shapes, progress=part(tell, 0.0, 0.6))
+        tell("comparing", 0.6)
+        truth = datasets.ground_truth(source, target).vertices
+        pairs = np.column_stack([np.arange(len(truth)), truth])
+        errors = evaluation.geodesic_errors(target.mesh, result.map, pairs, N_JUDGED)
+        tell("writing", 0.7)
+        for path, mesh in zip(ends, shapes):
+            isomatch.write_mesh(path, mesh)
+        facts = {"error, mean": f"{errors.mean():.2%} of √(target area), against the ground truth"}
+        record = folder.write(
+            shapes,
+            result,
+            Given(*ends, match_again(*ends, output=output), facts=facts),
+            titles=(
+                f"source, {source.mesh.n_vertices} vertices, coloured by their images",
+                f"target, {target.mesh.n_vertices} vertices",
+            ),
+            more={"mean_error_over_sqrt_target_area": float(errors.mean())},
+        )
+
+    def summary() -> None:
+        say_result(result, details)
+        told = (
+            f"{errors.mean():.2%} of the size (√area) off on average, at most {np.quantile(errors, 0.95):.2%} at 95% of "
+            f"the {N_JUDGED} vertices that were compared"
+        )
+        say_rows([("in truth", told)])
+        say_files(record)
+
+    talk.result(record, summary)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import webbrowser
 from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
+from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass, replace
 from io import BytesIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -17,17 +17,13 @@ from cyclopts import Parameter
 
 import isomatch
 from isomatch import serving, view
-from isomatch.cli.earlier import Earlier
-from isomatch.cli.inputs import read_config, read_surface
-from isomatch.cli.match import with_landmarks
-from isomatch.cli.outputs import BACK_REMOVED, Back, ResultFolder
+from isomatch.cli.inputs import ConfigFile, Force, Surface, read_config, read_landmarks, read_surface
+from isomatch.cli.results import BACK_REMOVED, Back, Earlier, Given, ResultFolder, match_again
 from isomatch.cli.terminal import json_text, say
 from isomatch.errors import SettingError
 
-Surfaces = tuple[isomatch.Mesh | isomatch.PointCloud, isomatch.Mesh | isomatch.PointCloud]
 
-
-def open_page(
+def open(
     source: Path,
     target: Path | None = None,
     /,
@@ -35,39 +31,27 @@ def open_page(
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
     landmarks: Path | None = None,
     target_landmarks: Path | None = None,
-    config: Path | None = None,
+    config: ConfigFile = None,
     port: int = 0,
     browser: Annotated[bool, Parameter(name="--browser", negative="--no-browser", show_default=False)] = True,
     seed: int | None = None,
-    force: bool = False,
+    force: Force = False,
 ) -> None:
     """Work on two shapes in a page: match, look, correct landmarks, compare, save.
 
     The page is served to browsers of this machine alone, until Ctrl-C ends it. It needs the extra open.
 
-    Parameters
-    ----------
-    source : Path
-        Mesh to map from, or the folder of a result of isomatch match, to go on with it.
-    target : Path
-        Mesh to map to; not with a folder.
-    output : Path
-        Folder into which the page saves the files that isomatch match writes. Without it, the page offers them as a
-        download. A result that is opened is saved into its own folder; once there is another map, without its map back.
-    landmarks : Path
-        Landmarks to begin with, as for isomatch match.
-    target_landmarks : Path
-        The points marked on the target, if they have a file of their own.
-    config : Path
-        TOML file with settings; see isomatch.Config.
-    port : int
-        Port on which the page is served; 0 for any that is free.
-    browser : bool
-        Whether to open the page in a browser. Its address is printed in any case.
-    seed : int
-        Seed of the sampling and of the eigensolver; 0 if it is left out. A result that is opened has its own.
-    force : bool
-        Replace an existing result in the folder; not with a result that is opened, which Save replaces.
+    Args:
+        source: Mesh to map from, or the folder of a result of isomatch match, to go on with it.
+        target: Mesh to map to; not with a folder.
+        output: Folder into which the page saves the files that isomatch match writes. Without it, the page offers them
+            as a download. A result that is opened is saved into its own folder; once there is another map, without its
+            map back.
+        landmarks: Landmarks to begin with, as for isomatch match.
+        target_landmarks: The points marked on the target, if they have a file of their own.
+        port: Port on which the page is served; 0 for any that is free.
+        browser: Whether to open the page in a browser. Its address is printed in any case.
+        seed: Seed of all that is drawn at random; 0 if it is left out. A result that is opened has its own.
     """
     serving.require_server()
     if target is None:
@@ -81,27 +65,23 @@ def open_page(
         }
         _require_result(source, [option for option, value in own.items() if value is not None])
         earlier = Earlier.read(source)
-        surfaces, again = earlier.surfaces(), earlier.record["match_again"]
+        surfaces = earlier.surfaces()
         result = earlier.result(*surfaces)
         opened = _Opened(result, earlier, earlier.back(surfaces[0]))
-        keeper = _Files(earlier.source, earlier.target, surfaces, earlier.folder, again, opened)
-        begun: dict[str, Any] = {"result": result, "config": result.config, "seed": result.seed}
-        pairs, force = earlier.landmarks, True
+        keeper, force = _Files(earlier.given, surfaces, earlier.folder, opened), True
+        session: dict[str, Any] = {"result": result, "config": result.config, "seed": result.seed}
     else:
-        if landmarks is None and target_landmarks is not None:
-            raise isomatch.LandmarkError("--target-landmarks needs --landmarks with the points of the source")
-        seed = seed or 0
-        begun = {"config": read_config(config), "seed": seed}
-        surfaces, pairs = (read_surface(source), read_surface(target)), []
-        if landmarks is not None:
-            pairs = isomatch.read_landmarks(landmarks, *surfaces, target_landmarks).tolist()
-        again = with_landmarks(source, target, output=output or Path("out"), config=config, seed=seed)
-        keeper = _Files(source, target, surfaces, ResultFolder(output) if output else None, again)
-    page = view.WorkPage(*keeper.drawn, names=keeper.names, landmarks=pairs)
+        session = {"config": read_config(config), "seed": seed or 0}
+        surfaces = read_surface(source), read_surface(target)
+        pairs = read_landmarks(landmarks, target_landmarks, surfaces)
+        again = match_again(source, target, output=output or Path("out"), config=config, seed=seed or 0)
+        given = Given(source, target, again, [] if pairs is None else pairs.tolist())
+        keeper = _Files(given, surfaces, ResultFolder(output) if output else None)
+    marks = keeper.given.landmarks
+    drawn = view.drawable(surfaces[0]), view.drawable(surfaces[1])
+    page = view.WorkPage(*drawn, names=keeper.given.names, landmarks=marks)
     with keeper.claimed(force):
-        server = serving.PageServer(
-            serving.Session(keeper.surfaces, page, keeper, landmarks=pairs, **begun), port
-        )
+        server = serving.PageServer(serving.Session(surfaces, page, keeper, landmarks=marks, **session), port)
         say(
             f"{server.address}\nBrowsers of this machine that have this address show the page. Ctrl-C ends it."
         )
@@ -134,22 +114,12 @@ class _Opened:
 
 @dataclass(frozen=True)
 class _Files:
-    """Writes what `isomatch match` writes, see `serving.Keeper`; ``again`` is the command that matches again."""
+    """Writes what `isomatch match` writes, see `serving.Keeper`."""
 
-    source: Path
-    target: Path
-    surfaces: Surfaces
+    given: Given
+    surfaces: tuple[Surface, Surface]
     results: ResultFolder | None
-    again: str
     opened: _Opened | None = None
-
-    @property
-    def names(self) -> tuple[str, str]:
-        return self.source.name, self.target.name
-
-    @property
-    def drawn(self) -> tuple[isomatch.Mesh, isomatch.Mesh]:
-        return view.drawable(self.surfaces[0]), view.drawable(self.surfaces[1])
 
     @property
     def folder(self) -> str:
@@ -158,11 +128,8 @@ class _Files:
     @contextmanager
     def claimed(self, force: bool) -> Iterator[None]:
         """Claim the folder, if there is one, as long as the page is served."""
-        if self.results is None:
+        with self.results.claimed(force) if self.results else nullcontext():
             yield
-        else:
-            with self.results.claimed(force):
-                yield
 
     def write(self, result: isomatch.MatchResult, landmarks: serving.Pairs) -> str:
         if self.results is None:
@@ -189,22 +156,12 @@ class _Files:
     def _write(
         self, results: ResultFolder, result: isomatch.MatchResult, landmarks: serving.Pairs
     ) -> dict[str, Any]:
-        source_name, target_name = self.names
         opened = self.opened if self.opened and result is self.opened.result else None
+        as_mesh = opened.earlier.as_mesh if opened else {}
         return results.write(
-            *self.drawn,
+            self.surfaces,
             result,
-            names=self.names,
-            titles=(f"source: {source_name}", f"target: {target_name}"),
-            facts={"source": str(self.source), "target": str(self.target)},
-            more={
-                "source": str(self.source),
-                "target": str(self.target),
-                "match_again": self.again,
-                "landmarks": [list(pair) for pair in landmarks],
-                **({"as_mesh": opened.earlier.as_mesh} if opened and opened.earlier.as_mesh else {}),
-            },
+            replace(self.given, landmarks=landmarks),
+            more={"as_mesh": as_mesh} if as_mesh else {},
             back=opened.back if opened else None,
-            landmarks=landmarks or None,
-            command=self.again,
         )

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import sys
+from ast import FunctionDef, Module, get_docstring, parse
 from collections.abc import Sequence
 from importlib.metadata import entry_points
+from importlib.util import find_spec
+from pathlib import Path
 
 from cyclopts import App, Parameter
 from cyclopts.exceptions import CycloptsError
@@ -24,49 +27,40 @@ app = App(
     version=__version__,
     default_parameter=Parameter(negative=()),
 )
-COMMANDS = (
-    "match",
-    "choose",
-    "transfer",
-    "collect",
-    "basis",
-    "distance",
-    "check",
-    "repair",
-    "evaluate",
-    "statistics",
-    "demo",
-    "info",
-    "warm",
-)
-for name in COMMANDS:  # each is imported when it is called
-    app.command(f"isomatch.cli.{name}:{name}")
-app.command("isomatch.cli.open:open_page", name="open")
+_BY_FILE = {
+    "match": ("match", "choose", "demo"),
+    "open": ("open",),
+    "transfer": ("transfer",),
+    "collect": ("collect",),
+    "statistics": ("statistics",),
+    "distance": ("distance", "basis"),
+    "mesh": ("check", "repair"),
+    "evaluate": ("evaluate",),
+    "machine": ("info", "warm"),
+}
+COMMANDS = {name: f"isomatch.cli.{file}:{name}" for file, names in _BY_FILE.items() for name in names}
 for entry in entry_points(group="isomatch.commands"):  # of other packages, such as isomatch_lab
-    app.command(entry.value, name=entry.name)
+    COMMANDS[entry.name] = entry.value
+for name, place in COMMANDS.items():  # each is imported when it is called
+    app.command(place, name=name)
 app.register_install_completion_command(
     help="Complete commands and options in the shell: writes a script and adds a line to the shell's start-up file."
 )
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run one command.
+    """Run one command, by default that of the process, and return its exit code.
 
-    Parameters
-    ----------
-    argv : sequence of str, optional
-        Arguments after the name of the program; by default those of the process.
-
-    Returns
-    -------
-    int
-        Exit code: 0 if it succeeded, 1 for bad input or a bad result, 2 for wrong usage.
+    0 if it succeeded, 1 for bad input or a bad result, 2 for wrong usage.
     """
     print_anything()
+    words = sys.argv[1:] if argv is None else list(argv)
+    if not words or words[0] in app.help_flags:
+        for name, place in COMMANDS.items():
+            del app[name]
+            app.command(place, name=name, help=_first_line(place))
     try:
-        command, bound, _ = app.parse_args(
-            sys.argv[1:] if argv is None else list(argv), exit_on_error=False, print_error=False
-        )
+        command, bound, _ = app.parse_args(words, exit_on_error=False, print_error=False)
     except CycloptsError as error:
         return _complain(f"{error} See isomatch --help.", MISUSED)
     try:
@@ -85,6 +79,16 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         return _complain("interrupted", INTERRUPTED)
     return DONE
+
+
+def _first_line(place: str) -> str:
+    """Read what a command does from its file, without the import of all that it needs."""
+    module, _, name = place.partition(":")
+    spec = find_spec(module)
+    tree = parse(Path(spec.origin).read_text(encoding="utf-8")) if spec and spec.origin else Module([], [])
+    functions = {each.name: each for each in tree.body if isinstance(each, FunctionDef)}
+    command = functions.get(name, functions.get("run"))  # a command with commands of its own runs that
+    return ((command and get_docstring(command)) or "").partition("\n")[0]
 
 
 def _complain(message: str, code: int) -> int:

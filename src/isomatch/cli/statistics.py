@@ -1,30 +1,33 @@
-"""``isomatch statistics``: mean, modes, groups and distances of shapes in one topology."""
+"""``isomatch statistics``: mean, modes, groups and distances of shapes in one topology, and shapes completed by them."""
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import replace
+from itertools import accumulate
 from pathlib import Path
 from typing import Annotated, Any, Literal
+from unicodedata import normalize
 
 import numpy as np
 from cyclopts import App, Parameter
 
 import isomatch
 import isomatch.statistics as shape_statistics
-from isomatch import collections
-from isomatch.cli.complete import complete
-from isomatch.cli.group_table import read_groups
-from isomatch.cli.inputs import read_initial_map
+from isomatch import assets, collections
+from isomatch.assets import Asset, Attribute
+from isomatch.cli.inputs import ConfigFile, Force, Output, Seed, read_config, read_initial_map
+from isomatch.cli.outputs import claimed_files, require_writable, say_left_out
 from isomatch.cli.statistics_files import StatisticsFolder
-from isomatch.cli.terminal import TALK, Talk, complain, say, say_table
-from isomatch.errors import IsomatchError
-from isomatch.storage.texts import read_csv
+from isomatch.cli.terminal import INDENT, TALK, Talk, complain, json_text, part, say, say_rows, say_table
+from isomatch.errors import FormatError, IsomatchError
+from isomatch.storage.files import opened, write_text
+from isomatch.storage.texts import Rows, decoded, read_csv, separated
 from isomatch.values.arrays import FloatArray
 
 TRUSTED = {"CONVERGED", "PARTIAL"}  # outcomes of maps that are not in doubt
 
 statistics = App(name="statistics", default_parameter=Parameter(negative=()))
-statistics.command(complete)
 
 
 @statistics.default
@@ -32,7 +35,7 @@ def run(
     folder: Path,
     /,
     *,
-    output: Annotated[Path, Parameter(name=["--output", "-o"])],
+    output: Output,
     scale: Literal["keep", "remove"] = "keep",
     weights: Literal["area", "uniform"] = "area",
     modes: int = 3,
@@ -41,65 +44,38 @@ def run(
     score: Annotated[tuple[Path, ...], Parameter(consume_multiple=True)] = (),
     mirror: str | None = None,
     pictures: Literal["png", "pdf", "svg"] = "png",
-    seed: int = 0,
-    force: bool = False,
+    seed: Seed = 0,
+    force: Force = False,
     talk: Talk = TALK,
 ) -> None:
     """Compute the mean, the modes of variation and the distances of shapes in one topology.
 
-    Parameters
-    ----------
-    folder : Path
-        Folder of meshes with the same faces, or folder written by isomatch collect. Meshes with other faces or with
-        unmatched vertices are left out.
-    output : Path
-        Folder for mean, modes, model.npz, scores, variances, distances, pictures, and files for other tools.
-    scale : str
-        keep: size is part of the shape. remove: all shapes are brought to one size.
-    weights : str
-        area: a vertex counts by its share of the area. uniform: all vertices count alike.
-    modes : int
-        Number of modes that are drawn and written as meshes. The model has all.
-    groups : Path
-        Table with the columns name and group, or these two without a header: test at every vertex where two groups
-        differ. Commas, semicolons or tabs separate its cells; a shape without a group is left out of the test.
-    test : str
-        permutation: p-values from exchanged labels. parametric: from Hotelling's distribution.
-    score : Path
-        Further meshes in the same topology, to be described by the modes.
-    mirror : str
-        Add the mirror image of every shape: auto, or a file with the vertex on the other side of each vertex, as a map.
-    pictures : str
-        png (default): with 300 dots per inch. pdf or svg: charts as lines.
-    seed : int
-        Seed of all draws.
-    force : bool
-        Replace an earlier result.
-    talk : Talk
-        What is told.
+    Args:
+        folder: Folder of meshes with the same faces, or folder written by isomatch collect. Meshes with other faces or
+            with unmatched vertices are left out.
+        output: Folder for mean, modes, model.npz, scores, variances, distances, pictures, and files for other tools.
+        scale: keep: size is part of the shape. remove: all shapes are brought to one size.
+        weights: area: a vertex counts by its share of the area. uniform: all vertices count alike.
+        modes: Number of modes that are drawn and written as meshes. The model has all.
+        groups: Table with the columns name and group, or these two without a header: test at every vertex where two
+            groups differ. Commas, semicolons or tabs separate its cells; a shape without a group is left out of the test.
+        test: permutation: p-values from exchanged labels. parametric: from Hotelling's distribution.
+        score: Further meshes in the same topology, to be described by the modes.
+        mirror: Add the mirror image of every shape: auto, or a file with the vertex on the other side of each vertex, as
+            a map.
+        pictures: png (default): with 300 dots per inch. pdf or svg: charts as lines.
     """
     if modes < 0:
         raise isomatch.SettingError(f"--modes {modes} is not a number of modes; give 0 or more")
     into = StatisticsFolder(output, pictures)
     with talk.progress() as tell, into.claimed(force) as new:
         tell("reading", 0.0)
-        collections.require_unchanged(collections.Layout(folder), ["corresponded"])
-        shapes = shape_statistics.read_shapes(folder)
-        labels = read_groups(groups, shapes.names, shapes.left_out) if groups else {}
-        doubts = shape_statistics.doubtful_shapes(shapes)
-        for doubt in doubts:
-            complain(f"{' and '.join(doubt.names)} {doubt.reason}")
-        notes = [f"left out: {reason}" for reason in shapes.left_out]
-        notes += _doubts(folder / "pairs.csv", shapes.names) + _reflected(folder / "shapes.csv", shapes.names)
+        shapes, labels, doubts, notes = _read(folder, groups)
         extra = {str(path): isomatch.read_mesh(path) for path in score}
         tell("model", 0.1)
         if mirror is not None:
-            left_right, of = _left_right(mirror, shapes, scale, weights, seed)
-            shapes = shapes.mirrored(left_right)
-            if of:
-                notes.append(
-                    f"left and right are told by {of}, since the left–right map of the mean is not certain"
-                )
+            shapes, note = _mirrored(shapes, mirror, scale, weights, seed)
+            notes += note
         share = shapes.area_weights if weights == "area" else None
         shapes = shape_statistics.filled(shapes, share, scale)
         missing = _missing(shapes)
@@ -167,18 +143,35 @@ def run(
     talk.result({**record, "output": str(output), "files": into.written}, summary)
 
 
-def _left_right(
-    mirror: str,
+def _read(
+    folder: Path, groups: Path | None
+) -> tuple[shape_statistics.CorrespondedShapes, dict[str, str], list[shape_statistics.Doubt], list[str]]:
+    """Read shapes, their groups, which of them seem wrong, and notes."""
+    collections.require_unchanged(collections.Layout(folder), ["corresponded"])
+    shapes = shape_statistics.read_shapes(folder)
+    labels = read_groups(groups, shapes.names, shapes.left_out) if groups else {}
+    doubts = shape_statistics.doubtful_shapes(shapes)
+    for doubt in doubts:
+        complain(f"{' and '.join(doubt.names)} {doubt.reason}")
+    notes = [f"left out: {reason}" for reason in shapes.left_out]
+    notes += _doubts(folder / "pairs.csv", shapes.names) + _reflected(folder / "shapes.csv", shapes.names)
+    return shapes, labels, list(doubts), notes
+
+
+def _mirrored(
     shapes: shape_statistics.CorrespondedShapes,
+    mirror: str,
     scale: Literal["keep", "remove"],
     weights: Literal["area", "uniform"],
     seed: int,
-) -> tuple[Any, str]:
-    """Find or read the left–right map; also the shape that it is of, if it is not that of the mean."""
-    if mirror == "auto":
-        mean = shape_statistics.ShapeModel.fit(shapes, scale, weights).mesh()
-        return shape_statistics.left_right_of_shapes(shapes, mean, seed=seed)
-    return read_initial_map(Path(mirror), shapes.n_vertices), ""
+) -> tuple[shape_statistics.CorrespondedShapes, list[str]]:
+    """Add the mirror images by a left–right map, found or read; note of which shape it is, if not of the mean."""
+    if mirror != "auto":
+        return shapes.mirrored(read_initial_map(Path(mirror), shapes.n_vertices)), []
+    mean = shape_statistics.ShapeModel.fit(shapes, scale, weights).mesh()
+    left_right, of = shape_statistics.left_right_of_shapes(shapes, mean, seed=seed)
+    note = f"left and right are told by {of}, since the left–right map of the mean is not certain"
+    return shapes.mirrored(left_right), [note] if of else []
 
 
 def _scored(
@@ -232,10 +225,7 @@ def _first_half(shapes: shape_statistics.CorrespondedShapes) -> shape_statistics
 
 
 def _allometry(
-    shapes: shape_statistics.CorrespondedShapes,
-    sizes: FloatArray,
-    weights: FloatArray | None,
-    seed: int,
+    shapes: shape_statistics.CorrespondedShapes, sizes: FloatArray, weights: FloatArray | None, seed: int
 ) -> tuple[shape_statistics.ShapeRegression | None, list[str]]:
     """Regress shape, without size, on the logarithm of size; or say why not."""
     try:
@@ -315,13 +305,145 @@ def _lines(record: dict[str, Any]) -> list[str]:
 def _say(model: shape_statistics.ShapeModel, record: dict[str, Any]) -> None:
     size = f"{len(model.names)} shapes of {len(model.mean):,} vertices"
     say(f"{size} vary in {model.n_modes} mode{'s' * (model.n_modes != 1)}", "bold")
-    total = 0.0
-    rows = []
-    for i, (share, deviation) in enumerate(zip(record["shares"][:10], model.deviations.tolist())):
-        total += share
-        rows.append(
-            (f"mode {i + 1}", f"{share:.1%} of the variance, sd {deviation:.4g}", f"{total:.1%} so far")
-        )
-    say_table(rows)
+    modes = zip(record["shares"][:10], accumulate(record["shares"]), model.deviations.tolist())
+    say_table(
+        (f"mode {i}", f"{share:.1%} of the variance, sd {deviation:.4g}", f"{total:.1%} so far")
+        for i, (share, total, deviation) in enumerate(modes, 1)
+    )
     for line in _lines(record):
         say(line)
+
+
+def read_groups(path: Path, names: Collection[str], left_out: Collection[str] = ()) -> dict[str, str]:
+    """Read the group of each shape from a table, as spreadsheets write them; shapes whose cell is empty have none."""
+    # Columns name and group, among others, or these two without a header; names may be those of files. A line that begins
+    # with # is a comment, unless a shape has that name. Rows of shapes that were left out, with reasons, are passed over.
+    known = {normalize("NFC", name): name for name in names}
+    labels: dict[str, str] = {}
+    columns: tuple[int, int] | None = None
+    for number, row in _rows(path):
+        where, shown = f"{path}:{number}", ",".join(row)[:80]
+        if row[0].startswith("#") and normalize("NFC", row[0]) not in known:
+            continue
+        if columns is None:
+            lower = [cell.lower() for cell in row]
+            is_header = "name" in lower and "group" in lower
+            columns = (lower.index("name"), lower.index("group")) if is_header else (0, 1)
+            if is_header:
+                continue
+            if len(row) < 2 or any(row[2:]):
+                raise FormatError(
+                    f"{where}: {shown!r} is not a shape and its group; write name,group, or a header with these columns"
+                )
+        if len(row) <= max(columns):
+            raise FormatError(f"{where}: {shown!r} is not a shape and its group; write name,group")
+        name, group = (row[column] for column in columns)
+        shape = known.get(normalize("NFC", name)) or known.get(normalize("NFC", _stem(name)))
+        if shape is None:
+            if any(reason.startswith(f"{each}: ") for reason in left_out for each in (name, _stem(name))):
+                continue
+            raise FormatError(f"{where}: no shape is named {name!r}; shapes are named like their files")
+        if labels.setdefault(shape, group) != group:
+            raise FormatError(
+                f"{where}: {name!r} is in group {group!r} and in {labels[shape]!r}; give each shape one group"
+            )
+    return {name: group for name, group in labels.items() if group}
+
+
+def _rows(path: Path) -> Rows:
+    with opened(path) as file:
+        rows, _ = separated(decoded(file.read()), str(path))
+    return [(number, row) for number, row in rows if any(row)]
+
+
+def _stem(name: str) -> str:
+    """Name of a shape from that of its file."""
+    last = name.replace("\\", "/").rpartition("/")[2]
+    suffix = Path(last).suffix
+    return last.removesuffix(suffix) if suffix.lower() in assets.FORMATS else last
+
+
+@statistics.command
+def complete(
+    model: Path,
+    given: Annotated[Path, Parameter(name="PART")],
+    /,
+    *,
+    output: Output,
+    landmarks: Path | None = None,
+    noise: float | None = None,
+    pose: Literal["fitted", "given"] = "fitted",
+    config: ConfigFile = None,
+    seed: Seed = 0,
+    force: Force = False,
+    talk: Talk = TALK,
+) -> None:
+    """Complete a shape: the likeliest one of a model, given a part or landmarks, and how uncertain each vertex is.
+
+    Writes the completed mesh, where the part is, and next to it NAME.json with its scores and what was left out.
+
+    Args:
+        model: model.npz of isomatch statistics.
+        given: A mesh in the topology of the model, of which vertices are missing (not finite, or measured = 0); any other
+            mesh, which is matched to the mean of the model; or landmarks: .mrk.json or .fcsv of 3D Slicer, .pp of
+            MeshLab, or a table name,x,y,z.
+        output: Surface file for the completed shape, with the scalars standard_deviation and expected_error at its
+            vertices.
+        landmarks: Landmarks of mean.ply with the same names, if landmarks are given.
+        noise: How far a given point may be from what the modes describe, in the units of PART; by default the error of
+            the model for a shape that is left out.
+        pose: fitted (default): PART may be anywhere. given: it is aligned with the model.
+        config: TOML file with settings of the match.
+    """
+    require_writable(output)
+    about = output.with_suffix(".json")
+    with talk.progress() as tell, claimed_files(output, about, force=force):
+        tell("reading", 0.0)
+        known = shape_statistics.ShapeModel.load(model)
+        observed = shape_statistics.read_observations(
+            given,
+            known,
+            landmarks,
+            noise=noise,
+            config=read_config(config),
+            seed=seed,
+            progress=part(tell, 0.1, 0.8),
+        )
+        tell("completing", 0.8)
+        completed = shape_statistics.complete(known, observed, pose=pose)
+        values = {name: getattr(completed, name) for name in ("standard_deviation", "expected_error")}
+        scalars = [Attribute(name, "point", "scalar", np.asarray(each)) for name, each in values.items()]
+        left = isomatch.write_asset(output, Asset.of_mesh(completed.mesh, scalars))
+        record = {
+            "isomatch": isomatch.__version__,
+            "model": str(model),
+            "part": str(given),
+            "file": str(output),
+            "n_points": completed.n_points,
+            "error": completed.error,
+            "residual": completed.residual,
+            "mean_standard_deviation": float(completed.standard_deviation @ known.weights),
+            "largest_standard_deviation": float(completed.standard_deviation.max()),
+            "scores": completed.scores.tolist(),
+            "score_deviations": completed.score_deviations.tolist(),
+            "scale": completed.scale,
+            "rotation": completed.rotation.tolist(),
+            "translation": completed.translation.tolist(),
+            "left_out": [attribute.name for attribute in left],
+            "notes": [*observed.notes, *completed.notes],
+        }
+        write_text(about, json_text(record))
+        tell("done", 1.0)
+    talk.result(record, lambda: _say_completed(record, about))
+
+
+def _say_completed(record: dict[str, Any], about: Path) -> None:
+    say(f"The shape is completed from {record['n_points']:,} points.", "bold")
+    sure = (
+        f"it passes the points at {record['error']:.4g} (root mean square); elsewhere its standard deviation is "
+        f"{record['mean_standard_deviation']:.4g} on average, {record['largest_standard_deviation']:.4g} at most; "
+        f"{record['residual']:.4g} is what the modes do not describe"
+    )
+    say_rows([("how sure", sure), *(("note", note) for note in record["notes"])])
+    say(f"{'  wrote':<{INDENT}}{record['file']}, {about}")
+    say_left_out(record["left_out"], record["file"])

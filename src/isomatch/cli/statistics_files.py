@@ -1,4 +1,4 @@
-"""Write the files of ``isomatch statistics``: meshes, tables, pictures and files of other tools."""
+"""The files of ``isomatch statistics``: meshes, tables, pictures, files of other tools, and a page."""
 
 from __future__ import annotations
 
@@ -6,15 +6,19 @@ import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from html import escape
+from importlib.resources import files
+from itertools import accumulate
 from pathlib import Path
+from string import Template
 from typing import Any
+from urllib.parse import quote
 
 import numpy as np
 
 import isomatch.statistics as shape_statistics
 from isomatch import view
 from isomatch.assets import Asset, Attribute, write_asset, write_mesh
-from isomatch.cli.statistics_page import page_of
 from isomatch.cli.terminal import json_text
 from isomatch.errors import MissingDependencyError
 from isomatch.storage.files import claimed, made_folder, staged, write_text
@@ -30,15 +34,7 @@ GEODESIC = "difference of geodesic distances, in √area"
 
 @dataclass(frozen=True)
 class StatisticsFolder:
-    """The folder for the statistics of shapes; ``written`` collects the names of its files.
-
-    Parameters
-    ----------
-    folder : Path
-        Its path; it is created if it does not exist.
-    pictures : {"png", "pdf", "svg"}
-        How pictures are written.
-    """
+    """The folder for the statistics of shapes; ``written`` collects the names of its files."""
 
     folder: Path
     pictures: shape_statistics.PictureFormat = "png"
@@ -46,10 +42,7 @@ class StatisticsFolder:
 
     @contextmanager
     def claimed(self, force: bool) -> Iterator[StatisticsFolder]:
-        """Create and claim the folder; give one whose files replace those of an earlier result when all are written.
-
-        An earlier result has to be forced. See `isomatch.storage.files.claimed` and `staged`.
-        """
+        """Create and claim the folder; give one whose files replace those of an earlier result when all are written."""
         record = self.folder / RECORD
         with (
             made_folder(self.folder),
@@ -102,15 +95,13 @@ class StatisticsFolder:
         ratios = shape_statistics.compactness(model)
         if model.n_modes:
             shape_statistics.draw_scores(self.picture("scores"), model, groups)
-            self.table(
-                "variance.csv",
-                (
-                    {"mode": i + 1, "variance": variance, "share": share, "share_so_far": sum_}
-                    for i, (variance, share, sum_) in enumerate(
-                        zip(model.variances.tolist(), model.variance_ratios.tolist(), ratios[1:].tolist())
-                    )
-                ),
+            rows = _rows(
+                mode=range(1, model.n_modes + 1),
+                variance=model.variances.tolist(),
+                share=model.variance_ratios.tolist(),
+                share_so_far=ratios[1:].tolist(),
             )
+            self.table("variance.csv", rows)
         variances = shape_statistics.measured_variances(model.aligned, shapes)
         deviations = np.sqrt(variances)
         values = {"variance": variances, "standard_deviation": deviations}
@@ -132,13 +123,9 @@ class StatisticsFolder:
             "specificity": specific.mean,
             "specificity_standard_error": specific.standard_error,
         }
-        self.table(
-            "quality.csv",
-            (
-                {"modes": j, **{name: float(of[j]) if j < len(of) else "" for name, of in columns.items()}}
-                for j in range(len(compact))
-            ),
-        )
+        every = range(len(compact))
+        listed = {name: [float(of[j]) if j < len(of) else "" for j in every] for name, of in columns.items()}
+        self.table("quality.csv", _rows(modes=every, **listed))
         shape_statistics.draw_quality(self.picture("quality"), compact, general, specific)
 
     def sizes(
@@ -150,23 +137,14 @@ class StatisticsFolder:
     ) -> None:
         """Write the sizes of the shapes, and how shape depends on them."""
         logarithms = np.log(sizes)
-        scores = [{}] * len(shapes) if allometry is None else [
-            {"regression_score": score} for score in allometry.scores[:, 0].tolist()
-        ]  # fmt: skip
-        rows = zip(shapes.names, sizes.tolist(), logarithms.tolist(), scores)
-        self.table(
-            "sizes.csv",
-            (
-                {
-                    "name": name,
-                    "centroid_size": size,
-                    "log_centroid_size": log,
-                    "area": shapes.mesh(i).area,
-                    **score,
-                }
-                for i, (name, size, log, score) in enumerate(rows)
-            ),
+        rows = _rows(
+            name=shapes.names,
+            centroid_size=sizes.tolist(),
+            log_centroid_size=logarithms.tolist(),
+            area=[shapes.mesh(i).area for i in range(len(shapes))],
+            **({} if allometry is None else {"regression_score": allometry.scores[:, 0].tolist()}),
         )
+        self.table("sizes.csv", rows)
         if allometry is None:
             return
         label = "logarithm of the centroid size"
@@ -178,26 +156,27 @@ class StatisticsFolder:
 
     def asymmetry(self, model: shape_statistics.ShapeModel, found: shape_statistics.Asymmetry) -> None:
         """Write how far the shapes are from their mirror images, which follow them in the model."""
-        rows = zip(model.names, found.amounts.tolist(), found.fluctuating.tolist())
-        self.table(
-            "asymmetry.csv",
-            ({"name": name, "asymmetry": all_, "fluctuating": own} for name, all_, own in rows),
-        )
+        amounts, own = found.amounts.tolist(), found.fluctuating.tolist()
+        self.table("asymmetry.csv", _rows(name=model.names, asymmetry=amounts, fluctuating=own))
         length = np.linalg.norm(found.directional, axis=1)
         highest = float(np.quantile(length, 0.995))
         self.mesh("asymmetry.ply", model.mesh(), {"asymmetry": length}, length, highest)
         label = "asymmetry common to all shapes, in their units"
         shape_statistics.draw_values(self.picture("asymmetry"), model.mesh(), length, label)
 
-    def distances(self, shapes: shape_statistics.CorrespondedShapes, geodesic: FloatArray, procrustes: FloatArray,
-                  groups: list[str] | None) -> None:  # fmt: skip
+    def distances(
+        self,
+        shapes: shape_statistics.CorrespondedShapes,
+        geodesic: FloatArray,
+        procrustes: FloatArray,
+        groups: list[str] | None,
+    ) -> None:
         """Write the distances between shapes, their tree and their places."""
         for name, distances in (("distances.csv", geodesic), ("procrustes_distances.csv", procrustes)):
-            rows = zip(shapes.names, distances.tolist())
-            self.table(name, ({"name": shape, **dict(zip(shapes.names, row))} for shape, row in rows))
+            self.table(name, _rows(name=shapes.names, **dict(zip(shapes.names, distances.T.tolist()))))
         points = shape_statistics.classical_scaling(geodesic)
         self.table(
-            "embedding.csv", ({"name": n, "x": x, "y": y} for n, (x, y) in zip(shapes.names, points.tolist()))
+            "embedding.csv", _rows(name=shapes.names, x=points[:, 0].tolist(), y=points[:, 1].tolist())
         )
         shape_statistics.draw_embedding(self.picture("embedding"), points, shapes.names, GEODESIC, groups)
         if len(shapes) > 1:
@@ -210,15 +189,12 @@ class StatisticsFolder:
         shown = np.where(test.significant(), length, np.nan)
         somewhere = bool(test.significant().any())
         self.mesh("groups.ply", mean, values, shown, float(np.nanmax(shown)) if somewhere else 0.0)
-        label = (
-            "distance of the group means; grey: not significant"
-            if somewhere
-            else "no difference is significant"
-        )
+        label = "distance of the group means; grey: not significant"
+        label = label if somewhere else "no difference is significant"
         shape_statistics.draw_values(self.picture("groups"), mean, shown, label)
-        columns = np.column_stack([test.t_squared, test.p_values, test.q_values, test.difference]).tolist()
+        columns = np.column_stack([test.t_squared, test.p_values, test.q_values, test.difference]).T.tolist()
         names = ("t_squared", "p_value", "q_value", "dx", "dy", "dz")
-        self.table("groups.csv", ({"vertex": i, **dict(zip(names, row))} for i, row in enumerate(columns)))
+        self.table("groups.csv", _rows(vertex=range(len(length)), **dict(zip(names, columns))))
 
     def scored(self, scored: Mapping[str, shape_statistics.ScoredShape]) -> None:
         """Write the scores and errors of shapes that are no part of the model."""
@@ -255,6 +231,10 @@ class StatisticsFolder:
         write_text(self.folder / RECORD, json_text({**record, "files": self.written}))
 
 
+def _rows(**columns: Iterable[object]) -> list[dict[str, object]]:
+    return [dict(zip(columns, row)) for row in zip(*columns.values())]
+
+
 def _score_row(name: str, scores: FloatArray) -> dict[str, object]:
     return {"name": name, **{f"mode_{i + 1}": score for i, score in enumerate(scores.tolist())}}
 
@@ -266,3 +246,74 @@ def _files_of(record: Path) -> list[str]:
         return [each for each in listed if not Path(each).is_absolute() and ".." not in Path(each).parts]
     except (OSError, ValueError, KeyError, TypeError):
         return []
+
+
+PICTURES = {
+    "modes": "The mean, and the mean moved along each mode. The colour is the displacement along its normal.",
+    "scores": "The shapes by their scores along the first two modes.",
+    "variance": "How much each vertex varies.",
+    "groups": "Where the means of the groups differ, and how far they are apart there.",
+    "asymmetry": "The asymmetry that is common to all shapes.",
+    "allometry": "Shape without size, in the direction in which it changes with size, against size.",
+    "quality": "By the number of modes: the share described, the error of shapes left out, how near random ones are.",
+    "embedding": "The shapes by the differences of their geodesic distances.",
+    "dendrogram": "The tree of the same.",
+}
+"""What each picture shows, in the order of the page."""
+
+SCALES = {
+    "keep": "Size is part of the shape (scale keep)",
+    "remove": "All shapes are brought to one size (scale remove)",
+}
+WEIGHTS = {
+    "area": "a vertex counts by its share of the area (weights area)",
+    "uniform": "all vertices count alike (weights uniform)",
+}
+
+
+def page_of(
+    folder: str,
+    record: Mapping[str, Any],
+    told: Sequence[str],
+    pictures: Sequence[str],
+    written: Sequence[str],
+) -> str:
+    """Return the text of the page, whose pictures are beside it."""
+    of = {name.rpartition(".")[0]: name for name in pictures}
+    figures = "".join(_figure(of[name], words) for name, words in PICTURES.items() if name in of)
+    tables = [name for name in written if name.endswith((".csv", ".npz")) and "/" not in name]
+    doubts = [f"{' and '.join(doubt['names'])} {doubt['reason']}" for doubt in record["doubts"]]
+    return Template((files("isomatch.cli") / "statistics_page.html").read_text(encoding="utf-8")).substitute(
+        title=escape(f"Statistics of {_counted(record)}"),
+        folder=escape(folder),
+        settings=escape(
+            f"{SCALES[record['scale']]}; {WEIGHTS[record['weights']]}. "
+            f"Seed {record['seed']}, isomatch {record['isomatch']}."
+        ),
+        first=f"<h2>To look at first</h2>{_listed(doubts)}" if doubts else "",
+        told=_listed(told),
+        modes="".join(
+            f"<tr><td>{i}</td><td>{share:.1%}</td><td>{sum_:.1%}</td></tr>"
+            for i, (share, sum_) in enumerate(zip(record["shares"][:10], accumulate(record["shares"])), 1)
+        ),
+        figures=figures,
+        tables=", ".join(f'<a href="{quote(name)}">{escape(name)}</a>' for name in tables),
+    )
+
+
+def _counted(record: Mapping[str, Any]) -> str:
+    n = len(record["shapes"])
+    return f"{n} shapes" if record["mirror"] is None else f"{n // 2} shapes and their mirror images"
+
+
+def _figure(file: str, words: str) -> str:
+    shown = (
+        f'<a href="{quote(file)}">{escape(file)}</a>'
+        if file.endswith(".pdf")
+        else f'<a href="{quote(file)}"><img src="{quote(file)}" alt="" loading=lazy></a>'
+    )
+    return f"<figure>{shown}<figcaption>{escape(words)}</figcaption></figure>\n"
+
+
+def _listed(lines: Sequence[str]) -> str:
+    return "<ul>" + "".join(f"<li>{escape(line)}</li>" for line in lines) + "</ul>" if lines else ""

@@ -98,17 +98,12 @@ def _finite(value: Any) -> Any:
 class Talk:
     """What a command tells.
 
-    Parameters
-    ----------
-    json : bool
-        Print one JSON object and nothing else.
-    json_lines : bool
-        Print one JSON object a line: an event for each stage, with the share that is done and the seconds since the
-        start, and the result as the last one.
-    quiet : bool
-        Print neither progress nor a summary. Complaints are still printed, and what a command writes to no file.
-    verbose : bool
-        Write the log of the library to standard error, instead of progress.
+    Args:
+        json: Print one JSON object and nothing else.
+        json_lines: Print one JSON object a line: an event for each stage, with the share that is done and the seconds
+            since the start, and the result as the last one.
+        quiet: Print neither progress nor a summary. Complaints are still printed, and what a command writes to no file.
+        verbose: Write the log of the library to standard error, instead of progress.
     """
 
     json: bool = False
@@ -118,10 +113,7 @@ class Talk:
 
     @contextmanager
     def progress(self) -> Iterator[Tell]:
-        """Give a function that shows a stage and the share that is done.
-
-        On standard error, if that is a terminal: the stage, a bar, and the elapsed time.
-        """
+        """Give a function that shows a stage and the share that is done, on standard error, if that is a terminal."""
         console = Console(stderr=True)
         if self.json_lines:
             yield _event_lines()
@@ -137,10 +129,7 @@ class Talk:
                 yield lambda stage, share: bar.update(task, description=printable(stage), completed=share)
 
     def result(self, record: dict[str, Any], summary: Callable[[], None], *, is_answer: bool = False) -> None:
-        """Print a result in the form that was asked for: as plain values, or a summary by a function.
-
-        What ``is_answer`` is all that the command gives, and is printed even if ``quiet``.
-        """
+        """Print plain values or a summary, as was asked for; an answer, all that a command gives, is always printed."""
         if self.json:
             say_json(record)
         elif self.json_lines:

@@ -1,21 +1,24 @@
-"""``isomatch transfer``: carry labels, colours, textures and skinning weights from one file to the other by a map."""
+"""``isomatch transfer``: labels, colours, textures, weights and landmarks carried from one file to the other by a map."""
 
 from __future__ import annotations
 
 from collections.abc import Collection
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 from cyclopts import Parameter
 
 import isomatch
+import isomatch.landmarks as shape_landmarks
 from isomatch.assets import files_beside, holds_values, read_attributes, told_apart, write_attributes
-from isomatch.cli.inputs import naming_files
+from isomatch.cli.inputs import Force, Output, naming_files
 from isomatch.cli.outputs import claimed_files, notes_on, say_left_out, say_notes
 from isomatch.cli.terminal import TALK, Talk, say
-from isomatch.cli.transfer_landmarks import transfer_landmarks
+from isomatch.errors import FormatError, LandmarkError, SettingError
 from isomatch.storage.files import replaced
-from isomatch.transfer import Labelling, NumbersAs, Side
+from isomatch.transfer import Carried, Labelling, NumbersAs, Side
 
 
 def transfer(
@@ -24,7 +27,7 @@ def transfer(
     target: Path,
     /,
     *,
-    output: Annotated[Path, Parameter(name=["--output", "-o"])],
+    output: Output,
     data: str | None = None,
     values: list[Path] | None = None,
     to: Side | None = None,
@@ -33,124 +36,92 @@ def transfer(
     bake: int | None = None,
     landmarks: Path | None = None,
     curve_points: int | None = None,
-    force: bool = False,
+    force: Force = False,
     talk: Talk = TALK,
 ) -> None:
     """Carry what one file holds, or files of its values, to the other: labels, colours, textures, weights, landmarks.
 
     Polygons, seams, transforms and units of the file that receives stay as they are.
 
-    Parameters
-    ----------
-    map_file : Path
-        Map source -> target of these two files: map.npz, as match writes it, or that of another program: a text of
-        one target vertex on each line, an .npy or .mat.
-    source : Path
-        Mesh that the map starts from.
-    target : Path
-        Mesh that the map goes to.
-    output : Path
-        Surface file to write: what receives, with the data of the other. Its own format keeps everything. Or a file for
-        the data alone: .annot, .label.gii, .func.gii, .shape.gii, lh.thickness, .npy, .csv.
-    data : str
-        What to carry, separated by commas: labels, colours, scalars, vectors, normals, uv, weights, keys, names of
-        attributes, or all (default; with --values, all of these files).
-    values : list[Path]
-        File of labels or numbers of the mesh that gives, one for each point or face, in the formats of --output. Repeat
-        it for several.
-    to : str
-        Which of the two receives: source or target. By default the source, and of landmarks the target.
-    labels : str
-        Labels of points: nearest (default), or majority of the area around each.
-    numbers_as : str
-        Take numbers for labels, which are never averaged, or for values. By default integers and few distinct whole
-        numbers are labels.
-    bake : int
-        Instead, paint a texture of this width and height for the texture coordinates of the file that receives, from the
-        texture (of a glTF or OBJ file) or the colours of the other. It is written beside the output as a PNG file too.
-    landmarks : Path
-        Instead, carry these points and curves: .mrk.json or .fcsv of 3D Slicer, .pp of MeshLab, or a table name,x,y,z.
-        The output is any of these, or .tps.
-    curve_points : int
-        Number of equally spaced points on each carried curve; by default as many as it was drawn with.
-    force : bool
-        Replace an existing file.
-    talk : Talk
-        What is told.
+    Args:
+        map_file: Map source -> target of these two files: map.npz, as match writes it, or that of another program: a text
+            of one target vertex on each line, an .npy or .mat.
+        source: Mesh that the map starts from.
+        target: Mesh that the map goes to.
+        output: Surface file to write: what receives, with the data of the other. Its own format keeps everything. Or a
+            file for the data alone: .annot, .label.gii, .func.gii, .shape.gii, lh.thickness, .npy, .csv.
+        data: What to carry, separated by commas: labels, colours, scalars, vectors, normals, uv, weights, keys, names of
+            attributes, or all (default; with --values, all of these files).
+        values: File of labels or numbers of the mesh that gives, one for each point or face, in the formats of --output.
+            Repeat it for several.
+        to: Which of the two receives: source or target. By default the source, and of landmarks the target.
+        labels: Labels of points: nearest (default), or majority of the area around each.
+        numbers_as: Take numbers for labels, which are never averaged, or for values. By default integers and few distinct
+            whole numbers are labels.
+        bake: Instead, paint a texture of this width and height for the texture coordinates of the file that receives,
+            from the texture (of a glTF or OBJ file) or the colours of the other. It is written beside the output as a PNG
+            file too.
+        landmarks: Instead, carry these points and curves: .mrk.json or .fcsv of 3D Slicer, .pp of MeshLab, or a table
+            name,x,y,z. The output is any of these, or .tps.
+        curve_points: Number of equally spaced points on each carried curve; by default as many as it was drawn with.
     """
+    ends = source, target
     if landmarks is None and curve_points is not None:
-        raise isomatch.SettingError("--curve-points needs --landmarks with a curve")
+        raise SettingError("--curve-points needs --landmarks with a curve")
     if landmarks is not None:
         if data is not None or values or bake:
-            raise isomatch.SettingError(
+            raise SettingError(
                 "--landmarks are carried alone; run again without them for --data, --values or --bake"
             )
-        transfer_landmarks(
-            map_file,
-            source,
-            target,
-            landmarks,
-            output,
-            to=to or "target",
-            curve_points=curve_points,
-            force=force,
-            talk=talk,
-        )
+        _transfer_landmarks(map_file, ends, landmarks, output, to or "target", curve_points, force, talk)
         return
     to = to or "source"
     picture = output.with_suffix(".png") if bake else None
     with talk.progress() as tell, claimed_files(output, picture, force=force):
         tell("reading", 0.0)
-        ends = [isomatch.read_asset(source), isomatch.read_asset(target)]
-        giver = 1 if to == "source" else 0
-        given = told_apart(each for path in values or () for each in read_attributes(path, ends[giver]))
-        ends[giver] = ends[giver].with_attributes(*given)
-        assets = ends[0], ends[1]
-        words = (
-            [word.strip() for word in data.split(",")] if data else [each.name for each in given] or ["all"]
-        )
+        assets = isomatch.read_asset(source), isomatch.read_asset(target)
+        giver = assets[to == "source"]
+        given = told_apart(each for path in values or () for each in read_attributes(path, giver))
+        giver = giver.with_attributes(*given)
+        assets = (assets[0], giver) if to == "source" else (giver, assets[1])
+        words = [each.name for each in given] or ["all"]
+        if data:
+            words = [word.strip() for word in data.split(",")]
         n_target = None if map_file.suffix == ".npz" else len(assets[1].points)
-        n_source = (
-            len(assets[0].points) if map_file.suffix == ".mat" else None
-        )  # of several arrays, by which it is found
+        # by which it is found among the arrays of a file
+        n_source = len(assets[0].points) if map_file.suffix == ".mat" else None
         correspondence = isomatch.Correspondence.load(map_file, n_target, n_source)
         tell("carrying", 0.3)
-        names: tuple[str, ...]
-        taken: tuple[str, ...] = ()
-        counts: dict[str, int]
         with naming_files(source=source, target=target):
             if bake:
                 baked = isomatch.bake_texture(correspondence, *assets, bake, to=to)
-                asset, names, notes = baked.asset, ("texture",), baked.notes
+                carried = Carried(baked.asset, ("texture",), 0, 0, baked.notes)
                 counts = {"n_unmatched_texels": baked.unmatched}
             else:
                 carried = isomatch.carry_attributes(
                     correspondence, *assets, words, to=to, labels=labels, numbers_as=numbers_as
                 )
-                asset, names, notes = carried.asset, carried.names, carried.notes
-                taken = carried.taken_as_labels
                 counts = {"n_unmatched": carried.unmatched, "n_across_seams": carried.across_seams}
         tell("writing", 0.8)
-        beside = (
-            [] if holds_values(output) else [each for each in files_beside(output, asset) if each != picture]
-        )
+        others = () if holds_values(output) else files_beside(output, carried.asset)
+        beside = [each for each in others if each != picture]
         with claimed_files(*beside, force=force):
-            left = _written(output, asset, names)
+            left = _written(output, carried.asset, carried.names)
         if picture:
             with replaced(picture) as file:
                 file.write(baked.png)
         tell("done", 1.0)
-    told = notes_on(dict(zip((source, target), assets)))
-    record = {
+    told = [*notes_on(dict(zip(ends, assets))), *carried.notes]
+    record: dict[str, Any] = {
         "files": [str(path) for path in (output, *beside, picture) if path],
         "to": to,
-        "carried": [name for name in names if name not in left],
+        "carried": [name for name in carried.names if name not in left],
         "left_out": left,
-        "taken_as_labels": list(taken),
+        "taken_as_labels": list(carried.taken_as_labels),
         **counts,
     }
-    if told or notes:
-        record["notes"] = [*told, *notes]
+    if told:
+        record["notes"] = told
     talk.result(record, lambda: _summary(record, output))
 
 
@@ -164,9 +135,7 @@ def _written(output: Path, asset: isomatch.Asset, names: Collection[str]) -> lis
         reason = (
             f"a {output.suffix} file has no place for {', '.join(left)}" if left else "nothing was carried"
         )
-        raise isomatch.FormatError(
-            f"{output}: {reason}; name other --data or --values, or write another format"
-        )
+        raise FormatError(f"{output}: {reason}; name other --data or --values, or write another format")
     return left
 
 
@@ -186,3 +155,82 @@ def _summary(record: dict[str, Any], output: Path) -> None:
             say(f"{record[count]} {meaning}")
     say_notes(record.get("notes", ()))
     say(f"wrote {', '.join(record['files'])}")
+
+
+def _transfer_landmarks(
+    map_file: Path,
+    ends: tuple[Path, Path],
+    landmarks: Path,
+    output: Path,
+    to: Side,
+    curve_points: int | None,
+    force: bool,
+    talk: Talk,
+) -> None:
+    """Carry the landmarks of a file, see `isomatch.carry_landmarks`, write and tell them."""
+    shape_landmarks.writer_of(output)
+    with talk.progress() as tell, claimed_files(output, force=force):
+        tell("reading", 0.0)
+        assets = isomatch.read_asset(ends[0]), isomatch.read_asset(ends[1])
+        shapes = _surface(assets[0]), _surface(assets[1])
+        given = _read_map(map_file, shapes[1])
+        try:
+            own = isomatch.Landmarks.read(landmarks, _points_of(shapes[to == "source"]))
+        except LandmarkError as error:
+            marked = "source" if to == "target" else "target"
+            raise LandmarkError(f"{error}. They are taken as landmarks of the {marked}, see --to") from None
+        tell("carrying", 0.3)
+        with naming_files(source=ends[0], target=ends[1]):
+            carried = isomatch.carry_landmarks(given, *shapes, own, to=to, curve_points=curve_points)
+        tell("writing", 0.8)
+        left = isomatch.write_landmarks(output, carried)
+        tell("done", 1.0)
+    record = {
+        "files": [str(output)],
+        "to": to,
+        "landmarks": [
+            {"name": name, "position": place, "expected_error": error}
+            for name, place, error in zip(
+                carried.names, carried.positions.tolist(), carried.expected_error.tolist()
+            )
+        ],
+        "n_unmatched": int((~carried.placed).sum()),
+        "left_out": list(left),
+        "notes": notes_on(dict(zip(ends, assets))),
+    }
+    talk.result(record, lambda: _say_landmarks(record, carried, output))
+
+
+def _surface(asset: isomatch.Asset) -> isomatch.Asset | isomatch.PointCloud:
+    return asset if len(asset.polygons) else isomatch.PointCloud(asset.placed_points)
+
+
+def _points_of(shape: isomatch.Asset | isomatch.PointCloud) -> isomatch.Mesh | isomatch.PointCloud:
+    """Return the surface with the points of the file, whose numbers a file of landmarks may have."""
+    if isinstance(shape, isomatch.PointCloud):
+        return shape
+    return isomatch.Mesh(shape.placed_points, shape.polygons.triangles)
+
+
+def _read_map(path: Path, target: isomatch.Asset | isomatch.PointCloud) -> Any:
+    """Read a map, with the expected errors if it has them."""
+    if path.suffix != ".npz":
+        n_target = len(target.points) if isinstance(target, isomatch.Asset) else target.n_vertices
+        return isomatch.Correspondence.load(path, n_target)
+    with suppress(FormatError):
+        return isomatch.MatchResult.load(path)
+    return isomatch.Correspondence.load(path)
+
+
+def _say_landmarks(record: dict[str, Any], landmarks: isomatch.Landmarks, output: Path) -> None:
+    say(f"carried to the {record['to']}: {len(landmarks)} landmarks, {len(landmarks.curves)} curves")
+    errors = landmarks.expected_error
+    if np.isfinite(errors).any():
+        worst = int(np.nanargmax(errors))
+        name = landmarks.names[worst] or f"number {worst + 1}"
+        say(f"expected error: median {np.nanmedian(errors):.4g}, at most {errors[worst]:.4g} ({name})")
+    if missing := [name or str(i + 1) for i, name in enumerate(landmarks.names) if not landmarks.placed[i]]:
+        say(f"without an image: {', '.join(missing)}")
+    say_left_out(record["left_out"], output)
+    say_notes(record["notes"])
+    say(f"wrote {output}")

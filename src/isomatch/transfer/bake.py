@@ -44,7 +44,7 @@ class Baked:
     unmatched : int
         Texels of the surface without an image, which are grey.
     notes : tuple of str
-        Pictures, libraries and materials of the other that cannot be read, and why; what they would paint is grey.
+        What of the other cannot be read, and why; what it would paint is grey.
     """
 
     picture: AnyArray
@@ -117,9 +117,8 @@ def bake_texture(
         )
     bridge = Bridge.between(correspondence, source, target, to_source=to == "source")
     attribute = receiver.of_kind("uv")[0]
-    uv = columns(attribute)[rows_of_corners(receiver, attribute)][receiver.polygons.corner_of_triangle][
-        :, :, :2
-    ]
+    of_corner = columns(attribute)[rows_of_corners(receiver, attribute), :2]
+    uv = of_corner[receiver.polygons.corner_of_triangle]  # (t, 3, 2)
     uv -= np.floor(uv.mean(axis=1, keepdims=True))
     uv = np.where(np.isnan(uv).any(axis=(1, 2), keepdims=True), -1.0, uv).reshape(-1, 2)
     texels = np.column_stack([uv[:, 0], 1 - uv[:, 1], np.zeros(len(uv))]) * size

@@ -1,40 +1,37 @@
-"""The map from the asset that receives to the one that gives, and places of the receiver's points on the giver."""
+"""The map from the asset that receives to the one that gives, and what it says of points, pieces, corners and turns."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from isomatch.assets import Asset, Attribute
-from isomatch.correspondence import UNMATCHED, Correspondence, welded_map
+from isomatch.correspondence import UNMATCHED, Correspondence, nearest_rotation, welded_map
 from isomatch.errors import MeshError
-from isomatch.surfaces import Mesh, PrecisePoints
+from isomatch.resolution import PlacedMesh, VertexGroups, normalised
+from isomatch.surfaces import Mesh, PrecisePoints, first_equal
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 from isomatch.values.cached import cached_property
+
+ACROSS = (
+    1e-6  # × extent of the surface: farther from its image, a corner was kept on its side of a texture seam
+)
+SAME_SIZE = 1.1  # times larger: less is what bending and noise of the map do to surfaces of one size
 
 
 @dataclass(frozen=True, eq=False)
 class Places:
-    """Points on an asset.
-
-    Parameters
-    ----------
-    asset : Asset
-        The asset.
-    triangle : (m,) array of int
-        Triangle of its polygons that holds each point; −1 for none.
-    barycentric : (m, 3) array of float
-        Weights of the corners of that triangle.
-    """
+    """Points on an asset: the triangle of its polygons that holds each, and the weights of its corners."""
 
     asset: Asset
-    triangle: IntArray
-    barycentric: FloatArray
+    triangle: IntArray  # (m,), −1 for none
+    barycentric: FloatArray  # (m, 3)
 
     @property
-    def found(self) -> BoolArray:
-        """(m,) which points have a place."""
+    def found(self) -> BoolArray:  # (m,)
+        """Which points have a place."""
         return self.triangle >= 0
 
     def rows(self, attribute: Attribute) -> IntArray:
@@ -56,31 +53,15 @@ class Places:
 
 @dataclass(frozen=True, eq=False)
 class Bridge:
-    """A map from the mesh of the asset that receives to the mesh of the one that gives.
+    """A map from the mesh of the asset that receives to the mesh of the one that gives."""
 
-    Parameters
-    ----------
-    map : Correspondence
-        ``receiver.mesh`` → ``giver.mesh``.
-    receiver, giver : Asset
-        Its two ends.
-    """
-
-    map: Correspondence
+    map: Correspondence  # receiver.mesh → giver.mesh
     receiver: Asset
     giver: Asset
 
     @classmethod
     def between(cls, given: Correspondence, source: Asset, target: Asset, *, to_source: bool) -> Bridge:
-        """Make the bridge of a map source → target, between the points of the two files or between their meshes.
-
-        Raises
-        ------
-        MapError
-            If it is a map of other surfaces.
-        MeshError
-            If one of them has no polygons.
-        """
+        """Make the bridge of a map source → target, between the points of the two files or between their meshes."""
         for name, asset in (("source", source), ("target", target)):
             if not len(asset.polygons):
                 raise MeshError(
@@ -151,6 +132,111 @@ class Bridge:
         triangle[alone] = np.where(corner >= 0, corner // 3, UNMATCHED)
         barycentric[alone, corner % 3] = 1.0
         return Places(self.giver, triangle, barycentric)
+
+
+@dataclass(frozen=True, eq=False)
+class Patches:
+    """Pieces of the receiver's surface, by which labels are voted for and values of polygons averaged."""
+
+    area: FloatArray  # of each piece
+    owner: IntArray  # a vertex, a corner or a polygon
+    rows: IntArray  # of an attribute of the giver at each piece
+    owner_of_row: IntArray  # of each row of the receiver
+
+    @classmethod
+    def of(cls, attribute: Attribute, bridge: Bridge) -> Patches:
+        """Make the pieces of the domain of an attribute: thirds of triangles that have a place."""
+        receiver = bridge.receiver
+        triangles = receiver.polygons.corner_of_triangle.ravel()
+        owner, owner_of_row = {
+            "point": (receiver.mesh.faces.ravel(), receiver.vertex_of_point),
+            "corner": (triangles, np.arange(len(receiver.polygons.corners))),
+            "face": (receiver.polygons.of_corner[triangles], np.arange(len(receiver.polygons))),
+        }[attribute.domain]
+        places = bridge.at_thirds
+        found = places.found
+        area = np.repeat(receiver.mesh.face_areas, 3)[found] + np.finfo(float).tiny
+        return cls(area, owner[found], places.nearest_rows(attribute)[found], owner_of_row)
+
+    @property
+    def n_owners(self) -> int:
+        """Number of owners."""
+        return int(self.owner_of_row.max(initial=-1)) + 1
+
+    def sums(self, of_piece: IntArray, n: int) -> csr_array:
+        """(n_owners, n) area of the pieces of each owner that have each of n values."""
+        return csr_array((self.area, (self.owner, of_piece)), shape=(self.n_owners, n))
+
+
+def is_seamless(asset: Asset, attribute: Attribute) -> bool:
+    """Whether all corners at one vertex of the mesh have the same values."""
+    first = _first_corners(asset, attribute)
+    return len(np.unique(first)) == len(np.unique(asset.vertex_of_corner))
+
+
+def interpolated_at_corners(bridge: Bridge, attribute: Attribute) -> tuple[FloatArray, int]:
+    """Interpolate at the corners of the receiver, (c, d), nan without an image; count its polygons across a seam."""
+    # The giver's mesh is cut along its seams. The search for the images of a polygon's corners starts at the place of
+    # the polygon's middle and walks to neighbours that are nearer. If a corner lies beyond a seam, it ends at the cut.
+    giver, receiver = bridge.giver, bridge.receiver
+    first = _first_corners(giver, attribute)
+    corner_of_piece, piece = np.unique(first, return_inverse=True)
+    positions = normalised(giver.mesh.vertices)[0]
+    cut = Mesh(positions[giver.vertex_of_corner[corner_of_piece]], piece[giver.polygons.corner_of_triangle])
+    polygon = receiver.polygons.of_corner
+    start = bridge.at_polygons.triangle[polygon]
+    images = bridge.map.pull_back(positions)[receiver.vertex_of_corner]
+    held = np.flatnonzero((start >= 0) & bridge.map.matched[receiver.vertex_of_corner])
+    walk = PlacedMesh(cut, cut.vertices, VertexGroups.of(np.arange(cut.n_vertices), cut.n_vertices))
+    places = walk.inverse(images[held], cut.faces[start[held]])
+    off = np.linalg.norm(places.interpolated(cut.vertices) - images[held], axis=1)
+    of_corner = columns(attribute)[rows_of_corners(giver, attribute)]
+    values = np.full((len(polygon), of_corner.shape[1]), np.nan)
+    values[held] = places.interpolated(of_corner[corner_of_piece])
+    return values, len(np.unique(polygon[held[off > ACROSS]]))
+
+
+def _first_corners(asset: Asset, attribute: Attribute) -> IntArray:
+    """(c,) the first corner at the same vertex with the same values."""
+    values = columns(attribute)[rows_of_corners(asset, attribute)]
+    none = np.finfo(np.float64).max  # nan is equal to no other
+    return first_equal(np.column_stack([asset.vertex_of_corner, np.where(np.isnan(values), none, values)]))
+
+
+def growth(bridge: Bridge) -> float:
+    """How many times larger the receiver is: the median around its matched faces; 1 if they are of about one size."""
+    faces = bridge.receiver.mesh.faces
+    faces = faces[bridge.map.matched[faces].all(axis=1)]
+    here, there = (
+        np.linalg.norm(x[faces] - x[np.roll(faces, 1, axis=1)], axis=2).sum(axis=1)
+        for x in (bridge.receiver.mesh.vertices, bridge.image_positions)
+    )
+    ratios = here[there > 0] / there[there > 0]
+    found = float(np.median(ratios)) if len(ratios) else 1.0
+    return 1.0 if 1 / SAME_SIZE < found < SAME_SIZE else found
+
+
+def rotations(bridge: Bridge) -> FloatArray:
+    """(n_vertices, 3, 3) the rotation from the giver to the receiver; the identity where no vertex around is matched."""
+    # R_v maximises Σ_f tr(Rᵀ Hᵀ G) over the faces f at v, whose rows are two edges and the normal, scaled as the edges,
+    # on the receiver (H) and at the images on the giver (G): orthogonal Procrustes (Kabsch 1976) by the SVD of Σ HᵀG.
+    # All are reflections instead if most of the surface is a mirror image: det Σ HᵀG < 0 at most vertices.
+    mesh = bridge.receiver.mesh
+    normals = bridge.map.pull_back(bridge.giver.mesh.vertex_normals)
+    frames = []
+    for x, upright in ((mesh.vertices, mesh.vertex_normals), (bridge.image_positions, normals)):
+        a, b, c = (x[mesh.faces[:, k]] for k in range(3))
+        size = np.linalg.norm(b - a, axis=1) + np.linalg.norm(c - a, axis=1)
+        normal = upright[mesh.faces].mean(axis=1) * size[:, None]
+        frames.append(np.stack([b - a, c - a, normal], axis=1))  # rows
+    fit = np.nan_to_num(np.einsum("fri,frj->fij", *frames))
+    summed = np.zeros((mesh.n_vertices, 3, 3))
+    for k in range(3):
+        np.add.at(summed, mesh.faces[:, k], fit)
+    is_mirrored = bool(np.sign(np.linalg.det(summed)).sum() < 0)
+    found = nearest_rotation(summed, mirrored=is_mirrored)
+    found[(summed == 0).all(axis=(1, 2))] = np.eye(3)
+    return found
 
 
 def columns(attribute: Attribute) -> FloatArray:

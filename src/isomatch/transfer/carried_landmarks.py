@@ -42,12 +42,11 @@ def carry_landmarks(
     landmarks : Landmarks
         Of the source; of the target if ``to="source"``.
     to : {"target", "source"}
-        Where they go: to the target by the map, or to the source by its inverse.
+        Where they go: by the map, or by its inverse.
     curve_points : int, optional
         Number of points on each curve; by default as many as it was drawn with.
     expected_error : (n_source,) array of float, optional
-        The error to be expected at each vertex of the source, in √area of the target; by default that of the result, if
-        it is one.
+        At each vertex of the source, in √area of the target; by default that of the result, if it is one.
 
     Returns
     -------

@@ -22,11 +22,16 @@ from isomatch.assets import (
 )
 from isomatch.correspondence import Correspondence
 from isomatch.errors import DescriptorError, SettingError
-from isomatch.transfer.bridge import Bridge, columns
+from isomatch.transfer.bridge import (
+    Bridge,
+    Patches,
+    columns,
+    growth,
+    interpolated_at_corners,
+    is_seamless,
+    rotations,
+)
 from isomatch.transfer.choices import Labelling, NumbersAs, Side
-from isomatch.transfer.corner_values import interpolated_at_corners, is_seamless
-from isomatch.transfer.patches import Patches
-from isomatch.transfer.rotations import growth, rotations
 from isomatch.values.arrays import AnyArray, BoolArray, FloatArray, IntArray
 
 _SYNONYMS: dict[str, Kind] = {
@@ -50,16 +55,14 @@ class Carried:
     names : tuple of str
         The attributes that were carried.
     unmatched : int
-        Vertices of its mesh that have no image. They have nan, −1 or an empty text; colours grey, weights of the first
-        joint alone, and their own normals.
+        Vertices of its mesh that have no image: nan, −1 or an empty text, grey, weights of the first joint alone, and
+        their own normals.
     across_seams : int
-        Its polygons that lie across a seam of the other's texture coordinates; their corners were kept on one side.
+        Its polygons across a texture seam of the other, whose corners were kept on one side.
     notes : tuple of str
-        What does not go along or stay: pictures that cannot be read, animations of joints that are gone; and a skeleton
-        that is posed.
+        What does not go along or stay, such as pictures that cannot be read, and a skeleton that is posed.
     taken_as_labels : tuple of str
-        Attributes of numbers of which the file does not say whether they are labels, and that were carried as such,
-        because they are integers, or few and whole.
+        Attributes that were carried as labels because they are integers, or few whole numbers.
     """
 
     asset: Asset
@@ -82,13 +85,11 @@ def carry_attributes(
 ) -> Carried:
     """Carry attributes from one asset to the other.
 
-    Points, polygons and all else of the asset that receives stay as they are. Colours, scalars, vectors and skinning
-    weights are interpolated at the precise images. As many weights are kept as the other asset has, and they sum to 1.
-    Normals are turned with the surface; so are shape keys, which also grow with it if it is larger. Values that differ at
-    the corners of one point, such as texture coordinates at a seam, are carried to corners, and a polygon takes all its
-    corners from one side. Labels are never averaged, nor are few distinct whole numbers; other values of polygons are
-    averaged by area. With texture coordinates go materials and pictures, with weights the joints instead of those that
-    the receiver had.
+    All else of the asset that receives stays as it is. Colours, scalars, vectors and skinning weights are interpolated at
+    the precise images; as many weights are kept as the other has, with sum 1. Normals turn with the surface, and so do
+    shape keys, which also grow with it. Values that differ at the corners of one point, as at a texture seam, are carried
+    to corners, all of a polygon from one side. Labels are never averaged; other values of polygons are, by area. With
+    texture coordinates go materials and pictures, with weights the joints instead of those that the receiver had.
 
     Parameters
     ----------
@@ -107,10 +108,6 @@ def carry_attributes(
     numbers_as : {"labels", "values"}, optional
         Whether numbers are carried as labels or interpolated. By default those that are named or declared as labels,
         integers, and floats of `Attribute.seems_labels` are labels. Labels that have names, or are texts, always are.
-
-    Returns
-    -------
-    Carried
 
     Raises
     ------
@@ -158,16 +155,13 @@ def carry_attributes(
         asset = asset.with_attributes(receiver.from_placed(new))
     names = tuple(attribute.name for attribute in chosen)
     carried_first = sorted(asset.attributes, key=lambda attribute: attribute.name not in names)
-    asset = replace(
-        asset, attributes=tuple(carried_first)
-    )  # formats that have but one of a kind write the first
+    # formats that have but one of a kind write the first
+    asset = replace(asset, attributes=tuple(carried_first))
     kinds = {attribute.kind for attribute in chosen}
     notes: list[str] = []
     if "uv" in kinds:
-        polygons = receiver.polygons
-        tangents = [attribute.name for attribute in asset.attributes if attribute.is_tangent]
-        asset = asset.without_attributes(*tangents)
-        asset = with_looks_of(asset, giver, bridge.at_polygons.triangle[polygons.of_triangle])
+        asset = asset.without_attributes(*(each.name for each in asset.attributes if each.is_tangent))
+        asset = with_looks_of(asset, giver, bridge.at_polygons.triangle[receiver.polygons.of_triangle])
         notes += unread_files(giver)
     if "weights" in kinds:
         asset = with_skin_of(asset, giver)
@@ -282,9 +276,8 @@ def _labels(attribute: Attribute, bridge: Bridge, labels: Labelling) -> Attribut
     receiver = bridge.receiver
     if attribute.domain == "point" and labels == "nearest":
         places = bridge.at_vertices
-        return attribute.with_values(
-            _or_none(attribute.values[places.nearest_rows(attribute)], places.found)[receiver.vertex_of_point]
-        )
+        nearest = _or_none(attribute.values[places.nearest_rows(attribute)], places.found)
+        return attribute.with_values(nearest[receiver.vertex_of_point])
     patches = Patches.of(attribute, bridge)
     rows = attribute.values
     distinct, code = np.unique(rows, axis=0 if rows.ndim > 1 else None, return_inverse=True)

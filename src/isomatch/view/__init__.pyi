@@ -1,17 +1,13 @@
 from isomatch.view.camera import camera_of, turn_to_target
 from isomatch.view.colours import position_colours, to_screen
-from isomatch.view.inline import ResultView, show_result
 from isomatch.view.measures import Measure, quality_bounds, quality_measures
+from isomatch.view.notebook import ResultView, html_of, show_result
 from isomatch.view.page import MOST_ALTERNATIVES
-from isomatch.view.panels import arranged_panels, colour_scale
-from isomatch.view.plots import plot_basis, plot_surface
-from isomatch.view.points import drawable
+from isomatch.view.picture import ValuePanel, arranged_panels, colour_scale
+from isomatch.view.plots import draw_map, drawable, plot_basis, plot_surface
 from isomatch.view.report import write_landmark_picker, write_report
-from isomatch.view.representations import html_of
-from isomatch.view.stills import draw_map
 from isomatch.view.summary import HEADLINES, Summary, summary_of
 from isomatch.view.surface_image import surface_image
-from isomatch.view.value_panel import ValuePanel
 from isomatch.view.work_page import WorkPage
 
 __all__ = [

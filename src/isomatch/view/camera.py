@@ -49,14 +49,14 @@ def camera_of(mesh: Mesh, up_axis: int | None = None, view: tuple[float, float] 
     if view is not None and not (len(view) == 2 and np.isfinite(view).all()):
         raise SettingError(f"view = {view!r} is not two angles in degrees, such as (32, 14)")
     areas = mesh.vertex_areas
-    moments, axes = _principal_axes(mesh.vertices, areas)
+    moments, axes = principal_axes(mesh.vertices, areas)
     is_sheet = moments[0] < FLAT**2 * moments[1]
     if is_sheet:
         narrow, broad = axes[:, 0], axes[:, 2]
         up = np.cross(narrow, broad)
     else:
         up = np.eye(3)[_up_axis(mesh) if up_axis is None else up_axis]
-        _, level_axes = _principal_axes(mesh.vertices - np.outer(mesh.vertices @ up, up), areas)
+        _, level_axes = principal_axes(mesh.vertices - np.outer(mesh.vertices @ up, up), areas)
         front = np.array([0.3, -1.0, 0.0]) if up[2] else np.array([0.3, 0.0, 1.0])
         narrow = level_axes[:, 1]  # column 0 is the up axis, along which the projected points have no extent
         narrow = narrow * (1.0 if narrow @ front >= 0 else -1.0)
@@ -68,7 +68,7 @@ def camera_of(mesh: Mesh, up_axis: int | None = None, view: tuple[float, float] 
     return np.array([right, np.cross(towards, right), towards])
 
 
-def _principal_axes(points: FloatArray, areas: FloatArray) -> tuple[FloatArray, FloatArray]:
+def principal_axes(points: FloatArray, areas: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Compute the second moments, smallest first, and their directions as columns."""
     centred = points - np.average(points, axis=0, weights=areas)
     moments, axes = np.linalg.eigh((centred * areas[:, None]).T @ centred)
@@ -76,11 +76,9 @@ def _principal_axes(points: FloatArray, areas: FloatArray) -> tuple[FloatArray, 
 
 
 def _up_axis(mesh: Mesh) -> int:
-    """Guess the up axis, 1 or 2: that on whose zero the shape stands in its file, if it does so on one of them.
-
-    Otherwise it is one along which the shape is long and on which it can stand: a wolf is long, but would fall on its
-    nose. Otherwise it is the one on which the shape stands more stably.
-    """
+    """Guess the up axis, 1 or 2."""
+    # The one on whose zero the shape stands in its file, if it does so on one of them; else one along which it is long
+    # and on which it can stand (a wolf is long, but would fall on its nose); else the one on which it is more stable.
     used = mesh.vertices[mesh.vertex_areas > 0]
     extent = np.ptp(used, axis=0)
     on_the_floor = [axis for axis in (1, 2) if abs(used[:, axis].min()) < CONTACT * extent[axis]]
@@ -94,10 +92,7 @@ def _up_axis(mesh: Mesh) -> int:
 
 
 def _stability(mesh: Mesh, axis: int) -> float:
-    """Compute how stably a shape stands: the distance of its centroid from the rim of its support, over its height.
-
-    Both are projected to the ground. Negative if the shape would fall over.
-    """
+    """Distance of the centroid from the rim of the support, on the ground, over the height; negative if it falls."""
     height = mesh.vertices[:, axis]
     used = mesh.vertex_areas > 0
     low, tall = height[used].min(), max(float(np.ptp(height[used])), 1e-300)
@@ -124,10 +119,7 @@ def used_vertices(mesh: Mesh) -> IntArray:
 
 
 def seen_from(camera: FloatArray, mesh: Mesh) -> FloatArray:
-    """Transform the vertices to camera coordinates (right, up, towards the viewer), (n, 3).
-
-    The surface is scaled to unit area, and the middle of the drawn vertices is at 0.
-    """
+    """Vertices in camera coordinates (right, up, towards the viewer), (n, 3): unit area, the middle of the drawn at 0."""
     points = mesh.vertices @ camera.T / np.sqrt(mesh.area)
     drawn = points[used_vertices(mesh)]
     middled: FloatArray = points - (drawn.min(axis=0) + drawn.max(axis=0)) / 2
@@ -157,9 +149,9 @@ def turn_to_target(source: Mesh, target: Mesh, correspondence: Correspondence) -
     return _QUARTER_TURNS[nearest] if cosines[nearest] > np.cos(SNAP) else best
 
 
-_SIGNED = [
-    np.eye(3)[list(order)] * signs
+_QUARTER_TURNS = [
+    turn
     for order in permutations(range(3))
     for signs in product((1.0, -1.0), repeat=3)
+    if np.linalg.det(turn := np.eye(3)[list(order)] * signs) > 0
 ]
-_QUARTER_TURNS = [matrix for matrix in _SIGNED if np.linalg.det(matrix) > 0]

@@ -6,6 +6,7 @@ import numpy as np
 
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import FloatArray
+from isomatch.view.camera import principal_axes
 
 MOST_VIVID = 0.17  # Oklab chroma that screens can show in most hues
 LESS_GREY = (
@@ -32,15 +33,10 @@ _LMS_TO_RGB = np.array(
 def position_colours(mesh: Mesh) -> FloatArray:
     """Colour every vertex by its position.
 
-    Parameters
-    ----------
-    mesh : Mesh
-        Usually the target of a map, from which the colours are then pulled back to the source.
-
     Returns
     -------
     (n, 3) array of float
-        Red, green and blue in linear light, 0 … 1.
+        Red, green and blue in linear light, 0 … 1; of the target of a map they are pulled back to the source.
 
     Notes
     -----
@@ -63,14 +59,11 @@ def position_colours(mesh: Mesh) -> FloatArray:
 
 
 def principal_coordinates(mesh: Mesh) -> FloatArray:
-    """Compute coordinates along the principal axes, (n, 3), longest axis first, each in −1 … 1 and spread by area.
-
-    Each axis is directed so that its largest component is positive.
-    """
+    """Coordinates along the principal axes, (n, 3), longest first, each in −1 … 1 and spread by area."""
     areas = np.maximum(mesh.vertex_areas, 0.0)
     centred = mesh.vertices - np.average(mesh.vertices, axis=0, weights=areas)
-    _, axes = np.linalg.eigh((centred * areas[:, None]).T @ centred)
-    axes = axes[:, ::-1]
+    axes = principal_axes(mesh.vertices, areas)[1][:, ::-1]
+    # the largest component of each axis is positive
     axes = axes * np.sign(axes[np.abs(axes).argmax(axis=0), range(3)])
     return np.column_stack([_evenly(column, areas) for column in (centred @ axes).T])
 

@@ -28,8 +28,6 @@ class Measure:
         Explanation for a reader who has not seen it before.
     most, least : float, optional
         Bound. A value beyond it is, on its own, evidence against the map.
-    most_of, least_of : str
-        Setting of `isomatch.Config` that holds the bound, if it has one.
     """
 
     name: str
@@ -38,13 +36,6 @@ class Measure:
     meaning: str
     most: float | None = None
     least: float | None = None
-    most_of: str = ""
-    least_of: str = ""
-
-    def bounded_by(self, config: Config) -> Measure:
-        """Give the measure with the bound that the settings of a match have."""
-        most, least = (attrgetter(of)(config) if of else None for of in (self.most_of, self.least_of))
-        return replace(self, most=most, least=least)
 
     def value(self, number: float) -> str:
         """Format a value."""
@@ -69,7 +60,6 @@ MEASURES = {
         "0: same; 0.4: two people",
         "Mean distance between corresponding points when eigenfunctions, signatures, positions and normals are compared "
         "together. 0 for the same shape; about 0.4 for a correct map between two different people.",
-        most_of="outcome.poor_misfit",
     ),
     "rival": Measure(
         "best alternative",
@@ -77,7 +67,6 @@ MEASURES = {
         "1 is a tie; large is clear",
         "How much worse the best map that differs fits, as a ratio of scores. 1 is a tie, as between the two sides of a "
         "symmetric shape; below 1 the other map fits better; none if no other map came close.",
-        least_of="outcome.tie",
     ),
     "mirrored": Measure(
         "mirror image",
@@ -85,7 +74,6 @@ MEASURES = {
         "1 is a tie; above 1.5 clear",
         "How much worse the best map that exchanges left and right fits, as a ratio of scores. Below 1 it fits better; a "
         "difference in pose alone can make up to 1.5; none if no such map came close, or was allowed.",
-        least_of="outcome.mirror_tie",
     ),
     "distortion_mean": Measure(
         "distortion, mean",
@@ -119,7 +107,6 @@ MEASURES = {
         "1 keeps sides, −1 mirrors",
         "Whether the map preserves orientation. Near 1 it keeps the outer side of the surface outside; near −1 it is a "
         "mirror image, which is correct only if that was wanted; values in between mean a twisted map.",
-        least_of="outcome.poor_orientation",
     ),
     "residual": Measure(
         "descriptor residual",
@@ -127,7 +114,6 @@ MEASURES = {
         "of √(average distance)",
         "How much the distances from each point to all others differ between the two shapes. If it is large, their "
         "proportions differ or the map is wrong.",
-        most_of="outcome.poor_residual",
     ),
     "stretch": Measure(
         "stretch of edges",
@@ -135,7 +121,6 @@ MEASURES = {
         "mean square; 1: an isometry",
         "Sum of the squared lengths of the edges' images over that of the edges: 1 if lengths are preserved, more if the "
         "map stretches or tears the surface. A torn edge counts at most four times.",
-        most_of="outcome.poor_stretch",
     ),
     "mismatch": Measure(
         "mismatch",
@@ -150,7 +135,6 @@ MEASURES = {
         "of the source, in one piece",
         "Fraction of the source area in the largest piece that the map tears from the rest, such as a limb that it "
         "exchanges with another. 0 for a correct map.",
-        most_of="outcome.poor_torn_off",
     ),
     "stress": Measure(
         "stress of a part",
@@ -172,7 +156,6 @@ MEASURES = {
         "score over its lead",
         "The score of the map, low if all measures are good, over how clearly it is better than that of the best "
         "different map. The map of a part is sure if its doubt is small.",
-        most_of="parts.poor_doubt",
     ),
     "landmark_error": Measure(
         "landmark error",
@@ -180,33 +163,36 @@ MEASURES = {
         "of √(target area)",
         "Mean geodesic distance on the target between the images of the landmarks and their given positions, relative to "
         "√area.",
-        most_of="outcome.contradiction",
     ),
     "initial_map_error": Measure(
         "distance to the initial map",
         "{:.2%}",
         "of √(target area), median",
         "Median geodesic distance on the target between the images and those of the initial map, relative to √area.",
-        most_of="outcome.contradiction",
     ),
 }
-_OF_PART: dict[str, dict[str, Any]] = {  # other bounds of the measures of a part, or none
-    "misfit": {"most_of": ""},
-    "orientation": {"least_of": ""},
-    "residual": {"most_of": ""},
-    "torn_off": {"most_of": ""},
-    "landmark_error": {"most_of": ""},
-    "rival": {"least_of": "parts.tie"},
-    "mirrored": {"least_of": ""},
-    "stretch": {"most_of": ""},
+# on which side a measure is bounded, and the setting that holds the bound; of a part, others are evidence
+_BOUNDS = {
+    "misfit": ("most", "outcome.poor_misfit"),
+    "rival": ("least", "outcome.tie"),
+    "mirrored": ("least", "outcome.mirror_tie"),
+    "orientation": ("least", "outcome.poor_orientation"),
+    "residual": ("most", "outcome.poor_residual"),
+    "stretch": ("most", "outcome.poor_stretch"),
+    "torn_off": ("most", "outcome.poor_torn_off"),
+    "doubt": ("most", "parts.poor_doubt"),
+    "landmark_error": ("most", "outcome.contradiction"),
+    "initial_map_error": ("most", "outcome.contradiction"),
+}
+_BOUNDS_OF_PART = {
+    "rival": ("least", "parts.tie"),
+    "doubt": ("most", "parts.poor_doubt"),
+    "initial_map_error": ("most", "outcome.contradiction"),
 }
 
 
 def quality_measures(result: MatchResult) -> Iterator[tuple[Measure, float, bool]]:
-    """Give the measures of a result with their values, and whether a value is evidence against the map.
-
-    A measure without a value, such as the landmark error of a match without landmarks, is left out.
-    """
+    """Give the measures of a result that have values, with these, and whether a value is evidence against the map."""
     measures = _measures_of(result)
     for field, number in asdict(result.quality).items():
         measure = measures.get(field, Measure(field, "{:.3g}", "", ""))
@@ -229,12 +215,12 @@ def quality_bounds(result: MatchResult) -> dict[str, dict[str, float]]:
 
 def _measures_of(result: MatchResult) -> dict[str, Measure]:
     """Give the measures with the bounds that the match of the result had."""
-    config = config_of(result)
-    of_part = {} if isnan(result.quality.doubt) and isnan(result.quality.stress) else _OF_PART
-    return {
-        field: replace(measure, **of_part.get(field, {})).bounded_by(config)
-        for field, measure in MEASURES.items()
-    }
+    is_whole = isnan(result.quality.doubt) and isnan(result.quality.stress)
+    measures = dict(MEASURES)
+    for field, (side, setting) in (_BOUNDS if is_whole else _BOUNDS_OF_PART).items():
+        bound: dict[str, Any] = {side: attrgetter(setting)(config_of(result))}
+        measures[field] = replace(measures[field], **bound)
+    return measures
 
 
 def config_of(result: MatchResult) -> Config:

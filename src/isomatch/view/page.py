@@ -1,11 +1,13 @@
-"""The page of two shapes and their maps in 3D: what the report, a notebook's view and the page to work in share."""
+"""The page of two shapes and their maps in 3D, and the sections below it: what all pages share."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from html import escape
+from importlib.metadata import PackageNotFoundError, version
 from importlib.resources import files
+from platform import python_version
 from string import Template
 from typing import Any
 
@@ -15,15 +17,20 @@ from numpy.typing import ArrayLike
 from isomatch.correspondence import Correspondence
 from isomatch.errors import LandmarkError
 from isomatch.matching import MatchResult
+from isomatch.settings import MatchSettings
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import IntArray, array_of
-from isomatch.view import lighting
-from isomatch.view.outcome_colours import outcome_colour
-from isomatch.view.summary import summary_of
+from isomatch.view.measures import quality_measures
+from isomatch.view.picture import png
+from isomatch.view.plots import draw_map
+from isomatch.view.summary import outcome_colour, summary_of, told_of_all, told_of_alternative
+from isomatch.view.surface_image import AMBIENT, FILL, FILL_LIGHT, GLOSS, KEY, KEY_LIGHT, SHARPNESS
 
 MOST_ALTERNATIVES = 4
 LEAST_TURN = 0.1  # degrees of a turn worth telling
 SIDES = ("source", "target")
+# of a page, besides what every page has; one that is served adds to the content security policy and has a kind
+_PARTS = ("policy", "kind", "work", "picture", "plain", "maps", "picking", "details", "run")
 _INLINED = {"style": "report.css", "landmark_script": "landmarks.js", "script": "report.js"}
 
 
@@ -34,25 +41,15 @@ def page_of(
     pairs: IntArray,
     *,
     style: str = "",
-    policy: str = "",
-    kind: str = "",
-    work: str = "",
     sureness: str = "",
     **parts: str,
 ) -> str:
-    """Fill the template with the contents of every page, and with the given parts as HTML.
-
-    ``pairs`` are the landmarks with which the list begins; a page that is served adds to ``style`` and to the content
-    security ``policy``, has a ``kind``, and a script to ``work`` with.
-    """
-    # the list is kept for these shapes and landmarks
+    """Fill the template with the contents of every page, and with parts as HTML; those that are not given are empty."""
+    # the list of landmarks, which begins with the pairs, is kept for these shapes and landmarks
     given = {"shapes": [mesh.content_hash for mesh in shapes], "landmarks": pairs.tolist()}
     inlined = {name: text_of(file) for name, file in _INLINED.items()}
     return template("report.html").substitute(
-        **parts,
-        policy=policy,
-        kind=kind,
-        work=work,
+        **(dict.fromkeys(_PARTS, "") | parts),
         sureness=f'<p id="sureness">{escape(sureness)}</p>\n' if sureness else "",
         title=escape(f"isomatch: {names[0]} → {names[1]}"),
         pair=escape(" → ".join(f"{n} ({m.n_vertices:,} vertices)" for n, m in zip(names, shapes))),
@@ -65,14 +62,17 @@ def page_of(
     )
 
 
-def told_of(result: MatchResult) -> dict[str, str]:
-    """Say what came out, for the head of a page: parts of `page_of`."""
+def parts_of(scene: Mapping[str, Any], result: MatchResult) -> dict[str, str]:
+    """Say what came out, and what the view shows of it: parts of `page_of`."""
     summary = summary_of(result)
     return {
         "colour": outcome_colour(result.outcome),
         "headline": escape(summary.headline),
         "sureness": summary.sureness,
         "advice": escape(summary.advice_in_python),
+        "plain": "Points of the same colour correspond.",
+        "maps": "".join(f"<option>{name}</option>" for name in maps_of(result)),
+        "remarks": paragraphs(_remarks_on(scene, result)),
     }
 
 
@@ -111,15 +111,20 @@ def pairs_on(landmarks: ArrayLike | None, source: Mesh, target: Mesh) -> IntArra
 
 def _lights() -> dict[str, str]:
     """Give the shader the same lights as the still pictures."""
-    directions = {"key": lighting.KEY_LIGHT, "fill": lighting.FILL_LIGHT}
-    strengths = {"ambient": lighting.AMBIENT, "key_strength": lighting.KEY, "fill_strength": lighting.FILL}
-    numbers = {**strengths, "gloss": lighting.GLOSS, "sharpness": lighting.SHARPNESS}
+    directions = {"key": KEY_LIGHT, "fill": FILL_LIGHT}
+    numbers = {
+        "ambient": AMBIENT,
+        "key_strength": KEY,
+        "fill_strength": FILL,
+        "gloss": GLOSS,
+        "sharpness": SHARPNESS,
+    }
     return {name: ", ".join(map(str, direction)) for name, direction in directions.items()} | {
-        name: str(float(number)) for name, number in numbers.items()
+        name: str(number) for name, number in numbers.items()
     }
 
 
-def remarks_on(scene: Mapping[str, Any], result: MatchResult) -> list[str]:
+def _remarks_on(scene: Mapping[str, Any], result: MatchResult) -> list[str]:
     """Explain what the view leaves out, and from which side it shows the source."""
     remarks = simplified(scene)
     if not result.map.matched.all():
@@ -147,3 +152,152 @@ def simplified(scene: Mapping[str, Any]) -> list[str]:
 def title_of(side: str, name: str) -> str:
     """Name a shape by its side and its file."""
     return side if name == side else f"{side}: {name}"
+
+
+STILL_WIDTH = 640  # pixels of the picture of an alternative
+_HOW_TO_CHOOSE = (
+    "Where DIR is the folder that <code>isomatch match</code> wrote, <code>isomatch choose DIR 1</code> refines "
+    "alternative 1, measures it and makes it the map."
+)
+_OF_MEASURES = ("measure", "value", "bound", "meaning")
+LIBRARIES = ("numpy", "scipy", "numba", "robust_laplacian", "matplotlib")
+
+
+def quality_rows(result: MatchResult, *, only_against: bool = False) -> str:
+    """Make a row for each measure, with its bound; or only for those that speak against the map."""
+    rows = []
+    for measure, number, against in quality_measures(result):
+        if only_against and not against:
+            continue
+        verdict = " (violated)" if against else ""
+        rows.append(
+            f'<tr{" class=against" if against else ""}><th scope="row">{escape(measure.name)}</th>'
+            f'<td class="number">{escape(measure.value(number))}</td>'
+            f'<td class="bound">{escape(measure.bound + verdict)}</td><td>{escape(measure.meaning)}</td></tr>'
+        )
+    return "".join(rows)
+
+
+def table_of_regions(result: MatchResult) -> str:
+    """Make a table of the regions where the map may be wrong; nothing if there are none."""
+    if not result.regions:
+        return ""
+    rows = "".join(
+        f'<tr><th scope="row">{number}</th><td class="number">{region.area:.1%}</td>'
+        f'<td class="number" data-is="vertex">{region.vertices[0]}</td>'
+        f'<td class="number" data-is="other image">{"" if region.rival is None else region.rival[0]}</td>'
+        f"<td>{escape(region.reason)}</td></tr>"
+        for number, region in enumerate(result.regions, 1)
+    )
+    return (
+        "<section><h2>Regions of doubt</h2><p>Where the map may be wrong; the colour “doubt” shows the regions. The "
+        "vertex is the most doubtful one of its region; the other image is where another map sends it.</p>"
+        f"{_headed_table(rows, 'region', 'area', 'vertex', 'other image', 'reason')}</section>"
+    )
+
+
+def table_against(result: MatchResult) -> str:
+    """Make a table of the measures that speak against the map; nothing if there are none."""
+    rows = quality_rows(result, only_against=True)
+    return (
+        f"<section><h2>What speaks against it</h2>{_headed_table(rows, *_OF_MEASURES)}</section>"
+        if rows
+        else ""
+    )
+
+
+def table_of_quality(result: MatchResult) -> str:
+    """Make a table of all measures."""
+    return (
+        "<p>Computed without ground truth. A violated bound is evidence against the map.</p>"
+        + _headed_table(quality_rows(result), *_OF_MEASURES)
+    )
+
+
+def _headed_table(rows: str, *columns: str) -> str:
+    heads = "".join(f'<th scope="col">{name}</th>' for name in columns)
+    return f'<table class="quality"><thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table>'
+
+
+def pictures_of_alternatives(source: Mesh, target: Mesh, result: MatchResult) -> str:
+    """Draw other maps side by side, and say what they are; nothing if there are none."""
+    others = result.alternatives[:MOST_ALTERNATIVES]
+    if not others:
+        return ""
+    figures = "".join(
+        f'<figure><img src="{png(drawn(source, target, other.map, ("", ""), STILL_WIDTH))}" '
+        f'alt="Alternative {i}"><figcaption title="found by {escape(other.origin)}"><strong>Alternative {i}</strong> '
+        f"{escape(told_of_alternative(source, target, result, other))}</figcaption></figure>"
+        for i, other in enumerate(others, 1)
+    )
+    return (
+        f"<section><h2>Alternatives</h2><p>{escape(told_of_all(result))} {_HOW_TO_CHOOSE}</p>"
+        f'<div class="stills">{figures}</div></section>'
+    )
+
+
+def tables_of_run(result: MatchResult, facts: Mapping[str, object]) -> str:
+    """Tell how the map was found: facts, seconds and settings."""
+    run = {
+        "outcome": result.outcome.value,
+        **facts,
+        "winning start": result.origin,
+        "selected for": result.reason,
+        "geodesic engine": result.engine,
+        "seed": result.seed,
+        **{f"{side} onto itself": symmetry for side, symmetry in zip(SIDES, result.symmetries) if symmetry},
+        **versions(),
+    }
+    seconds = {stage: f"{spent:.2f}" for stage, spent in result.timings.items()}
+    return (
+        table("Run", run)
+        + table("Seconds", seconds)
+        + table("Settings", _everyday(result.config) | result.config.changed())
+    )
+
+
+def notes_of(result: MatchResult) -> str:
+    """Say what was repaired, left out or replaced."""
+    return paragraphs(map(sentence, result.notes or ["Nothing was repaired, left out or replaced."]))
+
+
+def table(title: str, rows: Mapping[str, object]) -> str:
+    """Make a table of two columns."""
+    body = "".join(
+        f'<tr><th scope="row">{escape(str(name))}</th><td>{escape(str(value))}</td></tr>'
+        for name, value in rows.items()
+    )
+    return f"<section><h2>{escape(title)}</h2><table><tbody>{body}</tbody></table></section>"
+
+
+def paragraphs(lines: Iterable[str]) -> str:
+    """Set each line in small print."""
+    return "".join(f'<p class="soft">{escape(line)}</p>' for line in lines)
+
+
+def sentence(text: str) -> str:
+    """Begin with a capital."""
+    return text[:1].upper() + text[1:]
+
+
+def drawn(source: Mesh, target: Mesh, shown: Correspondence, titles: tuple[str, str], width: int) -> bytes:
+    """Draw a map as PNG."""
+    return draw_map(source, target, shown, titles=titles, width=width).png()
+
+
+def versions() -> dict[str, str]:
+    """Versions of Python and of the libraries that decide numbers."""
+    return {"python": python_version(), **{name: _version(name) for name in LIBRARIES}}
+
+
+def _version(distribution: str) -> str:
+    try:
+        return version(distribution)
+    except PackageNotFoundError:
+        return "not installed"
+
+
+def _everyday(settings: MatchSettings) -> dict[str, Any]:
+    """Select the settings that are not those of a single stage, and not left open."""
+    everyday = settings.to_dict().items()
+    return {name: value for name, value in everyday if value is not None and not isinstance(value, dict)}

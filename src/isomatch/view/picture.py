@@ -1,26 +1,30 @@
-"""A figure of surfaces in a row, pixel for pixel, which notebooks show sharply and at the size it was made for."""
+"""Figures of surfaces in a row, pixel for pixel, and the colours that show values."""
 
 from __future__ import annotations
 
 from base64 import b64encode
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from html import escape
 from io import BytesIO
 from itertools import count
 from textwrap import wrap
+from typing import Literal
 
 import numpy as np
+from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties, findfont, get_font
+from numpy.typing import ArrayLike
 
-from isomatch.errors import SettingError
-from isomatch.values.arrays import FloatArray
+from isomatch.errors import DescriptorError, SettingError
+from isomatch.values.arrays import FloatArray, numbers_of
+from isomatch.values.cached import cached_property
 from isomatch.view.surface_image import SurfaceView
-from isomatch.view.value_panel import ValuePanel
 
 DPI = 200
 SHARPNESS = 2  # pixels of a picture for each pixel of a page, as many as sharp screens have
@@ -34,15 +38,7 @@ TEXT = 9  # points
 
 
 class Picture(Figure):
-    """A figure of matplotlib that belongs to nobody but its holder: pyplot does not know it, and no backend is chosen.
-
-    Parameters
-    ----------
-    width, height : int
-        Size in pixels. Notebooks show it at half of that, as sharp screens have two pixels for each of a page.
-    seen : str
-        What it shows, for who cannot see it.
-    """
+    """A figure of matplotlib, of a size in pixels, that pyplot does not know; ``seen`` says what it shows."""
 
     def __init__(self, width: int, height: int, seen: str = "") -> None:
         whole = 1e-6  # of a pixel, so that rounding loses none
@@ -78,24 +74,7 @@ class Panel:
 def pictured(
     panels: Sequence[Panel], width: int, *, values: ValuePanel | None = None, title: str = "", seen: str = ""
 ) -> Picture:
-    """Place panels in a row, all at the same scale.
-
-    Parameters
-    ----------
-    panels : sequence of Panel
-        At least one.
-    width : int
-        Width in pixels; the height follows from the shapes.
-    values : ValuePanel, optional
-        Values whose colours a bar at the right explains.
-    title, seen : str
-        Title above all, and what the picture shows, for who cannot see it.
-
-    Raises
-    ------
-    SettingError
-        If there is no room for the panels.
-    """
+    """Place panels in a row, all at the same scale, beside a bar that explains the colours of values."""
     if int(width) != width or width < LEAST_WIDTH:
         raise SettingError(f"width = {width} is not an integer of at least {LEAST_WIDTH} pixels")
     above, below = (TITLE if any(texts) else 0 for texts in ([title], [panel.title for panel in panels]))
@@ -187,12 +166,139 @@ def _in_lines(label: str, length: float) -> list[str]:
         measured.set_text("\n".join(lines))
         return measured.get_window_extent().width
 
-    most = len(label.split())
-    return next(
-        (lines for n in range(1, most) if longest(lines := broken(n)) <= length), broken(max(most, 1))
-    )
+    most = max(len(label.split()), 1)
+    return next((lines for n in range(1, most) if longest(lines := broken(n)) <= length), broken(most))
 
 
 def png(data: bytes) -> str:
     """Embed a PNG file."""
     return "data:image/png;base64," + b64encode(data).decode("ascii")
+
+
+OUTLIERS = 0.01  # share of the values beyond either end of the colour bar
+EITHER_SIGN = (
+    0.2  # of the largest magnitude; values that reach so far on both sides of 0 have colours of either sign
+)
+FROM_ZERO = 0.5  # of the highest value; values above 0 that begin below this are shown from 0
+ONE_SIGN, BOTH_SIGNS = "cividis", "PuOr_r"  # both safe for the colour-blind
+
+
+@dataclass(frozen=True, eq=False)
+class ValuePanel:
+    """Another view of the source, coloured by a value at each vertex.
+
+    Parameters
+    ----------
+    values : (n_source,) array_like of float
+        The values; ``nan`` is drawn grey.
+    label : str
+        Label of the colour bar, with the unit.
+    highest : float, optional
+        Value of the brightest colour, from 0; by default the bar spans all but a per cent of the values at either end,
+        from 0 if they begin near it, and as far on both sides of 0 if they have either sign.
+    colour_map : str, optional
+        Name of a colour map of matplotlib; by default ``"cividis"``, or ``"PuOr_r"`` for values of either sign.
+
+    Raises
+    ------
+    SettingError
+        If matplotlib has no such colour map.
+    """
+
+    values: ArrayLike
+    label: str = ""
+    highest: float | None = None
+    colour_map: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.colour_map is not None and self.colour_map not in colormaps:
+            raise SettingError(
+                f"colour_map = {self.colour_map!r} is no colour map of matplotlib; 'cividis', 'viridis' and 'PuOr_r' are"
+            )
+
+    def scale(self) -> Normalize:
+        """Return the values of the first and the last colour."""
+        return Normalize(*self._ends)
+
+    @property
+    def colours(self) -> str:
+        """Name of the colour map."""
+        return self.colour_map or (BOTH_SIGNS if self._ends[0] == -self._ends[1] else ONE_SIGN)
+
+    @property
+    def beyond(self) -> Literal["neither", "min", "max", "both"]:
+        """On which ends of the scale there are values beyond it."""
+        low, high = self._ends
+        below, above = bool((self._finite < low).any()), bool((self._finite > high).any())
+        return "both" if below and above else "min" if below else "max" if above else "neither"
+
+    def rows(self, n: int) -> FloatArray:
+        """(n,) the values, nan where they are not finite; `DescriptorError` if there are not as many."""
+        rows = numbers_of(self.values, "values", DescriptorError)
+        if rows.shape != (n,):
+            raise DescriptorError(f"values have shape {rows.shape}; expected ({n},), one for each vertex")
+        return np.where(np.isfinite(rows), rows, np.nan)
+
+    def paint(self, values: FloatArray) -> FloatArray:
+        """Screen colours (m, 3) of values (m, 1); nan of nan."""
+        return colour_scale(self.colours, *self._ends)(values)
+
+    @cached_property
+    def _finite(self) -> FloatArray:
+        values = np.asarray(self.values, dtype=np.float64).ravel()
+        return values[np.isfinite(values)]
+
+    @cached_property
+    def _ends(self) -> tuple[float, float]:
+        if self.highest:
+            return 0.0, self.highest
+        if not len(self._finite):
+            return 0.0, 1.0
+        low, high = np.quantile(self._finite, [OUTLIERS, 1 - OUTLIERS]).tolist()
+        if low == high:
+            low, high = float(self._finite.min()), float(self._finite.max())
+        most = max(abs(low), abs(high))
+        if -low > EITHER_SIGN * most and high > EITHER_SIGN * most:
+            return -most, most
+        low = 0.0 if 0.0 <= low < FROM_ZERO * high else low
+        return low, high if high > low else low + 1.0
+
+
+Paint = Callable[[FloatArray], FloatArray]
+
+
+def colour_scale(name: str, low: float, high: float, bands: int = 0) -> Paint:
+    """Make a function from values to screen colours of a colour map, nan of nan; bands have level lines as borders."""
+    colour_map = colormaps[name]
+
+    def paint(values: FloatArray) -> FloatArray:
+        share = np.clip((values[:, 0] - low) / (high - low), 0.0, 1.0)
+        if bands:
+            share = (np.minimum(np.floor(share * bands), bands - 1) + 0.5) / bands
+        return np.where(np.isnan(share)[:, None], np.nan, colour_map(share)[:, :3])
+
+    return paint
+
+
+def arranged_panels(
+    images: Sequence[FloatArray],
+    titles: Sequence[str],
+    per_row: int,
+    width: float = 8.5,
+    title_size: float = 8.0,
+) -> tuple[Figure, list[Axes]]:
+    """Arrange pictures (h, w, 4) of a common scale in rows; return a figure, ``width`` inches wide, and their axes."""
+    cell = np.max([image.shape[:2] for image in images], axis=0)
+    n_rows = -(-len(images) // per_row)
+    height = width / per_row * cell[0] / cell[1] + 0.3
+    figure = Figure((width, n_rows * height), layout="constrained")
+    grid = figure.subplots(n_rows, per_row, squeeze=False).ravel()
+    for axes in grid:
+        axes.set_axis_off()
+    for axes, image, title in zip(grid, images, titles):
+        padded = np.zeros((*cell, 4))
+        top, left = (cell - image.shape[:2]) // 2
+        padded[top : top + image.shape[0], left : left + image.shape[1]] = image
+        axes.imshow((255 * padded).round().astype(np.uint8), interpolation="antialiased")
+        axes.set_title(title, size=title_size, parse_math=False)
+    return figure, list(grid[: len(images)])

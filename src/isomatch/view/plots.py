@@ -1,23 +1,120 @@
-"""Pictures of one object: a surface with values at its vertices, a basis and its functions."""
+"""Pictures of a map, of a surface with values at its vertices, and of a basis; points are drawn as triangles."""
 
 from __future__ import annotations
+
+from contextlib import nullcontext
+from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import ArrayLike
+from scipy.spatial import cKDTree
 
 from isomatch.assets import SurfaceLike, surface_from
 from isomatch.bases import DistanceBasis, LaplaceBasis
-from isomatch.errors import DescriptorError
-from isomatch.surfaces import Surface
-from isomatch.values.arrays import numbers_of
-from isomatch.view.camera import camera_of
-from isomatch.view.colours import from_screen
-from isomatch.view.picture import TEXT, Panel, Picture, pictured
-from isomatch.view.points import drawable
-from isomatch.view.stills import WIDTH, as_is, paintable, painted
+from isomatch.correspondence import Correspondence
+from isomatch.errors import DescriptorError, MeshError
+from isomatch.storage.files import replaced
+from isomatch.surfaces import Graph, Mesh, Surface
+from isomatch.values.arrays import FloatArray, numbers_of
+from isomatch.view.camera import camera_of, of_ordinary_size, turn_to_target
+from isomatch.view.colours import from_screen, position_colours
+from isomatch.view.picture import TEXT, Panel, Picture, ValuePanel, pictured
 from isomatch.view.surface_image import SurfaceView
-from isomatch.view.value_panel import ValuePanel
+
+WIDTH = 1800
+LEAST_AREA = 1e-100  # of a shape of ordinary size; the squares of smaller ones vanish
+SEEN = "{} on the left, {} on the right; points of the same colour correspond."
+
+
+def draw_map(
+    source: Mesh,
+    target: Mesh,
+    correspondence: Correspondence,
+    path: str | Path | BinaryIO | None = None,
+    *,
+    titles: tuple[str, str] = ("source", "target"),
+    values: ValuePanel | None = None,
+    title: str = "",
+    width: int = WIDTH,
+    view: tuple[float, float] | None = None,
+) -> Picture:
+    """Draw both shapes side by side, coloured by the map.
+
+    Parameters
+    ----------
+    source, target : Mesh
+        The two shapes. They are drawn with equal area, and the source is rotated to face like the target.
+    correspondence : Correspondence
+        The map source → target.
+    path : path_like or binary file, optional
+        PNG file to write; an existing file is replaced. By default none is written.
+    titles : (str, str)
+        Titles below the two shapes.
+    values : ValuePanel, optional
+        Content of a third panel, the source once more; by default there is none.
+    title, width, view
+        As for `plot_surface`; the view is that of the target.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The picture, with axes for each panel.
+
+    Raises
+    ------
+    UnwritableFileError
+        If the file cannot be written; others as for `plot_surface`.
+
+    Notes
+    -----
+    The target has the colours of `position_colours`. Each source vertex has the colour of its image, or is grey if it is
+    unmatched. Time is linear in faces and pixels.
+    """
+    source, target = (paintable(mesh, name) for mesh, name in zip((source, target), titles))
+    camera = camera_of(target, view=view)
+    turned = camera @ turn_to_target(source, target, correspondence)
+    colours = position_colours(target)
+    panels = [
+        Panel(SurfaceView(source, turned, correspondence.pull_back(colours), as_is), titles[0]),
+        Panel(SurfaceView(target, camera, colours, as_is), titles[1]),
+    ]
+    seen = SEEN.format(titles[0] or "source", titles[1] or "target")
+    if values is not None:
+        panels.append(Panel(painted(source, turned, values), titles[0]))
+        seen += f" On the far right, the first once more, coloured by {values.label or 'values'}."
+    picture = pictured(panels, width, values=values, title=title, seen=seen)
+    if path is not None:
+        with replaced(Path(path)) if isinstance(path, str | Path) else nullcontext(path) as file:
+            file.write(picture.png())
+    return picture
+
+
+def paintable(mesh: Mesh, name: str) -> Mesh:
+    """Scale a mesh to ordinary size, and refuse one without area, see `draw_map`."""
+    mesh = of_ordinary_size(mesh)
+    if not mesh.area > LEAST_AREA:
+        raise MeshError(
+            f"{name}: cannot be drawn: it has no faces of any area, coordinates that are not finite, or some so much "
+            "larger than the others that the surface has no area beside them; check(mesh) says where, repair(mesh) "
+            "mends it"
+        )
+    return mesh
+
+
+def painted(
+    mesh: Mesh, camera: FloatArray, values: ValuePanel, rows: FloatArray | None = None
+) -> SurfaceView:
+    """Show a mesh in the colours of values at its vertices; of others (n,), if they are given, at the same scale."""
+    rows = values.rows(mesh.n_vertices) if rows is None else rows
+    return SurfaceView(mesh, camera, rows[:, None], lambda seen: from_screen(values.paint(seen)))
+
+
+def as_is(colours: FloatArray) -> FloatArray:
+    """Take colours in linear light as they are."""
+    return colours
+
 
 CLAY = from_screen(np.array([200, 200, 196]) / 255)  # as in the report
 ALONE = 1000  # pixels; the width of the picture of one surface
@@ -44,8 +141,7 @@ def plot_surface(
     surface : Mesh or PointCloud
         The surface, of n vertices.
     values : (n,) or (n, 3) array_like of float, optional
-        Numbers, whose colours a bar explains, or colours, red, green and blue from 0 to 1. ``nan`` is grey; by default
-        all is clay.
+        Numbers, whose colours a bar explains, or red, green and blue from 0 to 1; ``nan`` is grey. By default clay.
     label : str
         What the numbers are, with their unit.
     colour_map : str, optional
@@ -73,10 +169,6 @@ def plot_surface(
     TypeError
         If it is a graph, which has no positions.
 
-    Notes
-    -----
-    Time is linear in faces and pixels.
-
     Examples
     --------
     >>> from isomatch import Mesh
@@ -99,9 +191,8 @@ def plot_surface(
         return pictured([Panel(SurfaceView(mesh, camera, colours, as_is))], width, title=title, seen=seen)
     panel = ValuePanel(rows, label, colour_map=colour_map)
     shown = painted(mesh, camera, panel)
-    return pictured(
-        [Panel(shown)], width, values=panel, title=title, seen=f"{seen}, coloured by {label or 'values'}"
-    )
+    seen += f", coloured by {label or 'values'}"
+    return pictured([Panel(shown)], width, values=panel, title=title, seen=seen)
 
 
 def plot_basis(
@@ -120,18 +211,9 @@ def plot_basis(
     basis : DistanceBasis or LaplaceBasis
         Of a distance basis, the spectrum comes with the error of each smaller rank if columns were held out.
     surface : Mesh, PointCloud, or what `surface_from` takes, optional
-        The surface that the basis was made for.
+        The surface that the basis was made for; `DescriptorError` if it has another number of vertices.
     colour_map, title, width, view
         As for `plot_surface`; each function has a scale of its own, as far above as below 0.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-
-    Raises
-    ------
-    DescriptorError
-        If the surface has another number of vertices than the basis.
     """
     if surface is None:
         return _spectrum(basis, title, width)
@@ -146,11 +228,8 @@ def plot_basis(
     for k, (column, value) in enumerate(zip(basis.vectors.T[:N_SHOWN], values), 1):
         most = float(np.abs(column).max()) or 1.0
         even = ValuePanel([-most, most], colour_map=colour_map)
-        panels.append(
-            Panel(
-                painted(mesh, camera, even, column), f"vector {k}, eigenvalue {value:.3g}".replace("-", "−")
-            )
-        )
+        name = f"vector {k}, eigenvalue {value:.3g}".replace("-", "−")
+        panels.append(Panel(painted(mesh, camera, even, column), name))
     return pictured(panels, width, title=title, seen=f"The first {len(panels)} vectors of {basis!r}")
 
 
@@ -158,17 +237,13 @@ def _spectrum(basis: DistanceBasis | LaplaceBasis, title: str, width: int) -> Pi
     """Draw the eigenvalues against their number, and the error against the rank where it is known."""
     picture = Picture(width, round(CHART_HEIGHT * width), f"Spectrum of {basis!r}")
     picture.set_layout_engine("constrained")
-    is_distance = isinstance(basis, DistanceBasis)
     errors = basis.error_estimates() if isinstance(basis, DistanceBasis) and basis.held_out else None
     charts = picture.subplots(1, 1 if errors is None else 2, squeeze=False).ravel()
     number = np.arange(1, len(basis.values) + 1)
-    if is_distance:
-        size = np.abs(basis.values)
-        for name, colour, chosen in (
-            ("positive", POSITIVE, basis.values > 0),
-            ("negative", NEGATIVE, basis.values <= 0),
-        ):
-            charts[0].scatter(number[chosen], size[chosen], 12, colour, label=name)
+    if isinstance(basis, DistanceBasis):
+        size, positive = np.abs(basis.values), basis.values > 0
+        charts[0].scatter(number[positive], size[positive], 12, POSITIVE, label="positive")
+        charts[0].scatter(number[~positive], size[~positive], 12, NEGATIVE, label="negative")
         charts[0].set_yscale("log")
         charts[0].legend(fontsize=TEXT - 1, frameon=False)
         _named(charts[0], "number", "size of the eigenvalue")
@@ -189,3 +264,45 @@ def _named(axes: Axes, x: str, y: str) -> None:
     axes.set_ylabel(y, fontsize=TEXT)
     axes.tick_params(labelsize=TEXT - 1)
     axes.spines[["top", "right"]].set_visible(False)
+
+
+NEIGHBOURS = 8  # of each point, between which triangles are drawn
+WIDEST = 2.6  # radians, about 150°: a wider angle between two neighbours is a hole or a border
+
+
+def drawable(surface: Surface) -> Mesh:
+    """Return a mesh with the same vertices that looks like a surface.
+
+    A mesh is returned as it is, a graph refused (`TypeError`). Triangles of points overlap and face away from the
+    middle, and are good for nothing but a picture. O(n log n).
+
+    Examples
+    --------
+    >>> import isomatch
+    >>> grid = np.array([[x, y, 0.0] for x in range(5) for y in range(5)])
+    >>> drawn = drawable(isomatch.PointCloud(grid))
+    >>> drawn.n_vertices, bool(drawn.area > 16)
+    (25, True)
+    """
+    if isinstance(surface, Mesh):
+        return surface
+    if isinstance(surface, Graph):
+        raise TypeError(f"{surface!r} has no positions to draw")
+    # each point with its nearest neighbours, in turn around it in the plane that fits them best
+    points, n = surface.vertices, surface.n_vertices
+    k = min(NEIGHBOURS, n - 1)
+    near = cKDTree(points).query(points, k + 1)[1][:, 1:]
+    offsets = points[near] - points[:, None]  # (n, k, 3)
+    axes = np.linalg.eigh(np.einsum("nki,nkj->nij", offsets, offsets))[1]  # the last two span the plane
+    flat = np.einsum("nki,nij->nkj", offsets, axes[:, :, 1:])
+    angles = np.arctan2(flat[..., 1], flat[..., 0])
+    order = angles.argsort(axis=1)
+    near, angles = (np.take_along_axis(each, order, axis=1) for each in (near, angles))
+    gaps = np.mod(np.roll(angles, -1, axis=1) - angles, 2 * np.pi)
+    middle = np.broadcast_to(np.arange(n)[:, None], near.shape)
+    faces = np.stack([middle, near, np.roll(near, -1, axis=1)], axis=2)[gaps < WIDEST]
+    faces = faces[np.unique(np.sort(faces, axis=1), axis=0, return_index=True)[1]]
+    a, b, c = (points[faces[:, i]] for i in range(3))
+    inward = np.einsum("fi,fi->f", np.cross(b - a, c - a), a - points.mean(axis=0)) < 0
+    faces[inward] = faces[inward][:, ::-1]
+    return Mesh(points, faces)

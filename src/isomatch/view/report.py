@@ -11,35 +11,31 @@ from numpy.typing import ArrayLike
 from isomatch.matching import MatchResult, Outcome
 from isomatch.storage.files import write_text
 from isomatch.surfaces import Mesh
-from isomatch.view.layers import known_layers, user_layers
-from isomatch.view.outcome_colours import outcome_colour
 from isomatch.view.page import (
-    MOST_ALTERNATIVES,
     SIDES,
+    drawn,
     maps_of,
+    notes_of,
     page_of,
     pairs_on,
-    remarks_on,
-    simplified,
-    template,
-    title_of,
-    told_of,
-)
-from isomatch.view.picture import png
-from isomatch.view.report_sections import (
-    drawn,
     paragraphs,
+    parts_of,
     pictures_of_alternatives,
     sentence,
+    simplified,
     table,
     table_against,
     table_of_quality,
     table_of_regions,
     tables_of_run,
+    template,
+    title_of,
     versions,
 )
-from isomatch.view.scene import scene_of
-from isomatch.view.stills import WIDTH
+from isomatch.view.picture import png
+from isomatch.view.plots import SEEN, WIDTH
+from isomatch.view.scene import known_layers, scene_of, user_layers
+from isomatch.view.summary import outcome_colour
 
 COMMAND = "isomatch match SOURCE TARGET -o DIR --landmarks landmarks.txt"
 
@@ -72,16 +68,15 @@ def write_report(
     names : (str, str)
         Names of the two shapes, such as those of their files.
     picture : path_like, optional
-        PNG file of `draw_map` to embed; by default it is drawn.
+        PNG file of `draw_map` to embed; by default it is drawn, and if empty there is none.
     facts : mapping of str to object, optional
         Additional rows for the table about the run.
     layers : mapping of str to (n_source,) array_like of float, optional
-        Values at the source's vertices by name, such as errors or a confidence, that can be shown as colours; ``nan`` is
-        grey. Positions, the stretch of the edges and, where they are known, the expected error, the mismatch and the
-        regions of doubt are always there.
+        Further values to be shown as colours, such as errors; ``nan`` is grey. Positions, stretch and what the result
+        knows (expected error, mismatch, doubt) are always there.
     landmarks : (q, 2) array_like of int, optional
-        Pairs (source vertex, target vertex) with which the list of landmarks begins; pairs of vertices that the shapes
-        do not have are left out.
+        Pairs (source vertex, target vertex) with which the list of landmarks begins; those of vertices that the shapes
+        lack are left out.
     command : str
         Command that matches again with the saved landmarks, to be copied.
 
@@ -119,25 +114,17 @@ def write_report(
     details = template("details.html").substitute(
         against=table_against(result),
         regions=table_of_regions(result),
-        alternatives=pictures_of_alternatives(
-            source, target, result, result.alternatives[:MOST_ALTERNATIVES]
-        ),
+        alternatives=pictures_of_alternatives(source, target, result),
         quality=table_of_quality(result),
-        notes=paragraphs(map(sentence, result.notes or ["Nothing was repaired, left out or replaced."])),
+        notes=notes_of(result),
     )
     page = page_of(
         (source, target),
         names,
         scene,
         pairs,
-        **told_of(result),
-        picture=f'<img src="{still}" alt="Source on the left, target on the right; points of the same colour '
-        'correspond.">'
-        if still
-        else "",
-        plain="Points of the same colour correspond.",
-        maps="".join(f"<option>{escape(name)}</option>" for name in maps),
-        remarks=paragraphs(remarks_on(scene, result)),
+        **parts_of(scene, result),
+        picture=f'<img src="{still}" alt="{SEEN.format("Source", "target")}">' if still else "",
         picking=" checked" if helped else "",
         landmarks=_list(command, shown=helped or bool(len(pairs))),
         details=details,
@@ -157,21 +144,9 @@ def write_landmark_picker(
     landmarks: ArrayLike | None = None,
     command: str = COMMAND,
 ) -> None:
-    """Write the report of a match that found no map: both shapes in 3D, to pick landmarks for another match.
+    """Write the report of a match that found no map, for a reason: both shapes in 3D, to pick landmarks for another.
 
-    Parameters
-    ----------
-    reason : str
-        Why no map was found.
-    path, source, target, names, facts, landmarks, command
-        As for `write_report`.
-
-    Raises
-    ------
-    LandmarkError
-        If landmarks are not pairs of integers.
-    UnwritableFileError
-        If the file cannot be written.
+    All else is as for `write_report`.
     """
     pairs = pairs_on(landmarks, source, target)
     scene = scene_of(source, target, {}, landmarks=pairs)
@@ -183,13 +158,10 @@ def write_landmark_picker(
         colour=outcome_colour(Outcome.LOW_CONFIDENCE),
         headline="No map was found",
         advice=escape(sentence(reason.rstrip(".")) + "."),
-        picture="",
         plain="Pick landmarks below.",
-        maps="",
         remarks=paragraphs(simplified(scene)),
         picking=" checked",
         landmarks=_list(command, shown=True),
-        details="",
         run=table("Run", {**(facts or {}), **versions()}),
     )
     write_text(Path(path), page)

@@ -1,20 +1,23 @@
-"""The data with which a browser draws both shapes and their maps: arrays as text, large shapes simplified."""
+"""The data with which a browser draws both shapes, their maps and layers of values; large shapes are simplified."""
 
 from __future__ import annotations
 
 from base64 import b64encode
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
+from matplotlib import colormaps
 from numpy.typing import ArrayLike
 
 from isomatch.correspondence import Correspondence
+from isomatch.errors import DescriptorError
+from isomatch.matching import MatchResult
 from isomatch.surfaces import Mesh
-from isomatch.values.arrays import FloatArray, IntArray
+from isomatch.values.arrays import FloatArray, IntArray, numbers_of
 from isomatch.view.camera import camera_of, of_ordinary_size, seen_from, turn_to_target, used_vertices
 from isomatch.view.colours import UNMATCHED_GREY, position_colours, to_screen
-from isomatch.view.layers import Layer, stretch
 
 Side = Literal["source", "target"]
 MOST_SHOWN = 30_000  # vertices of one shape
@@ -30,56 +33,29 @@ def scene_of(
     landmarks: IntArray | None = None,
     most: int = MOST_SHOWN,
 ) -> dict[str, Any]:
-    """Collect the data of a report's 3D view.
-
-    Parameters
-    ----------
-    source, target : Mesh
-        The two shapes.
-    maps : mapping of str to Correspondence
-        Maps source → target by name, if there are any. The first determines the rotation of the source.
-    layers : mapping of str to Layer, optional
-        Values at the source's vertices under the first map. Every map also has the layer ``stretch``.
-    landmarks : (q, 2) array of int, optional
-        Pairs of vertices that are not left out of ``index``.
-    most : int
-        A shape with more used vertices is simplified: one vertex is kept in each cell of a cubic grid, with its own
-        position, colour and image, and the corners of faces move to the vertex of their cell.
-
-    Returns
-    -------
-    dict
-        Plain values for JSON. ``source`` and ``target``: ``index`` (uint32, the user's index of each shown vertex),
-        ``vertices`` (float32 × 3: right, up, towards the viewer; unit area, as in the still picture), ``normals``
-        (int8 × 3), ``colours`` (uint8 × 3, target only), ``faces`` (uint32 × 3), ``extent``, and the numbers
-        ``n_shown`` of shown vertices and ``n_used`` of vertices that faces use. ``filed``: the rotation (3 rows) that
-        brings the source back to how it lies in its file. ``maps``: for each shown source vertex ``images`` (int32, the
-        user's index of the target vertex, −1 if unmatched), ``points`` and ``normals`` of the precise images,
-        ``colours``, and the ``layers`` by name, see `Layer.packed`. Arrays are little-endian, in base 64.
-    """
+    """Collect the data of a report's 3D view; layers are values at the source's vertices under the first map."""
+    # Plain values for JSON; arrays are little-endian, in base 64:
+    # source, target: index (uint32, the user's index of each shown vertex), vertices (float32 × 3: right, up, towards the
+    #   viewer; unit area, as in the still picture), normals (int8 × 3), colours (uint8 × 3, target only), faces
+    #   (uint32 × 3), extent, n_shown vertices of the n_used that faces use
+    # filed: the rotation (3 rows) that brings the source back to how it lies in its file
+    # maps: for each shown source vertex images (int32, the user's index of the target vertex, −1 if unmatched), points
+    #   and normals of the precise images, colours, and layers by name, see Layer.packed
     first = next(iter(maps.values()), None)
     drawn = DrawnPair(source, target, first, landmarks=landmarks, most=most)
     return {**drawn.shapes(), **drawn.maps(maps, layers)}
 
 
 class DrawnPair:
-    """Both shapes as a browser draws them; maps between them can be added later.
-
-    Parameters
-    ----------
-    source, target, landmarks, most
-        As for `scene_of`.
-    facing : Correspondence, optional
-        Map by which the source is turned to face like the target; by default it lies as in its file.
-    """
+    """Both shapes as a browser draws them; maps between them can be added later."""
 
     def __init__(
         self,
         source: Mesh,
         target: Mesh,
-        facing: Correspondence | None = None,
+        facing: Correspondence | None = None,  # turns the source to face like the target
         *,
-        landmarks: IntArray | None = None,
+        landmarks: IntArray | None = None,  # (q, 2) pairs of vertices that are shown in any case
         most: int = MOST_SHOWN,
     ) -> None:
         self._source, self._target = of_ordinary_size(source), of_ordinary_size(target)
@@ -168,18 +144,18 @@ def _packed_map(
     )
     unmatched = ~correspondence.matched[source.index]
     points[unmatched], normals[unmatched], pulled[unmatched] = 0.0, 0.0, UNMATCHED_GREY
-    ready = {name: layer.packed(source.index) for name, layer in layers.items()}
     return {
         "images": _packed(correspondence.vertices[source.index], "<i4"),
         "points": _packed(points, "<f4"),
         "normals": _normals(normals),
         "colours": _colours(pulled),
-        "layers": {name: {**item, "levels": _packed(item["levels"], "u1")} for name, item in ready.items()},
+        "layers": {name: layer.packed(source.index) for name, layer in layers.items()},
     }
 
 
 def _simplified(points: FloatArray, faces: IntArray, used: IntArray, most: int) -> tuple[IntArray, IntArray]:
     """Choose at most ``most`` of the used vertices to show; return them, and the faces between them in new indices."""
+    # the vertex nearest to the middle of each cell of a cubic grid is kept; corners of faces move to that of their cell
     shown, cell = used, np.arange(len(used))
     size = most**-0.5  # side of the cells; the surface has unit area
     while len(shown) > most:
@@ -210,3 +186,95 @@ def _normals(unit: FloatArray) -> str:
 
 def _colours(linear: FloatArray) -> str:
     return _packed(np.rint(255 * to_screen(linear)), "u1")
+
+
+# the first two are there of every map
+BUILT_IN = ("position", "stretch", "expected error", "mismatch", "doubt")
+N_STOPS = 9  # colours of a ramp between which a browser interpolates
+LEVELS = 254  # levels of a stored value
+NO_VALUE = 255
+LARGE_ERROR = 0.05  # √area; the confidence there is ½
+MISMATCHED = 1.0  # standard deviations; points drawn at random differ by about 0.8
+OUTLIERS = 0.02  # share of the values that may lie beyond the ends of the ramp
+
+
+@dataclass(frozen=True, eq=False)
+class Layer:
+    """Values at the source's vertices."""
+
+    values: FloatArray  # (n_source,), nan is drawn grey
+    low: float  # end of the ramp
+    high: float
+    meaning: str = ""
+    ratio: bool = False  # on a logarithmic ramp whose middle is neutral
+
+    def packed(self, index: IntArray) -> dict[str, Any]:
+        """Plain values for JSON; ``levels`` are uint8 at the vertices of ``index``, 255 where there is no value."""
+        scaled = np.log if self.ratio else np.asarray
+        low, high, values = scaled(self.low), scaled(self.high), scaled(self.values[index])
+        shares = np.clip((values - low) / (high - low), 0.0, 1.0)
+        ramp = colormaps["PuOr_r" if self.ratio else "cividis"](np.linspace(0.0, 1.0, N_STOPS))[:, :3]
+        return {
+            "low": self.low,
+            "high": self.high,
+            "ratio": self.ratio,
+            "meaning": self.meaning,
+            "ramp": np.rint(255 * ramp).astype(int).tolist(),
+            "levels": _packed(np.where(np.isnan(shares), NO_VALUE, np.rint(LEVELS * shares)), "u1"),
+        }
+
+
+def known_layers(result: MatchResult) -> dict[str, Layer]:
+    """Layers of all that a result knows of its map: the regions of doubt, the expected error, the mismatch."""
+    layers = {}
+    if result.regions:
+        values = np.full(len(result.map.vertices), np.nan)
+        values[np.concatenate([region.vertices for region in result.regions])] = 1.0
+        layers["doubt"] = Layer(values, 0.0, 1.0, "the regions of doubt, all else in grey")
+    errors, mismatch = result.expected_error, result.mismatch
+    if np.isfinite(errors).any():
+        high = max(LARGE_ERROR, float(np.nanquantile(errors, 1 - OUTLIERS)))
+        layers["expected error"] = Layer(
+            errors, 0.0, high, "distance of an image from the right one, in √area"
+        )
+    if mismatch is not None and np.isfinite(mismatch).any():
+        meaning = "how differently the shapes look here, in standard deviations"
+        layers["mismatch"] = Layer(mismatch, 0.0, MISMATCHED, meaning)
+    return layers
+
+
+def user_layers(values: Mapping[str, ArrayLike], n_source: int) -> dict[str, Layer]:
+    """Check values by name, and let the ramp span all but the outliers; `DescriptorError` if they do not fit."""
+    layers = {}
+    for name, layer_values in values.items():
+        if name in BUILT_IN:
+            raise DescriptorError(f"every report has a layer {name!r} of its own; give yours another name")
+        rows = numbers_of(layer_values, f"layer {name!r}", DescriptorError)
+        if rows.shape != (n_source,):
+            raise DescriptorError(
+                f"layer {name!r} has shape {rows.shape}, expected one value for each of the {n_source} source vertices"
+            )
+        rows = np.where(np.isfinite(rows), rows, np.nan)
+        low, high = np.nanquantile(rows, [OUTLIERS, 1 - OUTLIERS]) if np.isfinite(rows).any() else (0.0, 1.0)
+        low = 0.0 if 0.0 <= low < 0.5 * high else float(low)
+        layers[name] = Layer(rows, low, float(high) if high > low else low + 1.0)
+    return layers
+
+
+def stretch(source: Mesh, target: Mesh, correspondence: Correspondence) -> Layer:
+    """Compute how much the edges at each vertex are stretched, relative to the median."""
+    # √(Σ |φ(a) − φ(b)|² / Σ |a − b|²) over the edges ab at the vertex whose ends both have images φ
+    images = correspondence.pull_back(target.vertices)  # nan where unmatched
+    a, b = source.edges.T
+    before = ((source.vertices[a] - source.vertices[b]) ** 2).sum(axis=1)
+    after = ((images[a] - images[b]) ** 2).sum(axis=1)
+    mapped = np.isfinite(after)
+    corners = np.concatenate([a[mapped], b[mapped]])
+    sums = [
+        np.bincount(corners, np.tile(squares[mapped], 2), source.n_vertices) for squares in (after, before)
+    ]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.sqrt(sums[0] / sums[1])
+    ratio = np.where(np.isfinite(ratio), np.maximum(ratio, 1e-9), np.nan)
+    middle = float(np.nanmedian(ratio)) if np.isfinite(ratio).any() else 1.0
+    return Layer(ratio / middle, 0.5, 2.0, "lengths under the map; × 1 is the median", ratio=True)

@@ -4,41 +4,55 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from math import isfinite, isnan
 
 import numpy as np
 
-from isomatch.matching import MatchResult, Outcome
-from isomatch.view.measures import quality_measures
+from isomatch.correspondence import Correspondence
+from isomatch.matching import Alternative, MatchResult, Outcome
+from isomatch.surfaces import Mesh
+from isomatch.view.measures import config_of, quality_measures
 
 LITTLE_CONFIDENCE = 0.5  # an expected error of 0.05 √area, see `MatchResult.confidence`
 WORTH_TELLING = 0.005  # share of the vertices
 
-HEADLINES = {
-    Outcome.HINTS_CONTRADICTED: "The map and your hints do not agree: either may be wrong.",
-    Outcome.MIRROR_IMAGE: "This map is wrong: one shape fits the mirror image of the other.",
-    Outcome.LOW_CONFIDENCE: "This map is doubtful: the shapes fit badly under it.",
-    Outcome.SYMMETRY_AMBIGUOUS: "Two maps fit equally well; this is one of them.",
-    Outcome.PARTIAL: "The shapes match in what they have in common; the rest is left out.",
-    Outcome.CONVERGED: "The shapes match, and nothing speaks against this map.",
+# what came out, in a sentence, and what to do next; `Outcome.advice` tells more
+_TOLD = {
+    Outcome.HINTS_CONTRADICTED: (
+        "The map and your hints do not agree: either may be wrong.",
+        "Check the landmarks or the first map: vertices count from 0, source first. If they are right, match again with "
+        "--hypotheses given; if not, without them.",
+    ),
+    Outcome.MIRROR_IMAGE: (
+        "This map is wrong: one shape fits the mirror image of the other.",
+        "Perhaps one is a left and the other a right one, or a file is mirrored. Match again with --orientation any, or "
+        "reflect one of the shapes.",
+    ),
+    Outcome.LOW_CONFIDENCE: (
+        "This map is doubtful: the shapes fit badly under it.",
+        "Look at the picture. If it is wrong, click three to five landmark pairs in the report, or match with --start "
+        "pose if both lie alike in space. Are both complete and of one kind?",
+    ),
+    Outcome.SYMMETRY_AMBIGUOUS: (
+        "Two maps fit equally well; this is one of them.",
+        "If left or right, front or back matter: choose another in the report, click three to five landmark pairs there, "
+        "or match with --start pose if both lie alike in space.",
+    ),
+    Outcome.PARTIAL: (
+        "The shapes match in what they have in common; the rest is left out.",
+        "Look at the picture: grey has no partner, and is −1 in the map. Landmarks on two loose pieces make them "
+        "partners.",
+    ),
+    Outcome.CONVERGED: (
+        "The shapes match, and nothing speaks against this map.",
+        "Look at the picture once: no check is a proof.",
+    ),
 }
+HEADLINES = {outcome: headline for outcome, (headline, _) in _TOLD.items()}
 """What came out, in a sentence, by outcome."""
 
 MOSTLY_RIGHT = "Most of this map looks right, but not all of it."
 ANOTHER_IS_BETTER = "This map is doubtful: another one fits as well or better."
-
-_ADVICE = {
-    Outcome.HINTS_CONTRADICTED: "Check the landmarks or the first map: vertices count from 0, source first. If they are "
-    "right, match again with --hypotheses given; if not, without them.",
-    Outcome.MIRROR_IMAGE: "Perhaps one is a left and the other a right one, or a file is mirrored. Match again with "
-    "--orientation any, or reflect one of the shapes.",
-    Outcome.LOW_CONFIDENCE: "Look at the picture. If it is wrong, click three to five landmark pairs in the report, or "
-    "match with --start pose if both lie alike in space. Are both complete and of one kind?",
-    Outcome.SYMMETRY_AMBIGUOUS: "If left or right, front or back matter: choose another in the report, click three to "
-    "five landmark pairs there, or match with --start pose if both lie alike in space.",
-    Outcome.PARTIAL: "Look at the picture: grey has no partner, and is −1 in the map. Landmarks on two loose pieces make "
-    "them partners.",
-    Outcome.CONVERGED: "Look at the picture once: no check is a proof.",
-}
 
 
 @dataclass(frozen=True)
@@ -71,11 +85,6 @@ class Summary:
 def summary_of(result: MatchResult) -> Summary:
     """Sum up a result for a reader who knows none of its measures.
 
-    Parameters
-    ----------
-    result : MatchResult
-        Result of `match`, or of a baseline.
-
     Examples
     --------
     >>> from isomatch import match
@@ -98,7 +107,7 @@ def summary_of(result: MatchResult) -> Summary:
         Outcome.CONVERGED,
     ):  # the estimate is for maps that are right as a whole
         parts.append(_expected_error(result))
-    return Summary(headline, " ".join(filter(None, parts)), _ADVICE[result.outcome])
+    return Summary(headline, " ".join(filter(None, parts)), _TOLD[result.outcome][1])
 
 
 def _partners(result: MatchResult) -> str:
@@ -135,3 +144,62 @@ def _expected_error(result: MatchResult) -> str:
 def _per_cent(share: float) -> str:
     """Write a share with one digit where that says more than none."""
     return f"{share:.1%}" if 0 < share < 0.1 else f"{share:.0%}"
+
+
+STAYED = 0.05  # √area; an image that is moved by less is at the same place
+
+
+def share_elsewhere(source: Mesh, target: Mesh, one: Correspondence, other: Correspondence) -> float:
+    """Share of the source's area whose images differ in space by more than `STAYED`, or that one map alone has."""
+    images = (each.pull_back(target.vertices) for each in (one, other))
+    apart = np.linalg.norm(np.subtract(*images), axis=1) > STAYED * np.sqrt(target.area)
+    apart |= one.matched != other.matched
+    return float(source.vertex_areas[apart].sum() / source.vertex_areas.sum())
+
+
+def told_of_alternative(source: Mesh, target: Mesh, result: MatchResult, other: Alternative) -> str:
+    """Say of an alternative where it differs from the map of a result, and which sides it keeps."""
+    share = share_elsewhere(source, target, result.map, other.map)
+    before = "The map before this one was chosen. " if isnan(other.energy) else ""
+    return f"{before}Sends {share:.0%} of the surface elsewhere. {_sides(result, other)}".rstrip()
+
+
+def told_of_all(result: MatchResult) -> str:
+    """Say of all alternatives how near the best of them comes to the map, and when to choose one."""
+    rival, mirrored = result.quality.rival, result.quality.mirrored
+    limits = config_of(result).outcome
+    near = []
+    if rival < limits.tie:
+        near.append(f"Another map fits {'better' if rival < 1 else 'as well'}.")
+    elif isfinite(rival):
+        near.append(f"The best other map fits {rival:.1f} times worse.")
+    if mirrored < limits.mirror_tie:
+        near.append(f"A mirror image fits {'better' if mirrored < 1 else 'about as well'}.")
+    if not near and not isnan(rival):
+        near.append("No other map came near this one.")
+    when = "Choose one if its picture looks right where the map above looks wrong, or has the sides that you want."
+    return " ".join(
+        [*near, when, "Those that were only searched are shown before refinement, with rough borders."]
+    )
+
+
+def _sides(result: MatchResult, other: Alternative) -> str:
+    """Compare orientations, which are 1 for a map that keeps left and right, and −1 for one that mirrors."""
+    least = config_of(result).outcome.poor_orientation
+    if isnan(other.orientation) or isnan(result.quality.orientation):
+        return ""
+    if abs(other.orientation) < least:
+        return "Exchanges left and right in places, which is rarely right."
+    if other.orientation * result.quality.orientation > 0:
+        return "Keeps left and right as the map does."
+    return "Mirror image of the map: left and right are exchanged."
+
+
+# safe for the colour-blind (Okabe & Ito); the text states the outcome as well
+_COLOURS = {Outcome.CONVERGED: "#0072b2", Outcome.LOW_CONFIDENCE: "#d55e00", Outcome.MIRROR_IMAGE: "#d55e00"}
+_UNDECIDED = "#e69f00"
+
+
+def outcome_colour(outcome: Outcome) -> str:
+    """Colour of an outcome, as CSS writes it."""
+    return _COLOURS.get(outcome, _UNDECIDED)

@@ -1,4 +1,4 @@
-"""The image of one surface. All pictures are composed of these."""
+"""The image of one surface, of which all pictures are composed: rounded triangles, rasterised, and lit in every pixel."""
 
 from __future__ import annotations
 
@@ -7,39 +7,28 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.ndimage import gaussian_filter, map_coordinates
 
 from isomatch.loading.compiled import compiled
-from isomatch.surfaces import Mesh, rasterise
+from isomatch.surfaces import Mesh, Raster, rasterise
 from isomatch.values.arrays import FloatArray, IntArray
 from isomatch.values.cached import cached_property
 from isomatch.view.camera import camera_of, of_ordinary_size, seen_from, used_vertices
 from isomatch.view.colours import UNMATCHED_GREY, from_screen, to_screen
-from isomatch.view.finer import finer
-from isomatch.view.lighting import light
 
 OVERSAMPLING = 2  # samples per pixel and axis
 
 
 @dataclass(frozen=True, eq=False)
 class SurfaceView:
-    """A surface with values at its vertices, their colours, and a camera. Coarse triangles are drawn round, see `finer`.
-
-    Parameters
-    ----------
-    mesh : Mesh
-        The surface.
-    camera : (3, 3) array
-        See `camera_of`.
-    values : (n, q) array of float
-        Values at the vertices.
-    paint : callable
-        Maps the values interpolated in m pixels, (m, q), to colours in linear light, (m, 3); nan is drawn grey.
-    """
+    """A surface with values at its vertices, their colours, and a camera; coarse triangles are drawn round."""
 
     mesh: Mesh
-    camera: FloatArray
-    values: FloatArray
-    paint: Callable[[FloatArray], FloatArray]
+    camera: FloatArray  # (3, 3), see `camera_of`
+    values: FloatArray  # (n, q)
+    paint: Callable[
+        [FloatArray], FloatArray
+    ]  # values in pixels (m, q) to linear light (m, 3); nan is drawn grey
 
     @cached_property
     def _finer(self) -> tuple[Mesh, FloatArray, FloatArray]:
@@ -98,7 +87,7 @@ def surface_image(
     mesh : Mesh
         The surface.
     values : (n,) or (n, q) array_like of float
-        Values at the vertices. For sharp borders of a field that is constant in regions, give one column per region
+        For sharp borders of a field that is constant in regions, give one column per region
         and a ``paint`` that takes the largest column.
     paint : callable
         Maps interpolated values, (m, q), to sRGB colours, (m, 3), 0 … 1.
@@ -119,3 +108,101 @@ def surface_image(
     )
     width, height = (int(side) + 2 for side in np.ceil(resolution * view.extent()))
     return view.pixels(width, height, resolution)
+
+
+ENOUGH_FACES = 50_000  # a surface with more than a quarter of it is drawn as it is
+ROUNDING = 0.75  # Boubekeur & Alexa, Phong Tessellation, 2008
+TINY = 1e-300
+SHARPEST = (
+    0.0  # cosine of the angle between normals, below which an edge is sharp; at 0.5 thin limbs get lumps
+)
+
+
+def finer(mesh: Mesh, values: FloatArray) -> tuple[Mesh, FloatArray, FloatArray]:
+    """Round the outline of a coarse mesh; return also values (n, q) at its vertices, and its normals, interpolated."""
+    normals = mesh.vertex_normals
+    while 0 < 4 * mesh.n_faces <= ENOUGH_FACES:
+        mesh, columns = _cut(mesh, normals, np.hstack([normals, values]))
+        normals, values = columns[:, :3], columns[:, 3:]
+    return mesh, values, normals
+
+
+def _cut(mesh: Mesh, normals: FloatArray, columns: FloatArray) -> tuple[Mesh, FloatArray]:
+    """Cut each triangle once; return the columns (n, q) with those of the new vertices, too."""
+    # The middle m of an edge with ends p, q moves towards the tangent planes at them (Boubekeur & Alexa 2008):
+    # m − ROUNDING / 2 Σ_e ⟨m − e, n_e⟩ n_e over e = p, q. Edges at borders and sharp ones stay straight.
+    edges = mesh.edge_table
+    ends = i, j = edges.ends.T
+    unit = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), TINY)
+    middle = (mesh.vertices[i] + mesh.vertices[j]) / 2
+    heights = [((middle - mesh.vertices[end]) * unit[end]).sum(axis=1, keepdims=True) for end in ends]
+    bent = (edges.n_faces == 2) & ((unit[i] * unit[j]).sum(axis=1) > SHARPEST)
+    middle[bent] -= ROUNDING / 2 * sum(h * unit[end] for h, end in zip(heights, ends))[bent]
+    new = np.empty(3 * mesh.n_faces, dtype=np.int64)  # the vertex on each side
+    new[edges.sides] = mesh.n_vertices + np.repeat(np.arange(len(i)), edges.n_faces)
+    (a, b, c), (ab, bc, ca) = mesh.faces.T, new.reshape(-1, 3).T
+    cut = (a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)
+    faces = np.concatenate([np.column_stack(corners) for corners in cut])
+    return (
+        Mesh(np.concatenate([mesh.vertices, middle]), faces),
+        np.concatenate([columns, (columns[i] + columns[j]) / 2]),
+    )
+
+
+KEY_LIGHT = np.array([-0.45, 0.65, 0.62])  # right, up, towards the viewer
+FILL_LIGHT = np.array([0.75, 0.05, 0.45])
+TOWARDS_VIEWER = np.array([0.0, 0.0, 1.0])
+AMBIENT, KEY, FILL = 0.30, 0.62, 0.16
+GLOSS, SHARPNESS = 0.10, 30.0
+CREVICE_RADIUS = 0.025  # of the image height; radius of the surroundings that a depth is compared with
+CREVICE_DEPTH = 0.06  # of the image height; depth below the surroundings at which a crevice is darkest
+CREVICE_DARKNESS = 0.55
+CREVICE_STEP = 6  # the surroundings are computed on every sixth pixel
+
+
+def light(raster: Raster, normals: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Light of the covered pixels, by their normals: factor of the surface's colour, and white added to it."""
+    # Lambertian reflection of a key light and a fill light, both wrapped around the object, and a Blinn highlight.
+    # Crevices are darkened by the difference between the depth and the blurred depth (Luft, Colditz & Deussen, Image
+    # enhancement by unsharp masking the depth buffer, SIGGRAPH 2006). Normals that point away are reversed.
+    key, fill = (direction / np.linalg.norm(direction) for direction in (KEY_LIGHT, FILL_LIGHT))
+    halfway = key + TOWARDS_VIEWER
+    diffuse, gloss = np.empty((2, len(normals)))
+    _reflect(normals, key, fill, halfway / np.linalg.norm(halfway), diffuse, gloss)
+    return diffuse * (1.0 - CREVICE_DARKNESS * _crevices(raster)), gloss
+
+
+@compiled()
+def _reflect(
+    normals: FloatArray,
+    key: FloatArray,
+    fill: FloatArray,
+    halfway: FloatArray,
+    diffuse: FloatArray,
+    gloss: FloatArray,
+) -> None:
+    for i in range(len(normals)):
+        x, y, z = normals[i, 0], normals[i, 1], normals[i, 2]
+        length = max(np.sqrt(x * x + y * y + z * z), 1e-12)
+        if z < 0.0:
+            length = -length
+        x, y, z = x / length, y / length, z / length
+        from_key = 0.5 + 0.5 * (x * key[0] + y * key[1] + z * key[2])
+        from_fill = 0.5 + 0.5 * (x * fill[0] + y * fill[1] + z * fill[2])
+        diffuse[i] = AMBIENT + KEY * from_key**1.5 + FILL * from_fill**1.5
+        gloss[i] = GLOSS * max(x * halfway[0] + y * halfway[1] + z * halfway[2], 0.0) ** SHARPNESS
+
+
+def _crevices(raster: Raster) -> FloatArray:
+    """Measure how far each covered pixel lies below its surroundings, 0 … 1."""
+    covered, height = raster.covered, raster.depth.shape[0]
+    if not covered.any():  # of a surface that is smaller than a pixel
+        return np.zeros(0)
+    coarse = slice(None, None, CREVICE_STEP), slice(None, None, CREVICE_STEP)
+    blur = CREVICE_RADIUS * height / CREVICE_STEP
+    share = gaussian_filter(covered[coarse].astype(np.float64), blur)
+    depth = gaussian_filter(np.where(covered, raster.depth, 0.0)[coarse], blur)
+    places = [at / CREVICE_STEP for at in np.nonzero(covered)]
+    surroundings = map_coordinates(depth / np.maximum(share, 1e-6), places, order=1, mode="nearest")
+    below: FloatArray = np.clip((surroundings - raster.depth[covered]) / (CREVICE_DEPTH * height), 0.0, 1.0)
+    return below

@@ -13,43 +13,28 @@ from isomatch.matching import DoubtfulRegion, MatchResult
 from isomatch.settings import Config, Orientation
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import IntArray
-from isomatch.view.alternatives import share_elsewhere, told_of_alternative
-from isomatch.view.layers import known_layers
-from isomatch.view.outcome_colours import outcome_colour
 from isomatch.view.page import (
     MOST_ALTERNATIVES,
     maps_of,
+    notes_of,
     page_of,
     pairs_on,
+    paragraphs,
     simplified,
+    table_of_quality,
+    tables_of_run,
     template,
     text_of,
 )
-from isomatch.view.report_sections import paragraphs, sentence, table_of_quality, tables_of_run
-from isomatch.view.scene import DrawnPair
-from isomatch.view.summary import summary_of
+from isomatch.view.scene import DrawnPair, known_layers
+from isomatch.view.summary import outcome_colour, share_elsewhere, summary_of, told_of_alternative
 
 LEAST_SHARE = 0.001  # of the surface worth telling
 BEFORE = "before"
 
 
 class WorkPage:
-    """What a browser shows of two shapes while they are matched.
-
-    Parameters
-    ----------
-    source, target : Mesh
-        The shapes.
-    names : (str, str)
-        Their names, such as those of their files.
-    landmarks : sequence of (int, int)
-        Landmarks with which the list begins.
-
-    Raises
-    ------
-    LandmarkError
-        If landmarks are not pairs of integers.
-    """
+    """What a browser shows of two shapes while they are matched; names and landmarks as for `write_report`."""
 
     def __init__(
         self,
@@ -64,15 +49,7 @@ class WorkPage:
         self._drawn = DrawnPair(source, target, landmarks=self._pairs)
 
     def html(self, folder: str, config: Config) -> str:
-        """Make the page before any match.
-
-        Parameters
-        ----------
-        folder : str
-            Where results are saved; empty if nowhere.
-        config : Config
-            Settings with which the options of the page begin.
-        """
+        """Make the page before any match, for the folder where results are saved, if any, and settings to begin with."""
         scene = {**self._drawn.shapes(), "maps": []}
         panel = template("work.html").substitute(
             only=" checked" * (config.hypotheses == "given"),
@@ -101,14 +78,9 @@ class WorkPage:
             colour="var(--edge)",
             headline=escape(f"{self._names[0]} → {self._names[1]}"),
             advice="",
-            picture="",
-            plain="",
-            maps="",
             remarks=paragraphs(simplified(scene)),
             picking=" checked",
             landmarks=panel,
-            details="",
-            run="",
         )
 
     def result(
@@ -117,23 +89,10 @@ class WorkPage:
         before: Correspondence | None = None,
         landmarks: Sequence[Sequence[int]] = (),
     ) -> dict[str, Any]:
-        """Tell in plain values all that the page shows of a result.
+        """Tell in plain values all that the page shows of a result, the map that it replaces and its landmarks.
 
-        Parameters
-        ----------
-        result : MatchResult
-            A result for the two shapes.
-        before : Correspondence, optional
-            The map that it replaces.
-        landmarks : sequence of (int, int)
-            Landmarks with which it was found.
-
-        Returns
-        -------
-        dict
-            ``headline``, ``advice``, ``colour``, ``sure`` and ``since`` in words; ``regions`` of doubt; ``rivals``, which
-            says of each map that is drawn what it is; ``landmarks`` with the distance of each from its image, in √area
-            of the target and through space; ``details``, which is HTML; and the ``scene``, see ``scene_of``.
+        ``rivals`` says of each map that is drawn what it is; ``landmarks`` have the distance of each from its image,
+        through space, in √area of the target; ``details`` are HTML.
         """
         maps = maps_of(result) | ({BEFORE: before} if before else {})
         others = result.alternatives[:MOST_ALTERNATIVES]
@@ -152,7 +111,7 @@ class WorkPage:
             "advice": summary.advice_in_python,
             "colour": outcome_colour(result.outcome),
             "sure": summary.sureness,
-            "since": "" if before is None else self._since(moved),
+            "since": "" if before is None else _since(moved),
             "regions": [self._region(region, result.map) for region in result.regions],
             "rivals": [
                 {"name": name, "origin": origin, "about": words}
@@ -161,7 +120,9 @@ class WorkPage:
             "landmarks": [
                 {"pair": pair, "off": off} for pair, off in zip(pairs.tolist(), self._off(result.map, pairs))
             ],
-            "details": _details(result),
+            "details": template("work_details.html").substitute(
+                quality=table_of_quality(result), notes=notes_of(result), run=tables_of_run(result, {})
+            ),
             "scene": self._drawn.maps(maps, known_layers(result)),
         }
 
@@ -181,12 +142,6 @@ class WorkPage:
             "reason": region.reason,
         }
 
-    @staticmethod
-    def _since(moved: float) -> str:
-        if moved < LEAST_SHARE:
-            return "It is the same map as before."
-        return f"Against the map before, {moved:.1%} of the source has another image."
-
     def _off(self, found: Correspondence, pairs: IntArray) -> list[float]:
         """Distance of each landmark on the target from its image, in √area; −1 where it has none."""
         images = found.pull_back(self._target.vertices)[pairs[:, 0]]
@@ -194,9 +149,7 @@ class WorkPage:
         return [-1.0 if np.isnan(far) else float(far) for far in off]
 
 
-def _details(result: MatchResult) -> str:
-    return template("work_details.html").substitute(
-        quality=table_of_quality(result),
-        notes=paragraphs(map(sentence, result.notes or ["Nothing was repaired, left out or replaced."])),
-        run=tables_of_run(result, {}),
-    )
+def _since(moved: float) -> str:
+    if moved < LEAST_SHARE:
+        return "It is the same map as before."
+    return f"Against the map before, {moved:.1%} of the source has another image."

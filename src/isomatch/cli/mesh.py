@@ -1,12 +1,13 @@
-"""``isomatch check``: the defects of a mesh, and the commands that it is fit for."""
+"""``isomatch check`` and ``isomatch repair``: the defects of a mesh, what it is fit for, and what mends it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from os.path import commonpath, dirname, isabs, relpath
 from pathlib import Path
 from textwrap import fill
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any, Literal, cast, get_args
 
 import numpy as np
 from cyclopts import Parameter
@@ -14,10 +15,12 @@ from rich.console import Console
 
 import isomatch
 from isomatch import bases, mending, shapes
-from isomatch.assets import FORMATS
-from isomatch.cli.basis import N_COLUMNS
-from isomatch.cli.inputs import surface_of
+from isomatch.assets import FORMATS, as_written, files_beside
+from isomatch.cli.distance import N_COLUMNS
+from isomatch.cli.inputs import Force, Json, Output, surface_of
+from isomatch.cli.outputs import claimed_files, notes_on, say_left_out, say_notes
 from isomatch.cli.terminal import say, say_json
+from isomatch.storage.array_file import write_arrays
 
 NUMBERS = 50  # columns of a table beside the names
 LEAST_NAME = 12  # columns of a name, however narrow the terminal is
@@ -38,25 +41,18 @@ def check(
     *more: Annotated[Path, Parameter(json_list=False)],
     verb: Annotated[Verb | None, Parameter(name="--for")] = None,
     wall: float = 0.05,
-    json: bool = False,
+    json: Json = False,
 ) -> None:
     """Report the defects of meshes, and which commands they are fit for.
 
     The exit code is 1 if geodesic distances are undefined on any of them or one cannot be read; with --for, if that
     command would refuse any.
 
-    Parameters
-    ----------
-    file : Path
-        Mesh: any surface file, such as .ply, .obj or .vtp; or a folder of them.
-    more : Path
-        Further meshes and folders. Of several meshes there is a table, one row for each.
-    verb : str
-        The command that the exit code is about: distance, basis or match, with their default settings.
-    wall : float
-        Thickness of walls, in √area, up to which a surface with two sheets back to back is called double-walled.
-    json : bool
-        Print a single JSON object, of several files a list of them, and nothing else.
+    Args:
+        file: Mesh: any surface file, such as .ply, .obj or .vtp; or a folder of them.
+        more: Further meshes and folders. Of several meshes there is a table, one row for each.
+        verb: The command that the exit code is about: distance, basis or match, with their default settings.
+        wall: Thickness of walls, in √area, up to which a surface with two sheets back to back is called double-walled.
     """
     paths = [path for place in (file, *more) for path in _meshes(place)]
     several = len(paths) > 1 or file.is_dir()
@@ -149,8 +145,7 @@ def _say_several(records: list[dict[str, Any]]) -> None:
     wide = min(max(map(len, (*names, "file"))), max(_width() - NUMBERS, LEAST_NAME))
     say(f"{'file':<{wide}}  {'vertices':>10} {'faces':>10} {'size':>9}  fit for")
     for name, record in zip(names, records):
-        counts = (f"{record[key]:,}" if key in record else "–" for key in ("n_vertices", "n_faces"))
-        vertices, faces = counts
+        vertices, faces = (f"{record[key]:,}" if key in record else "–" for key in ("n_vertices", "n_faces"))
         size = "–" if record.get("size") is None else f"{record['size']:.4g}"
         style = "" if _fitness(record) != "nothing" else "bold red"
         if len(name) > wide:
@@ -211,3 +206,49 @@ def _refusal(verb: Verb, mesh: isomatch.Mesh) -> str | None:
     except isomatch.MeshError as error:
         return str(error)
     return None
+
+
+_INDICES = ("vertex_index", "new_index", "polygon_index", "face_index")
+
+
+def repair(
+    file: Path, /, *, output: Output, outer: bool = False, opening: float = 0.1, force: Force = False
+) -> None:
+    """Mend a mesh: weld vertices, remove unusable faces and vertices, and orient the faces outward.
+
+    Colours, labels, texture coordinates, weights and all else that the file carries are kept. Where values differ at
+    vertices that are welded, the first is.
+
+    Writes the repaired mesh and, next to it, NAME.index.npz with vertex_index (original vertex of each new vertex),
+    new_index (new vertex of each original vertex, -1 if removed), polygon_index (original face of each new face, which
+    may have any number of corners) and face_index (the same of the triangles that they are cut into).
+
+    Args:
+        file: Mesh: any surface file, such as .ply, .obj or .vtp.
+        output: File for the repaired mesh.
+        outer: Keep only the outermost surface, without chambers that are closed or have small openings.
+        opening: With --outer: the smallest opening through which a chamber counts as outside, in √area.
+    """
+    index = output.with_suffix(".index.npz")
+    with claimed_files(output, index, force=force):
+        repaired = isomatch.repair(_whole(file, output), outer=outer, opening=opening)
+        asset = cast(isomatch.Asset, repaired.asset)
+        beside = files_beside(output, asset)
+        with claimed_files(*beside, force=force):
+            left = [attribute.name for attribute in isomatch.write_asset(output, asset)]
+        write_arrays(index, {name: getattr(repaired, name) for name in _INDICES})
+    for change in repaired.changes:
+        say(change)
+    say_left_out(left, output)
+    say_notes(notes_on({file: asset}))
+    what = "wrote" if repaired.changes else "nothing to repair; wrote an unchanged copy:"
+    say(f"{what} {', '.join(map(str, (output, *beside, index)))}")
+
+
+def _whole(file: Path, output: Path) -> Path | isomatch.Asset:
+    """Return the file, or its parts as one surface if the output has no parts, so that they are welded too."""
+    mesh_format = FORMATS.get(output.suffix.lower())
+    if mesh_format is None or mesh_format.has_parts or file.suffix.lower() not in (".glb", ".gltf"):
+        return file
+    shown, _ = as_written(output, isomatch.read_asset(file, sound=False))
+    return replace(shown.placed, parts=(), document=shown.document)

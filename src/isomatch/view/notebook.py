@@ -1,29 +1,33 @@
-"""What notebooks show of an object: a few words, a picture, and a table; readable on light and on dark pages."""
+"""What notebooks show: the representation of each object, and the report's view with landmarks that can be clicked."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from functools import singledispatch
+from functools import cache, singledispatch
 from html import escape
+from importlib.util import find_spec
 from operator import attrgetter
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from isomatch.bases import DistanceBasis, LaplaceBasis
 from isomatch.correspondence import Correspondence
 from isomatch.errors import MapError, MeshError
+from isomatch.loading.first_use import package
 from isomatch.matching import BothDirections, MatchResult, Outcome, Quality
 from isomatch.settings import Config
 from isomatch.shapes import PreparedShape
 from isomatch.surfaces import Graph, Mesh, PointCloud, Surface, unsound_faces
-from isomatch.view.measures import MEASURES, Measure, quality_measures
-from isomatch.view.outcome_colours import outcome_colour
+from isomatch.values.arrays import IntArray
+from isomatch.values.cached import cached_property
+from isomatch.view.measures import MEASURES, quality_measures
+from isomatch.view.page import maps_of, page_of, pairs_on, parts_of, template, text_of
 from isomatch.view.picture import SHARPNESS
-from isomatch.view.plots import plot_surface
-from isomatch.view.points import drawable
-from isomatch.view.stills import draw_map, paintable
-from isomatch.view.summary import HEADLINES, summary_of
+from isomatch.view.plots import draw_map, drawable, paintable, plot_surface
+from isomatch.view.scene import known_layers, scene_of
+from isomatch.view.summary import HEADLINES, outcome_colour, summary_of
 
 PAIR_WIDTH, ALONE_WIDTH = 880, 380  # pixels of the page
 _LINE = "1px solid rgba(128,128,128,.35)"  # seen on light and on dark pages
@@ -60,24 +64,25 @@ def _(outcome: Outcome) -> str:
 
 @html_of.register
 def _(quality: Quality) -> str:
-    rows = [(MEASURES[name], number) for name, number in vars(quality).items() if not np.isnan(number)]
-    return _card(
-        "Quality",
-        _table([(m.name, m.value(x), m.unit) for m, x in rows], ("measure", "value", "to compare with")),
-    )
+    rows = [
+        (MEASURES[name].name, MEASURES[name].value(number), MEASURES[name].unit)
+        for name, number in vars(quality).items()
+        if not np.isnan(number)
+    ]
+    return _card("Quality", _table(rows, ("measure", "value", "to compare with")))
 
 
 @html_of.register
 def _(result: MatchResult) -> str:
     n_source, n_target = result.map.shape
     summary = summary_of(result)
-    rows: dict[str, object] = {"map": f"{n_source:,} → {n_target:,} vertices"}
-    if unmatched := int((~result.map.matched).sum()):
-        rows["unmatched"] = f"{unmatched:,} source vertices, grey in the picture"
-    for number, region in enumerate(result.regions, 1):
-        rows[f"region of doubt {number}"] = str(region)
-    if result.notes:
-        rows["notes"] = "; ".join(result.notes)
+    unmatched = int((~result.map.matched).sum())
+    rows: dict[str, object] = {
+        "map": f"{n_source:,} → {n_target:,} vertices",
+        "unmatched": f"{unmatched:,} source vertices, grey in the picture" if unmatched else "",
+        **{f"region of doubt {number}": str(region) for number, region in enumerate(result.regions, 1)},
+        "notes": "; ".join(result.notes),
+    }
     found = {
         "first map from": result.origin,
         "chosen by": result.reason,
@@ -93,24 +98,25 @@ def _(result: MatchResult) -> str:
         "",
         _verdict(result.outcome, summary.headline, summary.sureness, summary.advice_in_python),
         _pair_picture(result.map),
-        _table(rows.items()),
-        _folded(f"{len(measures)} measures of quality, {told}", _measured(measures)),
+        _told(rows),
+        _folded(
+            f"{len(measures)} measures of quality, {told}",
+            _table(
+                [
+                    (m.name, m.value(x), m.bound + " (violated)" * violated, m.unit)
+                    for m, x, violated in measures
+                ],
+                ("measure", "value", "bound", "to compare with"),
+            ),
+        ),
         _folded("How it was found", _told(found)),
     )
 
 
 @html_of.register
 def _(both: BothDirections) -> str:
-    return _card(
-        "",
-        *(
-            f"<p><b>{title}</b></p>{html_of(result)}"
-            for title, result in (
-                ("there: source → target", both.there),
-                ("back: target → source", both.back),
-            )
-        ),
-    )
+    titled = {"there: source → target": both.there, "back: target → source": both.back}
+    return _card("", *(f"<p><b>{title}</b></p>{html_of(result)}" for title, result in titled.items()))
 
 
 @html_of.register
@@ -136,8 +142,7 @@ def _(shape: PreparedShape) -> str:
         "notes": "; ".join(shape.notes),
         "seconds": f"{shape.seconds:.2f}",
     }
-    table = _told(rows)
-    return _card("PreparedShape", _alone_picture(shape.surface), table)
+    return _card("PreparedShape", _alone_picture(shape.surface), _told(rows))
 
 
 @html_of.register
@@ -197,14 +202,6 @@ def _verdict(outcome: Outcome, headline: str, *told: str) -> str:
         f"<b>{escape(headline)}</b> <code>Outcome.{outcome.name}</code>"
         f"{''.join(f'<br>{escape(text)}' for text in told if text)}</div>"
     )
-
-
-def _measured(measures: Iterable[tuple[Measure, float, bool]]) -> str:
-    rows = []
-    for measure, number, against in measures:
-        bound = measure.bound + " (violated)" * against
-        rows.append((measure.name, measure.value(number), bound, measure.unit))
-    return _table(rows, ("measure", "value", "bound", "to compare with"))
 
 
 def _pair_picture(correspondence: Correspondence) -> str:
@@ -274,3 +271,98 @@ def _listed(settings: Mapping[str, Any]) -> str:
 
 def _size(n_bytes: int, n: int) -> str:
     return f"{n_bytes / 2**20:,.1f} MiB, where the matrix of all would take {8 * n * n / 2**20:,.0f}"
+
+
+SANDBOX = "allow-scripts allow-downloads"  # the page reaches neither the notebook nor anything else
+FETCHED = "After <code>view = result.show()</code>, what you click is in <code>view.landmarks</code> at once:"
+STATIC = (
+    "To have the pairs that you click in Python, install <code>isomatch[notebook]</code> and show the result again. "
+    "Until then, save the list and read it:"
+)
+MATCH_AGAIN = "match(source, target, landmarks=view.landmarks)"
+MATCH_SAVED = 'match(source, target, landmarks=read_landmarks("landmarks.txt", source, target))'
+EXTRA = "notebook"
+WHAT = "bringing clicked landmarks to Python"
+
+
+class ResultView:
+    """What `MatchResult.show` returns: the report's view, which a notebook shows as the last line of a cell."""
+
+    def __init__(self, page: str, pairs: IntArray, height: int) -> None:
+        self._page, self._pairs, self._height = page, pairs.tolist(), height
+
+    def __repr__(self) -> str:
+        return "ResultView, which a notebook shows where it is the last line of a cell"
+
+    @property
+    def landmarks(self) -> IntArray:
+        """(q, 2) whole pairs (source vertex, target vertex) in the list, as `match` takes them.
+
+        `MissingDependencyError` if anywidget is not installed, so that clicks do not come back.
+        """
+        return np.array(self.widget.pairs, dtype=np.int64).reshape(-1, 2)
+
+    @cached_property
+    def widget(self) -> Any:
+        """The widget, for layouts of ipywidgets and for ``observe(function, "pairs")``; errors as for ``landmarks``."""
+        return _widget_class()(page=self._page, pairs=self._pairs, height=self._height)
+
+    def _repr_mimebundle_(self, **options: Any) -> Any:
+        """Give the widget where there is one, and the page alone for notebooks that are kept or exported without it."""
+        shown = self.widget._repr_mimebundle_(**options) if clicks_return() else {}
+        data, about = shown if isinstance(shown, tuple) else (shown, {})
+        return {"text/plain": repr(self), **(data or {}), "text/html": self._repr_html_()}, about
+
+    def _repr_html_(self) -> str:
+        return (
+            f'<iframe srcdoc="{escape(self._page)}" sandbox="{SANDBOX}" title="Both shapes in 3D" '
+            f'style="width:100%;height:{self._height}px;border:0"></iframe>'
+        )
+
+
+def show_result(
+    result: MatchResult,
+    source: Surface,
+    target: Surface,
+    *,
+    landmarks: ArrayLike | None = None,
+    height: int = 720,
+) -> ResultView:
+    """Make the view of a result for a notebook, see `MatchResult.show`."""
+    source, target = drawable(source), drawable(target)
+    pairs = pairs_on(landmarks, source, target)
+    scene = scene_of(source, target, maps_of(result), layers=known_layers(result), landmarks=pairs)
+    told, command = (FETCHED, MATCH_AGAIN) if clicks_return() else (STATIC, MATCH_SAVED)
+    panel = template("inline_landmarks.html").substitute(told=told, command=escape(command))
+    page = page_of(
+        (source, target),
+        ("source", "target"),
+        scene,
+        pairs,
+        style=text_of("inline.css"),
+        work=f"<script>\n{text_of('inline.js')}</script>",
+        **parts_of(scene, result),
+        picking="" if result.outcome is Outcome.CONVERGED else " checked",
+        landmarks=panel,
+    )
+    return ResultView(page, pairs, height)
+
+
+def clicks_return() -> bool:
+    """Whether anywidget is installed, by which clicks come back to Python."""
+    return find_spec("anywidget") is not None
+
+
+@cache
+def _widget_class() -> Any:
+    traitlets, base = package("traitlets", EXTRA, WHAT), package("anywidget", EXTRA, WHAT).AnyWidget
+
+    class PageWidget(base):  # type: ignore[misc, valid-type]
+        """The page in a frame; ``pairs`` follows the list of landmarks in it."""
+
+        _esm = text_of("widget.js")
+        page = traitlets.Unicode().tag(sync=True)
+        height = traitlets.Int().tag(sync=True)
+        pairs = traitlets.List().tag(sync=True)
+
+    return PageWidget

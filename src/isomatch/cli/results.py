@@ -1,0 +1,331 @@
+"""The folder of a match: its files are written, said, and read again to be continued by `choose` or in a page."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from json import loads
+from math import nan
+from pathlib import Path
+from typing import Any
+
+import isomatch
+from isomatch import matching, view
+from isomatch.cli.inputs import Surface, read_surface
+from isomatch.cli.outputs import say_notes
+from isomatch.cli.terminal import INDENT, json_text, say, say_rows, say_table
+from isomatch.errors import FormatError
+from isomatch.storage.files import claimed, made_folder, opened, staged, write_text
+
+RESULT = "result.json"
+BACK = "map_back.npz"
+BACK_REMOVED = "the map back belonged to the map before and was removed"
+
+Back = tuple["isomatch.Correspondence", dict[str, Any]]
+"""Map of the other direction, and its values in ``result.json``."""
+
+
+def match_again(source: Path, target: Path, **options: Any) -> str:
+    """Write the command that matches again with landmarks."""
+    words = ["isomatch", "match", str(source), str(target)]
+    for name, value in options.items():
+        if value is not None and value is not False and (name, value) != ("seed", 0):
+            option = f"--{name.replace('_', '-')}"
+            for each in value if isinstance(value, list) else [value]:
+                words += [option, *([] if each is True else [str(each)])]
+    return shlex.join([*words, "--landmarks", "landmarks.txt", "--force"])
+
+
+@dataclass(frozen=True)
+class Given:
+    """What a match was given, as its files tell it."""
+
+    source: Path
+    target: Path
+    again: str  # the command that matches again
+    landmarks: Sequence[Sequence[int]] = ()
+    facts: Mapping[str, object] = field(default_factory=dict)  # further rows of the table about the run
+
+    @property
+    def names(self) -> tuple[str, str]:
+        """Names of both files."""
+        return self.source.name, self.target.name
+
+    def shown(self, **first: object) -> dict[str, Any]:
+        """Give what a report shows of it, see `view.write_report`; some facts come first."""
+        facts = {**first, "source": str(self.source), "target": str(self.target), **self.facts}
+        return {
+            "names": self.names,
+            "facts": facts,
+            "landmarks": self.landmarks or None,
+            "command": self.again,
+        }
+
+
+@dataclass(frozen=True)
+class ResultFolder:
+    """The folder for the files of one match, perhaps with a report and a map of the other direction."""
+
+    folder: Path
+    report: bool = True
+    both: bool = False
+
+    @property
+    def files(self) -> dict[str, str]:
+        """Path of each file, by its kind."""
+        names = {"map": "map.npz", "text": "map.txt", "result": RESULT, "picture": "map.png"}
+        names |= {"report": "report.html"} if self.report else {}
+        names |= {"map back": BACK} if self.both else {}
+        return {what: str(self.folder / name) for what, name in names.items()}
+
+    @property
+    def result(self) -> Path:
+        """Path of ``result.json``."""
+        return self.folder / RESULT
+
+    def alternative(self, number: int) -> Path:
+        """Path of the map of an alternative, from 1."""
+        return self.folder / f"alternative_{number}.npz"
+
+    @property
+    def has_back(self) -> bool:
+        """Whether a map of the other direction is there."""
+        return (self.folder / BACK).exists()
+
+    @contextmanager
+    def claimed(self, force: bool) -> Iterator[None]:
+        """Create the folder and claim its files (`storage.files.claimed`); an earlier result has to be forced."""
+        new = [] if force else [*map(Path, self.files.values()), *self._alternatives]
+        with made_folder(self.folder), claimed(self.result, new):
+            yield
+
+    @property
+    def _picker(self) -> str:
+        return str(self.folder / "picker.html")
+
+    @property
+    def _alternatives(self) -> list[Path]:
+        return [self.alternative(number) for number in range(1, view.MOST_ALTERNATIVES + 1)]
+
+    def write(
+        self,
+        surfaces: tuple[Surface, Surface],
+        result: isomatch.MatchResult,
+        given: Given,
+        *,
+        titles: tuple[str, str] | None = None,
+        more: Mapping[str, Any] | None = None,
+        back: Back | None = None,
+    ) -> dict[str, Any]:
+        """Write all files, and let them replace earlier ones at once when they are complete, ``result.json`` last.
+
+        The picture has ``titles`` below the shapes. What cannot be drawn is left out, and named under ``undrawn``.
+        Returns the contents of ``result.json``, which begin with what was given and ``more``.
+        """
+        drawn = view.drawable(surfaces[0]), view.drawable(surfaces[1])
+        own = replace(self, both=back is not None)
+        others = dict(zip(self._alternatives, result.alternatives))
+        record: dict[str, Any] = {
+            "isomatch": isomatch.__version__,
+            "source": str(given.source),
+            "target": str(given.target),
+            "match_again": given.again,
+            "landmarks": [list(pair) for pair in given.landmarks],
+            **(more or {}),
+            **described(result),
+        }
+        if back:
+            record["back"] = back[1]
+        with staged(self.folder, last=RESULT) as folder:
+            files = {what: str(folder / Path(path).name) for what, path in own.files.items()}
+            replace(result, alternatives=()).save(files["map"])
+            result.map.save(files["text"])
+            for path, other in others.items():
+                other.map.save(folder / path.name)
+            picture, undrawn = files["picture"], list[str]()
+            with _noted("picture", undrawn):
+                below = titles or (f"source: {given.names[0]}", f"target: {given.names[1]}")
+                view.draw_map(*drawn, result.map, picture, titles=below)
+            if self.report:
+                shown = given.shown(isomatch=isomatch.__version__) | {"picture": "" if undrawn else picture}
+                with _noted("report", undrawn):
+                    view.write_report(files["report"], *drawn, result, **shown)
+            if back:
+                back[0].save(files["map back"])
+            written = own.files | {path.stem: str(path) for path in others}
+            record["undrawn"] = undrawn
+            record["files"] = {
+                what: path
+                for what, path in written.items()
+                if path == str(self.result) or (folder / Path(path).name).exists()
+            }
+            write_text(folder / RESULT, json_text(record))
+        every = ResultFolder(self.folder, both=True).files.values()
+        for name in (*every, *map(str, self._alternatives), self._picker):
+            if name not in record["files"].values():
+                Path(name).unlink(missing_ok=True)
+        return record
+
+    def write_picker(
+        self, surfaces: tuple[Surface, Surface], error: isomatch.IsomatchError, given: Given
+    ) -> isomatch.IsomatchError:
+        """Write a page for landmarks beside any earlier result; return the error that no map was found, with its name."""
+        undrawn: list[str] = []
+        if self.report:
+            with _noted("page to pick landmarks", undrawn):
+                drawn = view.drawable(surfaces[0]), view.drawable(surfaces[1])
+                view.write_landmark_picker(self._picker, *drawn, str(error), **given.shown())
+        if undrawn or not self.report:
+            return error
+        return type(error)(f"{error}. Both shapes are in {self._picker}, where you can pick landmarks")
+
+
+@contextmanager
+def _noted(what: str, undrawn: list[str]) -> Iterator[None]:
+    """Note a drawing that fails, so that the map is not lost with it; a full disk is an error."""
+    try:
+        yield
+    except OSError:
+        raise
+    except Exception as error:
+        reason = (str(error) or type(error).__name__).partition("\n")[0]
+        undrawn.append(f"there is no {what}: {reason}")
+
+
+def described(result: isomatch.MatchResult) -> dict[str, Any]:
+    """Plain values of a result, with the bounds of its measures."""
+    return {**result.to_dict(), "bounds": view.quality_bounds(result)}
+
+
+_NEEDED: dict[type, tuple[str, ...]] = {
+    str: ("source", "target", "match_again", "origin"),
+    list: ("landmarks", "alternatives"),
+    dict: ("config", "files"),
+    int: ("seed",),
+}
+
+
+@dataclass(frozen=True)
+class Earlier:
+    """What the folder of a result holds."""
+
+    folder: ResultFolder
+    record: dict[str, Any]  # contents of result.json
+    given: Given
+
+    @classmethod
+    def read(cls, folder: Path) -> Earlier:
+        """Read ``result.json``, and require what a match writes."""
+        path = ResultFolder(folder).result
+        with opened(path) as file:
+            text = file.read()
+        try:
+            record = loads(text)
+        except ValueError:
+            record = None
+        fields = record if isinstance(record, dict) else {}
+        needed = ((name, kind) for kind, names in _NEEDED.items() for name in names)
+        missing = [name for name, kind in needed if not isinstance(fields.get(name), kind)]
+        if missing:
+            raise FormatError(
+                f"{path}: lacks {', '.join(missing)}; give the folder of a result of isomatch match"
+            )
+        ends = Path(fields["source"]), Path(fields["target"])
+        given = Given(*ends, fields["match_again"], fields["landmarks"])
+        return cls(ResultFolder(folder, report="report" in fields["files"]), fields, given)
+
+    def surfaces(self) -> tuple[Surface, Surface]:
+        """Read both shapes."""
+        return read_surface(self.given.source), read_surface(self.given.target)
+
+    def result(self, *surfaces: Surface) -> isomatch.MatchResult:
+        """Read the map with all alternatives that were saved; `MapError` if it is of other surfaces."""
+        n_saved = sum(name.startswith("alternative") for name in self.record["files"])
+        result = isomatch.MatchResult.load(self.folder.files["map"])
+        result.map.check_fits(*surfaces)
+        maps = [
+            isomatch.Correspondence.load(self.folder.alternative(i), surfaces[1].n_vertices)
+            for i in range(1, n_saved + 1)
+        ]
+        others = map(_alternative, self.record["alternatives"], maps)
+        return replace(result, alternatives=tuple(others))
+
+    def back(self, source: Surface) -> Back | None:
+        """Read the map of the other direction, if there is one."""
+        values = self.record.get("back")
+        if not isinstance(values, dict) or not self.folder.has_back:
+            return None
+        return isomatch.Correspondence.load(self.folder.folder / BACK, source.n_vertices), values
+
+    @property
+    def as_mesh(self) -> dict[str, Any]:
+        """What is told of the mesh file of the result; empty if there is none."""
+        told = self.record.get("as_mesh")
+        return told if isinstance(told, dict) and isinstance(told.get("file"), str) else {}
+
+    @property
+    def mesh_left(self) -> list[str]:
+        """Say that the mesh file is not of another map; empty if there is none."""
+        left = (
+            "is of the map before and was left; in Python, MatchResult.as_mesh gives the surface by this one"
+        )
+        return [f"{self.as_mesh['file']} {left}"] if self.as_mesh else []
+
+
+def _alternative(evidence: Mapping[str, Any], found: isomatch.Correspondence) -> matching.Alternative:
+    energy, orientation = (
+        nan if evidence.get(name) is None else evidence[name] for name in ("energy", "orientation")
+    )
+    return matching.Alternative(lambda: found, energy, orientation, evidence["origin"])
+
+
+_STYLES = {"CONVERGED": "bold green", "LOW_CONFIDENCE": "bold red", "MIRROR_IMAGE": "bold red"}
+MOST_NOTES = 2  # in a summary; the report has all
+
+
+def say_result(result: isomatch.MatchResult, details: bool = False) -> None:
+    """Print what came out in plain words; in detail, also every measure, the stages and all notes."""
+    summary = view.summary_of(result)
+    say(summary.headline, _STYLES.get(result.outcome.name, "bold yellow"))
+    say_rows([("how sure", summary.sureness), ("what to do", summary.advice)])
+    if details:
+        _say_details(result)
+    else:
+        more = len(result.notes) - MOST_NOTES
+        say_rows(("note", note) for note in result.notes[:MOST_NOTES])
+        say_rows([("", f"{more} more {'note' if more == 1 else 'notes'}: --details")] if more > 0 else [])
+
+
+def _say_details(result: isomatch.MatchResult) -> None:
+    say("")
+    say(f"{result.outcome.value}: {result.map!r}, from {result.origin}")
+    for region in result.regions:
+        say(f"doubtful: {region}")
+    rows = []
+    for measure, number, against in view.quality_measures(result):
+        bound = measure.bound.replace("at most", "≤").replace("at least", "≥") + " !" * against
+        rows.append((measure.name, measure.value(number), bound, measure.unit))
+    say_table(rows)
+    for side, symmetry in zip(("source", "target"), result.symmetries):
+        if symmetry:
+            say(f"{side} maps onto itself: {symmetry}")
+    one_by_one = {s: t for s, t in result.timings.items() if not s.startswith(("source: ", "target: "))}
+    say_rows([("seconds", ", ".join(f"{stage} {seconds:.2f}" for stage, seconds in one_by_one.items()))])
+    say_notes(result.notes)
+    say("")
+
+
+def say_files(record: Mapping[str, Any]) -> None:
+    """Print how long it took, which file to open first, what else was written, and what could not be drawn."""
+    files = record["files"]
+    first = next(files[kind] for kind in ("report", "picture", "map") if kind in files)
+    names = {Path(file).name for file in files.values() if file != first}
+    alternatives = {name for name in names if name.startswith("alternative_")}
+    short = {"alternative_*.npz"} if len(alternatives) > 1 else alternatives
+    sizes = f"{record['n_source']:,} → {record['n_target']:,} vertices"
+    say_rows(("note", note) for note in record["undrawn"])
+    say_rows([("took", f"{record['timings']['total']:.1f} s for the match, {sizes}")])
+    say(f"{'  open first':<{INDENT}}{first}")  # whole, to be copied
+    say_rows([("also there", ", ".join(sorted((names - alternatives) | short)))])
