@@ -18,7 +18,7 @@ import isomatch
 from isomatch import Config, Correspondence
 from isomatch.evaluation import counted, geodesic_errors
 from isomatch.matching import lowered
-from isomatch.matching.judge import region_evidence
+from isomatch.matching.verification import region_evidence
 from isomatch.settings import OutcomeSettings
 from isomatch_lab.damage import damaged_pair
 from isomatch_lab.sets import benchmark_set

@@ -6,7 +6,7 @@ import pytest
 from isomatch import Config, Graph, Outcome, PointCloud, SettingError, match, prepare
 from isomatch.datasets.organs import organ, organ_truth
 from isomatch.matching import prepare_pair
-from isomatch.matching.anchors import slid, starts_from_anchors
+from isomatch.matching.starts import slid, starts_from_anchors
 from isomatch_lab.sets import relabelled
 from shapes import box, cylinder, disguised, flat_grid, icosphere
 from zoo.made import mobius_strip

@@ -8,8 +8,7 @@ import pytest
 from isomatch.correspondence import iterative_closest_points
 from isomatch.datasets import creature
 from isomatch.matching import Hints, Hypothesis, Isometry, prepare_pair
-from isomatch.matching.challengers import best_of, challengers, is_sure
-from isomatch.matching.screening import Screening
+from isomatch.matching.candidates import Screening, best_of, challengers, is_sure
 from isomatch.runtime.stage_timer import StageTimer
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from isomatch import Outcome
-from isomatch.matching.judge import (
+from isomatch.matching.verification import (
     Evidence,
     PartDoubt,
     closed_evidence,

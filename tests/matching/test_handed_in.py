@@ -6,7 +6,7 @@ import pytest
 from isomatch import Config, DescriptorError, Mesh, Outcome, PointCloud, SettingError, match
 from isomatch.datasets import creature, ground_truth
 from isomatch.matching import Elastic, Isometry, Part
-from isomatch.matching.refinement_laws import bumpy_ball
+from isomatch.matching.refinements import bumpy_ball
 
 pytestmark = pytest.mark.usefixtures("prepared_once")
 RELATIONS = pytest.mark.parametrize("relation", [Isometry(), Part(), Elastic()])

@@ -7,7 +7,7 @@ from isomatch import Mesh, match, match_both
 from isomatch.datasets import creature
 from isomatch.errors import DescriptorError
 from isomatch.matching import prepare_pair
-from isomatch.matching.known_functions import with_functions
+from isomatch.matching.hints import with_functions
 from isomatch_lab.damage import cut
 from shapes import box, disguised
 

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from isomatch.matching import contest
-from isomatch.matching.contest import (
+from isomatch.matching import selection
+from isomatch.matching.selection import (
     LANDMARK_SLACK,
     SCORE_NOISE,
     Rules,
@@ -26,7 +26,7 @@ SETTINGS, BOUNDS = SelectionSettings(), OutcomeSettings()
 
 def select(fits, eligible, apart, elsewhere, n_tried):
     rules = Rules.of(SETTINGS, BOUNDS)
-    return contest.select(fits, apart, rules, eligible=eligible, elsewhere=elsewhere, n_tried=n_tried)
+    return selection.select(fits, apart, rules, eligible=eligible, elsewhere=elsewhere, n_tried=n_tried)
 
 
 @dataclass(frozen=True)
@@ -303,8 +303,8 @@ def test_without_rules_about_limbs_only_the_distance_makes_a_rival():
     fits = [Fit(0.3, score=0.10), Fit(0.3, score=0.11), Fit(0.3, score=0.12)]
     rules = Rules(rival_distance=0.1)
     near = np.array([[0, 0.07, 0.2], [0.07, 0, 0.2], [0.2, 0.2, 0]])
-    assert contest.select(fits, near, rules).rival == pytest.approx(1.2)
-    assert contest.select(fits, near, rules, scores=[3, 2, 6]).winner is fits[1]
+    assert selection.select(fits, near, rules).rival == pytest.approx(1.2)
+    assert selection.select(fits, near, rules, scores=[3, 2, 6]).winner is fits[1]
 
 
 def line(a, b):

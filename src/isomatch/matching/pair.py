@@ -1,19 +1,20 @@
-"""Two prepared shapes, and their samples: the small problem in which hypotheses are tried and compared."""
+"""Two prepared shapes and their samples, on which hypotheses are tried and compared; assignments of their extremities."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
+from itertools import permutations
 
 import numpy as np
 
 from isomatch.assets import SurfaceLike
 from isomatch.correspondence import Embedding, SignedPoints, SpectralPair, nearest_of_few
 from isomatch.errors import MemoryBudgetError, MeshError, NotConvergedError
-from isomatch.matching.extremity_assignments import extremity_assignments
 from isomatch.runtime.stage_timer import MATCHING, Progress, StageTimer
 from isomatch.runtime.threads import parallel_map
-from isomatch.settings import Config
+from isomatch.settings import Config, SearchSettings
 from isomatch.shapes import PreparedShape, SmoothShape, prepare
 from isomatch.values.arrays import FloatArray, IntArray, single
 from isomatch.values.cached import cached_property
@@ -279,3 +280,49 @@ def _prepared(
         return prepare(shape, config, seed, progress=progress)
     except (MeshError, MemoryBudgetError, NotConvergedError) as error:
         raise type(error)(f"{side}: {error}") from error
+
+
+def extremity_assignments(
+    source: PreparedShape, target: PreparedShape, settings: SearchSettings
+) -> list[IntArray]:
+    """Assign extremal points to extremal points so that their distances agree.
+
+    Returns
+    -------
+    list of (count, 2) arrays of int
+        Source and target vertices; the best of every count of points and both directions, repetitions removed.
+    """
+    found: dict[tuple[tuple[int, int], ...], None] = {}
+    for count in settings.extremity_counts:
+        for forward in (True, False):
+            a, b = (source, target) if forward else (target, source)
+            for few, among in _consistent_assignments(a, b, count, settings):
+                pairs = zip(few, among) if forward else zip(among, few)
+                found.setdefault(tuple(sorted((int(i), int(j)) for i, j in pairs)))
+    return [np.array(pairs) for pairs in found]
+
+
+def _consistent_assignments(
+    a: PreparedShape, b: PreparedShape, count: int, settings: SearchSettings
+) -> Iterable[tuple[IntArray, IntArray]]:
+    """Extremities of a, the most remote first, and those of b that they are assigned to."""
+    few, among = a.extremities[:count], b.extremities[: settings.n_candidate_extremities]
+    if len(few) < count or len(among) < count:
+        return []
+    choices = _choices(len(among), count)
+    d_few = a.extremity_columns[:count][:, few] / a.intrinsic_scale
+    d_among = b.extremity_columns[: len(among)][:, among] / b.intrinsic_scale
+    remote_few = a.average_distance[few] / a.intrinsic_scale
+    remote_among = b.average_distance[among] / b.intrinsic_scale
+    remoteness = np.abs(remote_few[:, None] - remote_among)
+    cost = settings.eccentricity_weight / count * sum(each[c] for each, c in zip(remoteness, choices))
+    for i, j in permutations(range(count), 2):
+        cost += np.abs(d_few[i, j] - d_among)[choices[i], choices[j]] / count**2
+    best = np.argsort(cost, kind="stable")[: settings.assignments]
+    return [(few, among[choices[:, c]]) for c in best]
+
+
+@lru_cache
+def _choices(n: int, count: int) -> IntArray:
+    """Every choice of some of n in order, (count, c)."""
+    return np.array(list(permutations(range(n), count))).T.copy()

@@ -9,10 +9,10 @@ import numpy as np
 from isomatch.correspondence import PrecisePoints, alignment_residual, signed_procrustes
 from isomatch.descriptors import BallSignature, deviation_of
 from isomatch.geodesics import distance_along_edges_to_nearest
-from isomatch.matching.contest import Selection
 from isomatch.matching.hints import Hints
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.result import Quality
+from isomatch.matching.selection import Selection
 from isomatch.settings import Config
 from isomatch.shapes import orientation_of
 from isomatch.surfaces import Graph, Surface, linked

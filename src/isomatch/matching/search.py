@@ -9,14 +9,14 @@ from typing import ClassVar
 import numpy as np
 
 from isomatch.correspondence import Alignment, closest_point_images, iterative_closest_points
-from isomatch.matching.anchors import starts_from_anchors
-from isomatch.matching.contest import distinct
 from isomatch.matching.fit import Hypothesis
 from isomatch.matching.hints import Hints
 from isomatch.matching.pair import ShapePair
+from isomatch.matching.selection import distinct
 from isomatch.matching.stages import PoolStart, Relation, Start, first_maps_of, name_of
 from isomatch.matching.starts import (
     start_from_pairs,
+    starts_from_anchors,
     starts_from_extremities,
     starts_from_hints,
     starts_from_poses,

@@ -1,10 +1,11 @@
-"""Settings of one shape: extremities, signatures, curvature, what is mended."""
+"""Settings of one shape: extremities, signatures, curvature, what is mended; levels of large meshes; symmetries."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Literal
 
+from isomatch.errors import SettingError
 from isomatch.values.settings import Settings, setting
 
 DistanceUnit = Literal["average", "user"]
@@ -67,3 +68,50 @@ class PreparationSettings(Settings):
         24, "docs/notes/contacts.md: limbs that touch make up to 9 handles, skulls have 157 and more", least=0
     )
     most_components: int = setting(12, "chosen: each takes as long as a small match", least=0)
+
+
+@dataclass(frozen=True)
+class LevelSettings(Settings):
+    """Sizes of the levels on which large meshes are matched.
+
+    Parameters
+    ----------
+    matched, polished : int
+        Vertices on which shapes are matched, and on which the map is then polished.
+    fast_matched, fast_polished : int
+        The same with ``resolution="fast"``.
+    spared : float
+        A mesh of up to so many times these sizes is not decimated.
+    """
+
+    matched: int = setting(5000, "docs/performance.md, resolution", least=200)
+    polished: int = setting(16000, "docs/performance.md, resolution", least=200)
+    fast_matched: int = setting(2500, "docs/performance.md, resolution", least=200)
+    fast_polished: int = setting(5000, "docs/performance.md, resolution", least=200)
+    spared: float = setting(1.25, "chosen: less is hardly faster", least=1)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for kind in ("", "fast_"):
+            matched, polished = getattr(self, f"{kind}matched"), getattr(self, f"{kind}polished")
+            if polished < matched:
+                raise SettingError(
+                    f"{kind}polished = {polished} is below {kind}matched = {matched}; a map is polished on more vertices"
+                )
+
+
+@dataclass(frozen=True)
+class SymmetrySettings(Settings):
+    """Settings of the search for symmetries of one shape.
+
+    Parameters
+    ----------
+    most : int
+        Most assignments that are followed up; 0 searches for no symmetries.
+    largest_residual : float
+        Misfit of the distance descriptors, in units of √(average distance / number of search vertices), up to which a
+        map is a symmetry: their spacing alone makes about 2.4.
+    """
+
+    most: int = setting(24, "docs/benchmarks.md, symmetry", least=0)
+    largest_residual: float = setting(3.2, "docs/benchmarks.md, symmetry", least=0)

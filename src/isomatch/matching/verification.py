@@ -1,4 +1,4 @@
-"""The judge: from evidence to an outcome, and from a solution to the result of a match."""
+"""Verification: from evidence to an outcome, and from a solution to the result of a match."""
 
 from __future__ import annotations
 
@@ -9,10 +9,9 @@ from typing import Self
 import numpy as np
 
 from isomatch.correspondence import Correspondence
-from isomatch.matching.outcome import Outcome
+from isomatch.matching.confidence import ANOTHER_MAP, LOOKS_UNLIKE, DoubtfulRegion
 from isomatch.matching.pair import ShapePair
-from isomatch.matching.regions import ANOTHER_MAP, LOOKS_UNLIKE, DoubtfulRegion
-from isomatch.matching.result import Alternative, MatchResult, Quality
+from isomatch.matching.result import Alternative, MatchResult, Outcome, Quality
 from isomatch.runtime.stage_timer import StageTimer
 from isomatch.settings import MatchSettings, Orientation, OutcomeSettings, PartSettings
 from isomatch.shapes import describe_symmetries

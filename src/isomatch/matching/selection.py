@@ -1,4 +1,4 @@
-"""The contest: which maps differ, which are worth refining, which survive, which wins, and which is its rival."""
+"""Model selection: which maps differ, which are worth refining, which survive, which wins, and which is its runner-up."""
 
 from __future__ import annotations
 

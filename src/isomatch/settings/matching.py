@@ -1,0 +1,410 @@
+"""Settings of the stages of a match: search, selection, refinement, parts, shapes far from isometric, outcome."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from isomatch.errors import SettingError
+from isomatch.values.settings import Settings, setting
+
+
+@dataclass(frozen=True)
+class SearchSettings(Settings):
+    """Settings of first maps and of the search among them.
+
+    Parameters
+    ----------
+    rank : int
+        Descriptor columns while hypotheses are compared; the others only sharpen a map already found.
+    start_columns : int
+        Leading columns that a few points determine.
+    near_rigid : float
+        Mean distance of positions and normals × 0.1, in √area, up to which shapes that are aligned in space are matched
+        from their poses too; see `poses_between`. 0 does without.
+    off_diagonal : tuple of float
+        Penalties on mixing columns, each tried for landmarks; extremities take the first. See `alignments_from_points`.
+    ridge : float
+        Penalty on every entry of the alignment.
+    extremity_counts : tuple of int
+        Numbers of extremities of one shape that are assigned together.
+    n_candidate_extremities : int
+        Extremities of the other shape they may be assigned to.
+    assignments : int
+        Best assignments that are kept for each count and direction.
+    eccentricity_weight : float
+        Weight of differences of average distance, against those of mutual distances, in the cost of an assignment.
+    start_steps, flip_steps : int
+        Iterations of closest points from extremities; after flips and combinations.
+    unchanged : float
+        Share of unchanged images at which an iteration has converged.
+    compare_every : int
+        Iterations between comparisons of the maps under way; as many on the way back.
+    same_start, same_map : float
+        Mean distance of images, in √area, below which two starts, and two converged maps, are one.
+    n_hypotheses : int
+        Most hypotheses.
+    flipped : int
+        Best hypotheses whose flips are tried.
+    flipped_functions : int
+        Leading Laplace–Beltrami functions whose sign is flipped.
+    both_ways : bool
+        Whether maps are also searched from the target, and inverted.
+    combined : int
+        Best candidates that are combined with each other, one on one half of the source and one on the other.
+    halves : int
+        Laplace–Beltrami functions whose signs part the source in such halves.
+    most_combined : int
+        Most combinations, those of least residual, that are compared with the candidates.
+    flip_landmarks : bool
+        Whether flips of the map from landmarks are tried too, where no automatic hypotheses compete. Landmarks at
+        extremities leave the front and the back of a thin body undecided.
+    """
+
+    rank: int = setting(30, "measured on 50 pairs: p = 60 and k = 30 as good as p = 100 and k = 50", least=4)
+    start_columns: int = setting(20, "docs/benchmarks.md, sensitivity", least=4)
+    near_rigid: float = setting(
+        0.05,
+        "bones, teeth, skulls of one kind: 0.034 to 0.043; bodies in other poses: from 0.047 on",
+        least=0,
+    )
+    off_diagonal: tuple[float, ...] = setting(
+        (0.01, 0.001, 0.0001),
+        "docs/paper.md: the two further ones take centaur5–centaur2 from 4.3 to 2.6",
+        least=0,
+    )
+    ridge: float = setting(0.001, "docs/benchmarks.md, sensitivity", least=0)
+    extremity_counts: tuple[int, ...] = setting(
+        (4, 5, 6), "ablation: one set of extremities (cat4–cat9)", least=1
+    )
+    n_candidate_extremities: int = setting(7, "docs/benchmarks.md, sensitivity", least=1)
+    assignments: int = setting(
+        8, "docs/benchmarks.md, sensitivity; with flips, the right map was found on 86 of 86 pairs", least=1
+    )
+    eccentricity_weight: float = setting(0.3, "docs/benchmarks.md, sensitivity", least=0)
+    start_steps: int = setting(12, "docs/benchmarks.md, sensitivity", least=1)
+    flip_steps: int = setting(4, "docs/benchmarks.md, sensitivity", least=1)
+    unchanged: float = setting(0.99, "docs/benchmarks.md, sensitivity", least=0, most=1)
+    compare_every: int = setting(2, "docs/benchmarks.md, sensitivity", least=1)
+    same_start: float = setting(
+        0.02, "docs/benchmarks.md, sensitivity; half the spacing of 400 samples", least=0
+    )
+    same_map: float = setting(0.05, "docs/benchmarks.md, sensitivity; the spacing of 400 samples", least=0)
+    n_hypotheses: int = setting(
+        14, "measured: the right map was among the best 12 on 86 of 86 pairs", least=1
+    )
+    flipped: int = setting(3, "ablation: no flips", least=0)
+    flipped_functions: int = setting(20, "ablation: no flips", least=0)
+    both_ways: bool = setting(True, "docs/notes/both_ways.md: victoria2–victoria23, 18.4 without, 4.5 with")
+    combined: int = setting(4, "docs/notes/both_ways.md", least=0)
+    halves: int = setting(4, "docs/notes/both_ways.md", least=0)
+    most_combined: int = setting(6, "docs/notes/both_ways.md", least=0)
+    flip_landmarks: bool = setting(
+        True, "docs/paper.md: victoria12–victoria23 from landmarks, 7.9 without, 4.2 with"
+    )
+
+
+@dataclass(frozen=True)
+class SelectionSettings(Settings):
+    """Settings of the choice among hypotheses.
+
+    Parameters
+    ----------
+    normal_functions : int
+        Functions of the smoothed surfaces whose normals are compared.
+    curvature_exponent : float
+        Energy = descriptor residual × curvature mismatch to this power.
+    orientation_threshold : float
+        Mean cosine between normals above which a map counts as orientation-preserving.
+    mirrored_energy : float
+        Energy of a hypothesis of the orientation that is not allowed, against the least of the others, below which it is
+        refined and compared, too.
+    energy_limit : float
+        Energy, against the least, up to which a hypothesis is refined and compared again.
+    most_contenders : int
+        Most hypotheses that are refined.
+    extension_functions : int
+        Functions through which a hypothesis is extended to further vertices.
+    misfit_limit : float
+        Misfit after a stage of the refinement, against the least, from which a map is given up.
+    same_map : float
+        Mean distance between images, in √area, up to which two refined maps are one: less than one turned limb.
+    energy_exponent : float
+        Score of a refined map = misfit × energy to this power.
+    rival_distance : float
+        Mean distance between images, in √area, from which a refined map is an alternative, not a variant of the winner.
+    mismatch_weight : float
+        The ratio of the costs of two maps is multiplied by exp(this × the difference of their mean mismatches, see
+        `BallSignature`, over the region where they differ).
+    most_alternatives : int
+        Most alternatives in the result.
+    """
+
+    normal_functions: int = setting(40, "docs/benchmarks.md, sensitivity", least=4)
+    curvature_exponent: float = setting(
+        2.0, "measured on 86 pairs: 2 and 1 choose right, 2 by a wider margin", least=0
+    )
+    orientation_threshold: float = setting(
+        0.3, "measured on 50 pairs: right maps above 0.54, mixed or mirrored ones below 0.3", least=0, most=1
+    )
+    mirrored_energy: float = setting(
+        0.75, "lopsided creatures up to 0.52; bodies with a left and a right side from 0.42", least=0
+    )
+    energy_limit: float = setting(3.0, "docs/benchmarks.md, sensitivity", least=1)
+    most_contenders: int = setting(4, "docs/notes/refinement.md: no other map than by 6", least=1)
+    extension_functions: int = setting(
+        50, "docs/benchmarks.md, sensitivity; as many as before the judgement", least=4
+    )
+    misfit_limit: float = setting(1.15, "docs/benchmarks.md, sensitivity; as outcome.tie", least=1)
+    same_map: float = setting(
+        0.02, "docs/benchmarks.md, sensitivity; half of the displacement by one turned limb", least=0
+    )
+    energy_exponent: float = setting(0.25, "ablation: contest decided by misfit alone", least=0)
+    rival_distance: float = setting(0.15, "more than noise or one limb, less than a turned body", least=0)
+    mismatch_weight: float = setting(1.5, "docs/notes/ball_signature.md", least=0)
+    most_alternatives: int = setting(2, "what a report can show beside the map", least=0)
+
+
+@dataclass(frozen=True)
+class RefinementSettings(Settings):
+    """Settings of the refinements.
+
+    Parameters
+    ----------
+    sizes_without_positions, sizes_with_positions, final_sizes : tuple of int
+        Functions in the steps of the three stages of the joint refinement; positions and normals take part in the last
+        two. After each stage, maps that fit much worse than the best are given up.
+    sizes_of_parts : tuple of int
+        Functions in further steps without positions, of the map of a part.
+    sizes_again : tuple of int
+        Functions in the steps by which a map that ties with the best is refined once more, with positions and normals if
+        the stages before end with them; the last step is theirs. The map of lower score stays.
+    polished_sizes : tuple of int
+        Functions in the steps that polish the map of a large mesh, on more vertices.
+    position_unit : float
+        Misfit of positions, in √area, that counts as one unit of the spectral coordinates.
+    normal_weight : float
+        Weight of normals.
+    function_weight : float
+        Weight of functions that are known on both shapes, as of their root mean square; see `match`.
+    registration_steps : int
+        Steps of the non-rigid registration that ends "joint".
+    laplace_steps_at_once : int
+        If above 0, "laplace_icp" takes all functions from the start, with an orthogonal functional map and at most so
+        many iterations: the paper as it is written.
+    """
+
+    sizes_without_positions: tuple[int, ...] = setting(
+        (20, 25, 30, 35, 40, 45, 50), "Melzi et al. 2019; docs/notes/refinement.md", least=4, empty=True
+    )
+    sizes_with_positions: tuple[int, ...] = setting(
+        (50, 75, 100), "ablation: no positions and normals", least=4, empty=True
+    )
+    final_sizes: tuple[int, ...] = setting(
+        (125, 150), "ablation: no positions and normals", least=4, empty=True
+    )
+    sizes_of_parts: tuple[int, ...] = setting(
+        (70, 100, 140), "docs/notes/refinement.md, parts", least=4, empty=True
+    )
+    sizes_again: tuple[int, ...] = setting(
+        (20, 30, 50, 80, 130), "docs/notes/refinement.md", least=4, empty=True
+    )
+    polished_sizes: tuple[int, ...] = setting((100, 150), "docs/performance.md, resolution", least=4)
+    position_unit: float = setting(0.08, "measured on 9 pairs: 0.08 2.06, 0.15 2.11, 0.3 2.14", least=1e-6)
+    normal_weight: float = setting(0.3, "docs/benchmarks.md, sensitivity", least=0)
+    function_weight: float = setting(0.2, "docs/hints.md: functions known on both", least=0)
+    registration_steps: int = setting(3, "docs/notes/refinement.md", least=0)
+    laplace_steps_at_once: int = setting(0, "docs/paper.md, deviations: at once heals less", least=0)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not (self.sizes_without_positions or self.sizes_with_positions or self.final_sizes):
+            raise SettingError(
+                "the three stages of the joint refinement are all empty; give one of them a size"
+            )
+
+    @property
+    def last_step(self) -> tuple[tuple[int, ...], bool]:
+        """Size of the last step of the joint refinement, by which every map is measured; whether it has positions."""
+        with_positions = (*self.sizes_with_positions, *self.final_sizes)
+        return (with_positions or self.sizes_without_positions)[-1:], bool(with_positions)
+
+
+@dataclass(frozen=True)
+class PartSettings(Settings):
+    """Settings of the match of a part to a whole.
+
+    Parameters
+    ----------
+    hopeless : float
+        A map is dropped if its score exceeds this × the best score: after the short refinement, but for the two best,
+        and before maps are settled.
+    long_boundary : float
+        Length of the longest piece of the boundary, in √area, above which a shape may be a part.
+    close : bool
+        Also match the shapes with their holes closed, as complete ones.
+    closed_score : float
+        The map with the holes closed is returned if its cost is less than this times that of the best map of a part.
+    little_missing, most_there : float
+        Shares of the area of the whole, by the units of the files, from which a part is matched with its holes closed
+        first; the second one where few distances are known (``little_trusted``). If that is sure, the part is matched
+        from there, without a search of its own.
+    bending : tuple of float
+        Lengths, in √area of the whole, over which the part resists being stretched when it is bent onto the whole; see
+        `register_as_rigid_as_possible`.
+    n_bent_vertices : int
+        Vertices of the part while contenders bend it.
+    n_settled : int
+        Best maps that are settled: the part is bent, its map refined from where it lies then, and so on.
+    rim, off : float
+        Distances, in √area, from the boundary of a part and from its other points, up to which a vertex of the whole is
+        matched to it; where hardly any distance on the whole is known, the second one from both.
+    poor_doubt : float
+        Doubt above which a map is not sure; see `Quality`.
+    little_trusted, clear : float
+        Share of the pairs of anchors whose distance on the whole is known, below which a map is not sure, either, unless
+        the score of its best alternative is at least so many times its own.
+    mismatch_weight : float
+        As `SelectionSettings.mismatch_weight`, of parts; also of roughly refined maps, over everything that is known.
+    n_common : int
+        Of two overlapping parts of one body: regions in common that are refined, the likeliest ones.
+    sure_common : float
+        How much more alike than at random the parts must look in the best of them for it to be sure; see ``CommonDoubt``.
+    tie : float
+        Score of an alternative, against the map returned, below which nothing decides between them.
+    """
+
+    hopeless: float = setting(3.0, "docs/robustness.md: parts", least=1)
+    long_boundary: float = setting(
+        0.15, "complete bodies up to 0.08, bodies without a limb from 0.2", least=0
+    )
+    close: bool = setting(True, "docs/robustness.md: holes closed")
+    closed_score: float = setting(1.1, "chosen, not measured", least=0)
+    little_missing: float = setting(0.85, "docs/notes/two_ways.md", least=0)
+    most_there: float = setting(0.6, "docs/notes/two_ways.md", least=0)
+    bending: tuple[float, ...] = setting(
+        (0.3, 0.25, 0.2, 0.17, 0.14, 0.11, 0.09, 0.075, 0.06, 0.05), "docs/robustness.md: parts", least=1e-3
+    )
+    rim: float = setting(0.04, "docs/robustness.md: parts", least=0)
+    off: float = setting(0.1, "docs/robustness.md: parts", least=0)
+    n_bent_vertices: int = setting(1000, "docs/robustness.md: parts", least=50)
+    n_settled: int = setting(3, "docs/robustness.md: parts", least=0)
+    poor_doubt: float = setting(8.5e-5, "docs/robustness.md: parts, how the bound was set", least=0)
+    little_trusted: float = setting(0.15, "docs/robustness.md: parts", least=0, most=1)
+    clear: float = setting(2.0, "docs/robustness.md: parts", least=1)
+    mismatch_weight: float = setting(6.0, "docs/notes/ball_signature.md", least=0)
+    n_common: int = setting(8, "docs/notes/two_parts.md", least=1)
+    sure_common: float = setting(0.5, "docs/notes/two_parts.md", least=0)
+    tie: float = setting(1.2, "chosen on cuts and holes, not one by one", least=1)
+
+
+@dataclass(frozen=True)
+class ElasticSettings(Settings):
+    """Settings of the match of shapes that are far from isometric.
+
+    Parameters
+    ----------
+    sought : float
+        Misfit of the best map that keeps distances, from which one is sought that lets limbs stretch.
+    n_coordinates : int
+        Canonical coordinates of each shape.
+    forgiven : float
+        Relative difference of two distances, in units of the average, that costs nothing.
+    inside : float
+        A term of the cost, see `IntervalCost`.
+    n_starts : int
+        Best assignments of the points of either shape.
+    bending : tuple of float
+        Lengths, in √area, over which the shapes resist being stretched when contenders bend them onto each other; see
+        `register_as_rigid_as_possible`.
+    n_bent_vertices : int
+        Vertices of each shape while contenders bend it.
+    most_scaled : float
+        How many times as large or as small a piece of the source may become at no cost when the winner is bent; see
+        `RigidRegistration`.
+    """
+
+    sought: float = setting(0.54, "docs/notes/other_species.md: when limbs are taken to stretch", least=0)
+    n_coordinates: int = setting(8, "Ezuz et al. 2019", least=3)
+    forgiven: float = setting(0.3, "chosen on pairs of animals, not one by one", least=0, most=1)
+    inside: float = setting(0.1, "docs/robustness.md, other species", least=0)
+    n_starts: int = setting(60, "docs/robustness.md, other species", least=1)
+    bending: tuple[float, ...] = setting(
+        (0.3, 0.25, 0.2, 0.17, 0.14, 0.11, 0.09, 0.075, 0.06, 0.05), "docs/notes/other_species.md", least=1e-3
+    )
+    n_bent_vertices: int = setting(1000, "docs/notes/other_species.md", least=100)
+    most_scaled: float = setting(
+        2.0, "docs/notes/other_species.md: limbs of half and twice the size", least=1
+    )
+
+
+@dataclass(frozen=True)
+class OutcomeSettings(Settings):
+    """Bounds of the measures that make an outcome.
+
+    Parameters
+    ----------
+    coverage_radius : float
+        A target vertex this near to an image along edges, in √area, is covered.
+    tie : float
+        Score of an alternative, against the map returned, below which nothing decides between them.
+    look_tie : float
+        The same between shapes far from isometric, whose misfits are nearly equal.
+    mirror_tie : float
+        The same for a map of the other side where either is allowed; the poses alone may differ as much.
+    mirror_image : float
+        Score of a map of the orientation that is not allowed, against the map returned, below which it fits clearly
+        better.
+    torn : float
+        Squared length of the image of an edge, over its own, above which it counts no more: the edge is torn.
+    torn_apart : float
+        How much farther apart the images of neighbours are than the neighbours, in √area, where the map tears them.
+    poor_misfit, poor_residual, poor_stretch, poor_torn_off : float
+        Values above which a map is poor.
+    poor_bending, poor_far_residual : float
+        Values of `Quality.bend_misfit` and of the residual above which a map between shapes far from isometric is poor.
+    poor_mismatch : float
+        Mean mismatch, see `Quality`, of which a map is sure only if it is well below.
+    doubtful_mismatch : float
+        Mean mismatch of the neighbourhood of a vertex, above the median of the map, from which its image is doubtful.
+    doubtful_area : float
+        Share of the surface from which a region of doubtful images lowers the outcome.
+    poor_orientation : float
+        Value below which a map is poor.
+    contradiction : float
+        Distance from the images that hints ask for, in √area, from which they are contradicted: the mean of the
+        landmarks (of a part the median), or the median of an initial map, which may be wrong in places.
+    out_of_pose : float
+        Mean distance of the images from the nearest points in space, in √area, from which ``start="pose"`` misleads.
+    large_component : float
+        A component is large from this share of the area, or of the vertices. If a large one has no partner, the match is
+        partial, and it is no surer than its least sure large component.
+    """
+
+    coverage_radius: float = setting(0.05, "the spacing of the search vertices", least=0)
+    tie: float = setting(1.25, "docs/notes/ball_signature.md", least=1)
+    look_tie: float = setting(1.15, "docs/notes/ball_signature.md", least=1)
+    mirror_tie: float = setting(1.5, "docs/benchmarks.md, confidence: either side", least=1)
+    mirror_image: float = setting(
+        0.6, "lopsided creatures up to 0.52; bodies with a left and a right side from 0.67", least=0, most=1
+    )
+    torn: float = setting(4.0, "chosen: a few torn faces must not outweigh all others", least=1)
+    poor_misfit: float = setting(
+        0.66, "set on FAUST and creatures; checked in docs/benchmarks.md, confidence", least=0
+    )
+    poor_residual: float = setting(
+        0.38, "set on FAUST and creatures; checked in docs/benchmarks.md, confidence", least=0
+    )
+    poor_stretch: float = setting(1.2, "docs/benchmarks.md, confidence", least=1)
+    poor_bending: float = setting(1.7e-3, "docs/notes/other_species.md", least=0)
+    poor_far_residual: float = setting(0.45, "docs/notes/other_species.md", least=0)
+    poor_mismatch: float = setting(0.42, "docs/notes/ball_signature.md", least=0)
+    doubtful_mismatch: float = setting(0.65, "docs/benchmarks.md, regions of doubt", least=0)
+    doubtful_area: float = setting(0.02, "a forearm of a body", least=0, most=1)
+    torn_apart: float = setting(0.1, "0.07 to 0.15 do as well: docs/benchmarks.md, confidence", least=0)
+    poor_torn_off: float = setting(
+        0.005, "half a hand; right maps have at most 0.2 %: docs/benchmarks.md, confidence", least=0
+    )
+    poor_orientation: float = setting(0.65, "chosen, not measured", least=-1, most=1)
+    contradiction: float = setting(0.1, "docs/benchmarks.md, contradicted hints", least=0)
+    out_of_pose: float = setting(0.25, "docs/hints.md: up to 0.22 turned by 40°, from 0.29 by 90°", least=0)
+    large_component: float = setting(0.05, "a hand is 1 %, a head 8 % of a body", least=0, most=1)
