@@ -76,12 +76,7 @@ class Screening:
 def energy_of(
     pair: ShapePair, source_vertex: IntArray, target_vertex: IntArray, rank: int | None = None
 ) -> float:
-    """Energy of a map (m,) of body vertices: descriptor residual × curvature mismatch².
-
-    The residual is that of the distance descriptors after the best rotation, in units of √(average distance): it sees
-    all but near-symmetries. These are seen by the mismatch, the mean absolute difference of the standardised signed mean
-    curvatures, or 1 where a shape has none, and of known functions.
-    """
+    """Energy of a map (m,) of body vertices: descriptor residual × curvature difference²."""
     source, target = pair.source, pair.target
     residual = residual_of(pair, source_vertex, target_vertex, rank)
     mismatch = 1.0
@@ -139,7 +134,7 @@ SURE = 0.75  # share of the bounds of a poor map, below which a map is sure; doc
 
 
 def is_sure(relation: Relation, selection: Selection[Fit]) -> bool:
-    """Whether no other map ties with the winner and it is far from poor by every measure, so that challengers lose."""
+    """Whether no other map ties with the winner and it is far from poor by every measure, so that no other would win."""
     winner, bounds = selection.winner, relation.pair.config.outcome
     areas = relation.source.body.vertex_areas[relation.vertices]
     return (
@@ -153,21 +148,7 @@ def is_sure(relation: Relation, selection: Selection[Fit]) -> bool:
 def challengers(
     pair: ShapePair, screen: Screening, known: Sequence[IntArray], side: int, energy: float
 ) -> list[Candidate]:
-    """Find maps other than those known, from the other side and by combination, that may be better than the winner.
-
-    Parameters
-    ----------
-    pair : ShapePair
-        The two shapes.
-    screen : Screening
-        Makes candidates of hypotheses.
-    known : sequence of (m_s,) arrays of int
-        Maps of the search vertices, best first.
-    side : {1, -1}
-        The orientation that is wanted.
-    energy : float
-        That of the winner.
-    """
+    """Find further candidates, from the other side and by combination, that may be better than the winner."""
     found = distinct(
         [*(search_back(pair) if pair.config.search.both_ways else ()), *combinations(pair, known)],
         lambda hypothesis: hypothesis.target_row,
@@ -185,11 +166,7 @@ def challengers(
 
 
 def best_of(relation: Relation, winner: Fit, fits: Sequence[Fit]) -> Fit:
-    """Compare refined challengers with the winner one after the other, those like it first, and return the best.
-
-    They are many, and of many maps some fit well by chance. So one takes the winner's place only if it is better by
-    every measure, or another map and clearly better.
-    """
+    """Compare refined further candidates with the winner one after the other, those like it first; return the best."""
     first = winner
     for fit in sorted(fits, key=lambda fit: relation.target.mean_distance(fit.image, first.image)):
         winner = fit if _beats(relation, fit, winner) else winner
@@ -203,10 +180,7 @@ def is_another(relation: Relation, fit: Fit, other: Fit) -> bool:
 
 
 def _beats(relation: Relation, challenger: Fit, winner: Fit) -> bool:
-    """Whether a map is better by every measure, or another map and clearly better.
-
-    What the surfaces look like counts between other maps only: where variants differ is too small a region.
-    """
+    """Whether a map is better by every measure, or another map and clearly better."""
     fits = [challenger, winner]
     scores = [fit.score for fit in fits]
     if is_another(relation, challenger, winner):

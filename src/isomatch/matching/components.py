@@ -77,13 +77,7 @@ def match_components(
     stages: Stages,
     timer: StageTimer,
 ) -> Solution:
-    """Match shapes of which at least one has further components that can be matched by themselves.
-
-    The largest components are matched first. Their map carries the others along, which tells partners, and where each of
-    their vertices goes.
-
-    Parameters and errors are those of `match`.
-    """
+    """Match shapes of which at least one has further components that can be matched by themselves."""
     timer.start("components")
     parallel_map(components_of, (pair.source, pair.target))
     hints = ComponentHints(pair, landmarks, initial_map, initial_descriptors)
@@ -103,10 +97,7 @@ class _Components:
         self.sources, self.targets = hints.sides
 
     def large_ones(self) -> tuple[list[ComponentMatch], bool]:
-        """Match the largest components, and others nearly as large whose spectra do not tell which are partners.
-
-        Returns also whether another assignment of them fits as well.
-        """
+        """Match the largest components, and similar ones; returns also whether another assignment fits as well."""
         rows, columns = (self._rivals(side) for side in (self.sources, self.targets))
         joined = self.hints.joined[: len(rows), : len(columns)]
         if len(rows) == len(columns) == 1:
@@ -183,11 +174,7 @@ class _Components:
             return self._carried(pair, carrier)
 
     def _carried(self, pair: ShapePair, carrier: Carrier) -> ComponentMatch:
-        """Match two components that are carried to each other.
-
-        A rigid thing, as an eye or a helmet, is where it is carried to; otherwise the map starts from there. The place
-        decides what symmetry leaves open, if the component is near enough to what carries it.
-        """
+        """Match two components that are carried to each other."""
         held = carrier.gap(pair.target) <= HELD
         placed = self._placed(pair, carrier)
         if placed and placed.outcome.sureness >= Outcome.PARTIAL.sureness:
@@ -249,21 +236,11 @@ SIDES = "source", "target"
 
 @dataclass(frozen=True, eq=False)
 class ComponentMatch:
-    """Two components that are partners.
+    """Two components that are partners."""
 
-    Parameters
-    ----------
-    solution : Solution
-        Their map, in the users' vertices; its pair are the components, each as a prepared shape of the whole surface.
-    remark : str
-        How the map was decided upon, if not by the components alone.
-    hinted : bool
-        Whether the user gave hints for them.
-    """
-
-    solution: Solution
-    remark: str = ""
-    hinted: bool = False
+    solution: Solution  # in the users' vertices; its pair are the components, each prepared as a shape
+    remark: str = ""  # how the map was decided upon, if not by the components alone
+    hinted: bool = False  # whether the user gave hints for them
 
     @property
     def pair(self) -> ShapePair:
@@ -277,10 +254,7 @@ class ComponentMatch:
 
 
 def composed(pair: ShapePair, matches: list[ComponentMatch], tied: bool, hints: ComponentHints) -> Solution:
-    """Sum up the maps of all pairs of components; the first is the main one.
-
-    The map is no surer than that of any component that is large, or has hints of its own.
-    """
+    """Sum up the maps of all pairs of components; the first is the main one."""
     main, *others = matches
     bounds = pair.config.outcome
     counted = [
@@ -429,32 +403,14 @@ TINY = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Carrier:
-    """A motion of space that follows a map: rigid around each point, as the points nearest on the surface say.
+    """A motion of space that follows a map: rigid around each point, as the points nearest on the surface say."""
 
-    Parameters
-    ----------
-    here, there : (m, 3) array of float
-        Points of the source and their images, each in units of its shape.
-    units : (float, float)
-        What lengths of 1 are worth in the users' units.
-    scale : float
-        Change of lengths.
-    side : float
-        1, or −1 if the map mirrors.
-    falloff : float
-        Power of the distance by which the weight of a point decreases.
-
-    References
-    ----------
-    Schaefer, McPhail, Warren, *Image Deformation Using Moving Least Squares*, SIGGRAPH 2006.
-    """
-
-    here: FloatArray
-    there: FloatArray
-    units: tuple[float, float]
-    scale: float
-    side: float
-    falloff: float
+    here: FloatArray  # (m, 3) points of the source, in units of its shape
+    there: FloatArray  # (m, 3) their images, in units of the target
+    units: tuple[float, float]  # what lengths of 1 are worth in the users' units
+    scale: float  # change of lengths
+    side: float  # −1 if the map mirrors, else 1
+    falloff: float  # power of the distance by which the weight of a point decreases
 
     @classmethod
     def of(cls, maps: list[Solution], falloff: float) -> Self | None:
@@ -506,10 +462,7 @@ class Carrier:
         return self.scale * source.scale / self.units[0] / (target.scale / self.units[1])
 
     def image(self, source: PreparedShape, target: PreparedShape) -> IntArray:
-        """Map samples of a component to the nearest samples of its partner when carried there, centres together.
-
-        In the users' vertices; −1 for all others.
-        """
+        """Map samples of a component to the nearest of its partner when carried there: users' vertices, else −1."""
         moved, there = self.moved(source), _positions(target, self.units[1])
         nearest = cKDTree(there - there.mean(axis=0)).query(moved - moved.mean(axis=0))[1]
         image = np.full(source.surface.n_vertices, UNMATCHED)

@@ -32,33 +32,22 @@ TINY = 1e-12
 def expected_errors(
     pair: SmoothPair, points: PrecisePoints, doubt: FloatArray | None = None, unit: float = 1.0
 ) -> FloatArray:
-    """Estimate the geodesic error of a map of bodies at each vertex.
-
-    The target's Laplace–Beltrami functions, pulled back by the map, are fitted by those of the source. What the fit
-    leaves over, divided by its gradient, is a length: how far the image would have to move. The log ratio between the
-    squared gradients of the fit and those of the source's own functions is the strain of the map. The estimate is
-    proportional to the geometric mean of the two, smoothed by heat diffusion.
+    """Estimate the geodesic error of a map of bodies at each vertex: (n_s,), in √area of the source.
 
     Parameters
     ----------
     pair : SmoothPair
-        The two shapes.
     points : PrecisePoints
         Image of each of the n_s source vertices.
     doubt : (n_s,) array of float, optional
-        Error to be expected because another map may be right, see ``doubt_of``.
+        Error to be expected because another map may be right.
     unit : float
         What √area of the source is worth in √area of the target: 1 but for parts.
-
-    Returns
-    -------
-    (n_s,) array of float
-        In √area of the source.
 
     Notes
     -----
     O(n K²) for the fit of K functions. Of a map that is wrong as a whole, such as one that exchanges left and right, the
-    estimate sees only what does not fit and, if it was found, the rival.
+    estimate sees only what does not fit and, if it was found, the runner-up.
     """
     source = pair.source
     k = pair.n_functions
@@ -77,22 +66,7 @@ def expected_errors(
 
 
 def doubt_of(pair: ShapePair, image: IntArray, rival: IntArray, ratio: float) -> FloatArray:
-    """Expect the distance between two maps, times the chance that the other one is right.
-
-    Parameters
-    ----------
-    pair : ShapePair
-        The two shapes.
-    image, rival : (n_refine,) arrays of int
-        Image of each refinement vertex under the map and under its best rival.
-    ratio : float
-        Score of the rival over that of the map; 1 is a tie.
-
-    Returns
-    -------
-    (n_s,) array of float
-        That of the nearest refinement vertex, in √area.
-    """
+    """Expect the distance between two maps (n_refine,), times the chance that the other is right: (n_s,), in √area."""
     chance = 1 / (1 + ratio**RIVAL_EXPONENT)
     return np.asarray(chance * pair.target.distance(image, rival)[nearest_refinement_rows(pair)])
 
@@ -157,7 +131,6 @@ class DoubtfulRegion:
     area : float
         Share of the source's area.
     reason : str
-        Why it is doubtful, in words.
     rival : (m,) array of int, optional
         Target vertices to which another map sends them, if one is the reason.
     """
@@ -198,23 +171,7 @@ class DoubtfulRegion:
 def regions_of_doubt(
     pair: ShapePair, mismatch: FloatArray | None = None, rivals: tuple[IntArray, IntArray] | None = None
 ) -> tuple[DoubtfulRegion, ...]:
-    """Find the connected regions of the source's body where a map is doubtful, the largest first.
-
-    Parameters
-    ----------
-    pair : ShapePair
-        The two shapes.
-    mismatch : (n_s,) array of float, optional
-        Of each vertex and its image; nan where nothing is known. What has a larger mean in its neighbourhood than most
-        of the surface looks unlike its image.
-    rivals : two (n_refine,) arrays of int, optional
-        Images of the refinement vertices under the map and under another one that fits nearly as well.
-
-    Returns
-    -------
-    tuple of DoubtfulRegion
-        In vertices of the bodies.
-    """
+    """Find the connected regions of the source's body where a map is doubtful, the largest first."""
     source, target, bounds = pair.source, pair.target, pair.config.outcome
     doubts, rival = {}, None  # 1 is the bound of each reason
     if rivals is not None:

@@ -26,25 +26,7 @@ def iterated(
     coordinates: Callable[[IntArray, S], Embedding],
     nearest: Callable[[Embedding, S], tuple[IntArray, IntArray]],
 ) -> tuple[IntArray, float]:
-    """Alternate coordinates and nearest points.
-
-    Parameters
-    ----------
-    image : (r,) array of int
-        Images to start from.
-    steps : iterable
-        What distinguishes one iteration from the next.
-    coordinates : callable
-        Coordinates of the source's vertices and of those of the target, under a map, in a step.
-    nearest : callable
-        Of these coordinates, the nearest target row for each source row (r,), and the vertex that it stands for.
-
-    Returns
-    -------
-    image : (r,) array of int
-    misfit : float
-        Mean distance from the images in the last coordinates; inf if there were no steps.
-    """
+    """Alternate coordinates and nearest points; returns the images (r,) and their mean distance at last."""
     misfit = np.inf
     for step in steps:
         embedding = coordinates(image, step)
@@ -56,11 +38,7 @@ def iterated(
 def refined_images(
     pair: SmoothPair, image: IntArray, side: float, sizes: tuple[int, ...], with_positions: bool
 ) -> tuple[IntArray, float]:
-    """Refine the images (n_refine,) of the refinement vertices in joint coordinates of more and more functions.
-
-    Without positions, all but the last images are sought among n_refine samples. ``side`` is 1 for a map that preserves
-    the orientation of the faces, −1 for one that reverses it.
-    """
+    """Refine the images (n_refine,) of the refinement vertices in joint coordinates of more and more functions."""
     samples = pair.target.sample_vertices[: pair.target.config.n_refine]
     steps = [(min(k, pair.n_functions), with_positions or k == sizes[-1]) for k in sizes]
 
@@ -81,11 +59,7 @@ def refined_images(
 
 
 def registered(pair: SmoothPair, image: IntArray, side: float, smooth: bool) -> Embedding:
-    """Coordinates of all vertices of both bodies under a map (n_refine,), with all functions, after registration.
-
-    Signatures recognise points. The smooth variant does without them, and registers in more steps: positions, normals
-    and spectrum alone make a smoother map.
-    """
+    """Coordinates of all vertices of both bodies under a map (n_refine,), with all functions, after registration."""
     settings, k = pair.config.refining, pair.n_functions
     everywhere = np.arange(pair.source.body.n_vertices)
     embedding = joint_coordinates(pair, image, k, side, everywhere)

@@ -35,21 +35,20 @@ class Hypothesis:
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A hypothesis after upsampling, and the evidence for it.
+    """A hypothesis after upsampling, and its measures.
 
     Parameters
     ----------
     hypothesis : Hypothesis
-        Where it came from.
     target_row : (m_s,) array of int
         Upsampled map of the search vertices.
     energy : float
-        See ``energy_of``; with the descriptor columns of the search.
+        Descriptor residual × curvature difference², with the descriptor columns of the search.
     orientation : float
         See `orientation_of`: near 1 for the true map, near −1 for its mirror image, between for mixtures; 0 where a shape
         has no normals.
     landmark_error : float
-        Mean distance between images of the landmarks and their given targets / √area; 0 without landmarks.
+        Mean distance between images of the landmarks and their given targets, in √area; 0 without landmarks.
     hint_error : float
         The largest such distance, or the mean one from the images of the initial map, if that is larger; with neither,
         the mean one from the nearest points in space, if shapes are aligned there; 0 without hints. In √area.
@@ -65,7 +64,7 @@ class Candidate:
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A map of the vertices of a relation, and the evidence for it.
+    """A map of the vertices of a relation, and its measures.
 
     Parameters
     ----------
@@ -77,12 +76,10 @@ class Fit:
         The cost of the map; lower is better. nan until the relation has measured it.
     orientation : float
         Mean cosine between normals: 1 preserves the orientation of the faces, −1 reverses it.
-    hint_error, landmark_error : float
-        How far the map is from what hints, and landmarks alone, say, in √area; 0 without.
+    hint_error, landmark_error, origin
+        As of a `Candidate` and its hypothesis.
     candidate : Candidate, optional
         The candidate that it came from.
-    origin : str
-        Where its first map came from, as that of a `Hypothesis`.
     """
 
     image: IntArray

@@ -29,34 +29,7 @@ N_FUNCTIONS = 20  # they tell apart sheets that are near in space
 
 
 def pinned(pair: ShapePair, solution: Solution, landmarks: IntArray, tolerance: float) -> Solution:
-    """Bend a map so that landmarks hold.
-
-    A landmark whose image is within the tolerance of its target stays where it is. That of any other becomes its target
-    vertex, and the map around is moved along, less and less with the distance on the source.
-
-    Parameters
-    ----------
-    pair : ShapePair
-        The two shapes.
-    solution : Solution
-        Their map, in the users' vertices.
-    landmarks : (m, 2) array of int
-        Source and target vertices of the user.
-    tolerance : float
-        Largest distance in space that is allowed, in √area of the target.
-
-    Returns
-    -------
-    Solution
-        With the map, its landmark error, the share of vertices that have an image, and notes on what was moved. The
-        other measures and the evidence are those of the map before, but where that contradicted the landmarks, which now
-        hold, it fits badly.
-
-    Notes
-    -----
-    Displacements are interpolated by heat kernels of the source, in coordinates of the target in which images are then
-    the nearest points: positions, and a few Laplace–Beltrami functions, so that no other sheet is nearer.
-    """
+    """Bend a map so that landmarks (m, 2) of the user hold, but for a tolerance in √area of the target."""
     bent_map, target = solution.map, pair.target
     moved = np.zeros(len(landmarks))
     alone = np.ones(len(landmarks), dtype=bool)
@@ -166,11 +139,7 @@ def _coordinates(shape: PreparedShape) -> FloatArray:
 
 
 def _weights(shape: PreparedShape, at: IntArray, gap: float) -> FloatArray:
-    """Weights (n_full, m) with which vertices follow pins: 1 at one, 0 at the others, and far away.
-
-    None is negative and their sum is at most 1, so that no vertex moves farther than a pin. A bump is so wide that a
-    gap is spread over a slope that turns no face over, but no wider than pins are apart.
-    """
+    """Weights (n_full, m) with which vertices follow landmarks: 1 at one, 0 at the others, and far away."""
     phi, spectrum = shape.laplace.vectors, shape.laplace.values
     places = _at(shape.detail.transfer.on_coarse, at) if shape.detail else PrecisePoints.at_vertices(at)
     nearest = places.corners[:, 0]

@@ -191,16 +191,7 @@ def checked_descriptors(
 
 
 def with_functions(pair: ShapePair, functions: tuple[ArrayLike, ArrayLike] | None) -> ShapePair:
-    """Return a pair on which functions are known, see `match`.
-
-    The values of both shapes together get mean 0 and variance 1, so that one value means the same on both; an unknown one
-    is that of the nearest vertex where it is known.
-
-    Raises
-    ------
-    DescriptorError
-        If they do not fit the shapes, or a function is known nowhere on one of them, or infinite.
-    """
+    """Return a pair on which functions are known, see `match`; `DescriptorError` if they do not fit the shapes."""
     if functions is None:
         return pair
     if len(functions) != 2:

@@ -69,24 +69,22 @@ def match(
     initial_descriptors : two array_likes, optional
         (n_source, q) and (n_target, q) values of functions that should correspond.
     config : Config, optional
-        Settings; by default those of the prepared shapes, else the defaults.
+        By default the settings of the prepared shapes, else the defaults.
     seed : int
         Seeds sampling and eigensolver of shapes not yet prepared.
     progress : callable, optional
-        Called as ``progress(stage, share)`` when a stage starts, on the thread that called `match`: its name, and the
-        share of the work that is done, which rises from 0 to 1 and is an estimate. A function of the stage alone is
-        called with that. What it raises ends the match and reaches the caller as it is. `show_progress` is such a
-        function.
+        Called as ``progress(stage, share)`` when a stage starts, on the calling thread; the share of the work that is
+        done rises from 0 to 1. A function of the stage alone is called with that. `show_progress` is one. What it raises
+        ends the match.
     refinement : Refinement, optional
         Takes the place of ``config.refinement``: your own subclass of `Refinement`.
     starts : sequence of callable, optional
         Where first maps come from, beside hints: functions of the pair that return arrays (q, 2) of vertices of both
-        bodies; with ``[yours, *default_starts]`` they are added to those of isomatch. In every relation, landmarks and an
-        initial map contend with them, whichever they are; with ``Config(hypotheses="given")`` no start may win.
+        bodies; ``[yours, *default_starts]`` adds to those of isomatch. In every relation, landmarks and an initial map
+        contend with them; with ``Config(hypotheses="given")`` no start may win.
     relation : Relation, optional
-        What is claimed of the shapes, such as `Isometry`, `Part` or `Elastic`; by default each one that fits them. Of
-        shapes of several components it is claimed of each two partners. `Part` and `Elastic` want meshes and the
-        orientation "preserve", and `Part` no descriptors.
+        What is claimed of the shapes, or of each two components, such as `Isometry`, `Part` or `Elastic`; by default each
+        one that fits them. `Part` and `Elastic` want meshes and the orientation "preserve", and `Part` no descriptors.
     functions : two array_likes, optional
         (n_source, q) and (n_target, q), or (n_source,) and (n_target,), values that mean the same on both shapes, such as
         thickness, sulcal depth or colour; nan where unknown. Unlike ``initial_descriptors``, which only start the search,
@@ -112,8 +110,8 @@ def match(
     Notes
     -----
     Shamai & Kimmel, *Geodesic Distance Descriptors*, CVPR 2017, with automatic starts and a joint refinement beyond it.
-    About 2 s for two shapes of 5 000 vertices on two cores, and 4 s for 28 000. Large meshes
-    are matched on fewer vertices, see ``Config.resolution``.
+    About 2 s for two shapes of 5 000 vertices on two cores. Large meshes are matched on fewer vertices, see
+    ``Config.resolution``.
 
     Examples
     --------
@@ -221,17 +219,16 @@ def match_both(
     relation: Relation | None = None,
     functions: tuple[ArrayLike, ArrayLike] | None = None,
 ) -> BothDirections:
-    """Match two surfaces in both directions.
+    """Match two surfaces in both directions; the shapes are prepared once.
 
-    The shapes are prepared once, and hints are turned around. Of complete shapes that are matched automatically, and
-    none of which alone seems to be inside out, the map back is not searched again: the map there and its alternatives,
-    turned around, are the hypotheses, which are judged and refined like any others. Otherwise the way back is matched
-    like the way there. The first note of ``back`` says which.
+    Of complete shapes that are matched automatically, and none of which alone seems to be inside out, the map back is
+    not searched again: the map there and its alternatives, turned around, are the hypotheses. Otherwise the way back is
+    matched like the way there. The first note of ``back`` says which.
 
     Parameters
     ----------
     source, target, landmarks, initial_map, initial_descriptors, config, seed, progress
-        As for `match`, whose errors are raised.
+        As for `match`, whose errors are raised; hints are turned around for the way back.
     refinement, starts, relation, functions
         As for `match`; of both directions.
 
@@ -374,12 +371,10 @@ def continue_with(
         Result of `match` for the two shapes.
     number : int
         Number of the alternative, from 1.
-    source, target : Mesh, PointCloud, Graph, PreparedShape, path_like, tuple or object
-        The shapes, as for `match`.
+    source, target, progress
+        As for `match`.
     landmarks : (m, 2) array_like of int, optional
-        Rows (source vertex, target vertex) that hold if ``result.config.pin`` is set; otherwise they are not used.
-    progress : callable, optional
-        See `match`.
+        Landmarks that hold if ``result.config.pin`` is set; otherwise they are not used.
 
     Returns
     -------

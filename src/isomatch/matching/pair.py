@@ -26,22 +26,12 @@ MANY_ROTATIONS = 11
 
 @dataclass(frozen=True, eq=False)
 class SmoothPair:
-    """Two bodies with their smooth functions: what the joint refinement needs.
-
-    Parameters
-    ----------
-    source, target : SmoothShape
-        The shapes.
-    config : Config
-        The settings of the match.
-    functions : Embedding, optional
-        Weighted values, at the users' vertices, of functions that are known on both: (n_source, q) and (n_target, q).
-    """
+    """Two bodies with their smooth functions: what the joint refinement needs."""
 
     source: SmoothShape
     target: SmoothShape
     config: Config
-    functions: Embedding | None = None
+    functions: Embedding | None = None  # weighted values at the users' vertices: (n_source, q), (n_target, q)
 
     @cached_property
     def refinement_vertices(self) -> IntArray:
@@ -95,7 +85,6 @@ class ShapePair(SmoothPair):
     Parameters
     ----------
     source, target : PreparedShape
-        The shapes.
     config : Config
         The settings of the match.
     functions : Embedding, optional
@@ -201,10 +190,7 @@ class ShapePair(SmoothPair):
         return self.target.distances_between(self.target_vertices)
 
     def distances_between_maps(self, target_row: IntArray, others: Sequence[IntArray]) -> FloatArray:
-        """Mean geodesic distance between the images of a map (m_s,) and those of each of q others, (q,), in √area.
-
-        Distances in space would take the back of a thin body for its front.
-        """
+        """Mean geodesic distance between the images of a map (m_s,) and of each of q others: (q,), in √area."""
         if not others:
             return np.zeros(0)
         means: FloatArray = self._target_row_distances[np.array(others), target_row].mean(axis=1)
@@ -235,11 +221,6 @@ def prepare_pair(
         As for `match`.
     timer : StageTimer, optional
         Told how far the preparation is.
-
-    Returns
-    -------
-    ShapePair
-        The two shapes and the settings of both.
 
     Raises
     ------
@@ -285,13 +266,7 @@ def _prepared(
 def extremity_assignments(
     source: PreparedShape, target: PreparedShape, settings: SearchSettings
 ) -> list[IntArray]:
-    """Assign extremal points to extremal points so that their distances agree.
-
-    Returns
-    -------
-    list of (count, 2) arrays of int
-        Source and target vertices; the best of every count of points and both directions, repetitions removed.
-    """
+    """Assign extremal points so that their distances agree: (count, 2) source and target vertices, the best first."""
     found: dict[tuple[tuple[int, int], ...], None] = {}
     for count in settings.extremity_counts:
         for forward in (True, False):

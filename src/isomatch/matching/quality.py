@@ -13,14 +13,13 @@ from isomatch.matching.hints import Hints
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.result import Quality
 from isomatch.matching.selection import Selection
-from isomatch.settings import Config
+from isomatch.settings import COVERAGE_RADIUS
 from isomatch.shapes import orientation_of
 from isomatch.surfaces import Graph, Surface, linked
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 
 MOST_NAMED = 5  # landmarks in a note
 NORMAL_FUNCTIONS = 60  # of the smoothed surfaces whose normals are compared; chosen with poor_orientation
-COVERAGE_RADIUS = Config().outcome.coverage_radius
 
 
 def measure_quality(
@@ -34,13 +33,11 @@ def measure_quality(
     Parameters
     ----------
     pair : ShapePair
-        The two shapes.
     points : PrecisePoints
         Image of each of the n_s source vertices; the first corner is the nearest target vertex.
     hints : Hints
-        What was given.
     selection : Selection, optional
-        Refined winner and its rivals; none for a map found otherwise.
+        Refined winner and its runners-up; none for a map found otherwise.
     """
     source, target, settings = pair.source, pair.target, pair.config.outcome
     image = points.corners[:, 0]
@@ -78,10 +75,7 @@ def measure_quality(
 def mismatch_of(
     here: BallSignature | None, there: BallSignature | None, image: IntArray, matched: BoolArray | None = None
 ) -> FloatArray | None:
-    """How differently two bodies look around each vertex and its image: (n_s,), nan where not known or not matched.
-
-    None if one of the bodies has no triangles.
-    """
+    """Descriptor distance in space of each vertex and its image: (n_s,), nan where unknown; None without triangles."""
     if here is None or there is None:
         return None
     mismatch = here.mismatch(there.at(image), deviation_of(here, there))
@@ -121,11 +115,7 @@ def edge_stretch(
     unit: float = 1.0,
     matched: BoolArray | None = None,
 ) -> float:
-    """Dirichlet energy of the map on edges: squared lengths of their images (n_s, 3) over their own; nan without these.
-
-    An edge counts with at most ``torn`` times its own: a few torn faces must not outweigh all others. Lengths of the
-    source are worth ``unit``; only edges between matched vertices count.
-    """
+    """Dirichlet energy of the map on edges: squared lengths of their images (n_s, 3) over their own; nan without."""
     if isinstance(source, Graph) or images is None:
         return np.nan
     i, j = (source.edges if matched is None else source.edges[matched[source.edges].all(axis=1)]).T
@@ -134,10 +124,7 @@ def edge_stretch(
 
 
 def torn_off_share(source: Surface, target_area: float, images: FloatArray | None, apart: float) -> float:
-    """Share of the source's area in the largest piece that a map to ``images`` tears from the rest; nan without these.
-
-    An edge is torn if its image is longer than itself by more than ``apart``, each in the √area of its surface.
-    """
+    """Share of the source's area in the largest piece that a map to ``images`` tears from the rest; nan without."""
     if isinstance(source, Graph) or images is None:
         return np.nan
     i, j = source.edges.T

@@ -70,10 +70,7 @@ class LaplaceIcp(Descriptors):
 
 
 def descriptor_embedding(pair: ShapePair, target_row: IntArray) -> Embedding:
-    """Align distance descriptors on the refinement vertices, then twice on all: the paper's plain method.
-
-    ``target_row`` (m_s,) is a map of the search vertices. Shamai & Kimmel 2017.
-    """
+    """Align distance descriptors on the refinement vertices, then twice on all: the paper's plain method."""
     source, target = pair.source.points, pair.target.points
 
     def turned(source_vertex: IntArray, target_vertex: IntArray) -> FloatArray:
@@ -88,18 +85,7 @@ def descriptor_embedding(pair: ShapePair, target_row: IntArray) -> Embedding:
 
 
 def laplace_icp_embedding(pair: ShapePair, start: Embedding) -> Embedding:
-    """Post-process a map by iterative closest points in the Laplace–Beltrami basis.
-
-    The functional map F grows from a few functions to all, some more in each step, on the refinement vertices; then
-    once on all vertices. F is fitted by least squares: where shapes stretch it is not orthogonal. Few functions at first
-    heal large errors of the start, more keep limbs apart. So several sizes are tried, and of those that keep the
-    orientation of the start the one of least energy, see `energy_of`, grows on.
-
-    Notes
-    -----
-    Shamai & Kimmel 2017, section on post-processing, where F is orthogonal and has its size from the start
-    (``laplace_steps_at_once``); growth as in Melzi et al., *ZoomOut*, 2019; the choice among sizes is ours.
-    """
+    """Post-process a map by iterative closest points in the Laplace–Beltrami basis."""
     settings, spectra, vertices = pair.config.refining, pair.spectra, pair.refinement_vertices
     weights = pair.source.laplace.weights
     rows = spectra.nearest(start.target, start.source[vertices])
@@ -198,13 +184,7 @@ def check_refinement(refinement: Refinement, seed: int = 0) -> None:
 
 
 def bumpy_ball(n_vertices: int) -> Mesh:
-    """Make a ball with bumps and without symmetries, of vertices that are spread evenly.
-
-    Examples
-    --------
-    >>> bumpy_ball(200)
-    Mesh(200 vertices, 396 faces)
-    """
+    """Make a ball with bumps and without symmetries, of vertices that are spread evenly."""
     number = np.arange(n_vertices)
     height, angle = 1 - (2 * number + 1) / n_vertices, np.pi * (1 + 5**0.5) * number
     ring = np.sqrt(1 - height**2)

@@ -39,11 +39,7 @@ AT_ONCE = 4  # maps moved together by a thread; fixed, so that results do not de
 
 
 def hypotheses_from_hints(pair: ShapePair, hints: Hints) -> list[Hypothesis]:
-    """Hypotheses from what the user knows, each after iterative closest points.
-
-    Landmarks at extremities leave the front and the back of a thin body undecided. With ``hypotheses="given"``, the
-    flips of the map from landmarks come with it; otherwise automatic hypotheses compete.
-    """
+    """Hypotheses from what the user knows, each after iterative closest points."""
     settings = pair.config.search
     from_hints = [
         Hypothesis(iterative_closest_points(*pair.search_points, start[None], HINT_STEPS)[0], origin)
@@ -57,10 +53,7 @@ def hypotheses_from_hints(pair: ShapePair, hints: Hints) -> list[Hypothesis]:
 
 
 def flips(pair: ShapePair, hypothesis: Hypothesis, others: list[Hypothesis]) -> list[Hypothesis]:
-    """Find the maps that the flip of one Laplace–Beltrami function makes of a hypothesis, other than those there are.
-
-    They are its mirror images, and of a thin body the map that exchanges front and back.
-    """
+    """Find the maps that the flip of one Laplace–Beltrami function makes of a hypothesis, other than those there are."""
     pool = Pool(pair, pair.config.search.n_hypotheses)
     pool.merge([hypothesis])
     pool.flip([hypothesis], hypothesis.origin)
@@ -70,10 +63,7 @@ def flips(pair: ShapePair, hypothesis: Hypothesis, others: list[Hypothesis]) -> 
 
 
 def symmetric_variants(pair: ShapePair, target_row: IntArray) -> list[Hypothesis]:
-    """Compose a map of the search vertices (m_s,) with the symmetries of the target.
-
-    Mirror images are left out unless either orientation is allowed.
-    """
+    """Compose a map of the search vertices (m_s,) with the symmetries of the target."""
     starts = [
         symmetry.image_row[target_row]
         for symmetry in pair.target.symmetries
@@ -91,18 +81,7 @@ def symmetric_variants(pair: ShapePair, target_row: IntArray) -> list[Hypothesis
 def search(
     pair: ShapePair, from_hints: list[Hypothesis], starts: Sequence[Start] | None = None
 ) -> list[Hypothesis]:
-    """Collect distinct hypotheses, best residual first.
-
-    Parameters
-    ----------
-    pair : ShapePair
-        The two shapes.
-    from_hints : list of Hypothesis
-        Maps from what the user knows.
-    starts : sequence of Start, optional
-        By default `default_starts`: maps from extremal points, of shapes alike in space also from their poses, of shapes
-        without limbs also from anchors, and flips of the best of them, which exchange left and right or front and back.
-    """
+    """Collect distinct hypotheses from hints and starts, by default `default_starts`; best residual first."""
     most = MOST_WITHOUT_LIMBS if pair.limbless else pair.config.search.n_hypotheses
     pool = Pool(pair, most)
     pool.merge(from_hints)
@@ -128,11 +107,7 @@ def search_back(pair: ShapePair) -> list[Hypothesis]:
 
 
 def combinations(pair: ShapePair, maps: Sequence[IntArray]) -> list[Hypothesis]:
-    """Combine the first of some maps of the search vertices (m_s,): one on one half of the source, another on the other.
-
-    Of two half twists, one has its arms right and one its legs. The halves are those in which a smooth function is
-    positive and negative, so that a body is cut at its waist. Combinations near any of the maps are left out.
-    """
+    """Combine maps of the search vertices (m_s,): one on one half of the source, another on the other."""
     settings = pair.config.search
     halves = pair.source.laplace.vectors[pair.source_vertices, 1 : 1 + settings.halves].T > 0
     starts = [np.where(half, *two) for half in halves for two in permutations(maps[: settings.combined], 2)]
@@ -188,11 +163,7 @@ class Pool:
         self.add(starts, self._settings.flip_steps if steps is None else steps, origin)
 
     def converged(self, starts: list[IntArray], steps: int) -> list[Alignment]:
-        """Run iterative closest points from many first maps; one that meets another, or a known map, is dropped.
-
-        Most starts lead to few maps: comparing them every other iteration saves most of the work. So does leaving those
-        that have settled.
-        """
+        """Run iterative closest points from many first maps; one that meets another, or a known map, is dropped."""
         settings, points = self._settings, self.pair.search_points
         known, settled = [h.target_row for h in self.hypotheses], list[IntArray]()
         for _ in range(0, steps, settings.compare_every):
@@ -268,10 +239,7 @@ default_starts: tuple[Start, ...] = (FromExtremities(), FromPoses(), FromAnchors
 
 
 def starts_of(relation: Relation) -> tuple[Start, ...]:
-    """Return the starts of a part or an elastic map: those handed in, else isomatch's; none where only hints may win.
-
-    Landmarks lead through anchors, in any case but where a whole map is given and nothing else may win.
-    """
+    """Return the starts of a part or an elastic map: those handed in, else isomatch's; none where only hints may win."""
     starts, config, hints = relation.stages.starts, relation.pair.config, relation.hints
     found = () if config.hypotheses == "given" else default_starts if starts is None else tuple(starts)
     whole_map = not hints.only_landmarks or config.start == "pose"

@@ -59,23 +59,7 @@ def distinct(
     most: int | None = None,
     known: Sequence[IntArray] = (),
 ) -> list[T]:
-    """Keep the first maps that differ from those kept before, and from known ones.
-
-    Parameters
-    ----------
-    maps : iterable
-        Maps, best first.
-    image : callable
-        The images (r,) of a map.
-    distances : callable
-        Mean distances of one such array from others.
-    apart : float
-        Mean distance that two maps exceed if they differ.
-    most : int, optional
-        How many are kept at most.
-    known : sequence of (r,) arrays of int
-        Images that those kept differ from, too.
-    """
+    """Keep the first maps, at most so many, that are farther ``apart`` from those kept before, and from known ones."""
     kept: list[T] = []
     images = list(known)
     for candidate in maps:
@@ -102,12 +86,7 @@ def ranked(
     settings: SelectionSettings,
     landmarks: bool = False,
 ) -> list[Candidate]:
-    """Order candidates, best first; with landmarks, drop those that contradict them.
-
-    First come those of the wanted orientation, then those not clearly of the other, then the rest; within each, the
-    least energy. Landmarks may ask for the other orientation: with them, the wanted one comes first only where its energy
-    is near the least.
-    """
+    """Order candidates, best first; with landmarks, drop those that contradict them."""
 
     def rank(candidate: Candidate) -> int:
         return _orientation_rank(candidate.orientation, orientation, settings.orientation_threshold)
@@ -127,13 +106,7 @@ def ranked(
 def contenders(
     order: Sequence[Candidate], orientation: Orientation, settings: SelectionSettings
 ) -> list[Candidate]:
-    """Keep those near enough to the best to deserve a refinement: comparable energy, not of the other orientation.
-
-    "Comparable" is relative to the least energy among them, which the first of the ranking need not have. Where limbs
-    touch, the orientation of a right map through few functions can be small. The refinement compares normals everywhere,
-    so all that lean to the wanted side are let in. One that agrees better with hints than any of these is let in as well,
-    on either side.
-    """
+    """Keep those near enough to the best to deserve a refinement: comparable energy, not of the other orientation."""
     if not order:
         return []
     side = max(1, _orientation_rank(order[0].orientation, orientation, settings.orientation_threshold))
@@ -165,27 +138,7 @@ def _orientation_rank(cosine: float, wanted: Orientation, oriented: float) -> in
 def survivors(
     fits: Sequence[R], apart: FloatArray, settings: SelectionSettings, with_normals: bool, both_sides: bool
 ) -> list[tuple[int, int]]:
-    """Choose what is refined further after a stage of the refinement.
-
-    Parameters
-    ----------
-    fits : sequence of q Fit
-    apart : (q, q) array of float
-        Mean distance between the images of each two, in √area.
-    settings : SelectionSettings
-    with_normals : bool
-        Whether normals took part in the stage. While they do not, a twisted map may fit well: it neither sets the
-        standard nor replaces another.
-    both_sides : bool
-        Whether to keep the best of each orientation, however badly it fits. So is the best of those nearest to the hints.
-
-    Returns
-    -------
-    list of (int, int)
-        Indices of those kept, best first; and of the fit whose hypothesis each stands for. Of fits that coincide the best
-        is kept, for the hypothesis of least residual among those of its orientation: what comes after the joint
-        refinement does not depend on the start, but the other refinements do.
-    """
+    """Choose what is refined further: indices of the fits kept, best first, and of those that they stand for."""
     q = range(len(fits))
     clear = [
         i for i in q if with_normals or abs(fits[i].orientation) > settings.orientation_threshold
@@ -217,30 +170,7 @@ def weighed(
     eligible: Sequence[bool],
     weight: float,
 ) -> list[float]:
-    """Multiply the costs of maps by what their images look like where they differ from the best map.
-
-    The ratio of two costs is multiplied by exp(weight × the difference of their mean mismatches over the vertices that
-    they send to different places). Each two maps are compared, and the best is the one that loses least to any other:
-    as a rule it loses to none, but the regions differ, so that three maps may beat each other in a ring. Then all are
-    compared with it.
-
-    Parameters
-    ----------
-    costs : sequence of q float
-    images : sequence of q (r,) arrays of int
-    mismatches : sequence of q (r,) arrays of float
-        nan where nothing is known.
-    distance : callable
-        Distances (r,) between the images of two maps, in √area.
-    eligible : sequence of q bool
-        Which of them may be the best.
-    weight : float
-
-    Returns
-    -------
-    list of q float
-        That of the best map is its own.
-    """
+    """Multiply the costs of q maps by the descriptor distance of their images where they differ from the best map."""
     n = len(costs)
     looks = np.zeros((n, n))  # logarithm of the factor on the ratio of two costs
     for i in range(n):
@@ -263,35 +193,19 @@ def weighed(
 
 @dataclass(frozen=True, kw_only=True)
 class Rules:
-    """What decides a contest.
+    """What decides between refined maps."""
 
-    Parameters
-    ----------
-    rival_distance : float
-        Mean distance between images, in √area, from which a map is a rival and not a variant of the winner.
-    tie, mirror_tie : float
-        Score, against the least, up to which a map ties with the best: one of its side, and one of the other.
-    landmark_slack : float
-        Difference of hint errors, in √area, that counts for nothing.
-    score_noise : float
-        Scores below this are equal.
-    elsewhere_share, elsewhere_tie : float
-        A map that is nearer on average is a rival, too, if it sends at least this share of the vertices far away from
-        where the winner sends them, and its score is at most so many times the winner's.
-    clearly_better, same_map : float
-        A map whose score times the first is below the winner's counts as a rival whatever hints say, unless it is nearer
-        than the second.
-    """
-
-    rival_distance: float
-    tie: float = 1.0
-    mirror_tie: float = 1.0
-    landmark_slack: float = 0.0
-    score_noise: float = 0.0
+    rival_distance: float  # mean distance between images, in √area, from which a map is another, no variant
+    tie: float = 1.0  # score, against the least, up to which a map of its side ties with the best
+    mirror_tie: float = 1.0  # the same for one of the other side
+    landmark_slack: float = 0.0  # difference of hint errors, in √area, that counts for nothing
+    score_noise: float = 0.0  # scores below this are equal
+    # share of vertices sent far away, from which a nearer map is another, too,
     elsewhere_share: float = np.inf
-    elsewhere_tie: float = 1.0
+    elsewhere_tie: float = 1.0  # if its score is at most so many times the winner's
+    # a map whose score × this is below the winner's counts whatever hints say,
     clearly_better: float = np.inf
-    same_map: float = 0.0
+    same_map: float = 0.0  # unless it is nearer than this
 
     @classmethod
     def of(cls, settings: SelectionSettings, bounds: OutcomeSettings) -> Self:
@@ -311,28 +225,14 @@ class Rules:
 
 @dataclass(frozen=True)
 class Selection(Generic[R]):
-    """What was selected, and why.
-
-    Parameters
-    ----------
-    winner : Fit
-    rivals : tuple of Fit
-        All others, best first.
-    rival, mirrored : float
-        Score of the best rival that is another map, and of the best of the other orientation, over that of the winner;
-        1 is a tie, below 1 it fits better but was not eligible; inf if no other came near; nan if only one was tried.
-    against : Fit, optional
-        That rival.
-    hints_decided : bool
-        Whether another one fits better, but ties, and agrees less with the hints.
-    """
+    """What was selected, and why."""
 
     winner: R
-    rivals: tuple[R, ...]
-    rival: float
-    mirrored: float
-    against: R | None = None
-    hints_decided: bool = False
+    rivals: tuple[R, ...]  # all others, best first
+    rival: float  # score of the runner-up over the winner's; 1: tie, inf: none came near, nan: none tried
+    mirrored: float  # the same of the best map of the other orientation
+    against: R | None = None  # the runner-up: the best other map, no variant
+    hints_decided: bool = False  # whether another fits better, but ties, and agrees less with the hints
 
 
 def select(
@@ -345,23 +245,7 @@ def select(
     elsewhere: FloatArray | None = None,
     n_tried: int = 2,
 ) -> Selection[R]:
-    """Select the eligible map of least score; of those that tie with it, the one nearest to the hints.
-
-    Parameters
-    ----------
-    fits : sequence of q Fit, at least one
-    apart : (q, q) array of float
-        Mean distance between the images of each two, in √area.
-    rules : Rules
-    scores : sequence of q float, optional
-        Their costs, if they are not their scores.
-    eligible : sequence of q bool, optional
-        Which of them may win; by default all. Others are rivals only.
-    elsewhere : (q, q) array of float, optional
-        Share of vertices that each two send to places far apart.
-    n_tried : int
-        Maps that were compared at all, refined or not.
-    """
+    """Select the eligible map of least score; of those that tie with it, the one nearest to the hints."""
     costs = [fit.score for fit in fits] if scores is None else list(scores)
     allowed = [True] * len(fits) if eligible is None else list(eligible)
     noisy = [max(cost, rules.score_noise) for cost in costs]

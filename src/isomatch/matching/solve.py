@@ -38,15 +38,7 @@ SURE = Outcome.CONVERGED, Outcome.PARTIAL, Outcome.SYMMETRY_AMBIGUOUS
 
 
 def solve(pair: ShapePair, hints: Hints, stages: Stages, timer: StageTimer) -> Solution:
-    """Match the bodies of two shapes.
-
-    Raises
-    ------
-    SettingError
-        If hints are asked for and none was given.
-    NotConvergedError
-        If no map of a part keeps the orientation.
-    """
+    """Match the bodies of two shapes by the relations that fit them."""
     if stages.relation is not None:
         return stages.relation.on(pair, hints, stages).solution(timer)
     role = part_role(pair, hints, stages)
@@ -74,19 +66,7 @@ def fused_limbs_cut(
     hints: Hints,
     timer: StageTimer,
 ) -> ClosedMatch | None:
-    """Match with contacts cut of the shape that has more handles, or of both; None unless that scores better.
-
-    If the best map fits badly, the shape is also cut along its creases, if it has contacts to be cut, or clearly longer
-    creases than the other one: shapes of two kinds have natural folds of about the same length. And if both have
-    handles, both are.
-
-    Parameters
-    ----------
-    relation, found
-        The match of the shapes, or of the shapes with their holes closed.
-    pair, hints, timer
-        The shapes, and what is known of the map.
-    """
+    """Match with contacts cut of the shape that has more handles, or of both; None unless that scores better."""
     stages, complete = relation.stages, relation.pair is pair
     if not _seeks_contacts(pair, hints, stages):
         return None
@@ -126,10 +106,7 @@ def _one_is_creased(pair: ShapePair) -> bool:
 
 
 def _seeks_contacts(pair: ShapePair, hints: Hints, stages: Stages) -> bool:
-    """Whether limbs may be fused: of meshes whose distances were not given, by a refinement that looks further.
-
-    Descriptors, orders to cut nothing, and more handles than limbs make rule it out.
-    """
+    """Whether limbs may be fused: of meshes whose distances were not given, by a refinement that looks further."""
     settings, shapes = pair.config.preparation, (pair.source, pair.target)
     given = {shape.distances.engine for shape in shapes} & GIVEN
     wanted = settings.contact_concavity and not hints.functions[0].shape[1]
@@ -139,12 +116,7 @@ def _seeks_contacts(pair: ShapePair, hints: Hints, stages: Stages) -> bool:
 
 
 def _limbs_apart(solution: Solution, hints: Hints, stages: Stages, timer: StageTimer) -> Solution | None:
-    """Match a source that has more handles with its contacts and creases open, as a part, where a map is poor.
-
-    What limbs hide where they touch is missing, and distances lie between those of fused limbs and of limbs apart. A
-    target that is a part would leave much of the source without images. None unless the bodies look more alike around
-    vertices and their images. Such a map is no surer.
-    """
+    """Match a source that has more handles with its contacts and creases open, as a part, where a map is poor."""
     pair, poor = solution.pair, solution.outcome is Outcome.LOW_CONFIDENCE
     more = pair.source.handles - pair.target.handles
     if not (
@@ -174,11 +146,7 @@ def looks_apart(pair: ShapePair, solution: Solution) -> float:
 
 
 def part_role(pair: ShapePair, hints: Hints, stages: Stages) -> PartSide | Literal["both"] | None:
-    """Tell which shape is a part of the other, or whether both are parts of something that neither shows.
-
-    A part has a long boundary. Only refinements that look further, of maps that preserve the orientation, know of parts,
-    without descriptors.
-    """
+    """Tell which shape is a part of the other, or whether both are parts of something that neither shows."""
     config = pair.config
     looks_further = stages.refinement.looks_further and config.orientation == "preserve"
     if config.part == "none" or not pair.oriented or not looks_further or hints.functions[0].shape[1]:
@@ -193,10 +161,7 @@ def part_role(pair: ShapePair, hints: Hints, stages: Stages) -> PartSide | Liter
 
 
 def solve_complete(relation: Isometry, found: IsometricMatch, timer: StageTimer) -> Solution:
-    """Sum up the match of complete shapes; if the map does not fit well, an elastic one may take its place.
-
-    A map that fits well enough, and hardly stretches the shapes when they are bent by it, stays what it was.
-    """
+    """Sum up the match of complete shapes; if the map does not fit well, an elastic one may take its place."""
     timer.start("quality")
     measured = found.measured
     if far_from_isometric(relation, measured.quality):
@@ -235,11 +200,7 @@ def _elastic(relation: Isometry, found: IsometricMatch) -> Elastic:
 
 
 def _solve_part(part: Part, timer: StageTimer) -> Solution:
-    """Match a part as it is, and with its holes closed, unless the first of the two is sure.
-
-    The part as it is comes first, unless little is missing. Then the shapes with their holes closed do, and if that is
-    sure, the part is matched from there without a search of its own.
-    """
+    """Match a part as it is, and with its holes closed, unless the first of the two is sure."""
     pair, hints, stages = part.pair, part.hints, part.stages
     if not pair.config.parts.close:
         return part.solution(timer)
@@ -264,11 +225,7 @@ def _solve_part(part: Part, timer: StageTimer) -> Solution:
 
 
 def _solve_two_parts(pair: ShapePair, hints: Hints, stages: Stages, timer: StageTimer) -> Solution:
-    """Match two parts: as two patches of the same extent, as overlapping parts of a body, and with their holes closed.
-
-    The first of these maps that is sure is returned. If none is, and the shapes fit no better with their holes closed, an
-    elastic one may be; otherwise the map is that of overlapping parts.
-    """
+    """Match two parts: as two patches of the same extent, as overlapping parts of a body, and with holes closed."""
     relation = Isometry().on(pair, hints, stages)
     found = relation.match(timer)
     timer.start("quality")
@@ -309,13 +266,7 @@ def side_to_turn(pair: ShapePair) -> Literal["source", "target"] | None:
 
 
 def solve_either_winding(pair: ShapePair, hints: Hints, stages: Stages, timer: StageTimer) -> Solution:
-    """Match the bodies of two shapes; of one that seems to be inside out, with its faces as they are and turned over.
-
-    A map that is not doubtful wins over one that is; otherwise that under which the bodies look more alike around
-    vertices and their images.
-
-    Parameters and errors are those of `solve`.
-    """
+    """Match the bodies of two shapes; one that seems to be inside out also with its faces turned over."""
     side = side_to_turn(pair)
     if side is None:
         return solve(pair, hints, stages, timer)

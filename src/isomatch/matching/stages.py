@@ -64,20 +64,9 @@ class Refinement(ABC):
 
     @abstractmethod
     def __call__(self, relation: Relation, fit: Fit) -> Fit:
-        """Refine one map.
+        """Refine one map: ``fit.image`` (r,), vertices of the target's body for ``relation.vertices``.
 
-        Parameters
-        ----------
-        relation : Relation
-            Its ``source`` and ``target`` are the prepared shapes, its ``vertices`` (r,) those of the source that are
-            mapped.
-        fit : Fit
-            The map: ``fit.image`` (r,) are vertices of the target's body.
-
-        Returns
-        -------
-        Fit
-            The map refined, measured by ``relation.measured(fit, image)``.
+        Return ``relation.measured(fit, image)``.
         """
 
     def contest(self, relation: Relation, fits: Sequence[Fit]) -> list[Fit]:
@@ -89,10 +78,7 @@ class Refinement(ABC):
         return self(relation, fit)
 
     def everywhere(self, relation: Relation, fit: Fit) -> Embedding:
-        """Coordinates of all vertices of both bodies in which images under a refined map are nearest points.
-
-        Of a part they are not asked for: it is bent onto the whole instead.
-        """
+        """Coordinates of all vertices of both bodies in which images are nearest points; not asked for of a part."""
         return relation.embedding(fit)
 
     @property
@@ -157,13 +143,7 @@ class Relation(ABC):
         return self.pair.spectra
 
     def contest(self, fits: Sequence[Fit]) -> list[Fit]:
-        """Refine maps by the refinement of the match.
-
-        Raises
-        ------
-        SettingError
-            If the refinement gives no map, one of another relation or one that was not measured.
-        """
+        """Refine maps by the refinement of the match; `SettingError` if it gives none, or one that was not measured."""
         if not fits:
             return []
         found = self.refinement.contest(self, fits)
@@ -184,13 +164,7 @@ class Relation(ABC):
             )
 
     def everywhere(self, fit: Fit) -> Embedding:
-        """Coordinates of all vertices of both bodies, by the refinement of the match.
-
-        Raises
-        ------
-        SettingError
-            If the refinement gives coordinates of other vertices, or of spaces of different dimension.
-        """
+        """Coordinates of all vertices by the refinement of the match; `SettingError` if they are of other vertices."""
         found = Embedding(*self.refinement.everywhere(self, fit))
         sizes = self.source.body.n_vertices, self.target.body.n_vertices
         shapes = tuple(np.shape(points) for points in found)
@@ -215,10 +189,7 @@ class Relation(ABC):
             )
 
     def require_sides(self) -> None:
-        """Raise `SettingError` unless the shapes have an inside and an outside, which the map should preserve.
-
-        Only maps that do so are sought by relations that compare normals of the shapes themselves.
-        """
+        """Raise `SettingError` unless the shapes have an inside and an outside, which the map should preserve."""
         name, orientation = type(self).__name__, self.pair.config.orientation
         if not self.pair.oriented:
             raise SettingError(
@@ -253,10 +224,7 @@ class Relation(ABC):
         return "initial map" if len(self.hints.initial_pairs) and agrees else winner.origin
 
     def mismatch(self, fit: Fit) -> FloatArray:
-        """How differently the surfaces look in space around the vertices (r,) and their images, see `BallSignature`.
-
-        nan where nothing is known: near a boundary, and of points and graphs.
-        """
+        """Descriptor distance in space of the vertices (r,) and their images, see `BallSignature`; nan where unknown."""
         here, there = self.source.balls, self.target.balls
         if here is None or there is None:
             return np.full(len(self.vertices), np.nan)
@@ -331,15 +299,7 @@ class Joint(Refinement):
 
 @dataclass(frozen=True)
 class Stages:
-    """The stages of a match.
-
-    Parameters
-    ----------
-    refinement : Refinement
-    starts : sequence of Start, optional
-        By default `default_starts`.
-    relation : Relation, optional
-        By default every relation that fits the pair is tried.
+    """The stages of a match: a refinement, starts (by default `default_starts`), a relation (by default any that fits).
 
     Examples
     --------
@@ -377,15 +337,7 @@ def name_of(start: Start) -> str:
 
 
 def first_maps_of(starts: Iterable[Start], pair: ShapePair) -> list[tuple[IntArray, str]]:
-    """Collect the first maps of the starts that are not isomatch's own, checked, each with the name of its start.
-
-    They are arrays (q, 2) of vertices of both bodies.
-
-    Raises
-    ------
-    SettingError
-        If a start gives something else.
-    """
+    """Collect the first maps (q, 2) of the starts that are not isomatch's own, checked, with the name of each start."""
     found = []
     sizes = pair.source.body.n_vertices, pair.target.body.n_vertices
     for start in starts:

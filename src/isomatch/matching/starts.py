@@ -53,15 +53,7 @@ def starts_from_extremities(pair: ShapePair) -> list[IntArray]:
 
 
 def starts_from_pose(pair: ShapePair) -> list[IntArray]:
-    """First maps to the nearest point in space: target rows (m_s,) of the search vertices.
-
-    Of the bodies, which are centred and of unit area, and of the shapes as they are.
-
-    Raises
-    ------
-    SettingError
-        If a shape is a graph.
-    """
+    """First maps to the nearest point in space: target rows (m_s,); `SettingError` if a shape is a graph."""
     sides = (pair.source, pair.source_vertices), (pair.target, pair.target_vertices)
     bodies, shapes = [], []
     for shape, vertices in sides:
@@ -73,10 +65,7 @@ def starts_from_pose(pair: ShapePair) -> list[IntArray]:
 
 
 def starts_from_poses(pair: ShapePair) -> list[IntArray]:
-    """First maps to the nearest points of meshes that are alike in space, however they lie: target rows (m_s,).
-
-    One for each pose that brings them as near as `SearchSettings.near_rigid`; see `poses_between`.
-    """
+    """First maps to the nearest points of meshes that are alike in space, however they lie: target rows (m_s,)."""
     limit, orientation = pair.config.search.near_rigid, pair.config.orientation
     if not (limit and pair.oriented):
         return []
@@ -103,11 +92,7 @@ def _places(surface: Surface) -> FloatArray:
 
 
 def start_from_pairs(pair: ShapePair, pairs: IntArray) -> IntArray:
-    """First map from a map that is known at some vertices, pairs (q, 2): target rows (m_s,) of the search vertices.
-
-    Search vertices without an image take that of the nearest one that has an image, nearest in descriptors; and an image
-    between the target's search vertices goes to the nearest of them.
-    """
+    """First map from a map that is known at some vertices, pairs (q, 2): target rows (m_s,) of the search vertices."""
     source, target = pair.search_points
     image = np.full(pair.source.body.n_vertices, -1)
     image[pairs[::-1, 0]] = pairs[::-1, 1]  # of vertices that were welded, the first counts
@@ -180,12 +165,7 @@ ECCENTRICITY_WEIGHT = 0.3
 
 
 def starts_from_anchors(pair: ShapePair) -> list[IntArray]:
-    """First maps that need no extremities: target rows (m_s,) of the search vertices.
-
-    Points of the source that are far from each other are assigned to target points, one after the other, so that
-    distances and signatures agree. All other vertices go where their distances to these fit best. Such a map is then
-    slid to where the signatures agree; see `slid`.
-    """
+    """First maps that need no extremities: target rows (m_s,) of the search vertices."""
     source, target = pair.source, pair.target
     here = source.distances_between(pair.source_vertices) / source.intrinsic_scale
     there = target.distances_between(pair.target_vertices) / target.intrinsic_scale
@@ -202,12 +182,7 @@ def starts_from_anchors(pair: ShapePair) -> list[IntArray]:
 
 
 def slid(pair: ShapePair, target_row: IntArray) -> IntArray:
-    """Let the signatures move a map (m_s,) of the search vertices.
-
-    Of a shape that is round, many maps keep distances, and iterative closest points stop at any of them. Few functions
-    leave a map free to move along these directions; in each step, images are nearest neighbours in these functions and
-    the signatures together.
-    """
+    """Let the signatures move a map (m_s,) of the search vertices."""
     spectra, signatures = pair.search_spectra, pair.search_signatures
     k = min(SLIDE_FUNCTIONS, pair.n_functions)
     for _ in range(SLIDE_STEPS):

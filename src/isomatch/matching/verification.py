@@ -60,10 +60,7 @@ class Evidence:
 
 
 def outcome_of(evidence: Iterable[Evidence]) -> Outcome:
-    """Sum up evidence: the first outcome in the order of `Outcome` that any piece of it calls for.
-
-    A match is `Outcome.PARTIAL` if something has no counterpart, and nothing worse is found.
-    """
+    """Sum up evidence: the first outcome in the order of `Outcome` that any piece of it calls for."""
     pieces = tuple(evidence)
     called_for = (
         outcome for flag, outcome in CALLED_FOR.items() if any(getattr(piece, flag) for piece in pieces)
@@ -79,12 +76,11 @@ def lowered(outcome: Outcome, *evidence: Evidence) -> Outcome:
 def measured_evidence(
     pair: ShapePair, quality: Quality, wanted: Orientation, hinted: bool = False, far: bool = False
 ) -> Evidence:
-    """Compare the measures of a map with their bounds, those of ``OutcomeSettings``.
+    """Compare the measures of a map with their bounds, those of ``pair.config.outcome``.
 
     Parameters
     ----------
     pair : ShapePair
-        The two shapes; the bounds are those of its settings.
     quality : Quality
     wanted : {"preserve", "reverse", "any"}
         What the map should do with the orientation of the faces.
@@ -151,33 +147,18 @@ def contradicts(quality: Quality, bound: float) -> bool:
 
 
 def part_contradicts(landmark_errors: FloatArray, initial_map_error: float, bound: float) -> bool:
-    """Whether the map of a part is farther than a bound from most of its landmarks (m,), or from the initial map.
-
-    Single landmarks may be off in a right map: where limbs touch, a vertex of the whole may be nearest to the other one.
-    """
+    """Whether the map of a part is farther than a bound from most of its landmarks (m,), or from the initial map."""
     most_are_off = len(landmark_errors) and np.median(landmark_errors) > bound
     return bool(initial_map_error > bound or most_are_off)
 
 
 @dataclass(frozen=True)
 class PartDoubt:
-    """How sure the map of a part is: how well it fits, and how clearly it is better than others.
+    """How sure the map of a part is: how well it fits, and how clearly it is better than others."""
 
-    Parameters
-    ----------
-    score : float
-        The cost of the map.
-    rival : float
-        Score of the best map that differs, over that of the map; inf if none does.
-    trusted : float
-        Share of the pairs of anchors whose distance on the whole is known.
-    settings : PartSettings
-        The bounds.
-    """
-
-    score: float
-    rival: float
-    trusted: float
+    score: float  # the cost of the map
+    rival: float  # cost of the best map that differs, over that; inf if none does
+    trusted: float  # share of the pairs of anchors whose distance on the whole is known
     settings: PartSettings
 
     @property
@@ -222,20 +203,10 @@ class PartDoubt:
 
 @dataclass(frozen=True)
 class CommonDoubt:
-    """How sure the map of what two parts have in common is.
+    """How sure the map of what two parts have in common is."""
 
-    Parameters
-    ----------
-    worth : float
-        How much better they look alike there than at random, less what speaks against it; see `BothLooks.worth`.
-    led : bool
-        Whether landmarks were given and hold, so that nothing else has to speak for it.
-    settings : PartSettings
-        The bounds.
-    """
-
-    worth: float
-    led: bool
+    worth: float  # how much more alike than at random they look there, see `BothLooks.worth`
+    led: bool  # whether landmarks were given and hold, so that nothing else has to speak for it
     settings: PartSettings
 
     @property
@@ -255,18 +226,7 @@ class CommonDoubt:
 
 
 def part_evidence(own: Evidence, closed: tuple[Evidence, ...], agrees: bool) -> tuple[Evidence, ...]:
-    """Weigh the evidence for the map of a part against that for the map with the holes closed.
-
-    Parameters
-    ----------
-    own : Evidence
-        That of the map of the part, see `PartDoubt`.
-    closed : tuple of Evidence
-        That for the map with the holes closed, by the measures of complete shapes.
-    agrees : bool
-        Whether both are the same map. If they are, and the closed one is sure, so is the map; it is ambiguous if the
-        closed one is. If they are not, it is no surer than the closed one.
-    """
+    """Weigh the evidence for the map of a part against that for the map with the holes closed."""
     outcome = outcome_of(closed)
     if agrees and own.poor and outcome in (Outcome.CONVERGED, Outcome.PARTIAL):
         return (Evidence(partial=True),)
@@ -276,10 +236,7 @@ def part_evidence(own: Evidence, closed: tuple[Evidence, ...], agrees: bool) -> 
 
 
 def closed_evidence(own: Evidence, closed: tuple[Evidence, ...]) -> tuple[Evidence, ...]:
-    """Evidence for the map of two parts, found with their holes closed: that of complete shapes, unless it is poor.
-
-    Caps change the measures of complete shapes; where these are poor, the map is judged as that of a part.
-    """
+    """Evidence for a map of two parts with their holes closed: that of complete shapes, unless it is poor."""
     doubted = outcome_of(closed) is Outcome.LOW_CONFIDENCE
     return (own,) if doubted else (*closed, Evidence(partial=True))
 
@@ -295,27 +252,18 @@ def held_evidence(evidence: tuple[Evidence, ...], quality: Quality, bound: float
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """A map with the evidence for it, before it is judged.
+    """A map with the evidence for it, before its outcome is told; what is not listed is as in `MatchResult`.
 
     Parameters
     ----------
     pair : ShapePair
-        The shapes.
     map : Correspondence
         In the users' vertices.
     quality : Quality
     evidence : tuple of Evidence
-    expected_error : (n_source,) array of float
-    alternatives : tuple of Alternative
-    notes : tuple of str
-    origin, reason : str
-        As in `MatchResult`.
+    expected_error, alternatives, notes, origin, reason, mismatch, regions
     config : MatchSettings, optional
         The settings of the method, if it is not `match`.
-    mismatch : (n_source,) array of float, optional
-        As in `MatchResult`.
-    regions : tuple of DoubtfulRegion
-        As in `MatchResult`.
     looks_count : bool
         Whether regions that look unlike are evidence; two species look unlike somewhere.
     """

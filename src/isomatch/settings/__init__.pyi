@@ -8,6 +8,7 @@ from isomatch.settings.config import (
     Start,
 )
 from isomatch.settings.matching import (
+    COVERAGE_RADIUS,
     ElasticSettings,
     OutcomeSettings,
     PartSettings,
@@ -18,6 +19,7 @@ from isomatch.settings.matching import (
 from isomatch.settings.shape import LevelSettings, PreparationSettings, SymmetrySettings
 
 __all__ = [
+    "COVERAGE_RADIUS",
     "Config",
     "ElasticSettings",
     "Hypotheses",

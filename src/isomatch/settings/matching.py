@@ -7,6 +7,9 @@ from dataclasses import dataclass
 from isomatch.errors import SettingError
 from isomatch.values.settings import Settings, setting
 
+COVERAGE_RADIUS = 0.05  # in √area; the spacing of the search vertices
+LENGTHS = (0.3, 0.25, 0.2, 0.17, 0.14, 0.11, 0.09, 0.075, 0.06, 0.05)  # in √area, over which shapes are bent
+
 
 @dataclass(frozen=True)
 class SearchSettings(Settings):
@@ -25,10 +28,8 @@ class SearchSettings(Settings):
         Penalties on mixing columns, each tried for landmarks; extremities take the first. See `alignments_from_points`.
     ridge : float
         Penalty on every entry of the alignment.
-    extremity_counts : tuple of int
-        Numbers of extremities of one shape that are assigned together.
-    n_candidate_extremities : int
-        Extremities of the other shape they may be assigned to.
+    extremity_counts, n_candidate_extremities : tuple of int, int
+        Numbers of extremities of one shape that are assigned together, and extremities of the other that may be theirs.
     assignments : int
         Best assignments that are kept for each count and direction.
     eccentricity_weight : float
@@ -43,64 +44,42 @@ class SearchSettings(Settings):
         Mean distance of images, in √area, below which two starts, and two converged maps, are one.
     n_hypotheses : int
         Most hypotheses.
-    flipped : int
-        Best hypotheses whose flips are tried.
-    flipped_functions : int
-        Leading Laplace–Beltrami functions whose sign is flipped.
+    flipped, flipped_functions : int
+        Best hypotheses that are flipped, and leading Laplace–Beltrami functions whose sign is flipped in each.
     both_ways : bool
         Whether maps are also searched from the target, and inverted.
-    combined : int
-        Best candidates that are combined with each other, one on one half of the source and one on the other.
-    halves : int
-        Laplace–Beltrami functions whose signs part the source in such halves.
+    combined, halves : int
+        Best candidates that are combined, each two on one half of the source each, and functions that part the halves.
     most_combined : int
         Most combinations, those of least residual, that are compared with the candidates.
     flip_landmarks : bool
-        Whether flips of the map from landmarks are tried too, where no automatic hypotheses compete. Landmarks at
-        extremities leave the front and the back of a thin body undecided.
+        Whether flips of the map from landmarks, which leave the front and the back of a thin body undecided, are tried
+        where no automatic hypotheses compete.
     """
 
     rank: int = setting(30, "measured on 50 pairs: p = 60 and k = 30 as good as p = 100 and k = 50", least=4)
     start_columns: int = setting(20, "docs/benchmarks.md, sensitivity", least=4)
-    near_rigid: float = setting(
-        0.05,
-        "bones, teeth, skulls of one kind: 0.034 to 0.043; bodies in other poses: from 0.047 on",
-        least=0,
-    )
-    off_diagonal: tuple[float, ...] = setting(
-        (0.01, 0.001, 0.0001),
-        "docs/paper.md: the two further ones take centaur5–centaur2 from 4.3 to 2.6",
-        least=0,
-    )
+    near_rigid: float = setting(0.05, "bones of one kind: 0.034 to 0.043; other poses: from 0.047", least=0)
+    off_diagonal: tuple[float, ...] = setting((0.01, 0.001, 0.0001), "docs/paper.md, centaur5", least=0)
     ridge: float = setting(0.001, "docs/benchmarks.md, sensitivity", least=0)
-    extremity_counts: tuple[int, ...] = setting(
-        (4, 5, 6), "ablation: one set of extremities (cat4–cat9)", least=1
-    )
+    extremity_counts: tuple[int, ...] = setting((4, 5, 6), "ablation: one set of extremities", least=1)
     n_candidate_extremities: int = setting(7, "docs/benchmarks.md, sensitivity", least=1)
-    assignments: int = setting(
-        8, "docs/benchmarks.md, sensitivity; with flips, the right map was found on 86 of 86 pairs", least=1
-    )
+    assignments: int = setting(8, "docs/benchmarks.md, sensitivity: the right map on 86 of 86", least=1)
     eccentricity_weight: float = setting(0.3, "docs/benchmarks.md, sensitivity", least=0)
     start_steps: int = setting(12, "docs/benchmarks.md, sensitivity", least=1)
     flip_steps: int = setting(4, "docs/benchmarks.md, sensitivity", least=1)
     unchanged: float = setting(0.99, "docs/benchmarks.md, sensitivity", least=0, most=1)
     compare_every: int = setting(2, "docs/benchmarks.md, sensitivity", least=1)
-    same_start: float = setting(
-        0.02, "docs/benchmarks.md, sensitivity; half the spacing of 400 samples", least=0
-    )
-    same_map: float = setting(0.05, "docs/benchmarks.md, sensitivity; the spacing of 400 samples", least=0)
-    n_hypotheses: int = setting(
-        14, "measured: the right map was among the best 12 on 86 of 86 pairs", least=1
-    )
+    same_start: float = setting(0.02, "sensitivity; half the spacing of 400 samples", least=0)
+    same_map: float = setting(0.05, "sensitivity; the spacing of 400 samples", least=0)
+    n_hypotheses: int = setting(14, "the right map was among the best 12 on 86 of 86 pairs", least=1)
     flipped: int = setting(3, "ablation: no flips", least=0)
     flipped_functions: int = setting(20, "ablation: no flips", least=0)
     both_ways: bool = setting(True, "docs/notes/both_ways.md: victoria2–victoria23, 18.4 without, 4.5 with")
     combined: int = setting(4, "docs/notes/both_ways.md", least=0)
     halves: int = setting(4, "docs/notes/both_ways.md", least=0)
     most_combined: int = setting(6, "docs/notes/both_ways.md", least=0)
-    flip_landmarks: bool = setting(
-        True, "docs/paper.md: victoria12–victoria23 from landmarks, 7.9 without, 4.2 with"
-    )
+    flip_landmarks: bool = setting(True, "docs/paper.md: victoria12–victoria23, 7.9 without, 4.2 with")
 
 
 @dataclass(frozen=True)
@@ -112,26 +91,23 @@ class SelectionSettings(Settings):
     normal_functions : int
         Functions of the smoothed surfaces whose normals are compared.
     curvature_exponent : float
-        Energy = descriptor residual × curvature mismatch to this power.
+        Energy = descriptor residual × curvature difference to this power.
     orientation_threshold : float
         Mean cosine between normals above which a map counts as orientation-preserving.
     mirrored_energy : float
-        Energy of a hypothesis of the orientation that is not allowed, against the least of the others, below which it is
-        refined and compared, too.
-    energy_limit : float
-        Energy, against the least, up to which a hypothesis is refined and compared again.
-    most_contenders : int
-        Most hypotheses that are refined.
+        Energy of a hypothesis of the orientation that is not allowed, against the least of the others, below which it
+        is refined and compared, too.
+    energy_limit, most_contenders : float, int
+        Energy, against the least, up to which hypotheses are refined and compared again; most of them.
     extension_functions : int
         Functions through which a hypothesis is extended to further vertices.
     misfit_limit : float
         Misfit after a stage of the refinement, against the least, from which a map is given up.
-    same_map : float
-        Mean distance between images, in √area, up to which two refined maps are one: less than one turned limb.
+    same_map, rival_distance : float
+        Mean distance between images, in √area, up to which two refined maps are one, less than one turned limb; and
+        from which they are different maps, and not variants of one.
     energy_exponent : float
         Score of a refined map = misfit × energy to this power.
-    rival_distance : float
-        Mean distance between images, in √area, from which a refined map is an alternative, not a variant of the winner.
     mismatch_weight : float
         The ratio of the costs of two maps is multiplied by exp(this × the difference of their mean mismatches, see
         `BallSignature`, over the region where they differ).
@@ -140,24 +116,14 @@ class SelectionSettings(Settings):
     """
 
     normal_functions: int = setting(40, "docs/benchmarks.md, sensitivity", least=4)
-    curvature_exponent: float = setting(
-        2.0, "measured on 86 pairs: 2 and 1 choose right, 2 by a wider margin", least=0
-    )
-    orientation_threshold: float = setting(
-        0.3, "measured on 50 pairs: right maps above 0.54, mixed or mirrored ones below 0.3", least=0, most=1
-    )
-    mirrored_energy: float = setting(
-        0.75, "lopsided creatures up to 0.52; bodies with a left and a right side from 0.42", least=0
-    )
+    curvature_exponent: float = setting(2.0, "on 86 pairs 2 and 1 choose right, 2 by a wider margin", least=0)
+    orientation_threshold: float = setting(0.3, "50 pairs: right ones above 0.54", least=0, most=1)
+    mirrored_energy: float = setting(0.75, "lopsided creatures up to 0.52; bodies from 0.42", least=0)
     energy_limit: float = setting(3.0, "docs/benchmarks.md, sensitivity", least=1)
     most_contenders: int = setting(4, "docs/notes/refinement.md: no other map than by 6", least=1)
-    extension_functions: int = setting(
-        50, "docs/benchmarks.md, sensitivity; as many as before the judgement", least=4
-    )
+    extension_functions: int = setting(50, "docs/benchmarks.md, sensitivity; as in the search", least=4)
     misfit_limit: float = setting(1.15, "docs/benchmarks.md, sensitivity; as outcome.tie", least=1)
-    same_map: float = setting(
-        0.02, "docs/benchmarks.md, sensitivity; half of the displacement by one turned limb", least=0
-    )
+    same_map: float = setting(0.02, "docs/benchmarks.md, sensitivity; half of one turned limb", least=0)
     energy_exponent: float = setting(0.25, "ablation: contest decided by misfit alone", least=0)
     rival_distance: float = setting(0.15, "more than noise or one limb, less than a turned body", least=0)
     mismatch_weight: float = setting(1.5, "docs/notes/ball_signature.md", least=0)
@@ -181,11 +147,9 @@ class RefinementSettings(Settings):
     polished_sizes : tuple of int
         Functions in the steps that polish the map of a large mesh, on more vertices.
     position_unit : float
-        Misfit of positions, in √area, that counts as one unit of the spectral coordinates.
-    normal_weight : float
-        Weight of normals.
-    function_weight : float
-        Weight of functions that are known on both shapes, as of their root mean square; see `match`.
+        Distance between positions, in √area, that counts as one unit of the spectral coordinates.
+    normal_weight, function_weight : float
+        Weights of normals, and of functions that are known on both shapes, as of their root mean square; see `match`.
     registration_steps : int
         Steps of the non-rigid registration that ends "joint".
     laplace_steps_at_once : int
@@ -196,15 +160,9 @@ class RefinementSettings(Settings):
     sizes_without_positions: tuple[int, ...] = setting(
         (20, 25, 30, 35, 40, 45, 50), "Melzi et al. 2019; docs/notes/refinement.md", least=4, empty=True
     )
-    sizes_with_positions: tuple[int, ...] = setting(
-        (50, 75, 100), "ablation: no positions and normals", least=4, empty=True
-    )
-    final_sizes: tuple[int, ...] = setting(
-        (125, 150), "ablation: no positions and normals", least=4, empty=True
-    )
-    sizes_of_parts: tuple[int, ...] = setting(
-        (70, 100, 140), "docs/notes/refinement.md, parts", least=4, empty=True
-    )
+    sizes_with_positions: tuple[int, ...] = setting((50, 75, 100), "ablation", least=4, empty=True)
+    final_sizes: tuple[int, ...] = setting((125, 150), "ablation", least=4, empty=True)
+    sizes_of_parts: tuple[int, ...] = setting((70, 100, 140), "docs/notes/refinement.md", least=4, empty=True)
     sizes_again: tuple[int, ...] = setting(
         (20, 30, 50, 80, 130), "docs/notes/refinement.md", least=4, empty=True
     )
@@ -268,22 +226,18 @@ class PartSettings(Settings):
     n_common : int
         Of two overlapping parts of one body: regions in common that are refined, the likeliest ones.
     sure_common : float
-        How much more alike than at random the parts must look in the best of them for it to be sure; see ``CommonDoubt``.
+        How much more alike than at random the parts must look in the best of them for it to be sure.
     tie : float
         Score of an alternative, against the map returned, below which nothing decides between them.
     """
 
     hopeless: float = setting(3.0, "docs/robustness.md: parts", least=1)
-    long_boundary: float = setting(
-        0.15, "complete bodies up to 0.08, bodies without a limb from 0.2", least=0
-    )
+    long_boundary: float = setting(0.15, "complete bodies up to 0.08, without a limb from 0.2", least=0)
     close: bool = setting(True, "docs/robustness.md: holes closed")
     closed_score: float = setting(1.1, "chosen, not measured", least=0)
     little_missing: float = setting(0.85, "docs/notes/two_ways.md", least=0)
     most_there: float = setting(0.6, "docs/notes/two_ways.md", least=0)
-    bending: tuple[float, ...] = setting(
-        (0.3, 0.25, 0.2, 0.17, 0.14, 0.11, 0.09, 0.075, 0.06, 0.05), "docs/robustness.md: parts", least=1e-3
-    )
+    bending: tuple[float, ...] = setting(LENGTHS, "docs/robustness.md: parts", least=1e-3)
     rim: float = setting(0.04, "docs/robustness.md: parts", least=0)
     off: float = setting(0.1, "docs/robustness.md: parts", least=0)
     n_bent_vertices: int = setting(1000, "docs/robustness.md: parts", least=50)
@@ -328,9 +282,7 @@ class ElasticSettings(Settings):
     forgiven: float = setting(0.3, "chosen on pairs of animals, not one by one", least=0, most=1)
     inside: float = setting(0.1, "docs/robustness.md, other species", least=0)
     n_starts: int = setting(60, "docs/robustness.md, other species", least=1)
-    bending: tuple[float, ...] = setting(
-        (0.3, 0.25, 0.2, 0.17, 0.14, 0.11, 0.09, 0.075, 0.06, 0.05), "docs/notes/other_species.md", least=1e-3
-    )
+    bending: tuple[float, ...] = setting(LENGTHS, "docs/notes/other_species.md", least=1e-3)
     n_bent_vertices: int = setting(1000, "docs/notes/other_species.md", least=100)
     most_scaled: float = setting(
         2.0, "docs/notes/other_species.md: limbs of half and twice the size", least=1
@@ -345,10 +297,9 @@ class OutcomeSettings(Settings):
     ----------
     coverage_radius : float
         A target vertex this near to an image along edges, in √area, is covered.
-    tie : float
-        Score of an alternative, against the map returned, below which nothing decides between them.
-    look_tie : float
-        The same between shapes far from isometric, whose misfits are nearly equal.
+    tie, look_tie : float
+        Score of an alternative, against the map returned, below which nothing decides between them; and between shapes
+        far from isometric, whose misfits are nearly equal.
     mirror_tie : float
         The same for a map of the other side where either is allowed; the poses alone may differ as much.
     mirror_image : float
@@ -364,10 +315,9 @@ class OutcomeSettings(Settings):
         Values of `Quality.bend_misfit` and of the residual above which a map between shapes far from isometric is poor.
     poor_mismatch : float
         Mean mismatch, see `Quality`, of which a map is sure only if it is well below.
-    doubtful_mismatch : float
-        Mean mismatch of the neighbourhood of a vertex, above the median of the map, from which its image is doubtful.
-    doubtful_area : float
-        Share of the surface from which a region of doubtful images lowers the outcome.
+    doubtful_mismatch, doubtful_area : float
+        Mean mismatch of the neighbourhood of a vertex, above the median of the map, from which its image is doubtful,
+        and share of the surface from which a region of doubtful images lowers the outcome.
     poor_orientation : float
         Value below which a map is poor.
     contradiction : float
@@ -380,19 +330,15 @@ class OutcomeSettings(Settings):
         partial, and it is no surer than its least sure large component.
     """
 
-    coverage_radius: float = setting(0.05, "the spacing of the search vertices", least=0)
+    coverage_radius: float = setting(COVERAGE_RADIUS, "the spacing of the search vertices", least=0)
     tie: float = setting(1.25, "docs/notes/ball_signature.md", least=1)
     look_tie: float = setting(1.15, "docs/notes/ball_signature.md", least=1)
     mirror_tie: float = setting(1.5, "docs/benchmarks.md, confidence: either side", least=1)
-    mirror_image: float = setting(
-        0.6, "lopsided creatures up to 0.52; bodies with a left and a right side from 0.67", least=0, most=1
-    )
+    mirror_image: float = setting(0.6, "lopsided creatures up to 0.52; bodies from 0.67", least=0, most=1)
     torn: float = setting(4.0, "chosen: a few torn faces must not outweigh all others", least=1)
-    poor_misfit: float = setting(
-        0.66, "set on FAUST and creatures; checked in docs/benchmarks.md, confidence", least=0
-    )
+    poor_misfit: float = setting(0.66, "set on FAUST and creatures; docs/benchmarks.md, confidence", least=0)
     poor_residual: float = setting(
-        0.38, "set on FAUST and creatures; checked in docs/benchmarks.md, confidence", least=0
+        0.38, "set on FAUST and creatures; docs/benchmarks.md, confidence", least=0
     )
     poor_stretch: float = setting(1.2, "docs/benchmarks.md, confidence", least=1)
     poor_bending: float = setting(1.7e-3, "docs/notes/other_species.md", least=0)
@@ -401,9 +347,7 @@ class OutcomeSettings(Settings):
     doubtful_mismatch: float = setting(0.65, "docs/benchmarks.md, regions of doubt", least=0)
     doubtful_area: float = setting(0.02, "a forearm of a body", least=0, most=1)
     torn_apart: float = setting(0.1, "0.07 to 0.15 do as well: docs/benchmarks.md, confidence", least=0)
-    poor_torn_off: float = setting(
-        0.005, "half a hand; right maps have at most 0.2 %: docs/benchmarks.md, confidence", least=0
-    )
+    poor_torn_off: float = setting(0.005, "half a hand; right maps have at most 0.2 %", least=0)
     poor_orientation: float = setting(0.65, "chosen, not measured", least=-1, most=1)
     contradiction: float = setting(0.1, "docs/benchmarks.md, contradicted hints", least=0)
     out_of_pose: float = setting(0.25, "docs/hints.md: up to 0.22 turned by 40°, from 0.29 by 90°", least=0)

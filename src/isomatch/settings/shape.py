@@ -44,29 +44,17 @@ class PreparationSettings(Settings):
     """
 
     extremity_spacing: float = setting(
-        0.25, "changed with others: at 0.15, thumbs displaced heads or feet on 4 of 50 pairs", least=0
+        0.25, "at 0.15, thumbs displaced heads or feet on 4 of 50 pairs", least=0
     )
     n_extremities: int = setting(8, "docs/benchmarks.md, sensitivity: 7 to 12 the same map", least=0)
-    signature_step: int = setting(
-        5,
-        "docs/benchmarks.md, sensitivity; the filters are seven energies wide, so neighbours repeat each other",
-        least=1,
-    )
-    curvature_functions: tuple[int, ...] = setting(
-        (50, 100, 150), "docs/benchmarks.md, sensitivity; coarse to fine", least=4
-    )
-    energy_curvature_functions: int = setting(
-        100, "docs/benchmarks.md, sensitivity; the middle of curvature_functions", least=4
-    )
+    signature_step: int = setting(5, "docs/benchmarks.md, sensitivity; the filters overlap", least=1)
+    curvature_functions: tuple[int, ...] = setting((50, 100, 150), "sensitivity; coarse to fine", least=4)
+    energy_curvature_functions: int = setting(100, "the middle of curvature_functions", least=4)
     distance_unit: DistanceUnit = setting("average", "docs/paper.md, deviations: distances in mesh units")
     block_diagonal: bool = setting(True, "docs/paper.md, deviations: C not block-diagonal")
     sheet_distance: float = setting(0.1, "docs/robustness.md, touching limbs", least=0)
-    contact_concavity: float = setting(
-        0.5, "docs/robustness.md, touching limbs: seams have 0.16 to 0.36", least=0
-    )
-    most_contacts: int = setting(
-        24, "docs/notes/contacts.md: limbs that touch make up to 9 handles, skulls have 157 and more", least=0
-    )
+    contact_concavity: float = setting(0.5, "docs/robustness.md, touching limbs: 0.16 to 0.36", least=0)
+    most_contacts: int = setting(24, "docs/notes/contacts.md: limbs make up to 9, skulls have 157", least=0)
     most_components: int = setting(12, "chosen: each takes as long as a small match", least=0)
 
 
@@ -109,7 +97,7 @@ class SymmetrySettings(Settings):
     most : int
         Most assignments that are followed up; 0 searches for no symmetries.
     largest_residual : float
-        Misfit of the distance descriptors, in units of √(average distance / number of search vertices), up to which a
+        Residual of the distance descriptors, in units of √(average distance / number of search vertices), up to which a
         map is a symmetry: their spacing alone makes about 2.4.
     """
 
