@@ -5,7 +5,7 @@ from isomatch.matching.fit import Candidate, Fit, Hypothesis
 from isomatch.matching.hints import Hints
 from isomatch.matching.match import BothDirections, continue_with, match, match_both, stages_of
 from isomatch.matching.pair import ShapePair, prepare_pair
-from isomatch.matching.quality import COVERAGE_RADIUS, contradicted_landmarks, covered_share, measure_quality
+from isomatch.matching.quality import contradicted_landmarks, covered_share, measure_quality
 from isomatch.matching.refinements import REFINEMENTS, check_refinement
 from isomatch.matching.relations.both_parts import BothParts
 from isomatch.matching.relations.elastic import Elastic
@@ -15,6 +15,7 @@ from isomatch.matching.result import Alternative, MatchResult, Outcome, Quality
 from isomatch.matching.search import default_starts
 from isomatch.matching.stages import Joint, Refinement, Relation, Stages, Start
 from isomatch.matching.verification import Evidence, Solution, judged, lowered, measured_evidence, outcome_of
+from isomatch.settings import COVERAGE_RADIUS
 
 __all__ = [
     "COVERAGE_RADIUS",

@@ -77,6 +77,10 @@ def energy_of(
     pair: ShapePair, source_vertex: IntArray, target_vertex: IntArray, rank: int | None = None
 ) -> float:
     """Energy of a map (m,) of body vertices: descriptor residual × curvature difference²."""
+    # E = R · M²: the residual R = min_C ‖X_s − X_t(f) C‖ of the distance descriptors sees all but near-symmetries, of
+    # which distances are the same (Shamai & Kimmel 2017, eq. of the alignment); these are seen by
+    #   M = mean |H_t(f(i)) − H_s(i)| + mean ‖known_t(f(i)) − known_s(i)‖₁ / weight,
+    # H the standardised signed mean curvature: a mirror image or a twist puts hollows on bumps. M = 1 without curvature.
     source, target = pair.source, pair.target
     residual = residual_of(pair, source_vertex, target_vertex, rank)
     mismatch = 1.0
@@ -98,6 +102,7 @@ def residual_of(
 
 def extended(pair: ShapePair, target_row: IntArray, source_vertex: IntArray) -> IntArray:
     """Extend a map of the search vertices (m_s,), through some functions, to source vertices (q,): target vertices."""
+    # F = Φ_s⁺ Φ_t(f) (k, k) from the search vertices; the image of i is the nearest row of Φ_t Fᵀ to Φ_s(i)
     k = min(pair.config.selection.extension_functions, pair.n_functions)
     functional_map = pair.search_spectra.functional_map(target_row, k)
     of_source, of_target = spectral_embedding(
@@ -181,6 +186,8 @@ def is_another(relation: Relation, fit: Fit, other: Fit) -> bool:
 
 def _beats(relation: Relation, challenger: Fit, winner: Fit) -> bool:
     """Whether a map is better by every measure, or another map and clearly better."""
+    # Many further maps are tried, and of many some fit well by chance: one must be better by every measure, or differ and
+    # be clearly better. Appearance counts between different maps only: where variants differ is too small a region.
     fits = [challenger, winner]
     scores = [fit.score for fit in fits]
     if is_another(relation, challenger, winner):

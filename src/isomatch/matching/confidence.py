@@ -49,12 +49,15 @@ def expected_errors(
     O(n K²) for the fit of K functions. Of a map that is wrong as a whole, such as one that exchanges left and right, the
     estimate sees only what does not fit and, if it was found, the runner-up.
     """
+    # Φ_t ∘ f maps the source into the space of the K functions, and its fit Φ_s F is the part that is smooth there.
+    # Of an isometry both are the same, and F is orthogonal. A displaced image leaves r = Φ_t(f(i)) − Φ_s(i) F, and to
+    # first order r = |∇(Φ_s F)| · δ for an image that has to move by δ:
+    #   δ(i) = ‖r‖ / |∇(Φ_s F)|   (a length),   ε(i) = log(|∇(Φ_s F)|² / |∇Φ_s|²)   (strain: 0 if F is orthogonal),
+    #   expected error = ERROR_SCALE · √(δ |ε|), spread by the heat kernel. docs/concepts/confidence.md
     source = pair.source
     k = pair.n_functions
-    functions, pulled_back = (
-        source.functions[:, :k],
-        single(points.interpolated(pair.target.functions[:, :k])),
-    )
+    functions = source.functions[:, :k]  # (n_s, K)
+    pulled_back = single(points.interpolated(pair.target.functions[:, :k]))  # (n_s, n_t) @ (n_t, K)
     coefficients = pair.spectra.source.fit(pulled_back[pair.refinement_vertices].astype(np.float64), k)
     fit = row_product(functions, coefficients)
     lengths = np.maximum(source.body.edge_lengths, TINY)
@@ -67,6 +70,7 @@ def expected_errors(
 
 def doubt_of(pair: ShapePair, image: IntArray, rival: IntArray, ratio: float) -> FloatArray:
     """Expect the distance between two maps (n_refine,), times the chance that the other is right: (n_s,), in √area."""
+    # with P(map) ∝ score^−10, the other has chance 1 / (1 + (its score / score)^10); ½ at a tie
     chance = 1 / (1 + ratio**RIVAL_EXPONENT)
     return np.asarray(chance * pair.target.distance(image, rival)[nearest_refinement_rows(pair)])
 
@@ -101,7 +105,8 @@ def _fill_squared(x: FloatArray, edges: IntArray, squared: FloatArray) -> None:
 
 def diffused(shape: SmoothShape, values: FloatArray, radius: float) -> FloatArray:
     """Spread values (n,) by heat diffusion over a radius; nowhere less than half the least of them."""
-    time = radius**2 / 4  # the mean square distance in the plane is 4 t
+    # u_t = Σ_j e^{−t λ_j} ⟨φ_j, u⟩ φ_j solves the heat equation; its kernel in the plane has mean square distance 4 t
+    time = radius**2 / 4
     laplace = shape.laplace
     smooth: FloatArray = laplace.vectors @ (
         np.exp(-time * laplace.values) * laplace.coefficients(values[:, None])[:, 0]
@@ -172,8 +177,9 @@ def regions_of_doubt(
     pair: ShapePair, mismatch: FloatArray | None = None, rivals: tuple[IntArray, IntArray] | None = None
 ) -> tuple[DoubtfulRegion, ...]:
     """Find the connected regions of the source's body where a map is doubtful, the largest first."""
+    # mismatch: (n_s,) of each vertex and its image; rivals: images (n_refine,) under the map and the runner-up
     source, target, bounds = pair.source, pair.target, pair.config.outcome
-    doubts, rival = {}, None  # 1 is the bound of each reason
+    doubts, rival = {}, None  # (n_s,) for each reason; 1 is its bound
     if rivals is not None:
         own, rival = (image[nearest_refinement_rows(pair)] for image in rivals)
         doubts[ANOTHER_MAP] = target.distance(own, rival) / pair.config.selection.rival_distance

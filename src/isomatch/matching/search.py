@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import permutations
-from typing import ClassVar
 
 import numpy as np
 
@@ -40,6 +39,8 @@ AT_ONCE = 4  # maps moved together by a thread; fixed, so that results do not de
 
 def hypotheses_from_hints(pair: ShapePair, hints: Hints) -> list[Hypothesis]:
     """Hypotheses from what the user knows, each after iterative closest points."""
+    # landmarks at extremities leave the front and the back of a thin body undecided: with hypotheses = "given" the flips
+    # of the map from them come with it; otherwise automatic hypotheses compete
     settings = pair.config.search
     from_hints = [
         Hypothesis(iterative_closest_points(*pair.search_points, start[None], HINT_STEPS)[0], origin)
@@ -64,6 +65,7 @@ def flips(pair: ShapePair, hypothesis: Hypothesis, others: list[Hypothesis]) -> 
 
 def symmetric_variants(pair: ShapePair, target_row: IntArray) -> list[Hypothesis]:
     """Compose a map of the search vertices (m_s,) with the symmetries of the target."""
+    # σ ∘ f keeps distances as f does, if σ is a self-isometry; mirror images only if either orientation is allowed
     starts = [
         symmetry.image_row[target_row]
         for symmetry in pair.target.symmetries
@@ -108,6 +110,8 @@ def search_back(pair: ShapePair) -> list[Hypothesis]:
 
 def combinations(pair: ShapePair, maps: Sequence[IntArray]) -> list[Hypothesis]:
     """Combine maps of the search vertices (m_s,): one on one half of the source, another on the other."""
+    # Of two half twists, one has its arms right and one its legs. Halves are where φ_j, j ≤ settings.halves, is positive
+    # and negative, so that a body is cut at its waist (nodal domains of the first functions).
     settings = pair.config.search
     halves = pair.source.laplace.vectors[pair.source_vertices, 1 : 1 + settings.halves].T > 0
     starts = [np.where(half, *two) for half in halves for two in permutations(maps[: settings.combined], 2)]
@@ -154,6 +158,8 @@ class Pool:
         self, parents: list[Hypothesis], origin: str, steps: int | None = None, most: int | None = None
     ) -> None:
         """Add what comes of turning the sign of one of the first Laplace–Beltrami functions in each of some maps."""
+        # Φ_j is defined but for its sign, and a symmetric shape has even and odd functions: D F with D = diag(1, …, −1 at
+        # j, …, 1) is near the functional map of the mirror image, or of the map that exchanges front and back
         pair = self.pair
         n = min(self._settings.flipped_functions, pair.n_functions)
         grown = [pair.search_spectra.grown(parent.target_row, (n,) * 4) for parent in parents if n]
@@ -166,6 +172,8 @@ class Pool:
         """Run iterative closest points from many first maps; one that meets another, or a known map, is dropped."""
         settings, points = self._settings, self.pair.search_points
         known, settled = [h.target_row for h in self.hypotheses], list[IntArray]()
+        # most starts lead to few maps: comparing them every other iteration saves most of the work, as does leaving
+        # those that have settled
         for _ in range(0, steps, settings.compare_every):
             starts = distinct(
                 starts,
@@ -191,30 +199,22 @@ class Pool:
         return [alignment for group in aligned for alignment in group]
 
 
-class FromExtremities(PoolStart):
-    """First maps from every assignment of extremal points."""
+class FromRows(PoolStart):
+    """First maps of a pair by a function, each followed by iterative closest points."""
 
-    name: ClassVar[str] = "extremities"
-
-    def extend(self, pool: Pool) -> None:
-        """Add what iterative closest points make of them."""
-        pool.add(starts_from_extremities(pool.pair), pool.pair.config.search.start_steps, self.name)
-
-
-class FromPoses(PoolStart):
-    """First maps to the nearest points in space, of meshes that a similarity brings near each other."""
-
-    name: ClassVar[str] = "poses"
+    def __init__(self, name: str, starts: Callable[[ShapePair], list[IntArray]]) -> None:
+        self.name = name
+        self._starts = starts
 
     def extend(self, pool: Pool) -> None:
-        """Add them, if there are any."""
-        pool.add(starts_from_poses(pool.pair), pool.pair.config.search.start_steps, self.name)
+        """Add what comes of them."""
+        pool.add(self._starts(pool.pair), pool.pair.config.search.start_steps, self.name)
 
 
 class FromAnchors(PoolStart):
     """First maps from points far from each other: of shapes without limbs, of parts, and between species."""
 
-    name: ClassVar[str] = "anchors"
+    name = "anchors"
 
     def extend(self, pool: Pool) -> None:
         """Add them, if a shape has no limbs."""
@@ -227,19 +227,25 @@ class FromAnchors(PoolStart):
 class FromFlips(PoolStart):
     """Flips of the best hypotheses so far, which exchange left and right, or front and back."""
 
-    name: ClassVar[str] = "flip"
+    name = "flip"
 
     def extend(self, pool: Pool) -> None:
         """Add them."""
         pool.flip(pool.hypotheses[: pool.pair.config.search.flipped], self.name)
 
 
-default_starts: tuple[Start, ...] = (FromExtremities(), FromPoses(), FromAnchors(), FromFlips())
+default_starts: tuple[Start, ...] = (
+    FromRows("extremities", starts_from_extremities),
+    FromRows("poses", starts_from_poses),
+    FromAnchors(),
+    FromFlips(),
+)
 """The starts of a match to which none are handed; hints of the user come before them."""
 
 
 def starts_of(relation: Relation) -> tuple[Start, ...]:
     """Return the starts of a part or an elastic map: those handed in, else isomatch's; none where only hints may win."""
+    # landmarks lead through anchors, in any case but where a whole map is given and nothing else may win
     starts, config, hints = relation.stages.starts, relation.pair.config, relation.hints
     found = () if config.hypotheses == "given" else default_starts if starts is None else tuple(starts)
     whole_map = not hints.only_landmarks or config.start == "pose"
@@ -249,6 +255,7 @@ def starts_of(relation: Relation) -> tuple[Start, ...]:
 
 def _flipped(pair: ShapePair, functional_map: FloatArray, function: int) -> IntArray:
     """Turn one function of the leading block, and grow the map again to the size it had, two functions at a time."""
+    # spectral upsampling: the j × j block of F, its map to points, and from these the (j + 2) × (j + 2) block (ZoomOut)
     size, spectra = max(function + 1, 4), pair.search_spectra
     flipped = functional_map[:size, :size].copy()
     flipped[function] *= -1

@@ -16,20 +16,18 @@ from isomatch.values.arrays import FloatArray, IntArray
 # a mixture of both sides fits worse than either
 SAME_ENERGY = 1.5
 
-# score over the winner's, up to which a map that exchanges limbs is a rival;
-# horse7–horse14 (wrong): 1.002; of 111 right maps none below 1.059
+# two limbs exchanged: share of the vertices sent far away from where the winner sends them, and score over the winner's;
+# horse7–horse14 (wrong) 0.08 and 1.002, half of its two forelegs; of 111 right maps no other score is below 1.059
+ELSEWHERE_SHARE = 0.05
 ELSEWHERE_TIE = 1.05
 
-# share of the vertices that a map sends far away from where the winner sends them, from which it is a rival though it is
-# near on average; so two limbs that are exchanged are told; half of two exchanged forelegs (horse7–horse14: 0.08)
-ELSEWHERE_SHARE = 0.05
+LANDMARK_SLACK = (
+    0.05  # difference of landmark errors, in √area, that counts for nothing; as of search vertices
+)
 
-# difference of landmark errors, in √area, that counts for nothing; the spacing of the search vertices
-LANDMARK_SLACK = 0.05
-
-# score of the winner, over another map's, from which that counts as a rival whatever the hints say;
-# docs/benchmarks.md, confidence
-CLEARLY_BETTER = 1.15
+CLEARLY_BETTER = (
+    1.15  # score over that of a map that counts whatever hints say; docs/benchmarks.md, confidence
+)
 
 # Energies, misfits and scores below these are equal: two triangulations of one surface differ as much, by 0.002 to 0.06,
 # 0.26 to 0.35 and 0.04 to 0.09 (docs/benchmarks.md, symmetry). Otherwise one of the symmetric maps between two copies of
@@ -43,12 +41,11 @@ ELSEWHERE = 0.08
 
 LEAST_REGION = 0.01  # share of the vertices, below which a region says nothing; chosen: ten of 1000
 
+# mean distances (q,) between the images of a map (r,) and those of each of q others
+Distances = Callable[[IntArray, Sequence[IntArray]], FloatArray]
 T = TypeVar("T")
 R = TypeVar("R", bound=Fit)
 H = TypeVar("H", Candidate, Fit)
-
-Distances = Callable[[IntArray, Sequence[IntArray]], FloatArray]
-"""Mean distance between the images of a map (r,) and those of each of q others: (q,)."""
 
 
 def distinct(
@@ -88,19 +85,17 @@ def ranked(
 ) -> list[Candidate]:
     """Order candidates, best first; with landmarks, drop those that contradict them."""
 
-    def rank(candidate: Candidate) -> int:
-        return _orientation_rank(candidate.orientation, orientation, settings.orientation_threshold)
+    def rank(candidate: Candidate, wanted: Orientation = orientation) -> int:
+        return _orientation_rank(candidate, wanted, settings)
 
+    # without landmarks: the wanted orientation, then those not clearly of the other, then the rest; each by energy
     if not landmarks:
         return sorted(candidates, key=lambda c: (rank(c), c.energy))
     slack = min((c.landmark_error for c in candidates), default=0.0) + LANDMARK_SLACK
     agreeing = sorted((c for c in candidates if c.landmark_error <= slack), key=lambda c: (rank(c), c.energy))
+    # landmarks may ask for the other orientation: the wanted one comes first only where its energy is near the least
     limit = SAME_ENERGY * min((c.energy for c in agreeing), default=0.0)
-
-    def clear(candidate: Candidate) -> int:
-        return _orientation_rank(candidate.orientation, "any", settings.orientation_threshold)
-
-    return sorted(agreeing, key=lambda c: (rank(c) > 0 or c.energy > limit, clear(c), c.energy))
+    return sorted(agreeing, key=lambda c: (rank(c) > 0 or c.energy > limit, rank(c, "any"), c.energy))
 
 
 def contenders(
@@ -109,15 +104,15 @@ def contenders(
     """Keep those near enough to the best to deserve a refinement: comparable energy, not of the other orientation."""
     if not order:
         return []
-    side = max(1, _orientation_rank(order[0].orientation, orientation, settings.orientation_threshold))
-    leaning = [
-        c
-        for c in order
-        if _orientation_rank(c.orientation, orientation, settings.orientation_threshold) <= side
-    ]
+    # where limbs touch, the orientation of a right map through few functions can be small: all that lean to the wanted
+    # side are let in, for the refinement compares normals everywhere
+    side = max(1, _orientation_rank(order[0], orientation, settings))
+    leaning = [c for c in order if _orientation_rank(c, orientation, settings) <= side]
     leaning.sort(key=lambda candidate: candidate.energy)
+    # relative to the least energy of these, which the first of the ranking need not have
     limit = settings.energy_limit * max(leaning[0].energy, ENERGY_NOISE)
     kept = [c for c in leaning if c.energy <= limit][: settings.most_contenders]
+    # and one that agrees better with hints than any of these, on either side
     nearest = nearest_to_hints(order, LANDMARK_SLACK)
     if not any(c in kept for c in nearest):
         kept.append(min(nearest, key=lambda c: c.energy))
@@ -130,21 +125,22 @@ def nearest_to_hints(maps: Sequence[H], slack: float) -> list[H]:
     return [c for c in maps if c.hint_error <= limit]
 
 
-def _orientation_rank(cosine: float, wanted: Orientation, oriented: float) -> int:
+def _orientation_rank(candidate: Candidate, wanted: Orientation, settings: SelectionSettings) -> int:
+    cosine = candidate.orientation
     kept = {"preserve": cosine, "reverse": -cosine, "any": abs(cosine)}[wanted]
-    return 0 if kept > oriented else 1 if kept > 0 else 2
+    return 0 if kept > settings.orientation_threshold else 1 if kept > 0 else 2
 
 
 def survivors(
     fits: Sequence[R], apart: FloatArray, settings: SelectionSettings, with_normals: bool, both_sides: bool
 ) -> list[tuple[int, int]]:
     """Choose what is refined further: indices of the fits kept, best first, and of those that they stand for."""
-    q = range(len(fits))
-    clear = [
-        i for i in q if with_normals or abs(fits[i].orientation) > settings.orientation_threshold
-    ] or list(q)
+    q, oriented = range(len(fits)), settings.orientation_threshold
+    # while normals take no part, a twisted map may fit well: it neither sets the standard nor replaces another
+    clear = [i for i in q if with_normals or abs(fits[i].orientation) > oriented] or list(q)
     limit = settings.misfit_limit * max(min(fits[i].misfit for i in clear), MISFIT_NOISE)
     order = sorted(q, key=lambda i: (i not in clear, fits[i].misfit))
+    # the best of those nearest to the hints goes on however badly it fits, and the best of each orientation if asked
     spared = [i for i in order if fits[i] in nearest_to_hints(fits, LANDMARK_SLACK)][:1]
     if both_sides:
         spared += {fits[i].side: i for i in reversed(order)}.values()
@@ -156,6 +152,8 @@ def survivors(
         if same is None:
             kept.append((i, i))
         else:
+            # of fits that coincide the best stays, for the hypothesis of least residual among those of its orientation:
+            # the joint refinement does not depend on the start from here on, but the other refinements do
             j, standing_for = kept[same]
             if fits[i].side == fits[standing_for].side and fits[i].residual < fits[standing_for].residual:
                 kept[same] = j, i
@@ -171,8 +169,11 @@ def weighed(
     weight: float,
 ) -> list[float]:
     """Multiply the costs of q maps by the descriptor distance of their images where they differ from the best map."""
+    # Two maps i, j that differ in a region R (where their images are > ELSEWHERE apart) are compared by
+    #   c_i / c_j · exp(w (m̄_i − m̄_j)),   m̄ the mean over R of the mismatch, a standardised descriptor distance (r,):
+    # the exponential makes the comparison of j with i the inverse of that of i with j. docs/notes/ball_signature.md
     n = len(costs)
-    looks = np.zeros((n, n))  # logarithm of the factor on the ratio of two costs
+    looks = np.zeros((n, n))  # w (m̄_i − m̄_j), antisymmetric
     for i in range(n):
         for j in range(i):
             known = np.isfinite(mismatches[i]) & np.isfinite(mismatches[j])
@@ -180,10 +181,13 @@ def weighed(
             if known.mean() >= LEAST_REGION:
                 looks[i, j] = weight * (mismatches[i] - mismatches[j])[known].mean()
                 looks[j, i] = -looks[i, j]
+    # As R differs from pair to pair, three maps may beat each other in a ring. The best is the eligible one that loses
+    # least to any other, min_i max_j c_i exp(looks_ij) / c_j; all costs are then those against it.
     against = np.array(costs)[:, None] * np.exp(looks)
     lost = against / np.maximum(costs, np.finfo(float).tiny)
     may_win = sorted(np.flatnonzero(eligible).tolist(), key=lambda i: costs[i])
     best = min(may_win, key=lambda i: lost[i, may_win].max())
+    # another that may win never costs less than the best
     least = np.nextafter(costs[best], np.inf)
     return [
         costs[best] if i == best else float(max(cost, least) if eligible[i] else cost)
@@ -200,11 +204,13 @@ class Rules:
     mirror_tie: float = 1.0  # the same for one of the other side
     landmark_slack: float = 0.0  # difference of hint errors, in √area, that counts for nothing
     score_noise: float = 0.0  # scores below this are equal
-    # share of vertices sent far away, from which a nearer map is another, too,
-    elsewhere_share: float = np.inf
+    elsewhere_share: float = (
+        np.inf
+    )  # share of vertices sent far away, from which a nearer map is another, too,
     elsewhere_tie: float = 1.0  # if its score is at most so many times the winner's
-    # a map whose score × this is below the winner's counts whatever hints say,
-    clearly_better: float = np.inf
+    clearly_better: float = (
+        np.inf
+    )  # a map whose score × this is below the winner's counts whatever hints say,
     same_map: float = 0.0  # unless it is nearer than this
 
     @classmethod
@@ -246,6 +252,7 @@ def select(
     n_tried: int = 2,
 ) -> Selection[R]:
     """Select the eligible map of least score; of those that tie with it, the one nearest to the hints."""
+    # apart: (q, q) mean distances of images; elsewhere: (q, q) shares of vertices that two maps send far apart
     costs = [fit.score for fit in fits] if scores is None else list(scores)
     allowed = [True] * len(fits) if eligible is None else list(eligible)
     noisy = [max(cost, rules.score_noise) for cost in costs]
@@ -256,11 +263,13 @@ def select(
         factor = rules.tie if fits[i].side == fits[best].side else rules.mirror_tie
         return noisy[i] <= factor * noisy[best]
 
+    # winner = arg min cost over {i : c_i ≤ tie · c_best} whose hint errors are the least: hints decide ties, nothing else
     tied = [i for i in may_win if ties(i)]
     nearest = nearest_to_hints([fits[i] for i in tied], rules.landmark_slack)
     winner = min((i for i in tied if fits[i] in nearest), key=lambda i: costs[i])
     others = sorted((i for i in range(len(fits)) if i != winner), key=lambda i: costs[i])
 
+    # the ratio test: cost of the runner-up over that of the winner (Lowe 2004, § 7.1, with the roles turned)
     def ratio(rivals: list[int]) -> float:
         if n_tried < 2:
             return np.nan

@@ -28,7 +28,7 @@ from isomatch.values.cached import cached_property
 class PoolStart(ABC):
     """A start of isomatch's own, which adds to the hypotheses found before instead of making first maps of a pair."""
 
-    name: ClassVar[str]
+    name: str
 
     @abstractmethod
     def extend(self, pool: Any) -> None:
@@ -107,13 +107,13 @@ class Relation(ABC):
     pair: ShapePair
     hints: Hints
     stages: Stages
+    _claim: Self | None = None  # what was bound; None if nothing was
 
     def on(self, pair: ShapePair, hints: Hints, stages: Stages | None = None) -> Self:
         """Return the relation between the shapes of a pair, of which something may be known."""
-        bound = copy(self)
-        for name in tuple(vars(bound)):  # what was computed for another pair
-            if isinstance(getattr(type(bound), name, None), cached_property):
-                del vars(bound)[name]
+        claim = self if self._claim is None else self._claim  # without what was computed for another pair
+        bound = copy(claim)
+        bound._claim = claim
         bound.pair, bound.hints, bound.stages = pair, hints, Stages() if stages is None else stages
         return bound
 

@@ -54,14 +54,15 @@ def starts_from_extremities(pair: ShapePair) -> list[IntArray]:
 
 def starts_from_pose(pair: ShapePair) -> list[IntArray]:
     """First maps to the nearest point in space: target rows (m_s,); `SettingError` if a shape is a graph."""
-    sides = (pair.source, pair.source_vertices), (pair.target, pair.target_vertices)
-    bodies, shapes = [], []
-    for shape, vertices in sides:
-        shapes.append(_places(shape.surface)[shape.user_vertex[vertices]])
-        bodies.append(_places(shape.body)[vertices])
-    return [
-        np.asarray(cKDTree(target).query(source)[1], dtype=np.int64) for source, target in (bodies, shapes)
-    ]
+    # of the bodies, which are centred and of unit area, and of the shapes as they are
+    source, target = pair.source, pair.target
+    here, there = pair.source_vertices, pair.target_vertices
+    bodies = _places(source.body)[here], _places(target.body)[there]
+    shapes = (
+        _places(source.surface)[source.user_vertex[here]],
+        _places(target.surface)[target.user_vertex[there]],
+    )
+    return [np.asarray(cKDTree(onto).query(points)[1], dtype=np.int64) for points, onto in (bodies, shapes)]
 
 
 def starts_from_poses(pair: ShapePair) -> list[IntArray]:
@@ -93,6 +94,8 @@ def _places(surface: Surface) -> FloatArray:
 
 def start_from_pairs(pair: ShapePair, pairs: IntArray) -> IntArray:
     """First map from a map that is known at some vertices, pairs (q, 2): target rows (m_s,) of the search vertices."""
+    # search vertices without an image take that of the one that has an image and is nearest in descriptors; and an
+    # image between the target's search vertices goes to the nearest of them
     source, target = pair.search_points
     image = np.full(pair.source.body.n_vertices, -1)
     image[pairs[::-1, 0]] = pairs[::-1, 1]  # of vertices that were welded, the first counts
@@ -166,6 +169,10 @@ ECCENTRICITY_WEIGHT = 0.3
 
 def starts_from_anchors(pair: ShapePair) -> list[IntArray]:
     """First maps that need no extremities: target rows (m_s,) of the search vertices."""
+    # Assign anchors a_1 … a_6 to b_1 … b_6 of the target, one after the other, by a beam search that minimises
+    #   Σ_pq |d_s(a_p, a_q) − d_t(b_p, b_q)| + Σ_p ( w_e |ē_s(a_p) − ē_t(b_p)| + w_σ ‖σ_s(a_p) − σ_t(b_p)‖ ),
+    # d over the average distance, ē the mean of d (eccentricity), σ the signatures. All other vertices go where their
+    # distances to the anchors fit best (trilateration), and the map is slid.
     source, target = pair.source, pair.target
     here = source.distances_between(pair.source_vertices) / source.intrinsic_scale
     there = target.distances_between(pair.target_vertices) / target.intrinsic_scale
@@ -183,6 +190,8 @@ def starts_from_anchors(pair: ShapePair) -> list[IntArray]:
 
 def slid(pair: ShapePair, target_row: IntArray) -> IntArray:
     """Let the signatures move a map (m_s,) of the search vertices."""
+    # Of a round shape, many maps keep distances, and iterative closest points stop at any of them. Few functions leave
+    # a map free to move along these directions: images are nearest neighbours in (Φ_t Fᵀ / √k, σ_t) of (Φ_s / √k, σ_s).
     spectra, signatures = pair.search_spectra, pair.search_signatures
     k = min(SLIDE_FUNCTIONS, pair.n_functions)
     for _ in range(SLIDE_STEPS):

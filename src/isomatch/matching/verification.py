@@ -61,6 +61,7 @@ class Evidence:
 
 def outcome_of(evidence: Iterable[Evidence]) -> Outcome:
     """Sum up evidence: the first outcome in the order of `Outcome` that any piece of it calls for."""
+    # a match is PARTIAL if something has no counterpart, and nothing worse is found
     pieces = tuple(evidence)
     called_for = (
         outcome for flag, outcome in CALLED_FOR.items() if any(getattr(piece, flag) for piece in pieces)
@@ -148,6 +149,7 @@ def contradicts(quality: Quality, bound: float) -> bool:
 
 def part_contradicts(landmark_errors: FloatArray, initial_map_error: float, bound: float) -> bool:
     """Whether the map of a part is farther than a bound from most of its landmarks (m,), or from the initial map."""
+    # single landmarks may be off in a right map: where limbs touch, a vertex of the whole may be nearest to the other one
     most_are_off = len(landmark_errors) and np.median(landmark_errors) > bound
     return bool(initial_map_error > bound or most_are_off)
 
@@ -163,7 +165,9 @@ class PartDoubt:
 
     @property
     def doubt(self) -> float:
-        """1 / (1 / score − 1 / score of the rival): the score if no map comes near, more and more towards a tie."""
+        """The score if no map comes near, more and more towards a tie."""
+        # 1 / doubt = 1 / score − 1 / score′, score′ = rival · score of the best map that differs: what is left of the
+        # evidence 1 / score for the map when that for the other is taken off
         return self.score / max(1 - 1 / self.rival, NO_LEAD)
 
     @property
@@ -227,6 +231,8 @@ class CommonDoubt:
 
 def part_evidence(own: Evidence, closed: tuple[Evidence, ...], agrees: bool) -> tuple[Evidence, ...]:
     """Weigh the evidence for the map of a part against that for the map with the holes closed."""
+    # closed: by the measures of complete shapes. If both are the same map and the closed one is sure, so is the map; it
+    # is ambiguous if the closed one is. If they are not, it is no surer than the closed one.
     outcome = outcome_of(closed)
     if agrees and own.poor and outcome in (Outcome.CONVERGED, Outcome.PARTIAL):
         return (Evidence(partial=True),)
@@ -237,6 +243,7 @@ def part_evidence(own: Evidence, closed: tuple[Evidence, ...], agrees: bool) -> 
 
 def closed_evidence(own: Evidence, closed: tuple[Evidence, ...]) -> tuple[Evidence, ...]:
     """Evidence for a map of two parts with their holes closed: that of complete shapes, unless it is poor."""
+    # caps change the measures of complete shapes; where these are poor, the map is judged as that of a part
     doubted = outcome_of(closed) is Outcome.LOW_CONFIDENCE
     return (own,) if doubted else (*closed, Evidence(partial=True))
 
