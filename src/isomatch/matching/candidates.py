@@ -21,9 +21,14 @@ from isomatch.settings import Orientation
 from isomatch.shapes import CURVATURE_WEIGHT, orientation_of
 from isomatch.values.arrays import IntArray
 
-# functions in the upsampling that precedes the judgement of a hypothesis, at most half of the fewest search vertices;
-# Melzi et al. 2019: grow in steps of 5
-SIZES = tuple(range(20, 51, 5))
+SIZES = tuple(
+    range(20, 51, 5)
+)  # functions in the upsampling of a hypothesis; steps of 5 as in Melzi et al. 2019
+MOST_CHALLENGERS = 2  # docs/notes/both_ways.md
+RIGHT_ORIENTATION = (
+    0.54  # mean cosine between normals from which a further candidate is refined, as right maps have
+)
+SURE = 0.75  # share of the bounds of a poor map, below which a map is sure; docs/notes/both_ways.md
 
 
 class Screening:
@@ -114,28 +119,12 @@ def extended(pair: ShapePair, target_row: IntArray, source_vertex: IntArray) -> 
 def first_map(
     pair: ShapePair, hints: Hints, source_vertex: IntArray, orientation: Orientation
 ) -> tuple[IntArray, str]:
-    """Map some source vertices (q,) by the best hypothesis, from hints if there are any, else automatic.
-
-    Returns
-    -------
-    target_vertex : (q,) array of int
-        Vertices of the target's body.
-    origin : str
-        Where the hypothesis came from.
-    """
+    """Map source vertices (q,) by the best hypothesis, from hints if there are any: target vertices (q,), its origin."""
     hypotheses = hypotheses_from_hints(pair, hints) if hints.any else search(pair, [])
     order = ranked(
         Screening(pair, hints)(hypotheses), orientation, pair.config.selection, bool(len(hints.landmarks))
     )
     return extended(pair, order[0].target_row, source_vertex), order[0].hypothesis.origin
-
-
-MOST_CHALLENGERS = 2  # docs/notes/both_ways.md
-
-# mean cosine between normals from which a challenger is refined; right maps have more, see SelectionSettings
-RIGHT_ORIENTATION = 0.54
-
-SURE = 0.75  # share of the bounds of a poor map, below which a map is sure; docs/notes/both_ways.md
 
 
 def is_sure(relation: Relation, selection: Selection[Fit]) -> bool:

@@ -8,7 +8,6 @@ from itertools import chain, permutations, product
 from typing import Self, cast
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
@@ -19,6 +18,7 @@ from isomatch.matching.confidence import expected_errors
 from isomatch.matching.hints import (
     FEWEST_POINTS,
     Hints,
+    UserHints,
     checked_descriptors,
     checked_initial_map,
     checked_landmarks,
@@ -37,50 +37,32 @@ from isomatch.surfaces import Mesh
 from isomatch.values.arrays import FloatArray, IntArray
 
 MOST_RIVALS = 3  # components tried as partners of the largest; chosen: nine matches at most
-
-# over that of the largest component, from which another may be the partner of the largest;
-# hemispheres differ by less, clothes by more
-RIVAL_AREA = 0.5
-
-# mean difference of their logarithms, above the least, up to which a pair is tried;
-# halves of creatures: poses 0.03, other halves 0.13
-SAME_SPECTRUM = 0.1
-
-# mean distance, in √area, up to which a component carried along rigidly fits;
-# chosen: half the spacing of the search vertices
-SAME_PLACE = 0.02
-
-SPECTRUM_FUNCTIONS = 20  # eigenvalues that are compared; halves of creatures: poses 0.03, other halves 0.13
-
-# distance from where a component is carried to, over its √area and its distance from the carriers;
-# one eye is 0.9 from the other
-MOST_APART = 0.7
-
+RIVAL_AREA = (
+    0.5  # over that of the largest, from which another is one; hemispheres differ by less, clothes by more
+)
+SPECTRUM_FUNCTIONS = 20  # eigenvalues of which the logarithms are compared
+SAME_SPECTRUM = (
+    0.1  # their mean difference, above the least, up to which a pair is tried; poses 0.03, halves 0.13
+)
+SAME_PLACE = (
+    0.02  # mean distance, in √area, up to which a rigid component fits; half the spacing of the samples
+)
+MOST_APART = 0.7  # from where it is carried to, over √area and its distance from the carriers; two eyes: 0.9
 MOST_LENGTH_RATIO = 1.4  # √area of one over that of its partner; as for the unit of a part
-
-# power of the distance with which the influence of a carrying vertex decreases;
-# chosen: sums over a surface converge from 2 on
-FALLOFF = 4.0
-
-# distance of a component from those that carry it, over its √area, up to which its place tells how it is turned;
-# chosen: a thing farther away than its own size may turn by itself
-HELD = 1.0
-
+FALLOFF = (
+    4.0  # power of the distance by which influence decreases; chosen: sums over a surface converge from 2 on
+)
+HELD = 1.0  # distance from the carriers, over √area, up to which a component cannot turn by itself; chosen
 FAR_APART = 1e6  # cost of components that are no partners
+TINY = 1e-6
+SIDES = "source", "target"
 
 
-def match_components(
-    pair: ShapePair,
-    landmarks: ArrayLike | None,
-    initial_map: ArrayLike | None,
-    initial_descriptors: tuple[ArrayLike, ArrayLike] | None,
-    stages: Stages,
-    timer: StageTimer,
-) -> Solution:
+def match_components(pair: ShapePair, user_hints: UserHints, stages: Stages, timer: StageTimer) -> Solution:
     """Match shapes of which at least one has further components that can be matched by themselves."""
     timer.start("components")
     parallel_map(components_of, (pair.source, pair.target))
-    hints = ComponentHints(pair, landmarks, initial_map, initial_descriptors)
+    hints = ComponentHints(pair, user_hints)
     components = _Components(pair, hints, stages, timer)
     matches, tied = components.large_ones()
     timer.start("components")
@@ -113,11 +95,8 @@ class _Components:
                 matched[i, j] = self._matched(i, j)
         if not matched:
             return [self._matched(0, 0)], False
-        assignments = [
-            [matched[numbers] for numbers in pairs if numbers in matched]
-            for pairs in _assignments(*unlike.shape)
-        ]
-        best, *others = sorted((matches for matches in assignments if matches), key=_against)
+        assigned = ([matched[ij] for ij in pairs if ij in matched] for pairs in _assignments(*unlike.shape))
+        best, *others = sorted(filter(None, assigned), key=_against)
         tied = others and _against(others[0])[:2] == _against(best)[:2]
         limit = self.pair.config.outcome.tie * _against(best)[2]
         return best, bool(tied and _against(others[0])[2] < limit)
@@ -135,13 +114,11 @@ class _Components:
             return []
         centres = {i: carrier.moved(self.sources[i]).mean(axis=0) for i in rows}
         cost = np.array([[self._cost(carrier, centres[i], i, j) for j in columns] for i in rows])
-        chosen = [
-            (rows[a], columns[b]) for a, b in zip(*linear_sum_assignment(cost)) if cost[a, b] < FAR_APART
-        ]
         more = []
-        for i, j in chosen:
-            with suppress(NotConvergedError):
-                more.append(self._matched(i, j, carrier))
+        for a, b in zip(*linear_sum_assignment(cost)):
+            if cost[a, b] < FAR_APART:
+                with suppress(NotConvergedError):
+                    more.append(self._matched(rows[a], columns[b], carrier))
         return more
 
     def _cost(self, carrier: Carrier, centre: FloatArray, i: int, j: int) -> float:
@@ -175,6 +152,8 @@ class _Components:
 
     def _carried(self, pair: ShapePair, carrier: Carrier) -> ComponentMatch:
         """Match two components that are carried to each other."""
+        # A rigid thing, as an eye or a helmet, is where it is carried to; otherwise the map starts from there. The place
+        # decides what symmetry leaves open, if the component is near enough to what carries it.
         held = carrier.gap(pair.target) <= HELD
         placed = self._placed(pair, carrier)
         if placed and placed.outcome.sureness >= Outcome.PARTIAL.sureness:
@@ -231,9 +210,6 @@ def _assignments(n: int, m: int) -> list[list[tuple[int, int]]]:
     return [list(enumerate(chosen)) for chosen in permutations(range(m), n)]
 
 
-SIDES = "source", "target"
-
-
 @dataclass(frozen=True, eq=False)
 class ComponentMatch:
     """Two components that are partners."""
@@ -257,11 +233,9 @@ def composed(pair: ShapePair, matches: list[ComponentMatch], tied: bool, hints: 
     """Sum up the maps of all pairs of components; the first is the main one."""
     main, *others = matches
     bounds = pair.config.outcome
-    counted = [
-        match.solution.evidence
-        for match in matches
-        if match is main or match.share > bounds.large_component or match.hinted
-    ]
+    # the map is no surer than that of any component that is large, or has hints of its own
+    large_ones = [m for m in matches if m is main or m.share > bounds.large_component or m.hinted]
+    counted = [match.solution.evidence for match in large_ones]
     unmatched = [_unpartnered(side, [getattr(match.pair, side) for match in matches], pair) for side in SIDES]
     large = max(left_out for left_out, _ in unmatched) > bounds.large_component
     evidence = (*chain(*counted), Evidence(partial=large, ambiguous=tied))
@@ -339,14 +313,9 @@ def numbers_without(side: tuple[PreparedShape, ...], matched: list[PreparedShape
 class ComponentHints:
     """The user's hints, and what of them concerns two components."""
 
-    def __init__(
-        self,
-        pair: ShapePair,
-        landmarks: ArrayLike | None,
-        initial_map: ArrayLike | None,
-        initial_descriptors: tuple[ArrayLike, ArrayLike] | None,
-    ) -> None:
+    def __init__(self, pair: ShapePair, user_hints: UserHints) -> None:
         self.pair = pair
+        landmarks, initial_map, initial_descriptors = user_hints
         self.functions: tuple[FloatArray, FloatArray] | None = None
         sizes = pair.source.surface.n_vertices, pair.target.surface.n_vertices
         none = np.zeros((0, 2), dtype=np.int64)
@@ -398,9 +367,6 @@ class ComponentHints:
         return landmarks if len(landmarks) >= FEWEST_POINTS else landmarks[:0]
 
 
-TINY = 1e-6
-
-
 @dataclass(frozen=True, eq=False)
 class Carrier:
     """A motion of space that follows a map: rigid around each point, as the points nearest on the surface say."""
@@ -430,6 +396,9 @@ class Carrier:
 
     def moved(self, source: PreparedShape) -> FloatArray:
         """Carry the (r, 3) samples of a component along."""
+        # Moving least squares (Schaefer, McPhail, Warren 2006): with w_j = |p − x_j|^−falloff and weighted means x̄, ȳ,
+        #   p → ȳ + s R (p − x̄),   R = arg min Σ_j w_j |R (x_j − x̄) − (y_j − ȳ)|² over the rotations, by the SVD of
+        #   Σ_j w_j x_j y_jᵀ − x̄ ȳᵀ   (r, 3, 3)
         points = _positions(source, self.units[0])
         weights = np.maximum(cdist(points, self.here), TINY) ** -self.falloff
         weights /= weights.sum(axis=1, keepdims=True)

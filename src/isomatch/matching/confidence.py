@@ -18,36 +18,20 @@ from isomatch.shapes import PreparedShape, SmoothShape
 from isomatch.surfaces import linked
 from isomatch.values.arrays import FloatArray, IntArray, single
 
-# a rival of score ratio r is right with chance 1 / (1 + r^exponent); one in ten at the bound of a tie
-RIVAL_EXPONENT = 10.0
-
+RIVAL_EXPONENT = 10.0  # so that one in ten runners-up is right at the bound of a tie
 ERROR_RADIUS = 0.08  # over which it is spread, in √area; 0.05 to 0.14 tried: benchmarks/vertex_confidence.py
-
-# factor of the expected error; mean error of faust_r and creatures: benchmarks/vertex_confidence.py
-ERROR_SCALE = 0.32
-
+ERROR_SCALE = 0.32  # to the mean error of faust_r and creatures: benchmarks/vertex_confidence.py
 TINY = 1e-12
 
 
 def expected_errors(
     pair: SmoothPair, points: PrecisePoints, doubt: FloatArray | None = None, unit: float = 1.0
 ) -> FloatArray:
-    """Estimate the geodesic error of a map of bodies at each vertex: (n_s,), in √area of the source.
+    """Estimate the geodesic error of a map of bodies at each vertex: (n_s,), in √area of the source. O(n K²).
 
-    Parameters
-    ----------
-    pair : SmoothPair
-    points : PrecisePoints
-        Image of each of the n_s source vertices.
-    doubt : (n_s,) array of float, optional
-        Error to be expected because another map may be right.
-    unit : float
-        What √area of the source is worth in √area of the target: 1 but for parts.
-
-    Notes
-    -----
-    O(n K²) for the fit of K functions. Of a map that is wrong as a whole, such as one that exchanges left and right, the
-    estimate sees only what does not fit and, if it was found, the runner-up.
+    To it comes ``doubt`` (n_s,), the error to be expected because another map may be right. ``unit`` is what √area of the
+    source is worth in √area of the target: 1 but for parts. Of a map that is wrong as a whole, such as one that exchanges
+    left and right, the estimate sees only what does not fit.
     """
     # Φ_t ∘ f maps the source into the space of the K functions, and its fit Φ_s F is the part that is smooth there.
     # Of an isometry both are the same, and F is orthogonal. A displaced image leaves r = Φ_t(f(i)) − Φ_s(i) F, and to
@@ -120,9 +104,7 @@ LOOKS_UNLIKE = "it looks unlike its image"
 MAIN = 0.25  # share of a region, from which what is doubtful there is a reason
 LEAST_KNOWN = 0.5  # share of a neighbourhood, below which its mismatch is not known
 LEAST_AREA = 0.005  # share of the surface, below which no region is told; half a hand
-
-# mean error, in √area, where surfaces look unlike; docs/benchmarks.md, regions of doubt
-UNLIKE_ERROR = 0.27
+UNLIKE_ERROR = 0.27  # mean error, in √area, where they look unlike; docs/benchmarks.md, regions of doubt
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,6 +17,9 @@ from isomatch.shapes import PreparedShape
 from isomatch.surfaces import Surface
 from isomatch.values.arrays import FloatArray, IntArray, array_of, numbers_of
 
+# landmarks, initial map and initial descriptors, as they were given to `match`
+UserHints = tuple[ArrayLike | None, ArrayLike | None, tuple[ArrayLike, ArrayLike] | None]
+
 FEWEST_POINTS = 3  # corresponding points determine three columns of an alignment, and fewer no map
 
 

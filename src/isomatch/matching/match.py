@@ -17,7 +17,7 @@ from isomatch.loading.notebooks import view_room
 from isomatch.matching.components import match_components
 from isomatch.matching.fit import Hypothesis
 from isomatch.matching.hard_landmarks import pinned
-from isomatch.matching.hints import Hints, checked_initial_map, checked_landmarks, with_functions
+from isomatch.matching.hints import Hints, UserHints, checked_initial_map, checked_landmarks, with_functions
 from isomatch.matching.pair import ShapePair, prepare_pair
 from isomatch.matching.refinements import REFINEMENTS
 from isomatch.matching.relations.isometry import IsometricMatch, Isometry
@@ -154,19 +154,14 @@ def require_landmarks_for_pins(pair: ShapePair, landmarks: ArrayLike | None) -> 
         raise SettingError(f"pin = {pair.config.pin}, but no landmarks were given that could be held")
 
 
-def solve_prepared(
-    pair: ShapePair,
-    user_hints: tuple[ArrayLike | None, ArrayLike | None, tuple[ArrayLike, ArrayLike] | None],
-    stages: Stages,
-    timer: StageTimer,
-) -> Solution:
+def solve_prepared(pair: ShapePair, user_hints: UserHints, stages: Stages, timer: StageTimer) -> Solution:
     """Match two prepared shapes, given landmarks, an initial map and descriptors."""
     landmarks, initial_map, _ = user_hints
     tolerance = pair.config.pin
     if isinstance(initial_map, Correspondence):
         initial_map.check_fits(pair.source.surface, pair.target.surface)
     if pair.oriented and (pair.source.others or pair.target.others):
-        solution = match_components(pair, *user_hints, stages, timer)
+        solution = match_components(pair, user_hints, stages, timer)
     else:
         solution = solve_either_winding(pair, Hints.of(pair, *user_hints), stages, timer)
     if tolerance is None or landmarks is None:
@@ -266,9 +261,6 @@ def match_both(
     return both
 
 
-UserHints = tuple[ArrayLike | None, ArrayLike | None, tuple[ArrayLike, ArrayLike] | None]
-
-
 def _both(
     pair: ShapePair,
     user_hints: UserHints,
@@ -330,18 +322,14 @@ def _turned_hypotheses(found: IsometricMatch, pair: ShapePair, pair_back: ShapeP
     fits = (found.selection.winner, *found.selection.rivals)
     refined = [fit.candidate for fit in fits if fit.candidate]
     images = [fit.image[: len(pair.source_vertices)] for fit in fits]
-    others = [
-        candidate
-        for candidate in found.eligible
-        if all(candidate.hypothesis is not fit.hypothesis for fit in refined)
-    ]
+    tried = [candidate.hypothesis for candidate in refined]
+    others = [c for c in found.eligible if all(c.hypothesis is not other for other in tried)]
     others = others[: pair.config.selection.most_contenders]
     images += [pair.target_vertices[candidate.target_row] for candidate in others]
     starts = np.array([_turned_rows(pair, image) for image in images])
     aligned = iterative_closest_points(*pair_back.search_points, starts, HINT_STEPS)
     return [
-        Hypothesis(alignment, candidate.hypothesis.origin)
-        for alignment, candidate in zip(aligned, refined + others)
+        Hypothesis(each, candidate.hypothesis.origin) for each, candidate in zip(aligned, refined + others)
     ]
 
 

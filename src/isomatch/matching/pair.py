@@ -19,9 +19,9 @@ from isomatch.shapes import PreparedShape, SmoothShape, prepare
 from isomatch.values.arrays import FloatArray, IntArray, single
 from isomatch.values.cached import cached_property
 
-# of both shapes, from which no automatic map is told from another;
-# discs and balls have 11 to 40, bodies 0 to 6 at any setting
-MANY_ROTATIONS = 11
+MANY_ROTATIONS = (
+    11  # of both shapes, from which no automatic map is told; discs and balls 11 to 40, bodies to 6
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,9 +147,8 @@ class ShapePair(SmoothPair):
     @property
     def both_open(self) -> bool:
         """Whether both shapes have a long boundary, as patches and tubes have."""
-        return (
-            min(self.source.longest_boundary, self.target.longest_boundary) > self.config.parts.long_boundary
-        )
+        least = self.config.parts.long_boundary
+        return min(self.source.longest_boundary, self.target.longest_boundary) > least
 
     @cached_property
     def extremity_assignments(self) -> list[IntArray]:
@@ -169,10 +168,8 @@ class ShapePair(SmoothPair):
     @property
     def round(self) -> bool:
         """Whether both shapes have so many rotations that those found are a few of a continuous group, as of a ball."""
-        counts = [
-            sum(each.orientation >= 0 for each in shape.symmetries) for shape in (self.source, self.target)
-        ]
-        return min(counts) >= MANY_ROTATIONS
+        both = self.source.symmetries, self.target.symmetries
+        return min(sum(each.orientation >= 0 for each in own) for own in both) >= MANY_ROTATIONS
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -213,22 +210,7 @@ def prepare_pair(
     seed: int = 0,
     timer: StageTimer | None = None,
 ) -> ShapePair:
-    """Prepare what is not yet prepared, both at once; by default with the settings of what is.
-
-    Parameters
-    ----------
-    source, target, config, seed
-        As for `match`.
-    timer : StageTimer, optional
-        Told how far the preparation is.
-
-    Raises
-    ------
-    MeshError
-        If a surface cannot be used.
-    SettingError
-        If a shape was prepared with other settings.
-    """
+    """Prepare what is not yet prepared, both at once; by default with the settings of what is. Errors as of `match`."""
     sides = [("source", source), ("target", target)]
     ready = [shape.requested for _, shape in sides if isinstance(shape, PreparedShape)]
     settings = config or next(iter(ready), Config())
@@ -267,6 +249,7 @@ def extremity_assignments(
     source: PreparedShape, target: PreparedShape, settings: SearchSettings
 ) -> list[IntArray]:
     """Assign extremal points so that their distances agree: (count, 2) source and target vertices, the best first."""
+    # the best of every count of points and both directions, repetitions removed
     found: dict[tuple[tuple[int, int], ...], None] = {}
     for count in settings.extremity_counts:
         for forward in (True, False):
@@ -284,6 +267,9 @@ def _consistent_assignments(
     few, among = a.extremities[:count], b.extremities[: settings.n_candidate_extremities]
     if len(few) < count or len(among) < count:
         return []
+    # All injective σ from the m points a_i of one shape to the n points b of the other, of which the least
+    #   Σ_{i≠j} |d_a(a_i, a_j) − d_b(b_σi, b_σj)| / m² + w Σ_i |ē_a(a_i) − ē_b(b_σi)| / m
+    # are kept: d over the average distance, ē the average distance of a point over that of all.
     choices = _choices(len(among), count)
     d_few = a.extremity_columns[:count][:, few] / a.intrinsic_scale
     d_among = b.extremity_columns[: len(among)][:, among] / b.intrinsic_scale

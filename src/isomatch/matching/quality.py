@@ -23,22 +23,9 @@ NORMAL_FUNCTIONS = 60  # of the smoothed surfaces whose normals are compared; ch
 
 
 def measure_quality(
-    pair: ShapePair,
-    points: PrecisePoints,
-    hints: Hints,
-    selection: Selection[Any] | None = None,
+    pair: ShapePair, points: PrecisePoints, hints: Hints, selection: Selection[Any] | None = None
 ) -> Quality:
-    """Measure a map of bodies.
-
-    Parameters
-    ----------
-    pair : ShapePair
-    points : PrecisePoints
-        Image of each of the n_s source vertices; the first corner is the nearest target vertex.
-    hints : Hints
-    selection : Selection, optional
-        Refined winner and its runners-up; none for a map found otherwise.
-    """
+    """Measure a map of bodies: ``points``, the image of each source vertex, as it was selected if it was."""
     source, target, settings = pair.source, pair.target, pair.config.outcome
     image = points.corners[:, 0]
     vertices = pair.refinement_vertices
@@ -49,6 +36,9 @@ def measure_quality(
     distortion = np.abs(source.columns[:, vertices] - there)
     aligned = source.points.at(vertices), target.points.at(image[vertices])
     positions = image_positions(source.body, target.body, points)
+    at_landmarks, at_initial = (
+        distances_to_hints(pair, image, each) for each in (hints.landmarks, hints.initial_pairs)
+    )
     return Quality(
         misfit=selection.winner.misfit if selection else np.nan,
         rival=selection.rival if selection else np.nan,
@@ -63,12 +53,8 @@ def measure_quality(
         distortion_p95=float(np.quantile(distortion, 0.95)),
         coverage=covered_share(target.body, image, settings.coverage_radius),
         matched=float((source.body_vertex >= 0).mean()),
-        landmark_error=float(distances_to_hints(pair, image, hints.landmarks).mean())
-        if len(hints.landmarks)
-        else np.nan,
-        initial_map_error=float(np.median(distances_to_hints(pair, image, hints.initial_pairs)))
-        if len(hints.initial_pairs)
-        else np.nan,
+        landmark_error=float(at_landmarks.mean()) if len(at_landmarks) else np.nan,
+        initial_map_error=float(np.median(at_initial)) if len(at_initial) else np.nan,
     )
 
 
@@ -84,12 +70,9 @@ def mismatch_of(
 
 def mean_known(values: FloatArray | None, areas: FloatArray) -> float:
     """Mean over the area of what is known of the values of vertices; nan if nothing is."""
-    known = np.zeros(0, dtype=bool) if values is None else np.isfinite(values)
-    return (
-        float(np.average(values[known], weights=areas[known]))
-        if values is not None and known.any()
-        else np.nan
-    )
+    if values is None or not (known := np.isfinite(values)).any():
+        return np.nan
+    return float(np.average(values[known], weights=areas[known]))
 
 
 def covered_share(surface: Surface, images: IntArray, radius: float = COVERAGE_RADIUS) -> float:
@@ -116,6 +99,7 @@ def edge_stretch(
     matched: BoolArray | None = None,
 ) -> float:
     """Dirichlet energy of the map on edges: squared lengths of their images (n_s, 3) over their own; nan without."""
+    # Σ_e min(|f(e)|², torn |e|²) / Σ_e |e|² over edges e between matched vertices; unit: worth of the source's lengths
     if isinstance(source, Graph) or images is None:
         return np.nan
     i, j = (source.edges if matched is None else source.edges[matched[source.edges].all(axis=1)]).T
@@ -125,6 +109,7 @@ def edge_stretch(
 
 def torn_off_share(source: Surface, target_area: float, images: FloatArray | None, apart: float) -> float:
     """Share of the source's area in the largest piece that a map to ``images`` tears from the rest; nan without."""
+    # an edge is torn if |f(e)| / √A_t − |e| / √A_s > apart; pieces hang together by the edges that are not
     if isinstance(source, Graph) or images is None:
         return np.nan
     i, j = source.edges.T

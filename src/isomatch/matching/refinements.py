@@ -28,15 +28,15 @@ from isomatch.shapes import PreparedShape, orientation_of, prepare
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import FloatArray, IntArray
 
-# functions from which the functional map grows; each is tried; docs/paper.md: the best of four heals most
-LAPLACE_FIRST = (15, 20, 30, 40)
-
+LAPLACE_FIRST = (
+    15,
+    20,
+    30,
+    40,
+)  # functions from which a functional map grows; docs/paper.md: the best of four
 LAPLACE_CHOICE = 50  # functions at which the best of these is chosen; chosen: as many as the rank
-
 LAPLACE_STEP = 5  # functions added in each step; Melzi et al. 2019
-
-# iterations of the plain descriptor alignment on the refinement vertices; two on all follow; chosen, not measured
-DISTANCE_STEPS = 15
+DISTANCE_STEPS = 15  # iterations of the plain descriptor alignment; two on all vertices follow; chosen
 
 
 class Smooth(Joint):
@@ -71,6 +71,8 @@ class LaplaceIcp(Descriptors):
 
 def descriptor_embedding(pair: ShapePair, target_row: IntArray) -> Embedding:
     """Align distance descriptors on the refinement vertices, then twice on all: the paper's plain method."""
+    # Shamai & Kimmel 2017: min over P, C of ‖X_s − P X_t C‖, C orthogonal within blocks of equal sign, by iterative
+    # closest points; target_row (m_s,) is a map of the search vertices
     source, target = pair.source.points, pair.target.points
 
     def turned(source_vertex: IntArray, target_vertex: IntArray) -> FloatArray:
@@ -86,6 +88,10 @@ def descriptor_embedding(pair: ShapePair, target_row: IntArray) -> Embedding:
 
 def laplace_icp_embedding(pair: ShapePair, start: Embedding) -> Embedding:
     """Post-process a map by iterative closest points in the Laplace–Beltrami basis."""
+    # Shamai & Kimmel 2017, post-processing, where F is orthogonal and has its size from the start; here it is fitted by
+    # least squares, for where shapes stretch it is not orthogonal, and grows as in Melzi et al. 2019. Few functions at
+    # first heal large errors of the start, more keep limbs apart: of those that keep its orientation, that of least
+    # energy grows on.
     settings, spectra, vertices = pair.config.refining, pair.spectra, pair.refinement_vertices
     weights = pair.source.laplace.weights
     rows = spectra.nearest(start.target, start.source[vertices])

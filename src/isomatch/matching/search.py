@@ -23,17 +23,15 @@ from isomatch.matching.starts import (
 from isomatch.runtime.threads import parallel_map
 from isomatch.values.arrays import FloatArray, IntArray
 
-# iterations of closest points from hints and starts handed in; most maps change little afterwards
-HINT_STEPS = 8
+HINT_STEPS = 8  # of closest points from hints and starts handed in; most maps change little afterwards
 
-# most hypotheses where a shape has few extremities, or both have a long boundary: the residuals of round shapes tell
-# little, so many are kept until curvature has been compared; docs/robustness.md, shapes without limbs
+# most hypotheses of limbless shapes: the residuals of round shapes tell little, so many are kept until curvature has been
+# compared; docs/robustness.md, shapes without limbs
 MOST_WITHOUT_LIMBS = 40
 
-# functions whose sign is flipped on the way back: the first ones, which exchange limbs or twist a body;
-# docs/notes/both_ways.md
-FLIPPED_BACK = 6
-
+FLIPPED_BACK = (
+    6  # functions flipped on the way back, which exchange limbs or twist a body; docs/notes/both_ways.md
+)
 AT_ONCE = 4  # maps moved together by a thread; fixed, so that results do not depend on the number of threads
 
 

@@ -60,11 +60,7 @@ def solve_touching(relation: Isometry, found: IsometricMatch, timer: StageTimer)
 
 
 def fused_limbs_cut(
-    relation: Isometry,
-    found: IsometricMatch,
-    pair: ShapePair,
-    hints: Hints,
-    timer: StageTimer,
+    relation: Isometry, found: IsometricMatch, pair: ShapePair, hints: Hints, timer: StageTimer
 ) -> ClosedMatch | None:
     """Match with contacts cut of the shape that has more handles, or of both; None unless that scores better."""
     stages, complete = relation.stages, relation.pair is pair

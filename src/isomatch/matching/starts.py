@@ -142,37 +142,25 @@ def _from_points(pair: ShapePair, points: IntArray, off_diagonal: float) -> list
     return parallel_map(lambda rotation: nearest_under_rotation(*pair.search_points, rotation), rotations)
 
 
-SLIDE_STEPS = 10  # steps by which they move it; docs/robustness.md, shapes without limbs
-
-SLIDE_FUNCTIONS = 20  # functions by which signatures move a first map; the first before a judgement
-
-BEAM = 200  # partial assignments that are kept; chosen, not measured
-
-# of differences of signatures in the cost of an assignment; docs/robustness.md, shapes without limbs
-SIGNATURE_WEIGHT = 0.25
-
-# points of the source, far from each other, that are assigned;
-# three points determine an isometry, three more its errors
-N_ANCHORS = 6
-
+N_ANCHORS = 6  # three points determine an isometry, three more its errors
 N_CANDIDATES = 200  # search vertices of the target among which their images are sought; as for symmetries
-
-# mean distance, in units of the average distance, by which partial assignments that are kept differ;
-# chosen, near selection.rival_distance; 0.1 with 80 starts is no better
-APART = 0.15
-
+ECCENTRICITY_WEIGHT = 0.3  # as search.eccentricity_weight
+SIGNATURE_WEIGHT = 0.25  # docs/robustness.md, shapes without limbs
+BEAM = 200  # partial assignments that are kept; chosen, not measured
+APART = (
+    0.15  # mean distance by which these differ, in average distances; chosen: 0.1 with 80 starts is no better
+)
 N_STARTS = 48  # best assignments that become first maps; chosen: of the most that extremities give
-
-# of differences of average distance in the cost of an assignment; as search.eccentricity_weight
-ECCENTRICITY_WEIGHT = 0.3
+SLIDE_FUNCTIONS = 20  # functions by which signatures move a first map; the first before a candidate is made
+SLIDE_STEPS = 10  # docs/robustness.md, shapes without limbs
 
 
 def starts_from_anchors(pair: ShapePair) -> list[IntArray]:
     """First maps that need no extremities: target rows (m_s,) of the search vertices."""
-    # Assign anchors a_1 … a_6 to b_1 … b_6 of the target, one after the other, by a beam search that minimises
-    #   Σ_pq |d_s(a_p, a_q) − d_t(b_p, b_q)| + Σ_p ( w_e |ē_s(a_p) − ē_t(b_p)| + w_σ ‖σ_s(a_p) − σ_t(b_p)‖ ),
-    # d over the average distance, ē the mean of d (eccentricity), σ the signatures. All other vertices go where their
-    # distances to the anchors fit best (trilateration), and the map is slid.
+    # Assign anchors a_1 … a_6, one after the other, to points b_1 … b_6 of the target by a beam search. The cost is that
+    # of violated distances d(b_p, b_q) = d(a_p, a_q), see `IntervalCost`, plus for each point p
+    #   w_e |ē(a_p) − ē(b_p)| + w_σ ‖σ(a_p) − σ(b_p)‖,   ē the mean of d (eccentricity), σ the signatures,
+    # d over the average distance. All other vertices go where their distances to the anchors fit best; then it is slid.
     source, target = pair.source, pair.target
     here = source.distances_between(pair.source_vertices) / source.intrinsic_scale
     there = target.distances_between(pair.target_vertices) / target.intrinsic_scale

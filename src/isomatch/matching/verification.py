@@ -31,27 +31,13 @@ CALLED_FOR = {
 
 @dataclass(frozen=True)
 class Evidence:
-    """Reasons not to take a map for right and complete; each flag is one.
+    """Reasons not to take a map for right and complete; each flag is one."""
 
-    Parameters
-    ----------
-    contradicted : bool
-        The map is far from what hints ask for.
-    mirrored : bool
-        The mirror image of a shape fits clearly better.
-    poor : bool
-        The map fits badly.
-    ambiguous : bool
-        Another map fits as well.
-    partial : bool
-        Something has no counterpart.
-    """
-
-    contradicted: bool = False
-    mirrored: bool = False
-    poor: bool = False
-    ambiguous: bool = False
-    partial: bool = False
+    contradicted: bool = False  # it is far from what hints ask for
+    mirrored: bool = False  # the mirror image of a shape fits clearly better
+    poor: bool = False  # it fits badly
+    ambiguous: bool = False  # another map fits as well
+    partial: bool = False  # something has no counterpart
 
     @classmethod
     def of(cls, outcome: Outcome) -> Self:
@@ -77,19 +63,10 @@ def lowered(outcome: Outcome, *evidence: Evidence) -> Outcome:
 def measured_evidence(
     pair: ShapePair, quality: Quality, wanted: Orientation, hinted: bool = False, far: bool = False
 ) -> Evidence:
-    """Compare the measures of a map with their bounds, those of ``pair.config.outcome``.
+    """Compare the measures of a map with the bounds of ``pair.config.outcome``; ``wanted`` is its orientation.
 
-    Parameters
-    ----------
-    pair : ShapePair
-    quality : Quality
-    wanted : {"preserve", "reverse", "any"}
-        What the map should do with the orientation of the faces.
-    hinted : bool
-        Whether hints were given: they may have led to the orientation that was not wanted.
-    far : bool
-        Whether the shapes are far from isometric, so that measures of isometries cannot tell a right map from a wrong
-        one; how much the shapes have to be bent to lie on each other can.
+    Hints may have led to the orientation that was not wanted. Between shapes that are ``far`` from isometric, measures of
+    isometries cannot tell a right map from a wrong one; how much the shapes have to be bent to lie on each other can.
     """
     bounds = pair.config.outcome
     sign = {"preserve": 1.0, "reverse": -1.0, "any": np.sign(quality.orientation)}[wanted]
@@ -259,21 +236,7 @@ def held_evidence(evidence: tuple[Evidence, ...], quality: Quality, bound: float
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """A map with the evidence for it, before its outcome is told; what is not listed is as in `MatchResult`.
-
-    Parameters
-    ----------
-    pair : ShapePair
-    map : Correspondence
-        In the users' vertices.
-    quality : Quality
-    evidence : tuple of Evidence
-    expected_error, alternatives, notes, origin, reason, mismatch, regions
-    config : MatchSettings, optional
-        The settings of the method, if it is not `match`.
-    looks_count : bool
-        Whether regions that look unlike are evidence; two species look unlike somewhere.
-    """
+    """A map in the users' vertices with the evidence for it, before its outcome is told; fields as in `MatchResult`."""
 
     pair: ShapePair
     map: Correspondence
@@ -284,10 +247,12 @@ class Solution:
     notes: tuple[str, ...] = ()
     origin: str = ""
     reason: str = ""
-    config: MatchSettings | None = None
+    config: MatchSettings | None = None  # the settings of the method, if it is not `match`
     mismatch: FloatArray | None = None
     regions: tuple[DoubtfulRegion, ...] = ()
-    looks_count: bool = True
+    looks_count: bool = (
+        True  # whether regions that look unlike are evidence; two species look unlike somewhere
+    )
 
     @property
     def outcome(self) -> Outcome:
