@@ -56,17 +56,10 @@ class Screening:
         spectra = pair.search_spectra
         target_row = spectra.image(spectra.grown(hypothesis.target_row, SIZES))
         target_vertex = pair.target_vertices[target_row]
-        landmark_error, hint_error = self._errors(target_row)
-        return Candidate(
-            hypothesis,
-            target_row,
-            energy_of(pair, pair.source_vertices, target_vertex, pair.config.search.rank),
-            orientation_of(
-                pair.source, spectra.source, pair.target, target_vertex, settings.normal_functions
-            ),
-            landmark_error,
-            hint_error,
-        )
+        energy = energy_of(pair, pair.source_vertices, target_vertex, pair.config.search.rank)
+        basis, n = spectra.source, settings.normal_functions
+        orientation = orientation_of(pair.source, basis, pair.target, target_vertex, n)
+        return Candidate(hypothesis, target_row, energy, orientation, *self._errors(target_row))
 
     def _errors(self, target_row: IntArray) -> tuple[float, float]:
         """Mean error at the landmarks, and ``hint_error``."""
@@ -121,9 +114,8 @@ def first_map(
 ) -> tuple[IntArray, str]:
     """Map source vertices (q,) by the best hypothesis, from hints if there are any: target vertices (q,), its origin."""
     hypotheses = hypotheses_from_hints(pair, hints) if hints.any else search(pair, [])
-    order = ranked(
-        Screening(pair, hints)(hypotheses), orientation, pair.config.selection, bool(len(hints.landmarks))
-    )
+    candidates, led = Screening(pair, hints)(hypotheses), bool(len(hints.landmarks))
+    order = ranked(candidates, orientation, pair.config.selection, led)
     return extended(pair, order[0].target_row, source_vertex), order[0].hypothesis.origin
 
 
@@ -151,11 +143,7 @@ def challengers(
         known=known,
     )
     limit = SAME_ENERGY * max(energy, ENERGY_NOISE)
-    hopeful = [
-        candidate
-        for candidate in screen(found)
-        if candidate.energy <= limit and side * candidate.orientation > RIGHT_ORIENTATION
-    ]
+    hopeful = [c for c in screen(found) if c.energy <= limit and side * c.orientation > RIGHT_ORIENTATION]
     return sorted(hopeful, key=lambda candidate: candidate.energy)[:MOST_CHALLENGERS]
 
 

@@ -256,9 +256,8 @@ def composed(pair: ShapePair, matches: list[ComponentMatch], tied: bool, hints: 
             array[new] = getattr(match.solution.map, name)[new]
         if mismatch is not None and match.solution.mismatch is not None:
             mismatch[new] = match.solution.mismatch[new]
-        errors[new] = match.solution.expected_error[new] * np.sqrt(
-            match.pair.target.share / main.pair.target.share
-        )
+        share = match.pair.target.share / main.pair.target.share
+        errors[new] = match.solution.expected_error[new] * np.sqrt(share)
     whole = replace(main.solution.map, vertices=vertices, faces=corners, barycentric=weights)
     quality = replace(
         main.solution.quality,

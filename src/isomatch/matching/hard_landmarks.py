@@ -16,14 +16,13 @@ from isomatch.shapes import PreparedShape, components_of
 from isomatch.surfaces import Graph, Mesh, PrecisePoints, Surface
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 
-# width of the bump by which the map follows a pin, over the distance by which it is moved;
-# docs/hints.md: 1.5 to 3 alike; steeper turns faces over
-SLOPE = 2.0
-
+SLOPE = (
+    2.0  # width of a bump over the distance moved; docs/hints.md: 1.5 to 3 alike, steeper turns faces over
+)
 LEAST_WIDTH, MOST_WIDTH = 0.1, 0.2  # of the bump, in √area; docs/hints.md
 
-TAIL = 0.02  # weights up to this become 0: what is far from the pins stays as it was, bit by bit
-LEAST = 0.1  # singular value of the kernel among pins that is inverted; pins too close to be told apart move as one
+TAIL = 0.02  # weights up to this become 0: what is far from the landmarks stays as it was, bit by bit
+LEAST = 0.1  # singular value of the kernel among landmarks that is inverted; those too close to be told apart move as one
 FUNCTION_WEIGHT = 0.3  # of the functions beside positions, in √area
 N_FUNCTIONS = 20  # they tell apart sheets that are near in space
 
@@ -140,6 +139,10 @@ def _coordinates(shape: PreparedShape) -> FloatArray:
 
 def _weights(shape: PreparedShape, at: IntArray, gap: float) -> FloatArray:
     """Weights (n_full, m) with which vertices follow landmarks: 1 at one, 0 at the others, and far away."""
+    # Displacements are interpolated by heat kernels of the source of width w, h(i, l) = Σ_j e^{−λ_j w² / 2} φ_j(i) φ_j(l),
+    # each column over its peak: W = h H⁺ with H the kernel among the landmarks, so that W is 1 at one and 0 at the others.
+    # Then W ≥ 0 and Σ W ≤ 1 are forced: no vertex moves farther than a landmark. The bump is so wide that a gap is spread
+    # over a slope that turns no face over, but no wider than landmarks are apart.
     phi, spectrum = shape.laplace.vectors, shape.laplace.values
     places = _at(shape.detail.transfer.on_coarse, at) if shape.detail else PrecisePoints.at_vertices(at)
     nearest = places.corners[:, 0]

@@ -230,11 +230,7 @@ def match_both(
     Returns
     -------
     BothDirections
-        ``there`` is what `match` returns. The timings of ``back`` are without the preparation.
-
-    Notes
-    -----
-    About 1.3 times the time of one direction.
+        ``there`` is what `match` returns, in about 1.3 times its time. The timings of ``back`` leave out the preparation.
 
     Examples
     --------

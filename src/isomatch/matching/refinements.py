@@ -219,11 +219,6 @@ class _Trial:
         candidates, _ = self.relation.candidates(*self.relation.hypotheses())
         self._fit = self.relation.begun(candidates)[0]
 
-    @property
-    def truth(self) -> IntArray:
-        """(r,) true images."""
-        return self.number[self.relation.vertices]
-
     def moved(self, random: np.random.Generator) -> IntArray:
         """Draw vertices of the source near those that are mapped, as images (r,) of a rough map."""
         source = self.relation.source
@@ -263,12 +258,12 @@ def _check_relabelling(trial: _Trial, renumbered: _Trial, rough: IntArray) -> No
     changed = float((other != second.image).mean())
     if changed > MOST_CHANGED:
         apart = renumbered.target.mean_distance(other, second.image)
-        raise _broken(
-            trial,
-            "relabelling",
+        how = (
             f"{changed:.0%} of the images are other points, {apart:.3f} √area apart on average, when the vertices of the "
-            f"target have other numbers (at most {MOST_CHANGED:.0%})",
-            "what uses the number of a vertex, or the order of the vertices",
+            f"target have other numbers (at most {MOST_CHANGED:.0%})"
+        )
+        raise _broken(
+            trial, "relabelling", how, "what uses the number of a vertex, or the order of the vertices"
         )
 
 
@@ -277,18 +272,16 @@ def _check_truth(trial: _Trial) -> None:
     embedding = trial.relation.everywhere(fit)
     everywhere = trial.target.index.vertices(embedding.target, embedding.source)
     for image, truth, where in (
-        (fit.image, trial.truth, "__call__ and contest"),
+        (fit.image, trial.number[trial.relation.vertices], "__call__ and contest"),
         (everywhere, trial.number, "everywhere"),
     ):
         error = trial.target.mean_distance(image, truth)
         if not error <= MOST_ERROR:
-            raise _broken(
-                trial,
-                "truth",
-                f"of the true map of a turned copy it makes one with a mean error of {error:.3f} √area (at most "
-                f"{MOST_ERROR})",
-                f"{where}: whether rows are those of relation.vertices and images are vertices of the target",
+            how = f"of the true map of a turned copy it makes one with a mean error of {error:.3f} √area"
+            look_at = (
+                f"{where}: whether rows are those of relation.vertices and images are vertices of the target"
             )
+            raise _broken(trial, "truth", f"{how} (at most {MOST_ERROR})", look_at)
 
 
 def _broken(trial: _Trial, law: str, how: str, look_at: str) -> SettingError:

@@ -119,20 +119,10 @@ class Quality(Shown):
 
 @dataclass(frozen=True, eq=False)
 class Alternative:
-    """Another map that was considered.
+    """Another map that was considered, with the energy, orientation and origin of its candidate."""
 
-    Parameters
-    ----------
-    extend : callable
-        Makes the map when it is first asked for.
-    energy, orientation : float
-        Those of its candidate; lower energy is better.
-    origin : str
-        Where the hypothesis came from.
-    """
-
-    extend: Callable[[], Correspondence] = field(repr=False)
-    energy: float
+    extend: Callable[[], Correspondence] = field(repr=False)  # makes the map when it is first asked for
+    energy: float  # lower is better
     orientation: float
     origin: str
 
@@ -270,7 +260,7 @@ class MatchResult(Shown):
         Parameters
         ----------
         source, target : Mesh, PointCloud, or what `surface_from` takes, optional
-            The surfaces; by default those that were matched, as long as a variable holds them.
+            By default those that were matched, as long as a variable holds them; `MapError` if they are others.
         landmarks : (q, 2) array_like of int, optional
             Pairs (source vertex, target vertex) with which the list of landmarks begins.
         height : int
@@ -280,13 +270,6 @@ class MatchResult(Shown):
         -------
         ResultView
             With the extra ``notebook``, its ``landmarks`` are those clicked so far, which `match` takes.
-
-        Raises
-        ------
-        MapError
-            If the surfaces are others, or are not given and no longer held.
-        LandmarkError
-            If landmarks are not pairs of integers.
         """
         shown: Any = view_room().show_result(
             self, *self.map.surfaces(source, target), landmarks=landmarks, height=height

@@ -31,9 +31,9 @@ from isomatch.matching.verification import Evidence, Solution, closed_evidence, 
 from isomatch.runtime.stage_timer import StageTimer
 from isomatch.shapes import crease_length, opened_shape, turned_over
 
-# in √area, by which creases of shapes with touching limbs are longer; docs/notes/contacts.md
-MORE_CREASES = 1.0
-
+MORE_CREASES = (
+    1.0  # in √area, by which creases of shapes with touching limbs are longer; docs/notes/contacts.md
+)
 SURE = Outcome.CONVERGED, Outcome.PARTIAL, Outcome.SYMMETRY_AMBIGUOUS
 
 
@@ -76,6 +76,8 @@ def fused_limbs_cut(
             if cut and cut.score < score:
                 best, score = cut, cut.score
 
+    # If the best map fits badly, the shape is also cut along its creases, if it has contacts to be cut, or clearly longer
+    # creases than the other: shapes of two kinds have natural folds of about the same length. With handles, both are.
     def fits_poorly() -> bool:
         measured = (best.found if best else found).measured
         return measured_evidence(pair, measured.quality, pair.config.orientation).poor
@@ -113,6 +115,9 @@ def _seeks_contacts(pair: ShapePair, hints: Hints, stages: Stages) -> bool:
 
 def _limbs_apart(solution: Solution, hints: Hints, stages: Stages, timer: StageTimer) -> Solution | None:
     """Match a source that has more handles with its contacts and creases open, as a part, where a map is poor."""
+    # What limbs hide where they touch is missing, and distances lie between those of fused limbs and of limbs apart. Such
+    # a map is taken, no surer than before, if the bodies look more alike under it. Of a target that is a part much of the
+    # source would be left without images.
     pair, poor = solution.pair, solution.outcome is Outcome.LOW_CONFIDENCE
     more = pair.source.handles - pair.target.handles
     if not (
@@ -143,6 +148,7 @@ def looks_apart(pair: ShapePair, solution: Solution) -> float:
 
 def part_role(pair: ShapePair, hints: Hints, stages: Stages) -> PartSide | Literal["both"] | None:
     """Tell which shape is a part of the other, or whether both are parts of something that neither shows."""
+    # a part has a long boundary; only refinements that look further, of maps that preserve the orientation, know of parts
     config = pair.config
     looks_further = stages.refinement.looks_further and config.orientation == "preserve"
     if config.part == "none" or not pair.oriented or not looks_further or hints.functions[0].shape[1]:
@@ -197,6 +203,8 @@ def _elastic(relation: Isometry, found: IsometricMatch) -> Elastic:
 
 def _solve_part(part: Part, timer: StageTimer) -> Solution:
     """Match a part as it is, and with its holes closed, unless the first of the two is sure."""
+    # The part as it is comes first, unless little is missing. Then the shapes with their holes closed do, and if that is
+    # sure, the part is matched from there without a search of its own.
     pair, hints, stages = part.pair, part.hints, part.stages
     if not pair.config.parts.close:
         return part.solution(timer)
@@ -222,6 +230,8 @@ def _solve_part(part: Part, timer: StageTimer) -> Solution:
 
 def _solve_two_parts(pair: ShapePair, hints: Hints, stages: Stages, timer: StageTimer) -> Solution:
     """Match two parts: as two patches of the same extent, as overlapping parts of a body, and with holes closed."""
+    # The first map that is sure is returned. If none is, and the shapes fit no better with their holes closed, it may be
+    # an elastic one; otherwise it is that of overlapping parts.
     relation = Isometry().on(pair, hints, stages)
     found = relation.match(timer)
     timer.start("quality")
@@ -278,6 +288,7 @@ def solve_either_winding(pair: ShapePair, hints: Hints, stages: Stages, timer: S
     if failure and not solutions:
         raise failure
 
+    # a map that is not doubtful wins over one that is; otherwise that under which the bodies look more alike
     def fit(how: str) -> tuple[int, float]:
         found = solutions[how]
         looks = looks_apart(found.pair, found)

@@ -148,9 +148,7 @@ class Relation(ABC):
             return []
         found = self.refinement.contest(self, fits)
         if not found:
-            raise SettingError(
-                f"{_named(self.refinement)} gave up all of {len(fits)} maps; keep the best one"
-            )
+            raise self._refused(f"gave up all of {len(fits)} maps; keep the best one")
         for fit in found:
             self.require_measured(fit, type(fits[0]))
         return found
@@ -158,10 +156,12 @@ class Relation(ABC):
     def require_measured(self, fit: object, kind: type[Fit]) -> None:
         """Raise `SettingError` unless a refinement gave a fit that the relation has measured."""
         if not isinstance(fit, kind) or not fit.is_measured:
-            raise SettingError(
-                f"{_named(self.refinement)} gave {_described(fit)} that this relation has not measured; return "
-                "relation.measured(fit, image)"
-            )
+            what = "a map" if isinstance(fit, Fit) else f"an object of type {type(fit).__name__}"
+            how = "return relation.measured(fit, image)"
+            raise self._refused(f"gave {what} that this relation has not measured; {how}")
+
+    def _refused(self, how: str) -> SettingError:
+        return SettingError(f"the refinement {type(self.refinement).__name__} {how}")
 
     def everywhere(self, fit: Fit) -> Embedding:
         """Coordinates of all vertices by the refinement of the match; `SettingError` if they are of other vertices."""
@@ -169,9 +169,9 @@ class Relation(ABC):
         sizes = self.source.body.n_vertices, self.target.body.n_vertices
         shapes = tuple(np.shape(points) for points in found)
         if [shape[:1] for shape in shapes] != [(size,) for size in sizes] or shapes[0][1:] != shapes[1][1:]:
-            raise SettingError(
-                f"{_named(self.refinement)} gave coordinates of shapes {shapes[0]} and {shapes[1]}; expected one row for "
-                f"each of {sizes[0]} and {sizes[1]} vertices, in the same columns"
+            raise self._refused(
+                f"gave coordinates of shapes {shapes[0]} and {shapes[1]}; expected one row for each of {sizes[0]} and "
+                f"{sizes[1]} vertices, in the same columns"
             )
         return found
 
@@ -180,13 +180,9 @@ class Relation(ABC):
         given, n_mapped, n_target = np.asarray(image), len(self.vertices), self.target.body.n_vertices
         expected = f"expected ({n_mapped},) vertices of a body of {n_target} vertices"
         if given.shape != (n_mapped,) or given.dtype.kind not in "iu":
-            raise SettingError(
-                f"{_named(self.refinement)} gave images of shape {given.shape} and type {given.dtype}; {expected}"
-            )
+            raise self._refused(f"gave images of shape {given.shape} and type {given.dtype}; {expected}")
         if given.min() < 0 or given.max() >= n_target:
-            raise SettingError(
-                f"{_named(self.refinement)} gave images from {given.min()} to {given.max()}; {expected}"
-            )
+            raise self._refused(f"gave images from {given.min()} to {given.max()}; {expected}")
 
     def require_sides(self) -> None:
         """Raise `SettingError` unless the shapes have an inside and an outside, which the map should preserve."""
@@ -358,11 +354,3 @@ def first_maps_of(starts: Iterable[Start], pair: ShapePair) -> list[tuple[IntArr
                 )
             found.append((pairs, name_of(start)))
     return found
-
-
-def _named(refinement: Refinement) -> str:
-    return f"the refinement {type(refinement).__name__}"
-
-
-def _described(fit: object) -> str:
-    return "a map" if isinstance(fit, Fit) else f"an object of type {type(fit).__name__}"

@@ -114,15 +114,9 @@ def start_from_functions(pair: ShapePair, of_source: FloatArray, of_target: Floa
     """First map from functions on the bodies that should correspond, (n_s, q) and (n_t, q)."""
     settings = pair.config.search
     weights = pair.source.body.vertex_areas, pair.target.body.vertex_areas
+    sides = pair.source.points, pair.target.points, of_source, of_target, *weights
     rotation = alignment_from_functions(
-        pair.source.points,
-        pair.target.points,
-        of_source,
-        of_target,
-        *weights,
-        n_columns=settings.start_columns,
-        off_diagonal=settings.off_diagonal[0],
-        ridge=settings.ridge,
+        *sides, n_columns=settings.start_columns, off_diagonal=settings.off_diagonal[0], ridge=settings.ridge
     )
     return nearest_under_rotation(*pair.search_points, rotation)
 
@@ -130,15 +124,8 @@ def start_from_functions(pair: ShapePair, of_source: FloatArray, of_target: Floa
 def _from_points(pair: ShapePair, points: IntArray, off_diagonal: float) -> list[IntArray]:
     """First maps from corresponding vertices (h, m, 2), source and target."""
     settings = pair.config.search
-    rotations = alignments_from_points(
-        pair.source.points,
-        pair.target.points,
-        points[..., 0],
-        points[..., 1],
-        settings.start_columns,
-        off_diagonal,
-        settings.ridge,
-    )
+    sides = pair.source.points, pair.target.points, points[..., 0], points[..., 1]
+    rotations = alignments_from_points(*sides, settings.start_columns, off_diagonal, settings.ridge)
     return parallel_map(lambda rotation: nearest_under_rotation(*pair.search_points, rotation), rotations)
 
 

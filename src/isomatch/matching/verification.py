@@ -20,13 +20,7 @@ from isomatch.values.arrays import FloatArray
 NO_LEAD = 1e-9  # so that the doubt of a tie is finite
 
 # what each flag of evidence calls for, the least sure first
-CALLED_FOR = {
-    "contradicted": Outcome.HINTS_CONTRADICTED,
-    "mirrored": Outcome.MIRROR_IMAGE,
-    "poor": Outcome.LOW_CONFIDENCE,
-    "ambiguous": Outcome.SYMMETRY_AMBIGUOUS,
-    "partial": Outcome.PARTIAL,
-}
+CALLED_FOR = dict(zip(("contradicted", "mirrored", "poor", "ambiguous", "partial"), Outcome))
 
 
 @dataclass(frozen=True)
@@ -270,22 +264,16 @@ class Solution:
 def judged(solution: Solution, timer: StageTimer, seed: int) -> MatchResult:
     """Make the result of a match."""
     pair = solution.pair
+    shared = "map outcome quality expected_error mismatch regions alternatives notes origin reason"
+    source, target = (
+        "" if solution.config else describe_symmetries(shape.symmetries)
+        for shape in (pair.source, pair.target)
+    )
     return MatchResult(
-        map=solution.map,
-        outcome=solution.outcome,
-        quality=solution.quality,
-        expected_error=solution.expected_error,
-        mismatch=solution.mismatch,
-        regions=solution.regions,
-        alternatives=solution.alternatives,
+        **{name: getattr(solution, name) for name in shared.split()},
         timings=timer.stop(),
-        notes=solution.notes,
         engine=pair.source.distances.engine,
-        origin=solution.origin,
-        reason=solution.reason,
         config=solution.config or pair.config,
         seed=seed,
-        symmetries=("", "")
-        if solution.config
-        else (describe_symmetries(pair.source.symmetries), describe_symmetries(pair.target.symmetries)),
+        symmetries=(source, target),
     )

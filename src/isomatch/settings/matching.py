@@ -17,35 +17,26 @@ class SearchSettings(Settings):
 
     Parameters
     ----------
-    rank : int
-        Descriptor columns while hypotheses are compared; the others only sharpen a map already found.
-    start_columns : int
-        Leading columns that a few points determine.
+    rank, start_columns : int
+        Descriptor columns while hypotheses are compared; leading columns that a few points determine.
     near_rigid : float
-        Mean distance of positions and normals × 0.1, in √area, up to which shapes that are aligned in space are matched
-        from their poses too; see `poses_between`. 0 does without.
-    off_diagonal : tuple of float
-        Penalties on mixing columns, each tried for landmarks; extremities take the first. See `alignments_from_points`.
-    ridge : float
-        Penalty on every entry of the alignment.
+        Mean distance, in √area, up to which aligned shapes are matched from their poses too; see `poses_between`.
+    off_diagonal, ridge : tuple of float, float
+        Penalties on mixing columns, each tried for landmarks, the first for extremities; and on every entry of the
+        alignment. See `alignments_from_points`.
     extremity_counts, n_candidate_extremities : tuple of int, int
         Numbers of extremities of one shape that are assigned together, and extremities of the other that may be theirs.
-    assignments : int
-        Best assignments that are kept for each count and direction.
-    eccentricity_weight : float
-        Weight of differences of average distance, against those of mutual distances, in the cost of an assignment.
+    assignments, eccentricity_weight : int, float
+        Best assignments that are kept for each count and direction; weight of differences of average distance, against
+        those of mutual distances, in their cost.
     start_steps, flip_steps : int
         Iterations of closest points from extremities; after flips and combinations.
-    unchanged : float
-        Share of unchanged images at which an iteration has converged.
-    compare_every : int
-        Iterations between comparisons of the maps under way; as many on the way back.
+    unchanged, compare_every : float, int
+        Share of unchanged images at which an iteration has converged; iterations between comparisons of the maps.
     same_start, same_map : float
         Mean distance of images, in √area, below which two starts, and two converged maps, are one.
-    n_hypotheses : int
-        Most hypotheses.
-    flipped, flipped_functions : int
-        Best hypotheses that are flipped, and leading Laplace–Beltrami functions whose sign is flipped in each.
+    n_hypotheses, flipped, flipped_functions : int
+        Most hypotheses; the best that are flipped, and leading Laplace–Beltrami functions whose sign is flipped.
     both_ways : bool
         Whether maps are also searched from the target, and inverted.
     combined, halves : int
@@ -53,8 +44,7 @@ class SearchSettings(Settings):
     most_combined : int
         Most combinations, those of least residual, that are compared with the candidates.
     flip_landmarks : bool
-        Whether flips of the map from landmarks, which leave the front and the back of a thin body undecided, are tried
-        where no automatic hypotheses compete.
+        Whether flips of the map from landmarks are tried where no automatic hypotheses compete.
     """
 
     rank: int = setting(30, "measured on 50 pairs: p = 60 and k = 30 as good as p = 100 and k = 50", least=4)
@@ -95,8 +85,7 @@ class SelectionSettings(Settings):
     orientation_threshold : float
         Mean cosine between normals above which a map counts as orientation-preserving.
     mirrored_energy : float
-        Energy of a hypothesis of the orientation that is not allowed, against the least of the others, below which it
-        is refined and compared, too.
+        Energy, against the least, below which a hypothesis of the orientation that is not allowed is refined, too.
     energy_limit, most_contenders : float, int
         Energy, against the least, up to which hypotheses are refined and compared again; most of them.
     extension_functions : int
@@ -109,8 +98,7 @@ class SelectionSettings(Settings):
     energy_exponent : float
         Score of a refined map = misfit × energy to this power.
     mismatch_weight : float
-        The ratio of the costs of two maps is multiplied by exp(this × the difference of their mean mismatches, see
-        `BallSignature`, over the region where they differ).
+        Weight of the difference of the mean mismatches of two maps in the logarithm of the ratio of their costs.
     most_alternatives : int
         Most alternatives in the result.
     """
@@ -153,8 +141,7 @@ class RefinementSettings(Settings):
     registration_steps : int
         Steps of the non-rigid registration that ends "joint".
     laplace_steps_at_once : int
-        If above 0, "laplace_icp" takes all functions from the start, with an orthogonal functional map and at most so
-        many iterations: the paper as it is written.
+        If above 0, the most iterations of "laplace_icp" as the paper has it: all functions at once, F orthogonal.
     """
 
     sizes_without_positions: tuple[int, ...] = setting(
@@ -194,8 +181,7 @@ class PartSettings(Settings):
     Parameters
     ----------
     hopeless : float
-        A map is dropped if its score exceeds this × the best score: after the short refinement, but for the two best,
-        and before maps are settled.
+        Score over the best from which a map is dropped: but for two after the short refinement, and before settling.
     long_boundary : float
         Length of the longest piece of the boundary, in √area, above which a shape may be a part.
     close : bool
@@ -204,13 +190,10 @@ class PartSettings(Settings):
         The map with the holes closed is returned if its cost is less than this times that of the best map of a part.
     little_missing, most_there : float
         Shares of the area of the whole, by the units of the files, from which a part is matched with its holes closed
-        first; the second one where few distances are known (``little_trusted``). If that is sure, the part is matched
-        from there, without a search of its own.
-    bending : tuple of float
-        Lengths, in √area of the whole, over which the part resists being stretched when it is bent onto the whole; see
-        `register_as_rigid_as_possible`.
-    n_bent_vertices : int
-        Vertices of the part while contenders bend it.
+        first, and if that is sure, from there; the second where few distances are known (``little_trusted``).
+    bending, n_bent_vertices : tuple of float, int
+        Lengths, in √area of the whole, over which the part resists being stretched when it is bent onto the whole, see
+        `register_as_rigid_as_possible`, and its vertices while contenders bend it.
     n_settled : int
         Best maps that are settled: the part is bent, its map refined from where it lies then, and so on.
     rim, off : float
@@ -223,10 +206,9 @@ class PartSettings(Settings):
         the score of its best alternative is at least so many times its own.
     mismatch_weight : float
         As `SelectionSettings.mismatch_weight`, of parts; also of roughly refined maps, over everything that is known.
-    n_common : int
-        Of two overlapping parts of one body: regions in common that are refined, the likeliest ones.
-    sure_common : float
-        How much more alike than at random the parts must look in the best of them for it to be sure.
+    n_common, sure_common : int, float
+        Of two overlapping parts: likeliest regions in common that are refined; how much more alike than at random the
+        parts must look in the best of them for it to be sure.
     tie : float
         Score of an alternative, against the map returned, below which nothing decides between them.
     """
@@ -259,22 +241,14 @@ class ElasticSettings(Settings):
     ----------
     sought : float
         Misfit of the best map that keeps distances, from which one is sought that lets limbs stretch.
-    n_coordinates : int
-        Canonical coordinates of each shape.
-    forgiven : float
-        Relative difference of two distances, in units of the average, that costs nothing.
-    inside : float
-        A term of the cost, see `IntervalCost`.
-    n_starts : int
-        Best assignments of the points of either shape.
-    bending : tuple of float
-        Lengths, in √area, over which the shapes resist being stretched when contenders bend them onto each other; see
-        `register_as_rigid_as_possible`.
-    n_bent_vertices : int
-        Vertices of each shape while contenders bend it.
+    n_coordinates, n_starts : int
+        Canonical coordinates of each shape; best assignments of the points of either.
+    forgiven, inside : float
+        Relative difference of two distances, in units of the average, that costs nothing; a term of `IntervalCost`.
+    bending, n_bent_vertices
+        As `PartSettings` has them, of both shapes.
     most_scaled : float
-        How many times as large or as small a piece of the source may become at no cost when the winner is bent; see
-        `RigidRegistration`.
+        How many times as large or small a piece of the source may become at no cost; see `RigidRegistration`.
     """
 
     sought: float = setting(0.54, "docs/notes/other_species.md: when limbs are taken to stretch", least=0)
@@ -303,14 +277,12 @@ class OutcomeSettings(Settings):
     mirror_tie : float
         The same for a map of the other side where either is allowed; the poses alone may differ as much.
     mirror_image : float
-        Score of a map of the orientation that is not allowed, against the map returned, below which it fits clearly
-        better.
-    torn : float
-        Squared length of the image of an edge, over its own, above which it counts no more: the edge is torn.
-    torn_apart : float
-        How much farther apart the images of neighbours are than the neighbours, in √area, where the map tears them.
-    poor_misfit, poor_residual, poor_stretch, poor_torn_off : float
-        Values above which a map is poor.
+        Score, against the map returned, below which a map of the orientation that is not allowed fits clearly better.
+    torn, torn_apart : float
+        Squared length of the image of an edge, over its own, above which it counts no more; and difference of both
+        lengths, in √area, from which the map tears the edge.
+    poor_misfit, poor_residual, poor_stretch, poor_torn_off, poor_orientation : float
+        Values above which, of the orientation below which, a map is poor.
     poor_bending, poor_far_residual : float
         Values of `Quality.bend_misfit` and of the residual above which a map between shapes far from isometric is poor.
     poor_mismatch : float
@@ -318,16 +290,14 @@ class OutcomeSettings(Settings):
     doubtful_mismatch, doubtful_area : float
         Mean mismatch of the neighbourhood of a vertex, above the median of the map, from which its image is doubtful,
         and share of the surface from which a region of doubtful images lowers the outcome.
-    poor_orientation : float
-        Value below which a map is poor.
     contradiction : float
         Distance from the images that hints ask for, in √area, from which they are contradicted: the mean of the
         landmarks (of a part the median), or the median of an initial map, which may be wrong in places.
     out_of_pose : float
         Mean distance of the images from the nearest points in space, in √area, from which ``start="pose"`` misleads.
     large_component : float
-        A component is large from this share of the area, or of the vertices. If a large one has no partner, the match is
-        partial, and it is no surer than its least sure large component.
+        Share of the area, or of the vertices, from which a component without a partner makes a match partial, and an
+        unsure one makes it unsure.
     """
 
     coverage_radius: float = setting(COVERAGE_RADIUS, "the spacing of the search vertices", least=0)

@@ -23,10 +23,8 @@ class PreparationSettings(Settings):
         Most extremities of a shape.
     signature_step : int
         Which of the hundred energies of the wave kernel signature are kept: every fifth.
-    curvature_functions : tuple of int
-        Functions of the smoothed surfaces whose signed mean curvatures are part of the signatures.
-    energy_curvature_functions : int
-        Functions of the smoothed surface whose curvature the energy of a map compares.
+    curvature_functions, energy_curvature_functions : tuple of int, int
+        Functions of the smoothed surfaces whose signed mean curvatures are signatures, and whose the energy compares.
     distance_unit : {"average", "user"}
         Unit in which distances of two shapes are compared: the average distance of each, or that of the user.
     block_diagonal : bool
@@ -34,11 +32,9 @@ class PreparationSettings(Settings):
     sheet_distance : float
         Sheets that are glued together, such as limbs that touch in a scan, are separated where they are at least so far
         apart along the surface, in √area; ``inf`` leaves them together.
-    contact_concavity : float
-        Limbs that are fused are cut from what they touch along loops whose mean cost, see `cut_contacts`, is at most
-        this; 0 cuts none.
-    most_contacts : int
-        Shapes of which one has more handles than this are not cut: they are no limbs that touch.
+    contact_concavity, most_contacts : float, int
+        Limbs that are fused are cut from what they touch along loops whose mean cost, see `cut_contacts`, is at most the
+        first; 0 cuts none. Shapes with more handles than the second are not cut: they are no limbs that touch.
     most_components : int
         Most components of a mesh, beside the largest, that are matched by themselves.
     """
