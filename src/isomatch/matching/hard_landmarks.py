@@ -139,10 +139,10 @@ def _coordinates(shape: PreparedShape) -> FloatArray:
 
 def _weights(shape: PreparedShape, at: IntArray, gap: float) -> FloatArray:
     """Weights (n_full, m) with which vertices follow landmarks: 1 at one, 0 at the others, and far away."""
-    # Displacements are interpolated by heat kernels of the source of width w, h(i, l) = Σ_j e^{−λ_j w² / 2} φ_j(i) φ_j(l),
-    # each column over its peak: W = h H⁺ with H the kernel among the landmarks, so that W is 1 at one and 0 at the others.
-    # Then W ≥ 0 and Σ W ≤ 1 are forced: no vertex moves farther than a landmark. The bump is so wide that a gap is spread
-    # over a slope that turns no face over, but no wider than landmarks are apart.
+    # Shifts are interpolated by heat kernels of the source, of width w: h(i, l) = Σ_j e^{−λ_j w² / 2} φ_j(i) φ_j(l),
+    # each column over its peak: W = h H⁺ with H the kernel among the landmarks, so W is 1 at one and 0 at the others.
+    # Then W ≥ 0 and Σ W ≤ 1 are forced: no vertex moves farther than a landmark. The bump is so wide that a gap is
+    # spread over a slope that turns no face over, but no wider than landmarks are apart.
     phi, spectrum = shape.laplace.vectors, shape.laplace.values
     places = _at(shape.detail.transfer.on_coarse, at) if shape.detail else PrecisePoints.at_vertices(at)
     nearest = places.corners[:, 0]
