@@ -53,6 +53,7 @@ def pinned(pair: ShapePair, solution: Solution, landmarks: IntArray, tolerance: 
     apart = target.distance(*ends[(ends >= 0).all(axis=1)].T)
     landmark_error = float(apart.mean()) if len(apart) else np.nan
     matched = float(bent_map.matched.mean())
+    # the other measures are those of the map before
     quality = replace(solution.quality, landmark_error=landmark_error, matched=matched)
     return replace(
         solution,

@@ -209,6 +209,7 @@ def with_functions(pair: ShapePair, functions: tuple[ArrayLike, ArrayLike] | Non
                 f"functions: values of the {side} are infinite, or one function is known at no vertex; give finite "
                 "numbers, and nan where nothing is known"
             )
+    # both shapes together get mean 0 and variance 1, so that one value means the same on both
     both = np.concatenate(values)
     weight = pair.config.refining.function_weight / np.sqrt(both.shape[1])
     mean, deviation = np.nanmean(both, axis=0), np.nanstd(both, axis=0)
