@@ -68,7 +68,7 @@ def test_landmarks_contend_whatever_starts_are_handed_in(bodies, relation):
 @pytest.mark.long
 @RELATIONS
 def test_without_hints_none_may_win(bodies, relation):
-    with pytest.raises(SettingError, match="hypotheses = 'given', but no landmarks"):
+    with pytest.raises(SettingError, match="no landmarks"):
         match(*bodies[:2], config=Config(hypotheses="given"), relation=relation)
 
 
