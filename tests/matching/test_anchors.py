@@ -5,8 +5,8 @@ import pytest
 
 from isomatch import Config, Graph, Outcome, PointCloud, SettingError, match, prepare
 from isomatch.matching import prepare_pair
-from isomatch.matching.anchors import slid, starts_from_anchors
-from isomatch_lab.procedural.organs import organ, organ_truth
+from isomatch.matching.starts import slid, starts_from_anchors
+from isomatch_lab.procedural import organ, organ_truth
 from isomatch_lab.sets import relabelled
 from shapes import box, cylinder, disguised, flat_grid, icosphere
 from zoo.made import mobius_strip

@@ -80,7 +80,7 @@ def test_meshes_without_distances(animal, shape, side, defect, message):
 
 
 def test_tiny_mesh(shape):
-    with pytest.raises(MeshError, match="has 4 vertices, at least 50 are needed; subdivide"):
+    with pytest.raises(MeshError, match="at least 50"):
         match(shape, specimen("tetrahedron").mesh)
 
 
@@ -150,7 +150,7 @@ def test_landmarks_off_the_main_component(animal, shape):
     ball = icosphere(1)
     mesh = with_more(animal.mesh, 0.1 * ball.vertices + [50, 0, 0], ball.faces)
     pairs = [[n, 0], [n + 1, 100], [n + 2, 200], [3, 3], [900, 900]]
-    with pytest.raises(LandmarkError, match="only 2 landmarks lie on the main component of both shapes"):
+    with pytest.raises(LandmarkError, match="only 2 landmarks"):
         match(mesh, shape, landmarks=pairs)
 
 

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from isomatch import Config, LandmarkError, Mesh, Outcome, match, prepare
 from isomatch.datasets import ground_truth
 from isomatch.matching import ShapePair
-from isomatch.matching.carrier import Carrier
+from isomatch.matching.components import Carrier
 from isomatch.shapes import components_of
 from isomatch_lab.procedural import creature
 from shapes import box, disguised, flat_grid, icosphere

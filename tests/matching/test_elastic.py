@@ -9,12 +9,12 @@ from isomatch import Config, Mesh, Outcome, match, prepare
 from isomatch.correspondence import Embedding
 from isomatch.datasets import ground_truth
 from isomatch.matching import Elastic, Fit, Hints, Isometry, ShapePair, prepare_pair, stages_of
-from isomatch.matching.judge import bends_badly
 from isomatch.matching.relations.elastic import far_from_isometric
 from isomatch.matching.relations.elastic_fit import ElasticFit, Step
 from isomatch.matching.relations.elastic_shape import ElasticShape
 from isomatch.matching.relations.elastic_starts import N_PLAIN_STARTS, anchor_starts
 from isomatch.matching.relations.mirror import with_mirror
+from isomatch.matching.verification import bends_badly
 from isomatch.settings import ElasticSettings
 from isomatch_lab.procedural import creature
 from isomatch_lab.sets import relabelled

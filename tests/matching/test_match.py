@@ -245,14 +245,14 @@ def test_wolf_without_landmarks(wolves):
 def test_prepared_with_other_settings():
     source, target = example_pair()
     prepared = prepare(source.mesh, Config(rank=30))
-    with pytest.raises(SettingError, match="source was prepared with rank = 30, the match asks for 50"):
+    with pytest.raises(SettingError, match="rank = 30"):
         match(prepared, target.mesh, config=Config())
 
 
 @pytest.mark.long
 def test_given_needs_something_given():
     source, target = example_pair()
-    with pytest.raises(SettingError, match="no landmarks, initial map or descriptors were given"):
+    with pytest.raises(SettingError, match="no landmarks"):
         match(source.mesh, target.mesh, config=Config(hypotheses="given"))
 
 

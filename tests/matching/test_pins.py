@@ -213,7 +213,7 @@ def test_landmarks_that_contradict_the_map_are_named(bodies):
 
 @pytest.mark.long
 def test_bad_pins(bodies):
-    with pytest.raises(SettingError, match="pin = 0, but no landmarks"):
+    with pytest.raises(SettingError, match="pin = 0"):
         match(*bodies[:2], config=Config(pin=0))
-    with pytest.raises(SettingError, match="pin = -1 is not a number of at least 0"):
+    with pytest.raises(SettingError, match="pin = -1"):
         replace(Config(), pin=-1)

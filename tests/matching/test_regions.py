@@ -11,8 +11,8 @@ from isomatch.cli.results import say_result
 from isomatch.datasets import ground_truth
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching import DoubtfulRegion, outcome_of, prepare_pair
-from isomatch.matching.judge import region_evidence
-from isomatch.matching.regions import ANOTHER_MAP, LOOKS_UNLIKE, doubt_in, lifted, regions_of_doubt
+from isomatch.matching.confidence import ANOTHER_MAP, LOOKS_UNLIKE, doubt_in, lifted, regions_of_doubt
+from isomatch.matching.verification import region_evidence
 from isomatch_lab.procedural import creature
 from shapes import icosphere
 

@@ -160,12 +160,12 @@ def test_what_is_no_prepared_shape(tmp_path, prepared_example, result):
     with np.load(path) as stored:
         arrays = dict(stored)
     np.savez(path, **{**arrays, "array_0": arrays["array_0"] + 1})
-    with pytest.raises(FormatError, match="it was changed after it was written"):
+    with pytest.raises(FormatError, match="changed"):
         PreparedShape.load(path)
     np.savez(path, **arrays, array_x=np.zeros(1))
     assert PreparedShape.load(path).surface.n_vertices == prepared_example[0].surface.n_vertices
     np.savez(path, **{name: array for name, array in arrays.items() if name != "format_version"})
-    with pytest.raises(FormatError, match="not a prepared shape"):
+    with pytest.raises(FormatError, match="prepared"):
         PreparedShape.load(path)
     for version, message in ((2, "prepared in another way"), (4, "upgrade isomatch")):
         np.savez(path, **{**arrays, "format_version": version})

@@ -1,6 +1,6 @@
 """The selector on plain numbers: no shapes, no maps."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
 
 import numpy as np
@@ -8,10 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from isomatch.matching import contest
-from isomatch.matching.contest import (
+from isomatch.matching import selection
+from isomatch.matching.selection import (
     LANDMARK_SLACK,
-    SCORE_NOISE,
     Rules,
     contenders,
     distinct,
@@ -26,7 +25,7 @@ SETTINGS, BOUNDS = SelectionSettings(), OutcomeSettings()
 
 def select(fits, eligible, apart, elsewhere, n_tried):
     rules = Rules.of(SETTINGS, BOUNDS)
-    return contest.select(fits, apart, rules, eligible=eligible, elsewhere=elsewhere, n_tried=n_tried)
+    return selection.select(fits, apart, rules, eligible=eligible, elsewhere=elsewhere, n_tried=n_tried)
 
 
 @dataclass(frozen=True)
@@ -52,6 +51,11 @@ class Fit:
 
 
 NOWHERE = np.zeros((10, 10))  # no two send limbs to different places
+
+
+def selected(fits):
+    """What is selected of maps that are all different, and may all win."""
+    return select(fits, [True] * len(fits), apart(len(fits)), NOWHERE, 4)
 
 
 def apart(n, *same):
@@ -92,76 +96,14 @@ def test_without_landmarks_nothing_is_dropped(candidates):
     assert sorted(ranked(candidates, "preserve", SETTINGS), key=repr) == sorted(candidates, key=repr)
 
 
-def test_orientation_goes_before_energy():
-    right, mixed, mirrored = Found(3.0, 0.8), Found(2.0, 0.1), Found(1.0, -0.8)
-    everything = [mirrored, mixed, right]
-    assert ranked(everything, "preserve", SETTINGS) == [right, mixed, mirrored]
-    assert ranked(everything, "reverse", SETTINGS) == [mirrored, mixed, right]
-    assert ranked(everything, "any", SETTINGS) == [mirrored, right, mixed]
-
-
-def test_what_contradicts_the_landmarks_is_dropped():
-    near, slack, far = (
-        Found(3.0, landmark_error=0.02),
-        Found(2.0, landmark_error=0.06),
-        Found(1.0, landmark_error=0.2),
-    )
-    assert ranked([near, slack, far], "preserve", SETTINGS, landmarks=True) == [slack, near]
-
-
-def test_landmarks_may_ask_for_the_mirror_image():
-    """The wanted orientation comes first only where it fits nearly as well."""
-    mirrored, near, poor = Found(1.0, -0.8), Found(1.4, 0.8), Found(1.6, 0.8)
-    assert ranked([mirrored, near], "preserve", SETTINGS, landmarks=True)[0] == near
-    assert ranked([mirrored, poor], "preserve", SETTINGS, landmarks=True)[0] == mirrored
-
-
-def test_contenders_are_of_comparable_energy_and_not_of_the_other_side():
-    best, near, weak, mirrored = Found(1.0), Found(2.9), Found(3.1), Found(0.5, -0.8)
-    order = ranked([mirrored, weak, near, best], "preserve", SETTINGS)
-    assert contenders(order, "preserve", SETTINGS) == [best, near]
-
-
-def test_a_map_that_leans_to_the_wanted_side_is_a_contender():
-    order = ranked([Found(1.0, 0.9), Found(0.8, 0.1)], "preserve", SETTINGS)
-    assert contenders(order, "preserve", SETTINGS) == [Found(0.8, 0.1), Found(1.0, 0.9)]
-
-
 def test_where_only_the_other_side_was_found_it_contends():
     assert contenders([Found(1.0, -0.9)], "preserve", SETTINGS) == [Found(1.0, -0.9)]
     assert contenders([], "preserve", SETTINGS) == []
 
 
-def test_there_is_a_limit_to_the_contenders():
-    order = [Found(1.0 + 0.01 * i) for i in range(20)]
-    assert len(contenders(order, "preserve", SETTINGS)) == SETTINGS.most_contenders
-
-
-def test_hopeless_fits_are_given_up():
-    fits = [Fit(1.2), Fit(1.0), Fit(1.1)]
-    assert survivors(fits, apart(3), SETTINGS, True, False) == [(1, 1), (2, 2)]
-
-
-def test_the_best_of_either_side_is_spared_where_both_are_wanted():
-    fits = [Fit(1.0), Fit(3.0, orientation=-0.9), Fit(4.0, orientation=-0.9)]
-    assert survivors(fits, apart(3), SETTINGS, True, True) == [(0, 0), (1, 1)]
-    assert survivors(fits, apart(3), SETTINGS, True, False) == [(0, 0)]
-
-
-def test_a_twisted_map_sets_no_standard_while_normals_take_no_part():
-    fits = [Fit(0.5, orientation=0.1), Fit(1.0)]
-    assert survivors(fits, apart(2), SETTINGS, False, False) == [(1, 1), (0, 0)]
-    assert survivors(fits, apart(2), SETTINGS, True, False) == [(0, 0)]
-
-
 def test_of_fits_that_coincide_one_is_kept_for_the_hypothesis_of_least_residual():
     fits = [Fit(1.0, residual=0.3), Fit(1.05, residual=0.1), Fit(1.1, residual=0.2)]
     assert survivors(fits, apart(3, (0, 1)), SETTINGS, True, False) == [(0, 1), (2, 2)]
-
-
-def test_a_fit_of_the_other_side_lends_no_hypothesis():
-    fits = [Fit(1.0, residual=0.3), Fit(1.05, orientation=-0.9, residual=0.1)]
-    assert survivors(fits, apart(2, (0, 1)), SETTINGS, True, False) == [(0, 0)]
 
 
 def test_the_eligible_fit_of_least_score_wins():
@@ -191,58 +133,38 @@ def test_a_variant_of_the_winner_is_no_rival():
     assert alone.against is None
 
 
-@given(st.lists(st.floats(0.1, 10), min_size=1, max_size=6, unique=True), st.randoms())
-def test_the_winner_does_not_depend_on_the_order(scores, random):
-    fits = [Fit(1.0, score=score) for score in scores]
-    chosen = select(fits, [True] * len(fits), apart(len(fits)), NOWHERE, 4)
-    assert chosen.winner.score == min(scores)
-    assert len(chosen.rivals) == len(fits) - 1
-    assert chosen.rival >= 1
+fits = st.builds(
+    Fit, st.just(1.0), st.floats(0.1, 10), st.floats(-1, 1), hint_error=st.sampled_from([0.0, 0.04, 0.2])
+)
 
 
-def test_differences_below_the_noise_of_triangulations_are_ties():
-    copy = Fit(0.01, score=0.0001)
-    other = Fit(0.1, score=0.02)
-    assert select([copy, other], [True, True], apart(2), NOWHERE, 2).rival == 1
-    assert len(survivors([copy, other], apart(2), SETTINGS, with_normals=True, both_sides=False)) == 2
-    far = Fit(0.6, score=0.2)
-    assert select([copy, far], [True, True], apart(2), NOWHERE, 2).rival == 0.2 / SCORE_NOISE
-    assert len(survivors([copy, far], apart(2), SETTINGS, with_normals=True, both_sides=False)) == 1
+def several(items, least=1):
+    return st.lists(items, min_size=least, max_size=6, unique_by=lambda each: each.score)
 
 
-def test_a_rival_that_contradicts_the_landmarks_counts_only_if_it_is_clearly_better():
-    winner = Fit(0.3, score=0.10)
-    for score, rival in ((0.101, inf), (0.095, inf), (0.05, 0.5)):
-        other = Fit(0.3, score=score, landmark_error=0.4)
-        assert select([winner, other], [True, False], apart(2), NOWHERE, 2).rival == pytest.approx(rival)
+@given(several(fits), st.randoms())
+def test_the_selection_does_not_depend_on_the_order(made, random):
+    shuffled = made[:]
+    random.shuffle(shuffled)
+    assert selected(made) == selected(shuffled)
 
 
-def test_a_variant_that_may_not_win_counts_only_if_it_is_clearly_better():
-    near = np.array([[0, 0.08], [0.08, 0]])
-    for score, rival in ((0.11, inf), (0.095, inf), (0.05, 0.5)):
-        fits = [Fit(0.3, score=0.10), Fit(0.3, score=score)]
-        assert select(fits, [True, False], near, NOWHERE, 2).rival == pytest.approx(rival)
+@given(several(fits))
+def test_mirroring_all_maps_selects_the_mirror_image(made):
+    made = [replace(fit, orientation=fit.orientation or 1.0) for fit in made]
+    chosen = selected([replace(fit, orientation=-fit.orientation) for fit in made])
+    assert replace(chosen.winner, orientation=-chosen.winner.orientation) == selected(made).winner
+    assert (chosen.rival, chosen.mirrored) == (selected(made).rival, selected(made).mirrored)
 
 
-def test_a_near_map_that_fits_as_well_and_sends_a_limb_elsewhere_is_a_rival():
-    near = np.array([[0, 0.07], [0.07, 0]])
-    for share, score, rival in ((0.08, 0.102, 1.02), (0.08, 0.11, inf), (0.02, 0.102, inf)):
-        elsewhere = np.array([[0, share], [share, 0]])
-        fits = [Fit(0.3, score=0.10), Fit(0.3, score=score)]
-        chosen = select(fits, [True, True], near, elsewhere, 2)
-        assert chosen.rival == pytest.approx(rival)
-        assert chosen.against is (fits[1] if rival < inf else None)
-
-
-def test_a_perfect_map_has_no_rival_though_both_are_below_the_noise():
-    near, elsewhere = np.array([[0, 0.07], [0.07, 0]]), np.array([[0, 0.08], [0.08, 0]])
-    fits = [Fit(0.01, score=0.0), Fit(0.15, score=0.5 * SCORE_NOISE)]
-    assert select(fits, [True, True], near, elsewhere, 2).rival == inf
-
-
-def test_a_variant_of_a_perfect_map_is_no_rival():
-    near = np.array([[0, 0.05], [0.05, 0]])
-    assert select([Fit(0.01, score=0.0), Fit(0.15, score=0.018)], [True, True], near, NOWHERE, 2).rival == inf
+@given(several(fits, least=2))
+def test_a_winner_that_fits_better_still_wins_and_no_less_clearly(made):
+    before = selected(made)
+    better = [replace(fit, score=0.9 * fit.score) if fit is before.winner else fit for fit in made]
+    after = selected(better)
+    assert after.winner.hint_error <= before.winner.hint_error
+    if not before.hints_decided:
+        assert after.rival >= before.rival or after.hints_decided
 
 
 @given(st.lists(st.tuples(st.floats(0.1, 10), st.floats(0, 0.5)), min_size=1, max_size=6))
@@ -253,36 +175,6 @@ def test_hints_decide_ties_and_nothing_else(fits):
     tied = [fit for fit in made if fit.score <= BOUNDS.tie * best]
     assert chosen.winner in tied
     assert chosen.winner.hint_error <= min(fit.hint_error for fit in tied) + LANDMARK_SLACK
-
-
-def test_of_maps_that_tie_the_one_nearest_to_the_hints_wins():
-    better, hinted = Fit(0.3, score=0.10, hint_error=0.4), Fit(0.3, score=0.11, hint_error=0.02)
-    chosen = select([better, hinted], [True] * 2, apart(2), NOWHERE, 2)
-    assert chosen.winner is hinted
-    assert chosen.rival == 1, "it does not lose to one that it ties with"
-    assert chosen.hints_decided
-    worse = Fit(0.3, score=0.13, hint_error=0.02)
-    assert select([better, worse], [True] * 2, apart(2), NOWHERE, 2).winner is better
-
-
-def test_a_mirror_image_ties_as_far_as_the_outcome_says():
-    direct, mirrored = Fit(0.3, score=0.10, hint_error=0.3), Fit(0.3, 0.14, -0.9, hint_error=0.02)
-    assert select([direct, mirrored], [True] * 2, apart(2), NOWHERE, 2).winner is mirrored
-    twisted = Fit(0.3, score=0.16, orientation=-0.9, hint_error=0.02)
-    assert select([direct, twisted], [True] * 2, apart(2), NOWHERE, 2).winner is direct
-
-
-def test_the_candidate_nearest_to_the_hints_is_refined_whatever_its_side():
-    best, hinted = Found(1.0, hint_error=0.3), Found(4.0, -0.8, hint_error=0.1)
-    order = ranked([hinted, best], "preserve", SETTINGS)
-    assert contenders(order, "preserve", SETTINGS) == [best, hinted]
-    no_nearer = Found(4.0, -0.8, hint_error=0.28)
-    assert contenders([best, no_nearer], "preserve", SETTINGS) == [best]
-
-
-def test_the_fit_nearest_to_the_hints_is_not_given_up():
-    fits = [Fit(1.0, hint_error=0.3), Fit(1.4, hint_error=0.01), Fit(1.3, hint_error=0.2)]
-    assert survivors(fits, apart(3), SETTINGS, True, False) == [(0, 0), (1, 1)]
 
 
 @given(st.lists(st.integers(0, 9), max_size=8), st.sampled_from([None, 1, 3]))
@@ -297,14 +189,6 @@ def test_maps_that_are_kept_differ_from_each_other_and_every_other_one_is_like_o
         assert all(min(abs(place - other) for other in kept) <= 1.5 for place in places)
     else:
         assert len(kept) <= most
-
-
-def test_without_rules_about_limbs_only_the_distance_makes_a_rival():
-    fits = [Fit(0.3, score=0.10), Fit(0.3, score=0.11), Fit(0.3, score=0.12)]
-    rules = Rules(rival_distance=0.1)
-    near = np.array([[0, 0.07, 0.2], [0.07, 0, 0.2], [0.2, 0.2, 0]])
-    assert contest.select(fits, near, rules).rival == pytest.approx(1.2)
-    assert contest.select(fits, near, rules, scores=[3, 2, 6]).winner is fits[1]
 
 
 def line(a, b):

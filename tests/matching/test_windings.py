@@ -3,13 +3,10 @@
 import numpy as np
 import pytest
 
-from isomatch import Config, Correspondence, Mesh, NotConvergedError, Outcome, match, prepare
+from isomatch import Mesh, Outcome, match, prepare
 from isomatch.datasets import example_pair
-from isomatch.matching import match_both, windings
-from isomatch.matching.judge import Evidence, Solution
-from isomatch.matching.pair import ShapePair
+from isomatch.matching import match_both
 from isomatch.resolution import decimate
-from isomatch.runtime.stage_timer import StageTimer
 from isomatch.shapes import turned_over
 from shapes import icosphere, inside_out, upper_share
 
@@ -76,54 +73,6 @@ def test_turned_over_twice_is_the_same(part):
     assert np.array_equal(turned.mesh_body.faces, shape.mesh_body.faces)
     normals = (each.mesh_body.vertex_normals for each in (turned_over(shape), shape))
     np.testing.assert_allclose(next(normals), -next(normals), atol=1e-12)
-
-
-def judged_as(pair, monkeypatch, *each):
-    """Which winding is chosen of a part inside out, given the evidence for both and how they look, or the errors."""
-    ends = iter(each)
-    looks = {}
-
-    def solved(wound, *_):
-        end = next(ends)
-        if isinstance(end, Exception):
-            raise end
-        evidence, looks[id(wound)] = end
-        n = wound.source.surface.n_vertices
-        image = Correspondence(np.full(n, -1), wound.target.surface.n_vertices)
-        return Solution(wound, image, None, (evidence,), np.zeros(n))
-
-    monkeypatch.setattr(windings, "solve", solved)
-    monkeypatch.setattr(windings, "looks_apart", lambda wound, _: looks[id(wound)])
-    found = windings.solve_either_winding(pair, None, None, StageTimer())
-    assert found.pair is pair
-    return found.notes[0].rpartition("them ")[2]
-
-
-@pytest.mark.parametrize(
-    ("as_they_are", "turned", "chosen"),
-    [
-        ((Evidence(poor=True), 0.1), (Evidence(partial=True), 0.9), "turned over"),
-        ((Evidence(partial=True), 0.9), (Evidence(mirrored=True), 0.1), "as they are"),
-        ((Evidence(), 0.9), (Evidence(ambiguous=True), 0.1), "turned over"),
-        ((Evidence(poor=True), 0.1), (Evidence(contradicted=True), 0.1), "as they are"),
-        ((Evidence(), np.nan), (Evidence(), 0.9), "turned over"),
-        ((Evidence(), 0.9), (Evidence(), np.nan), "as they are"),
-        (NotConvergedError("none"), (Evidence(poor=True), 0.9), "turned over"),
-        ((Evidence(poor=True), 0.9), NotConvergedError("none"), "as they are"),
-    ],
-)
-@pytest.mark.parametrize("side", ["source", "target"])
-def test_the_choice(part, whole, monkeypatch, as_they_are, turned, chosen, side):
-    pair = ShapePair(prepare(inside_out(part)), whole, Config())
-    pair = pair if side == "source" else pair.turned
-    assert windings.side_to_turn(pair) == side
-    assert judged_as(pair, monkeypatch, as_they_are, turned) == chosen
-
-
-def test_without_any_map_the_error_is_that_of_the_match(part, whole, monkeypatch):
-    pair = ShapePair(prepare(inside_out(part)), whole, Config())
-    with pytest.raises(NotConvergedError, match="second"):
-        judged_as(pair, monkeypatch, NotConvergedError("first"), NotConvergedError("second"))
 
 
 @pytest.mark.long

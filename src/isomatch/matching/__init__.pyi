@@ -1,25 +1,21 @@
-from isomatch.matching.both import BothDirections, match_both
-from isomatch.matching.chosen import continue_with
-from isomatch.matching.confidence import expected_errors
+from isomatch.matching.candidates import first_map
+from isomatch.matching.confidence import DoubtfulRegion, expected_errors
 from isomatch.matching.coordinates import joint_coordinates
 from isomatch.matching.fit import Candidate, Fit, Hypothesis
 from isomatch.matching.hints import Hints
-from isomatch.matching.judge import Evidence, Solution, judged, lowered, measured_evidence, outcome_of
-from isomatch.matching.match import match, stages_of
-from isomatch.matching.outcome import Outcome
+from isomatch.matching.match import BothDirections, continue_with, match, match_both, stages_of
 from isomatch.matching.pair import ShapePair, prepare_pair
-from isomatch.matching.quality import COVERAGE_RADIUS, contradicted_landmarks, covered_share, measure_quality
-from isomatch.matching.refinement_laws import check_refinement
-from isomatch.matching.refinements import REFINEMENTS
-from isomatch.matching.regions import DoubtfulRegion
+from isomatch.matching.quality import contradicted_landmarks, covered_share, measure_quality
+from isomatch.matching.refinements import REFINEMENTS, check_refinement
 from isomatch.matching.relations.both_parts import BothParts
 from isomatch.matching.relations.elastic import Elastic
 from isomatch.matching.relations.isometry import Isometry
 from isomatch.matching.relations.part import Part
-from isomatch.matching.result import Alternative, MatchResult, Quality
-from isomatch.matching.screening import first_map
+from isomatch.matching.result import Alternative, MatchResult, Outcome, Quality
 from isomatch.matching.search import default_starts
 from isomatch.matching.stages import Joint, Refinement, Relation, Stages, Start
+from isomatch.matching.verification import Evidence, Solution, judged, lowered, measured_evidence, outcome_of
+from isomatch.settings import COVERAGE_RADIUS
 
 __all__ = [
     "COVERAGE_RADIUS",

@@ -3,84 +3,66 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import replace
-from itertools import permutations
-from typing import cast
+from dataclasses import dataclass, replace
+from itertools import chain, permutations, product
+from typing import Self, cast
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.optimize import linear_sum_assignment
+from scipy.spatial import cKDTree
+from scipy.spatial.distance import cdist
 
+from isomatch.correspondence import UNMATCHED, nearest_rotation
 from isomatch.errors import NotConvergedError
-from isomatch.matching.carrier import Carrier
-from isomatch.matching.component_hints import ComponentHints
-from isomatch.matching.component_result import ComponentMatch, composed, numbers_without
 from isomatch.matching.confidence import expected_errors
-from isomatch.matching.contest import MISFIT_NOISE
-from isomatch.matching.hints import Hints
-from isomatch.matching.judge import Evidence, Solution, measured_evidence, outcome_of
-from isomatch.matching.outcome import Outcome
+from isomatch.matching.hints import (
+    FEWEST_POINTS,
+    Hints,
+    UserHints,
+    checked_descriptors,
+    checked_initial_map,
+    checked_landmarks,
+)
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.quality import measure_quality
+from isomatch.matching.result import MAP_ARRAYS, Outcome
+from isomatch.matching.selection import MISFIT_NOISE
+from isomatch.matching.solve import solve_either_winding
 from isomatch.matching.stages import Stages
-from isomatch.matching.windings import solve_either_winding
+from isomatch.matching.verification import Evidence, Solution, measured_evidence, outcome_of
 from isomatch.runtime.stage_timer import StageTimer
 from isomatch.runtime.threads import parallel_map
 from isomatch.shapes import PreparedShape, components_of
 from isomatch.surfaces import Mesh
-from isomatch.values.arrays import FloatArray
+from isomatch.values.arrays import FloatArray, IntArray
 
 MOST_RIVALS = 3  # components tried as partners of the largest; chosen: nine matches at most
-
-# over that of the largest component, from which another may be the partner of the largest;
-# hemispheres differ by less, clothes by more
-RIVAL_AREA = 0.5
-
-# mean difference of their logarithms, above the least, up to which a pair is tried;
-# halves of creatures: poses 0.03, other halves 0.13
-SAME_SPECTRUM = 0.1
-
-# mean distance, in √area, up to which a component carried along rigidly fits;
-# chosen: half the spacing of the search vertices
-SAME_PLACE = 0.02
-
-SPECTRUM_FUNCTIONS = 20  # eigenvalues that are compared; halves of creatures: poses 0.03, other halves 0.13
-
-# distance from where a component is carried to, over its √area and its distance from the carriers;
-# one eye is 0.9 from the other
-MOST_APART = 0.7
-
+RIVAL_AREA = (
+    0.5  # over that of the largest, from which another is one; hemispheres differ by less, clothes by more
+)
+SPECTRUM_FUNCTIONS = 20  # eigenvalues of which the logarithms are compared
+SAME_SPECTRUM = (
+    0.1  # their mean difference, above the least, up to which a pair is tried; poses 0.03, halves 0.13
+)
+SAME_PLACE = (
+    0.02  # mean distance, in √area, up to which a rigid component fits; half the spacing of the samples
+)
+MOST_APART = 0.7  # from where it is carried to, over √area and its distance from the carriers; two eyes: 0.9
 MOST_LENGTH_RATIO = 1.4  # √area of one over that of its partner; as for the unit of a part
-
-# power of the distance with which the influence of a carrying vertex decreases;
-# chosen: sums over a surface converge from 2 on
-FALLOFF = 4.0
-
-# distance of a component from those that carry it, over its √area, up to which its place tells how it is turned;
-# chosen: a thing farther away than its own size may turn by itself
-HELD = 1.0
-
+FALLOFF = (
+    4.0  # power of the distance by which influence decreases; chosen: sums over a surface converge from 2 on
+)
+HELD = 1.0  # distance from the carriers, over √area, up to which a component cannot turn by itself; chosen
 FAR_APART = 1e6  # cost of components that are no partners
+TINY = 1e-6
+SIDES = "source", "target"
 
 
-def match_components(
-    pair: ShapePair,
-    landmarks: ArrayLike | None,
-    initial_map: ArrayLike | None,
-    initial_descriptors: tuple[ArrayLike, ArrayLike] | None,
-    stages: Stages,
-    timer: StageTimer,
-) -> Solution:
-    """Match shapes of which at least one has further components that can be matched by themselves.
-
-    The largest components are matched first. Their map carries the others along, which tells partners, and where each of
-    their vertices goes.
-
-    Parameters and errors are those of `match`.
-    """
+def match_components(pair: ShapePair, user_hints: UserHints, stages: Stages, timer: StageTimer) -> Solution:
+    """Match shapes of which at least one has further components that can be matched by themselves."""
     timer.start("components")
     parallel_map(components_of, (pair.source, pair.target))
-    hints = ComponentHints(pair, landmarks, initial_map, initial_descriptors)
+    hints = ComponentHints(pair, user_hints)
     components = _Components(pair, hints, stages, timer)
     matches, tied = components.large_ones()
     timer.start("components")
@@ -97,10 +79,7 @@ class _Components:
         self.sources, self.targets = hints.sides
 
     def large_ones(self) -> tuple[list[ComponentMatch], bool]:
-        """Match the largest components, and others nearly as large whose spectra do not tell which are partners.
-
-        Returns also whether another assignment of them fits as well.
-        """
+        """Match the largest components, and similar ones; returns also whether another assignment fits as well."""
         rows, columns = (self._rivals(side) for side in (self.sources, self.targets))
         joined = self.hints.joined[: len(rows), : len(columns)]
         if len(rows) == len(columns) == 1:
@@ -116,11 +95,8 @@ class _Components:
                 matched[i, j] = self._matched(i, j)
         if not matched:
             return [self._matched(0, 0)], False
-        assignments = [
-            [matched[numbers] for numbers in pairs if numbers in matched]
-            for pairs in _assignments(*unlike.shape)
-        ]
-        best, *others = sorted((matches for matches in assignments if matches), key=_against)
+        assigned = ([matched[ij] for ij in pairs if ij in matched] for pairs in _assignments(*unlike.shape))
+        best, *others = sorted(filter(None, assigned), key=_against)
         tied = others and _against(others[0])[:2] == _against(best)[:2]
         limit = self.pair.config.outcome.tie * _against(best)[2]
         return best, bool(tied and _against(others[0])[2] < limit)
@@ -138,13 +114,11 @@ class _Components:
             return []
         centres = {i: carrier.moved(self.sources[i]).mean(axis=0) for i in rows}
         cost = np.array([[self._cost(carrier, centres[i], i, j) for j in columns] for i in rows])
-        chosen = [
-            (rows[a], columns[b]) for a, b in zip(*linear_sum_assignment(cost)) if cost[a, b] < FAR_APART
-        ]
         more = []
-        for i, j in chosen:
-            with suppress(NotConvergedError):
-                more.append(self._matched(i, j, carrier))
+        for a, b in zip(*linear_sum_assignment(cost)):
+            if cost[a, b] < FAR_APART:
+                with suppress(NotConvergedError):
+                    more.append(self._matched(rows[a], columns[b], carrier))
         return more
 
     def _cost(self, carrier: Carrier, centre: FloatArray, i: int, j: int) -> float:
@@ -177,11 +151,9 @@ class _Components:
             return self._carried(pair, carrier)
 
     def _carried(self, pair: ShapePair, carrier: Carrier) -> ComponentMatch:
-        """Match two components that are carried to each other.
-
-        A rigid thing, as an eye or a helmet, is where it is carried to; otherwise the map starts from there. The place
-        decides what symmetry leaves open, if the component is near enough to what carries it.
-        """
+        """Match two components that are carried to each other."""
+        # A rigid thing, as an eye or a helmet, is where it is carried to; otherwise the map starts from there. The place
+        # decides what symmetry leaves open, if the component is near enough to what carries it.
         held = carrier.gap(pair.target) <= HELD
         placed = self._placed(pair, carrier)
         if placed and placed.outcome.sureness >= Outcome.PARTIAL.sureness:
@@ -236,3 +208,251 @@ def _assignments(n: int, m: int) -> list[list[tuple[int, int]]]:
     if n > m:
         return [[(i, j) for j, i in pairs] for pairs in _assignments(m, n)]
     return [list(enumerate(chosen)) for chosen in permutations(range(m), n)]
+
+
+@dataclass(frozen=True, eq=False)
+class ComponentMatch:
+    """Two components that are partners."""
+
+    solution: Solution  # in the users' vertices; its pair are the components, each prepared as a shape
+    remark: str = ""  # how the map was decided upon, if not by the components alone
+    hinted: bool = False  # whether the user gave hints for them
+
+    @property
+    def pair(self) -> ShapePair:
+        """The components."""
+        return self.solution.pair
+
+    @property
+    def share(self) -> float:
+        """Share of the area or of the vertices of either shape, the largest one."""
+        return max(max(shape.share, _vertex_share(shape)) for shape in (self.pair.source, self.pair.target))
+
+
+def composed(pair: ShapePair, matches: list[ComponentMatch], tied: bool, hints: ComponentHints) -> Solution:
+    """Sum up the maps of all pairs of components; the first is the main one."""
+    main, *others = matches
+    bounds = pair.config.outcome
+    # the map is no surer than that of any component that is large, or has hints of its own
+    large_ones = [m for m in matches if m is main or m.share > bounds.large_component or m.hinted]
+    counted = [match.solution.evidence for match in large_ones]
+    unmatched = [_unpartnered(side, [getattr(match.pair, side) for match in matches], pair) for side in SIDES]
+    large = max(left_out for left_out, _ in unmatched) > bounds.large_component
+    evidence = (*chain(*counted), Evidence(partial=large, ambiguous=tied))
+    notes = [*main.solution.notes, *(_described(match) for match in others)]
+    if tied:
+        notes.append("the largest components may as well be exchanged: nothing tells which are partners")
+    if lost := len(hints.landmarks) - sum(len(hints.landmarks_on(match.pair)) for match in matches):
+        notes.append(
+            f"{lost} of {len(hints.landmarks)} landmarks do not lie on partners, or fewer than {FEWEST_POINTS} on one, "
+            "and are left out"
+        )
+    vertices, corners, weights = (getattr(main.solution.map, name).copy() for name in MAP_ARRAYS)
+    errors = main.solution.expected_error.copy()
+    mismatch = None if main.solution.mismatch is None else main.solution.mismatch.copy()
+    for match in others:
+        new = match.solution.map.matched & (vertices == UNMATCHED)
+        for array, name in zip((vertices, corners, weights), MAP_ARRAYS):
+            array[new] = getattr(match.solution.map, name)[new]
+        if mismatch is not None and match.solution.mismatch is not None:
+            mismatch[new] = match.solution.mismatch[new]
+        share = match.pair.target.share / main.pair.target.share
+        errors[new] = match.solution.expected_error[new] * np.sqrt(share)
+    whole = replace(main.solution.map, vertices=vertices, faces=corners, barycentric=weights)
+    quality = replace(
+        main.solution.quality,
+        matched=float(whole.matched.mean()),
+        coverage=sum(match.pair.target.share * match.solution.quality.coverage for match in matches),
+    )
+    return replace(
+        main.solution,
+        map=whole,
+        evidence=evidence,
+        quality=quality,
+        expected_error=errors,
+        mismatch=mismatch,
+        regions=tuple(sorted(chain(*(m.solution.regions for m in matches)), key=lambda region: -region.area)),
+        notes=(*notes, *(note for _, side_notes in unmatched for note in side_notes)),
+    )
+
+
+def _unpartnered(side: str, matched: list[PreparedShape], pair: ShapePair) -> tuple[float, list[str]]:
+    """Share of one shape that is unmatched, of the area or of the vertices, and a note on each component of it."""
+    components = components_of(getattr(pair, side))
+    alone = [components[i] for i in numbers_without(components, matched)]
+    notes = [f"{side}: {_named(shape)} has no partner and is left unmatched" for shape in alone]
+    tiny = 1 - sum(shape.share for shape in components)
+    if tiny > 1e-9:
+        notes.append(
+            f"{side}: components that cannot be matched by themselves, with {tiny:.1%} of the area, are left unmatched"
+        )
+    area = tiny + sum(shape.share for shape in alone)
+    return max(area, sum(map(_vertex_share, alone))), notes
+
+
+def _vertex_share(shape: PreparedShape) -> float:
+    return float((shape.body_vertex >= 0).mean())
+
+
+def _named(shape: PreparedShape) -> str:
+    size = f"{(shape.body_vertex >= 0).sum()} vertices, {shape.share:.1%} of the area"
+    return f"the component of vertex {shape.user_vertex[0]} ({size})"
+
+
+def _described(match: ComponentMatch) -> str:
+    outcome = match.solution.outcome.value + (f", {match.remark}" if match.remark else "")
+    return f"{_named(match.pair.source)} is matched to {_named(match.pair.target)} of the target: {outcome}"
+
+
+def numbers_without(side: tuple[PreparedShape, ...], matched: list[PreparedShape]) -> list[int]:
+    """Numbers of the components that are not yet matched."""
+    return [i for i, shape in enumerate(side) if not any(shape is other for other in matched)]
+
+
+class ComponentHints:
+    """The user's hints, and what of them concerns two components."""
+
+    def __init__(self, pair: ShapePair, user_hints: UserHints) -> None:
+        self.pair = pair
+        landmarks, initial_map, initial_descriptors = user_hints
+        self.functions: tuple[FloatArray, FloatArray] | None = None
+        sizes = pair.source.surface.n_vertices, pair.target.surface.n_vertices
+        none = np.zeros((0, 2), dtype=np.int64)
+        self.landmarks = none if landmarks is None else checked_landmarks(landmarks, *sizes)
+        self.image = np.full(sizes[0], UNMATCHED)
+        if initial_map is not None:
+            self.image = checked_initial_map(initial_map, *sizes)
+        if initial_descriptors is not None:
+            self.functions = checked_descriptors(initial_descriptors, *sizes)
+        rows = np.flatnonzero(self.image != UNMATCHED)
+        self.joins = np.concatenate([self.landmarks, np.column_stack([rows, self.image[rows]])])
+        joined = [self._inside(ShapePair(*sides, pair.config), self.joins) for sides in product(*self.sides)]
+        self.joined = np.reshape([len(rows) for rows in joined], [len(side) for side in self.sides])
+        if len(self.joins) and self.joined.max() < FEWEST_POINTS:
+            Hints.of(pair, landmarks, initial_map, None)  # refuses them
+
+    @property
+    def sides(self) -> tuple[tuple[PreparedShape, ...], tuple[PreparedShape, ...]]:
+        """Components of source and target."""
+        return components_of(self.pair.source), components_of(self.pair.target)
+
+    def _inside(self, pair: ShapePair, joins: IntArray) -> IntArray:
+        """Those pairs of the users' vertices that lie on two components."""
+        here = pair.source.body_vertex[joins[:, 0]] >= 0
+        return joins[here & (pair.target.body_vertex[joins[:, 1]] >= 0)]
+
+    def on(self, pair: ShapePair) -> Hints:
+        """Hints on two components; none where too little is known of them."""
+        landmarks = self.landmarks_on(pair)
+        initial_pairs = self._inside(pair, np.column_stack([np.arange(len(self.image)), self.image]))
+        initial_pairs = initial_pairs[initial_pairs[:, 1] != UNMATCHED]
+        image = np.full(len(self.image), UNMATCHED)
+        image[initial_pairs[:, 0]] = initial_pairs[:, 1]
+        functions = self.functions
+        if functions is not None and pair.source.body is not self.pair.source.body:
+            parts = zip((pair.source, pair.target), functions)
+            if not all(np.isfinite(shape.restrict(values)).all() for shape, values in parts):
+                functions = None
+        return Hints.of(
+            pair,
+            landmarks if len(landmarks) else None,
+            image if len(initial_pairs) >= FEWEST_POINTS else None,
+            functions,
+        )
+
+    def landmarks_on(self, pair: ShapePair) -> IntArray:
+        """Landmarks on two components, if they are enough to be used."""
+        landmarks = self._inside(pair, self.landmarks)
+        return landmarks if len(landmarks) >= FEWEST_POINTS else landmarks[:0]
+
+
+@dataclass(frozen=True, eq=False)
+class Carrier:
+    """A motion of space that follows a map: rigid around each point, as the points nearest on the surface say."""
+
+    here: FloatArray  # (m, 3) points of the source, in units of its shape
+    there: FloatArray  # (m, 3) their images, in units of the target
+    units: tuple[float, float]  # what lengths of 1 are worth in the users' units
+    scale: float  # change of lengths
+    side: float  # −1 if the map mirrors, else 1
+    falloff: float  # power of the distance by which the weight of a point decreases
+
+    @classmethod
+    def of(cls, maps: list[Solution], falloff: float) -> Self | None:
+        """Follow the maps of some components; None if they join fewer than four points."""
+        main = maps[0].pair
+        units = main.source.scale, main.target.scale
+        here = np.concatenate([_positions(found.pair.source, units[0]) for found in maps])
+        there = np.concatenate([_images(found, units[1]) for found in maps])
+        known = np.isfinite(there).all(axis=1)
+        here, there = here[known], there[known]
+        if len(here) < 4:
+            return None
+        nearest = cKDTree(here).query(here, 2)[1][:, 1]
+        before, after = (np.linalg.norm(x - x[nearest], axis=1) for x in (here, there))
+        side = -1.0 if maps[0].quality.orientation < 0 else 1.0
+        return cls(here, there, units, float(np.median(after / np.maximum(before, TINY))), side, falloff)
+
+    def moved(self, source: PreparedShape) -> FloatArray:
+        """Carry the (r, 3) samples of a component along."""
+        # Moving least squares (Schaefer, McPhail, Warren 2006): with w_j = |p − x_j|^−falloff and weighted means x̄, ȳ,
+        #   p → ȳ + s R (p − x̄),   R = arg min Σ_j w_j |R (x_j − x̄) − (y_j − ȳ)|² over the rotations, by the SVD of
+        #   Σ_j w_j x_j y_jᵀ − x̄ ȳᵀ   (r, 3, 3)
+        points = _positions(source, self.units[0])
+        weights = np.maximum(cdist(points, self.here), TINY) ** -self.falloff
+        weights /= weights.sum(axis=1, keepdims=True)
+        centre, centre_there = weights @ self.here, weights @ self.there
+        products = (self.here[:, :, None] * self.there[:, None, :]).reshape(-1, 9)
+        covariance = (weights @ products).reshape(-1, 3, 3) - centre[:, :, None] * centre_there[:, None, :]
+        turned: FloatArray = ((points - centre)[:, None] @ _rotation(covariance, self.side))[:, 0]
+        return np.asarray(centre_there + self.scale * turned)
+
+    def gap(self, target: PreparedShape) -> float:
+        """Distance of a component of the target from the surface that carries it, over √area of the component."""
+        centre = _positions(target, self.units[1]).mean(axis=0)
+        return float(cKDTree(self.there).query(centre)[0] * self.units[1] / target.scale)
+
+    def offset(self, centre: FloatArray, target: PreparedShape) -> float:
+        """Distance of a carried centre from that of a component, over its √area and distance from the surface."""
+        apart = centre - _positions(target, self.units[1]).mean(axis=0)
+        reach = (1 + self.gap(target)) * target.scale / self.units[1]
+        return float(np.linalg.norm(apart) / reach)
+
+    def turned(self, source: PreparedShape) -> FloatArray:
+        """Carry the body of a component along as one rigid thing: (n, 3), its centre at 0 and its area 1 as before."""
+        body, moved = cast(Mesh, source.body).vertices, self.moved(source)
+        covariance = body[source.sample_vertices].T @ (moved - moved.mean(axis=0))
+        turned: FloatArray = body @ _rotation(covariance, self.side)
+        return turned
+
+    def length_ratio(self, source: PreparedShape, target: PreparedShape) -> float:
+        """√area of one component when it is carried along, over that of another."""
+        return self.scale * source.scale / self.units[0] / (target.scale / self.units[1])
+
+    def image(self, source: PreparedShape, target: PreparedShape) -> IntArray:
+        """Map samples of a component to the nearest of its partner when carried there: users' vertices, else −1."""
+        moved, there = self.moved(source), _positions(target, self.units[1])
+        nearest = cKDTree(there - there.mean(axis=0)).query(moved - moved.mean(axis=0))[1]
+        image = np.full(source.surface.n_vertices, UNMATCHED)
+        image[source.user_vertex[source.sample_vertices]] = target.user_vertex[
+            target.sample_vertices[nearest]
+        ]
+        return image
+
+
+def _rotation(covariance: FloatArray, side: float) -> FloatArray:
+    """Find the rotations (..., 3, 3) of rows that keep most of covariances of two point sets; or mirror images."""
+    return nearest_rotation(covariance, mirrored=side < 0)
+
+
+def _positions(shape: PreparedShape, unit: float) -> FloatArray:
+    """Give the samples of a component, (r, 3), in a unit of its shape."""
+    samples: FloatArray = cast(Mesh, shape.surface).vertices[shape.user_vertex[shape.sample_vertices]]
+    return samples / unit
+
+
+def _images(found: Solution, unit: float) -> FloatArray:
+    """Images of the samples of the source, (r, 3), nan where there is none."""
+    source, target = found.pair.source, found.pair.target
+    images = found.map.pull_back(cast(Mesh, target.surface).vertices / unit)
+    return images[source.user_vertex[source.sample_vertices]]

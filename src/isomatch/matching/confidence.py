@@ -1,67 +1,47 @@
-"""How far the image of each vertex may be from the right one, without knowing the truth."""
+"""How far the image of each vertex may be from the right one, and the regions where the map is doubtful."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
 import numpy as np
 
-from isomatch.correspondence import PrecisePoints
+from isomatch.correspondence import UNMATCHED, PrecisePoints
+from isomatch.errors import InputError
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.loading.compiled import compiled
 from isomatch.matching.pair import ShapePair, SmoothPair
 from isomatch.runtime.threads import row_product
-from isomatch.shapes import SmoothShape
+from isomatch.shapes import PreparedShape, SmoothShape
+from isomatch.surfaces import linked
 from isomatch.values.arrays import FloatArray, IntArray, single
 
-# a rival of score ratio r is right with chance 1 / (1 + r^exponent); one in ten at the bound of a tie
-RIVAL_EXPONENT = 10.0
-
-ERROR_RADIUS = (
-    0.08  # over which it is spread, in √area; 0.05 to 0.14 tried: isomatch_lab/studies/vertex_confidence.py
-)
-
-# factor of the expected error; mean error of faust_r and creatures: isomatch_lab/studies/vertex_confidence.py
-ERROR_SCALE = 0.32
-
+RIVAL_EXPONENT = 10.0  # so that one in ten runners-up is right at the bound of a tie
+ERROR_RADIUS = 0.08  # over which it is spread, in √area; 0.05 to 0.14 tried: benchmarks/vertex_confidence.py
+ERROR_SCALE = 0.32  # to the mean error of faust_r and creatures: benchmarks/vertex_confidence.py
 TINY = 1e-12
 
 
 def expected_errors(
     pair: SmoothPair, points: PrecisePoints, doubt: FloatArray | None = None, unit: float = 1.0
 ) -> FloatArray:
-    """Estimate the geodesic error of a map of bodies at each vertex.
+    """Estimate the geodesic error of a map of bodies at each vertex: (n_s,), in √area of the source. O(n K²).
 
-    The target's Laplace–Beltrami functions, pulled back by the map, are fitted by those of the source. What the fit
-    leaves over, divided by its gradient, is a length: how far the image would have to move. The log ratio between the
-    squared gradients of the fit and those of the source's own functions is the strain of the map. The estimate is
-    proportional to the geometric mean of the two, smoothed by heat diffusion.
-
-    Parameters
-    ----------
-    pair : SmoothPair
-        The two shapes.
-    points : PrecisePoints
-        Image of each of the n_s source vertices.
-    doubt : (n_s,) array of float, optional
-        Error to be expected because another map may be right, see ``doubt_of``.
-    unit : float
-        What √area of the source is worth in √area of the target: 1 but for parts.
-
-    Returns
-    -------
-    (n_s,) array of float
-        In √area of the source.
-
-    Notes
-    -----
-    O(n K²) for the fit of K functions. Of a map that is wrong as a whole, such as one that exchanges left and right, the
-    estimate sees only what does not fit and, if it was found, the rival.
+    To it comes ``doubt`` (n_s,), the error to be expected because another map may be right. ``unit`` is what √area of the
+    source is worth in √area of the target: 1 but for parts. Of a map that is wrong as a whole, such as one that exchanges
+    left and right, the estimate sees only what does not fit.
     """
+    # Φ_t ∘ f maps the source into the space of the K functions, and its fit Φ_s F is the part that is smooth there.
+    # Of an isometry both are the same, and F is orthogonal. A displaced image leaves r = Φ_t(f(i)) − Φ_s(i) F, and to
+    # first order r = |∇(Φ_s F)| · δ for an image that has to move by δ:
+    #   δ(i) = ‖r‖ / |∇(Φ_s F)|   (a length),   ε(i) = log(|∇(Φ_s F)|² / |∇Φ_s|²)   (strain: 0 if F is orthogonal),
+    #   expected error = ERROR_SCALE · √(δ |ε|), spread by the heat kernel. docs/concepts/confidence.md
     source = pair.source
     k = pair.n_functions
-    functions, pulled_back = (
-        source.functions[:, :k],
-        single(points.interpolated(pair.target.functions[:, :k])),
-    )
+    functions = source.functions[:, :k]  # (n_s, K)
+    pulled_back = single(points.interpolated(pair.target.functions[:, :k]))  # (n_s, n_t) @ (n_t, K)
     coefficients = pair.spectra.source.fit(pulled_back[pair.refinement_vertices].astype(np.float64), k)
     fit = row_product(functions, coefficients)
     lengths = np.maximum(source.body.edge_lengths, TINY)
@@ -73,22 +53,8 @@ def expected_errors(
 
 
 def doubt_of(pair: ShapePair, image: IntArray, rival: IntArray, ratio: float) -> FloatArray:
-    """Expect the distance between two maps, times the chance that the other one is right.
-
-    Parameters
-    ----------
-    pair : ShapePair
-        The two shapes.
-    image, rival : (n_refine,) arrays of int
-        Image of each refinement vertex under the map and under its best rival.
-    ratio : float
-        Score of the rival over that of the map; 1 is a tie.
-
-    Returns
-    -------
-    (n_s,) array of float
-        That of the nearest refinement vertex, in √area.
-    """
+    """Expect the distance between two maps (n_refine,), times the chance that the other is right: (n_s,), in √area."""
+    # with P(map) ∝ score^−10, the other has chance 1 / (1 + (its score / score)^10); ½ at a tie
     chance = 1 / (1 + ratio**RIVAL_EXPONENT)
     return np.asarray(chance * pair.target.distance(image, rival)[nearest_refinement_rows(pair)])
 
@@ -123,9 +89,160 @@ def _fill_squared(x: FloatArray, edges: IntArray, squared: FloatArray) -> None:
 
 def diffused(shape: SmoothShape, values: FloatArray, radius: float) -> FloatArray:
     """Spread values (n,) by heat diffusion over a radius; nowhere less than half the least of them."""
-    time = radius**2 / 4  # the mean square distance in the plane is 4 t
+    # u_t = Σ_j e^{−t λ_j} ⟨φ_j, u⟩ φ_j solves the heat equation; its kernel in the plane has mean square distance 4 t
+    time = radius**2 / 4
     laplace = shape.laplace
     smooth: FloatArray = laplace.vectors @ (
         np.exp(-time * laplace.values) * laplace.coefficients(values[:, None])[:, 0]
     )
     return np.asarray(np.maximum(smooth, 0.5 * values.min()))
+
+
+ANOTHER_MAP = "another map that fits nearly as well sends it elsewhere"
+LOOKS_UNLIKE = "it looks unlike its image"
+
+MAIN = 0.25  # share of a region, from which what is doubtful there is a reason
+LEAST_KNOWN = 0.5  # share of a neighbourhood, below which its mismatch is not known
+LEAST_AREA = 0.005  # share of the surface, below which no region is told; half a hand
+UNLIKE_ERROR = 0.27  # mean error, in √area, where they look unlike; docs/lab/benchmarks.md, regions of doubt
+
+
+@dataclass(frozen=True, eq=False)
+class DoubtfulRegion:
+    """A connected region of the source where the map may be wrong.
+
+    Parameters
+    ----------
+    vertices : (m,) array of int
+        Source vertices of the region, the most doubtful first.
+    area : float
+        Share of the source's area.
+    reason : str
+    rival : (m,) array of int, optional
+        Target vertices to which another map sends them, if one is the reason.
+    """
+
+    vertices: IntArray
+    area: float
+    reason: str
+    rival: IntArray | None = None
+
+    def __repr__(self) -> str:
+        return f"DoubtfulRegion({self})"
+
+    def __str__(self) -> str:
+        return f"{self.area:.1%} of the area around vertex {self.vertices[0]}: {self.reason}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return its area, its size, its most doubtful vertex with the image under the other map, and the reason."""
+        return {
+            "area": self.area,
+            "n_vertices": len(self.vertices),
+            "vertex": int(self.vertices[0]),
+            "rival": None if self.rival is None else int(self.rival[0]),
+            "reason": self.reason,
+        }
+
+    @classmethod
+    def from_dict(cls, summary: Mapping[str, Any]) -> DoubtfulRegion:
+        """Restore what `to_dict` told of a region: of its vertices the most doubtful one."""
+        rival = summary["rival"]
+        return cls(
+            np.array([summary["vertex"]]),
+            summary["area"],
+            summary["reason"],
+            None if rival is None else np.array([rival]),
+        )
+
+
+def regions_of_doubt(
+    pair: ShapePair, mismatch: FloatArray | None = None, rivals: tuple[IntArray, IntArray] | None = None
+) -> tuple[DoubtfulRegion, ...]:
+    """Find the connected regions of the source's body where a map is doubtful, the largest first."""
+    # mismatch: (n_s,) of each vertex and its image; rivals: images (n_refine,) under the map and the runner-up
+    source, target, bounds = pair.source, pair.target, pair.config.outcome
+    doubts, rival = {}, None  # (n_s,) for each reason; 1 is its bound
+    if rivals is not None:
+        own, rival = (image[nearest_refinement_rows(pair)] for image in rivals)
+        doubts[ANOTHER_MAP] = target.distance(own, rival) / pair.config.selection.rival_distance
+    if mismatch is not None and np.isfinite(mismatch[pair.refinement_vertices]).any():
+        # two people look more different everywhere than two poses of one
+        usual = np.nanmedian(mismatch[pair.refinement_vertices])
+        doubts[LOOKS_UNLIKE] = np.nan_to_num((around(source, mismatch) - usual) / bounds.doubtful_mismatch)
+    if not doubts:
+        return ()
+    body, most = source.body, np.max(list(doubts.values()), axis=0)
+    inside = most > 1.0
+    i, j = body.edges[inside[body.edges].all(axis=1)].T
+    n, label = linked(body.n_vertices, (i, j))
+    shares = source.share * np.bincount(label, inside * body.vertex_areas, n) / body.vertex_areas.sum()
+    regions = []
+    for region in np.argsort(-shares, kind="stable")[: (shares > LEAST_AREA).sum()]:
+        vertices = np.flatnonzero((label == region) & inside)
+        vertices = vertices[np.argsort(-most[vertices], kind="stable")]
+        reasons = [reason for reason, doubt in doubts.items() if (doubt[vertices] > 1.0).mean() > MAIN]
+        images = rival[vertices] if rival is not None and ANOTHER_MAP in reasons else None
+        regions.append(DoubtfulRegion(vertices, float(shares[region]), " and ".join(reasons), images))
+    return tuple(regions)
+
+
+def around(shape: PreparedShape, values: FloatArray) -> FloatArray:
+    """Mean of values in the neighbourhood of each vertex of a body: (n_s,), nan where most are not known."""
+    known = np.isfinite(values)
+    total, weight = (
+        diffused(shape, each, ERROR_RADIUS) for each in (np.where(known, values, 0.0), known.astype(float))
+    )
+    return np.where(weight > LEAST_KNOWN, total / np.maximum(weight, LEAST_KNOWN), np.nan)
+
+
+def lifted(
+    regions: Iterable[DoubtfulRegion], source: PreparedShape, target: PreparedShape
+) -> tuple[DoubtfulRegion, ...]:
+    """Carry regions of the bodies to the users' vertices."""
+    found = []
+    for region in regions:
+        rank = np.full(source.body.n_vertices, -1)
+        rank[region.vertices] = np.arange(len(region.vertices))
+        ranks = source.lift(rank, -1)
+        vertices = np.flatnonzero(ranks >= 0)
+        vertices = vertices[np.argsort(ranks[vertices], kind="stable")]
+        rival = None if region.rival is None else target.user_vertex[region.rival[ranks[vertices]]]
+        if len(vertices):
+            found.append(replace(region, vertices=vertices, rival=rival))
+    return tuple(found)
+
+
+def doubt_in(regions: Sequence[DoubtfulRegion], n_vertices: int) -> FloatArray:
+    """Error to be expected at the vertices of a body (n_s,) that look unlike their images."""
+    doubt = np.zeros(n_vertices)
+    for region in regions:
+        if LOOKS_UNLIKE in region.reason:
+            doubt[region.vertices] = UNLIKE_ERROR
+    return doubt
+
+
+def packed(regions: Sequence[DoubtfulRegion]) -> dict[str, IntArray]:
+    """Arrays for a file: sizes (r,), and vertices and rivals (d,) of one region after the other; −1 is no rival."""
+    vertices = [region.vertices for region in regions]
+    rivals = [np.full(len(r.vertices), UNMATCHED) if r.rival is None else r.rival for r in regions]
+    nothing = np.zeros(0, dtype=np.int64)
+    return {
+        "region_sizes": np.array([len(each) for each in vertices], dtype=np.int64),
+        "region_vertices": np.concatenate([nothing, *vertices]),
+        "region_rivals": np.concatenate([nothing, *rivals]),
+    }
+
+
+def unpacked(arrays: dict[str, Any], about: Sequence[tuple[float, str]]) -> tuple[DoubtfulRegion, ...]:
+    """Take the regions out of what was read from a file; none of a file that was written before there were any."""
+    if "region_sizes" not in arrays:
+        return ()
+    ends = np.cumsum(arrays.pop("region_sizes"))
+    stacked = [arrays.pop(f"region_{name}") for name in ("vertices", "rivals")]
+    if (np.diff(ends, prepend=0) < 1).any() or ends[-1:].sum() != len(stacked[0]):
+        raise InputError(f"regions that end at {ends.tolist()} of {len(stacked[0])} vertices")
+    vertices, rivals = (np.split(each, ends)[:-1] for each in stacked)
+    return tuple(
+        DoubtfulRegion(which, area, reason, rival if (rival != UNMATCHED).any() else None)
+        for which, rival, (area, reason) in zip(vertices, rivals, about, strict=True)
+    )

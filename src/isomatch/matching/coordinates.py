@@ -26,25 +26,7 @@ def iterated(
     coordinates: Callable[[IntArray, S], Embedding],
     nearest: Callable[[Embedding, S], tuple[IntArray, IntArray]],
 ) -> tuple[IntArray, float]:
-    """Alternate coordinates and nearest points.
-
-    Parameters
-    ----------
-    image : (r,) array of int
-        Images to start from.
-    steps : iterable
-        What distinguishes one iteration from the next.
-    coordinates : callable
-        Coordinates of the source's vertices and of those of the target, under a map, in a step.
-    nearest : callable
-        Of these coordinates, the nearest target row for each source row (r,), and the vertex that it stands for.
-
-    Returns
-    -------
-    image : (r,) array of int
-    misfit : float
-        Mean distance from the images in the last coordinates; inf if there were no steps.
-    """
+    """Alternate coordinates and nearest points; returns the images (r,) and their mean distance at last."""
     misfit = np.inf
     for step in steps:
         embedding = coordinates(image, step)
@@ -56,11 +38,9 @@ def iterated(
 def refined_images(
     pair: SmoothPair, image: IntArray, side: float, sizes: tuple[int, ...], with_positions: bool
 ) -> tuple[IntArray, float]:
-    """Refine the images (n_refine,) of the refinement vertices in joint coordinates of more and more functions.
-
-    Without positions, all but the last images are sought among n_refine samples. ``side`` is 1 for a map that preserves
-    the orientation of the faces, −1 for one that reverses it.
-    """
+    """Refine the images (n_refine,) of the refinement vertices in joint coordinates of more and more functions."""
+    # without positions, all but the last images are sought among n_refine samples of the target; side: 1 preserves the
+    # orientation of the faces, −1 reverses it
     samples = pair.target.sample_vertices[: pair.target.config.n_refine]
     steps = [(min(k, pair.n_functions), with_positions or k == sizes[-1]) for k in sizes]
 
@@ -81,15 +61,12 @@ def refined_images(
 
 
 def registered(pair: SmoothPair, image: IntArray, side: float, smooth: bool) -> Embedding:
-    """Coordinates of all vertices of both bodies under a map (n_refine,), with all functions, after registration.
-
-    Signatures recognise points. The smooth variant does without them, and registers in more steps: positions, normals
-    and spectrum alone make a smoother map.
-    """
+    """Coordinates of all vertices of both bodies under a map (n_refine,), with all functions, after registration."""
     settings, k = pair.config.refining, pair.n_functions
     everywhere = np.arange(pair.source.body.n_vertices)
     embedding = joint_coordinates(pair, image, k, side, everywhere)
     steps = settings.registration_steps
+    # signatures recognise points; the smooth variant does without: positions, normals and spectrum make a smoother map
     if smooth:
         steps = SMOOTH_REGISTRATION_STEPS
         signatures = np.s_[k : k + pair.signatures.source.shape[1]]
@@ -107,18 +84,20 @@ def joint_coordinates(
     source_vertex: IntArray,
     onto_vertex: IntArray | slice = EVERYWHERE,
 ) -> Embedding:
-    """Coordinates of some vertices of source and target under a map (n_refine,) of the refinement vertices.
+    """Coordinates of some vertices of both bodies under a map (n_refine,) of the refinement vertices; images are nearest.
 
-    The target's first k functions *and positions* are fitted on the source by least squares, F and c. The columns are
-
-    - the spectral coordinates Φ_t Fᵀ against Φ_s, divided by √k,
-    - point signatures,
-    - unless ``side`` is 0, positions: the smoothed target against the copy of it drawn on the source, Φ_s c,
-    - and normals of both, those of the source times ``side``.
-
-    Positions and normals are those of the target and of its own copy, so the pose of either shape does not matter.
-    O(n K²).
+    Spectral coordinates of the first k functions, signatures, and unless ``side`` is 0 positions and normals. O(n K²).
     """
+    # With f the map of the refinement vertices R, and Φ the Laplace–Beltrami functions (K columns):
+    #   F = arg min ‖Φ_s[R, :k] F − Φ_t[f, :k]‖   (k, k): the functional map (Ovsjanikov et al. 2012), target → source;
+    #   c = arg min ‖Φ_s[R, :k] c − x_t[f]‖       (k, 3): the target's positions as functions on the source.
+    # The indicator of a vertex has its row of Φ as coefficients and F carries that of f(i) to that of i, so
+    #   Φ_s[i] against Φ_t[f(i)] Fᵀ   is the spectral embedding, grown from k to k + 5 as in ZoomOut (Melzi et al. 2019);
+    # positions and normals are further columns of the same embedding, as in Smooth Shells (Eisenberger et al. 2020):
+    #   Φ_s c against Φ_t Φ_t⁺ x_t, the target drawn on the source against the target, both smoothed to k functions,
+    #   and the normals of both. Both are the target's own, so the pose of neither shape matters; side = −1 turns the
+    #   normals of the copy, which a mirror image turns inside out.
+    # Units: 1/√k makes the mean square of the spectral columns independent of k; signatures have their own weight.
     settings, source, target = pair.config.refining, pair.source, pair.target
     basis, onto = pair.spectra.source, target.triangles
     with_positions = side != 0 and source.triangles is not None and onto is not None
@@ -129,14 +108,19 @@ def joint_coordinates(
         phi = source.functions[:, :k]
         columns = [phi[source_vertex] * np.float32(1 / np.sqrt(k)), pair.signatures.source[source_vertex]]
         if with_positions:
-            drawn = row_product(phi, basis.fit(target.mesh_body.vertices[image], k))
+            drawn = row_product(
+                phi, basis.fit(target.mesh_body.vertices[image], k)
+            )  # Φ_s c: (n_s, k) @ (k, 3)
             normals = vertex_normals(drawn, source.faces)[source_vertex]
             columns += [single(unit * drawn[source_vertex]), single(side * weight * normals)]
         return np.hstack(columns)
 
     def of_target() -> FloatArray:
         phi = target.functions[onto_vertex, :k]
-        columns = [row_product(phi, functional_map.T), pair.signatures.target[onto_vertex]]
+        columns = [
+            row_product(phi, functional_map.T),
+            pair.signatures.target[onto_vertex],
+        ]  # (n_t, k) @ (k, k)
         if with_positions:
             smooth, normals = (x[onto_vertex] for x in target.smoothed(k))
             columns += [single(unit * smooth), single(weight * normals)]

@@ -13,18 +13,11 @@ from isomatch.values.arrays import IntArray
 
 @dataclass(frozen=True, eq=False)
 class Hypothesis:
-    """A first map of the search vertices, after iterative closest points.
+    """A first map of the search vertices, after iterative closest points."""
 
-    Parameters
-    ----------
-    alignment : Alignment
-        Target row of each source row, rotation and residual.
-    origin : str
-        Where it came from: "extremities", "poses", "anchors", "landmarks", "initial map", "descriptors", "pose", "flip",
-        "symmetry", "other side", "combination", or the name of a start.
-    """
-
-    alignment: Alignment
+    alignment: Alignment  # target row of each source row, rotation and residual
+    # "extremities", "poses", "anchors", "landmarks", "initial map", "descriptors", "pose", "flip", "symmetry",
+    # "other side", "combination", or the name of a start
     origin: str
 
     @property
@@ -35,37 +28,21 @@ class Hypothesis:
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A hypothesis after upsampling, and the evidence for it.
-
-    Parameters
-    ----------
-    hypothesis : Hypothesis
-        Where it came from.
-    target_row : (m_s,) array of int
-        Upsampled map of the search vertices.
-    energy : float
-        See ``energy_of``; with the descriptor columns of the search.
-    orientation : float
-        See `orientation_of`: near 1 for the true map, near −1 for its mirror image, between for mixtures; 0 where a shape
-        has no normals.
-    landmark_error : float
-        Mean distance between images of the landmarks and their given targets / √area; 0 without landmarks.
-    hint_error : float
-        The largest such distance, or the mean one from the images of the initial map, if that is larger; with neither,
-        the mean one from the nearest points in space, if shapes are aligned there; 0 without hints. In √area.
-    """
+    """A hypothesis after upsampling, and its measures."""
 
     hypothesis: Hypothesis
-    target_row: IntArray
-    energy: float
-    orientation: float
-    landmark_error: float
+    target_row: IntArray  # (m_s,) upsampled map of the search vertices
+    energy: float  # descriptor residual × curvature difference², with the descriptor columns of the search
+    orientation: float  # mean cosine between normals: 1 true map, −1 mirror image; 0 without normals
+    landmark_error: float  # mean distance of images of landmarks from their targets, in √area; 0 without
+    # the largest of these, or if larger the mean distance from the images of the initial map; with neither, the mean one
+    # from the nearest points in space, if shapes are aligned there; 0 without hints; in √area
     hint_error: float
 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A map of the vertices of a relation, and the evidence for it.
+    """A map of the vertices of a relation, and its measures.
 
     Parameters
     ----------
@@ -77,12 +54,10 @@ class Fit:
         The cost of the map; lower is better. nan until the relation has measured it.
     orientation : float
         Mean cosine between normals: 1 preserves the orientation of the faces, −1 reverses it.
-    hint_error, landmark_error : float
-        How far the map is from what hints, and landmarks alone, say, in √area; 0 without.
+    hint_error, landmark_error, origin
+        As of a `Candidate` and its hypothesis.
     candidate : Candidate, optional
         The candidate that it came from.
-    origin : str
-        Where its first map came from, as that of a `Hypothesis`.
     """
 
     image: IntArray

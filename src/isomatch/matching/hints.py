@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch.correspondence import UNMATCHED
+from isomatch.correspondence import UNMATCHED, Embedding
 from isomatch.errors import DescriptorError, LandmarkError, MapError, some
+from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching.pair import ShapePair
 from isomatch.shapes import PreparedShape
+from isomatch.surfaces import Surface
 from isomatch.values.arrays import FloatArray, IntArray, array_of, numbers_of
+
+# landmarks, initial map and initial descriptors, as they were given to `match`
+UserHints = tuple[ArrayLike | None, ArrayLike | None, tuple[ArrayLike, ArrayLike] | None]
 
 FEWEST_POINTS = 3  # corresponding points determine three columns of an alignment, and fewer no map
 
@@ -186,3 +191,42 @@ def checked_descriptors(
         if len(values) != n:
             raise DescriptorError(f"{what} of the {side} have {len(values)} rows for {n} vertices")
     return source, target
+
+
+def with_functions(pair: ShapePair, functions: tuple[ArrayLike, ArrayLike] | None) -> ShapePair:
+    """Return a pair on which functions are known, see `match`; `DescriptorError` if they do not fit the shapes."""
+    if functions is None:
+        return pair
+    if len(functions) != 2:
+        raise DescriptorError(f"functions are {len(functions)} arrays; expected two, of source and target")
+    given = (numbers_of(values, "functions", DescriptorError) for values in functions)
+    columns = tuple(values[:, None] if values.ndim == 1 else values for values in given)
+    sizes = pair.source.surface.n_vertices, pair.target.surface.n_vertices
+    values = checked_descriptors(columns, *sizes, what="functions")
+    for side, each in zip(("source", "target"), values):
+        if np.isinf(each).any() or np.isnan(each).all(axis=0).any():
+            raise DescriptorError(
+                f"functions: values of the {side} are infinite, or one function is known at no vertex; give finite "
+                "numbers, and nan where nothing is known"
+            )
+    # both shapes together get mean 0 and variance 1, so that one value means the same on both
+    both = np.concatenate(values)
+    weight = pair.config.refining.function_weight / np.sqrt(both.shape[1])
+    mean, deviation = np.nanmean(both, axis=0), np.nanstd(both, axis=0)
+    unit = weight / np.where(deviation > 0, deviation, 1.0)
+    sides = zip(values, (pair.source.surface, pair.target.surface))
+    source, target = (_filled((each - mean) * unit, surface) for each, surface in sides)
+    return replace(pair, functions=Embedding(source, target))
+
+
+def _filled(values: FloatArray, surface: Surface) -> FloatArray:
+    """Take unknown values (n, q) from the nearest vertices along edges that have one; 0 where none is reached."""
+    filled = values.copy()
+    for column in filled.T:
+        unknown = np.isnan(column)
+        if unknown.any():
+            apart, nearest = distance_along_edges_to_nearest(surface, np.flatnonzero(~unknown), weld=True)
+            reached = np.isfinite(apart)
+            column[unknown & ~reached] = 0.0
+            column[unknown & reached] = column[nearest[unknown & reached]]
+    return filled

@@ -1,46 +1,37 @@
-"""Two prepared shapes, and their samples: the small problem in which hypotheses are tried and compared."""
+"""Two prepared shapes and their samples, on which hypotheses are tried and compared; assignments of their extremities."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
+from itertools import permutations
 
 import numpy as np
 
 from isomatch.assets import SurfaceLike
 from isomatch.correspondence import Embedding, SignedPoints, SpectralPair, nearest_of_few
 from isomatch.errors import MemoryBudgetError, MeshError, NotConvergedError
-from isomatch.matching.extremity_assignments import extremity_assignments
 from isomatch.runtime.stage_timer import MATCHING, Progress, StageTimer
 from isomatch.runtime.threads import parallel_map
-from isomatch.settings import Config
+from isomatch.settings import Config, SearchSettings
 from isomatch.shapes import PreparedShape, SmoothShape, prepare
 from isomatch.values.arrays import FloatArray, IntArray, single
 from isomatch.values.cached import cached_property
 
-# of both shapes, from which no automatic map is told from another;
-# discs and balls have 11 to 40, bodies 0 to 6 at any setting
-MANY_ROTATIONS = 11
+MANY_ROTATIONS = (
+    11  # of both shapes, from which no automatic map is told; discs and balls 11 to 40, bodies to 6
+)
 
 
 @dataclass(frozen=True, eq=False)
 class SmoothPair:
-    """Two bodies with their smooth functions: what the joint refinement needs.
-
-    Parameters
-    ----------
-    source, target : SmoothShape
-        The shapes.
-    config : Config
-        The settings of the match.
-    functions : Embedding, optional
-        Weighted values, at the users' vertices, of functions that are known on both: (n_source, q) and (n_target, q).
-    """
+    """Two bodies with their smooth functions: what the joint refinement needs."""
 
     source: SmoothShape
     target: SmoothShape
     config: Config
-    functions: Embedding | None = None
+    functions: Embedding | None = None  # weighted values at the users' vertices: (n_source, q), (n_target, q)
 
     @cached_property
     def refinement_vertices(self) -> IntArray:
@@ -94,7 +85,6 @@ class ShapePair(SmoothPair):
     Parameters
     ----------
     source, target : PreparedShape
-        The shapes.
     config : Config
         The settings of the match.
     functions : Embedding, optional
@@ -157,9 +147,8 @@ class ShapePair(SmoothPair):
     @property
     def both_open(self) -> bool:
         """Whether both shapes have a long boundary, as patches and tubes have."""
-        return (
-            min(self.source.longest_boundary, self.target.longest_boundary) > self.config.parts.long_boundary
-        )
+        least = self.config.parts.long_boundary
+        return min(self.source.longest_boundary, self.target.longest_boundary) > least
 
     @cached_property
     def extremity_assignments(self) -> list[IntArray]:
@@ -179,10 +168,8 @@ class ShapePair(SmoothPair):
     @property
     def round(self) -> bool:
         """Whether both shapes have so many rotations that those found are a few of a continuous group, as of a ball."""
-        counts = [
-            sum(each.orientation >= 0 for each in shape.symmetries) for shape in (self.source, self.target)
-        ]
-        return min(counts) >= MANY_ROTATIONS
+        both = self.source.symmetries, self.target.symmetries
+        return min(sum(each.orientation >= 0 for each in own) for own in both) >= MANY_ROTATIONS
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -200,10 +187,7 @@ class ShapePair(SmoothPair):
         return self.target.distances_between(self.target_vertices)
 
     def distances_between_maps(self, target_row: IntArray, others: Sequence[IntArray]) -> FloatArray:
-        """Mean geodesic distance between the images of a map (m_s,) and those of each of q others, (q,), in √area.
-
-        Distances in space would take the back of a thin body for its front.
-        """
+        """Mean geodesic distance between the images of a map (m_s,) and of each of q others: (q,), in √area."""
         if not others:
             return np.zeros(0)
         means: FloatArray = self._target_row_distances[np.array(others), target_row].mean(axis=1)
@@ -226,27 +210,7 @@ def prepare_pair(
     seed: int = 0,
     timer: StageTimer | None = None,
 ) -> ShapePair:
-    """Prepare what is not yet prepared, both at once; by default with the settings of what is.
-
-    Parameters
-    ----------
-    source, target, config, seed
-        As for `match`.
-    timer : StageTimer, optional
-        Told how far the preparation is.
-
-    Returns
-    -------
-    ShapePair
-        The two shapes and the settings of both.
-
-    Raises
-    ------
-    MeshError
-        If a surface cannot be used.
-    SettingError
-        If a shape was prepared with other settings.
-    """
+    """Prepare what is not yet prepared, both at once; by default with the settings of what is. Errors as of `match`."""
     sides = [("source", source), ("target", target)]
     ready = [shape.requested for _, shape in sides if isinstance(shape, PreparedShape)]
     settings = config or next(iter(ready), Config())
@@ -279,3 +243,47 @@ def _prepared(
         return prepare(shape, config, seed, progress=progress)
     except (MeshError, MemoryBudgetError, NotConvergedError) as error:
         raise type(error)(f"{side}: {error}") from error
+
+
+def extremity_assignments(
+    source: PreparedShape, target: PreparedShape, settings: SearchSettings
+) -> list[IntArray]:
+    """Assign extremal points so that their distances agree: (count, 2) source and target vertices, the best first."""
+    # the best of every count of points and both directions, repetitions removed
+    found: dict[tuple[tuple[int, int], ...], None] = {}
+    for count in settings.extremity_counts:
+        for forward in (True, False):
+            a, b = (source, target) if forward else (target, source)
+            for few, among in _consistent_assignments(a, b, count, settings):
+                pairs = zip(few, among) if forward else zip(among, few)
+                found.setdefault(tuple(sorted((int(i), int(j)) for i, j in pairs)))
+    return [np.array(pairs) for pairs in found]
+
+
+def _consistent_assignments(
+    a: PreparedShape, b: PreparedShape, count: int, settings: SearchSettings
+) -> Iterable[tuple[IntArray, IntArray]]:
+    """Extremities of a, the most remote first, and those of b that they are assigned to."""
+    few, among = a.extremities[:count], b.extremities[: settings.n_candidate_extremities]
+    if len(few) < count or len(among) < count:
+        return []
+    # All injective σ from the m points a_i of one shape to the n points b of the other, of which the least
+    #   Σ_{i≠j} |d_a(a_i, a_j) − d_b(b_σi, b_σj)| / m² + w Σ_i |ē_a(a_i) − ē_b(b_σi)| / m
+    # are kept: d over the average distance, ē the average distance of a point over that of all.
+    choices = _choices(len(among), count)
+    d_few = a.extremity_columns[:count][:, few] / a.intrinsic_scale
+    d_among = b.extremity_columns[: len(among)][:, among] / b.intrinsic_scale
+    remote_few = a.average_distance[few] / a.intrinsic_scale
+    remote_among = b.average_distance[among] / b.intrinsic_scale
+    remoteness = np.abs(remote_few[:, None] - remote_among)
+    cost = settings.eccentricity_weight / count * sum(each[c] for each, c in zip(remoteness, choices))
+    for i, j in permutations(range(count), 2):
+        cost += np.abs(d_few[i, j] - d_among)[choices[i], choices[j]] / count**2
+    best = np.argsort(cost, kind="stable")[: settings.assignments]
+    return [(few, among[choices[:, c]]) for c in best]
+
+
+@lru_cache
+def _choices(n: int, count: int) -> IntArray:
+    """Every choice of some of n in order, (count, c)."""
+    return np.array(list(permutations(range(n), count))).T.copy()

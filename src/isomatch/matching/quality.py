@@ -9,39 +9,23 @@ import numpy as np
 from isomatch.correspondence import PrecisePoints, alignment_residual, signed_procrustes
 from isomatch.descriptors import BallSignature, deviation_of
 from isomatch.geodesics import distance_along_edges_to_nearest
-from isomatch.matching.contest import Selection
 from isomatch.matching.hints import Hints
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.result import Quality
-from isomatch.settings import Config
+from isomatch.matching.selection import Selection
+from isomatch.settings import COVERAGE_RADIUS
 from isomatch.shapes import orientation_of
 from isomatch.surfaces import Graph, Surface, linked
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 
 MOST_NAMED = 5  # landmarks in a note
 NORMAL_FUNCTIONS = 60  # of the smoothed surfaces whose normals are compared; chosen with poor_orientation
-COVERAGE_RADIUS = Config().outcome.coverage_radius
 
 
 def measure_quality(
-    pair: ShapePair,
-    points: PrecisePoints,
-    hints: Hints,
-    selection: Selection[Any] | None = None,
+    pair: ShapePair, points: PrecisePoints, hints: Hints, selection: Selection[Any] | None = None
 ) -> Quality:
-    """Measure a map of bodies.
-
-    Parameters
-    ----------
-    pair : ShapePair
-        The two shapes.
-    points : PrecisePoints
-        Image of each of the n_s source vertices; the first corner is the nearest target vertex.
-    hints : Hints
-        What was given.
-    selection : Selection, optional
-        Refined winner and its rivals; none for a map found otherwise.
-    """
+    """Measure a map of bodies: ``points``, the image of each source vertex, as it was selected if it was."""
     source, target, settings = pair.source, pair.target, pair.config.outcome
     image = points.corners[:, 0]
     vertices = pair.refinement_vertices
@@ -52,6 +36,9 @@ def measure_quality(
     distortion = np.abs(source.columns[:, vertices] - there)
     aligned = source.points.at(vertices), target.points.at(image[vertices])
     positions = image_positions(source.body, target.body, points)
+    at_landmarks, at_initial = (
+        distances_to_hints(pair, image, each) for each in (hints.landmarks, hints.initial_pairs)
+    )
     return Quality(
         misfit=selection.winner.misfit if selection else np.nan,
         rival=selection.rival if selection else np.nan,
@@ -66,22 +53,15 @@ def measure_quality(
         distortion_p95=float(np.quantile(distortion, 0.95)),
         coverage=covered_share(target.body, image, settings.coverage_radius),
         matched=float((source.body_vertex >= 0).mean()),
-        landmark_error=float(distances_to_hints(pair, image, hints.landmarks).mean())
-        if len(hints.landmarks)
-        else np.nan,
-        initial_map_error=float(np.median(distances_to_hints(pair, image, hints.initial_pairs)))
-        if len(hints.initial_pairs)
-        else np.nan,
+        landmark_error=float(at_landmarks.mean()) if len(at_landmarks) else np.nan,
+        initial_map_error=float(np.median(at_initial)) if len(at_initial) else np.nan,
     )
 
 
 def mismatch_of(
     here: BallSignature | None, there: BallSignature | None, image: IntArray, matched: BoolArray | None = None
 ) -> FloatArray | None:
-    """How differently two bodies look around each vertex and its image: (n_s,), nan where not known or not matched.
-
-    None if one of the bodies has no triangles.
-    """
+    """Descriptor distance in space of each vertex and its image: (n_s,), nan where unknown; None without triangles."""
     if here is None or there is None:
         return None
     mismatch = here.mismatch(there.at(image), deviation_of(here, there))
@@ -90,12 +70,9 @@ def mismatch_of(
 
 def mean_known(values: FloatArray | None, areas: FloatArray) -> float:
     """Mean over the area of what is known of the values of vertices; nan if nothing is."""
-    known = np.zeros(0, dtype=bool) if values is None else np.isfinite(values)
-    return (
-        float(np.average(values[known], weights=areas[known]))
-        if values is not None and known.any()
-        else np.nan
-    )
+    if values is None or not (known := np.isfinite(values)).any():
+        return np.nan
+    return float(np.average(values[known], weights=areas[known]))
 
 
 def covered_share(surface: Surface, images: IntArray, radius: float = COVERAGE_RADIUS) -> float:
@@ -121,11 +98,8 @@ def edge_stretch(
     unit: float = 1.0,
     matched: BoolArray | None = None,
 ) -> float:
-    """Dirichlet energy of the map on edges: squared lengths of their images (n_s, 3) over their own; nan without these.
-
-    An edge counts with at most ``torn`` times its own: a few torn faces must not outweigh all others. Lengths of the
-    source are worth ``unit``; only edges between matched vertices count.
-    """
+    """Dirichlet energy of the map on edges: squared lengths of their images (n_s, 3) over their own; nan without."""
+    # Σ_e min(|f(e)|², torn |e|²) / Σ_e |e|² over edges e between matched vertices; unit: worth of the source's lengths
     if isinstance(source, Graph) or images is None:
         return np.nan
     i, j = (source.edges if matched is None else source.edges[matched[source.edges].all(axis=1)]).T
@@ -134,10 +108,8 @@ def edge_stretch(
 
 
 def torn_off_share(source: Surface, target_area: float, images: FloatArray | None, apart: float) -> float:
-    """Share of the source's area in the largest piece that a map to ``images`` tears from the rest; nan without these.
-
-    An edge is torn if its image is longer than itself by more than ``apart``, each in the √area of its surface.
-    """
+    """Share of the source's area in the largest piece that a map to ``images`` tears from the rest; nan without."""
+    # an edge is torn if |f(e)| / √A_t − |e| / √A_s > apart; pieces hang together by the edges that are not
     if isinstance(source, Graph) or images is None:
         return np.nan
     i, j = source.edges.T

@@ -1,4 +1,4 @@
-"""What a match returns: the map, how good it looks, and what to do about it."""
+"""What a match returns: the map, its quality, its outcome, and what to do about it."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import json
 import math
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace
+from enum import Enum
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
@@ -17,8 +18,7 @@ from isomatch.assets import SurfaceLike
 from isomatch.correspondence import UNMATCHED, Correspondence, wrap
 from isomatch.errors import FormatError, InputError
 from isomatch.loading.first_use import Shown, view_room
-from isomatch.matching.outcome import Outcome
-from isomatch.matching.regions import DoubtfulRegion, packed, unpacked
+from isomatch.matching.confidence import DoubtfulRegion, packed, unpacked
 from isomatch.settings import MatchSettings
 from isomatch.storage.array_file import ArrayFormat, Stored, save_arrays
 from isomatch.surfaces import Mesh
@@ -57,64 +57,45 @@ FORMAT = ArrayFormat(
 
 @dataclass(frozen=True)
 class Quality(Shown):
-    """Measures of a map that need no ground truth.
+    """Measures of a map that need no ground truth; the report says what each means and which values are usual.
 
     Of large meshes, they are those of the level on which they are matched, before polishing. Of shapes of several
-    components, ``coverage`` and ``matched`` count all, and the others are those of the largest.
+    components, ``coverage`` and ``matched`` count all, and the others are those of the largest. nan is unknown.
 
     Parameters
     ----------
     misfit : float
-        Mean distance of refinement vertices from their images in the joint coordinates (spectrum, signatures, positions,
-        normals) after the joint refinement: 0 for the same shape, about 0.4 for the right map of two people. With another
-        refinement it still tells which hypothesis is right, not how precise the map returned is; nan for a baseline and
-        for a map between shapes that are far from isometric.
+        Mean distance from the images in the joint coordinates after the joint refinement (spectrum has unit 1).
     rival : float
-        Cost of the best map that differs (misfit, times the fourth root of residual × curvature mismatch², weighed by the
-        mismatch), over that of the map returned: 1 is a tie, large is clear, below 1 the other fits better (it was not
-        among those given); ``inf`` if no other came near; nan if no other was tried, as by a baseline.
+        Score of the best map that differs over that of the map: 1 is a tie, below 1 the other, which was not eligible,
+        fits better; ``inf`` if no other came near. For a part it is the ratio of their costs; for two parts, where more
+        is better, the score of the map over that of the other.
     mirrored : float
-        The same for the best map of the other side, if ``orientation="any"`` allows either; up to 1.5 may be the
-        difference of the poses. If only one is allowed, below 0.6 where the other fits clearly better, else inf.
+        The same ratio for the best map of the other orientation; if that is not allowed, ``inf`` unless below 0.6.
     residual : float
-        Misfit of the distance descriptors after the best rotation, in units of √(average distance).
+        Residual of the distance descriptors after the best rotation, in √(average distance); nan for a part.
     stretch : float
-        Squared lengths of the images of edges over those of the edges, summed: 1 for an isometry, more for tears, of
-        which each edge counts at most four times (``Config.outcome.torn``); nan for a graph.
+        Squared lengths of the images of edges over those of the edges, each at most four times: 1 for an isometry.
     orientation : float
-        Mean cosine between the normals of the smooth target and of its copy drawn on the source: near 1 the map keeps the
-        outside, near −1 it mirrors, between it is twisted; nan without triangles on both.
+        Mean cosine between the normals of the smooth target and of its copy drawn on the source, −1 to 1.
     distortion_mean, distortion_p95 : float
-        Mean and 95th percentile of ``|d_source(i, j) − d_target(f(i), f(j))|``, each distance divided by √area of its
-        own surface, over pairs of a farthest point sample and a spread vertex; marched on the source, low-rank on the
-        target, so that the error of the basis, about half a per cent, is part of it. A graph's distances are scaled to
-        the same average.
+        Of ``|d_source(i, j) − d_target(f(i), f(j))|``, each distance in √area of its surface; nan for a part.
     coverage : float
         Share of the target's area within 0.05 √area, along edges, of an image (``Config.outcome.coverage_radius``).
     matched : float
         Share of the source's vertices that have an image.
-    landmark_error : float
-        Mean distance between the images of the landmarks and their given targets / √target area; nan without.
-    initial_map_error : float
-        Median distance between the images and those of the initial map / √target area; nan without.
+    landmark_error, initial_map_error : float
+        Mean and median distance from the images that landmarks and the initial map ask for, in √area of the target.
     mismatch : float
-        Mean of ``MatchResult.mismatch`` over the area: 0.25 to 0.5 for right maps, more for most wrong ones; nan where
-        nothing is known.
+        Mean of ``MatchResult.mismatch`` over the area, in standard deviations.
     torn_off : float
-        Share of the source's area in the largest piece that the map tears from the rest; 0 for a right map, and a limb
-        where the map exchanges two; nan for a graph and for a part.
+        Share of the source's area in the largest piece that the map tears from the rest; nan for a part.
     stress : float
-        For a part, how much distances between images leave the intervals in which those on the whole must lie, relative
-        to them: 0.01 for a right map; nan for complete shapes. For a part, residual and distortion are nan, and misfit
-        and orientation are those of the part's refinement.
+        For a part, how far distances between images leave the intervals of those on the whole, relative to them.
     bend_misfit : float
-        For a part bent onto the whole, the mean ``|log|`` of the stretch of its edges times the mean distance of its
-        vertices from the whole, in √area of the whole. For shapes far from isometric, the geometric mean of that of
-        either shape bent onto the other, at a low resolution: 1e-3 for most right maps between species. nan for others.
+        For shapes that are bent, mean ``|log|`` of the stretch of edges × mean distance from the other, in √area.
     doubt : float
-        For a part, the cost of the map × ``bend_misfit``, over how clearly it is better than the best map that differs:
-        over 1 − cost / cost of that. Up to 8e-5 for most right maps; above 8.5e-5 a map is sure only if the match
-        with the holes closed is. nan for complete shapes.
+        For a part, cost × ``bend_misfit`` over the lead of the map, 1 − cost / cost of the best map that differs.
     """
 
     misfit: float
@@ -138,20 +119,10 @@ class Quality(Shown):
 
 @dataclass(frozen=True, eq=False)
 class Alternative:
-    """Another map that was considered.
+    """Another map that was considered, with the energy, orientation and origin of its candidate."""
 
-    Parameters
-    ----------
-    extend : callable
-        Makes the map when it is first asked for.
-    energy, orientation : float
-        Evidence; lower energy is better.
-    origin : str
-        Where the hypothesis came from.
-    """
-
-    extend: Callable[[], Correspondence] = field(repr=False)
-    energy: float
+    extend: Callable[[], Correspondence] = field(repr=False)  # makes the map when it is first asked for
+    energy: float  # lower is better
     orientation: float
     origin: str
 
@@ -203,31 +174,24 @@ class MatchResult(Shown):
     alternatives : tuple of Alternative
         Distinct other maps, best first.
     timings : dict of str to float
-        Wall seconds of each stage, and of all as ``"total"``. Stages follow one another and add up to the total. Those
-        of a way that was tried are named after it, as ``"holes closed: search"`` or ``"component 2: part: search"``. Both
-        shapes are prepared at the same time, within ``"prepare"``: stages of their own, such as ``"source: distances"``,
-        do not count towards the total, and with several threads may add up to more than ``"prepare"``.
+        Wall seconds of each stage, in order, and their sum as ``"total"``. Those of a way that was tried are named after
+        it, as ``"component 2: part: search"``. Stages of the shapes, as ``"source: distances"``, run at the same time
+        within ``"prepare"`` and do not count towards the total.
     notes : tuple of str
         What was repaired, left out or replaced on the way.
     engine : str
         Geodesic engine of the source.
-    origin : str
-        Where the winning hypothesis came from.
-    reason : str
-        Why it won; empty for a baseline, which has no other.
+    origin, reason : str
+        Where the winning hypothesis came from, and why it won; a baseline has no reason.
     config : Config or the settings of a baseline
-        Settings used.
     seed : int
-        Seed used.
+    symmetries : tuple of str
+        Maps of the source, and of the target, onto themselves, in words; empty where none was found.
     mismatch : (n_source,) array of float, optional
         How differently the surfaces look in space around each vertex and its image, in standard deviations up to 2, see
-        `BallSignature`; nan where unmatched or too near a boundary, and None of points, graphs, baselines and bent maps.
-    symmetries : tuple of str
-        Maps of the source, and of the target, onto themselves, in words; empty where none was found, or for a baseline,
-        which searches for none.
+        `BallSignature`; nan where unmatched or too near a boundary, None of points, graphs, baselines and bent maps.
     regions : tuple of DoubtfulRegion
-        Where on the source the map may be wrong, and why, the largest region first; empty if nothing is doubtful, and of
-        parts and baselines.
+        Where on the source the map may be wrong, and why, the largest first; none of parts and baselines.
     """
 
     map: Correspondence
@@ -270,19 +234,7 @@ class MatchResult(Shown):
     ) -> Figure:
         """Draw both surfaces side by side, in the same colour what corresponds: `Correspondence.plot` of the map.
 
-        Parameters
-        ----------
-        source, target, values, label, colour_map, title, width, view
-            As for `Correspondence.plot`.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-
-        Raises
-        ------
-        MapError, DescriptorError, MeshError, SettingError
-            As for `Correspondence.plot`.
+        Keywords and errors are those of `Correspondence.plot`.
         """
         return self.map.plot(
             source,
@@ -308,7 +260,7 @@ class MatchResult(Shown):
         Parameters
         ----------
         source, target : Mesh, PointCloud, or what `surface_from` takes, optional
-            The surfaces; by default those that were matched, as long as a variable holds them.
+            By default those that were matched, as long as a variable holds them; `MapError` if they are others.
         landmarks : (q, 2) array_like of int, optional
             Pairs (source vertex, target vertex) with which the list of landmarks begins.
         height : int
@@ -317,15 +269,7 @@ class MatchResult(Shown):
         Returns
         -------
         ResultView
-            What a notebook shows if it is the last line of a cell. With the extra ``notebook``, its ``landmarks`` are
-            those clicked so far, which `match` takes.
-
-        Raises
-        ------
-        MapError
-            If the surfaces are others, or are not given and no longer held.
-        LandmarkError
-            If landmarks are not pairs of integers.
+            With the extra ``notebook``, its ``landmarks`` are those clicked so far, which `match` takes.
         """
         shown: Any = view_room().show_result(
             self, *self.map.surfaces(source, target), landmarks=landmarks, height=height
@@ -333,28 +277,11 @@ class MatchResult(Shown):
         return shown
 
     def as_mesh(self, source: SurfaceLike, target: SurfaceLike) -> Mesh:
-        """Bend the source onto the target: its surface with the vertices and faces of the source, see `isomatch.wrap`.
-
-        Parameters
-        ----------
-        source, target : Mesh, or what `mesh_from` takes
-            The surfaces that were matched.
-
-        Raises
-        ------
-        MapError
-            If they are others.
-        """
+        """Bend the source onto the target, see `isomatch.wrap`; `MapError` if other surfaces were matched."""
         return wrap(self.map, source, target).mesh
 
     def save(self, path: str | Path) -> None:
-        """Write everything to an ``.npz`` file, the maps of the alternatives too; `Correspondence.load` reads its map.
-
-        Raises
-        ------
-        UnwritableFileError
-            If the file cannot be written.
-        """
+        """Write all, with the maps of the alternatives, to an ``.npz`` file; `Correspondence.load` reads its map."""
         stacked = {}
         for name in MAP_ARRAYS:
             own = getattr(self.map, name)
@@ -387,8 +314,7 @@ class MatchResult(Shown):
         Raises
         ------
         FormatError
-            If the file is missing (`MissingFileError`), holds something else, or was written by an isomatch that is
-            too new.
+            If the file is missing (`MissingFileError`), holds something else, or was written by a newer isomatch.
         """
         arrays = FORMAT.read(path)
         others = zip(*(arrays.pop(f"alternative_{name}") for name in MAP_ARRAYS))
@@ -424,10 +350,7 @@ class MatchResult(Shown):
 
     @classmethod
     def from_dict(cls, summary: dict[str, Any], found: Correspondence, config: MatchSettings) -> MatchResult:
-        """Restore what `to_dict` told of a map, without alternatives and the expected errors of the vertices.
-
-        Of each region of doubt, the most doubtful vertex is known.
-        """
+        """Restore what `to_dict` told of a map, without alternatives and the expected errors of the vertices."""
         quality = {name: math.nan if value is None else value for name, value in summary["quality"].items()}
         return cls(
             map=found,
@@ -481,3 +404,58 @@ class MatchResult(Shown):
             "config": self.config.to_dict(),
             "seed": self.seed,
         }
+
+
+class Outcome(Shown, Enum):
+    """How a match ended; ``advice`` says what it means and what to do. Where several hold, the first one is given."""
+
+    HINTS_CONTRADICTED = "hints contradicted"
+    MIRROR_IMAGE = "mirror image"
+    LOW_CONFIDENCE = "low confidence"
+    SYMMETRY_AMBIGUOUS = "symmetry ambiguous"
+    PARTIAL = "partial"
+    CONVERGED = "converged"
+
+    @property
+    def advice(self) -> str:
+        """One sentence: what happened, why, what to do."""
+        return _ADVICE[self]
+
+    @property
+    def is_doubtful(self) -> bool:
+        """Whether the map may be wrong altogether."""
+        return self.sureness <= Outcome.LOW_CONFIDENCE.sureness
+
+    @property
+    def sureness(self) -> int:
+        """Rank among the outcomes; 0 is the least sure."""
+        return list(Outcome).index(self)
+
+
+_ADVICE = {
+    Outcome.HINTS_CONTRADICTED: (
+        "The map does not agree with the landmarks or the initial map. Either may be wrong: check that landmarks are "
+        "pairs (source vertex, target vertex) that count from 0; if they are right, match with hypotheses = 'given'."
+    ),
+    Outcome.MIRROR_IMAGE: (
+        "The mirror image of the source fits clearly better than any map that keeps the orientation of the faces, so "
+        "this map is wrong: perhaps one shape is a left and the other a right one, or a file is mirrored. Match with "
+        "orientation = 'any', or reflect one of the shapes."
+    ),
+    Outcome.LOW_CONFIDENCE: (
+        "The shapes fit badly under this map, as a whole or in its regions of doubt; it may be wrong there or "
+        "altogether. Look at the picture; give three to five landmark pairs at extremities, or start = 'pose' if the "
+        "shapes are roughly aligned in space; or check that both shapes are complete and of one kind."
+    ),
+    Outcome.SYMMETRY_AMBIGUOUS: (
+        "A second, symmetric map fits as well, or the hints led to the mirror image. If sides matter, give landmarks: "
+        "three to five pairs, at least one on one side only (a left hand, a right ear), and say which orientation "
+        "is meant; or start = 'pose' if the shapes are roughly aligned in space."
+    ),
+    Outcome.PARTIAL: (
+        "One shape is a part of the other, both are parts of one body, or one has further components; what has no "
+        "counterpart is marked unmatched (−1). "
+        "The notes say what is missing. Landmarks on two components make them partners."
+    ),
+    Outcome.CONVERGED: "The evidence agrees on one map.",
+}

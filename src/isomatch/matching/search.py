@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import permutations
-from typing import ClassVar
 
 import numpy as np
 
 from isomatch.correspondence import Alignment, closest_point_images, iterative_closest_points
-from isomatch.matching.anchors import starts_from_anchors
-from isomatch.matching.contest import distinct
 from isomatch.matching.fit import Hypothesis
 from isomatch.matching.hints import Hints
 from isomatch.matching.pair import ShapePair
+from isomatch.matching.selection import distinct
 from isomatch.matching.stages import PoolStart, Relation, Start, first_maps_of, name_of
 from isomatch.matching.starts import (
     start_from_pairs,
+    starts_from_anchors,
     starts_from_extremities,
     starts_from_hints,
     starts_from_poses,
@@ -24,26 +23,22 @@ from isomatch.matching.starts import (
 from isomatch.runtime.threads import parallel_map
 from isomatch.values.arrays import FloatArray, IntArray
 
-# iterations of closest points from hints and starts handed in; most maps change little afterwards
-HINT_STEPS = 8
+HINT_STEPS = 8  # of closest points from hints and starts handed in; most maps change little afterwards
 
-# most hypotheses where a shape has few extremities, or both have a long boundary: the residuals of round shapes tell
-# little, so many are kept until curvature has been compared; docs/lab/robustness.md, shapes without limbs
+# most hypotheses of limbless shapes: the residuals of round shapes tell little, so many are kept until curvature has been
+# compared; docs/lab/robustness.md, shapes without limbs
 MOST_WITHOUT_LIMBS = 40
 
-# functions whose sign is flipped on the way back: the first ones, which exchange limbs or twist a body;
-# docs/lab/design_notes.md
-FLIPPED_BACK = 6
-
+FLIPPED_BACK = (
+    6  # functions flipped on the way back, which exchange limbs or twist a body; docs/lab/design_notes.md
+)
 AT_ONCE = 4  # maps moved together by a thread; fixed, so that results do not depend on the number of threads
 
 
 def hypotheses_from_hints(pair: ShapePair, hints: Hints) -> list[Hypothesis]:
-    """Hypotheses from what the user knows, each after iterative closest points.
-
-    Landmarks at extremities leave the front and the back of a thin body undecided. With ``hypotheses="given"``, the
-    flips of the map from landmarks come with it; otherwise automatic hypotheses compete.
-    """
+    """Hypotheses from what the user knows, each after iterative closest points."""
+    # landmarks at extremities leave the front and the back of a thin body undecided: with hypotheses = "given" the flips
+    # of the map from them come with it; otherwise automatic hypotheses compete
     settings = pair.config.search
     from_hints = [
         Hypothesis(iterative_closest_points(*pair.search_points, start[None], HINT_STEPS)[0], origin)
@@ -57,10 +52,7 @@ def hypotheses_from_hints(pair: ShapePair, hints: Hints) -> list[Hypothesis]:
 
 
 def flips(pair: ShapePair, hypothesis: Hypothesis, others: list[Hypothesis]) -> list[Hypothesis]:
-    """Find the maps that the flip of one Laplace–Beltrami function makes of a hypothesis, other than those there are.
-
-    They are its mirror images, and of a thin body the map that exchanges front and back.
-    """
+    """Find the maps that the flip of one Laplace–Beltrami function makes of a hypothesis, other than those there are."""
     pool = Pool(pair, pair.config.search.n_hypotheses)
     pool.merge([hypothesis])
     pool.flip([hypothesis], hypothesis.origin)
@@ -70,10 +62,8 @@ def flips(pair: ShapePair, hypothesis: Hypothesis, others: list[Hypothesis]) -> 
 
 
 def symmetric_variants(pair: ShapePair, target_row: IntArray) -> list[Hypothesis]:
-    """Compose a map of the search vertices (m_s,) with the symmetries of the target.
-
-    Mirror images are left out unless either orientation is allowed.
-    """
+    """Compose a map of the search vertices (m_s,) with the symmetries of the target."""
+    # σ ∘ f keeps distances as f does, if σ is a self-isometry; mirror images only if either orientation is allowed
     starts = [
         symmetry.image_row[target_row]
         for symmetry in pair.target.symmetries
@@ -91,18 +81,7 @@ def symmetric_variants(pair: ShapePair, target_row: IntArray) -> list[Hypothesis
 def search(
     pair: ShapePair, from_hints: list[Hypothesis], starts: Sequence[Start] | None = None
 ) -> list[Hypothesis]:
-    """Collect distinct hypotheses, best residual first.
-
-    Parameters
-    ----------
-    pair : ShapePair
-        The two shapes.
-    from_hints : list of Hypothesis
-        Maps from what the user knows.
-    starts : sequence of Start, optional
-        By default `default_starts`: maps from extremal points, of shapes alike in space also from their poses, of shapes
-        without limbs also from anchors, and flips of the best of them, which exchange left and right or front and back.
-    """
+    """Collect distinct hypotheses from hints and starts, by default `default_starts`; best residual first."""
     most = MOST_WITHOUT_LIMBS if pair.limbless else pair.config.search.n_hypotheses
     pool = Pool(pair, most)
     pool.merge(from_hints)
@@ -128,11 +107,9 @@ def search_back(pair: ShapePair) -> list[Hypothesis]:
 
 
 def combinations(pair: ShapePair, maps: Sequence[IntArray]) -> list[Hypothesis]:
-    """Combine the first of some maps of the search vertices (m_s,): one on one half of the source, another on the other.
-
-    Of two half twists, one has its arms right and one its legs. The halves are those in which a smooth function is
-    positive and negative, so that a body is cut at its waist. Combinations near any of the maps are left out.
-    """
+    """Combine maps of the search vertices (m_s,): one on one half of the source, another on the other."""
+    # Of two half twists, one has its arms right and one its legs. Halves are where φ_j, j ≤ settings.halves, is positive
+    # and negative, so that a body is cut at its waist (nodal domains of the first functions).
     settings = pair.config.search
     halves = pair.source.laplace.vectors[pair.source_vertices, 1 : 1 + settings.halves].T > 0
     starts = [np.where(half, *two) for half in halves for two in permutations(maps[: settings.combined], 2)]
@@ -179,6 +156,8 @@ class Pool:
         self, parents: list[Hypothesis], origin: str, steps: int | None = None, most: int | None = None
     ) -> None:
         """Add what comes of turning the sign of one of the first Laplace–Beltrami functions in each of some maps."""
+        # Φ_j is defined but for its sign, and a symmetric shape has even and odd functions: D F with D = diag(1, …, −1 at
+        # j, …, 1) is near the functional map of the mirror image, or of the map that exchanges front and back
         pair = self.pair
         n = min(self._settings.flipped_functions, pair.n_functions)
         grown = [pair.search_spectra.grown(parent.target_row, (n,) * 4) for parent in parents if n]
@@ -188,13 +167,11 @@ class Pool:
         self.add(starts, self._settings.flip_steps if steps is None else steps, origin)
 
     def converged(self, starts: list[IntArray], steps: int) -> list[Alignment]:
-        """Run iterative closest points from many first maps; one that meets another, or a known map, is dropped.
-
-        Most starts lead to few maps: comparing them every other iteration saves most of the work. So does leaving those
-        that have settled.
-        """
+        """Run iterative closest points from many first maps; one that meets another, or a known map, is dropped."""
         settings, points = self._settings, self.pair.search_points
         known, settled = [h.target_row for h in self.hypotheses], list[IntArray]()
+        # most starts lead to few maps: comparing them every other iteration saves most of the work, as does leaving
+        # those that have settled
         for _ in range(0, steps, settings.compare_every):
             starts = distinct(
                 starts,
@@ -220,30 +197,22 @@ class Pool:
         return [alignment for group in aligned for alignment in group]
 
 
-class FromExtremities(PoolStart):
-    """First maps from every assignment of extremal points."""
+class FromRows(PoolStart):
+    """First maps of a pair by a function, each followed by iterative closest points."""
 
-    name: ClassVar[str] = "extremities"
-
-    def extend(self, pool: Pool) -> None:
-        """Add what iterative closest points make of them."""
-        pool.add(starts_from_extremities(pool.pair), pool.pair.config.search.start_steps, self.name)
-
-
-class FromPoses(PoolStart):
-    """First maps to the nearest points in space, of meshes that a similarity brings near each other."""
-
-    name: ClassVar[str] = "poses"
+    def __init__(self, name: str, starts: Callable[[ShapePair], list[IntArray]]) -> None:
+        self.name = name
+        self._starts = starts
 
     def extend(self, pool: Pool) -> None:
-        """Add them, if there are any."""
-        pool.add(starts_from_poses(pool.pair), pool.pair.config.search.start_steps, self.name)
+        """Add what comes of them."""
+        pool.add(self._starts(pool.pair), pool.pair.config.search.start_steps, self.name)
 
 
 class FromAnchors(PoolStart):
     """First maps from points far from each other: of shapes without limbs, of parts, and between species."""
 
-    name: ClassVar[str] = "anchors"
+    name = "anchors"
 
     def extend(self, pool: Pool) -> None:
         """Add them, if a shape has no limbs."""
@@ -256,22 +225,25 @@ class FromAnchors(PoolStart):
 class FromFlips(PoolStart):
     """Flips of the best hypotheses so far, which exchange left and right, or front and back."""
 
-    name: ClassVar[str] = "flip"
+    name = "flip"
 
     def extend(self, pool: Pool) -> None:
         """Add them."""
         pool.flip(pool.hypotheses[: pool.pair.config.search.flipped], self.name)
 
 
-default_starts: tuple[Start, ...] = (FromExtremities(), FromPoses(), FromAnchors(), FromFlips())
+default_starts: tuple[Start, ...] = (
+    FromRows("extremities", starts_from_extremities),
+    FromRows("poses", starts_from_poses),
+    FromAnchors(),
+    FromFlips(),
+)
 """The starts of a match to which none are handed; hints of the user come before them."""
 
 
 def starts_of(relation: Relation) -> tuple[Start, ...]:
-    """Return the starts of a part or an elastic map: those handed in, else isomatch's; none where only hints may win.
-
-    Landmarks lead through anchors, in any case but where a whole map is given and nothing else may win.
-    """
+    """Return the starts of a part or an elastic map: those handed in, else isomatch's; none where only hints may win."""
+    # landmarks lead through anchors, in any case but where a whole map is given and nothing else may win
     starts, config, hints = relation.stages.starts, relation.pair.config, relation.hints
     found = () if config.hypotheses == "given" else default_starts if starts is None else tuple(starts)
     whole_map = not hints.only_landmarks or config.start == "pose"
@@ -281,6 +253,7 @@ def starts_of(relation: Relation) -> tuple[Start, ...]:
 
 def _flipped(pair: ShapePair, functional_map: FloatArray, function: int) -> IntArray:
     """Turn one function of the leading block, and grow the map again to the size it had, two functions at a time."""
+    # spectral upsampling: the j × j block of F, its map to points, and from these the (j + 2) × (j + 2) block (ZoomOut)
     size, spectra = max(function + 1, 4), pair.search_spectra
     flipped = functional_map[:size, :size].copy()
     flipped[function] *= -1

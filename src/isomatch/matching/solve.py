@@ -1,4 +1,4 @@
-"""Solve each relation that fits a pair of connected shapes."""
+"""Solve each relation that fits a pair of connected shapes, and both windings of one that seems to be inside out."""
 
 from __future__ import annotations
 
@@ -9,10 +9,7 @@ from typing import Literal
 import numpy as np
 
 from isomatch.errors import NotConvergedError
-from isomatch.matching.contest import CLEARLY_BETTER
 from isomatch.matching.hints import Hints
-from isomatch.matching.judge import Evidence, Solution, closed_evidence, fits_badly, measured_evidence
-from isomatch.matching.outcome import Outcome
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.quality import mean_known, mismatch_of
 from isomatch.matching.relations.both_parts import BothParts
@@ -27,26 +24,21 @@ from isomatch.matching.relations.closed import (
 from isomatch.matching.relations.elastic import FAR, FAR_KEPT, Elastic, far_from_isometric
 from isomatch.matching.relations.isometry import IsometricMatch, Isometry
 from isomatch.matching.relations.part import Part, PartSide
+from isomatch.matching.result import Outcome
+from isomatch.matching.selection import CLEARLY_BETTER
 from isomatch.matching.stages import Stages
+from isomatch.matching.verification import Evidence, Solution, closed_evidence, fits_badly, measured_evidence
 from isomatch.runtime.stage_timer import StageTimer
-from isomatch.shapes import crease_length, opened_shape
+from isomatch.shapes import crease_length, opened_shape, turned_over
 
-# in √area, by which creases of shapes with touching limbs are longer; docs/lab/design_notes.md
-MORE_CREASES = 1.0
-
+MORE_CREASES = (
+    1.0  # in √area, by which creases of shapes with touching limbs are longer; docs/lab/design_notes.md
+)
 SURE = Outcome.CONVERGED, Outcome.PARTIAL, Outcome.SYMMETRY_AMBIGUOUS
 
 
 def solve(pair: ShapePair, hints: Hints, stages: Stages, timer: StageTimer) -> Solution:
-    """Match the bodies of two shapes.
-
-    Raises
-    ------
-    SettingError
-        If hints are asked for and none was given.
-    NotConvergedError
-        If no map of a part keeps the orientation.
-    """
+    """Match the bodies of two shapes by the relations that fit them."""
     if stages.relation is not None:
         return stages.relation.on(pair, hints, stages).solution(timer)
     role = part_role(pair, hints, stages)
@@ -68,25 +60,9 @@ def solve_touching(relation: Isometry, found: IsometricMatch, timer: StageTimer)
 
 
 def fused_limbs_cut(
-    relation: Isometry,
-    found: IsometricMatch,
-    pair: ShapePair,
-    hints: Hints,
-    timer: StageTimer,
+    relation: Isometry, found: IsometricMatch, pair: ShapePair, hints: Hints, timer: StageTimer
 ) -> ClosedMatch | None:
-    """Match with contacts cut of the shape that has more handles, or of both; None unless that scores better.
-
-    If the best map fits badly, the shape is also cut along its creases, if it has contacts to be cut, or clearly longer
-    creases than the other one: shapes of two kinds have natural folds of about the same length. And if both have
-    handles, both are.
-
-    Parameters
-    ----------
-    relation, found
-        The match of the shapes, or of the shapes with their holes closed.
-    pair, hints, timer
-        The shapes, and what is known of the map.
-    """
+    """Match with contacts cut of the shape that has more handles, or of both; None unless that scores better."""
     stages, complete = relation.stages, relation.pair is pair
     if not _seeks_contacts(pair, hints, stages):
         return None
@@ -100,6 +76,8 @@ def fused_limbs_cut(
             if cut and cut.score < score:
                 best, score = cut, cut.score
 
+    # If the best map fits badly, the shape is also cut along its creases, if it has contacts to be cut, or clearly longer
+    # creases than the other: shapes of two kinds have natural folds of about the same length. With handles, both are.
     def fits_poorly() -> bool:
         measured = (best.found if best else found).measured
         return measured_evidence(pair, measured.quality, pair.config.orientation).poor
@@ -126,10 +104,7 @@ def _one_is_creased(pair: ShapePair) -> bool:
 
 
 def _seeks_contacts(pair: ShapePair, hints: Hints, stages: Stages) -> bool:
-    """Whether limbs may be fused: of meshes whose distances were not given, by a refinement that looks further.
-
-    Descriptors, orders to cut nothing, and more handles than limbs make rule it out.
-    """
+    """Whether limbs may be fused: of meshes whose distances were not given, by a refinement that looks further."""
     settings, shapes = pair.config.preparation, (pair.source, pair.target)
     given = {shape.distances.engine for shape in shapes} & GIVEN
     wanted = settings.contact_concavity and not hints.functions[0].shape[1]
@@ -139,12 +114,10 @@ def _seeks_contacts(pair: ShapePair, hints: Hints, stages: Stages) -> bool:
 
 
 def _limbs_apart(solution: Solution, hints: Hints, stages: Stages, timer: StageTimer) -> Solution | None:
-    """Match a source that has more handles with its contacts and creases open, as a part, where a map is poor.
-
-    What limbs hide where they touch is missing, and distances lie between those of fused limbs and of limbs apart. A
-    target that is a part would leave much of the source without images. None unless the bodies look more alike around
-    vertices and their images. Such a map is no surer.
-    """
+    """Match a source that has more handles with its contacts and creases open, as a part, where a map is poor."""
+    # What limbs hide where they touch is missing, and distances lie between those of fused limbs and of limbs apart. Such
+    # a map is taken, no surer than before, if the bodies look more alike under it. Of a target that is a part much of the
+    # source would be left without images.
     pair, poor = solution.pair, solution.outcome is Outcome.LOW_CONFIDENCE
     more = pair.source.handles - pair.target.handles
     if not (
@@ -174,11 +147,8 @@ def looks_apart(pair: ShapePair, solution: Solution) -> float:
 
 
 def part_role(pair: ShapePair, hints: Hints, stages: Stages) -> PartSide | Literal["both"] | None:
-    """Tell which shape is a part of the other, or whether both are parts of something that neither shows.
-
-    A part has a long boundary. Only refinements that look further, of maps that preserve the orientation, know of parts,
-    without descriptors.
-    """
+    """Tell which shape is a part of the other, or whether both are parts of something that neither shows."""
+    # a part has a long boundary; only refinements that look further, of maps that preserve the orientation, know of parts
     config = pair.config
     looks_further = stages.refinement.looks_further and config.orientation == "preserve"
     if config.part == "none" or not pair.oriented or not looks_further or hints.functions[0].shape[1]:
@@ -193,10 +163,7 @@ def part_role(pair: ShapePair, hints: Hints, stages: Stages) -> PartSide | Liter
 
 
 def solve_complete(relation: Isometry, found: IsometricMatch, timer: StageTimer) -> Solution:
-    """Sum up the match of complete shapes; if the map does not fit well, an elastic one may take its place.
-
-    A map that fits well enough, and hardly stretches the shapes when they are bent by it, stays what it was.
-    """
+    """Sum up the match of complete shapes; if the map does not fit well, an elastic one may take its place."""
     timer.start("quality")
     measured = found.measured
     if far_from_isometric(relation, measured.quality):
@@ -235,11 +202,9 @@ def _elastic(relation: Isometry, found: IsometricMatch) -> Elastic:
 
 
 def _solve_part(part: Part, timer: StageTimer) -> Solution:
-    """Match a part as it is, and with its holes closed, unless the first of the two is sure.
-
-    The part as it is comes first, unless little is missing. Then the shapes with their holes closed do, and if that is
-    sure, the part is matched from there without a search of its own.
-    """
+    """Match a part as it is, and with its holes closed, unless the first of the two is sure."""
+    # The part as it is comes first, unless little is missing. Then the shapes with their holes closed do, and if that is
+    # sure, the part is matched from there without a search of its own.
     pair, hints, stages = part.pair, part.hints, part.stages
     if not pair.config.parts.close:
         return part.solution(timer)
@@ -264,11 +229,9 @@ def _solve_part(part: Part, timer: StageTimer) -> Solution:
 
 
 def _solve_two_parts(pair: ShapePair, hints: Hints, stages: Stages, timer: StageTimer) -> Solution:
-    """Match two parts: as two patches of the same extent, as overlapping parts of a body, and with their holes closed.
-
-    The first of these maps that is sure is returned. If none is, and the shapes fit no better with their holes closed, an
-    elastic one may be; otherwise the map is that of overlapping parts.
-    """
+    """Match two parts: as two patches of the same extent, as overlapping parts of a body, and with holes closed."""
+    # The first map that is sure is returned. If none is, and the shapes fit no better with their holes closed, it may be
+    # an elastic one; otherwise it is that of overlapping parts.
     relation = Isometry().on(pair, hints, stages)
     found = relation.match(timer)
     timer.start("quality")
@@ -295,3 +258,43 @@ def _two_closed_parts(closed: ClosedMatch, timer: StageTimer) -> Solution:
     evidence = closed_evidence(doubt.evidence, with_caps.evidence)
     note = "both shapes were matched with their holes closed"
     return with_doubt(with_caps, evidence, doubt, note, len(closed.hints.landmarks) > 0)
+
+
+LEAST_SURE = Outcome.LOW_CONFIDENCE.sureness + 1  # beyond it, outcomes differ in kind
+
+
+def side_to_turn(pair: ShapePair) -> Literal["source", "target"] | None:
+    """Name the shape that seems to be inside out, if only one of them does; two that do agree with each other."""
+    if pair.config.orientation == "any" or not pair.oriented:
+        return None
+    source, target = pair.source.seems_inside_out, pair.target.seems_inside_out
+    return None if source == target else "source" if source else "target"
+
+
+def solve_either_winding(pair: ShapePair, hints: Hints, stages: Stages, timer: StageTimer) -> Solution:
+    """Match the bodies of two shapes; one that seems to be inside out also with its faces turned over."""
+    side = side_to_turn(pair)
+    if side is None:
+        return solve(pair, hints, stages, timer)
+    turned = replace(pair, **{side: turned_over(getattr(pair, side))})  # type: ignore[arg-type]
+    solutions: dict[str, Solution] = {}
+    failure = None
+    for how, wound in (("as they are", pair), ("turned over", turned)):
+        try:
+            with timer.within(f"faces {how}"):
+                solutions[how] = solve(wound, hints, stages, timer)
+        except NotConvergedError as error:
+            failure = error
+    if failure and not solutions:
+        raise failure
+
+    # a map that is not doubtful wins over one that is; otherwise that under which the bodies look more alike
+    def fit(how: str) -> tuple[int, float]:
+        found = solutions[how]
+        looks = looks_apart(found.pair, found)
+        return min(found.outcome.sureness, LEAST_SURE), -looks if np.isfinite(looks) else -np.inf
+
+    timer.start("quality")
+    fits = max(solutions, key=fit)
+    note = f"the {side} seems to be inside out; of both windings of its faces, the map fits better with them {fits}"
+    return replace(solutions[fits], pair=pair, notes=(note, *solutions[fits].notes))

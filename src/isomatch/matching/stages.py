@@ -13,11 +13,11 @@ import numpy as np
 from isomatch.correspondence import Embedding, SpectralPair
 from isomatch.descriptors import deviation_of
 from isomatch.errors import DescriptorError, SettingError
-from isomatch.matching.contest import weighed
 from isomatch.matching.fit import Fit
 from isomatch.matching.hints import Hints
-from isomatch.matching.judge import Solution
 from isomatch.matching.pair import ShapePair
+from isomatch.matching.selection import weighed
+from isomatch.matching.verification import Solution
 from isomatch.runtime.stage_timer import StageTimer
 from isomatch.runtime.threads import parallel_map
 from isomatch.shapes import PreparedShape
@@ -28,7 +28,7 @@ from isomatch.values.cached import cached_property
 class PoolStart(ABC):
     """A start of isomatch's own, which adds to the hypotheses found before instead of making first maps of a pair."""
 
-    name: ClassVar[str]
+    name: str
 
     @abstractmethod
     def extend(self, pool: Any) -> None:
@@ -64,20 +64,9 @@ class Refinement(ABC):
 
     @abstractmethod
     def __call__(self, relation: Relation, fit: Fit) -> Fit:
-        """Refine one map.
+        """Refine one map: ``fit.image`` (r,), vertices of the target's body for ``relation.vertices``.
 
-        Parameters
-        ----------
-        relation : Relation
-            Its ``source`` and ``target`` are the prepared shapes, its ``vertices`` (r,) those of the source that are
-            mapped.
-        fit : Fit
-            The map: ``fit.image`` (r,) are vertices of the target's body.
-
-        Returns
-        -------
-        Fit
-            The map refined, measured by ``relation.measured(fit, image)``.
+        Return ``relation.measured(fit, image)``.
         """
 
     def contest(self, relation: Relation, fits: Sequence[Fit]) -> list[Fit]:
@@ -89,10 +78,7 @@ class Refinement(ABC):
         return self(relation, fit)
 
     def everywhere(self, relation: Relation, fit: Fit) -> Embedding:
-        """Coordinates of all vertices of both bodies in which images under a refined map are nearest points.
-
-        Of a part they are not asked for: it is bent onto the whole instead.
-        """
+        """Coordinates of all vertices of both bodies in which images are nearest points; not asked for of a part."""
         return relation.embedding(fit)
 
     @property
@@ -121,13 +107,13 @@ class Relation(ABC):
     pair: ShapePair
     hints: Hints
     stages: Stages
+    _claim: Self | None = None  # what was bound; None if nothing was
 
     def on(self, pair: ShapePair, hints: Hints, stages: Stages | None = None) -> Self:
         """Return the relation between the shapes of a pair, of which something may be known."""
-        bound = copy(self)
-        for name in tuple(vars(bound)):  # what was computed for another pair
-            if isinstance(getattr(type(bound), name, None), cached_property):
-                del vars(bound)[name]
+        claim = self if self._claim is None else self._claim  # without what was computed for another pair
+        bound = copy(claim)
+        bound._claim = claim
         bound.pair, bound.hints, bound.stages = pair, hints, Stages() if stages is None else stages
         return bound
 
@@ -157,20 +143,12 @@ class Relation(ABC):
         return self.pair.spectra
 
     def contest(self, fits: Sequence[Fit]) -> list[Fit]:
-        """Refine maps by the refinement of the match.
-
-        Raises
-        ------
-        SettingError
-            If the refinement gives no map, one of another relation or one that was not measured.
-        """
+        """Refine maps by the refinement of the match; `SettingError` if it gives none, or one that was not measured."""
         if not fits:
             return []
         found = self.refinement.contest(self, fits)
         if not found:
-            raise SettingError(
-                f"{_named(self.refinement)} gave up all of {len(fits)} maps; keep the best one"
-            )
+            raise self._refused(f"gave up all of {len(fits)} maps; keep the best one")
         for fit in found:
             self.require_measured(fit, type(fits[0]))
         return found
@@ -178,26 +156,22 @@ class Relation(ABC):
     def require_measured(self, fit: object, kind: type[Fit]) -> None:
         """Raise `SettingError` unless a refinement gave a fit that the relation has measured."""
         if not isinstance(fit, kind) or not fit.is_measured:
-            raise SettingError(
-                f"{_named(self.refinement)} gave {_described(fit)} that this relation has not measured; return "
-                "relation.measured(fit, image)"
-            )
+            what = "a map" if isinstance(fit, Fit) else f"an object of type {type(fit).__name__}"
+            how = "return relation.measured(fit, image)"
+            raise self._refused(f"gave {what} that this relation has not measured; {how}")
+
+    def _refused(self, how: str) -> SettingError:
+        return SettingError(f"the refinement {type(self.refinement).__name__} {how}")
 
     def everywhere(self, fit: Fit) -> Embedding:
-        """Coordinates of all vertices of both bodies, by the refinement of the match.
-
-        Raises
-        ------
-        SettingError
-            If the refinement gives coordinates of other vertices, or of spaces of different dimension.
-        """
+        """Coordinates of all vertices by the refinement of the match; `SettingError` if they are of other vertices."""
         found = Embedding(*self.refinement.everywhere(self, fit))
         sizes = self.source.body.n_vertices, self.target.body.n_vertices
         shapes = tuple(np.shape(points) for points in found)
         if [shape[:1] for shape in shapes] != [(size,) for size in sizes] or shapes[0][1:] != shapes[1][1:]:
-            raise SettingError(
-                f"{_named(self.refinement)} gave coordinates of shapes {shapes[0]} and {shapes[1]}; expected one row for "
-                f"each of {sizes[0]} and {sizes[1]} vertices, in the same columns"
+            raise self._refused(
+                f"gave coordinates of shapes {shapes[0]} and {shapes[1]}; expected one row for each of {sizes[0]} and "
+                f"{sizes[1]} vertices, in the same columns"
             )
         return found
 
@@ -206,19 +180,12 @@ class Relation(ABC):
         given, n_mapped, n_target = np.asarray(image), len(self.vertices), self.target.body.n_vertices
         expected = f"expected ({n_mapped},) vertices of a body of {n_target} vertices"
         if given.shape != (n_mapped,) or given.dtype.kind not in "iu":
-            raise SettingError(
-                f"{_named(self.refinement)} gave images of shape {given.shape} and type {given.dtype}; {expected}"
-            )
+            raise self._refused(f"gave images of shape {given.shape} and type {given.dtype}; {expected}")
         if given.min() < 0 or given.max() >= n_target:
-            raise SettingError(
-                f"{_named(self.refinement)} gave images from {given.min()} to {given.max()}; {expected}"
-            )
+            raise self._refused(f"gave images from {given.min()} to {given.max()}; {expected}")
 
     def require_sides(self) -> None:
-        """Raise `SettingError` unless the shapes have an inside and an outside, which the map should preserve.
-
-        Only maps that do so are sought by relations that compare normals of the shapes themselves.
-        """
+        """Raise `SettingError` unless the shapes have an inside and an outside, which the map should preserve."""
         name, orientation = type(self).__name__, self.pair.config.orientation
         if not self.pair.oriented:
             raise SettingError(
@@ -253,10 +220,7 @@ class Relation(ABC):
         return "initial map" if len(self.hints.initial_pairs) and agrees else winner.origin
 
     def mismatch(self, fit: Fit) -> FloatArray:
-        """How differently the surfaces look in space around the vertices (r,) and their images, see `BallSignature`.
-
-        nan where nothing is known: near a boundary, and of points and graphs.
-        """
+        """Descriptor distance in space of the vertices (r,) and their images, see `BallSignature`; nan where unknown."""
         here, there = self.source.balls, self.target.balls
         if here is None or there is None:
             return np.full(len(self.vertices), np.nan)
@@ -331,15 +295,7 @@ class Joint(Refinement):
 
 @dataclass(frozen=True)
 class Stages:
-    """The stages of a match.
-
-    Parameters
-    ----------
-    refinement : Refinement
-    starts : sequence of Start, optional
-        By default `default_starts`.
-    relation : Relation, optional
-        By default every relation that fits the pair is tried.
+    """The stages of a match: a refinement, starts (by default `default_starts`), a relation (by default any that fits).
 
     Examples
     --------
@@ -377,15 +333,7 @@ def name_of(start: Start) -> str:
 
 
 def first_maps_of(starts: Iterable[Start], pair: ShapePair) -> list[tuple[IntArray, str]]:
-    """Collect the first maps of the starts that are not isomatch's own, checked, each with the name of its start.
-
-    They are arrays (q, 2) of vertices of both bodies.
-
-    Raises
-    ------
-    SettingError
-        If a start gives something else.
-    """
+    """Collect the first maps (q, 2) of the starts that are not isomatch's own, checked, with the name of each start."""
     found = []
     sizes = pair.source.body.n_vertices, pair.target.body.n_vertices
     for start in starts:
@@ -406,11 +354,3 @@ def first_maps_of(starts: Iterable[Start], pair: ShapePair) -> list[tuple[IntArr
                 )
             found.append((pairs, name_of(start)))
     return found
-
-
-def _named(refinement: Refinement) -> str:
-    return f"the refinement {type(refinement).__name__}"
-
-
-def _described(fit: object) -> str:
-    return "a map" if isinstance(fit, Fit) else f"an object of type {type(fit).__name__}"

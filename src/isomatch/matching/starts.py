@@ -1,4 +1,4 @@
-"""First maps: from hints, from the pose, and from extremities of the shapes alone."""
+"""First maps: from hints, from the pose, from extremities, and from points far from each other."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ from scipy.spatial import cKDTree
 from isomatch.correspondence import (
     alignment_from_functions,
     alignments_from_points,
+    assign_points,
+    nearest_rows,
     nearest_under_rotation,
     poses_between,
     with_normals,
@@ -18,7 +20,7 @@ from isomatch.errors import SettingError
 from isomatch.matching.hints import FEWEST_POINTS, Hints
 from isomatch.matching.pair import ShapePair
 from isomatch.runtime.threads import parallel_map
-from isomatch.shapes import PreparedShape
+from isomatch.shapes import EXACTLY, PreparedShape, farthest_rows
 from isomatch.surfaces import Graph, Surface
 from isomatch.values.arrays import FloatArray, IntArray
 
@@ -51,30 +53,20 @@ def starts_from_extremities(pair: ShapePair) -> list[IntArray]:
 
 
 def starts_from_pose(pair: ShapePair) -> list[IntArray]:
-    """First maps to the nearest point in space: target rows (m_s,) of the search vertices.
-
-    Of the bodies, which are centred and of unit area, and of the shapes as they are.
-
-    Raises
-    ------
-    SettingError
-        If a shape is a graph.
-    """
-    sides = (pair.source, pair.source_vertices), (pair.target, pair.target_vertices)
-    bodies, shapes = [], []
-    for shape, vertices in sides:
-        shapes.append(_places(shape.surface)[shape.user_vertex[vertices]])
-        bodies.append(_places(shape.body)[vertices])
-    return [
-        np.asarray(cKDTree(target).query(source)[1], dtype=np.int64) for source, target in (bodies, shapes)
-    ]
+    """First maps to the nearest point in space: target rows (m_s,); `SettingError` if a shape is a graph."""
+    # of the bodies, which are centred and of unit area, and of the shapes as they are
+    source, target = pair.source, pair.target
+    here, there = pair.source_vertices, pair.target_vertices
+    bodies = _places(source.body)[here], _places(target.body)[there]
+    shapes = (
+        _places(source.surface)[source.user_vertex[here]],
+        _places(target.surface)[target.user_vertex[there]],
+    )
+    return [np.asarray(cKDTree(onto).query(points)[1], dtype=np.int64) for points, onto in (bodies, shapes)]
 
 
 def starts_from_poses(pair: ShapePair) -> list[IntArray]:
-    """First maps to the nearest points of meshes that are alike in space, however they lie: target rows (m_s,).
-
-    One for each pose that brings them as near as `SearchSettings.near_rigid`; see `poses_between`.
-    """
+    """First maps to the nearest points of meshes that are alike in space, however they lie: target rows (m_s,)."""
     limit, orientation = pair.config.search.near_rigid, pair.config.orientation
     if not (limit and pair.oriented):
         return []
@@ -101,11 +93,9 @@ def _places(surface: Surface) -> FloatArray:
 
 
 def start_from_pairs(pair: ShapePair, pairs: IntArray) -> IntArray:
-    """First map from a map that is known at some vertices, pairs (q, 2): target rows (m_s,) of the search vertices.
-
-    Search vertices without an image take that of the nearest one that has an image, nearest in descriptors; and an image
-    between the target's search vertices goes to the nearest of them.
-    """
+    """First map from a map that is known at some vertices, pairs (q, 2): target rows (m_s,) of the search vertices."""
+    # search vertices without an image take that of the one that has an image and is nearest in descriptors; and an
+    # image between the target's search vertices goes to the nearest of them
     source, target = pair.search_points
     image = np.full(pair.source.body.n_vertices, -1)
     image[pairs[::-1, 0]] = pairs[::-1, 1]  # of vertices that were welded, the first counts
@@ -124,15 +114,9 @@ def start_from_functions(pair: ShapePair, of_source: FloatArray, of_target: Floa
     """First map from functions on the bodies that should correspond, (n_s, q) and (n_t, q)."""
     settings = pair.config.search
     weights = pair.source.body.vertex_areas, pair.target.body.vertex_areas
+    sides = pair.source.points, pair.target.points, of_source, of_target, *weights
     rotation = alignment_from_functions(
-        pair.source.points,
-        pair.target.points,
-        of_source,
-        of_target,
-        *weights,
-        n_columns=settings.start_columns,
-        off_diagonal=settings.off_diagonal[0],
-        ridge=settings.ridge,
+        *sides, n_columns=settings.start_columns, off_diagonal=settings.off_diagonal[0], ridge=settings.ridge
     )
     return nearest_under_rotation(*pair.search_points, rotation)
 
@@ -140,13 +124,55 @@ def start_from_functions(pair: ShapePair, of_source: FloatArray, of_target: Floa
 def _from_points(pair: ShapePair, points: IntArray, off_diagonal: float) -> list[IntArray]:
     """First maps from corresponding vertices (h, m, 2), source and target."""
     settings = pair.config.search
-    rotations = alignments_from_points(
-        pair.source.points,
-        pair.target.points,
-        points[..., 0],
-        points[..., 1],
-        settings.start_columns,
-        off_diagonal,
-        settings.ridge,
-    )
+    sides = pair.source.points, pair.target.points, points[..., 0], points[..., 1]
+    rotations = alignments_from_points(*sides, settings.start_columns, off_diagonal, settings.ridge)
     return parallel_map(lambda rotation: nearest_under_rotation(*pair.search_points, rotation), rotations)
+
+
+N_ANCHORS = 6  # three points determine an isometry, three more its errors
+N_CANDIDATES = 200  # search vertices of the target among which their images are sought; as for symmetries
+ECCENTRICITY_WEIGHT = 0.3  # as search.eccentricity_weight
+SIGNATURE_WEIGHT = 0.25  # docs/lab/robustness.md, shapes without limbs
+BEAM = 200  # partial assignments that are kept; chosen, not measured
+APART = (
+    0.15  # mean distance by which these differ, in average distances; chosen: 0.1 with 80 starts is no better
+)
+N_STARTS = 48  # best assignments that become first maps; chosen: of the most that extremities give
+SLIDE_FUNCTIONS = 20  # functions by which signatures move a first map; the first before a candidate is made
+SLIDE_STEPS = 10  # docs/lab/robustness.md, shapes without limbs
+
+
+def starts_from_anchors(pair: ShapePair) -> list[IntArray]:
+    """First maps that need no extremities: target rows (m_s,) of the search vertices."""
+    # Assign anchors a_1 … a_6, one after the other, to points b_1 … b_6 of the target by a beam search. The cost is that
+    # of violated distances d(b_p, b_q) = d(a_p, a_q), see `IntervalCost`, plus for each point p
+    #   w_e |ē(a_p) − ē(b_p)| + w_σ ‖σ(a_p) − σ(b_p)‖,   ē the mean of d (eccentricity), σ the signatures,
+    # d over the average distance. All other vertices go where their distances to the anchors fit best; then it is slid.
+    source, target = pair.source, pair.target
+    here = source.distances_between(pair.source_vertices) / source.intrinsic_scale
+    there = target.distances_between(pair.target_vertices) / target.intrinsic_scale
+    signatures = pair.search_signatures
+    n = N_CANDIDATES
+    anchors = farthest_rows(here[:n, :n], N_ANCHORS)
+    exact = here[np.ix_(anchors, anchors)]
+    remoteness = np.abs(there.mean(axis=1)[:n] - here.mean(axis=1)[anchors, None])
+    unlike = np.linalg.norm(signatures.target[:n] - signatures.source[anchors, None], axis=2)
+    unary = ECCENTRICITY_WEIGHT * remoteness + SIGNATURE_WEIGHT * unlike
+    assigned, _ = assign_points(there[:n, :n], exact, exact, unary, EXACTLY, BEAM, APART)
+    starts = [nearest_rows(there[:, images], here[:, anchors]) for images in assigned[:N_STARTS]]
+    return parallel_map(lambda start: slid(pair, start), starts)
+
+
+def slid(pair: ShapePair, target_row: IntArray) -> IntArray:
+    """Let the signatures move a map (m_s,) of the search vertices."""
+    # Of a round shape, many maps keep distances, and iterative closest points stop at any of them. Few functions leave
+    # a map free to move along these directions: images are nearest neighbours in (Φ_t Fᵀ / √k, σ_t) of (Φ_s / √k, σ_s).
+    spectra, signatures = pair.search_spectra, pair.search_signatures
+    k = min(SLIDE_FUNCTIONS, pair.n_functions)
+    for _ in range(SLIDE_STEPS):
+        carried = spectra.target[:, :k] @ spectra.functional_map(target_row, k).T
+        target_row = nearest_rows(
+            np.hstack([carried / np.sqrt(k), signatures.target]),
+            np.hstack([spectra.source.at_samples[:, :k] / np.sqrt(k), signatures.source]),
+        )
+    return target_row

@@ -7,17 +7,19 @@ from isomatch.settings.config import (
     Resolution,
     Start,
 )
-from isomatch.settings.elastic import ElasticSettings
-from isomatch.settings.levels import LevelSettings
-from isomatch.settings.outcome import OutcomeSettings
-from isomatch.settings.parts import PartSettings
-from isomatch.settings.preparation import PreparationSettings
-from isomatch.settings.refining import RefinementSettings
-from isomatch.settings.search import SearchSettings
-from isomatch.settings.selection import SelectionSettings
-from isomatch.settings.symmetry import SymmetrySettings
+from isomatch.settings.matching import (
+    COVERAGE_RADIUS,
+    ElasticSettings,
+    OutcomeSettings,
+    PartSettings,
+    RefinementSettings,
+    SearchSettings,
+    SelectionSettings,
+)
+from isomatch.settings.shape import LevelSettings, PreparationSettings, SymmetrySettings
 
 __all__ = [
+    "COVERAGE_RADIUS",
     "Config",
     "ElasticSettings",
     "Hypotheses",

@@ -58,10 +58,8 @@ class Config(Settings, Shown):
 
     Parameters
     ----------
-    n_columns : int
-        Number p of distance columns for each shape.
-    rank : int
-        Rank k of the distance basis, and length of the descriptor.
+    n_columns, rank : int
+        Number p of distance columns for each shape; rank k of the distance basis, and length of the descriptor.
     n_functions : int
         Laplace–Beltrami functions for each shape.
     weights : {"area", "uniform"}
@@ -69,25 +67,22 @@ class Config(Settings, Shown):
     engine : str, optional
         How geodesic distances are computed, by a name of `engine_names`; by default fast marching on meshes, Dijkstra on
         point clouds and graphs.
-    n_search : int
-        Vertices of each shape on which hypotheses are tried and compared.
-    n_refine : int
-        Source vertices on which the refinement iterates before its last, full step.
+    n_search, n_refine : int
+        Vertices of each shape on which hypotheses are tried and compared, and vertices of the source on which the
+        refinement iterates before its last, full step.
     hypotheses : {"all", "given"}
         Choose among automatic hypotheses and those given, or only among those given and flips of the map from landmarks.
         With "all", an automatic one wins where it fits better than the hints; of maps that tie, the one nearest to the
         hints wins, even if it is a mirror image.
     search_rivals : bool, optional
         With ``hypotheses="given"``: whether automatic hypotheses are searched all the same, as alternatives, so that the
-        quality reports when one of them fits better. It takes as long as an automatic match. By default they are for
-        the refinements "joint" and "smooth", and not for those of the paper.
+        quality tells when one of them fits better; as long as an automatic match. By default for "joint" and "smooth".
     refinement : {"none", "laplace_icp", "joint", "smooth"}
         After the alignment of distance descriptors: nothing (the paper's plain method); post-processing like the
         paper's; or spectral upsampling joint with signatures, positions and normals. "smooth" is "joint" with more
         steps, for a map that is smooth and nearly one to one.
     orientation : {"preserve", "reverse", "any"}
-        Whether the map preserves the orientation of the faces, reverses it (a mirror image), or does whichever fits
-        better.
+        Whether the map preserves the orientation of the faces, reverses it (a mirror image), or does what fits better.
     start : {"auto", "pose"}
         Whether shapes are roughly aligned in space, so that the map to nearest points is a hypothesis too: that of the
         shapes as they are, and that of both centred and scaled to equal area. Of maps that fit equally well, the one
@@ -105,15 +100,7 @@ class Config(Settings, Shown):
     resolution : {"auto", "full", "fast"}
         "auto" matches large meshes on fewer vertices, polishes the map on more and carries it to all; "full" uses all
         vertices throughout; "fast" uses still fewer than "auto". Maps always name the user's vertices.
-    preparation : PreparationSettings
-    levels : LevelSettings
-    symmetry : SymmetrySettings
-    search : SearchSettings
-    selection : SelectionSettings
-    refining : RefinementSettings
-    parts : PartSettings
-    elastic : ElasticSettings
-    outcome : OutcomeSettings
+    preparation, levels, symmetry, search, selection, refining, parts, elastic, outcome
         Fine settings of each stage.
 
     Examples
@@ -126,29 +113,15 @@ class Config(Settings, Shown):
 
     n_columns: int = setting(100, "Shamai & Kimmel 2017: p = 2 k", least=8)
     rank: int = setting(50, "Shamai & Kimmel 2017: k = 50", least=4)
-    n_functions: int = setting(
-        150, "docs/lab/design_notes.md: 200 take a tenth more time and gain nothing", least=20
-    )
+    n_functions: int = setting(150, "docs/lab/design_notes.md: 200 gain nothing", least=20)
     weights: Weighting = setting("area", "docs/lab/paper.md, deviations: area weights")
-    engine: str | None = setting(
-        None, "docs/lab/benchmarks.md, engines: fast marching is most accurate for its time"
-    )
+    engine: str | None = setting(None, "docs/lab/benchmarks.md, engines: fast marching is most accurate")
     n_search: int = setting(400, "measured: 400 as good as 600 on 17 pairs; 300 fails on 2 of 50", least=100)
-    n_refine: int = setting(
-        1000, "measured on 50 pairs: 1.63 against 1.59 with all vertices, twice as fast", least=100
-    )
-    hypotheses: Hypotheses = setting(
-        "all", "a hint can be wrong; an automatic hypothesis that fits better wins"
-    )
+    n_refine: int = setting(1000, "measured on 50 pairs: 1.63, with all vertices 1.59", least=100)
+    hypotheses: Hypotheses = setting("all", "a hint can be wrong")
     search_rivals: bool | None = setting(None, "the paper's methods search for none, and cost accordingly")
-    refinement: RefinementName = setting(
-        "joint",
-        "docs/lab/benchmarks.md, ablation, earlier: none 2.9, laplace_icp 2.5, joint 1.5",
-    )
-    orientation: Orientation = setting(
-        "preserve",
-        "docs/lab/benchmarks.md, ablation, earlier: either orientation fails on 3 of 14",
-    )
+    refinement: RefinementName = setting("joint", "ablation, earlier: none 2.9, laplace_icp 2.5, joint 1.5")
+    orientation: Orientation = setting("preserve", "ablation, earlier: either orientation fails on 3 of 14")
     start: Start = setting("auto", "shapes need not be aligned")
     pin: float | None = setting(None, "landmarks lead; clicked ones are no more exact than the map", least=0)
     part: PartRole = setting("auto", "docs/lab/robustness.md: a cut or a hole is found by its boundary")
@@ -211,20 +184,8 @@ class Config(Settings, Shown):
 
     def differs_in_preparation(self, other: Config) -> str | None:
         """Name the first setting of `prepare` in which two configurations differ; None if there is none."""
-        names = (
-            "n_columns",
-            "rank",
-            "n_functions",
-            "weights",
-            "engine",
-            "n_search",
-            "n_refine",
-            "resolution",
-            "preparation",
-            "levels",
-            "symmetry",
-        )
-        return next((name for name in names if getattr(self, name) != getattr(other, name)), None)
+        names = "n_columns rank n_functions weights engine n_search n_refine resolution preparation levels symmetry"
+        return next((name for name in names.split() if getattr(self, name) != getattr(other, name)), None)
 
     def for_size(self, n: int) -> Self:
         """Reduce what a shape of n vertices cannot provide."""

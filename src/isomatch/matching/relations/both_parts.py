@@ -13,7 +13,6 @@ from isomatch.correspondence import Embedding, PrecisePoints
 from isomatch.errors import MeshError, NotConvergedError
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching.fit import Fit
-from isomatch.matching.judge import CommonDoubt, Evidence, Solution, part_contradicts
 from isomatch.matching.quality import contradicted_landmarks, distances_to_hints, mean_known, mismatch_of
 from isomatch.matching.relations.both_regions import (
     AROUND,
@@ -29,6 +28,7 @@ from isomatch.matching.relations.part_fits import PartFit
 from isomatch.matching.search import FromAnchors, starts_of
 from isomatch.matching.stages import Relation, first_maps_of
 from isomatch.matching.starts import nearest_in_pose
+from isomatch.matching.verification import CommonDoubt, Evidence, Solution, part_contradicts
 from isomatch.runtime.stage_timer import StageTimer
 from isomatch.runtime.threads import parallel_map
 from isomatch.values.arrays import IntArray

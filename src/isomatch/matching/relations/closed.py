@@ -11,12 +11,11 @@ import numpy as np
 from isomatch.correspondence import Correspondence, Embedding, PrecisePoints, iterative_closest_points
 from isomatch.errors import NotConvergedError
 from isomatch.geodesics import distance_along_edges_to_nearest
+from isomatch.matching.confidence import DoubtfulRegion, lifted
 from isomatch.matching.fit import Hypothesis
 from isomatch.matching.hints import Hints
-from isomatch.matching.judge import Evidence, PartDoubt, Solution
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.quality import contradicted_landmarks, covered_share, mean_known
-from isomatch.matching.regions import DoubtfulRegion, lifted
 from isomatch.matching.relations.isometry import MOST_MIRRORED, IsometricMatch, Isometry
 from isomatch.matching.relations.part_fits import PartFit, PartFits
 from isomatch.matching.relations.part_pair import PartPair
@@ -24,6 +23,7 @@ from isomatch.matching.result import Alternative
 from isomatch.matching.search import HINT_STEPS
 from isomatch.matching.stages import Stages
 from isomatch.matching.starts import start_from_pairs
+from isomatch.matching.verification import Evidence, PartDoubt, Solution
 from isomatch.runtime.stage_timer import StageTimer
 from isomatch.runtime.threads import parallel_map
 from isomatch.settings import Config

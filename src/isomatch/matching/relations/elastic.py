@@ -10,20 +10,10 @@ import numpy as np
 
 from isomatch.correspondence import Embedding, with_normals
 from isomatch.errors import NotConvergedError
-from isomatch.matching.confidence import expected_errors
-from isomatch.matching.contest import (
-    LANDMARK_SLACK,
-    Rules,
-    Selection,
-    distances_between,
-    distinct,
-    select,
-)
+from isomatch.matching.confidence import doubt_in, expected_errors, lifted, regions_of_doubt
 from isomatch.matching.coordinates import refined_images, registered
 from isomatch.matching.fit import Fit
-from isomatch.matching.judge import Solution, fits_badly, measured_evidence, mirror_image_fits
 from isomatch.matching.quality import contradicted_landmarks, mean_known, measure_quality, mismatch_of
-from isomatch.matching.regions import doubt_in, lifted, regions_of_doubt
 from isomatch.matching.relations.bending import Bent
 from isomatch.matching.relations.elastic_bending import ElasticBending
 from isomatch.matching.relations.elastic_fit import Coefficients, ElasticFit, Images, Step, coarse_steps
@@ -33,8 +23,17 @@ from isomatch.matching.relations.isometry import Measured
 from isomatch.matching.relations.mirror import with_mirror
 from isomatch.matching.result import Quality
 from isomatch.matching.search import FromAnchors, starts_of
+from isomatch.matching.selection import (
+    LANDMARK_SLACK,
+    Rules,
+    Selection,
+    distances_between,
+    distinct,
+    select,
+)
 from isomatch.matching.stages import Relation, first_maps_of
 from isomatch.matching.starts import starts_from_hints
+from isomatch.matching.verification import Solution, fits_badly, measured_evidence, mirror_image_fits
 from isomatch.runtime.stage_timer import StageTimer
 from isomatch.runtime.threads import parallel_map
 from isomatch.values.arrays import IntArray

@@ -11,9 +11,23 @@ import numpy as np
 
 from isomatch.correspondence import Correspondence, Embedding, PrecisePoints
 from isomatch.errors import SettingError
-from isomatch.matching.challengers import best_of, challengers, is_another, is_sure
-from isomatch.matching.confidence import doubt_of, expected_errors
-from isomatch.matching.contest import (
+from isomatch.matching.candidates import (
+    Screening,
+    best_of,
+    challengers,
+    energy_of,
+    extended,
+    is_another,
+    is_sure,
+)
+from isomatch.matching.confidence import doubt_in, doubt_of, expected_errors, lifted, regions_of_doubt
+from isomatch.matching.coordinates import refined_images, registered
+from isomatch.matching.fit import Candidate, Fit, Hypothesis
+from isomatch.matching.pair import ShapePair, SmoothPair
+from isomatch.matching.quality import contradicted_landmarks, mean_known, measure_quality, mismatch_of
+from isomatch.matching.result import Alternative, Quality
+from isomatch.matching.search import hypotheses_from_hints, search, symmetric_variants
+from isomatch.matching.selection import (
     SCORE_NOISE,
     Rules,
     Selection,
@@ -24,16 +38,8 @@ from isomatch.matching.contest import (
     select,
     survivors,
 )
-from isomatch.matching.coordinates import refined_images, registered
-from isomatch.matching.fit import Candidate, Fit, Hypothesis
-from isomatch.matching.judge import Evidence, Solution, measured_evidence
-from isomatch.matching.pair import ShapePair, SmoothPair
-from isomatch.matching.quality import contradicted_landmarks, mean_known, measure_quality, mismatch_of
-from isomatch.matching.regions import doubt_in, lifted, regions_of_doubt
-from isomatch.matching.result import Alternative, Quality
-from isomatch.matching.screening import Screening, energy_of, extended
-from isomatch.matching.search import hypotheses_from_hints, search, symmetric_variants
 from isomatch.matching.stages import Relation
+from isomatch.matching.verification import Evidence, Solution, measured_evidence
 from isomatch.runtime.stage_timer import StageTimer
 from isomatch.runtime.threads import parallel_map, serial_blas
 from isomatch.values.arrays import FloatArray, IntArray

@@ -15,11 +15,8 @@ from isomatch.correspondence import Embedding, PrecisePoints, SpectralPair
 from isomatch.errors import NotConvergedError, SettingError
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching.confidence import expected_errors
-from isomatch.matching.contest import LANDMARK_SLACK, Rules, Selection, distances_between, distinct, select
 from isomatch.matching.fit import Fit
 from isomatch.matching.hints import Hints
-from isomatch.matching.judge import Evidence, PartDoubt, Solution, part_contradicts, part_evidence
-from isomatch.matching.outcome import Outcome
 from isomatch.matching.pair import ShapePair, SmoothPair
 from isomatch.matching.quality import (
     contradicted_landmarks,
@@ -36,10 +33,12 @@ from isomatch.matching.relations.part_fits import PartFit, PartFits
 from isomatch.matching.relations.part_pair import PartPair
 from isomatch.matching.relations.part_refinement import N_ROUGH_VERTICES
 from isomatch.matching.relations.part_starts import APART, PartStarts, self_maps
-from isomatch.matching.result import Quality
+from isomatch.matching.result import Outcome, Quality
 from isomatch.matching.search import FromAnchors, starts_of
+from isomatch.matching.selection import LANDMARK_SLACK, Rules, Selection, distances_between, distinct, select
 from isomatch.matching.stages import Relation, first_maps_of
 from isomatch.matching.starts import nearest_in_pose
+from isomatch.matching.verification import Evidence, PartDoubt, Solution, part_contradicts, part_evidence
 from isomatch.runtime.stage_timer import StageTimer
 from isomatch.runtime.threads import parallel_map
 from isomatch.shapes import PreparedShape, mirror_image

@@ -10,12 +10,12 @@ import numpy as np
 
 from isomatch.correspondence import Alignment, assign_points, grow_regions, pin_first, trilaterate
 from isomatch.descriptors import BallSignature, deviation_of
-from isomatch.matching.contest import distinct
 from isomatch.matching.fit import Hypothesis
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.relations.part_pair import PartPair, areas_of_samples
 from isomatch.matching.relations.part_signatures import WholeSignatures
 from isomatch.matching.search import flips
+from isomatch.matching.selection import distinct
 from isomatch.runtime.threads import parallel_map
 from isomatch.settings import Config
 from isomatch.shapes import SAME_SYMMETRY, PreparedShape

@@ -1,4 +1,4 @@
-"""The contest: which maps differ, which are worth refining, which survive, which wins, and which is its rival."""
+"""Model selection: which maps differ, which are worth refining, which survive, which wins, and which is its runner-up."""
 
 from __future__ import annotations
 
@@ -16,20 +16,18 @@ from isomatch.values.arrays import FloatArray, IntArray
 # a mixture of both sides fits worse than either
 SAME_ENERGY = 1.5
 
-# score over the winner's, up to which a map that exchanges limbs is a rival;
-# horse7–horse14 (wrong): 1.002; of 111 right maps none below 1.059
+# two limbs exchanged: share of the vertices sent far away from where the winner sends them, and score over the winner's;
+# horse7–horse14 (wrong) 0.08 and 1.002, half of its two forelegs; of 111 right maps no other score is below 1.059
+ELSEWHERE_SHARE = 0.05
 ELSEWHERE_TIE = 1.05
 
-# share of the vertices that a map sends far away from where the winner sends them, from which it is a rival though it is
-# near on average; so two limbs that are exchanged are told; half of two exchanged forelegs (horse7–horse14: 0.08)
-ELSEWHERE_SHARE = 0.05
+LANDMARK_SLACK = (
+    0.05  # difference of landmark errors, in √area, that counts for nothing; as of search vertices
+)
 
-# difference of landmark errors, in √area, that counts for nothing; the spacing of the search vertices
-LANDMARK_SLACK = 0.05
-
-# score of the winner, over another map's, from which that counts as a rival whatever the hints say;
-# docs/lab/benchmarks.md, confidence
-CLEARLY_BETTER = 1.15
+CLEARLY_BETTER = (
+    1.15  # score over that of a map that counts whatever hints say; docs/lab/benchmarks.md, confidence
+)
 
 # Energies, misfits and scores below these are equal: two triangulations of one surface differ as much, by 0.002 to 0.06,
 # 0.26 to 0.35 and 0.04 to 0.09 (docs/lab/benchmarks.md, symmetry). Otherwise one of the symmetric maps between two copies
@@ -43,12 +41,11 @@ ELSEWHERE = 0.08
 
 LEAST_REGION = 0.01  # share of the vertices, below which a region says nothing; chosen: ten of 1000
 
+# mean distances (q,) between the images of a map (r,) and those of each of q others
+Distances = Callable[[IntArray, Sequence[IntArray]], FloatArray]
 T = TypeVar("T")
 R = TypeVar("R", bound=Fit)
 H = TypeVar("H", Candidate, Fit)
-
-Distances = Callable[[IntArray, Sequence[IntArray]], FloatArray]
-"""Mean distance between the images of a map (r,) and those of each of q others: (q,)."""
 
 
 def distinct(
@@ -59,23 +56,7 @@ def distinct(
     most: int | None = None,
     known: Sequence[IntArray] = (),
 ) -> list[T]:
-    """Keep the first maps that differ from those kept before, and from known ones.
-
-    Parameters
-    ----------
-    maps : iterable
-        Maps, best first.
-    image : callable
-        The images (r,) of a map.
-    distances : callable
-        Mean distances of one such array from others.
-    apart : float
-        Mean distance that two maps exceed if they differ.
-    most : int, optional
-        How many are kept at most.
-    known : sequence of (r,) arrays of int
-        Images that those kept differ from, too.
-    """
+    """Keep the first maps, at most so many, that are farther ``apart`` from those kept before, and from known ones."""
     kept: list[T] = []
     images = list(known)
     for candidate in maps:
@@ -102,49 +83,36 @@ def ranked(
     settings: SelectionSettings,
     landmarks: bool = False,
 ) -> list[Candidate]:
-    """Order candidates, best first; with landmarks, drop those that contradict them.
+    """Order candidates, best first; with landmarks, drop those that contradict them."""
 
-    First come those of the wanted orientation, then those not clearly of the other, then the rest; within each, the
-    least energy. Landmarks may ask for the other orientation: with them, the wanted one comes first only where its energy
-    is near the least.
-    """
+    def rank(candidate: Candidate, wanted: Orientation = orientation) -> int:
+        return _orientation_rank(candidate, wanted, settings)
 
-    def rank(candidate: Candidate) -> int:
-        return _orientation_rank(candidate.orientation, orientation, settings.orientation_threshold)
-
+    # without landmarks: the wanted orientation, then those not clearly of the other, then the rest; each by energy
     if not landmarks:
         return sorted(candidates, key=lambda c: (rank(c), c.energy))
     slack = min((c.landmark_error for c in candidates), default=0.0) + LANDMARK_SLACK
     agreeing = sorted((c for c in candidates if c.landmark_error <= slack), key=lambda c: (rank(c), c.energy))
+    # landmarks may ask for the other orientation: the wanted one comes first only where its energy is near the least
     limit = SAME_ENERGY * min((c.energy for c in agreeing), default=0.0)
-
-    def clear(candidate: Candidate) -> int:
-        return _orientation_rank(candidate.orientation, "any", settings.orientation_threshold)
-
-    return sorted(agreeing, key=lambda c: (rank(c) > 0 or c.energy > limit, clear(c), c.energy))
+    return sorted(agreeing, key=lambda c: (rank(c) > 0 or c.energy > limit, rank(c, "any"), c.energy))
 
 
 def contenders(
     order: Sequence[Candidate], orientation: Orientation, settings: SelectionSettings
 ) -> list[Candidate]:
-    """Keep those near enough to the best to deserve a refinement: comparable energy, not of the other orientation.
-
-    "Comparable" is relative to the least energy among them, which the first of the ranking need not have. Where limbs
-    touch, the orientation of a right map through few functions can be small. The refinement compares normals everywhere,
-    so all that lean to the wanted side are let in. One that agrees better with hints than any of these is let in as well,
-    on either side.
-    """
+    """Keep those near enough to the best to deserve a refinement: comparable energy, not of the other orientation."""
     if not order:
         return []
-    side = max(1, _orientation_rank(order[0].orientation, orientation, settings.orientation_threshold))
-    leaning = [
-        c
-        for c in order
-        if _orientation_rank(c.orientation, orientation, settings.orientation_threshold) <= side
-    ]
+    # where limbs touch, the orientation of a right map through few functions can be small: all that lean to the wanted
+    # side are let in, for the refinement compares normals everywhere
+    side = max(1, _orientation_rank(order[0], orientation, settings))
+    leaning = [c for c in order if _orientation_rank(c, orientation, settings) <= side]
     leaning.sort(key=lambda candidate: candidate.energy)
+    # relative to the least energy of these, which the first of the ranking need not have
     limit = settings.energy_limit * max(leaning[0].energy, ENERGY_NOISE)
     kept = [c for c in leaning if c.energy <= limit][: settings.most_contenders]
+    # and one that agrees better with hints than any of these, on either side
     nearest = nearest_to_hints(order, LANDMARK_SLACK)
     if not any(c in kept for c in nearest):
         kept.append(min(nearest, key=lambda c: c.energy))
@@ -157,41 +125,22 @@ def nearest_to_hints(maps: Sequence[H], slack: float) -> list[H]:
     return [c for c in maps if c.hint_error <= limit]
 
 
-def _orientation_rank(cosine: float, wanted: Orientation, oriented: float) -> int:
+def _orientation_rank(candidate: Candidate, wanted: Orientation, settings: SelectionSettings) -> int:
+    cosine = candidate.orientation
     kept = {"preserve": cosine, "reverse": -cosine, "any": abs(cosine)}[wanted]
-    return 0 if kept > oriented else 1 if kept > 0 else 2
+    return 0 if kept > settings.orientation_threshold else 1 if kept > 0 else 2
 
 
 def survivors(
     fits: Sequence[R], apart: FloatArray, settings: SelectionSettings, with_normals: bool, both_sides: bool
 ) -> list[tuple[int, int]]:
-    """Choose what is refined further after a stage of the refinement.
-
-    Parameters
-    ----------
-    fits : sequence of q Fit
-    apart : (q, q) array of float
-        Mean distance between the images of each two, in √area.
-    settings : SelectionSettings
-    with_normals : bool
-        Whether normals took part in the stage. While they do not, a twisted map may fit well: it neither sets the
-        standard nor replaces another.
-    both_sides : bool
-        Whether to keep the best of each orientation, however badly it fits. So is the best of those nearest to the hints.
-
-    Returns
-    -------
-    list of (int, int)
-        Indices of those kept, best first; and of the fit whose hypothesis each stands for. Of fits that coincide the best
-        is kept, for the hypothesis of least residual among those of its orientation: what comes after the joint
-        refinement does not depend on the start, but the other refinements do.
-    """
-    q = range(len(fits))
-    clear = [
-        i for i in q if with_normals or abs(fits[i].orientation) > settings.orientation_threshold
-    ] or list(q)
+    """Choose what is refined further: indices of the fits kept, best first, and of those that they stand for."""
+    q, oriented = range(len(fits)), settings.orientation_threshold
+    # while normals take no part, a twisted map may fit well: it neither sets the standard nor replaces another
+    clear = [i for i in q if with_normals or abs(fits[i].orientation) > oriented] or list(q)
     limit = settings.misfit_limit * max(min(fits[i].misfit for i in clear), MISFIT_NOISE)
     order = sorted(q, key=lambda i: (i not in clear, fits[i].misfit))
+    # the best of those nearest to the hints goes on however badly it fits, and the best of each orientation if asked
     spared = [i for i in order if fits[i] in nearest_to_hints(fits, LANDMARK_SLACK)][:1]
     if both_sides:
         spared += {fits[i].side: i for i in reversed(order)}.values()
@@ -203,6 +152,8 @@ def survivors(
         if same is None:
             kept.append((i, i))
         else:
+            # of fits that coincide the best stays, for the hypothesis of least residual among those of its orientation:
+            # the joint refinement does not depend on the start from here on, but the other refinements do
             j, standing_for = kept[same]
             if fits[i].side == fits[standing_for].side and fits[i].residual < fits[standing_for].residual:
                 kept[same] = j, i
@@ -217,32 +168,12 @@ def weighed(
     eligible: Sequence[bool],
     weight: float,
 ) -> list[float]:
-    """Multiply the costs of maps by what their images look like where they differ from the best map.
-
-    The ratio of two costs is multiplied by exp(weight × the difference of their mean mismatches over the vertices that
-    they send to different places). Each two maps are compared, and the best is the one that loses least to any other:
-    as a rule it loses to none, but the regions differ, so that three maps may beat each other in a ring. Then all are
-    compared with it.
-
-    Parameters
-    ----------
-    costs : sequence of q float
-    images : sequence of q (r,) arrays of int
-    mismatches : sequence of q (r,) arrays of float
-        nan where nothing is known.
-    distance : callable
-        Distances (r,) between the images of two maps, in √area.
-    eligible : sequence of q bool
-        Which of them may be the best.
-    weight : float
-
-    Returns
-    -------
-    list of q float
-        That of the best map is its own.
-    """
+    """Multiply the costs of q maps by the descriptor distance of their images where they differ from the best map."""
+    # Two maps i, j that differ in a region R (where their images are > ELSEWHERE apart) are compared by
+    #   c_i / c_j · exp(w (m̄_i − m̄_j)),   m̄ the mean over R of the mismatch, a standardised descriptor distance (r,):
+    # the exponential makes the comparison of j with i the inverse of that of i with j. docs/lab/design_notes.md
     n = len(costs)
-    looks = np.zeros((n, n))  # logarithm of the factor on the ratio of two costs
+    looks = np.zeros((n, n))  # w (m̄_i − m̄_j), antisymmetric
     for i in range(n):
         for j in range(i):
             known = np.isfinite(mismatches[i]) & np.isfinite(mismatches[j])
@@ -250,10 +181,13 @@ def weighed(
             if known.mean() >= LEAST_REGION:
                 looks[i, j] = weight * (mismatches[i] - mismatches[j])[known].mean()
                 looks[j, i] = -looks[i, j]
+    # As R differs from pair to pair, three maps may beat each other in a ring. The best is the eligible one that loses
+    # least to any other, min_i max_j c_i exp(looks_ij) / c_j; all costs are then those against it.
     against = np.array(costs)[:, None] * np.exp(looks)
     lost = against / np.maximum(costs, np.finfo(float).tiny)
     may_win = sorted(np.flatnonzero(eligible).tolist(), key=lambda i: costs[i])
     best = min(may_win, key=lambda i: lost[i, may_win].max())
+    # another that may win never costs less than the best
     least = np.nextafter(costs[best], np.inf)
     return [
         costs[best] if i == best else float(max(cost, least) if eligible[i] else cost)
@@ -263,35 +197,21 @@ def weighed(
 
 @dataclass(frozen=True, kw_only=True)
 class Rules:
-    """What decides a contest.
+    """What decides between refined maps."""
 
-    Parameters
-    ----------
-    rival_distance : float
-        Mean distance between images, in √area, from which a map is a rival and not a variant of the winner.
-    tie, mirror_tie : float
-        Score, against the least, up to which a map ties with the best: one of its side, and one of the other.
-    landmark_slack : float
-        Difference of hint errors, in √area, that counts for nothing.
-    score_noise : float
-        Scores below this are equal.
-    elsewhere_share, elsewhere_tie : float
-        A map that is nearer on average is a rival, too, if it sends at least this share of the vertices far away from
-        where the winner sends them, and its score is at most so many times the winner's.
-    clearly_better, same_map : float
-        A map whose score times the first is below the winner's counts as a rival whatever hints say, unless it is nearer
-        than the second.
-    """
-
-    rival_distance: float
-    tie: float = 1.0
-    mirror_tie: float = 1.0
-    landmark_slack: float = 0.0
-    score_noise: float = 0.0
-    elsewhere_share: float = np.inf
-    elsewhere_tie: float = 1.0
-    clearly_better: float = np.inf
-    same_map: float = 0.0
+    rival_distance: float  # mean distance between images, in √area, from which a map is another, no variant
+    tie: float = 1.0  # score, against the least, up to which a map of its side ties with the best
+    mirror_tie: float = 1.0  # the same for one of the other side
+    landmark_slack: float = 0.0  # difference of hint errors, in √area, that counts for nothing
+    score_noise: float = 0.0  # scores below this are equal
+    elsewhere_share: float = (
+        np.inf
+    )  # share of vertices sent far away, from which a nearer map is another, too,
+    elsewhere_tie: float = 1.0  # if its score is at most so many times the winner's
+    clearly_better: float = (
+        np.inf
+    )  # a map whose score × this is below the winner's counts whatever hints say,
+    same_map: float = 0.0  # unless it is nearer than this
 
     @classmethod
     def of(cls, settings: SelectionSettings, bounds: OutcomeSettings) -> Self:
@@ -311,28 +231,14 @@ class Rules:
 
 @dataclass(frozen=True)
 class Selection(Generic[R]):
-    """What was selected, and why.
-
-    Parameters
-    ----------
-    winner : Fit
-    rivals : tuple of Fit
-        All others, best first.
-    rival, mirrored : float
-        Score of the best rival that is another map, and of the best of the other orientation, over that of the winner;
-        1 is a tie, below 1 it fits better but was not eligible; inf if no other came near; nan if only one was tried.
-    against : Fit, optional
-        That rival.
-    hints_decided : bool
-        Whether another one fits better, but ties, and agrees less with the hints.
-    """
+    """What was selected, and why."""
 
     winner: R
-    rivals: tuple[R, ...]
-    rival: float
-    mirrored: float
-    against: R | None = None
-    hints_decided: bool = False
+    rivals: tuple[R, ...]  # all others, best first
+    rival: float  # score of the runner-up over the winner's; 1: tie, inf: none came near, nan: none tried
+    mirrored: float  # the same of the best map of the other orientation
+    against: R | None = None  # the runner-up: the best other map, no variant
+    hints_decided: bool = False  # whether another fits better, but ties, and agrees less with the hints
 
 
 def select(
@@ -345,23 +251,8 @@ def select(
     elsewhere: FloatArray | None = None,
     n_tried: int = 2,
 ) -> Selection[R]:
-    """Select the eligible map of least score; of those that tie with it, the one nearest to the hints.
-
-    Parameters
-    ----------
-    fits : sequence of q Fit, at least one
-    apart : (q, q) array of float
-        Mean distance between the images of each two, in √area.
-    rules : Rules
-    scores : sequence of q float, optional
-        Their costs, if they are not their scores.
-    eligible : sequence of q bool, optional
-        Which of them may win; by default all. Others are rivals only.
-    elsewhere : (q, q) array of float, optional
-        Share of vertices that each two send to places far apart.
-    n_tried : int
-        Maps that were compared at all, refined or not.
-    """
+    """Select the eligible map of least score; of those that tie with it, the one nearest to the hints."""
+    # apart: (q, q) mean distances of images; elsewhere: (q, q) shares of vertices that two maps send far apart
     costs = [fit.score for fit in fits] if scores is None else list(scores)
     allowed = [True] * len(fits) if eligible is None else list(eligible)
     noisy = [max(cost, rules.score_noise) for cost in costs]
@@ -372,11 +263,13 @@ def select(
         factor = rules.tie if fits[i].side == fits[best].side else rules.mirror_tie
         return noisy[i] <= factor * noisy[best]
 
+    # winner = arg min cost over {i : c_i ≤ tie · c_best} whose hint errors are the least: hints decide ties, nothing else
     tied = [i for i in may_win if ties(i)]
     nearest = nearest_to_hints([fits[i] for i in tied], rules.landmark_slack)
     winner = min((i for i in tied if fits[i] in nearest), key=lambda i: costs[i])
     others = sorted((i for i in range(len(fits)) if i != winner), key=lambda i: costs[i])
 
+    # the ratio test: cost of the runner-up over that of the winner (Lowe 2004, § 7.1, with the roles turned)
     def ratio(rivals: list[int]) -> float:
         if n_tried < 2:
             return np.nan

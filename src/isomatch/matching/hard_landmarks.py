@@ -10,53 +10,25 @@ from scipy.spatial import cKDTree
 
 from isomatch.correspondence import Correspondence, nearest_points
 from isomatch.errors import some
-from isomatch.matching.judge import Solution, held_evidence
 from isomatch.matching.pair import ShapePair
+from isomatch.matching.verification import Solution, held_evidence
 from isomatch.shapes import PreparedShape, components_of
 from isomatch.surfaces import Graph, Mesh, PrecisePoints, Surface
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 
-# width of the bump by which the map follows a pin, over the distance by which it is moved;
-# docs/hints.md: 1.5 to 3 alike; steeper turns faces over
-SLOPE = 2.0
-
+SLOPE = (
+    2.0  # width of a bump over the distance moved; docs/hints.md: 1.5 to 3 alike, steeper turns faces over
+)
 LEAST_WIDTH, MOST_WIDTH = 0.1, 0.2  # of the bump, in √area; docs/hints.md
 
-TAIL = 0.02  # weights up to this become 0: what is far from the pins stays as it was, bit by bit
-LEAST = 0.1  # singular value of the kernel among pins that is inverted; pins too close to be told apart move as one
+TAIL = 0.02  # weights up to this become 0: what is far from the landmarks stays as it was, bit by bit
+LEAST = 0.1  # singular value of the kernel among landmarks that is inverted; those too close to be told apart move as one
 FUNCTION_WEIGHT = 0.3  # of the functions beside positions, in √area
 N_FUNCTIONS = 20  # they tell apart sheets that are near in space
 
 
 def pinned(pair: ShapePair, solution: Solution, landmarks: IntArray, tolerance: float) -> Solution:
-    """Bend a map so that landmarks hold.
-
-    A landmark whose image is within the tolerance of its target stays where it is. That of any other becomes its target
-    vertex, and the map around is moved along, less and less with the distance on the source.
-
-    Parameters
-    ----------
-    pair : ShapePair
-        The two shapes.
-    solution : Solution
-        Their map, in the users' vertices.
-    landmarks : (m, 2) array of int
-        Source and target vertices of the user.
-    tolerance : float
-        Largest distance in space that is allowed, in √area of the target.
-
-    Returns
-    -------
-    Solution
-        With the map, its landmark error, the share of vertices that have an image, and notes on what was moved. The
-        other measures and the evidence are those of the map before, but where that contradicted the landmarks, which now
-        hold, it fits badly.
-
-    Notes
-    -----
-    Displacements are interpolated by heat kernels of the source, in coordinates of the target in which images are then
-    the nearest points: positions, and a few Laplace–Beltrami functions, so that no other sheet is nearer.
-    """
+    """Bend a map so that landmarks (m, 2) of the user hold, but for a tolerance in √area of the target."""
     bent_map, target = solution.map, pair.target
     moved = np.zeros(len(landmarks))
     alone = np.ones(len(landmarks), dtype=bool)
@@ -81,6 +53,7 @@ def pinned(pair: ShapePair, solution: Solution, landmarks: IntArray, tolerance: 
     apart = target.distance(*ends[(ends >= 0).all(axis=1)].T)
     landmark_error = float(apart.mean()) if len(apart) else np.nan
     matched = float(bent_map.matched.mean())
+    # the other measures are those of the map before
     quality = replace(solution.quality, landmark_error=landmark_error, matched=matched)
     return replace(
         solution,
@@ -166,11 +139,11 @@ def _coordinates(shape: PreparedShape) -> FloatArray:
 
 
 def _weights(shape: PreparedShape, at: IntArray, gap: float) -> FloatArray:
-    """Weights (n_full, m) with which vertices follow pins: 1 at one, 0 at the others, and far away.
-
-    None is negative and their sum is at most 1, so that no vertex moves farther than a pin. A bump is so wide that a
-    gap is spread over a slope that turns no face over, but no wider than pins are apart.
-    """
+    """Weights (n_full, m) with which vertices follow landmarks: 1 at one, 0 at the others, and far away."""
+    # Shifts are interpolated by heat kernels of the source, of width w: h(i, l) = Σ_j e^{−λ_j w² / 2} φ_j(i) φ_j(l),
+    # each column over its peak: W = h H⁺ with H the kernel among the landmarks, so W is 1 at one and 0 at the others.
+    # Then W ≥ 0 and Σ W ≤ 1 are forced: no vertex moves farther than a landmark. The bump is so wide that a gap is
+    # spread over a slope that turns no face over, but no wider than landmarks are apart.
     phi, spectrum = shape.laplace.vectors, shape.laplace.values
     places = _at(shape.detail.transfer.on_coarse, at) if shape.detail else PrecisePoints.at_vertices(at)
     nearest = places.corners[:, 0]

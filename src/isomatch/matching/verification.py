@@ -1,4 +1,4 @@
-"""The judge: from evidence to an outcome, and from a solution to the result of a match."""
+"""Verification: from evidence to an outcome, and from a solution to the result of a match."""
 
 from __future__ import annotations
 
@@ -9,10 +9,9 @@ from typing import Self
 import numpy as np
 
 from isomatch.correspondence import Correspondence
-from isomatch.matching.outcome import Outcome
+from isomatch.matching.confidence import ANOTHER_MAP, LOOKS_UNLIKE, DoubtfulRegion
 from isomatch.matching.pair import ShapePair
-from isomatch.matching.regions import ANOTHER_MAP, LOOKS_UNLIKE, DoubtfulRegion
-from isomatch.matching.result import Alternative, MatchResult, Quality
+from isomatch.matching.result import Alternative, MatchResult, Outcome, Quality
 from isomatch.runtime.stage_timer import StageTimer
 from isomatch.settings import MatchSettings, Orientation, OutcomeSettings, PartSettings
 from isomatch.shapes import describe_symmetries
@@ -21,38 +20,18 @@ from isomatch.values.arrays import FloatArray
 NO_LEAD = 1e-9  # so that the doubt of a tie is finite
 
 # what each flag of evidence calls for, the least sure first
-CALLED_FOR = {
-    "contradicted": Outcome.HINTS_CONTRADICTED,
-    "mirrored": Outcome.MIRROR_IMAGE,
-    "poor": Outcome.LOW_CONFIDENCE,
-    "ambiguous": Outcome.SYMMETRY_AMBIGUOUS,
-    "partial": Outcome.PARTIAL,
-}
+CALLED_FOR = dict(zip(("contradicted", "mirrored", "poor", "ambiguous", "partial"), Outcome))
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """Reasons not to take a map for right and complete; each flag is one.
+    """Reasons not to take a map for right and complete; each flag is one."""
 
-    Parameters
-    ----------
-    contradicted : bool
-        The map is far from what hints ask for.
-    mirrored : bool
-        The mirror image of a shape fits clearly better.
-    poor : bool
-        The map fits badly.
-    ambiguous : bool
-        Another map fits as well.
-    partial : bool
-        Something has no counterpart.
-    """
-
-    contradicted: bool = False
-    mirrored: bool = False
-    poor: bool = False
-    ambiguous: bool = False
-    partial: bool = False
+    contradicted: bool = False  # it is far from what hints ask for
+    mirrored: bool = False  # the mirror image of a shape fits clearly better
+    poor: bool = False  # it fits badly
+    ambiguous: bool = False  # another map fits as well
+    partial: bool = False  # something has no counterpart
 
     @classmethod
     def of(cls, outcome: Outcome) -> Self:
@@ -61,10 +40,8 @@ class Evidence:
 
 
 def outcome_of(evidence: Iterable[Evidence]) -> Outcome:
-    """Sum up evidence: the first outcome in the order of `Outcome` that any piece of it calls for.
-
-    A match is `Outcome.PARTIAL` if something has no counterpart, and nothing worse is found.
-    """
+    """Sum up evidence: the first outcome in the order of `Outcome` that any piece of it calls for."""
+    # a match is PARTIAL if something has no counterpart, and nothing worse is found
     pieces = tuple(evidence)
     called_for = (
         outcome for flag, outcome in CALLED_FOR.items() if any(getattr(piece, flag) for piece in pieces)
@@ -80,20 +57,10 @@ def lowered(outcome: Outcome, *evidence: Evidence) -> Outcome:
 def measured_evidence(
     pair: ShapePair, quality: Quality, wanted: Orientation, hinted: bool = False, far: bool = False
 ) -> Evidence:
-    """Compare the measures of a map with their bounds, those of ``OutcomeSettings``.
+    """Compare the measures of a map with the bounds of ``pair.config.outcome``; ``wanted`` is its orientation.
 
-    Parameters
-    ----------
-    pair : ShapePair
-        The two shapes; the bounds are those of its settings.
-    quality : Quality
-    wanted : {"preserve", "reverse", "any"}
-        What the map should do with the orientation of the faces.
-    hinted : bool
-        Whether hints were given: they may have led to the orientation that was not wanted.
-    far : bool
-        Whether the shapes are far from isometric, so that measures of isometries cannot tell a right map from a wrong
-        one; how much the shapes have to be bent to lie on each other can.
+    Hints may have led to the orientation that was not wanted. Between shapes that are ``far`` from isometric, measures of
+    isometries cannot tell a right map from a wrong one; how much the shapes have to be bent to lie on each other can.
     """
     bounds = pair.config.outcome
     sign = {"preserve": 1.0, "reverse": -1.0, "any": np.sign(quality.orientation)}[wanted]
@@ -152,38 +119,26 @@ def contradicts(quality: Quality, bound: float) -> bool:
 
 
 def part_contradicts(landmark_errors: FloatArray, initial_map_error: float, bound: float) -> bool:
-    """Whether the map of a part is farther than a bound from most of its landmarks (m,), or from the initial map.
-
-    Single landmarks may be off in a right map: where limbs touch, a vertex of the whole may be nearest to the other one.
-    """
+    """Whether the map of a part is farther than a bound from most of its landmarks (m,), or from the initial map."""
+    # single landmarks may be off in a right map: where limbs touch, a vertex of the whole may be nearest to the other one
     most_are_off = len(landmark_errors) and np.median(landmark_errors) > bound
     return bool(initial_map_error > bound or most_are_off)
 
 
 @dataclass(frozen=True)
 class PartDoubt:
-    """How sure the map of a part is: how well it fits, and how clearly it is better than others.
+    """How sure the map of a part is: how well it fits, and how clearly it is better than others."""
 
-    Parameters
-    ----------
-    score : float
-        The cost of the map.
-    rival : float
-        Score of the best map that differs, over that of the map; inf if none does.
-    trusted : float
-        Share of the pairs of anchors whose distance on the whole is known.
-    settings : PartSettings
-        The bounds.
-    """
-
-    score: float
-    rival: float
-    trusted: float
+    score: float  # the cost of the map
+    rival: float  # cost of the best map that differs, over that; inf if none does
+    trusted: float  # share of the pairs of anchors whose distance on the whole is known
     settings: PartSettings
 
     @property
     def doubt(self) -> float:
-        """1 / (1 / score − 1 / score of the rival): the score if no map comes near, more and more towards a tie."""
+        """The score if no map comes near, more and more towards a tie."""
+        # 1 / doubt = 1 / score − 1 / score′, score′ = rival · score of the best map that differs: what is left of the
+        # evidence 1 / score for the map when that for the other is taken off
         return self.score / max(1 - 1 / self.rival, NO_LEAD)
 
     @property
@@ -223,20 +178,10 @@ class PartDoubt:
 
 @dataclass(frozen=True)
 class CommonDoubt:
-    """How sure the map of what two parts have in common is.
+    """How sure the map of what two parts have in common is."""
 
-    Parameters
-    ----------
-    worth : float
-        How much better they look alike there than at random, less what speaks against it; see `BothLooks.worth`.
-    led : bool
-        Whether landmarks were given and hold, so that nothing else has to speak for it.
-    settings : PartSettings
-        The bounds.
-    """
-
-    worth: float
-    led: bool
+    worth: float  # how much more alike than at random they look there, see `BothLooks.worth`
+    led: bool  # whether landmarks were given and hold, so that nothing else has to speak for it
     settings: PartSettings
 
     @property
@@ -256,18 +201,9 @@ class CommonDoubt:
 
 
 def part_evidence(own: Evidence, closed: tuple[Evidence, ...], agrees: bool) -> tuple[Evidence, ...]:
-    """Weigh the evidence for the map of a part against that for the map with the holes closed.
-
-    Parameters
-    ----------
-    own : Evidence
-        That of the map of the part, see `PartDoubt`.
-    closed : tuple of Evidence
-        That for the map with the holes closed, by the measures of complete shapes.
-    agrees : bool
-        Whether both are the same map. If they are, and the closed one is sure, so is the map; it is ambiguous if the
-        closed one is. If they are not, it is no surer than the closed one.
-    """
+    """Weigh the evidence for the map of a part against that for the map with the holes closed."""
+    # closed: by the measures of complete shapes. If both are the same map and the closed one is sure, so is the map; it
+    # is ambiguous if the closed one is. If they are not, it is no surer than the closed one.
     outcome = outcome_of(closed)
     if agrees and own.poor and outcome in (Outcome.CONVERGED, Outcome.PARTIAL):
         return (Evidence(partial=True),)
@@ -277,10 +213,8 @@ def part_evidence(own: Evidence, closed: tuple[Evidence, ...], agrees: bool) -> 
 
 
 def closed_evidence(own: Evidence, closed: tuple[Evidence, ...]) -> tuple[Evidence, ...]:
-    """Evidence for the map of two parts, found with their holes closed: that of complete shapes, unless it is poor.
-
-    Caps change the measures of complete shapes; where these are poor, the map is judged as that of a part.
-    """
+    """Evidence for a map of two parts with their holes closed: that of complete shapes, unless it is poor."""
+    # caps change the measures of complete shapes; where these are poor, the map is judged as that of a part
     doubted = outcome_of(closed) is Outcome.LOW_CONFIDENCE
     return (own,) if doubted else (*closed, Evidence(partial=True))
 
@@ -296,30 +230,7 @@ def held_evidence(evidence: tuple[Evidence, ...], quality: Quality, bound: float
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """A map with the evidence for it, before it is judged.
-
-    Parameters
-    ----------
-    pair : ShapePair
-        The shapes.
-    map : Correspondence
-        In the users' vertices.
-    quality : Quality
-    evidence : tuple of Evidence
-    expected_error : (n_source,) array of float
-    alternatives : tuple of Alternative
-    notes : tuple of str
-    origin, reason : str
-        As in `MatchResult`.
-    config : MatchSettings, optional
-        The settings of the method, if it is not `match`.
-    mismatch : (n_source,) array of float, optional
-        As in `MatchResult`.
-    regions : tuple of DoubtfulRegion
-        As in `MatchResult`.
-    looks_count : bool
-        Whether regions that look unlike are evidence; two species look unlike somewhere.
-    """
+    """A map in the users' vertices with the evidence for it, before its outcome is told; fields as in `MatchResult`."""
 
     pair: ShapePair
     map: Correspondence
@@ -330,10 +241,12 @@ class Solution:
     notes: tuple[str, ...] = ()
     origin: str = ""
     reason: str = ""
-    config: MatchSettings | None = None
+    config: MatchSettings | None = None  # the settings of the method, if it is not `match`
     mismatch: FloatArray | None = None
     regions: tuple[DoubtfulRegion, ...] = ()
-    looks_count: bool = True
+    looks_count: bool = (
+        True  # whether regions that look unlike are evidence; two species look unlike somewhere
+    )
 
     @property
     def outcome(self) -> Outcome:
@@ -351,22 +264,16 @@ class Solution:
 def judged(solution: Solution, timer: StageTimer, seed: int) -> MatchResult:
     """Make the result of a match."""
     pair = solution.pair
+    shared = "map outcome quality expected_error mismatch regions alternatives notes origin reason"
+    source, target = (
+        "" if solution.config else describe_symmetries(shape.symmetries)
+        for shape in (pair.source, pair.target)
+    )
     return MatchResult(
-        map=solution.map,
-        outcome=solution.outcome,
-        quality=solution.quality,
-        expected_error=solution.expected_error,
-        mismatch=solution.mismatch,
-        regions=solution.regions,
-        alternatives=solution.alternatives,
+        **{name: getattr(solution, name) for name in shared.split()},
         timings=timer.stop(),
-        notes=solution.notes,
         engine=pair.source.distances.engine,
-        origin=solution.origin,
-        reason=solution.reason,
         config=solution.config or pair.config,
         seed=seed,
-        symmetries=("", "")
-        if solution.config
-        else (describe_symmetries(pair.source.symmetries), describe_symmetries(pair.target.symmetries)),
+        symmetries=(source, target),
     )

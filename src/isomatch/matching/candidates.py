@@ -1,0 +1,175 @@
+"""Candidates: hypotheses with energy, orientation and agreement with hints; further ones where the winner is not sure."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from isomatch.correspondence import alignment_residual, signed_procrustes, spectral_embedding
+from isomatch.matching.fit import Candidate, Fit, Hypothesis
+from isomatch.matching.hints import Hints
+from isomatch.matching.pair import ShapePair
+from isomatch.matching.quality import mean_known
+from isomatch.matching.search import combinations, hypotheses_from_hints, search, search_back
+from isomatch.matching.selection import CLEARLY_BETTER, ENERGY_NOISE, SAME_ENERGY, Selection, distinct, ranked
+from isomatch.matching.stages import Relation
+from isomatch.matching.starts import start_from_pairs, starts_from_pose
+from isomatch.runtime.threads import parallel_map
+from isomatch.settings import Orientation
+from isomatch.shapes import CURVATURE_WEIGHT, orientation_of
+from isomatch.values.arrays import IntArray
+
+SIZES = tuple(
+    range(20, 51, 5)
+)  # functions in the upsampling of a hypothesis; steps of 5 as in Melzi et al. 2019
+MOST_CHALLENGERS = 2  # docs/lab/design_notes.md
+RIGHT_ORIENTATION = (
+    0.54  # mean cosine between normals from which a further candidate is refined, as right maps have
+)
+SURE = 0.75  # share of the bounds of a poor map, below which a map is sure; docs/lab/design_notes.md
+
+
+class Screening:
+    """Makes candidates of hypotheses; those of equal maps share the evidence, which is computed once."""
+
+    def __init__(self, pair: ShapePair, hints: Hints) -> None:
+        self._pair = pair
+        self._landmarks = hints.landmarks
+        self._hinted_rows: list[IntArray] = []
+        if len(hints.initial_pairs):
+            self._hinted_rows = [start_from_pairs(pair, hints.initial_pairs)]
+        elif pair.config.start == "pose" and not len(hints.landmarks):
+            self._hinted_rows = starts_from_pose(pair)
+        self._screened: dict[bytes, Candidate] = {}
+
+    def __call__(self, hypotheses: list[Hypothesis]) -> list[Candidate]:
+        """Return the candidate that each hypothesis makes; the order is kept."""
+        keys = [hypothesis.target_row.tobytes() for hypothesis in hypotheses]
+        new = {key: h for key, h in zip(keys, hypotheses) if key not in self._screened}
+        self._screened |= zip(new, parallel_map(self._candidate, new.values()))
+        return [replace(self._screened[key], hypothesis=h) for key, h in zip(keys, hypotheses)]
+
+    def _candidate(self, hypothesis: Hypothesis) -> Candidate:
+        pair, settings = self._pair, self._pair.config.selection
+        spectra = pair.search_spectra
+        target_row = spectra.image(spectra.grown(hypothesis.target_row, SIZES))
+        target_vertex = pair.target_vertices[target_row]
+        energy = energy_of(pair, pair.source_vertices, target_vertex, pair.config.search.rank)
+        basis, n = spectra.source, settings.normal_functions
+        orientation = orientation_of(pair.source, basis, pair.target, target_vertex, n)
+        return Candidate(hypothesis, target_row, energy, orientation, *self._errors(target_row))
+
+    def _errors(self, target_row: IntArray) -> tuple[float, float]:
+        """Mean error at the landmarks, and ``hint_error``."""
+        pair, landmarks = self._pair, self._landmarks
+        mean, worst = 0.0, min(pair.distances_between_maps(target_row, self._hinted_rows), default=0.0)
+        if len(landmarks):
+            apart = pair.target.distance(extended(pair, target_row, landmarks[:, 0]), landmarks[:, 1])
+            mean, worst = float(apart.mean()), max(worst, apart.max())
+        return mean, float(worst)
+
+
+def energy_of(
+    pair: ShapePair, source_vertex: IntArray, target_vertex: IntArray, rank: int | None = None
+) -> float:
+    """Energy of a map (m,) of body vertices: descriptor residual × curvature difference²."""
+    # E = R · M²: the residual R = min_C ‖X_s − X_t(f) C‖ of the distance descriptors sees all but near-symmetries, of
+    # which distances are the same (Shamai & Kimmel 2017, eq. of the alignment); these are seen by
+    #   M = mean |H_t(f(i)) − H_s(i)| + mean ‖known_t(f(i)) − known_s(i)‖₁ / weight,
+    # H the standardised signed mean curvature: a mirror image or a twist puts hollows on bumps. M = 1 without curvature.
+    source, target = pair.source, pair.target
+    residual = residual_of(pair, source_vertex, target_vertex, rank)
+    mismatch = 1.0
+    if pair.oriented:
+        mismatch = np.abs(target.curvature[target_vertex] - source.curvature[source_vertex]).mean()
+    known = np.abs(pair.known.target[target_vertex] - pair.known.source[source_vertex])
+    # as much, against curvature, as in the refinement
+    mismatch += known.sum(axis=1).mean() / CURVATURE_WEIGHT
+    return float(residual * mismatch**pair.config.selection.curvature_exponent)
+
+
+def residual_of(
+    pair: ShapePair, source_vertex: IntArray, target_vertex: IntArray, rank: int | None = None
+) -> float:
+    """Descriptor residual of a map (m,) of body vertices: how well it keeps distances."""
+    points = pair.source.points.at(source_vertex, rank), pair.target.points.at(target_vertex, rank)
+    return alignment_residual(*points, signed_procrustes(*points))
+
+
+def extended(pair: ShapePair, target_row: IntArray, source_vertex: IntArray) -> IntArray:
+    """Extend a map of the search vertices (m_s,), through some functions, to source vertices (q,): target vertices."""
+    # F = Φ_s⁺ Φ_t(f) (k, k) from the search vertices; the image of i is the nearest row of Φ_t Fᵀ to Φ_s(i)
+    k = min(pair.config.selection.extension_functions, pair.n_functions)
+    functional_map = pair.search_spectra.functional_map(target_row, k)
+    of_source, of_target = spectral_embedding(
+        functional_map, pair.source.laplace.vectors[source_vertex], pair.target.laplace.vectors
+    )
+    return pair.target.index.vertices(of_target, of_source)
+
+
+def first_map(
+    pair: ShapePair, hints: Hints, source_vertex: IntArray, orientation: Orientation
+) -> tuple[IntArray, str]:
+    """Map source vertices (q,) by the best hypothesis, from hints if there are any: target vertices (q,), its origin."""
+    hypotheses = hypotheses_from_hints(pair, hints) if hints.any else search(pair, [])
+    candidates, led = Screening(pair, hints)(hypotheses), bool(len(hints.landmarks))
+    order = ranked(candidates, orientation, pair.config.selection, led)
+    return extended(pair, order[0].target_row, source_vertex), order[0].hypothesis.origin
+
+
+def is_sure(relation: Relation, selection: Selection[Fit]) -> bool:
+    """Whether no other map ties with the winner and it is far from poor by every measure, so that no other would win."""
+    winner, bounds = selection.winner, relation.pair.config.outcome
+    areas = relation.source.body.vertex_areas[relation.vertices]
+    return (
+        selection.rival > bounds.tie
+        and winner.misfit < SURE * bounds.poor_misfit
+        and residual_of(relation.pair, relation.vertices, winner.image) < SURE * bounds.poor_residual
+        and mean_known(relation.mismatch(winner), areas) < SURE * bounds.poor_mismatch
+    )
+
+
+def challengers(
+    pair: ShapePair, screen: Screening, known: Sequence[IntArray], side: int, energy: float
+) -> list[Candidate]:
+    """Find further candidates, from the other side and by combination, that may be better than the winner."""
+    found = distinct(
+        [*(search_back(pair) if pair.config.search.both_ways else ()), *combinations(pair, known)],
+        lambda hypothesis: hypothesis.target_row,
+        pair.distances_between_maps,
+        pair.config.search.same_map,
+        known=known,
+    )
+    limit = SAME_ENERGY * max(energy, ENERGY_NOISE)
+    hopeful = [c for c in screen(found) if c.energy <= limit and side * c.orientation > RIGHT_ORIENTATION]
+    return sorted(hopeful, key=lambda candidate: candidate.energy)[:MOST_CHALLENGERS]
+
+
+def best_of(relation: Relation, winner: Fit, fits: Sequence[Fit]) -> Fit:
+    """Compare refined further candidates with the winner one after the other, those like it first; return the best."""
+    first = winner
+    for fit in sorted(fits, key=lambda fit: relation.target.mean_distance(fit.image, first.image)):
+        winner = fit if _beats(relation, fit, winner) else winner
+    return winner
+
+
+def is_another(relation: Relation, fit: Fit, other: Fit) -> bool:
+    """Whether a map is another one, and no variant."""
+    apart = relation.target.mean_distance(fit.image, other.image)
+    return apart > relation.pair.config.selection.rival_distance
+
+
+def _beats(relation: Relation, challenger: Fit, winner: Fit) -> bool:
+    """Whether a map is better by every measure, or another map and clearly better."""
+    # Many further maps are tried, and of many some fit well by chance: one must be better by every measure, or differ and
+    # be clearly better. Appearance counts between different maps only: where variants differ is too small a region.
+    fits = [challenger, winner]
+    scores = [fit.score for fit in fits]
+    if is_another(relation, challenger, winner):
+        scores = relation.weighed(fits, scores, [True, True])
+        if CLEARLY_BETTER * scores[0] < scores[1]:
+            return True
+    residuals = [residual_of(relation.pair, relation.vertices, fit.image) for fit in fits]
+    return scores[0] < scores[1] and challenger.misfit < winner.misfit and residuals[0] < residuals[1]

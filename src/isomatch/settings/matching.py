@@ -1,0 +1,324 @@
+"""Settings of the stages of a match: search, selection, refinement, parts, shapes far from isometric, outcome."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from isomatch.errors import SettingError
+from isomatch.values.settings import Settings, setting
+
+COVERAGE_RADIUS = 0.05  # in √area; the spacing of the search vertices
+LENGTHS = (0.3, 0.25, 0.2, 0.17, 0.14, 0.11, 0.09, 0.075, 0.06, 0.05)  # in √area, over which shapes are bent
+
+
+@dataclass(frozen=True)
+class SearchSettings(Settings):
+    """Settings of first maps and of the search among them.
+
+    Parameters
+    ----------
+    rank, start_columns : int
+        Descriptor columns while hypotheses are compared; leading columns that a few points determine.
+    near_rigid : float
+        Mean distance, in √area, up to which aligned shapes are matched from their poses too; see `poses_between`.
+    off_diagonal, ridge : tuple of float, float
+        Penalties on mixing columns, each tried for landmarks, the first for extremities; and on every entry of the
+        alignment. See `alignments_from_points`.
+    extremity_counts, n_candidate_extremities : tuple of int, int
+        Numbers of extremities of one shape that are assigned together, and extremities of the other that may be theirs.
+    assignments, eccentricity_weight : int, float
+        Best assignments that are kept for each count and direction; weight of differences of average distance, against
+        those of mutual distances, in their cost.
+    start_steps, flip_steps : int
+        Iterations of closest points from extremities; after flips and combinations.
+    unchanged, compare_every : float, int
+        Share of unchanged images at which an iteration has converged; iterations between comparisons of the maps.
+    same_start, same_map : float
+        Mean distance of images, in √area, below which two starts, and two converged maps, are one.
+    n_hypotheses, flipped, flipped_functions : int
+        Most hypotheses; the best that are flipped, and leading Laplace–Beltrami functions whose sign is flipped.
+    both_ways : bool
+        Whether maps are also searched from the target, and inverted.
+    combined, halves : int
+        Best candidates that are combined, each two on one half of the source each, and functions that part the halves.
+    most_combined : int
+        Most combinations, those of least residual, that are compared with the candidates.
+    flip_landmarks : bool
+        Whether flips of the map from landmarks are tried where no automatic hypotheses compete.
+    """
+
+    rank: int = setting(30, "measured on 50 pairs: p = 60 and k = 30 as good as p = 100 and k = 50", least=4)
+    start_columns: int = setting(20, "docs/lab/benchmarks.md, sensitivity", least=4)
+    near_rigid: float = setting(0.05, "bones of one kind: 0.034 to 0.043; other poses: from 0.047", least=0)
+    off_diagonal: tuple[float, ...] = setting((0.01, 0.001, 0.0001), "docs/lab/paper.md, centaur5", least=0)
+    ridge: float = setting(0.001, "docs/lab/benchmarks.md, sensitivity", least=0)
+    extremity_counts: tuple[int, ...] = setting((4, 5, 6), "ablation: one set of extremities", least=1)
+    n_candidate_extremities: int = setting(7, "docs/lab/benchmarks.md, sensitivity", least=1)
+    assignments: int = setting(8, "docs/lab/benchmarks.md, sensitivity: the right map on 86 of 86", least=1)
+    eccentricity_weight: float = setting(0.3, "docs/lab/benchmarks.md, sensitivity", least=0)
+    start_steps: int = setting(12, "docs/lab/benchmarks.md, sensitivity", least=1)
+    flip_steps: int = setting(4, "docs/lab/benchmarks.md, sensitivity", least=1)
+    unchanged: float = setting(0.99, "docs/lab/benchmarks.md, sensitivity", least=0, most=1)
+    compare_every: int = setting(2, "docs/lab/benchmarks.md, sensitivity", least=1)
+    same_start: float = setting(0.02, "sensitivity; half the spacing of 400 samples", least=0)
+    same_map: float = setting(0.05, "sensitivity; the spacing of 400 samples", least=0)
+    n_hypotheses: int = setting(14, "the right map was among the best 12 on 86 of 86 pairs", least=1)
+    flipped: int = setting(3, "ablation: no flips", least=0)
+    flipped_functions: int = setting(20, "ablation: no flips", least=0)
+    both_ways: bool = setting(True, "docs/lab/design_notes.md: victoria2–victoria23, 18.4 without, 4.5 with")
+    combined: int = setting(4, "docs/lab/design_notes.md", least=0)
+    halves: int = setting(4, "docs/lab/design_notes.md", least=0)
+    most_combined: int = setting(6, "docs/lab/design_notes.md", least=0)
+    flip_landmarks: bool = setting(True, "docs/lab/paper.md: victoria12–victoria23, 7.9 without, 4.2 with")
+
+
+@dataclass(frozen=True)
+class SelectionSettings(Settings):
+    """Settings of the choice among hypotheses.
+
+    Parameters
+    ----------
+    normal_functions : int
+        Functions of the smoothed surfaces whose normals are compared.
+    curvature_exponent : float
+        Energy = descriptor residual × curvature difference to this power.
+    orientation_threshold : float
+        Mean cosine between normals above which a map counts as orientation-preserving.
+    mirrored_energy : float
+        Energy, against the least, below which a hypothesis of the orientation that is not allowed is refined, too.
+    energy_limit, most_contenders : float, int
+        Energy, against the least, up to which hypotheses are refined and compared again; most of them.
+    extension_functions : int
+        Functions through which a hypothesis is extended to further vertices.
+    misfit_limit : float
+        Misfit after a stage of the refinement, against the least, from which a map is given up.
+    same_map, rival_distance : float
+        Mean distance between images, in √area, up to which two refined maps are one, less than one turned limb; and
+        from which they are different maps, and not variants of one.
+    energy_exponent : float
+        Score of a refined map = misfit × energy to this power.
+    mismatch_weight : float
+        Weight of the difference of the mean mismatches of two maps in the logarithm of the ratio of their costs.
+    most_alternatives : int
+        Most alternatives in the result.
+    """
+
+    normal_functions: int = setting(40, "docs/lab/benchmarks.md, sensitivity", least=4)
+    curvature_exponent: float = setting(2.0, "on 86 pairs 2 and 1 choose right, 2 by a wider margin", least=0)
+    orientation_threshold: float = setting(0.3, "50 pairs: right ones above 0.54", least=0, most=1)
+    mirrored_energy: float = setting(0.75, "lopsided creatures up to 0.52; bodies from 0.42", least=0)
+    energy_limit: float = setting(3.0, "docs/lab/benchmarks.md, sensitivity", least=1)
+    most_contenders: int = setting(4, "docs/lab/design_notes.md: no other map than by 6", least=1)
+    extension_functions: int = setting(50, "docs/lab/benchmarks.md, sensitivity; as in the search", least=4)
+    misfit_limit: float = setting(1.15, "docs/lab/benchmarks.md, sensitivity; as outcome.tie", least=1)
+    same_map: float = setting(0.02, "docs/lab/benchmarks.md, sensitivity; half of one turned limb", least=0)
+    energy_exponent: float = setting(0.25, "ablation: contest decided by misfit alone", least=0)
+    rival_distance: float = setting(0.15, "more than noise or one limb, less than a turned body", least=0)
+    mismatch_weight: float = setting(1.5, "docs/lab/design_notes.md", least=0)
+    most_alternatives: int = setting(2, "what a report can show beside the map", least=0)
+
+
+@dataclass(frozen=True)
+class RefinementSettings(Settings):
+    """Settings of the refinements.
+
+    Parameters
+    ----------
+    sizes_without_positions, sizes_with_positions, final_sizes : tuple of int
+        Functions in the steps of the three stages of the joint refinement; positions and normals take part in the last
+        two. After each stage, maps that fit much worse than the best are given up.
+    sizes_of_parts : tuple of int
+        Functions in further steps without positions, of the map of a part.
+    sizes_again : tuple of int
+        Functions in the steps by which a map that ties with the best is refined once more, with positions and normals if
+        the stages before end with them; the last step is theirs. The map of lower score stays.
+    polished_sizes : tuple of int
+        Functions in the steps that polish the map of a large mesh, on more vertices.
+    position_unit : float
+        Distance between positions, in √area, that counts as one unit of the spectral coordinates.
+    normal_weight, function_weight : float
+        Weights of normals, and of functions that are known on both shapes, as of their root mean square; see `match`.
+    registration_steps : int
+        Steps of the non-rigid registration that ends "joint".
+    laplace_steps_at_once : int
+        If above 0, the most iterations of "laplace_icp" as the paper has it: all functions at once, F orthogonal.
+    """
+
+    sizes_without_positions: tuple[int, ...] = setting(
+        (20, 25, 30, 35, 40, 45, 50), "Melzi et al. 2019; docs/lab/design_notes.md", least=4, empty=True
+    )
+    sizes_with_positions: tuple[int, ...] = setting((50, 75, 100), "ablation", least=4, empty=True)
+    final_sizes: tuple[int, ...] = setting((125, 150), "ablation", least=4, empty=True)
+    sizes_of_parts: tuple[int, ...] = setting((70, 100, 140), "docs/lab/design_notes.md", least=4, empty=True)
+    sizes_again: tuple[int, ...] = setting(
+        (20, 30, 50, 80, 130), "docs/lab/design_notes.md", least=4, empty=True
+    )
+    polished_sizes: tuple[int, ...] = setting((100, 150), "docs/performance.md, resolution", least=4)
+    position_unit: float = setting(0.08, "measured on 9 pairs: 0.08 2.06, 0.15 2.11, 0.3 2.14", least=1e-6)
+    normal_weight: float = setting(0.3, "docs/lab/benchmarks.md, sensitivity", least=0)
+    function_weight: float = setting(0.2, "docs/hints.md: functions known on both", least=0)
+    registration_steps: int = setting(3, "docs/lab/design_notes.md", least=0)
+    laplace_steps_at_once: int = setting(0, "docs/lab/paper.md, deviations: at once heals less", least=0)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not (self.sizes_without_positions or self.sizes_with_positions or self.final_sizes):
+            raise SettingError(
+                "the three stages of the joint refinement are all empty; give one of them a size"
+            )
+
+    @property
+    def last_step(self) -> tuple[tuple[int, ...], bool]:
+        """Size of the last step of the joint refinement, by which every map is measured; whether it has positions."""
+        with_positions = (*self.sizes_with_positions, *self.final_sizes)
+        return (with_positions or self.sizes_without_positions)[-1:], bool(with_positions)
+
+
+@dataclass(frozen=True)
+class PartSettings(Settings):
+    """Settings of the match of a part to a whole.
+
+    Parameters
+    ----------
+    hopeless : float
+        Score over the best from which a map is dropped: but for two after the short refinement, and before settling.
+    long_boundary : float
+        Length of the longest piece of the boundary, in √area, above which a shape may be a part.
+    close : bool
+        Also match the shapes with their holes closed, as complete ones.
+    closed_score : float
+        The map with the holes closed is returned if its cost is less than this times that of the best map of a part.
+    little_missing, most_there : float
+        Shares of the area of the whole, by the units of the files, from which a part is matched with its holes closed
+        first, and if that is sure, from there; the second where few distances are known (``little_trusted``).
+    bending, n_bent_vertices : tuple of float, int
+        Lengths, in √area of the whole, over which the part resists being stretched when it is bent onto the whole, see
+        `register_as_rigid_as_possible`, and its vertices while contenders bend it.
+    n_settled : int
+        Best maps that are settled: the part is bent, its map refined from where it lies then, and so on.
+    rim, off : float
+        Distances, in √area, from the boundary of a part and from its other points, up to which a vertex of the whole is
+        matched to it; where hardly any distance on the whole is known, the second one from both.
+    poor_doubt : float
+        Doubt above which a map is not sure; see `Quality`.
+    little_trusted, clear : float
+        Share of the pairs of anchors whose distance on the whole is known, below which a map is not sure, either, unless
+        the score of its best alternative is at least so many times its own.
+    mismatch_weight : float
+        As `SelectionSettings.mismatch_weight`, of parts; also of roughly refined maps, over everything that is known.
+    n_common, sure_common : int, float
+        Of two overlapping parts: likeliest regions in common that are refined; how much more alike than at random the
+        parts must look in the best of them for it to be sure.
+    tie : float
+        Score of an alternative, against the map returned, below which nothing decides between them.
+    """
+
+    hopeless: float = setting(3.0, "docs/lab/robustness.md: parts", least=1)
+    long_boundary: float = setting(0.15, "complete bodies up to 0.08, without a limb from 0.2", least=0)
+    close: bool = setting(True, "docs/lab/robustness.md: holes closed")
+    closed_score: float = setting(1.1, "chosen, not measured", least=0)
+    little_missing: float = setting(0.85, "docs/lab/design_notes.md", least=0)
+    most_there: float = setting(0.6, "docs/lab/design_notes.md", least=0)
+    bending: tuple[float, ...] = setting(LENGTHS, "docs/lab/robustness.md: parts", least=1e-3)
+    rim: float = setting(0.04, "docs/lab/robustness.md: parts", least=0)
+    off: float = setting(0.1, "docs/lab/robustness.md: parts", least=0)
+    n_bent_vertices: int = setting(1000, "docs/lab/robustness.md: parts", least=50)
+    n_settled: int = setting(3, "docs/lab/robustness.md: parts", least=0)
+    poor_doubt: float = setting(8.5e-5, "docs/lab/robustness.md: parts, how the bound was set", least=0)
+    little_trusted: float = setting(0.15, "docs/lab/robustness.md: parts", least=0, most=1)
+    clear: float = setting(2.0, "docs/lab/robustness.md: parts", least=1)
+    mismatch_weight: float = setting(6.0, "docs/lab/design_notes.md", least=0)
+    n_common: int = setting(8, "docs/lab/design_notes.md", least=1)
+    sure_common: float = setting(0.5, "docs/lab/design_notes.md", least=0)
+    tie: float = setting(1.2, "chosen on cuts and holes, not one by one", least=1)
+
+
+@dataclass(frozen=True)
+class ElasticSettings(Settings):
+    """Settings of the match of shapes that are far from isometric.
+
+    Parameters
+    ----------
+    sought : float
+        Misfit of the best map that keeps distances, from which one is sought that lets limbs stretch.
+    n_coordinates, n_starts : int
+        Canonical coordinates of each shape; best assignments of the points of either.
+    forgiven, inside : float
+        Relative difference of two distances, in units of the average, that costs nothing; a term of `IntervalCost`.
+    bending, n_bent_vertices
+        As `PartSettings` has them, of both shapes.
+    most_scaled : float
+        How many times as large or small a piece of the source may become at no cost; see `RigidRegistration`.
+    """
+
+    sought: float = setting(0.54, "docs/lab/design_notes.md: when limbs are taken to stretch", least=0)
+    n_coordinates: int = setting(8, "Ezuz et al. 2019", least=3)
+    forgiven: float = setting(0.3, "chosen on pairs of animals, not one by one", least=0, most=1)
+    inside: float = setting(0.1, "docs/lab/robustness.md, other species", least=0)
+    n_starts: int = setting(60, "docs/lab/robustness.md, other species", least=1)
+    bending: tuple[float, ...] = setting(LENGTHS, "docs/lab/design_notes.md", least=1e-3)
+    n_bent_vertices: int = setting(1000, "docs/lab/design_notes.md", least=100)
+    most_scaled: float = setting(2.0, "docs/lab/design_notes.md: limbs of half and twice the size", least=1)
+
+
+@dataclass(frozen=True)
+class OutcomeSettings(Settings):
+    """Bounds of the measures that make an outcome.
+
+    Parameters
+    ----------
+    coverage_radius : float
+        A target vertex this near to an image along edges, in √area, is covered.
+    tie, look_tie : float
+        Score of an alternative, against the map returned, below which nothing decides between them; and between shapes
+        far from isometric, whose misfits are nearly equal.
+    mirror_tie : float
+        The same for a map of the other side where either is allowed; the poses alone may differ as much.
+    mirror_image : float
+        Score, against the map returned, below which a map of the orientation that is not allowed fits clearly better.
+    torn, torn_apart : float
+        Squared length of the image of an edge, over its own, above which it counts no more; and difference of both
+        lengths, in √area, from which the map tears the edge.
+    poor_misfit, poor_residual, poor_stretch, poor_torn_off, poor_orientation : float
+        Values above which, of the orientation below which, a map is poor.
+    poor_bending, poor_far_residual : float
+        Values of `Quality.bend_misfit` and of the residual above which a map between shapes far from isometric is poor.
+    poor_mismatch : float
+        Mean mismatch, see `Quality`, of which a map is sure only if it is well below.
+    doubtful_mismatch, doubtful_area : float
+        Mean mismatch of the neighbourhood of a vertex, above the median of the map, from which its image is doubtful,
+        and share of the surface from which a region of doubtful images lowers the outcome.
+    contradiction : float
+        Distance from the images that hints ask for, in √area, from which they are contradicted: the mean of the
+        landmarks (of a part the median), or the median of an initial map, which may be wrong in places.
+    out_of_pose : float
+        Mean distance of the images from the nearest points in space, in √area, from which ``start="pose"`` misleads.
+    large_component : float
+        Share of the area, or of the vertices, from which a component without a partner makes a match partial, and an
+        unsure one makes it unsure.
+    """
+
+    coverage_radius: float = setting(COVERAGE_RADIUS, "the spacing of the search vertices", least=0)
+    tie: float = setting(1.25, "docs/lab/design_notes.md", least=1)
+    look_tie: float = setting(1.15, "docs/lab/design_notes.md", least=1)
+    mirror_tie: float = setting(1.5, "docs/lab/benchmarks.md, confidence: either side", least=1)
+    mirror_image: float = setting(0.6, "lopsided creatures up to 0.52; bodies from 0.67", least=0, most=1)
+    torn: float = setting(4.0, "chosen: a few torn faces must not outweigh all others", least=1)
+    poor_misfit: float = setting(
+        0.66, "set on FAUST and creatures; docs/lab/benchmarks.md, confidence", least=0
+    )
+    poor_residual: float = setting(
+        0.38, "set on FAUST and creatures; docs/lab/benchmarks.md, confidence", least=0
+    )
+    poor_stretch: float = setting(1.2, "docs/lab/benchmarks.md, confidence", least=1)
+    poor_bending: float = setting(1.7e-3, "docs/lab/design_notes.md", least=0)
+    poor_far_residual: float = setting(0.45, "docs/lab/design_notes.md", least=0)
+    poor_mismatch: float = setting(0.42, "docs/lab/design_notes.md", least=0)
+    doubtful_mismatch: float = setting(0.65, "docs/lab/benchmarks.md, regions of doubt", least=0)
+    doubtful_area: float = setting(0.02, "a forearm of a body", least=0, most=1)
+    torn_apart: float = setting(0.1, "0.07 to 0.15 do as well: docs/lab/benchmarks.md, confidence", least=0)
+    poor_torn_off: float = setting(0.005, "half a hand; right maps have at most 0.2 %", least=0)
+    poor_orientation: float = setting(0.65, "chosen, not measured", least=-1, most=1)
+    contradiction: float = setting(0.1, "docs/lab/benchmarks.md, contradicted hints", least=0)
+    out_of_pose: float = setting(0.25, "docs/hints.md: up to 0.22 turned by 40°, from 0.29 by 90°", least=0)
+    large_component: float = setting(0.05, "a hand is 1 %, a head 8 % of a body", least=0, most=1)

@@ -1,0 +1,101 @@
+"""Settings of one shape: extremities, signatures, curvature, what is mended; levels of large meshes; symmetries."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from isomatch.errors import SettingError
+from isomatch.values.settings import Settings, setting
+
+DistanceUnit = Literal["average", "user"]
+
+
+@dataclass(frozen=True)
+class PreparationSettings(Settings):
+    """Fine settings of `prepare`: extremities, signatures and curvature of one shape.
+
+    Parameters
+    ----------
+    extremity_spacing : float
+        Extremities nearer to each other than this, in √area, count as one: fingers must not displace hands.
+    n_extremities : int
+        Most extremities of a shape.
+    signature_step : int
+        Which of the hundred energies of the wave kernel signature are kept: every fifth.
+    curvature_functions, energy_curvature_functions : tuple of int, int
+        Functions of the smoothed surfaces whose signed mean curvatures are signatures, and whose the energy compares.
+    distance_unit : {"average", "user"}
+        Unit in which distances of two shapes are compared: the average distance of each, or that of the user.
+    block_diagonal : bool
+        Whether descriptor columns of different sign are never mixed by an alignment.
+    sheet_distance : float
+        Sheets that are glued together, such as limbs that touch in a scan, are separated where they are at least so far
+        apart along the surface, in √area; ``inf`` leaves them together.
+    contact_concavity, most_contacts : float, int
+        Limbs that are fused are cut from what they touch along loops whose mean cost, see `cut_contacts`, is at most the
+        first; 0 cuts none. Shapes with more handles than the second are not cut: they are no limbs that touch.
+    most_components : int
+        Most components of a mesh, beside the largest, that are matched by themselves.
+    """
+
+    extremity_spacing: float = setting(
+        0.25, "at 0.15, thumbs displaced heads or feet on 4 of 50 pairs", least=0
+    )
+    n_extremities: int = setting(8, "docs/lab/benchmarks.md, sensitivity: 7 to 12 the same map", least=0)
+    signature_step: int = setting(5, "docs/lab/benchmarks.md, sensitivity; the filters overlap", least=1)
+    curvature_functions: tuple[int, ...] = setting((50, 100, 150), "sensitivity; coarse to fine", least=4)
+    energy_curvature_functions: int = setting(100, "the middle of curvature_functions", least=4)
+    distance_unit: DistanceUnit = setting("average", "docs/lab/paper.md, deviations: distances in mesh units")
+    block_diagonal: bool = setting(True, "docs/lab/paper.md, deviations: C not block-diagonal")
+    sheet_distance: float = setting(0.1, "docs/lab/robustness.md, touching limbs", least=0)
+    contact_concavity: float = setting(0.5, "docs/lab/robustness.md, touching limbs: 0.16 to 0.36", least=0)
+    most_contacts: int = setting(24, "docs/lab/design_notes.md: limbs make up to 9, skulls have 157", least=0)
+    most_components: int = setting(12, "chosen: each takes as long as a small match", least=0)
+
+
+@dataclass(frozen=True)
+class LevelSettings(Settings):
+    """Sizes of the levels on which large meshes are matched.
+
+    Parameters
+    ----------
+    matched, polished : int
+        Vertices on which shapes are matched, and on which the map is then polished.
+    fast_matched, fast_polished : int
+        The same with ``resolution="fast"``.
+    spared : float
+        A mesh of up to so many times these sizes is not decimated.
+    """
+
+    matched: int = setting(5000, "docs/performance.md, resolution", least=200)
+    polished: int = setting(16000, "docs/performance.md, resolution", least=200)
+    fast_matched: int = setting(2500, "docs/performance.md, resolution", least=200)
+    fast_polished: int = setting(5000, "docs/performance.md, resolution", least=200)
+    spared: float = setting(1.25, "chosen: less is hardly faster", least=1)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for kind in ("", "fast_"):
+            matched, polished = getattr(self, f"{kind}matched"), getattr(self, f"{kind}polished")
+            if polished < matched:
+                raise SettingError(
+                    f"{kind}polished = {polished} is below {kind}matched = {matched}; a map is polished on more vertices"
+                )
+
+
+@dataclass(frozen=True)
+class SymmetrySettings(Settings):
+    """Settings of the search for symmetries of one shape.
+
+    Parameters
+    ----------
+    most : int
+        Most assignments that are followed up; 0 searches for no symmetries.
+    largest_residual : float
+        Residual of the distance descriptors, in units of √(average distance / number of search vertices), up to which a
+        map is a symmetry: their spacing alone makes about 2.4.
+    """
+
+    most: int = setting(24, "docs/lab/benchmarks.md, symmetry", least=0)
+    largest_residual: float = setting(3.2, "docs/lab/benchmarks.md, symmetry", least=0)
