@@ -6,8 +6,7 @@ import pytest
 from isomatch import Config, Mesh, Outcome, match, prepare
 from isomatch.datasets import creature, ground_truth
 from isomatch.matching import BothParts
-from isomatch.matching.relations.both_looks import BothLooks
-from isomatch.matching.relations.both_side import two_sides
+from isomatch.matching.relations.both_seeds import BothLooks, two_sides
 from isomatch.settings import PartSettings
 from isomatch_lab.damage import cut
 from isomatch_lab.sets import relabelled

@@ -11,10 +11,14 @@ from isomatch.datasets import creature, ground_truth
 from isomatch.matching import Elastic, Fit, Hints, Isometry, ShapePair, prepare_pair, stages_of
 from isomatch.matching.judge import bends_badly
 from isomatch.matching.relations.elastic import far_from_isometric
-from isomatch.matching.relations.elastic_fit import ElasticFit, Step
-from isomatch.matching.relations.elastic_shape import ElasticShape
-from isomatch.matching.relations.elastic_starts import N_PLAIN_STARTS, anchor_starts
-from isomatch.matching.relations.mirror import with_mirror
+from isomatch.matching.relations.elastic_fit import (
+    N_PLAIN_STARTS,
+    ElasticFit,
+    ElasticShape,
+    Step,
+    anchor_starts,
+    with_mirror,
+)
 from isomatch.settings import ElasticSettings
 from isomatch_lab.sets import relabelled
 

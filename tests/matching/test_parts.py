@@ -11,9 +11,8 @@ from isomatch.datasets import creature, ground_truth
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching import Hints, Part, ShapePair, prepare_pair, stages_of
 from isomatch.matching.quality import covered_share
-from isomatch.matching.relations.landmark_distances import LandmarkDistances
 from isomatch.matching.relations.part_pair import NO_LANDMARKS, PartPair
-from isomatch.matching.relations.part_refinement import WholeCoordinates
+from isomatch.matching.relations.part_registration import LandmarkDistances, WholeCoordinates
 from isomatch.matching.solve import part_role
 from isomatch.settings import PartSettings
 from isomatch_lab.damage import cut, holes, limb_removed

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from isomatch.correspondence import (
+    Embedding,
     PrecisePoints,
     RigidRegistration,
     SurfaceIndex,
@@ -14,6 +15,7 @@ from isomatch.correspondence import (
     with_normals,
 )
 from isomatch.resolution import Prolongation, decimate
+from isomatch.shapes import PreparedShape
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import FloatArray, IntArray
 from isomatch.values.cached import cached_property
@@ -26,40 +28,20 @@ Held = tuple[IntArray, FloatArray]
 
 @dataclass(frozen=True, eq=False)
 class Surroundings:
-    """The surface that another one is bent onto.
+    """The surface that another one is bent onto."""
 
-    Parameters
-    ----------
-    mesh : Mesh
-        In √area of its own.
-    index : SurfaceIndex
-        Of the mesh.
-    unit : float
-        How many times as large the shape is that is bent onto it, in the same unit.
-    """
-
-    mesh: Mesh
-    index: SurfaceIndex
-    unit: float = 1.0
+    mesh: Mesh  # in √area of its own
+    index: SurfaceIndex  # of the mesh
+    unit: float = 1.0  # how many times as large the shape is that is bent onto it, in the same unit
 
 
 @dataclass(frozen=True, eq=False)
 class Bent:
-    """A shape bent until it lies on a surface.
+    """A shape bent until it lies on a surface."""
 
-    Parameters
-    ----------
-    flat : Mesh
-        The shape, in √area of its own, perhaps at a lower resolution.
-    mesh : Mesh
-        The same bent, in √area of the surface.
-    onto : Surroundings
-        The surface.
-    """
-
-    flat: Mesh
-    mesh: Mesh
-    onto: Surroundings
+    flat: Mesh  # the shape, in √area of its own, perhaps at a lower resolution
+    mesh: Mesh  # the same bent, in √area of the surface
+    onto: Surroundings  # the surface
 
     @cached_property
     def points(self) -> PrecisePoints:
@@ -87,15 +69,7 @@ class Bent:
 
 
 class Bending:
-    """Bends a shape onto surfaces: at a lower resolution, and from there in full.
-
-    Parameters
-    ----------
-    shape : Mesh
-        In √area of its own.
-    n_vertices : int
-        Vertices of the lower resolution.
-    """
+    """Bends a shape onto surfaces: at a lower resolution, and from there in full."""
 
     def __init__(self, shape: Mesh, n_vertices: int) -> None:
         self._coarse = Prolongation(shape, decimate(shape, n_vertices))
@@ -115,20 +89,7 @@ class Bending:
         held: Held,
         most_scaled: float = 1.0,
     ) -> Bent:
-        """Bend the shape at the lower resolution.
-
-        Parameters
-        ----------
-        onto : Surroundings
-        start : (n_coarse, 3) array of float
-            Where a map puts its vertices on the surface.
-        lengths : tuple of float
-            See `register_as_rigid_as_possible`; in √area of the surface.
-        held : (l,) array of int and (l, 3) array of float
-            Vertices of the shape in full, and where they are drawn to.
-        most_scaled : float
-            See `RigidRegistration`.
-        """
+        """Bend the shape at the lower resolution."""
         vertices, points = held
         return self._bent(
             self._coarsely, onto, start, lengths, (self._coarse.coarse.owner[vertices], points), most_scaled
@@ -164,3 +125,55 @@ class Bending:
             onto.mesh, onto.index, start, lengths, onto.unit, held=held, most_scaled=most_scaled
         )
         return Bent(registration.source, registration.source.moved(moved), onto)
+
+
+class ElasticBending:
+    """Bends one shape of a pair onto the other one."""
+
+    def __init__(
+        self, shape: PreparedShape, onto: PreparedShape, n_vertices: int, back: bool, landmarks: IntArray
+    ) -> None:
+        self._bending = Bending(_of_area_1(shape), n_vertices)
+        self._onto = Surroundings(_of_area_1(onto), onto.index)
+        self._back, self._landmarks = back, landmarks
+        self._all_vertices = np.arange(shape.body.n_vertices)
+
+    def coarsely(
+        self,
+        drawn: Embedding,
+        lengths: tuple[float, ...],
+        known: IntArray | None = None,
+        most_scaled: float = 1.0,
+    ) -> Bent:
+        """Bend the shape at the low resolution, from where images are nearest in coordinates of both bodies."""
+        here, there = drawn[::-1] if self._back else drawn
+        image = self._onto.index.vertices(there, here[self._bending.vertices])
+        pairs = self._landmarks if known is None else np.concatenate([self._landmarks, known])
+        start = self._onto.mesh.vertices[image]
+        return self._bending.coarsely(self._onto, start, lengths, self._held(pairs), most_scaled)
+
+    def further(self, bent: Bent, lengths: tuple[float, ...]) -> Bent:
+        """Bend the shape at the low resolution, from where it lies."""
+        return self._bending.coarsely(self._onto, bent.mesh.vertices, lengths, self._held(self._landmarks))
+
+    def in_full(self, bent: Bent, lengths: tuple[float, ...], most_scaled: float) -> Bent:
+        """Bend the shape in full, from where it lies at the low resolution."""
+        return self._bending.in_full(bent, lengths, self._held(self._landmarks), most_scaled)
+
+    def images(self, bent: Bent, vertices: IntArray) -> IntArray:
+        """Vertices of the other shape nearest to some vertices (r,) of the one that is bent."""
+        return self._bending.images(bent, vertices)
+
+    def pairs(self, bent: Bent) -> IntArray:
+        """All vertices of the bent shape and their images: (n, 2) vertices of source and target."""
+        both = np.column_stack([self._all_vertices, self.images(bent, self._all_vertices)])
+        return both[:, ::-1] if self._back else both
+
+    def _held(self, pairs: IntArray) -> Held:
+        own, other = (pairs[:, ::-1] if self._back else pairs).T
+        return own, self._onto.mesh.vertices[other]
+
+
+def _of_area_1(shape: PreparedShape) -> Mesh:
+    mesh = shape.mesh_body
+    return mesh.moved(mesh.vertices / np.sqrt(mesh.area))

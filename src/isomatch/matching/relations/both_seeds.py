@@ -1,4 +1,4 @@
-"""Regions that two parts may have in common: grown from seeds, and extended to the samples by trilateration."""
+"""Regions that two parts of a body may have in common: grown from seeds, and weighed by their appearance."""
 
 from __future__ import annotations
 
@@ -9,14 +9,244 @@ import numpy as np
 
 from isomatch.correspondence import (
     IntervalCost,
+    Intervals,
     grow_common_regions,
     pin_first,
     trilaterate_common,
 )
-from isomatch.matching.relations.both_looks import USUAL, BothLooks, signed_triangles
+from isomatch.descriptors import BallSignature, ball_signature, deviation_of
+from isomatch.geodesics import MissingRegion, distance_along_edges_to_nearest, distance_engine
+from isomatch.matching.relations.part_pair import N_POSTS, NO_LANDMARKS, areas_of_samples
 from isomatch.matching.search import FromAnchors
 from isomatch.runtime.threads import parallel_map
-from isomatch.values.arrays import BoolArray, IntArray
+from isomatch.shapes import PreparedShape
+from isomatch.values.arrays import BoolArray, FloatArray, IntArray
+from isomatch.values.cached import cached_property
+
+N_SAMPLES = 600  # vertices of each part that are mapped; chosen, not measured
+MOST_LANDMARKS = 50  # that lead the search, of those given; all lead the refinement
+
+# lengths below are in the unit of both parts, about √area of the body that they are parts of
+
+# √area of the body over the root mean square of those of its parts; only the unit of the bounds below
+BODY = 1.25
+
+# times that one part may be as long as the other in the units of the files; beyond, the areas are taken for equal
+MOST_UNLIKE = 4.0
+
+# of the balls whose moments are compared; small ones are noise, large ones cross the boundary
+MOMENT_RADII = (0.06, 0.09, 0.13, 0.18, 0.24)
+
+# of the balls whose areas are compared
+AREA_RADII = tuple(0.05 * i for i in range(1, 13))
+OVERHANG = 0.02  # by which a ball may reach over a boundary and count
+
+
+@dataclass(frozen=True, eq=False)
+class BothSide:
+    """One of two parts."""
+
+    shape: PreparedShape  # the part
+    unit: float  # what √area of the part is worth in the unit of both
+    landmarks: IntArray  # (l,): vertices whose counterparts on the other part are known
+
+    @cached_property
+    def vertices(self) -> IntArray:
+        """(r,) its samples: the landmarks, then vertices evenly spread."""
+        spread = self.shape.sample_vertices
+        return np.concatenate([self.landmarks, spread[~np.isin(spread, self.landmarks)]])[:N_SAMPLES]
+
+    @cached_property
+    def _missing(self) -> MissingRegion:
+        mesh = self.shape.mesh_body
+        return MissingRegion.of(mesh, distance_engine(mesh, self.shape.config.engine, weld=False), N_POSTS)
+
+    @cached_property
+    def to_boundary(self) -> FloatArray:
+        """(n,) distance of each vertex to the boundary."""
+        return self.unit * self._missing.to_boundary
+
+    @cached_property
+    def intervals(self) -> Intervals:
+        """Of distances on the body between the samples, (r, r)."""
+        return self.intervals_from(self.vertices)
+
+    def intervals_from(self, vertices: IntArray) -> Intervals:
+        """Of distances on the body between some vertices (m,) and the samples, (m, r)."""
+        along = np.maximum(self.shape.distances.between(vertices, self.vertices), 0.0)
+        along = np.where(vertices[:, None] == self.vertices, 0.0, along)
+        lower = self._missing.lower_bound(vertices, self.vertices, along)
+        return Intervals(self.unit * lower, self.unit * along)
+
+    @cached_property
+    def areas(self) -> FloatArray:
+        """(r,) area around each sample."""
+        return self.unit**2 * areas_of_samples(self.shape, self.vertices)
+
+    @cached_property
+    def looks(self) -> BallSignature:
+        """The ball signature of every vertex."""
+        return ball_signature(
+            self.shape.mesh_body, MOMENT_RADII, unit=1 / self.unit, samples=self.vertices, weld=False
+        )
+
+    @cached_property
+    def ball_areas(self) -> tuple[FloatArray, BoolArray]:
+        """Logarithms of the areas of balls around the samples, (r, q), and which of them no boundary cuts."""
+        radii, along = np.array(AREA_RADII), self.intervals.upper
+        areas = np.stack([(along < radius) @ self.areas for radius in radii], axis=1)
+        known = radii <= self.to_boundary[self.vertices, None] + OVERHANG
+        return np.log(np.maximum(areas, self.areas[:, None])), known
+
+    @cached_property
+    def nearest_sample(self) -> IntArray:
+        """(n,) number of the sample nearest to each vertex."""
+        owner = distance_along_edges_to_nearest(self.shape.body, self.vertices)[1]
+        number = np.zeros(self.shape.body.n_vertices, dtype=np.int64)
+        number[self.vertices] = np.arange(len(self.vertices))
+        nearest: IntArray = number[owner]
+        return nearest
+
+
+def two_sides(
+    source: PreparedShape, target: PreparedShape, same_area: bool, landmarks: IntArray = NO_LANDMARKS
+) -> tuple[BothSide, BothSide]:
+    """Both parts in one unit: that of the files, unless these are too unlike or areas are to be the same."""
+    lengths = np.array([source.scale, target.scale])
+    if same_area or lengths.max() > MOST_UNLIKE * lengths.min():
+        lengths[:] = 1.0
+    first = landmarks[:MOST_LANDMARKS]
+    units = lengths / (BODY * np.sqrt((lengths**2).mean()))
+    return (
+        BothSide(source, float(units[0]), first[:, 0]),
+        BothSide(target, float(units[1]), first[:, 1]),
+    )
+
+
+# all chosen on two parts of SHREC'16, not one by one; docs/notes/two_parts.md
+USUAL = 0.25  # cost of a candidate that says nothing
+PRIOR_RADII = 1.5  # number of radii that a neutral mismatch counts as
+USUAL_AREA, MOST_AREA, PRIOR_AREAS = 0.15, 1.0, 2.0  # the same of the logarithms of areas
+LOOKS_WEIGHT, AREAS_WEIGHT = 0.6, 0.5
+MOST_MISMATCH = 2.0  # standard deviations from which values differ as much as any two
+
+AROUND = 0.12  # distance over which mismatches are averaged
+N_ALIKE = 3  # samples of the target that always look as alike as any
+BY_CHANCE = 1.2  # mean of −log of the ranks of images up to which they may be at random; uniform ranks have 1
+NEUTRAL, PRIOR = 0.5, 0.5  # mismatch where nothing is known, and number of radii that it counts as
+
+SURELY = 0.05  # distance from where nothing is shown, from which something surely is
+UNCOVERED = 0.08  # distance from all images from which a sample of the target has none
+LEFT_OUT_COST = 1.0  # of area that has no image but must, in evidence
+
+N_AROUND = 8  # samples around each whose triangles are compared
+
+
+class BothLooks:
+    """What two parts look like around their samples."""
+
+    def __init__(self, source: BothSide, target: BothSide) -> None:
+        self.source, self.target = source, target
+
+    @cached_property
+    def _deviation(self) -> FloatArray:
+        return deviation_of(self.source.looks, self.target.looks)
+
+    @cached_property
+    def _around(self) -> FloatArray:
+        """(r, r) how much each sample of the source counts around each."""
+        source = self.source
+        around: FloatArray = np.exp(-((source.intervals.upper / AROUND) ** 2)) * source.areas
+        return around
+
+    def mismatches(self, rows: IntArray, images: IntArray) -> FloatArray:
+        """(q,) how differently the parts look around some samples of the source and their images, vertices of the target."""
+        here, there = self.source.looks.at(self.source.vertices[rows]), self.target.looks.at(images)
+        count = (here.known & there.known).sum(axis=1)
+        total = np.nan_to_num(here.mismatch(there, self._deviation)) * count
+        around = self._around[np.ix_(rows, rows)]
+        mean: FloatArray = (around @ (total + NEUTRAL * PRIOR)) / (around @ (count + PRIOR))
+        return mean
+
+    @cached_property
+    def _looks_apart(self) -> FloatArray:
+        """(r, c) how differently each sample of the source and each of the target look by themselves."""
+        here, there = self.source.looks.at(self.source.vertices), self.target.looks.at(self.target.vertices)
+        return _drawn_to(*_summed(here, there, self._deviation), USUAL, PRIOR_RADII)
+
+    @cached_property
+    def _surprise(self) -> FloatArray:
+        """(r, c) how unlikely it is that a sample of the target looks as alike as this one: −log of its rank, 0…1."""
+        apart = self._looks_apart
+        rank = apart.argsort(axis=1, kind="stable").argsort(axis=1, kind="stable")
+        surprise: FloatArray = -np.log((rank + N_ALIKE) / apart.shape[1])
+        return surprise
+
+    def evidence(self, rows: IntArray, images: IntArray) -> float:
+        """Sum area × how much better images look than at random, over the samples of a region where that is above 0."""
+        surprise = self._surprise[rows, self.target.nearest_sample[images]]
+        around = self._around[np.ix_(rows, rows)]
+        mean = around @ surprise / around.sum(axis=1)
+        return float(self.source.areas[rows] @ np.maximum(mean - BY_CHANCE, 0.0))
+
+    def worth(self, rows: IntArray, images: IntArray) -> float:
+        """Return the evidence for a region, less what speaks against it."""
+        source, target = self.source, self.target
+        if not len(rows):
+            return 0.0
+        from_region = source.intervals.upper[:, rows]
+        from_images = target.intervals.upper[:, target.nearest_sample[images]]
+        shown = (target.to_boundary[images] - from_region).max(axis=1) > SURELY
+        showing = (source.to_boundary[source.vertices[rows]] - from_images).max(axis=1) > SURELY
+        shown[rows] = False
+        left_out = source.areas[shown].sum()
+        left_out += target.areas[showing & (from_images.min(axis=1) > UNCOVERED)].sum()
+        return self.evidence(rows, images) - LEFT_OUT_COST * float(left_out)
+
+    def alike(self, rows: IntArray, columns: IntArray) -> FloatArray:
+        """Cost (m, c) of each candidate for each anchor by itself, by looks and areas of balls."""
+        looks = self._looks_apart[np.ix_(rows, columns)]
+        (of_source, known_there), (of_target, known_here) = self.source.ball_areas, self.target.ball_areas
+        both = known_there[rows][:, None] & known_here[columns][None]
+        apart = np.minimum(np.abs(of_source[rows][:, None] - of_target[columns][None]), MOST_AREA)
+        areas = _drawn_to((apart * both).sum(axis=2), both.sum(axis=2), USUAL_AREA, PRIOR_AREAS)
+        return LOOKS_WEIGHT * looks + AREAS_WEIGHT * areas
+
+
+def signed_triangles(source: BothSide, rows: IntArray, target: BothSide, images: IntArray) -> float:
+    """Mean sign of the small triangles of samples: 1 if their images are wound alike, −1 if they are mirrored."""
+    if len(rows) <= N_AROUND:
+        return 0.0
+    apart = source.intervals.upper[np.ix_(rows, rows)]
+    np.fill_diagonal(apart, np.inf)
+    near = np.argpartition(apart, N_AROUND - 1, axis=1)[:, :N_AROUND]
+    i, j = np.triu_indices(N_AROUND, 1)
+    signs = []
+    for mesh, vertices in (
+        (source.shape.mesh_body, source.vertices[rows]),
+        (target.shape.mesh_body, images),
+    ):
+        points, normals = mesh.vertices[vertices], mesh.vertex_normals[vertices]
+        around = points[near] - points[:, None]
+        signs.append(np.einsum("akd,ad->ak", np.cross(around[:, i], around[:, j]), normals))
+    weights = np.abs(signs[0])
+    return float((np.sign(signs[0] * signs[1]) * weights).sum() / max(weights.sum(), 1e-12))
+
+
+def _summed(here: BallSignature, there: BallSignature, deviation: FloatArray) -> tuple[FloatArray, IntArray]:
+    """Sum over the radii known at both of the halved mismatches of all pairs, and their number."""
+    known = here.known[:, None] & there.known[None]
+    total = np.zeros(known.shape[:2])
+    for j in range(known.shape[2]):
+        apart = np.abs(here.values[:, None, j] - there.values[None, :, j]) / deviation[j]
+        total += known[:, :, j] * np.minimum(apart, MOST_MISMATCH).mean(axis=2) / MOST_MISMATCH
+    return total, known.sum(axis=2)
+
+
+def _drawn_to(total: FloatArray, count: IntArray, neutral: float, prior: float) -> FloatArray:
+    drawn: FloatArray = (total + neutral * prior) / (count + prior)
+    return drawn
+
 
 # all chosen on two parts of SHREC'16, not one by one; docs/notes/two_parts.md
 N_ANCHORS, N_CANDIDATES = 56, 300  # samples of the source that grow regions, and of the target where they go
@@ -46,37 +276,17 @@ ORIENTED = 0.2  # mean sign of triangles, below which a region is taken for a mi
 
 @dataclass(frozen=True, eq=False)
 class CommonRegion:
-    """A region of the source with its images.
+    """A region of the source with its images."""
 
-    Parameters
-    ----------
-    images : (r,) array of int
-        Vertex of the target's body for each sample.
-    accepted : (r,) array of bool
-        Which samples are in the region.
-    worth : float
-        See `BothLooks.worth`; while only some samples are placed, without what counts against it.
-    orientation : float
-        Mean sign of its small triangles.
-    origin : str
-        Where it came from.
-    """
-
-    images: IntArray
-    accepted: BoolArray
-    worth: float
-    orientation: float
-    origin: str
+    images: IntArray  # (r,): vertex of the target's body for each sample
+    accepted: BoolArray  # (r,): which samples are in the region
+    worth: float  # see `BothLooks.worth`; while only some samples are placed, without what counts against it
+    orientation: float  # mean sign of its small triangles
+    origin: str  # where it came from
 
 
 class CommonRegions(BothLooks):
-    """The search of regions that two parts have in common.
-
-    Parameters
-    ----------
-    source, target : BothSide
-        The parts.
-    """
+    """The search of regions that two parts have in common."""
 
     def grown(self) -> list[IntArray]:
         """Grow regions: for each that differs from those before, the candidates (m,) of the anchors, −1 for none."""
@@ -129,11 +339,7 @@ class CommonRegions(BothLooks):
         return self.region(target.vertices[placed], accepted)
 
     def placed(self, rows: IntArray, columns: IntArray, n: int, most: float) -> tuple[IntArray, BoolArray]:
-        """Trilaterate the first n samples from some, with images among those of the target.
-
-        Returns samples of the target, (n,), and which agree, at most at a cost, and return to near where they came from.
-        Landmarks go where they are known to.
-        """
+        """Trilaterate the first n samples from some, with images among those of the target."""
         source, target = self.source, self.target
         everything, there = np.arange(min(n, len(source.vertices))), np.arange(min(n, len(target.vertices)))
         of_source, of_target = source.intervals.at(rows, everything), target.intervals.at(columns, there)

@@ -18,8 +18,8 @@ from isomatch.matching.pair import ShapePair
 from isomatch.matching.quality import contradicted_landmarks, covered_share, mean_known
 from isomatch.matching.regions import DoubtfulRegion, lifted
 from isomatch.matching.relations.isometry import MOST_MIRRORED, IsometricMatch, Isometry
-from isomatch.matching.relations.part_fits import PartFit, PartFits
 from isomatch.matching.relations.part_pair import PartPair
+from isomatch.matching.relations.part_registration import PartFit, PartFits
 from isomatch.matching.result import Alternative
 from isomatch.matching.search import HINT_STEPS
 from isomatch.matching.stages import Stages
@@ -44,22 +44,11 @@ GIVEN = {"matrix", "function"}  # names of engines of distances that were given
 
 @dataclass(frozen=True, eq=False)
 class ClosedMatch:
-    """The match of two shapes whose holes are capped.
+    """The match of two shapes whose holes are capped."""
 
-    Parameters
-    ----------
-    pair : ShapePair
-        The shapes as they are.
-    hints : Hints
-        Those on the shapes as they are.
-    relation : Isometry
-        Of the capped ones.
-    found : IsometricMatch
-    """
-
-    pair: ShapePair
-    hints: Hints
-    relation: Isometry
+    pair: ShapePair  # the shapes as they are
+    hints: Hints  # those on the shapes as they are
+    relation: Isometry  # of the capped ones
     found: IsometricMatch
 
     @property
@@ -235,22 +224,7 @@ def match_creased(
     score: float,
     both: bool = False,
 ) -> Iterator[ClosedMatch]:
-    """Match two shapes cut along creases, and again along those that the last map tears.
-
-    One is cut, that with contacts to be cut or with longer creases, or both are. Natural folds are creases, too; where
-    both sides of one have near images, it is no contact.
-
-    Parameters
-    ----------
-    pair, hints, stages, timer
-        As for `match_closed`.
-    handles : two ints
-        How many contacts of either shape are cut besides.
-    score : float
-        Of the best map so far.
-    both : bool
-        Whether both shapes are cut along their creases.
-    """
+    """Match two shapes cut along creases, and again along those that the last map tears."""
     shapes = pair.source, pair.target
     torn: tuple[BoolArray | None, BoolArray | None] = None, None
     one = max(range(2), key=lambda i: (handles[i], crease_length(shapes[i])))

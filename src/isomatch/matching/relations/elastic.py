@@ -24,13 +24,19 @@ from isomatch.matching.fit import Fit
 from isomatch.matching.judge import Solution, fits_badly, measured_evidence, mirror_image_fits
 from isomatch.matching.quality import contradicted_landmarks, mean_known, measure_quality, mismatch_of
 from isomatch.matching.regions import doubt_in, lifted, regions_of_doubt
-from isomatch.matching.relations.bending import Bent
-from isomatch.matching.relations.elastic_bending import ElasticBending
-from isomatch.matching.relations.elastic_fit import Coefficients, ElasticFit, Images, Step, coarse_steps
-from isomatch.matching.relations.elastic_shape import N_COARSE, ElasticShape
-from isomatch.matching.relations.elastic_starts import anchor_starts
+from isomatch.matching.relations.bending import Bent, ElasticBending
+from isomatch.matching.relations.elastic_fit import (
+    N_COARSE,
+    Coefficients,
+    ElasticFit,
+    ElasticShape,
+    Images,
+    Step,
+    anchor_starts,
+    coarse_steps,
+    with_mirror,
+)
 from isomatch.matching.relations.isometry import Measured
-from isomatch.matching.relations.mirror import with_mirror
 from isomatch.matching.result import Quality
 from isomatch.matching.search import FromAnchors, starts_of
 from isomatch.matching.stages import Relation, first_maps_of
@@ -96,27 +102,15 @@ FAR_KEPT = (
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class StretchedFit(Fit):
-    """An elastic map: smooth maps both ways, and both shapes bent onto each other by them.
+    """An elastic map: smooth maps both ways, and both shapes bent onto each other by them."""
 
-    Parameters
-    ----------
-    coefficients : Coefficients
-        Of the smooth maps both ways.
-    images : Images, optional
-        Of the samples of the coarse fit, both ways.
-    bent : two Bent
-        The source on the target, and the target on the source; none before they are bent.
-    is_ordinary : bool
-        Whether it is a map found otherwise.
-    is_given : bool
-        Whether it is the user's initial map, which holds while large pieces are bent.
-    """
-
-    coefficients: Coefficients
-    images: Images | None = None
-    bent: tuple[Bent, ...] = ()
-    is_ordinary: bool = False
-    is_given: bool = False
+    coefficients: Coefficients  # of the smooth maps both ways
+    images: Images | None = None  # of the samples of the coarse fit, both ways
+    bent: tuple[
+        Bent, ...
+    ] = ()  # the source on the target, and the target on the source; none before they are bent
+    is_ordinary: bool = False  # whether it is a map found otherwise
+    is_given: bool = False  # whether it is the user's initial map, which holds while large pieces are bent
 
     @property
     def stretch(self) -> float:
@@ -461,11 +455,7 @@ def _score(bent: tuple[Bent, ...]) -> float:
 
 
 def far_from_isometric(relation: Relation, quality: Quality) -> bool:
-    """Tell whether the best map that keeps distances does not fit well, so that an elastic one should be sought.
-
-    Two meshes are needed, without descriptors, maps that are not given, and a refinement that looks
-    further, and no mirror image fits better.
-    """
+    """Tell whether the best map that keeps distances does not fit well, so that an elastic one should be sought."""
     pair, config = relation.pair, relation.pair.config
     if not (pair.oriented and relation.refinement.looks_further and config.orientation == "preserve"):
         return False

@@ -47,27 +47,13 @@ MOST_MIRRORED = 3  # maps of the orientation that is not allowed, which are refi
 
 @dataclass(frozen=True, eq=False)
 class IsometricMatch:
-    """What the match of two complete shapes found, before the map is measured.
+    """What the match of two complete shapes found, before the map is measured."""
 
-    Parameters
-    ----------
-    selection : Selection
-        Refined winner and its rivals.
-    eligible : tuple of Candidate
-        Candidates that may win, best first.
-    rivals : tuple of Candidate
-        Candidates searched as rivals only, which may not win.
-    embedding : Embedding
-        Coordinates of all vertices in which images are nearest points.
-    relation : Isometry
-        What found it.
-    """
-
-    selection: Selection[Fit]
-    eligible: tuple[Candidate, ...]
-    rivals: tuple[Candidate, ...]
-    embedding: Embedding
-    relation: Isometry
+    selection: Selection[Fit]  # refined winner and its rivals
+    eligible: tuple[Candidate, ...]  # candidates that may win, best first
+    rivals: tuple[Candidate, ...]  # candidates searched as rivals only, which may not win
+    embedding: Embedding  # coordinates of all vertices in which images are nearest points
+    relation: Isometry  # what found it
 
     @cached_property
     def measured(self) -> Measured:
@@ -77,29 +63,15 @@ class IsometricMatch:
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """A map of all vertices of the source's body, measured.
-
-    Parameters
-    ----------
-    points : PrecisePoints
-    quality : Quality
-    doubt : (n_s,) array of float, optional
-        Error to be expected because another map may be right.
-    mismatch : (n_s,) array of float, optional
-        See `mismatch_of`.
-    reason, origin : str
-        How the map was chosen, in a sentence, and where it came from.
-    fit : Fit, optional
-        The refined map that polishing begins with; none of a map that stretches.
-    """
+    """A map of all vertices of the source's body, measured."""
 
     points: PrecisePoints
     quality: Quality
-    doubt: FloatArray | None
-    mismatch: FloatArray | None
-    reason: str
-    origin: str
-    fit: Fit | None = None
+    doubt: FloatArray | None  # (n_s,): error to be expected because another map may be right
+    mismatch: FloatArray | None  # (n_s,): see `mismatch_of`
+    reason: str  # how the map was chosen, in a sentence, and where it came from
+    origin: str  # how the map was chosen, in a sentence, and where it came from
+    fit: Fit | None = None  # the refined map that polishing begins with; none of a map that stretches
 
 
 class Isometry(Relation):

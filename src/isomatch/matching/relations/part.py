@@ -31,10 +31,14 @@ from isomatch.matching.quality import (
     mismatch_of,
 )
 from isomatch.matching.relations.closed import ClosedMatch, with_doubt
-from isomatch.matching.relations.part_bending import ALL_FUNCTIONS, BentPart
-from isomatch.matching.relations.part_fits import PartFit, PartFits
 from isomatch.matching.relations.part_pair import PartPair
-from isomatch.matching.relations.part_refinement import N_ROUGH_VERTICES
+from isomatch.matching.relations.part_registration import (
+    ALL_FUNCTIONS,
+    N_ROUGH_VERTICES,
+    BentPart,
+    PartFit,
+    PartFits,
+)
 from isomatch.matching.relations.part_starts import APART, PartStarts, self_maps
 from isomatch.matching.result import Quality
 from isomatch.matching.search import FromAnchors, starts_of
@@ -417,21 +421,7 @@ class Part(Relation):
 def quality_of_part(
     pair: ShapePair, hints: Hints, fit: PartFit, unit: float, points: PrecisePoints, matched: BoolArray
 ) -> Quality:
-    """Measure a map in which a part takes part.
-
-    Parameters
-    ----------
-    pair, hints
-        The shapes, and what is known of the map.
-    fit : PartFit
-        The map of the part.
-    unit : float
-        What √area of the source is worth in √area of the target.
-    points : PrecisePoints
-        Images of the vertices of the source's body.
-    matched : (n_s,) array of bool
-        Which of them there are.
-    """
+    """Measure a map in which a part takes part."""
     source, target = pair.source, pair.target
     image = points.corners[:, 0]
     on_user = np.zeros(source.surface.n_vertices, dtype=bool)

@@ -1,20 +1,21 @@
-"""A part and a whole in common units, with what is known of distances on the whole between points of the part."""
+"""A part and a whole in common units: bounds of the distances on the whole, and signatures that both share."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from isomatch.correspondence import Embedding, IntervalCost
-from isomatch.descriptors import RADII, BallSignature, ball_signature
+from isomatch.descriptors import RADII, BallSignature, ball_signature, mean_curvature
 from isomatch.geodesics import MissingRegion, distance_along_edges_to_nearest, distance_engine
 from isomatch.matching.pair import SmoothPair
 from isomatch.settings import Config
-from isomatch.shapes import N_BALLS, PreparedShape
+from isomatch.shapes import CURVATURE_WEIGHT, N_BALLS, WAVE_WEIGHT, PreparedShape
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import FloatArray, IntArray
-from isomatch.values.cached import cached_property
+from isomatch.values.cached import cached_method, cached_property
 
 # bound of the cost of a distance, in √area of the part, see `IntervalCost`; chosen on cuts and holes, not one by one
 MOST_COST = 0.6
@@ -47,40 +48,24 @@ NO_LANDMARKS = np.zeros((0, 2), dtype=np.int64)
 
 @dataclass(frozen=True)
 class PartPair:
-    """A part and a whole; lengths are in √area of the whole. Two are equal if their shapes and units are.
+    """A part and a whole; lengths are in √area of the whole. Two are equal if their shapes and units are."""
 
-    Parameters
-    ----------
-    part, whole : PreparedShape
-        The shapes.
-    unit : float
-        What √area of the part is worth in √area of the whole.
-    config : Config
-        The settings of the match.
-    missing : MissingRegion
-        What lies beyond the part's boundary, in units of the part.
-    anchors : (m,) array of int
-        Vertices of the part whose images a start consists of: landmarks, then farthest points.
-    lower, along : (m, n_part) array of float
-        Lower bounds of the distances from them on the whole, and distances along the part, in its units.
-    landmarks : (l,) array of int
-        Vertices of the whole that the first anchors go to.
-    balls : BallSignature
-        Of the part, in its own units.
-    functions : Embedding
-        Known functions on the bodies of part and whole: (n_part, q) and (n_whole, q).
-    """
-
-    part: PreparedShape
-    whole: PreparedShape
-    unit: float
-    config: Config
-    missing: MissingRegion = field(compare=False)
+    part: PreparedShape  # the shapes
+    whole: PreparedShape  # the shapes
+    unit: float  # what √area of the part is worth in √area of the whole
+    config: Config  # the settings of the match
+    missing: MissingRegion = field(
+        compare=False
+    )  # what lies beyond the part's boundary, in units of the part
+    # (m,): vertices of the part whose images a start consists of: landmarks, then farthest points
     anchors: IntArray = field(compare=False)
+    # (m, n_part): lower bounds of the distances from them on the whole, and distances along the part, in its units
     lower: FloatArray = field(compare=False)
+    # (m, n_part): lower bounds of the distances from them on the whole, and distances along the part, in its units
     along: FloatArray = field(compare=False)
-    landmarks: IntArray = field(compare=False)
-    balls: BallSignature = field(compare=False)
+    landmarks: IntArray = field(compare=False)  # (l,): vertices of the whole that the first anchors go to
+    balls: BallSignature = field(compare=False)  # of the part, in its own units
+    # known functions on the bodies of part and whole: (n_part, q) and (n_whole, q)
     functions: Embedding = field(compare=False)
 
     @classmethod
@@ -235,3 +220,96 @@ def areas_of_samples(shape: PreparedShape, samples: IntArray) -> FloatArray:
     number[samples] = np.arange(len(samples))
     areas = np.bincount(number[owner], shape.body.vertex_areas, len(samples))
     return np.asarray(areas, dtype=np.float64)
+
+
+N_ENERGIES = 20
+REACH = 4.0  # a function of eigenvalue λ feels a boundary at a distance of about REACH / √λ
+CURVATURE_REACH = 3.0
+
+
+class PartSignatures(NamedTuple):
+    """Signatures of a part, and weights between 0 (at the boundary) and 1 (far from it): both (n_part, 23 + q)."""
+
+    values: FloatArray
+    weights: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class WholeSignatures:
+    """Signatures of a whole, and those of its parts in comparable numbers."""
+
+    whole: PreparedShape  # a mesh of area 1
+    known: FloatArray  # (n_whole, q): known functions, which have no boundary to fear
+
+    @cached_property
+    def _energies(self) -> FloatArray:
+        values = self.whole.laplace.values[1:]
+        return np.linspace(np.log(values[4]), np.log(values[min(90, len(values) - 1)]), N_ENERGIES)
+
+    def _waves(self, vectors: FloatArray, values: FloatArray) -> FloatArray:
+        """Logarithms of wave signatures (n, 20) of eigenpairs in units of the whole."""
+        width = 1.4 * (self._energies[1] - self._energies[0])
+        filters = np.exp(-0.5 * ((self._energies - np.log(values[:, None])) / width) ** 2)
+        return np.asarray(np.log(vectors**2 @ filters + 1e-3))
+
+    @cached_property
+    def _raw(self) -> tuple[FloatArray, FloatArray]:
+        """Wave signatures and curvatures before they are standardised."""
+        laplace, settings = self.whole.laplace, self.whole.config.preparation
+        mesh = self.whole.mesh_body
+        sizes = [min(size, len(laplace.values) - 1) for size in settings.curvature_functions]
+        curvatures = np.stack([mean_curvature(mesh, laplace, k, weld=False) for k in sizes], axis=1)
+        return self._waves(laplace.vectors[:, 1:], laplace.values[1:]), curvatures
+
+    @cached_property
+    def _weights(self) -> tuple[float, float]:
+        settings = self.whole.config.preparation
+        return (
+            WAVE_WEIGHT / np.sqrt(N_ENERGIES),
+            CURVATURE_WEIGHT / np.sqrt(len(settings.curvature_functions)),
+        )
+
+    @cached_property
+    def values(self) -> FloatArray:
+        """(n_whole, 23 + q) signatures."""
+        weighted = [weight * _standardised(raw, raw) for weight, raw in zip(self._weights, self._raw)]
+        return np.hstack([*weighted, self.known])
+
+    @cached_method
+    def _curvature_of_part(self, part: PreparedShape, k: int) -> FloatArray:
+        return mean_curvature(part.mesh_body, part.laplace, k, weld=False)
+
+    @cached_method
+    def of_part(self, pair: PartPair) -> PartSignatures:
+        """Signatures of a part in the unit of a pair."""
+        return self._of_part(pair, np.arange(len(pair.to_boundary)))
+
+    @cached_method
+    def of_anchors(self, pair: PartPair) -> PartSignatures:
+        """Those of its anchors alone, (m, 23 + q)."""
+        return self._of_part(pair, pair.anchors)
+
+    def _of_part(self, pair: PartPair, vertices: IntArray) -> PartSignatures:
+        part, sizes = pair.part, pair.config.preparation.curvature_functions
+        whole_values, distance = self.whole.laplace.values[1:], pair.to_boundary[vertices, None]
+        waves, curvatures = self._raw
+        vectors, values = part.laplace.vectors[vertices, 1:], part.laplace.values[1:]
+        of_part = self._waves(vectors / pair.unit, values / pair.share)
+        signatures = [self._weights[0] * _standardised(of_part, waves)]
+        weights = [1 - np.exp(-((distance * np.exp(self._energies / 2) / REACH) ** 2))]
+        for column, size in zip(curvatures.T, sizes):
+            k = min(size, len(whole_values))
+            k_part = int(np.clip(round(k * pair.share), 8, len(part.laplace.values) - 1))
+            curvature = self._curvature_of_part(part, k_part)[vertices]
+            here = _standardised(curvature / pair.unit, column)
+            there = _standardised(column, column)
+            signatures.append(self._weights[1] * np.clip(here, there.min(), there.max())[:, None])
+            weights.append(1 - np.exp(-((distance * np.sqrt(whole_values[k - 2]) / CURVATURE_REACH) ** 2)))
+        known = pair.functions.source[vertices]
+        return PartSignatures(np.hstack([*signatures, known]), np.hstack([*weights, np.ones_like(known)]))
+
+
+def _standardised(values: FloatArray, reference: FloatArray) -> FloatArray:
+    """Subtract the mean of a reference and divide by its deviation; of a sphere, nothing deviates."""
+    standard: FloatArray = (values - reference.mean(axis=0)) / np.maximum(reference.std(axis=0), 1e-9)
+    return standard

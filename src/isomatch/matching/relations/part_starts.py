@@ -13,8 +13,7 @@ from isomatch.descriptors import BallSignature, deviation_of
 from isomatch.matching.contest import distinct
 from isomatch.matching.fit import Hypothesis
 from isomatch.matching.pair import ShapePair
-from isomatch.matching.relations.part_pair import PartPair, areas_of_samples
-from isomatch.matching.relations.part_signatures import WholeSignatures
+from isomatch.matching.relations.part_pair import PartPair, WholeSignatures, areas_of_samples
 from isomatch.matching.search import flips
 from isomatch.runtime.threads import parallel_map
 from isomatch.settings import Config
@@ -69,21 +68,11 @@ MOST_BALL = 0.7
 
 @dataclass(frozen=True, eq=False)
 class PartStart:
-    """Images of the anchors of a part, in the unit that fits them.
+    """Images of the anchors of a part, in the unit that fits them."""
 
-    Parameters
-    ----------
-    pair : PartPair
-        The shapes.
-    images : (m,) array of int
-        Vertices of the whole.
-    cost : float
-        Cost of the images: distances, areas of balls and signatures.
-    """
-
-    pair: PartPair
-    images: IntArray
-    cost: float
+    pair: PartPair  # the shapes
+    images: IntArray  # (m,): vertices of the whole
+    cost: float  # cost of the images: distances, areas of balls and signatures
 
     def dense(self, vertices: IntArray) -> IntArray:
         """Trilaterate vertices (r,) of the part from the images of all anchors: vertices of the whole."""
@@ -96,10 +85,7 @@ class PartStart:
 def completed(
     pair: PartPair, images: IntArray, rounds: int, to_samples: Callable[[IntArray], FloatArray] | None = None
 ) -> IntArray:
-    """Trilaterate all anchors from the images (q,) of the first ones, several times: vertices (m,) of the whole.
-
-    ``to_samples`` gives distances (q, r) of images to the samples of the whole, if they are known.
-    """
+    """Trilaterate all anchors from the images (q,) of the first ones, several times: vertices (m,) of the whole."""
     fine = pair.whole.sample_vertices
     to_samples = to_samples or partial(pair.whole.distances.between, columns=fine)
     lower, upper = pair.anchor_intervals
@@ -120,16 +106,7 @@ def composed(whole: PreparedShape, images: IntArray, image_row: IntArray) -> Int
 
 
 class PartStarts:
-    """The search of images of the anchors in several units, and of what they become under maps of the whole onto itself.
-
-    Parameters
-    ----------
-    pair : PartPair
-        The shapes, in the unit of the files.
-    signatures : WholeSignatures
-    onto_itself : list of (r,) arrays of int
-        Maps of the whole onto itself, see `self_maps`.
-    """
+    """The search of images of the anchors in several units, and of what they become under maps of the whole onto itself."""
 
     def __init__(self, pair: PartPair, signatures: WholeSignatures, onto_itself: list[IntArray]) -> None:
         self._pair, self._signatures, self._onto_itself = pair, signatures, onto_itself
