@@ -14,16 +14,16 @@ from isomatch.errors import MeshError, NotConvergedError
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching.fit import Fit
 from isomatch.matching.hints import Hints
-from isomatch.matching.judge import CommonDoubt, Evidence, Solution, part_contradicts
+from isomatch.matching.judge import CommonDoubt, Solution
 from isomatch.matching.pair import ShapePair
-from isomatch.matching.quality import contradicted_landmarks, distances_to_hints, mean_known, mismatch_of
+from isomatch.matching.quality import mismatch_of
 from isomatch.matching.relations.both_seeds import (
     NEXT_ANCHORS,
     CommonRegion,
     CommonRegions,
     two_sides,
 )
-from isomatch.matching.relations.part import Part, expected_errors_of_part, quality_of_part
+from isomatch.matching.relations.part import Part, contradiction, expected_errors_of_part, measured_part
 from isomatch.matching.relations.part_pair import NO_LANDMARKS
 from isomatch.matching.relations.part_registration import N_ROUGH_VERTICES, BentPart, PartFit
 from isomatch.matching.search import FromAnchors, starts_of
@@ -40,6 +40,15 @@ from isomatch.values.cached import cached_property
 # best refined regions that are grown again, cost of a sample up to which it joins, and whether it is refined roughly
 ROUNDS = (4, 0.05, True), (2, 0.045, False)
 APART = 0.12  # mean distance of images, in √area of the target, from which two maps differ
+AROUND = 0.05  # by which a region reaches beyond its samples when it is refined
+HELD = 0.1  # distance from where it is known to go, in √area of the target, up to which a landmark is held
+TOO_UNLIKE = 0.6  # mismatch from which a sample and its surroundings do not lead others
+OFF, RIM = (
+    0.04,
+    0.02,
+)  # distances from the target, and from its boundary, up to which bent vertices are in common
+ROUGH_FUNCTIONS = 100  # of a rough refinement, which ranks regions as one in full
+N_BENT_IN_FULL = 3  # last lengths with which the best region is bent in full
 
 
 class BothParts(Relation):
@@ -129,7 +138,7 @@ class BothParts(Relation):
     def _summed_up(self, best: RefinedRegion, rival: RefinedRegion | None, timer: StageTimer) -> Solution:
         """Bend the region in full, and sum up the map."""
         pair, hints, fit = self.pair, self.hints, best.fit
-        bent = fit.bending.in_full(fit.bent, pair.config.parts.bending[-N_BENT_IN_FULL:])
+        bent = fit.bending.laid_in_full(fit.bent, pair.config.parts.bending[-N_BENT_IN_FULL:])
         n = pair.source.body.n_vertices
         points, matched = PrecisePoints.at_vertices(np.zeros(n, dtype=np.int64)), np.zeros(n, dtype=bool)
         points.corners[best.vertices], points.barycentric[best.vertices] = bent.points
@@ -139,41 +148,21 @@ class BothParts(Relation):
         timer.start("quality")
         mismatch = mismatch_of(pair.source.balls, pair.target.balls, points.corners[:, 0], matched)
         side, other = self._regions.source, self._regions.target
-        quality = quality_of_part(pair, hints, fit, side.unit / other.unit, points, matched)
+        unit, reason = side.unit / other.unit, "largest region in common that looks alike"
+        measured = measured_part(self, fit, bent, unit, points, matched, mismatch, reason)
+        rivalry = best.score / rival.score if rival and rival.score else np.inf
+        measured = replace(measured, quality=replace(measured.quality, rival=rivalry))
         led = 0 < len(side.landmarks) == best.held
         doubt = CommonDoubt(best.worth, led, pair.config.parts)
-        quality = replace(
-            quality,
-            rival=best.score / rival.score if rival and rival.score else np.inf,
-            bend_misfit=bent.misfit,
-            mismatch=mean_known(mismatch, pair.source.body.vertex_areas),
-        )
-        found = pair.source.correspondence(pair.target, points, matched)
-        landmark_errors = distances_to_hints(pair, points.corners[:, 0], hints.landmarks)
-        contradicted = part_contradicts(
-            landmark_errors, quality.initial_map_error, pair.config.outcome.contradiction
-        )
         areas = pair.source.body.vertex_areas
         share = areas[matched].sum() / areas.sum()
         notes = (
-            *pair.notes,
-            *hints.notes,
-            f"both shapes were matched as parts of one body: {share:.0%} of the source and {quality.coverage:.0%} of the "
-            "target are in common",
+            f"both shapes were matched as parts of one body: {share:.0%} of the source and "
+            f"{measured.quality.coverage:.0%} of the target are in common",
             *doubt.notes(len(hints.landmarks) > 0),
-            *contradicted_landmarks(pair, points, hints),
         )
-        return Solution(
-            pair,
-            found,
-            quality,
-            (doubt.evidence, Evidence(contradicted=contradicted)),
-            np.where(found.matched, pair.source.lift_smooth(errors), np.nan),
-            notes=notes,
-            mismatch=None if mismatch is None else pair.source.lift(mismatch),
-            origin=self.origin_of(fit),
-            reason="largest region in common that looks alike",
-        )
+        evidence = doubt.evidence, contradiction(self, measured)
+        return measured.solution(pair, hints, errors, evidence, notes)
 
     def _part(self, fit: Fit) -> Part:
         """Return the relation of a region and the target, by a map of the region."""
@@ -198,34 +187,26 @@ def _ranked(regions: list[RefinedRegion]) -> list[RefinedRegion]:
     return sorted(regions, key=lambda region: (-region.held, -region.score))
 
 
-AROUND = 0.05  # by which a region reaches beyond its samples when it is refined
-HELD = 0.1  # distance from where it is known to go, in √area of the target, up to which a landmark is held
-TOO_UNLIKE = 0.6  # mismatch from which a sample and its surroundings do not lead others
-OFF = 0.04  # distance from the target up to which bent vertices count as in common
-RIM = 0.02  # the same from its boundary
-ROUGH_FUNCTIONS = 100  # of a rough refinement, which ranks regions as one in full
-N_BENT_IN_FULL = 3  # last lengths with which the best region is bent in full
-
-
 @dataclass(frozen=True, eq=False)
 class RefinedRegion:
     """A region of the source refined as a part of the target."""
 
-    regions: CommonRegions  # the two parts
-    vertices: IntArray  # (m,): vertices of the source's body that the region consists of
-    fit: PartFit  # its map
+    regions: CommonRegions
+    vertices: IntArray  # (m,) vertices of the source's body that the region consists of
+    fit: PartFit
 
     @cached_property
     def image(self) -> IntArray:
         """(n_source,) vertex of the target for each vertex of the source; −1 outside the region."""
         image = np.full(self.regions.source.shape.body.n_vertices, UNMATCHED)
         inside = np.arange(len(self.vertices))
-        image[self.vertices] = self.fit.bending.image(self.fit.bent, inside)
+        image[self.vertices] = self.fit.bending.images(self.fit.bent, inside)
         return image
 
     @cached_property
     def matched(self) -> BoolArray:
         """(n_source,) which of its vertices lie near the target, bent at the lower resolution."""
+        # beyond the boundary of the target a region keeps its lengths when it is bent, and so lies off it
         near = self.fit.bending.spread(overlaps(self.fit.bent).astype(np.float64)) > 0.5
         matched = np.zeros(len(self.image), dtype=bool)
         matched[self.vertices] = near
@@ -238,7 +219,7 @@ class RefinedRegion:
 
     @cached_property
     def mismatches(self) -> FloatArray:
-        """(q,) how differently the parts look around them, see `BothLooks.mismatches`."""
+        """(q,) descriptor distance around them, see `CommonRegions.mismatches`."""
         return self.regions.mismatches(self.rows, self._images)
 
     @property
@@ -247,7 +228,7 @@ class RefinedRegion:
 
     @cached_property
     def worth(self) -> float:
-        """What the region is worth, see `BothLooks.worth`."""
+        """What the region is worth, see `CommonRegions.worth`."""
         return self.regions.worth(self.rows, self._images)
 
     @cached_property
@@ -260,10 +241,15 @@ class RefinedRegion:
     @property
     def score(self) -> float:
         """How good the map is among others: its worth × orientation; 0 if it is worth nothing or mirrored."""
+        # Not a cost, but a reward, the more the better: Σ area that looks more alike than at random − area that should
+        # have an image and has none (`CommonRegions.worth`). Costs of single points would rank a tiny region that fits
+        # exactly first, as nothing is asked of what it leaves out. The orientation is 1 − 2t if a share t of the region
+        # is turned inside out. A power of the spectral residual beside these chose no better, docs/notes/two_parts.md.
         return max(self.worth, 0.0) * max(self.fit.orientation, 0.0)
 
     def grown_again(self, most: float) -> CommonRegion:
         """Extend the region from where its samples lie, to those that cost at most so much."""
+        # samples that look unlike their images lead no others, but join again where others lead there
         source, target = self.regions.source, self.regions.target
         at_samples = np.full(len(source.vertices), UNMATCHED)
         known = self.rows[self.mismatches < TOO_UNLIKE]
@@ -280,30 +266,27 @@ def overlaps(bent: BentPart) -> BoolArray:
     """Which vertices of a bent part lie on the target, where that is not just its boundary."""
     onto, points = bent.onto.mesh, bent.points
     gap = np.linalg.norm(points.interpolated(onto.vertices) - bent.mesh.vertices, axis=1)
-    found: BoolArray = gap <= np.where(Boundary(onto).holds(points), RIM, OFF)
-    return found
+    near: BoolArray = gap <= np.where(Boundary(onto).holds(points), RIM, OFF)
+    return near
 
 
 def rough(config: Config) -> Config:
     """Change settings so that a refinement takes less time, for regions that may be wrong."""
     refining = config.refining
-    steps = (
-        refining.sizes_without_positions,
-        refining.sizes_of_parts,
-        refining.sizes_with_positions,
-        refining.final_sizes,
-    )
-    without, of_parts, with_positions, final = (
-        tuple(k for k in sizes if k <= ROUGH_FUNCTIONS) for sizes in steps
-    )
-    if without or with_positions or final:
+
+    def few(sizes: tuple[int, ...]) -> tuple[int, ...]:
+        return tuple(k for k in sizes if k <= ROUGH_FUNCTIONS)
+
+    without, with_positions = few(refining.sizes_without_positions), few(refining.sizes_with_positions)
+    if without or with_positions or few(refining.final_sizes):
         refining = replace(
             refining,
             sizes_without_positions=without,
-            sizes_of_parts=of_parts,
+            sizes_of_parts=few(refining.sizes_of_parts),
             sizes_with_positions=with_positions,
-            final_sizes=final,
+            final_sizes=few(refining.final_sizes),
         )
+    bending, n_bent = config.parts.bending[::2], min(config.parts.n_bent_vertices, 600)
     return replace(
         config,
         n_columns=min(config.n_columns, 40),
@@ -311,11 +294,7 @@ def rough(config: Config) -> Config:
         n_functions=min(config.n_functions, ROUGH_FUNCTIONS),
         n_refine=min(config.n_refine, 500),
         refining=refining,
-        parts=replace(
-            config.parts,
-            bending=config.parts.bending[::2],
-            n_bent_vertices=min(config.parts.n_bent_vertices, 600),
-        ),
+        parts=replace(config.parts, bending=bending, n_bent_vertices=n_bent),
     )
 
 

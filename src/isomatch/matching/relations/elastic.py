@@ -22,8 +22,8 @@ from isomatch.matching.contest import (
 from isomatch.matching.coordinates import refined_images, registered
 from isomatch.matching.fit import Fit
 from isomatch.matching.judge import Solution, fits_badly, measured_evidence, mirror_image_fits
-from isomatch.matching.quality import contradicted_landmarks, mean_known, measure_quality, mismatch_of
-from isomatch.matching.regions import doubt_in, lifted, regions_of_doubt
+from isomatch.matching.quality import mean_known, measure_quality, mismatch_of
+from isomatch.matching.regions import doubt_in, regions_of_doubt
 from isomatch.matching.relations.bending import Bent, ElasticBending
 from isomatch.matching.relations.elastic_fit import (
     N_COARSE,
@@ -46,48 +46,28 @@ from isomatch.runtime.threads import parallel_map
 from isomatch.values.arrays import IntArray
 from isomatch.values.cached import cached_property
 
-# best coarse fits that go on after each step; the last ones are bent, beside the map found otherwise;
-# docs/notes/other_species.md
-N_FOLLOWED = (90, 40, 8)
-
-# score of a coarse fit = misfit × (unit + asymmetry)^exponent; chosen on pairs of animals, not one by one
-ASYMMETRY_UNIT = 0.1
-
-ASYMMETRY_EXPONENT = 0.25  # see ASYMMETRY_UNIT; chosen on pairs of animals, not one by one
-
-# mean cosine between normals from which a coarse fit is followed up; selection.orientation_threshold
-LEAST_ORIENTATION = 0.3
-
-# score over the least, halfway, from which a map is not bent further; docs/notes/other_species.md
-HOPELESS = 1.5
-
-# the step between two bendings: all functions, half the smoothness for twice the functions; docs/notes/other_species.md
+# those without another source: docs/notes/other_species.md
+N_FOLLOWED = (
+    90,
+    40,
+    8,
+)  # best coarse fits that go on after each step; the last are bent, beside maps found otherwise
+ASYMMETRY_UNIT, ASYMMETRY_EXPONENT = 0.1, 0.25  # chosen on pairs of animals, not one by one
+LEAST_ORIENTATION = (
+    0.3  # mean cosine between normals of a coarse fit that goes on; selection.orientation_threshold
+)
+HOPELESS = 1.5  # score over the least, halfway, from which a map is not bent further
+# between two bendings: all functions, half the smoothness for twice as many
 LAST_STEP = Step(200, 0.0005, 2, False)
-
-# mean distance, in √area, by which maps differ in the large; search.same_map
-SAME_MAP = 0.05
-
-# of normals, beside canonical coordinates, in the last step; docs/robustness.md, other species
-FINE_NORMAL_WEIGHT = 0.15
-
-# score over the least, up to which a map that agrees with the hints wins; docs/notes/other_species.md
-HINTED_TIE = 1.1
-
+SAME_MAP = 0.05  # √area: mean distance by which maps differ in the large; search.same_map
+FINE_NORMAL_WEIGHT = 0.15  # beside canonical coordinates, in the last step; docs/robustness.md, other species
+HINTED_TIE = 1.1  # score over the least, up to which a map that agrees with the hints wins
 SKIPPED = 2  # first lengths of elastic.bending, which move large pieces; the winner was bent by them before
-
-# by which the winner is bent in full, after those; docs/notes/other_species.md
-FULL_LENGTHS = (0.05, 0.04, 0.03)
-
-# of normals, where images are read off the bent source: it lies on the target, so they only tell sheets apart;
-# docs/notes/other_species.md
-READ_UNIT = 0.05
-
-LYING_WEIGHT = 15.0  # of where the bent shapes lie, beside joint coordinates; docs/notes/other_species.md
-
-# stretch of bent shapes, below which an ordinary map stays what it is, and below which one that fits does if it wins;
-# docs/notes/other_species.md
-NEARLY_ISOMETRIC, FITS_ISOMETRIC = 0.085, 0.105
-
+FULL_LENGTHS = (0.05, 0.04, 0.03)  # by which the winner is bent in full, after those
+READ_UNIT = 0.05  # of normals, where images are read off the bent source: they only tell sheets apart
+LYING_WEIGHT = 15.0  # of where the bent shapes lie, beside joint coordinates
+NEARLY_ISOMETRIC = 0.085  # stretch of bent shapes below which an ordinary map stays what it is
+FITS_ISOMETRIC = 0.105  # and below which one that fits does if it wins
 NO_SCORE = 1e-12  # so that ratios of scores are finite
 
 FAR = (
@@ -106,9 +86,7 @@ class StretchedFit(Fit):
 
     coefficients: Coefficients  # of the smooth maps both ways
     images: Images | None = None  # of the samples of the coarse fit, both ways
-    bent: tuple[
-        Bent, ...
-    ] = ()  # the source on the target, and the target on the source; none before they are bent
+    bent: tuple[Bent, ...] = ()  # the source on the target, and the target on the source; none before
     is_ordinary: bool = False  # whether it is a map found otherwise
     is_given: bool = False  # whether it is the user's initial map, which holds while large pieces are bent
 
@@ -284,6 +262,8 @@ class Elastic(Relation):
         coefficients, images = coarse.run(fit.coefficients, (step,), images)
         if images.orientation < LEAST_ORIENTATION:
             return None
+        # misfit × (unit + asymmetry)^exponent: of two fits that are as good, the one that exchanges mirror images is
+        # right; below the unit, asymmetry is that of the shapes themselves
         penalty = (ASYMMETRY_UNIT + coarse.asymmetry(images)) ** ASYMMETRY_EXPONENT
         image = coarse.target.targets[images.forth]
         return replace(
@@ -335,9 +315,7 @@ class Elastic(Relation):
         """Bend by the first lengths, which move large pieces."""
         drawn, lengths = self._fine.embedding(fit.coefficients), self.pair.config.elastic.bending
         known = self.hints.initial_pairs if fit.is_given else None
-        bent = tuple(
-            bending.coarsely(drawn, lengths[: len(lengths) // 2], known) for bending in self._bendings
-        )
+        bent = tuple(bending.laid(drawn, lengths[: len(lengths) // 2], known) for bending in self._bendings)
         return replace(fit, bent=bent, score=_score(bent))
 
     def _bent_further(self, fit: StretchedFit) -> StretchedFit:
@@ -394,8 +372,8 @@ class Elastic(Relation):
         pairs = np.concatenate([bending.pairs(bent) for bending, bent in zip(self._bendings, fit.bent)])
         coefficients, _ = self._fine.run(self._fine.from_pairs(pairs, LAST_STEP), (LAST_STEP,))
         drawn = self._fine.embedding(coefficients)
-        coarse = there.coarsely(drawn, settings.bending[SKIPPED:], most_scaled=settings.most_scaled)
-        return there.in_full(coarse, FULL_LENGTHS, settings.most_scaled)
+        coarse = there.laid(drawn, settings.bending[SKIPPED:], most_scaled=settings.most_scaled)
+        return there.laid_in_full(coarse, FULL_LENGTHS, settings.most_scaled)
 
     def _read(self, embedding: Embedding) -> IntArray:
         """Images of the vertices of the relation."""
@@ -411,14 +389,13 @@ class Elastic(Relation):
         embedding = self.everywhere(selection.winner)
         points = self.target.index.points(embedding.target, embedding.source)
         mismatch = mismatch_of(self.source.balls, self.target.balls, points.corners[:, 0])
-        quality = measure_quality(self.pair, points, self.hints)
         quality = replace(
-            quality,
+            measure_quality(self.pair, points, self.hints),
             rival=selection.rival,
             mismatch=mean_known(mismatch, self.source.body.vertex_areas),
             bend_misfit=selection.winner.score,
         )
-        return Measured(points, quality, None, mismatch, reason, selection.winner.origin)
+        return Measured(points, quality, mismatch, reason, selection.winner.origin)
 
     def solution(self, timer: StageTimer) -> Solution:
         """Find the map, and the evidence for it, where no other relation was tried."""
@@ -430,26 +407,15 @@ class Elastic(Relation):
             measured = self.measure(selection, reason)
         timer.start("quality")
         pair = self.pair
-        against = contradicted_landmarks(pair, measured.points, self.hints)
         far = measured_evidence(pair, measured.quality, pair.config.orientation, self.hints.any, far=True)
         regions = regions_of_doubt(pair, measured.mismatch)
-        doubt = doubt_in(regions, self.source.body.n_vertices)
-        return Solution(
-            pair,
-            self.source.correspondence(self.target, measured.points),
-            measured.quality,
-            (far,),
-            self.source.lift_smooth(expected_errors(pair, measured.points, doubt)),
-            notes=(*pair.notes, *self.hints.notes, FAR, *against),
-            origin=measured.origin,
-            reason=reason,
-            mismatch=None if measured.mismatch is None else self.source.lift(measured.mismatch),
-            regions=lifted(regions, self.source, self.target),
-            looks_count=False,
-        )
+        errors = expected_errors(pair, measured.points, doubt_in(regions, self.source.body.n_vertices))
+        solution = measured.solution(pair, self.hints, errors, (far,), [FAR], regions=regions)
+        return replace(solution, looks_count=False)
 
 
 def _score(bent: tuple[Bent, ...]) -> float:
+    # √(s g · s′ g′), see `Bent`: there and back, as the source bends well onto a target of which a limb is left out
     there, back = bent
     return max(float(np.sqrt(there.misfit * back.misfit)), NO_SCORE)
 

@@ -21,33 +21,25 @@ from isomatch.shapes import SAME_SYMMETRY, PreparedShape
 from isomatch.values.arrays import FloatArray, IntArray, single
 from isomatch.values.cached import cached_method
 
-# mean distance, in √area, by which partial assignments and maps that are kept differ;
-# without it, all would be variants of one
-APART = 0.12
-
-# the same of assignments with landmarks, between which maps differ less; chosen on a twisted body between right limbs
-LED_APART = 0.04
-
-BEAM = 1000  # partial assignments that are kept; chosen on cuts and holes, not one by one
-
-N_STARTS = 16  # best starts, before mirror images are added; chosen on cuts and holes, not one by one
-
-# vertices of the whole among which images of the first anchors are sought; chosen on cuts and holes, not one by one
-N_CANDIDATES = 300
-
-SIGNATURE_COST = 0.25  # weight of the signatures; chosen on cuts and holes, not one by one
-
-# of the balls, in √area, whose areas are compared; by factors of about √2
-RADII = (0.1, 0.15, 0.22, 0.32, 0.45, 0.65, 0.9)
-
-# times the square of the logarithm of the unit over that of the files; chosen on views, not measured
-UNIT_COST = 0.05
-
-# anchors that the beam search assigns; the others are trilaterated; chosen on cuts and holes, not one by one
-N_PLACED = 16
-
-# starts, with those composed with maps of the whole onto itself; chosen on cuts and holes, not one by one
-N_MIRRORED = 24
+# those without another source were chosen together on cuts and holes
+N_PLACED, N_CANDIDATES = 16, 300  # anchors that the beam search assigns, and points of the whole among which
+BEAM = 1000  # partial assignments that are kept
+APART = 0.12  # √area: mean distance of assignments, and of maps, that are kept; without it, all would be variants of one
+LED_APART = 0.04  # the same of assignments with landmarks; chosen on a twisted body between right limbs
+N_TRILATERATED, N_STARTS = 80, 16  # best assignments that are completed, and that are starts
+N_MIRRORED = 24  # starts, with those composed with maps of the whole onto itself
+SIGNATURE_COST = 0.25  # weight of the signatures
+RADII = (
+    0.1,
+    0.15,
+    0.22,
+    0.32,
+    0.45,
+    0.65,
+    0.9,
+)  # √area, of the balls whose areas are compared; by factors of about √2
+BALL_TOLERANCE, MOST_BALL = 0.15, 0.7
+UNIT_COST = 0.05  # times the square of the logarithm of the unit over that of the files; chosen on views, not measured
 
 # of the regions that are grown; all chosen on single views, not one by one
 N_ROOTS, N_LIKELY = 24, 24  # anchors from which regions grow, and candidates of each
@@ -56,23 +48,19 @@ FEWEST_GROWN = 6  # anchors of a region
 NEAR = 0.2  # distances, in √area of the whole, weigh 1 / (this + distance) in a region
 DEAREST = 0.3  # mean cost of distances at which an anchor gains nothing
 MISMATCH_GAIN = 2.0  # of an anchor that looks alike, against one that agrees in its distances
-
-# a mismatch that says nothing, and how many radii it counts as; right ones are about 0.4, any two about 0.8
-NEUTRAL_MISMATCH, PRIOR_RADII = 0.6, 1.0
-
-N_TRILATERATED = 80  # best assignments that are completed; chosen on cuts and holes, not one by one
-
-BALL_TOLERANCE = 0.15
-MOST_BALL = 0.7
+NEUTRAL_MISMATCH, PRIOR_RADII = (
+    0.6,
+    1.0,
+)  # says nothing, as so many radii; right ones are about 0.4, any two about 0.8
 
 
 @dataclass(frozen=True, eq=False)
 class PartStart:
     """Images of the anchors of a part, in the unit that fits them."""
 
-    pair: PartPair  # the shapes
-    images: IntArray  # (m,): vertices of the whole
-    cost: float  # cost of the images: distances, areas of balls and signatures
+    pair: PartPair
+    images: IntArray  # (m,) vertices of the whole
+    cost: float  # of distances, areas of balls and signatures
 
     def dense(self, vertices: IntArray) -> IntArray:
         """Trilaterate vertices (r,) of the part from the images of all anchors: vertices of the whole."""
@@ -106,7 +94,7 @@ def composed(whole: PreparedShape, images: IntArray, image_row: IntArray) -> Int
 
 
 class PartStarts:
-    """The search of images of the anchors in several units, and of what they become under maps of the whole onto itself."""
+    """The search of images of the anchors in several units, also composed with maps of the whole onto itself."""
 
     def __init__(self, pair: PartPair, signatures: WholeSignatures, onto_itself: list[IntArray]) -> None:
         self._pair, self._signatures, self._onto_itself = pair, signatures, onto_itself
@@ -139,6 +127,7 @@ class PartStarts:
             for image_row in self._onto_itself
         ]
         more = parallel_map(lambda each: self._start(*each, 2), mirrored)
+        # a wrong side is as likely a start as the right one, so each is tried; later steps tell them apart
         return [*self._distinct([*kept, *more], N_MIRRORED), *self._grown()]
 
     def _grown(self) -> list[PartStart]:
@@ -189,6 +178,8 @@ class PartStarts:
             BEAM,
             self._apart,
         )
+        # Σ_a unary_a + Σ_{a<b} c_ab over the number of pairs m (m − 1) / 2: the mean of c, and 2 / (m − 1) × the mean of
+        # the unary costs. `_start` weighs both alike, of however many anchors.
         n_pairs = placed * (placed - 1) / 2
         costs = costs / n_pairs + self._against(unit)
         return [PartStart(pair, candidates[row], float(cost)) for row, cost in zip(rows, costs)]
@@ -229,6 +220,8 @@ class PartStarts:
     def _unary(self, pair: PartPair, anchors: IntArray, places: IntArray) -> FloatArray:
         """Cost of images, by their number, of anchors, by theirs: areas of balls, and signatures."""
         least, most = self._balls_of_part(pair)
+        # violation of the interval of areas, over the mean area of such balls; and the distance of signatures, over twice
+        # their mean size, as far as the boundary lets them be trusted
         below = least[anchors] * (1 - BALL_TOLERANCE) - self._balls[places]
         above = self._balls[places] - most[anchors] * (1 + BALL_TOLERANCE)
         violation = np.maximum(np.maximum(below, above), 0.0) / self._balls.mean(axis=0)
@@ -242,6 +235,8 @@ class PartStarts:
     @cached_method
     def _balls_of_part(self, pair: PartPair) -> tuple[FloatArray, FloatArray]:
         """Least and greatest areas (m, q) of the balls of all radii around the anchors."""
+        # The ball of radius r around x on the whole has all y with D(x, y) < r. As lower ≤ D ≤ upper,
+        #     area{upper < r} ≤ area of the ball ≤ area{lower < r} + what is missing, if the boundary is nearer than r.
         radii, samples = np.array(RADII), pair.part.sample_vertices
         areas = self._areas * pair.share
         lower, upper = pair.intervals(samples)
