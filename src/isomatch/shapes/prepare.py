@@ -76,11 +76,7 @@ def prepare(
 
 
 def _prepare(
-    given: SurfaceLike,
-    config: Config,
-    seed: int,
-    distances: MetricSpace | None,
-    progress: Progress | None,
+    given: SurfaceLike, config: Config, seed: int, distances: MetricSpace | None, progress: Progress | None
 ) -> PreparedShape:
     timer = StageTimer(progress, PREPARATION)
     timer.start("body")

@@ -17,12 +17,7 @@ from isomatch.matching.hints import Hints
 from isomatch.matching.judge import CommonDoubt, Solution
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.quality import mismatch_of
-from isomatch.matching.relations.both_seeds import (
-    NEXT_ANCHORS,
-    CommonRegion,
-    CommonRegions,
-    two_sides,
-)
+from isomatch.matching.relations.both_seeds import NEXT_ANCHORS, CommonRegion, CommonRegions, two_sides
 from isomatch.matching.relations.part import Part, contradiction, expected_errors_of_part, measured_part
 from isomatch.matching.relations.part_pair import NO_LANDMARKS
 from isomatch.matching.relations.part_registration import N_ROUGH_VERTICES, BentPart, PartFit

@@ -145,10 +145,7 @@ def two_sides(
         lengths[:] = 1.0
     first = landmarks[:MOST_LANDMARKS]
     units = lengths / (BODY * np.sqrt((lengths**2).mean()))
-    return (
-        BothSide(source, float(units[0]), first[:, 0]),
-        BothSide(target, float(units[1]), first[:, 1]),
-    )
+    return (BothSide(source, float(units[0]), first[:, 0]), BothSide(target, float(units[1]), first[:, 1]))
 
 
 def signed_triangles(source: BothSide, rows: IntArray, target: BothSide, images: IntArray) -> float:
@@ -160,10 +157,7 @@ def signed_triangles(source: BothSide, rows: IntArray, target: BothSide, images:
     near = np.argpartition(apart, N_AROUND - 1, axis=1)[:, :N_AROUND]
     i, j = np.triu_indices(N_AROUND, 1)
     signs = []
-    for mesh, vertices in (
-        (source.shape.mesh_body, source.vertices[rows]),
-        (target.shape.mesh_body, images),
-    ):
+    for mesh, vertices in ((source.shape.mesh_body, source.vertices[rows]), (target.shape.mesh_body, images)):
         points, normals = mesh.vertices[vertices], mesh.vertex_normals[vertices]
         around = points[near] - points[:, None]
         signs.append(np.einsum("akd,ad->ak", np.cross(around[:, i], around[:, j]), normals))

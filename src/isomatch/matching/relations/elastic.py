@@ -11,14 +11,7 @@ import numpy as np
 from isomatch.correspondence import Embedding, with_normals
 from isomatch.errors import NotConvergedError
 from isomatch.matching.confidence import expected_errors
-from isomatch.matching.contest import (
-    LANDMARK_SLACK,
-    Rules,
-    Selection,
-    distances_between,
-    distinct,
-    select,
-)
+from isomatch.matching.contest import LANDMARK_SLACK, Rules, Selection, distances_between, distinct, select
 from isomatch.matching.coordinates import refined_images, registered
 from isomatch.matching.fit import Fit
 from isomatch.matching.judge import Solution, fits_badly, measured_evidence, mirror_image_fits
