@@ -161,26 +161,10 @@ class PreparedShape(SmoothShape, Shown):
         width: int = 1000,
         view: tuple[float, float] | None = None,
     ) -> Figure:
-        """Draw the user's shape, coloured by values at its vertices; see `isomatch.view.plot_surface`.
+        """Draw the user's shape, coloured by values at its vertices, with the keywords of `isomatch.view.plot_surface`.
 
-        Parameters
-        ----------
-        values : (n,) or (n, 3) array_like of float, optional
-            As for `isomatch.view.plot_surface`; by default the average distance of each vertex to all of the body, in
-            √area of the body, from the distance basis. Vertices that were left out are grey.
-        label, colour_map, title, width, view
-            As there.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-
-        Raises
-        ------
-        DescriptorError, SettingError
-            If the values do not fit, or there is no such colour map.
-        TypeError
-            If the shape is a graph, which has no positions.
+        By default the values are the average distance of each vertex to all of the body, in √area of the body, from the
+        distance basis; vertices that were left out are grey. `TypeError` if the shape is a graph, which has no positions.
         """
         if values is None:
             values, label = self.lift(self.average_distance), label or "average distance / √area"

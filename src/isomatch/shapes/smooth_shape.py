@@ -129,18 +129,13 @@ class SmoothShape:
         """(K, 3) coefficients of the positions of the body in the Laplace–Beltrami functions."""
         return self.laplace.coefficients(self.mesh_body.vertices)
 
+    @cached_method
     def smoothed(self, k: int) -> tuple[FloatArray, FloatArray]:
         """Positions of the body in its first k functions, and the normals of this smooth surface: (n_body, 3) each."""
-        if k not in self._smoothed:
-            # Φ_k Φ_kᵀ M x, the projection of the positions x (Vallet & Lévy, Spectral geometry processing, 2008): for
-            # small k a body without details, for which normals of two maps can be compared
-            vertices = row_product(self.functions[:, :k], self.position_coefficients[:k])
-            self._smoothed[k] = vertices, vertex_normals(vertices, self.faces)
-        return self._smoothed[k]
-
-    @cached_property
-    def _smoothed(self) -> dict[int, tuple[FloatArray, FloatArray]]:
-        return {}
+        # Φ_k Φ_kᵀ M x, the projection of the positions x (Vallet & Lévy, Spectral geometry processing, 2008): for small k
+        # a body without details, for which normals of two maps can be compared
+        vertices = row_product(self.functions[:, :k], self.position_coefficients[:k])
+        return vertices, vertex_normals(vertices, self.faces)
 
     @cached_property
     def index(self) -> SurfaceIndex:

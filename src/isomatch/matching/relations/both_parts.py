@@ -57,13 +57,7 @@ class BothParts(Relation):
     """
 
     def match(self) -> list[RefinedRegion]:
-        """Search and refine regions in common: those refined to the end, the best first, then those on the way.
-
-        Raises
-        ------
-        NotConvergedError
-            If none was found.
-        """
+        """Search and refine regions in common: those refined to the end, the best first, then those on the way."""
         regions = self._refined(self._first_regions(), roughly=True)
         if not regions:
             raise NotConvergedError(

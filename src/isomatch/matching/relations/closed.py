@@ -84,8 +84,9 @@ class ClosedMatch:
 
     def torn(self, side: int) -> BoolArray:
         """Which vertices of the open source or target have copies whose images are far apart, (n_body,)."""
-        here, there = (self.relation.pair.source, self.relation.pair.target)[:: 1 if side == 0 else -1]
-        at, to = self.found.embedding[:: 1 if side == 0 else -1]
+        way = 1 if side == 0 else -1
+        here, there = (self.relation.pair.source, self.relation.pair.target)[::way]
+        at, to = self.found.embedding[::way]
         image = there.index.vertices(to, at)
         origin = _origin(here)
         n = 1 + int(origin.max())

@@ -137,11 +137,6 @@ class Elastic(Relation):
         selection : Selection
         reason : str
             How many maps contended, in a sentence.
-
-        Raises
-        ------
-        NotConvergedError
-            If there is no ordinary map, and none that keeps the orientation was found.
         """
         timer = timer or StageTimer()
         timer.start("mirror images")
@@ -286,11 +281,6 @@ class Elastic(Relation):
         image[self.hints.initial_pairs[:, 0]] = self.hints.initial_pairs[:, 1]
         return image[self.vertices]
 
-    def _hint_error(self, image: IntArray) -> float:
-        """Mean distance (√area) of a map from the initial map, where that is known."""
-        known = self._given >= 0
-        return float(self.target.distance(image[known], self._given[known]).mean()) if known.any() else 0.0
-
     def refined(self, fits: Sequence[Fit]) -> list[Fit]:
         """Bend both shapes onto each other by each map, at a low resolution; images are read off there.
 
@@ -319,9 +309,9 @@ class Elastic(Relation):
             for bending, each in zip(self._bendings, fit.bent)
         )
         image, score = self._bendings[0].images(bent[0], self.vertices), _score(bent)
-        return replace(
-            fit, image=image, misfit=score, score=score, bent=bent, hint_error=self._hint_error(image)
-        )
+        known = self._given >= 0
+        error = self.target.mean_distance(image[known], self._given[known]) if known.any() else 0.0
+        return replace(fit, image=image, misfit=score, score=score, bent=bent, hint_error=error)
 
     def measured(self, fit: Fit, image: IntArray) -> StretchedFit:
         """Draw a map by all functions, and bend the shapes by it."""

@@ -127,13 +127,7 @@ class Isometry(Relation):
         return self.summed_up(found, found.measured, timer)
 
     def match(self, timer: StageTimer, hypotheses: Sequence[Hypothesis] | None = None) -> IsometricMatch:
-        """Search, select and refine; ``hypotheses`` found otherwise take the place of the search.
-
-        Raises
-        ------
-        SettingError
-            If hints are asked for and none was given.
-        """
+        """Search, select and refine; ``hypotheses`` found otherwise take the place of the search."""
         both = self.source, self.target
         parallel_map(lambda shape: (shape.points, shape.signatures, shape.curvature, shape.symmetries), both)
         timer.start("search")
@@ -166,13 +160,7 @@ class Isometry(Relation):
     def candidates(
         self, may_win: Sequence[Hypothesis], only_rivals: Sequence[Hypothesis] = ()
     ) -> tuple[list[Candidate], list[Candidate]]:
-        """Screen hypotheses, and the symmetric variants of the best: candidates that may win, and rivals, best first.
-
-        Raises
-        ------
-        SettingError
-            If there is no hypothesis, for starts handed in gave none.
-        """
+        """Screen hypotheses, and the symmetric variants of the best: candidates that may win, and rivals, best first."""
         if not may_win:
             raise SettingError(
                 "the starts gave no first map, and there are no hints; add *default_starts to them"

@@ -155,13 +155,7 @@ class Part(Relation):
         return led
 
     def match(self, timer: StageTimer | None = None) -> Selection[PartFit]:
-        """Search, refine, settle the best and select.
-
-        Raises
-        ------
-        NotConvergedError
-            If no map that keeps the orientation was found.
-        """
+        """Search, refine, settle the best and select."""
         timer = timer or StageTimer()
         timer.start("search")
         config, settings, fits_of = self.pair.config, self.pair.config.parts, self.fits

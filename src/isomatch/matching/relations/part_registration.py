@@ -325,9 +325,9 @@ class PartFit(Fit):
         #       fine refinement heals small twists, so they are not refused but dearer: 1 / √o ≈ 1 + t. The factor is at
         #       most 1 / √0.1 ≈ 3.2, just above `PartSettings.hopeless`, the ratio from which a map is dropped; mirror
         #       images, o < 0, were dropped before.
-        #   m   mean descriptor distance of balls, w = `PartSettings.mismatch_weight`. If the log ratio of its densities at
-        #       right and wrong images is linear in m, exp(w Δm) is the likelihood ratio of two maps. The mean is over the
-        #       whole part, as rough maps differ nearly everywhere; fine ones are compared where they do, see `weighed`.
+        #   m   mean descriptor distance of balls, w = `PartSettings.mismatch_weight`. If the log ratio of its densities
+        #       at right and wrong images is linear in m, exp(w Δm) is the likelihood ratio of two maps. The mean is over
+        #       the whole part, as rough maps differ nearly everywhere; fine ones are compared where they do (`weighed`).
         twist = np.sqrt(max(self.orientation, LEAST_ORIENTATION))
         return float(self.cost / twist * np.exp(self.pair.config.parts.mismatch_weight * self.mismatch))
 
