@@ -107,7 +107,6 @@ def drawn_curve(
     Parameters
     ----------
     surface : Mesh or PointCloud
-        The surface.
     points : (k, 3) array of float
         What it goes through, in order.
     closed : bool
@@ -163,7 +162,6 @@ def equally_spaced(path: FloatArray, n: int, closed: bool) -> tuple[IntArray, Fl
     n : int
         How many are wanted: with both ends, or of a closed one the first point and n − 1 others.
     closed : bool
-        Whether it is closed.
 
     Returns
     -------

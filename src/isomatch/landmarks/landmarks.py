@@ -31,9 +31,7 @@ from isomatch.values.arrays import BoolArray, FloatArray, IntArray, numbers_of
 
 logger = logging.getLogger(__name__)
 
-COMMON = (
-    0.5  # share of a template's expected error that all have in common; measured with 3, 6 and 19 templates
-)
+COMMON = 0.5  # share of a template's expected error that all have in common; measured with 3, 6, 19
 
 
 class Curve(NamedTuple):
@@ -42,7 +40,6 @@ class Curve(NamedTuple):
     Parameters
     ----------
     name : str
-        Its name.
     rows : tuple of int
         The landmarks, from its beginning to its end, in ascending order.
     closed : bool
@@ -116,14 +113,8 @@ class Landmarks:
             )
         curves = tuple(Curve(name, tuple(rows), closed) for name, rows, closed in curves)
         _check_curves(curves, m)
-        for field, value in (
-            ("positions", placed),
-            ("names", names),
-            ("curves", curves),
-            ("expected_error", errors),
-            ("spread", spreads),
-            ("systems", systems),
-        ):
+        fields = {"positions": placed, "names": names, "curves": curves, "expected_error": errors}
+        for field, value in {**fields, "spread": spreads, "systems": systems}.items():
             object.__setattr__(self, field, value)
 
     def __repr__(self) -> str:

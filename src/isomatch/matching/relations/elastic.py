@@ -208,17 +208,15 @@ class Elastic(Relation):
         source, target = parallel_map(lambda shape: with_mirror(shape, config), (self.source, self.target))
         return source, target
 
-    def _fit(self, count: int, everywhere: bool) -> ElasticFit:
-        first, second = (shape.sampled(count, everywhere) for shape in self._shapes)
-        return ElasticFit(first, second, self.pair.signatures, self.hints.landmarks)
-
     @cached_property
     def _coarse(self) -> ElasticFit:
-        return self._fit(N_COARSE, False)
+        source, target = (shape.sampled(N_COARSE, False) for shape in self._shapes)
+        return ElasticFit(source, target, self.pair.signatures, self.hints.landmarks)
 
     @cached_property
     def _fine(self) -> ElasticFit:
-        return replace(self._fit(self.pair.config.n_refine, True), normal_weight=FINE_NORMAL_WEIGHT)
+        source, target = (shape.sampled(self.pair.config.n_refine, True) for shape in self._shapes)
+        return replace(self._coarse, source=source, target=target, normal_weight=FINE_NORMAL_WEIGHT)
 
     @cached_property
     def _bendings(self) -> tuple[ElasticBending, ElasticBending]:

@@ -109,12 +109,25 @@ class ElasticShape:
             faces = mesh.faces[chosen[mesh.faces].any(axis=1)]
             ring, faces = np.unique(faces, return_inverse=True)
             faces, sought = faces.reshape(-1, 3), np.searchsorted(ring, vertices)
-        row = vertices if everywhere else np.arange(len(vertices))
         mirror_row = None
         if self.mirrored is not None:
             d = self.canonical.shape[1]
             mirror_row = nearest_rows(self.canonical[vertices], self.mirrored[vertices, :d])
-        return Samples(self, everywhere, vertices, row, ring, sought, faces, mirror_row)
+        targets, functions = ring[sought], self.prepared.laplace.vectors[ring]
+        return Samples(
+            self,
+            everywhere,
+            vertices,
+            row=vertices if everywhere else np.arange(len(vertices)),
+            sought=sought,
+            faces=faces,
+            mirror_row=mirror_row,
+            targets=targets,
+            functions=functions,
+            functions_sought=functions if everywhere else functions[sought],
+            canonical=self.canonical[targets],
+            normals=mesh.vertex_normals[targets],
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,36 +138,14 @@ class Samples:
     everywhere: bool  # whether images are sought among all vertices, and not among the samples
     vertices: IntArray  # (m,) the samples
     row: IntArray  # (m,) their rows among the c vertices sought
-    ring: IntArray  # (r,) vertices of all faces around the vertices sought
-    sought: IntArray  # (c,) rows of the vertices sought in the ring
+    sought: IntArray  # (c,) rows of the vertices sought in the ring, the r vertices of all faces around them
     faces: IntArray  # (f, 3) those faces, by rows of the ring
     mirror_row: IntArray | None  # (m,) sample nearest to the mirror image of each sample
-
-    @cached_property
-    def functions(self) -> FloatArray:
-        """(r, K) Laplace–Beltrami functions on the ring."""
-        functions: FloatArray = self.shape.prepared.laplace.vectors[self.ring]
-        return functions
-
-    @cached_property
-    def functions_sought(self) -> FloatArray:
-        """(c, K) the same on the vertices sought."""
-        return self.functions if self.everywhere else self.functions[self.sought]
-
-    @cached_property
-    def canonical(self) -> FloatArray:
-        """(c, d) canonical coordinates of the vertices sought."""
-        return np.asarray(self.shape.canonical[self.targets])
-
-    @cached_property
-    def normals(self) -> FloatArray:
-        """(c, 3) their normals."""
-        return np.asarray(self.shape.mesh.vertex_normals[self.targets])
-
-    @cached_property
-    def targets(self) -> IntArray:
-        """(c,) vertices sought."""
-        return self.ring[self.sought]
+    targets: IntArray  # (c,) vertices sought
+    functions: FloatArray  # (r, K) Laplace–Beltrami functions on the ring
+    functions_sought: FloatArray  # (c, K) the same on the vertices sought
+    canonical: FloatArray  # (c, d) canonical coordinates of the vertices sought
+    normals: FloatArray  # (c, 3) their normals
 
 
 class Coefficients(NamedTuple):

@@ -19,7 +19,7 @@ from isomatch.matching.contest import LANDMARK_SLACK, Rules, Selection, distance
 from isomatch.matching.fit import Fit
 from isomatch.matching.judge import Evidence, PartDoubt, Solution, outcome_of, part_contradicts, part_evidence
 from isomatch.matching.outcome import Outcome
-from isomatch.matching.pair import ShapePair, SmoothPair
+from isomatch.matching.pair import SmoothPair
 from isomatch.matching.quality import (
     covered_share,
     distances_to_hints,
@@ -267,15 +267,10 @@ class Part(Relation):
     @cached_property
     def fits(self) -> PartFits:
         """Refines maps of the part."""
-        landmarks, known = self._towards_whole(self.hints.landmarks), self._from_part.known
-        return PartFits(
-            PartPair.of(self.source, self.target, self.pair.config, landmarks, known), self._hinted_image
-        )
-
-    @property
-    def _from_part(self) -> ShapePair:
-        """The pair with the part as its source."""
-        return self.pair if self.side == "source" else self.pair.turned
+        landmarks = self._towards_whole(self.hints.landmarks)
+        known = (self.pair if self.side == "source" else self.pair.turned).known
+        pair = PartPair.of(self.source, self.target, self.pair.config, landmarks, known)
+        return PartFits(pair, self._hinted_image)
 
     @cached_property
     def _hinted_image(self) -> IntArray | None:

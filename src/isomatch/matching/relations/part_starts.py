@@ -170,14 +170,10 @@ class PartStarts:
         """Assign the first anchors in one unit."""
         pair, candidates = self._at(unit), self._candidates
         placed = min(N_PLACED, len(pair.anchors))
-        rows, costs = assign_points(
-            pair.whole.distances_between(candidates),
-            *pair.anchor_intervals,
-            self._assigned_alone(pair, placed),
-            pair.cost,
-            BEAM,
-            self._apart,
-        )
+        alone = self._unary(pair, np.arange(placed)[:, None], np.searchsorted(self._places, candidates))
+        pin_first(alone, np.searchsorted(candidates, pair.landmarks[:placed]))
+        between = pair.whole.distances_between(candidates)
+        rows, costs = assign_points(between, *pair.anchor_intervals, alone, pair.cost, BEAM, self._apart)
         # Σ_a unary_a + Σ_{a<b} c_ab over the number of pairs m (m − 1) / 2: the mean of c, and 2 / (m − 1) × the mean of
         # the unary costs. `_start` weighs both alike, of however many anchors.
         n_pairs = placed * (placed - 1) / 2
@@ -210,12 +206,6 @@ class PartStarts:
     def _distances_to_samples(self, places: IntArray) -> FloatArray:
         """Distances (q, r) of places, which are vertices, to the samples of the whole."""
         return self._to_samples[np.searchsorted(self._places, places)]
-
-    def _assigned_alone(self, pair: PartPair, placed: int) -> FloatArray:
-        """Cost (m, c) of each candidate for each of the first m anchors by itself."""
-        cost = self._unary(pair, np.arange(placed)[:, None], np.searchsorted(self._places, self._candidates))
-        pin_first(cost, np.searchsorted(self._candidates, pair.landmarks[:placed]))
-        return cost
 
     def _unary(self, pair: PartPair, anchors: IntArray, places: IntArray) -> FloatArray:
         """Cost of images, by their number, of anchors, by theirs: areas of balls, and signatures."""
