@@ -408,6 +408,7 @@ def median_landmarks(several: Sequence[Landmarks], surface: SurfaceLike) -> Land
 
     Examples
     --------
+    >>> from isomatch import Mesh
     >>> square = Mesh([[0, 0, 0], [4, 0, 0], [4, 4, 0], [0, 4, 0]], [[0, 1, 2], [0, 2, 3]])
     >>> several = [Landmarks([[1, 1, 0]]), Landmarks([[1, 1, 0]]), Landmarks([[4, 4, 0]])]
     >>> joined = median_landmarks(several, square)
