@@ -6,8 +6,6 @@ import pytest
 from isomatch import Config, Mesh, Outcome, match, prepare
 from isomatch.datasets import ground_truth
 from isomatch.matching import BothParts
-from isomatch.matching.relations.both_looks import BothLooks
-from isomatch.matching.relations.both_side import two_sides
 from isomatch.settings import PartSettings
 from isomatch_lab.damage import cut
 from isomatch_lab.procedural import creature
@@ -59,22 +57,6 @@ def test_overlap_is_the_share_of_both_in_common(parts, found):
     common = source.vertex_areas[truth >= 0].sum()
     assert found.overlap == pytest.approx((common / source.area, common / target.area), abs=0.15)
     assert found.overlap[0] == pytest.approx(found.map.matched.mean())
-
-
-@pytest.mark.long
-def test_images_that_look_no_more_alike_than_at_random_are_no_evidence(parts):
-    source, target = (prepare(mesh) for mesh in parts[:2])
-    looks = BothLooks(*two_sides(source, target, same_area=False))
-    image = np.full(source.body.n_vertices, -1)
-    image[source.body_vertex] = parts[2]
-    rows = np.flatnonzero(image[looks.source.vertices] >= 0)
-    images = target.body_vertex[image[looks.source.vertices[rows]]]
-    right = looks.evidence(rows, images)
-    assert right > 5 * looks.evidence(rows, np.random.default_rng(0).permutation(images))
-    assert looks.worth(rows, images) == pytest.approx(right, rel=0.2)
-    half = rows[: len(rows) // 2]
-    assert looks.evidence(half, images[: len(half)]) < right
-    assert looks.worth(rows[:0], images[:0]) == 0
 
 
 @pytest.mark.long

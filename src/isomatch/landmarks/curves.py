@@ -1,17 +1,99 @@
-"""Curves on a surface: drawn through a few points, and points at equal distances along them."""
+"""Places and curves on a surface: its nearest points, curves drawn through a few points, equal distances along them."""
 
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from isomatch.errors import LandmarkError
-from isomatch.landmarks.placing import nearest_on_surface
-from isomatch.surfaces import Mesh, PointCloud
-from isomatch.values.arrays import FloatArray, IntArray
+from isomatch.loading.compiled import compiled
+from isomatch.surfaces import Mesh, PointCloud, PrecisePoints, nearest_in_triangle
+from isomatch.values.arrays import FloatArray, IntArray, read_only
 
+AT_ONCE = 1000  # points whose triangles are listed together
 FINENESS = 0.5  # of the mean edge length: longest step of a curve that is drawn on triangles
 BETWEEN_POINTS = 1.5  # the same on points, of which the nearest one is taken; edges join the next 30
 MOST_HALVINGS = 20  # of the way between two points
+
+
+def nearest_on_surface(surface: Mesh | PointCloud, positions: FloatArray) -> PrecisePoints:
+    """Find the point of a surface nearest to each position, of all triangles; of points, the nearest one.
+
+    Parameters
+    ----------
+    surface : Mesh or PointCloud
+        With n vertices.
+    positions : (m, 3) array of float
+        All finite.
+
+    Returns
+    -------
+    PrecisePoints
+        m points.
+
+    Notes
+    -----
+    Only triangles that reach into the ball up to the nearest point so far are looked at, those of about one size
+    together: a few of each size for each position.
+
+    Examples
+    --------
+    >>> strip = Mesh([[0, 0, 0], [9, 0, 0], [9, 1, 0], [4, -1, 0]], [[0, 1, 2], [0, 3, 1]])
+    >>> nearest_on_surface(strip, np.array([[4.5, 0.5, 2.0]])).interpolated(strip.vertices)
+    array([[4.5, 0.5, 0. ]])
+    """
+    if isinstance(surface, PointCloud) or not surface.n_faces:
+        return PrecisePoints.at_vertices(cKDTree(surface.vertices).query(positions)[1])
+    used = np.unique(surface.sound_faces)
+    gap, nearest = cKDTree(surface.vertices[used]).query(positions)
+    found = PrecisePoints.at_vertices(used[nearest])
+    corners = surface.vertices[surface.sound_faces]  # (f, 3, 3)
+    middles = corners.mean(axis=1)
+    reach = np.linalg.norm(corners - middles[:, None], axis=2).max(axis=1)
+    # A point of a triangle with middle m is at most `reach` from m. Of those with |q − m| > gap + reach, no point is
+    # nearer to q than the vertex that is known. A tree of the middles lists the others, with the largest reach of its
+    # triangles.
+    size = np.frexp(reach)[1]  # of a factor of two each, so that one large triangle does not widen all balls
+    vertices, faces, queries = map(read_only, (surface.vertices, surface.faces, positions))
+    for each in np.unique(size)[::-1]:
+        alike = np.flatnonzero(size == each)
+        tree, farthest = cKDTree(middles[alike]), reach[alike].max()
+        for first in range(0, len(positions), AT_ONCE):
+            rows = slice(first, first + AT_ONCE)
+            near = tree.query_ball_point(positions[rows], (gap[rows] + farthest) * (1 + 1e-12))
+            of = np.repeat(np.arange(first, first + len(near)), list(map(len, near)))
+            listed = np.concatenate([np.zeros(0, dtype=np.int64), *map(np.asarray, near)]).astype(np.int64)
+            face = alike[listed]
+            apart = np.linalg.norm(middles[face] - positions[of], axis=1)
+            reached = apart <= (gap[of] + reach[face]) * (1 + 1e-12)
+            _take_nearest(vertices, faces, queries, of[reached], face[reached], gap, *found)
+    return found
+
+
+@compiled(error_model="numpy")
+def _take_nearest(
+    vertices: FloatArray,
+    faces: IntArray,
+    queries: FloatArray,
+    of: IntArray,
+    face: IntArray,
+    apart: FloatArray,
+    corners: IntArray,
+    barycentric: FloatArray,
+) -> None:
+    """Let the point of a triangle take the row of the query that it is listed with, where it is nearer."""
+    for k in range(len(of)):
+        i = of[k]
+        a, b, c = faces[face[k]]
+        u, v, p = vertices[b] - vertices[a], vertices[c] - vertices[a], queries[i] - vertices[a]
+        s, t, _ = nearest_in_triangle(
+            (u * u).sum(), (u * v).sum(), (v * v).sum(), (u * p).sum(), (v * p).sum()
+        )
+        gap = np.sqrt(((s * u + t * v - p) ** 2).sum())
+        if gap < apart[i]:
+            apart[i] = gap
+            corners[i] = faces[face[k]]
+            barycentric[i] = 1.0 - s - t, s, t
 
 
 def drawn_curve(
@@ -25,7 +107,6 @@ def drawn_curve(
     Parameters
     ----------
     surface : Mesh or PointCloud
-        The surface.
     points : (k, 3) array of float
         What it goes through, in order.
     closed : bool
@@ -81,7 +162,6 @@ def equally_spaced(path: FloatArray, n: int, closed: bool) -> tuple[IntArray, Fl
     n : int
         How many are wanted: with both ends, or of a closed one the first point and n − 1 others.
     closed : bool
-        Whether it is closed.
 
     Returns
     -------
@@ -110,3 +190,13 @@ def _steps(path: FloatArray) -> FloatArray:
 
 def _moved_to(surface: Mesh | PointCloud, positions: FloatArray) -> FloatArray:
     return nearest_on_surface(surface, positions).interpolated(surface.vertices)
+
+
+def respaced_curve(
+    surface: Mesh | PointCloud, points: FloatArray, n: int, closed: bool, name: str
+) -> FloatArray:
+    """Draw a curve through points of a surface, and return n points of the surface at equal distances along it."""
+    path = drawn_curve(surface, points, closed, name)
+    piece, share = equally_spaced(path, n, closed)
+    between = path[piece] + share[:, None] * (path[piece + 1] - path[piece])
+    return nearest_on_surface(surface, between).interpolated(surface.vertices)

@@ -1,11 +1,12 @@
-"""Files of points that were marked on shapes: text, 3D Slicer and MeshLab."""
+"""Files of points that were marked on shapes: text, 3D Slicer and MeshLab; and where on a surface the points are."""
 
 from __future__ import annotations
 
 import csv
 import json
+import logging
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from io import StringIO
 from pathlib import Path
@@ -14,9 +15,10 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from isomatch.errors import FormatError
+from isomatch.errors import FormatError, LandmarkError
 from isomatch.storage.files import opened
 from isomatch.storage.texts import is_whole_number, read_text, unescaped
+from isomatch.values.arrays import FloatArray
 
 PAIRS = "write two 0-based vertex indices, of the source and of the target, or their positions x y z x y z"
 POINTS = "write a 0-based vertex index or a position x y z, after a name if there is a header"
@@ -28,19 +30,20 @@ NOWHERE = {"", "na", "nan"}  # cells of a point without a position
 
 System: TypeAlias = Literal["LPS", "RAS"]
 
+logger = logging.getLogger(__name__)
+
+OFF, FAR_OFF = 0.02, 0.1  # √area: a point farther from the surface is reported, and refused
+
 
 @dataclass(frozen=True)
 class MarkedPoint:
-    """One marked point: a vertex index, a position, or neither, where it was named but not placed.
-
-    Positions of 3D Slicer are in LPS; ``system`` is that of the file. Points of one ``curve`` follow each other along it.
-    """
+    """One marked point: a vertex index, a position, or neither, where it was named but not placed."""
 
     name: str
-    at: tuple[float, ...]
-    where: str
-    system: System | None = None
-    curve: str = ""
+    at: tuple[float, ...]  # positions of 3D Slicer are in LPS
+    where: str  # in which file
+    system: System | None = None  # of a file of 3D Slicer
+    curve: str = ""  # points of one follow each other along it
     closed: bool = False
 
 
@@ -200,11 +203,9 @@ def _meshlab_points(path: Path) -> list[MarkedPoint]:
 
 
 def _cells(path: Path) -> Iterator[tuple[str, list[str], str]]:
-    """Cells of each line of a text, with where it is and the line itself.
-
-    A header says what separates them; below it, a name may have a ``#``, in quotes also as
-    its first letter, which otherwise starts a comment.
-    """
+    """Cells of each line of a text, with where it is and the line itself."""
+    # a header says what separates them; below it, a name may have a #, in quotes also as its first letter, which
+    # otherwise starts a comment
     separator: str | None = None
     has_header, is_first = False, True
     for number, text in enumerate(StringIO(read_text(path)), start=1):
@@ -250,3 +251,47 @@ def _place(cells: list[str], columns: list[int], where: str, line: str, remedy: 
     if not np.isfinite(numbers).all():
         raise FormatError(f"{where}: {line[:80]!r} is not finite; {remedy}")
     return tuple(numbers)
+
+
+def placed_positions(
+    points: Sequence[MarkedPoint],
+    vertices: FloatArray,
+    unit: float,  # √area of the surface
+    distance: Callable[[FloatArray], FloatArray],  # of positions from it
+    side: str,  # what the surface is, and
+    parts: str,  # what the distance is measured to, for messages
+) -> tuple[FloatArray, System]:
+    """Return where points are in the coordinates of a surface, nan where they are nowhere, and which those are."""
+    positions = np.full((len(points), 3), np.nan)
+    for i, point in enumerate(points):
+        if len(point.at) == 1:
+            vertex = int(point.at[0])
+            if not 0 <= vertex < len(vertices):
+                raise LandmarkError(
+                    f"{point.where}: there is no vertex {vertex}; the {side} has vertices 0…{len(vertices) - 1}"
+                )
+            positions[i] = vertices[vertex]
+        elif point.at:
+            positions[i] = point.at
+    system: System = "LPS"
+    free = [i for i, point in enumerate(points) if len(point.at) == 3]
+    if not free:
+        return positions, system
+    gap = distance(positions[free])
+    if any(points[i].system for i in free):
+        # positions of 3D Slicer are taken in LPS, in which it writes meshes, or in RAS if only so they lie on the surface
+        turned = distance(SLICER * positions[free])
+        if turned.mean() < 0.5 * gap.mean():
+            gap, system = turned, "RAS"
+            positions[free] *= SLICER
+            logger.warning("%s: the landmarks lie on the %s if it is in RAS", points[free[0]].where, side)
+    gap = gap / unit
+    worst = int(gap.argmax())
+    if gap[worst] > OFF:
+        message = f"{points[free[worst]].where}: {gap[worst]:.3g} √area away from all {parts} of the {side}"
+        if gap[worst] > FAR_OFF:
+            raise LandmarkError(
+                f"{message}; check that the positions are in the units and the coordinates of the {side}"
+            )
+        logger.warning("%s; the nearest one is taken", message)
+    return positions, system

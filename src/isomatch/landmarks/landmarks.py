@@ -1,29 +1,224 @@
-"""Landmarks from files and positions: the vertices nearest to points that were marked on each shape."""
+"""`Landmarks`: named points of one shape, of two, and of several templates; and curves through some of them."""
 
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
 from isomatch.assets import SurfaceLike, surface_from
+from isomatch.correspondence import geometric_median
 from isomatch.errors import LandmarkError
+from isomatch.landmarks.curves import nearest_on_surface, respaced_curve
 from isomatch.landmarks.landmark_files import (
     PAIRS,
     POINTS,
     MarkedPoint,
+    System,
     marked_pairs,
     marked_points,
+    placed_positions,
 )
-from isomatch.landmarks.placing import placed_positions
 from isomatch.surfaces import Graph
-from isomatch.values.arrays import IntArray, numbers_of
+from isomatch.values.arrays import BoolArray, FloatArray, IntArray, numbers_of
 
 logger = logging.getLogger(__name__)
+
+COMMON = 0.5  # share of a template's expected error that all have in common; measured with 3, 6, 19
+
+
+class Curve(NamedTuple):
+    """Landmarks that follow each other along a curve.
+
+    Parameters
+    ----------
+    name : str
+    rows : tuple of int
+        The landmarks, from its beginning to its end, in ascending order.
+    closed : bool
+        Whether it goes on from the last one to the first.
+    """
+
+    name: str
+    rows: tuple[int, ...]
+    closed: bool = False
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Landmarks:
+    """Named points of one shape.
+
+    Parameters
+    ----------
+    positions : (m, 3) array_like of float
+        In the coordinates of the surface; nan where a landmark has no place.
+    names : sequence of str
+        Their names; empty where there is none.
+    curves : sequence of Curve
+        Curves through some of them, each through its own. One where two curves meet is given twice.
+    expected_error : (m,) array_like of float, optional
+        Estimate of the error of each, in the units of the surface; by default unknown, nan.
+    spread : (m,) array_like of float, optional
+        Mean distance of the points that several templates give from the one returned; nan of one template.
+    systems : (str, str)
+        "LPS" or "RAS": the coordinate system of the surface, and that of the file of 3D Slicer that they were read from,
+        in which they are written again.
+
+    Raises
+    ------
+    LandmarkError
+        If the arrays do not fit, or the curves go through others, through one twice, or not in order.
+
+    Examples
+    --------
+    >>> marks = Landmarks([[0, 0, 0], [1, 0, 0]], ["nose", "tail"])
+    >>> marks, marks["tail"].tolist()
+    (Landmarks(2 points, 0 curves), [1.0, 0.0, 0.0])
+    """
+
+    positions: FloatArray
+    names: tuple[str, ...]
+    curves: tuple[Curve, ...]
+    expected_error: FloatArray
+    spread: FloatArray
+    systems: tuple[System, System]
+
+    def __init__(
+        self,
+        positions: ArrayLike,
+        names: Sequence[str] | None = None,
+        curves: Sequence[Curve] = (),
+        expected_error: ArrayLike | None = None,
+        spread: ArrayLike | None = None,
+        systems: tuple[System, System] = ("LPS", "LPS"),
+    ) -> None:
+        placed = numbers_of(positions, "landmarks", LandmarkError).reshape(-1, 3)
+        m = len(placed)
+        names = ("",) * m if names is None else tuple(names)
+        errors, spreads = (
+            np.full(m, np.nan) if each is None else np.asarray(each, dtype=np.float64)
+            for each in (expected_error, spread)
+        )
+        if len(names) != m or errors.shape != (m,) or spreads.shape != (m,):
+            raise LandmarkError(
+                f"{m} landmarks with {len(names)} names, {errors.size} expected errors and {spreads.size} spreads; give "
+                "one for each"
+            )
+        curves = tuple(Curve(name, tuple(rows), closed) for name, rows, closed in curves)
+        _check_curves(curves, m)
+        fields = {"positions": placed, "names": names, "curves": curves, "expected_error": errors}
+        for field, value in {**fields, "spread": spreads, "systems": systems}.items():
+            object.__setattr__(self, field, value)
+
+    def __repr__(self) -> str:
+        return f"Landmarks({len(self)} points, {len(self.curves)} curves)"
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def __getitem__(self, name: str) -> FloatArray:
+        """Position (3,) of the first landmark of a name."""
+        if name not in self.names:
+            raise LandmarkError(f"no landmark {name!r}; there are {', '.join(self.names)[:200]}")
+        return np.asarray(self.positions[self.names.index(name)])
+
+    @property
+    def placed(self) -> BoolArray:
+        """(m,) which landmarks have a place."""
+        return np.asarray(np.isfinite(self.positions).all(axis=1))
+
+    @property
+    def curve_of(self) -> list[Curve | None]:
+        """The curve that each landmark is on."""
+        of = {row: curve for curve in self.curves for row in curve.rows}
+        return [of.get(row) for row in range(len(self))]
+
+    @classmethod
+    def read(cls, path: str | PathLike[str], surface: SurfaceLike | None = None) -> Landmarks:
+        r"""Read landmarks of a surface.
+
+        Parameters
+        ----------
+        path : path
+            ``.mrk.json`` or ``.fcsv`` of 3D Slicer, ``.pp`` of MeshLab, or text with an index or a position on each line,
+            or a table with ``x``, ``y``, ``z`` or ``vertex``, and perhaps ``name``, ``curve`` and ``closed``.
+        surface : Mesh, PointCloud, path_like, tuple or object, optional
+            The surface, as for `match`. Without one, positions are taken as they are, those of 3D Slicer in LPS.
+
+        Raises
+        ------
+        FormatError
+            If a file cannot be read.
+        LandmarkError
+            If there are none, one is farther than 0.1 √area from the surface, or a vertex of a surface that is not given.
+
+        Examples
+        --------
+        >>> import tempfile
+        >>> from isomatch import Mesh
+        >>> square = Mesh([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     file = Path(folder) / "landmarks.csv"
+        ...     _ = file.write_text("name,x,y,z\nnose,0.5,0.2,0\n")
+        ...     Landmarks.read(file, square).names
+        ('nose',)
+        """
+        points = marked_points(Path(path))
+        if not points:
+            raise LandmarkError(f"{path}: no landmarks; {POINTS}")
+        if surface is None:
+            return cls(_positions(points), [point.name for point in points], _curves(points))
+        shape = surface_from(surface)
+        if isinstance(shape, Graph):
+            raise LandmarkError("landmarks have positions, and a graph has none; give a mesh or points")
+
+        def distance(positions: FloatArray) -> FloatArray:
+            nearest = nearest_on_surface(shape, positions).interpolated(shape.vertices)
+            return np.asarray(np.linalg.norm(nearest - positions, axis=1))
+
+        unit = float(np.sqrt(shape.area))
+        positions, system = placed_positions(points, shape.vertices, unit, distance, "surface", "points")
+        written = next((point.system for point in points if point.system), system)
+        return cls(positions, [point.name for point in points], _curves(points), systems=(system, written))
+
+
+def _positions(points: Sequence[MarkedPoint]) -> FloatArray:
+    """Return the positions (m, 3) that a file has, nan where there is none."""
+    at = [point.at or (np.nan,) * 3 for point in points]
+    vertex = next((point for point, place in zip(points, at) if len(place) == 1), None)
+    if vertex:
+        raise LandmarkError(f"{vertex.where}: a vertex says nothing without its surface; give positions")
+    return np.array(at)
+
+
+def _check_curves(curves: Sequence[Curve], m: int) -> None:
+    of: dict[int, str] = {}
+    for name, rows, _ in curves:
+        if list(rows) != sorted(set(rows).intersection(range(m))):
+            raise LandmarkError(
+                f"curve {name!r} goes through landmarks {str(rows)[:80]}; give some of 0 to {m - 1}, in ascending order"
+            )
+        if shared := of.keys() & set(rows):
+            row = min(shared)
+            raise LandmarkError(
+                f"landmark {row} is on the curves {of[row]!r} and {name!r}; give it twice, so that each has its own"
+            )
+        of |= dict.fromkeys(rows, name)
+
+
+def _curves(points: Sequence[MarkedPoint]) -> list[Curve]:
+    rows: dict[str, list[int]] = {}
+    for i, point in enumerate(points):
+        if point.curve:
+            rows.setdefault(point.curve, []).append(i)
+    return [Curve(name, tuple(of), points[of[0]].closed) for name, of in rows.items()]
 
 
 def read_landmarks(
@@ -179,3 +374,101 @@ def _joined(
     if alone:
         logger.warning("%s: %d points without a partner of their name are left out", files, alone)
     return [named[0][name] for name in shared], [named[1][name] for name in shared]
+
+
+def median_landmarks(several: Sequence[Landmarks], surface: SurfaceLike) -> Landmarks:
+    """Join the landmarks that several templates give for one shape.
+
+    Parameters
+    ----------
+    several : sequence of Landmarks
+        Of one shape, such as `carry_landmarks` returns for each template. They are joined by name, or in order if all
+        have the same names.
+    surface : Mesh, PointCloud, path_like, tuple or object
+        The shape.
+
+    Returns
+    -------
+    Landmarks
+        The geometric medians, moved to the nearest points of the surface, in the order of the first template; points of a
+        curve are equally spaced again. ``spread`` is the mean distance of the given points from them, nan of one.
+        ``expected_error`` is the root of e² / 4 + spread² / t, where e is the median of those given by t templates; of
+        one template it is e.
+
+    Raises
+    ------
+    LandmarkError
+        If there are none, or the names do not tell which belong together.
+
+    Notes
+    -----
+    The geometric median minimises the sum of distances (Weiszfeld 1937), so that one wrong template in three moves a
+    point little. Zhang et al., *Automated landmarking via multiple templates*, PLOS ONE 2022, use medians likewise. What
+    templates do not have in common averages out; the other half of their error stays.
+
+    Examples
+    --------
+    >>> from isomatch import Mesh
+    >>> square = Mesh([[0, 0, 0], [4, 0, 0], [4, 4, 0], [0, 4, 0]], [[0, 1, 2], [0, 2, 3]])
+    >>> several = [Landmarks([[1, 1, 0]]), Landmarks([[1, 1, 0]]), Landmarks([[4, 4, 0]])]
+    >>> joined = median_landmarks(several, square)
+    >>> joined.positions.round(6).tolist(), joined.spread.round(3).tolist()
+    ([[1.0, 1.0, 0.0]], [1.414])
+    """
+    if not several:
+        raise LandmarkError("no landmarks to join; give those of at least one template")
+    shape = surface_from(surface)
+    if isinstance(shape, Graph):
+        raise LandmarkError("landmarks have positions, and a graph has none; give a mesh or points")
+    first = several[0]
+    rows = _rows_of(several)
+    points = np.stack([_taken(each.positions, own) for each, own in zip(several, rows)])  # (t, m, 3)
+    errors = np.stack([_taken(each.expected_error, own) for each, own in zip(several, rows)])
+    positions = geometric_median(points)
+    placed = np.asarray(np.isfinite(positions).all(axis=1))
+    if placed.any():
+        near = nearest_on_surface(shape, positions[placed])
+        positions[placed] = near.interpolated(shape.vertices)
+    for curve in first.curves:
+        of = list(curve.rows)
+        if placed[of].all() and len(of) > 1:
+            positions[of] = respaced_curve(shape, positions[of], len(of), curve.closed, curve.name)
+    # The error of a template is a part that all have in common, c e, and an own one. The own parts differ by the spread,
+    # and the median of t of them has it over √t; so it is √((c e)² + spread² / t), c = ½.
+    apart = np.linalg.norm(points - positions, axis=2)
+    count = np.isfinite(apart).sum(axis=0)
+    apart[:, count == 1] = np.nan  # one template has no spread
+    spread, alone = _over_templates(np.mean, apart), _over_templates(np.median, errors)
+    together = np.hypot(COMMON * alone, spread / np.sqrt(np.maximum(count, 1)))
+    expected = np.where(count == 1, alone, together)
+    return Landmarks(positions, first.names, first.curves, expected, spread, first.systems)
+
+
+def _rows_of(several: Sequence[Landmarks]) -> list[list[int | None]]:
+    """For each template, which of its landmarks belongs to each of the first."""
+    names = several[0].names
+    if all(each.names == names for each in several):
+        return [list(range(len(names))) for _ in several]
+    rows = []
+    for each in several:
+        place = {name: i for i, name in enumerate(each.names)}
+        if len(place) < len(each) or "" in place:
+            raise LandmarkError(
+                "templates with different landmarks, of which several have one name, or none; give each a name of its own"
+            )
+        if alone := set(names) ^ set(place):
+            logger.warning("not in all templates: %s", ", ".join(sorted(alone)))
+        rows.append([place.get(name) for name in names])
+    return rows
+
+
+def _taken(values: FloatArray, rows: list[int | None]) -> FloatArray:
+    padded = np.concatenate([values, np.full((1, *values.shape[1:]), np.nan)])
+    return np.asarray(padded[[-1 if row is None else row for row in rows]])
+
+
+def _over_templates(statistic: Callable[[FloatArray], Any], values: FloatArray) -> FloatArray:
+    """Statistic over templates (t, m) of what is known; nan where nothing is."""
+    return np.array(
+        [statistic(each[np.isfinite(each)]) if np.isfinite(each).any() else np.nan for each in values.T]
+    )

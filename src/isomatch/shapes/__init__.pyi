@@ -1,4 +1,4 @@
-from isomatch.shapes.body import Body, body_of
+from isomatch.shapes.body import body_of
 from isomatch.shapes.derived import (
     capped_shape,
     components_of,
@@ -10,11 +10,9 @@ from isomatch.shapes.derived import (
     region_of,
     turned_over,
 )
-from isomatch.shapes.orientation import orientation_of
 from isomatch.shapes.prepare import prepare
 from isomatch.shapes.prepared_shape import N_BALLS, PreparedShape
-from isomatch.shapes.signatures import CURVATURE_WEIGHT, WAVE_WEIGHT
-from isomatch.shapes.smooth_shape import SmoothShape
+from isomatch.shapes.smooth_shape import CURVATURE_WEIGHT, WAVE_WEIGHT, SmoothShape, orientation_of
 from isomatch.shapes.symmetries import EXACTLY, SAME_SYMMETRY, describe_symmetries, farthest_rows
 
 __all__ = [
@@ -23,7 +21,6 @@ __all__ = [
     "N_BALLS",
     "SAME_SYMMETRY",
     "WAVE_WEIGHT",
-    "Body",
     "PreparedShape",
     "SmoothShape",
     "body_of",

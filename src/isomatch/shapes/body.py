@@ -1,4 +1,4 @@
-"""What is matched of a shape: its largest component, repaired, of unit area, and others like it."""
+"""What is matched of a shape: its largest component, repaired, of unit area, and others like it, at some resolutions."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import numpy as np
 from isomatch.errors import MeshError
 from isomatch.geodesics import distance_engine, ordinary_unit
 from isomatch.mending import check, repair, seems_inside_out, separate_sheets
-from isomatch.resolution import normalised
-from isomatch.settings import PreparationSettings
+from isomatch.resolution import Decimated, Prolongation, decimations, normalised
+from isomatch.settings import Config, PreparationSettings
 from isomatch.surfaces import Graph, Mesh, PointCloud, Surface, in_spatial_order
 from isomatch.values.arrays import BoolArray, IntArray
 
@@ -21,50 +21,31 @@ INSIDE_OUT = (
 )
 LEFT_UNMATCHED = "are left unmatched"
 
-# average distance between two points of a graph of unit size, in place of an area; about that of animals and people
-GRAPH_AVERAGE_DISTANCE = 0.75
-
-# share of the area from which a further component is matched by itself; an eye has a thousandth of a body
-LEAST_COMPONENT = 0.001
-
+GRAPH_AVERAGE_DISTANCE = (
+    0.75  # of two points of a graph of unit size; about that of animals and people of unit area
+)
+LEAST_COMPONENT = (
+    0.001  # share of the area from which a component is matched by itself; an eye has as much of a body
+)
 LARGE = 2**16  # vertices, beyond which the arrays of a mesh do not fit into the cache of a processor
 SIGNS_OF_SHEETS = ("non_manifold_edges", "non_manifold_vertices", "duplicate_faces", "coincident_vertices")
 
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """The part of a shape that is matched.
+    """The part of a shape that is matched."""
 
-    Parameters
-    ----------
-    surface : Mesh, PointCloud or Graph
-        The largest connected component; a mesh welded, its glued sheets separated, wound outward; centred, of unit
-        area.
-    scale : float
-        What a length of 1 is worth in the units of the shape.
-    body_vertex : (n,) array of int
-        Body vertex of each vertex of the shape; −1 for those left out.
-    user_vertex : (n_body,) array of int
-        Vertex of the shape of each body vertex; where sheets were separated, several have the same.
-    left_out : float
-        Share of the area in other components, or of the vertices in those of them that could be matched by themselves,
-        if that is larger: the vertices of debris do not count.
-    notes : tuple of str
-        What was left out or repaired.
-    share : float
-        Share of the area of the shape that the body has.
-    others : tuple of Body
-        Of a mesh, the further components that can be matched by themselves, largest first.
-    """
-
+    # the largest connected component; a mesh welded, its glued sheets separated, wound outward; centred, of unit area
     surface: Surface
-    scale: float
-    body_vertex: IntArray
-    user_vertex: IntArray
-    left_out: float
-    notes: tuple[str, ...]
-    share: float = 1.0
-    others: tuple[Body, ...] = ()
+    scale: float  # what a length of 1 is worth in the units of the shape
+    body_vertex: IntArray  # (n,) body vertex of each vertex of the shape; −1 for those left out
+    user_vertex: IntArray  # (n_body,) vertex of the shape of each body vertex, of separated sheets the same
+    left_out: float  # share in other components, see `body_of`
+    notes: tuple[str, ...]  # what was left out or repaired
+    share: float = 1.0  # of the area of the shape
+    others: tuple[
+        Body, ...
+    ] = ()  # of a mesh, further components that can be matched by themselves, largest first
 
 
 def body_of(shape: Surface, settings: PreparationSettings) -> Body:
@@ -106,6 +87,8 @@ def body_of(shape: Surface, settings: PreparationSettings) -> Body:
     own = others & (sizes >= FEWEST_VERTICES)
     matchable = np.flatnonzero(own & (shares >= LEAST_COMPONENT) & isinstance(whole, Mesh))
     largest_first = matchable[np.argsort(-shares[matchable], kind="stable")]
+    # left out is the share of the area, or of the vertices in components of some size, if that is larger: those of debris
+    # do not count
     return replace(
         component(largest),
         left_out=float(max(shares[others].sum(), sizes[own].sum() / len(labels))),
@@ -115,12 +98,8 @@ def body_of(shape: Surface, settings: PreparationSettings) -> Body:
 
 
 def _repaired(shape: Surface, sheet_distance: float) -> tuple[Surface, float, IntArray, IntArray, list[str]]:
-    """Mend a mesh and separate glued sheets.
-
-    Returns it in a unit in which no area overflows or vanishes, that unit, and index maps both ways.
-
-    Nothing is mended of points and graphs.
-    """
+    """Mend a mesh and separate glued sheets; of points and graphs, nothing is mended."""
+    # returned in a unit in which no area overflows or vanishes, with that unit, and index maps both ways
     if isinstance(shape, PointCloud):
         unit, everything = ordinary_unit(shape), np.arange(shape.n_vertices)
         return PointCloud(shape.vertices / unit, shape.n_neighbours), unit, everything, everything, []
@@ -213,3 +192,81 @@ def _normalised(whole: Surface, kept: BoolArray, graph_average_distance: float) 
             return Mesh(points, part_of.faces), length
         return part_of.moved(points), length
     return PointCloud(points, part_of.n_neighbours), length
+
+
+@dataclass(frozen=True, eq=False)
+class Level:
+    """A body at one resolution."""
+
+    surface: Surface  # centred, of unit area
+    scale: float  # what a length of 1 is worth in the units of the shape
+    body_vertex: IntArray  # (n,) vertex of this level for each vertex of the shape; −1 for those left out
+    user_vertex: (
+        IntArray  # (n_level,) vertex of the shape for each of this level, the nearest if it is coarser
+    )
+    detail: Detail | None = None  # the body in full, if this level is coarser
+    refining: Prolongation | None = None  # from the level before, finer or the body in full, to this one
+
+
+@dataclass(frozen=True, eq=False)
+class Detail:
+    """A body in full, beside a coarser level of it."""
+
+    transfer: Prolongation  # between the body in full and the coarser one
+    body_vertex: (
+        IntArray  # (n,) vertex of the body in full for each vertex of the shape; −1 for those left out
+    )
+    user_vertex: IntArray  # (n_body,) vertex of the shape for each vertex of the body in full
+
+
+def identity_transfer(mesh: Mesh) -> Prolongation:
+    """Carry points from a mesh to itself."""
+    everything = np.arange(mesh.n_vertices)
+    return Prolongation(mesh, Decimated(mesh, everything, len(everything)))
+
+
+def full_level(body: Body) -> Level:
+    """Take the body as it is."""
+    return Level(body.surface, body.scale, body.body_vertex, body.user_vertex)
+
+
+def levels_of(body: Body, config: Config) -> list[Level]:
+    """Make the levels of a body: one on which maps are polished, if there is one, then the one that is matched."""
+    full, settings = full_level(body), config.levels
+    matched, polished = settings.matched, settings.polished
+    if config.resolution == "fast":
+        matched, polished = settings.fast_matched, settings.fast_polished
+    n = body.surface.n_vertices
+    if config.resolution == "full" or not isinstance(body.surface, Mesh) or n <= settings.spared * matched:
+        return [full]
+    if n <= settings.spared * polished:
+        return [full, *_coarse_levels(body, body.surface, [matched])]
+    return _coarse_levels(body, body.surface, [polished, matched])
+
+
+def _coarse_levels(body: Body, mesh: Mesh, sizes: list[int]) -> list[Level]:
+    """Coarser levels of a mesh, of about so many vertices each, finer first; each is made from the body in full."""
+    levels: list[Level] = []
+    finer: Prolongation | None = None
+    for coarse in decimations(mesh, sizes):
+        transfer = refining = Prolongation(mesh, coarse)
+        if finer:
+            owner = transfer.coarse.owner[finer.nearest_members]
+            refining = Prolongation(finer.coarse.mesh, replace(transfer.coarse, owner=owner))
+        levels.append(_level(body, transfer, refining))
+        finer = transfer
+    return levels
+
+
+def _level(body: Body, transfer: Prolongation, refining: Prolongation) -> Level:
+    coarse, owner = transfer.coarse.mesh, transfer.coarse.owner
+    unit = float(np.sqrt(coarse.area))
+    middle = np.average(coarse.vertices, axis=0, weights=coarse.vertex_areas)
+    return Level(
+        coarse.moved((coarse.vertices - middle) / unit),
+        body.scale * unit,
+        np.append(owner, -1)[body.body_vertex],
+        body.user_vertex[transfer.nearest_members],
+        Detail(transfer, body.body_vertex, body.user_vertex),
+        refining,
+    )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -19,8 +20,31 @@ from isomatch.surfaces import Mesh, Surface, reflected
 from isomatch.values.arrays import BoolArray, IntArray
 from isomatch.values.cached import cached_method
 
-OF_EITHER_WINDING = "functions", "points", "handles", "boundary_length", "longest_boundary"
-OF_BODY = "functions", "index", "signatures", "curvature"  # what is kept of a body alone
+
+def _names(*properties: Any) -> tuple[str, ...]:
+    return tuple(each.func.__name__ for each in properties)
+
+
+# What a shape that is made of another one need not compute again. They are named by the properties themselves, so that
+# none can be renamed or removed without this; a property that is not listed is computed anew, which is right, if slower.
+OF_BODY = _names(
+    PreparedShape.functions, PreparedShape.index, PreparedShape.signatures, PreparedShape.curvature
+)
+OF_DISTANCES = _names(PreparedShape.symmetries)
+OF_MIRROR_IMAGE = (*OF_BODY, *OF_DISTANCES, *_names(PreparedShape.points, PreparedShape.balls))
+OF_EITHER_WINDING = _names(
+    PreparedShape.functions,
+    PreparedShape.points,
+    PreparedShape.handles,
+    PreparedShape.boundary_length,
+    PreparedShape.longest_boundary,
+)
+
+
+def _with_known(made: PreparedShape, shape: PreparedShape, names: tuple[str, ...]) -> PreparedShape:
+    """Give a shape what is known of another one already, of some properties that are the same."""
+    vars(made).update({name: value for name, value in vars(shape).items() if name in names})
+    return made
 
 
 @cached_method
@@ -36,9 +60,10 @@ def capped_shape(shape: PreparedShape) -> PreparedShape:
         shape, surface=shape.body, body_vertex=everything, user_vertex=everything, scale=1.0, notes=()
     )
     alone = replace(alone, others=(), detail=None, finer=None, refining=None, origin=everything)
-    kept = OF_BODY if shape.config.preparation.distance_unit == "user" else (*OF_BODY, "symmetries")
-    alone.__dict__.update({name: getattr(shape, name) for name in kept})
-    return alone
+    kept = OF_BODY if shape.config.preparation.distance_unit == "user" else (*OF_BODY, *OF_DISTANCES)
+    for name in kept:
+        getattr(shape, name)  # computed there, where they are asked for again
+    return _with_known(alone, shape, kept)
 
 
 @cached_method
@@ -164,10 +189,7 @@ def _prepared_again(shape: PreparedShape, mesh: Mesh) -> PreparedShape:
 @cached_method
 def mirror_image(shape: PreparedShape) -> PreparedShape:
     """Return the mirror image of a mesh in space; faces keep their orientation, and by itself it tells the same."""
-    found = replace(shape, body=reflected(shape.mesh_body))
-    kept = (*OF_BODY, "points", "balls", "symmetries")
-    found.__dict__.update({name: value for name, value in vars(shape).items() if name in kept})
-    return found
+    return _with_known(replace(shape, body=reflected(shape.mesh_body)), shape, OF_MIRROR_IMAGE)
 
 
 @cached_method
@@ -178,9 +200,7 @@ def turned_over(shape: PreparedShape) -> PreparedShape:
         return Mesh(surface.vertices, surface.faces[:, ::-1]) if isinstance(surface, Mesh) else surface
 
     finer = shape.finer and replace(shape.finer, surface=rewound(shape.finer.surface))
-    found = replace(shape, body=rewound(shape.body), finer=finer)
-    found.__dict__.update({name: value for name, value in vars(shape).items() if name in OF_EITHER_WINDING})
-    return found
+    return _with_known(replace(shape, body=rewound(shape.body), finer=finer), shape, OF_EITHER_WINDING)
 
 
 @cached_method
@@ -190,8 +210,8 @@ def components_of(shape: PreparedShape) -> tuple[PreparedShape, ...]:
     Those that cannot be prepared are missing.
     """
     notes = tuple(note for note in shape.notes if LEFT_UNMATCHED not in note)
-    found = [replace(shape, left_out=0.0, notes=notes, others=())]
+    components = [replace(shape, left_out=0.0, notes=notes, others=())]
     for body in shape.others:
         with suppress(MeshError, NotConvergedError):
-            found.append(prepared_body(shape.surface, body, shape.requested, shape.seed, StageTimer()))
-    return tuple(found)
+            components.append(prepared_body(shape.surface, body, shape.requested, shape.seed, StageTimer()))
+    return tuple(components)

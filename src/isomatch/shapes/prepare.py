@@ -21,12 +21,10 @@ from isomatch.geodesics import (
 from isomatch.runtime.stage_timer import PREPARATION, Progress, StageTimer
 from isomatch.runtime.threads import in_background, serial_blas
 from isomatch.settings import Config
-from isomatch.shapes.body import Body, body_of
-from isomatch.shapes.extremities import extremal_points
-from isomatch.shapes.levels import full_level, levels_of
+from isomatch.shapes.body import Body, body_of, full_level, levels_of
 from isomatch.shapes.prepared_shape import PreparedShape
 from isomatch.surfaces import Graph, Surface
-from isomatch.values.arrays import IntArray
+from isomatch.values.arrays import FloatArray, IntArray
 from isomatch.values.settings import generator
 
 
@@ -77,11 +75,7 @@ def prepare(
 
 
 def _prepare(
-    given: SurfaceLike,
-    config: Config,
-    seed: int,
-    distances: MetricSpace | None,
-    progress: Progress | None,
+    given: SurfaceLike, config: Config, seed: int, distances: MetricSpace | None, progress: Progress | None
 ) -> PreparedShape:
     timer = StageTimer(progress, PREPARATION)
     timer.start("body")
@@ -182,3 +176,28 @@ def _evenly_spread(body: Surface, engine: DistanceEngine, count: int, start: int
         return farthest_point_sampling(engine, count, start).vertices
     centred = body.vertices - np.average(body.vertices, axis=0, weights=body.vertex_areas)
     return euclidean_farthest_points(centred, count, int((centred**2).sum(axis=1).argmax()))
+
+
+def extremal_points(
+    surface: Surface, engine: DistanceEngine, average_distance: FloatArray, spacing: float, limit: int
+) -> tuple[IntArray, FloatArray]:
+    """Find the local maxima of the average geodesic distance, the most remote first."""
+    # The average distance of a vertex, over the surface, is large at the tips of limbs and least in the middle, whatever
+    # the pose: its local maxima (no neighbour is higher) are the extremities. The most remote first, those too near to
+    # one that is kept are passed over.
+    i, j = surface.edges.T
+    highest = np.full(surface.n_vertices, -np.inf)
+    np.maximum.at(highest, i, average_distance[j])
+    np.maximum.at(highest, j, average_distance[i])
+    peaks = np.flatnonzero(average_distance >= highest)
+    peaks = peaks[np.argsort(-average_distance[peaks], kind="stable")]
+    nearest = np.full(surface.n_vertices, np.inf)  # distance to those that are kept
+    kept: list[int] = []
+    for vertex in peaks[: len(peaks) * (limit > 0)]:
+        if nearest[vertex] >= spacing:
+            kept.append(int(vertex))
+            engine.lower(nearest, int(vertex))
+            if len(kept) == limit:
+                break
+    vertices = np.array(kept, dtype=np.int64)
+    return vertices, engine.distances_from(vertices)

@@ -1,16 +1,19 @@
-"""`PreparedShape`: everything that can be computed from one shape alone, for any number of matches."""
+"""`PreparedShape`: everything that can be computed from one shape alone, for any number of matches; and its file."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+import json
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, replace
+from hashlib import blake2b
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch.bases import DistanceBasis, refined_laplace_basis
+from isomatch.bases import DistanceBasis, LaplaceBasis, refined_laplace_basis
 from isomatch.correspondence import SignedPoints
 from isomatch.descriptors import (
     BallSignature,
@@ -19,26 +22,24 @@ from isomatch.descriptors import (
     mean_curvature,
     standardised,
 )
-from isomatch.errors import SettingError
-from isomatch.geodesics import distance_along_edges_to_nearest
+from isomatch.errors import FormatError, InputError, SettingError
+from isomatch.geodesics import Sampling, distance_along_edges_to_nearest
 from isomatch.loading.first_use import Shown, view_room
 from isomatch.mending import check, handles, seems_inside_out
-from isomatch.resolution import Prolongation
+from isomatch.resolution import Decimated, Prolongation
 from isomatch.settings import Config
-from isomatch.shapes.body import Body
-from isomatch.shapes.levels import Level
-from isomatch.shapes.orientation import orientation_of
-from isomatch.shapes.prepared_file import read_prepared, write_prepared
-from isomatch.shapes.smooth_shape import SmoothShape
+from isomatch.shapes.body import Body, Detail, Level
+from isomatch.shapes.smooth_shape import SmoothShape, orientation_of
 from isomatch.shapes.symmetries import Symmetry, find_symmetries
-from isomatch.values.arrays import Float32Array, FloatArray, IntArray
+from isomatch.storage.array_file import Archive, ArrayFormat, Stored, save_arrays
+from isomatch.surfaces import Graph, Mesh, PointCloud
+from isomatch.values.arrays import AnyArray, Float32Array, FloatArray, IntArray
 from isomatch.values.cached import cached_property
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# vertices whose balls are computed, of 5000; the others get means of near ones
-N_BALLS = 500
+N_BALLS = 500  # vertices whose balls are computed, of 5000; the others get means of near ones
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -160,26 +161,10 @@ class PreparedShape(SmoothShape, Shown):
         width: int = 1000,
         view: tuple[float, float] | None = None,
     ) -> Figure:
-        """Draw the user's shape, coloured by values at its vertices; see `isomatch.view.plot_surface`.
+        """Draw the user's shape, coloured by values at its vertices, with the keywords of `isomatch.view.plot_surface`.
 
-        Parameters
-        ----------
-        values : (n,) or (n, 3) array_like of float, optional
-            As for `isomatch.view.plot_surface`; by default the average distance of each vertex to all of the body, in
-            √area of the body, from the distance basis. Vertices that were left out are grey.
-        label, colour_map, title, width, view
-            As there.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-
-        Raises
-        ------
-        DescriptorError, SettingError
-            If the values do not fit, or there is no such colour map.
-        TypeError
-            If the shape is a graph, which has no positions.
+        By default the values are the average distance of each vertex to all of the body, in √area of the body, from the
+        distance basis; vertices that were left out are grey. `TypeError` if the shape is a graph, which has no positions.
         """
         if values is None:
             values, label = self.lift(self.average_distance), label or "average distance / √area"
@@ -281,6 +266,8 @@ class PreparedShape(SmoothShape, Shown):
     @cached_property
     def points(self) -> SignedPoints:
         """Geodesic distance descriptors of the body, in units of the intrinsic scale, as a signed point cloud."""
+        # Rows p(x) with d(x, y) = Σ_c s_c p_c(x) p_c(y), s_c = ±1. Over √(average distance), products are distances over
+        # the average: no unit, and no size of the body, is left.
         descriptor = geodesic_distance_descriptor(self.distances)
         signs = descriptor.signature
         if not self.config.preparation.block_diagonal:
@@ -307,6 +294,7 @@ class PreparedShape(SmoothShape, Shown):
             return None
         found = ball_signature(self.triangles, unit=1.0, samples=self.sample_vertices[:N_BALLS], weld=False)
         if self.origin is not None and (self.origin < 0).any():
+            # a ball that reaches a cap holds what is not there
             to_caps, _ = distance_along_edges_to_nearest(self.triangles, np.flatnonzero(self.origin < 0))
             found = replace(found, to_boundary=np.minimum(found.to_boundary, to_caps))
         return found
@@ -324,3 +312,135 @@ class PreparedShape(SmoothShape, Shown):
             lambda image_row: orientation_of(self, basis, self, vertices[image_row], k),
             settings,
         )
+
+
+FORMAT = ArrayFormat(
+    what="a prepared shape",
+    writer="PreparedShape.save",
+    version=3,  # raise it whenever shapes are prepared in another way: earlier files are not read
+    arrays={"about": Stored("text"), "digest": Stored("text")},
+)
+_ARRAY = re.compile(r"array_[0-9]{1,9}")
+_STORED = (
+    Body,
+    Decimated,
+    Detail,
+    DistanceBasis,
+    LaplaceBasis,
+    Level,
+    Mesh,
+    PointCloud,
+    Sampling,
+    Prolongation,
+)
+KINDS: dict[str, Any] = {kind.__name__: kind for kind in _STORED}
+KINDS["Graph"] = lambda **parts: Graph(*parts.values())  # whose fields and parameters have different names
+
+# fields of vertices: the least, and how many there are
+NUMBERED: dict[str, tuple[int, Callable[[Any], int]]] = {
+    "body_vertex": (-1, lambda part: len(part.user_vertex)),
+    "user_vertex": (0, lambda part: len(part.body_vertex)),
+    "sample_vertices": (0, lambda part: part.body.n_vertices),
+    "column_vertices": (0, lambda part: part.body.n_vertices),
+    "extremities": (0, lambda part: part.body.n_vertices),
+    "owner": (0, lambda part: part.mesh.n_vertices),
+}
+
+
+def write_prepared(path: Path, shape: Any) -> None:
+    """Write a prepared shape. What occurs several times in it is written once."""
+    arrays: list[AnyArray] = []
+    numbers: dict[int, int] = {}  # of objects by identity, in the order in which they are complete
+
+    def plain(value: Any) -> Any:
+        if value is None or isinstance(value, str | int | float):
+            return value
+        if isinstance(value, np.generic):
+            return value.item()
+        if isinstance(value, tuple):
+            return ["tuple", *map(plain, value)]
+        if isinstance(value, dict | Config):
+            values = value if isinstance(value, dict) else value.to_dict()
+            return {"values": values, "is": type(value).__name__}
+        if id(value) in numbers:
+            return {"again": numbers[id(value)]}
+        if isinstance(value, np.ndarray):
+            arrays.append(value)
+            found: dict[str, Any] = {"array": len(arrays) - 1}
+        else:
+            parts = {each.name: plain(getattr(value, each.name)) for each in fields(value)}
+            found = {"parts": parts, "is": type(value).__name__}
+        numbers[id(value)] = len(numbers)
+        return found
+
+    about = json.dumps(plain(shape))
+    named = {f"array_{i}": array for i, array in enumerate(arrays)}
+    save_arrays(path, FORMAT.version, {"about": about, "digest": _digest(about, arrays), **named})
+
+
+def read_prepared(path: Path, kind: type[Any]) -> Any:
+    """Read a shape of the class of prepared shapes; `FormatError` if it is not as it was written."""
+
+    def refuse(problem: str) -> NoReturn:
+        raise FormatError(f"{path}: not {FORMAT.what} ({problem}); prepare the shape and save it again")
+
+    head = FORMAT.read(path)
+    with Archive.opened(path, refuse) as stored:
+        if "format_version" not in stored or int(stored.read("format_version")) != FORMAT.version:
+            refuse("shapes were prepared in another way then")
+        names = sorted(
+            (name for name in stored.names if _ARRAY.fullmatch(name)), key=lambda name: int(name[6:])
+        )
+        arrays = list(stored.read_all(names).values())
+    if head["digest"] != _digest(head["about"], arrays):
+        refuse("it was changed after it was written")
+    kinds = {**KINDS, kind.__name__: kind}
+    made: list[Any] = []
+
+    def built(plain: Any) -> Any:
+        if isinstance(plain, list):
+            return tuple(map(built, plain[1:]))
+        if not isinstance(plain, dict):
+            return plain
+        if "again" in plain:
+            return made[plain["again"]]
+        if "values" in plain:
+            return Config.from_dict(plain["values"]) if plain["is"] == "Config" else plain["values"]
+        if "array" in plain:
+            found = arrays[plain["array"]]
+        else:
+            found = kinds[plain["is"]](**{name: built(part) for name, part in plain["parts"].items()})
+            _require_vertices(found)
+        made.append(found)
+        return found
+
+    try:
+        shape = built(json.loads(head["about"]))
+        if not isinstance(shape, kind):
+            raise ValueError("it holds something else")
+        for surface, numbers in ((shape.surface, shape.body_vertex), (shape.body, shape.user_vertex)):
+            if len(numbers) != surface.n_vertices:
+                raise ValueError(f"{len(numbers)} numbers of vertices for {surface.n_vertices} vertices")
+    except (InputError, AttributeError, KeyError, IndexError, TypeError, ValueError, RecursionError) as error:
+        refuse(str(error))
+    return shape
+
+
+def _require_vertices(part: Any) -> None:
+    """Raise `ValueError` if fields of a part that hold numbers of vertices hold others."""
+    for name, (least, count) in NUMBERED.items():
+        numbers = getattr(part, name, None)
+        if numbers is None:
+            continue
+        if numbers.ndim != 1 or numbers.dtype.kind != "i":
+            raise ValueError(f"{name} are not numbers of vertices")
+        if len(numbers) and not least <= numbers.min() <= numbers.max() < count(part):
+            raise ValueError(f"{name} {numbers.min()}…{numbers.max()} are outside {least}…{count(part) - 1}")
+
+
+def _digest(about: str, arrays: list[AnyArray]) -> str:
+    found = blake2b(about.encode(), digest_size=16)
+    for array in arrays:
+        found.update(f"{array.dtype.str} {array.shape}".encode())
+        found.update(np.ascontiguousarray(array).data)
+    return found.hexdigest()

@@ -21,88 +21,50 @@ from isomatch.correspondence import (
 from isomatch.settings import SymmetrySettings
 from isomatch.values.arrays import FloatArray, IntArray
 
-# samples, far from each other, that determine a map;
-# three points determine an isometry of a surface, two more its errors
-N_ANCHORS = 5
-
-BEAM = 60  # partial assignments that are kept; docs/lab/benchmarks.md, symmetry
-
-GENERATORS = 6  # symmetries whose products are tried, too; chosen, not measured
-
-# mean cosine between normals, of either sign, from which a map is a symmetry; docs/lab/benchmarks.md, symmetry
-LEAST_ORIENTATION = 0.7
-
+# those without another source: docs/lab/benchmarks.md, symmetry
 N_SAMPLES = 200  # samples among which symmetries are searched; chosen: spacing 0.08, less than SAME_SYMMETRY
-
-STEPS = 12  # iterations of closest points from each assignment; docs/lab/benchmarks.md, symmetry
-
-# mean distance, in √area, from which a map is not the identity; selection.rival_distance: less is a variant
-LEAST_MOVED = 0.15
-
-SAME_SYMMETRY = 0.1  # mean distance, in √area, from which two maps differ; the spacing of the samples
-
-# residual, over the largest of a symmetry, up to which a map serves in products; chosen, not measured
-NEAR = 1.5
-
-# the same, up to which its orientation need not be clear, as of one-sided surfaces; chosen, not measured
-EXACT = 0.75
-
+N_ANCHORS = 5  # samples far from each other: three determine an isometry of a surface, two more its errors
+BEAM = 60  # partial assignments that are kept
+STEPS = 12  # iterations of closest points from each assignment
+GENERATORS = 6  # symmetries whose products are tried, too; chosen, not measured
+LEAST_ORIENTATION = 0.7  # mean cosine between normals, of either sign, from which a map is a symmetry
+LEAST_MOVED = 0.15  # √area: less is a variant of the identity; selection.rival_distance
+SAME_SYMMETRY = 0.1  # √area: mean distance from which two maps differ; the spacing of the samples
+NEAR = 1.5  # residual, over the largest of a symmetry, up to which a map serves in products; chosen, not measured
+EXACT = 0.75  # the same, up to which its orientation need not be clear, as of one-sided surfaces; chosen, not measured
 EXACTLY = IntervalCost(tolerance=0.0, inside=0.0)
 
 
 @dataclass(frozen=True, eq=False)
 class Symmetry:
-    """A map of a shape onto itself that nearly keeps distances.
+    """A map of a shape onto itself that nearly keeps distances."""
 
-    Parameters
-    ----------
-    image_row : (r,) array of int
-        Sample that each sample goes to.
-    residual : float
-        Misfit of the distance descriptors, in units of √(average distance): about 0.1 for an exact symmetry, from the
-        spacing of the samples.
-    orientation : float
-        Near 1 for a rotation, near −1 for a mirror image; 0 where the shape has no triangles.
-    moved : float
-        Mean distance between a sample and its image, in √area.
-    """
-
-    image_row: IntArray
-    residual: float
-    orientation: float
-    moved: float
+    image_row: IntArray  # (r,) sample that each sample goes to
+    residual: float  # of the distance descriptors, in √(average distance): 0.1 if exact, from the spacing of the samples
+    orientation: (
+        float  # near 1 for a rotation, near −1 for a mirror image; 0 where the shape has no triangles
+    )
+    moved: float  # mean distance between a sample and its image, in √area
 
 
 def find_symmetries(
-    points: SignedPoints,
-    distances: FloatArray,
-    orientation: Callable[[IntArray], float],
+    points: SignedPoints,  # descriptors of r samples, evenly spread, as is every prefix of them
+    distances: FloatArray,  # (r, r) geodesic distances between them, in √area
+    orientation: Callable[[IntArray], float],  # of a map of the samples (r,)
     settings: SymmetrySettings,
 ) -> tuple[Symmetry, ...]:
-    """Find maps of a shape onto itself.
-
-    Parameters
-    ----------
-    points : SignedPoints
-        Descriptors of r samples, evenly spread, as is every prefix of them.
-    distances : (r, r) array of float
-        Geodesic distances between them, in √area.
-    orientation : callable
-        Orientation of a map of the samples (r,).
-    settings : SymmetrySettings
-
-    Returns
-    -------
-    tuple of Symmetry
-        Best residual first. Of a continuous group, or one of many elements, some.
-
-    Notes
-    -----
-    Points far from each other are assigned to other samples so that all distances agree, point by point, with the best
-    partial assignments kept that differ. Each assignment is a first alignment of the descriptors with themselves, for
-    iterative closest points. O(beam · samples · log) for the assignments and O(starts · samples² · rank) for the rest.
-    """
+    """Find maps of a shape onto itself, best residual first; of a continuous group, or one of many elements, some."""
+    # A symmetry σ keeps all distances, d(σ x, σ y) = d(x, y). Three points determine it, so that few anchors a_i, far
+    # from each other, are assigned to samples b_i of least
+    #     Σ_{i<j} |d(b_i, b_j) − d(a_i, a_j)|, each bounded and over the distance, see `IntervalCost`,
+    # by a beam of partial assignments that differ. The image of any other sample is then the one at the same distances
+    # from the b_i as it is from the a_i. In the distance basis D = P S Pᵀ, S = diag(±1), rows p(x) of P are the
+    # descriptors, and d(x, y) = p(x) S p(y)ᵀ; if σ keeps d, then p(σ x) = p(x) R with R S Rᵀ = S (Shamai & Kimmel,
+    # Geodesic distance descriptors, CVPR 2017). So each first map is improved by iterative closest points of the
+    # descriptors with themselves. The identity is such a map, too, and is left out by how far maps move things. O(beam ·
+    # samples · log) for the assignments, O(starts · samples² · rank) for the rest.
     n = min(N_SAMPLES, len(distances))
+    # the residual of the true σ comes from images being the nearest of r samples, whose spacing is √(area / r)
     largest = settings.largest_residual / np.sqrt(len(distances))
     few, between = points.at(np.arange(n)), distances[:n, :n]
     anchors = farthest_rows(between, N_ANCHORS)
@@ -128,13 +90,16 @@ def find_symmetries(
         if residual > NEAR * largest:
             return
         side = orientation(image_row)
+        # σ either preserves the orientation everywhere or reverses it; a map that does both is none, though distances of
+        # a limb that is turned in its place hardly tell
         if side == 0 or abs(side) >= LEAST_ORIENTATION or residual <= EXACT * largest:
             found.append((Symmetry(image_row, residual, side, float(moved)), rotation))
 
     for alignment in sorted(alignments, key=lambda each: each.residual):
         add(alignment.rotation)
+    # Symmetries are a group: σ τ is one, which the beam may have missed. Two mirror images make a rotation.
     generators = [rotation for _, rotation in found[:GENERATORS]]
-    for first, second in product(generators, repeat=2):  # two mirror images make a rotation
+    for first, second in product(generators, repeat=2):
         add(second @ first)
     symmetries = [symmetry for symmetry, _ in found if symmetry.residual <= largest]
     return tuple(sorted(symmetries, key=lambda each: each.residual))

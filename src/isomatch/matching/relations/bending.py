@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from isomatch.correspondence import (
+    Embedding,
     PrecisePoints,
     RigidRegistration,
     SurfaceIndex,
@@ -14,51 +15,32 @@ from isomatch.correspondence import (
     with_normals,
 )
 from isomatch.resolution import Prolongation, decimate
+from isomatch.shapes import PreparedShape
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import FloatArray, IntArray
 from isomatch.values.cached import cached_property
 
 SHORTEST = 1e-9  # edge, in √area, so that logarithms are finite
 
-Held = tuple[IntArray, FloatArray]
-"""Vertices (l,) that are held, and positions (l, 3) to which they are drawn."""
+HardLandmarks = tuple[IntArray, FloatArray]
+"""Vertices (l,) of the shape that is bent, and positions (l, 3) to which they are drawn."""
 
 
 @dataclass(frozen=True, eq=False)
 class Surroundings:
-    """The surface that another one is bent onto.
+    """The surface that another one is bent onto."""
 
-    Parameters
-    ----------
-    mesh : Mesh
-        In √area of its own.
-    index : SurfaceIndex
-        Of the mesh.
-    unit : float
-        How many times as large the shape is that is bent onto it, in the same unit.
-    """
-
-    mesh: Mesh
+    mesh: Mesh  # in √area of its own
     index: SurfaceIndex
-    unit: float = 1.0
+    unit: float = 1.0  # how many times as large the shape is that is bent onto it, in the same unit
 
 
 @dataclass(frozen=True, eq=False)
 class Bent:
-    """A shape bent until it lies on a surface.
+    """A shape bent until it lies on a surface."""
 
-    Parameters
-    ----------
-    flat : Mesh
-        The shape, in √area of its own, perhaps at a lower resolution.
-    mesh : Mesh
-        The same bent, in √area of the surface.
-    onto : Surroundings
-        The surface.
-    """
-
-    flat: Mesh
-    mesh: Mesh
+    rest: Mesh  # the shape as it was, in √area of its own, perhaps at a lower resolution
+    mesh: Mesh  # the same bent, in √area of the surface
     onto: Surroundings
 
     @cached_property
@@ -73,10 +55,16 @@ class Bent:
         images: IntArray = self.points.corners[np.arange(len(nearest)), nearest]
         return images
 
+    # How badly the shape can be bent by a map is told by two measures, over edges e and vertices i:
+    #     s = mean_e |log(|e| bent / |e| at rest)|     stretch: of a right map between poses, only that of the joints
+    #     g = mean_i |y_i − p_i|                       gap: how far the bent shape stays away from the surface
+    # A map that exchanges limbs asks for a large s; where the shape resists, g becomes large instead. The product is in
+    # one unit for all maps of a pair, and needs no weight between the two: of the scores compared on elastic maps
+    # (docs/lab/design_notes.md, the choice), it tells wrong maps from right ones by the largest ratio.
     @property
     def stretch(self) -> float:
         """Mean |log| of the stretch of the edges."""
-        after, before = (np.maximum(mesh.edge_lengths, SHORTEST) for mesh in (self.mesh, self.flat))
+        after, before = (np.maximum(mesh.edge_lengths, SHORTEST) for mesh in (self.mesh, self.rest))
         return float(np.abs(np.log(after / (self.onto.unit * before))).mean())
 
     @cached_property
@@ -87,17 +75,19 @@ class Bent:
 
 
 class Bending:
-    """Bends a shape onto surfaces: at a lower resolution, and from there in full.
+    """Bends a shape onto surfaces: at a lower resolution, and from there in full."""
 
-    Parameters
-    ----------
-    shape : Mesh
-        In √area of its own.
-    n_vertices : int
-        Vertices of the lower resolution.
-    """
-
-    def __init__(self, shape: Mesh, n_vertices: int) -> None:
+    # A shape at rest x_i, with areas a_i, that a map puts near the points p_i of a surface, goes to the y_i of least
+    #     Σ_i a_i |y_i − p_i|² + ½ ℓ² Σ_i Σ_j w_ij |(y_i − y_j) − c_i R_i (x_i − x_j)|²,
+    # where R_i are rotations, one for each vertex, and c_i = 1, or any scale in [1/c, c] if pieces may grow (as similar
+    # as possible instead of as rigid as possible). The second sum is that of Sorkine & Alexa (As-rigid-as-possible
+    # surface modeling, SGP 2007). For given rotations let L x̂ be what they ask for; then ∇ = 0 reads
+    #     (1 + ℓ² Δ) (y − x̂) = p − x̂:
+    # the shape leaves its own form x̂ for p only as far as p − x̂ is smooth on the scale ℓ, and forgets what the map has
+    # wrong on smaller ones. So the lengths decrease from a third of √area, with which limbs move as wholes, to a
+    # twentieth, and between two of them p_i moves to the nearest point of the surface, in space and normals. A hard
+    # landmark has the weight π ℓ², that of a disc of radius ℓ, in place of a_i: it moves the piece that it is on.
+    def __init__(self, shape: Mesh, n_vertices: int) -> None:  # the shape in √area of its own
         self._coarse = Prolongation(shape, decimate(shape, n_vertices))
         self._coarsely = RigidRegistration(self._coarse.coarse.mesh, keeps=True)
         self._in_full = RigidRegistration(shape)
@@ -110,34 +100,22 @@ class Bending:
     def coarsely(
         self,
         onto: Surroundings,
-        start: FloatArray,
-        lengths: tuple[float, ...],
-        held: Held,
-        most_scaled: float = 1.0,
+        start: FloatArray,  # (n_coarse, 3), where a map puts the vertices
+        lengths: tuple[float, ...],  # ℓ, in √area of the surface
+        landmarks: HardLandmarks,
+        most_scaled: float = 1.0,  # c
     ) -> Bent:
-        """Bend the shape at the lower resolution.
+        """Bend the shape at the lower resolution."""
+        vertices, points = landmarks
+        landmarks = self._coarse.coarse.owner[vertices], points
+        return _bent(self._coarsely, onto, start, lengths, landmarks, most_scaled)
 
-        Parameters
-        ----------
-        onto : Surroundings
-        start : (n_coarse, 3) array of float
-            Where a map puts its vertices on the surface.
-        lengths : tuple of float
-            See `register_as_rigid_as_possible`; in √area of the surface.
-        held : (l,) array of int and (l, 3) array of float
-            Vertices of the shape in full, and where they are drawn to.
-        most_scaled : float
-            See `RigidRegistration`.
-        """
-        vertices, points = held
-        return self._bent(
-            self._coarsely, onto, start, lengths, (self._coarse.coarse.owner[vertices], points), most_scaled
-        )
-
-    def in_full(self, bent: Bent, lengths: tuple[float, ...], held: Held, most_scaled: float = 1.0) -> Bent:
+    def in_full(
+        self, bent: Bent, lengths: tuple[float, ...], landmarks: HardLandmarks, most_scaled: float = 1.0
+    ) -> Bent:
         """Bend the shape in full, from where it lies at the lower resolution."""
         start = self._coarse.on_coarse.interpolated(bent.mesh.vertices)
-        return self._bent(self._in_full, bent.onto, start, lengths, held, most_scaled)
+        return _bent(self._in_full, bent.onto, start, lengths, landmarks, most_scaled)
 
     def images(self, bent: Bent, vertices: IntArray) -> IntArray:
         """Vertices of the surface nearest to some vertices (r,) of the shape that is bent at the lower resolution."""
@@ -151,16 +129,64 @@ class Bending:
         spread: FloatArray = self._coarse.on_coarse.interpolated(values[:, None])[:, 0]
         return spread
 
-    def _bent(
+
+def _bent(
+    registration: RigidRegistration,
+    onto: Surroundings,
+    start: FloatArray,
+    lengths: tuple[float, ...],
+    landmarks: HardLandmarks,
+    most_scaled: float,
+) -> Bent:
+    moved = registration(
+        onto.mesh, onto.index, start, lengths, onto.unit, held=landmarks, most_scaled=most_scaled
+    )
+    return Bent(registration.source, registration.source.moved(moved), onto)
+
+
+class ElasticBending(Bending):
+    """Bends one shape of a pair onto the other one."""
+
+    # back: whether it is the target that is bent onto the source; landmarks (l, 2): vertices of source and target
+    def __init__(
+        self, shape: PreparedShape, onto: PreparedShape, n_vertices: int, back: bool, landmarks: IntArray
+    ) -> None:
+        super().__init__(_of_area_1(shape), n_vertices)
+        self._onto = Surroundings(_of_area_1(onto), onto.index)
+        self._back, self._landmarks = back, landmarks
+        self._all_vertices = np.arange(shape.body.n_vertices)
+
+    def laid(
         self,
-        registration: RigidRegistration,
-        onto: Surroundings,
-        start: FloatArray,
+        coordinates: Embedding,
         lengths: tuple[float, ...],
-        held: Held,
-        most_scaled: float,
+        known: IntArray | None = None,
+        most_scaled: float = 1.0,
     ) -> Bent:
-        moved = registration(
-            onto.mesh, onto.index, start, lengths, onto.unit, held=held, most_scaled=most_scaled
-        )
-        return Bent(registration.source, registration.source.moved(moved), onto)
+        """Bend the shape coarsely, from nearest images in coordinates; ``known`` pairs (q, 2) hold as landmarks do."""
+        here, there = coordinates[::-1] if self._back else coordinates
+        start = self._onto.mesh.vertices[self._onto.index.vertices(there, here[self.vertices])]
+        pairs = self._landmarks if known is None else np.concatenate([self._landmarks, known])
+        return self.coarsely(self._onto, start, lengths, self._hard(pairs), most_scaled)
+
+    def further(self, bent: Bent, lengths: tuple[float, ...]) -> Bent:
+        """Bend the shape at the lower resolution, from where it lies."""
+        return self.coarsely(self._onto, bent.mesh.vertices, lengths, self._hard(self._landmarks))
+
+    def laid_in_full(self, bent: Bent, lengths: tuple[float, ...], most_scaled: float) -> Bent:
+        """Bend the shape in full, from where it lies at the lower resolution."""
+        return self.in_full(bent, lengths, self._hard(self._landmarks), most_scaled)
+
+    def pairs(self, bent: Bent) -> IntArray:
+        """All vertices of the bent shape and their images: (n, 2) vertices of source and target."""
+        both = np.column_stack([self._all_vertices, self.images(bent, self._all_vertices)])
+        return both[:, ::-1] if self._back else both
+
+    def _hard(self, pairs: IntArray) -> HardLandmarks:
+        own, other = (pairs[:, ::-1] if self._back else pairs).T
+        return own, self._onto.mesh.vertices[other]
+
+
+def _of_area_1(shape: PreparedShape) -> Mesh:
+    mesh = shape.mesh_body
+    return mesh.moved(mesh.vertices / np.sqrt(mesh.area))

@@ -4,39 +4,46 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import cast
 
 import numpy as np
 
-from isomatch.correspondence import Embedding, PrecisePoints
+from isomatch.correspondence import UNMATCHED, Boundary, Embedding, PrecisePoints
 from isomatch.errors import MeshError, NotConvergedError
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching.fit import Fit
-from isomatch.matching.quality import contradicted_landmarks, distances_to_hints, mean_known, mismatch_of
-from isomatch.matching.relations.both_regions import (
-    AROUND,
-    N_BENT_IN_FULL,
-    RefinedRegion,
-    overlaps,
-    refined_region,
-)
-from isomatch.matching.relations.both_seeds import CommonRegion, CommonRegions
-from isomatch.matching.relations.both_side import two_sides
-from isomatch.matching.relations.part import Part, expected_errors_of_part, quality_of_part
-from isomatch.matching.relations.part_fits import PartFit
+from isomatch.matching.hints import Hints
+from isomatch.matching.pair import ShapePair
+from isomatch.matching.quality import mismatch_of
+from isomatch.matching.relations.both_seeds import NEXT_ANCHORS, CommonRegion, CommonRegions, two_sides
+from isomatch.matching.relations.part import Part, contradiction, expected_errors_of_part, measured_part
+from isomatch.matching.relations.part_pair import NO_LANDMARKS
+from isomatch.matching.relations.part_registration import N_ROUGH_VERTICES, BentPart, PartFit
 from isomatch.matching.search import FromAnchors, starts_of
-from isomatch.matching.stages import Relation, first_maps_of
+from isomatch.matching.stages import Relation, Stages, first_maps_of
 from isomatch.matching.starts import nearest_in_pose
-from isomatch.matching.verification import CommonDoubt, Evidence, Solution, part_contradicts
+from isomatch.matching.verification import CommonDoubt, Solution
 from isomatch.runtime.stage_timer import StageTimer
 from isomatch.runtime.threads import parallel_map
-from isomatch.values.arrays import IntArray
+from isomatch.settings import Config
+from isomatch.shapes import PreparedShape, region_of
+from isomatch.surfaces import linked
+from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 from isomatch.values.cached import cached_property
 
 # best refined regions that are grown again, cost of a sample up to which it joins, and whether it is refined roughly
 ROUNDS = (4, 0.05, True), (2, 0.045, False)
 APART = 0.12  # mean distance of images, in √area of the target, from which two maps differ
+AROUND = 0.05  # by which a region reaches beyond its samples when it is refined
+HELD = 0.1  # distance from where it is known to go, in √area of the target, up to which a landmark is held
+TOO_UNLIKE = 0.6  # mismatch from which a sample and its surroundings do not lead others
+OFF, RIM = (
+    0.04,
+    0.02,
+)  # distances from the target, and from its boundary, up to which bent vertices are in common
+ROUGH_FUNCTIONS = 100  # of a rough refinement, which ranks regions as one in full
+N_BENT_IN_FULL = 3  # last lengths with which the best region is bent in full
 
 
 class BothParts(Relation):
@@ -50,13 +57,7 @@ class BothParts(Relation):
     """
 
     def match(self) -> list[RefinedRegion]:
-        """Search and refine regions in common: those refined to the end, the best first, then those on the way.
-
-        Raises
-        ------
-        NotConvergedError
-            If none was found.
-        """
+        """Search and refine regions in common: those refined to the end, the best first, then those on the way."""
         regions = self._refined(self._first_regions(), roughly=True)
         if not regions:
             raise NotConvergedError(
@@ -126,7 +127,7 @@ class BothParts(Relation):
     def _summed_up(self, best: RefinedRegion, rival: RefinedRegion | None, timer: StageTimer) -> Solution:
         """Bend the region in full, and sum up the map."""
         pair, hints, fit = self.pair, self.hints, best.fit
-        bent = fit.bending.in_full(fit.bent, pair.config.parts.bending[-N_BENT_IN_FULL:])
+        bent = fit.bending.laid_in_full(fit.bent, pair.config.parts.bending[-N_BENT_IN_FULL:])
         n = pair.source.body.n_vertices
         points, matched = PrecisePoints.at_vertices(np.zeros(n, dtype=np.int64)), np.zeros(n, dtype=bool)
         points.corners[best.vertices], points.barycentric[best.vertices] = bent.points
@@ -136,41 +137,21 @@ class BothParts(Relation):
         timer.start("quality")
         mismatch = mismatch_of(pair.source.balls, pair.target.balls, points.corners[:, 0], matched)
         side, other = self._regions.source, self._regions.target
-        quality = quality_of_part(pair, hints, fit, side.unit / other.unit, points, matched)
+        unit, reason = side.unit / other.unit, "largest region in common that looks alike"
+        measured = measured_part(self, fit, bent, unit, points, matched, mismatch, reason)
+        rivalry = best.score / rival.score if rival and rival.score else np.inf
+        measured = replace(measured, quality=replace(measured.quality, rival=rivalry))
         led = 0 < len(side.landmarks) == best.held
         doubt = CommonDoubt(best.worth, led, pair.config.parts)
-        quality = replace(
-            quality,
-            rival=best.score / rival.score if rival and rival.score else np.inf,
-            bend_misfit=bent.misfit,
-            mismatch=mean_known(mismatch, pair.source.body.vertex_areas),
-        )
-        found = pair.source.correspondence(pair.target, points, matched)
-        landmark_errors = distances_to_hints(pair, points.corners[:, 0], hints.landmarks)
-        contradicted = part_contradicts(
-            landmark_errors, quality.initial_map_error, pair.config.outcome.contradiction
-        )
         areas = pair.source.body.vertex_areas
         share = areas[matched].sum() / areas.sum()
         notes = (
-            *pair.notes,
-            *hints.notes,
-            f"both shapes were matched as parts of one body: {share:.0%} of the source and {quality.coverage:.0%} of the "
-            "target are in common",
+            f"both shapes were matched as parts of one body: {share:.0%} of the source and "
+            f"{measured.quality.coverage:.0%} of the target are in common",
             *doubt.notes(len(hints.landmarks) > 0),
-            *contradicted_landmarks(pair, points, hints),
         )
-        return Solution(
-            pair,
-            found,
-            quality,
-            (doubt.evidence, Evidence(contradicted=contradicted)),
-            np.where(found.matched, pair.source.lift_smooth(errors), np.nan),
-            notes=notes,
-            mismatch=None if mismatch is None else pair.source.lift(mismatch),
-            origin=self.origin_of(fit),
-            reason="largest region in common that looks alike",
-        )
+        evidence = doubt.evidence, contradiction(self, measured)
+        return measured.solution(pair, hints, errors, evidence, notes)
 
     def _part(self, fit: Fit) -> Part:
         """Return the relation of a region and the target, by a map of the region."""
@@ -193,3 +174,157 @@ class BothParts(Relation):
 def _ranked(regions: list[RefinedRegion]) -> list[RefinedRegion]:
     """Put those first that hold most landmarks, and of these those of the highest score."""
     return sorted(regions, key=lambda region: (-region.held, -region.score))
+
+
+@dataclass(frozen=True, eq=False)
+class RefinedRegion:
+    """A region of the source refined as a part of the target."""
+
+    regions: CommonRegions
+    vertices: IntArray  # (m,) vertices of the source's body that the region consists of
+    fit: PartFit
+
+    @cached_property
+    def image(self) -> IntArray:
+        """(n_source,) vertex of the target for each vertex of the source; −1 outside the region."""
+        image = np.full(self.regions.source.shape.body.n_vertices, UNMATCHED)
+        inside = np.arange(len(self.vertices))
+        image[self.vertices] = self.fit.bending.images(self.fit.bent, inside)
+        return image
+
+    @cached_property
+    def matched(self) -> BoolArray:
+        """(n_source,) which of its vertices lie near the target, bent at the lower resolution."""
+        # beyond the boundary of the target a region keeps its lengths when it is bent, and so lies off it
+        near = self.fit.bending.spread(overlaps(self.fit.bent).astype(np.float64)) > 0.5
+        matched = np.zeros(len(self.image), dtype=bool)
+        matched[self.vertices] = near
+        return matched
+
+    @cached_property
+    def rows(self) -> IntArray:
+        """(q,) samples of the source that are matched."""
+        return np.flatnonzero(self.matched[self.regions.source.vertices])
+
+    @cached_property
+    def mismatches(self) -> FloatArray:
+        """(q,) descriptor distance around them, see `CommonRegions.mismatches`."""
+        return self.regions.mismatches(self.rows, self._images)
+
+    @property
+    def _images(self) -> IntArray:
+        return self.image[self.regions.source.vertices[self.rows]]
+
+    @cached_property
+    def worth(self) -> float:
+        """What the region is worth, see `CommonRegions.worth`."""
+        return self.regions.worth(self.rows, self._images)
+
+    @cached_property
+    def held(self) -> int:
+        """Number of landmarks that the map sends near to where they are known to go."""
+        source, target = self.regions.source, self.regions.target
+        image = self.image[source.landmarks]
+        return int((target.shape.distance(image, target.landmarks)[image != UNMATCHED] < HELD).sum())
+
+    @property
+    def score(self) -> float:
+        """How good the map is among others: its worth × orientation; 0 if it is worth nothing or mirrored."""
+        # Not a cost, but a reward, the more the better: Σ area that looks more alike than at random − area that should
+        # have an image and has none (`CommonRegions.worth`). Costs of single points would rank a tiny region that fits
+        # exactly first, as nothing is asked of what it leaves out. The orientation is 1 − 2t if a share t of the region
+        # is turned inside out. A power of the spectral residual beside these chose no better, docs/lab/design_notes.md.
+        return max(self.worth, 0.0) * max(self.fit.orientation, 0.0)
+
+    def grown_again(self, most: float) -> CommonRegion:
+        """Extend the region from where its samples lie, to those that cost at most so much."""
+        # samples that look unlike their images lead no others, but join again where others lead there
+        source, target = self.regions.source, self.regions.target
+        at_samples = np.full(len(source.vertices), UNMATCHED)
+        known = self.rows[self.mismatches < TOO_UNLIKE]
+        at_samples[known] = self.image[source.vertices[known]]
+        at_samples[: len(source.landmarks)] = target.landmarks
+        rows = np.flatnonzero(at_samples != UNMATCHED)[:NEXT_ANCHORS]
+        columns = target.nearest_sample[at_samples[rows]]
+        placed, accepted = self.regions.placed(rows, columns, len(source.vertices), most)
+        images = np.where(at_samples != UNMATCHED, at_samples, target.vertices[placed])
+        return replace(self.regions.region(images, accepted), origin=self.fit.origin)
+
+
+def overlaps(bent: BentPart) -> BoolArray:
+    """Which vertices of a bent part lie on the target, where that is not just its boundary."""
+    onto, points = bent.onto.mesh, bent.points
+    gap = np.linalg.norm(points.interpolated(onto.vertices) - bent.mesh.vertices, axis=1)
+    near: BoolArray = gap <= np.where(Boundary(onto).holds(points), RIM, OFF)
+    return near
+
+
+def rough(config: Config) -> Config:
+    """Change settings so that a refinement takes less time, for regions that may be wrong."""
+    refining = config.refining
+
+    def few(sizes: tuple[int, ...]) -> tuple[int, ...]:
+        return tuple(k for k in sizes if k <= ROUGH_FUNCTIONS)
+
+    without, with_positions = few(refining.sizes_without_positions), few(refining.sizes_with_positions)
+    if without or with_positions or few(refining.final_sizes):
+        refining = replace(
+            refining,
+            sizes_without_positions=without,
+            sizes_of_parts=few(refining.sizes_of_parts),
+            sizes_with_positions=with_positions,
+            final_sizes=few(refining.final_sizes),
+        )
+    bending, n_bent = config.parts.bending[::2], min(config.parts.n_bent_vertices, 600)
+    return replace(
+        config,
+        n_columns=min(config.n_columns, 40),
+        rank=min(config.rank, 20),
+        n_functions=min(config.n_functions, ROUGH_FUNCTIONS),
+        n_refine=min(config.n_refine, 500),
+        refining=refining,
+        parts=replace(config.parts, bending=bending, n_bent_vertices=n_bent),
+    )
+
+
+def refined_region(
+    regions: CommonRegions,
+    region: CommonRegion,
+    pair: ShapePair,
+    hints: Hints,
+    stages: Stages,
+    roughly: bool = False,
+) -> RefinedRegion:
+    """Refine the samples of a region, and what lies around them, as a part of the target."""
+    source, target = regions.source, regions.target
+    n = source.shape.body.n_vertices
+    gap, owner = distance_along_edges_to_nearest(source.shape.body, source.vertices[region.accepted])
+    vertices = _largest(source.shape, source.unit * gap <= AROUND)
+    config = replace(pair.config, scale="same")
+    if roughly:
+        config = rough(config)
+    part = region_of(source.shape, vertices, config)
+    # what a length is worth on the target, as if both came in the unit of both parts
+    length = part.scale / source.shape.scale * source.unit / target.unit
+    part = replace(part, scale=length * target.shape.scale)
+    images, number = np.full(n, -1), np.full(n, -1)
+    images[source.vertices], number[vertices] = region.images, np.arange(len(vertices))
+    landmarks = np.column_stack([number[hints.landmarks[:, 0]], hints.landmarks[:, 1]])
+    nothing = np.zeros((len(vertices), 0)), np.zeros((target.shape.body.n_vertices, 0))
+    known = Hints(landmarks[landmarks[:, 0] >= 0], NO_LANDMARKS, nothing)
+    functions = pair.functions and Embedding(pair.known.source[vertices], pair.functions.target)
+    relation = Part().on(ShapePair(part, target.shape, config, functions), known, stages)
+    first = images[owner[vertices[part.sample_vertices[:N_ROUGH_VERTICES]]]]
+    begun = relation.fits.begun(relation.fits.pair, first, region.origin)
+    fit = relation.contest([begun])[0]
+    return RefinedRegion(regions, vertices, cast(PartFit, fit))
+
+
+def _largest(shape: PreparedShape, kept: BoolArray) -> IntArray:
+    """Vertices of the largest piece of some vertices of a body, connected by its faces."""
+    faces = shape.faces[kept[shape.faces].all(axis=1)]
+    in_faces = np.zeros(len(kept), dtype=bool)
+    in_faces[faces] = True
+    _, label = linked(len(kept), (faces[:, 0], faces[:, 1]), (faces[:, 1], faces[:, 2]))
+    areas = np.bincount(label, shape.body.vertex_areas * in_faces)
+    return np.flatnonzero(in_faces & (label == areas.argmax()))

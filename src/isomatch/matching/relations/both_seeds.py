@@ -1,4 +1,4 @@
-"""Regions that two parts may have in common: grown from seeds, and extended to the samples by trilateration."""
+"""Regions that two parts of a body may have in common: grown from seeds, and weighed by their appearance."""
 
 from __future__ import annotations
 
@@ -9,35 +9,61 @@ import numpy as np
 
 from isomatch.correspondence import (
     IntervalCost,
+    Intervals,
     grow_common_regions,
     pin_first,
     trilaterate_common,
 )
-from isomatch.matching.relations.both_looks import USUAL, BothLooks, signed_triangles
+from isomatch.descriptors import BallSignature, ball_signature, deviation_of
+from isomatch.geodesics import MissingRegion, distance_along_edges_to_nearest, distance_engine
+from isomatch.matching.relations.part_pair import N_POSTS, NO_LANDMARKS, areas_of_samples
 from isomatch.matching.search import FromAnchors
 from isomatch.runtime.threads import parallel_map
-from isomatch.values.arrays import BoolArray, IntArray
+from isomatch.shapes import PreparedShape
+from isomatch.values.arrays import BoolArray, FloatArray, IntArray
+from isomatch.values.cached import cached_property
 
-# all chosen on two parts of SHREC'16, not one by one; docs/lab/design_notes.md
+# all chosen together on two parts of SHREC'16; docs/lab/design_notes.md
+N_SAMPLES = 600  # vertices of each part that are mapped; not measured
+MOST_LANDMARKS = 50  # that lead the search, of those given; all lead the refinement
+
+# lengths below are in the unit of both parts, about √area of the body that they are parts of
+BODY = 1.25  # √area of the body over the root mean square of those of its parts; only the unit of the bounds below
+MOST_UNLIKE = (
+    4.0  # times that one part may be as long as the other in the units of the files; beyond, areas are equal
+)
+MOMENT_RADII = (0.06, 0.09, 0.13, 0.18, 0.24)  # of balls: small ones are noise, large ones cross the boundary
+AREA_RADII = tuple(0.05 * i for i in range(1, 13))  # of the balls whose areas are compared
+OVERHANG = 0.02  # by which a ball may reach over a boundary and count
+
+USUAL, PRIOR_RADII = 0.25, 1.5  # cost of a candidate that says nothing, and how many radii it counts as
+USUAL_AREA, MOST_AREA, PRIOR_AREAS = 0.15, 1.0, 2.0  # the same of the logarithms of areas
+MOMENTS_WEIGHT, AREAS_WEIGHT = 0.6, 0.5
+MOST_MISMATCH = 2.0  # standard deviations from which values differ as much as any two
+NEUTRAL, PRIOR = 0.5, 0.5  # mismatch where nothing is known, and how many radii it counts as
+AROUND = 0.12  # distance over which mismatches are averaged
+N_ALIKE = 3  # samples of the target that always look as alike as any
+BY_CHANCE = 1.2  # mean of −log of the ranks of images up to which they may be at random; uniform ranks have 1
+SURELY = 0.05  # distance from where nothing is shown, from which something surely is
+UNCOVERED = 0.08  # distance from all images from which a sample of the target has none
+LEFT_OUT_COST = 1.0  # of area that has no image but must, in evidence
+N_AROUND = 8  # samples around each whose triangles are compared
+
 N_ANCHORS, N_CANDIDATES = 56, 300  # samples of the source that grow regions, and of the target where they go
 N_ROOTS, N_LIKELY = 40, 30  # anchors deepest inside from which regions grow, and candidates of each
 COST = IntervalCost(tolerance=0.1, inside=0.1, most=0.5, soft=0.15)
-NEAR, DEAREST = 0.2, 0.09  # see `grow_common_regions`
-WIDTH, VARIANTS_APART = 4, 0.12
+NEAR, DEAREST, WIDTH, VARIANTS_APART = 0.2, 0.09, 4, 0.12  # see `grow_common_regions`
 LIKELY_GAINS = 2.0, 0.5  # of an anchor that looks alike, against one whose distances agree
-
 FEWEST_GROWN = 5  # anchors of a region
 SAME_REGION, FEWEST_COMMON = 0.1, 3  # mean distance of images, and anchors in common, of regions that are one
-
-# mean distance of images, and share of samples in both, of maps that become one
-SAME_MAP, SAME_SHARE = 0.05, 0.7
-
+SAME_MAP, SAME_SHARE = (
+    0.05,
+    0.7,
+)  # mean distance of images, and share of samples in both, of maps that become one
 N_SCREENED = 400  # regions that are extended
 RANKS = (150, 1, 80), (300, 2, 30)  # samples to which they are extended, rounds, and how many remain
-
-# cost of a sample, also where landmarks lead, so that little is wrong; and how far it may be from where it returns to
-ACCEPTED, LED_ACCEPTED, ROUND_TRIP = 0.06, 0.12, 0.12
-
+ACCEPTED, LED_ACCEPTED = 0.06, 0.12  # cost of a sample, also where landmarks lead, so that little is wrong
+ROUND_TRIP = 0.12  # how far a sample may be from where it returns to
 EXTENSION_NEAR = 0.15  # see `trilaterate_common`
 FIRST_ANCHORS, NEXT_ANCHORS = 50, 90  # samples from which others are trilaterated once more
 FEWEST_ACCEPTED, FEWEST_SAMPLES = 8, 25  # samples of a region on the way, and in the end
@@ -45,38 +71,212 @@ ORIENTED = 0.2  # mean sign of triangles, below which a region is taken for a mi
 
 
 @dataclass(frozen=True, eq=False)
+class BothSide:
+    """One of two parts."""
+
+    shape: PreparedShape
+    unit: float  # what √area of the part is worth in the unit of both
+    landmarks: IntArray  # (l,) vertices whose counterparts on the other part are known
+
+    @cached_property
+    def vertices(self) -> IntArray:
+        """(r,) its samples: the landmarks, then vertices evenly spread."""
+        spread = self.shape.sample_vertices
+        return np.concatenate([self.landmarks, spread[~np.isin(spread, self.landmarks)]])[:N_SAMPLES]
+
+    @cached_property
+    def _missing(self) -> MissingRegion:
+        mesh = self.shape.mesh_body
+        return MissingRegion.of(mesh, distance_engine(mesh, self.shape.config.engine, weld=False), N_POSTS)
+
+    @cached_property
+    def to_boundary(self) -> FloatArray:
+        """(n,) distance of each vertex to the boundary."""
+        return self.unit * self._missing.to_boundary
+
+    @cached_property
+    def intervals(self) -> Intervals:
+        """Of distances on the body between the samples, (r, r)."""
+        # As of a part and a whole (see `PartPair.of`), the distance on the body lies between the shortest way through
+        # what is missing and the way along the part. Here both sides show only parts, so both know intervals, and images
+        # of two samples are possible if the intervals meet.
+        vertices = self.vertices
+        along = np.maximum(self.shape.distances.between(vertices, vertices), 0.0)
+        along = np.where(vertices[:, None] == vertices, 0.0, along)
+        lower = self._missing.lower_bound(vertices, vertices, along)
+        return Intervals(self.unit * lower, self.unit * along)
+
+    @cached_property
+    def areas(self) -> FloatArray:
+        """(r,) area around each sample."""
+        return self.unit**2 * areas_of_samples(self.shape, self.vertices)
+
+    @cached_property
+    def moments(self) -> BallSignature:
+        """The ball signature of every vertex."""
+        return ball_signature(
+            self.shape.mesh_body, MOMENT_RADII, unit=1 / self.unit, samples=self.vertices, weld=False
+        )
+
+    @cached_property
+    def ball_areas(self) -> tuple[FloatArray, BoolArray]:
+        """Logarithms of the areas of balls around the samples, (r, q), and which of them no boundary cuts."""
+        radii, along = np.array(AREA_RADII), self.intervals.upper
+        areas = np.stack([(along < radius) @ self.areas for radius in radii], axis=1)
+        known = radii <= self.to_boundary[self.vertices, None] + OVERHANG
+        return np.log(np.maximum(areas, self.areas[:, None])), known
+
+    @cached_property
+    def nearest_sample(self) -> IntArray:
+        """(n,) number of the sample nearest to each vertex."""
+        owner = distance_along_edges_to_nearest(self.shape.body, self.vertices)[1]
+        number = np.zeros(self.shape.body.n_vertices, dtype=np.int64)
+        number[self.vertices] = np.arange(len(self.vertices))
+        nearest: IntArray = number[owner]
+        return nearest
+
+
+def two_sides(
+    source: PreparedShape, target: PreparedShape, same_area: bool, landmarks: IntArray = NO_LANDMARKS
+) -> tuple[BothSide, BothSide]:
+    """Both parts in one unit: that of the files, unless these are too unlike or areas are to be the same."""
+    lengths = np.array([source.scale, target.scale])
+    if same_area or lengths.max() > MOST_UNLIKE * lengths.min():
+        lengths[:] = 1.0
+    first = landmarks[:MOST_LANDMARKS]
+    units = lengths / (BODY * np.sqrt((lengths**2).mean()))
+    return (BothSide(source, float(units[0]), first[:, 0]), BothSide(target, float(units[1]), first[:, 1]))
+
+
+def signed_triangles(source: BothSide, rows: IntArray, target: BothSide, images: IntArray) -> float:
+    """Mean sign of the small triangles of samples: 1 if their images are wound alike, −1 if they are mirrored."""
+    if len(rows) <= N_AROUND:
+        return 0.0
+    apart = source.intervals.upper[np.ix_(rows, rows)]
+    np.fill_diagonal(apart, np.inf)
+    near = np.argpartition(apart, N_AROUND - 1, axis=1)[:, :N_AROUND]
+    i, j = np.triu_indices(N_AROUND, 1)
+    signs = []
+    for mesh, vertices in ((source.shape.mesh_body, source.vertices[rows]), (target.shape.mesh_body, images)):
+        points, normals = mesh.vertices[vertices], mesh.vertex_normals[vertices]
+        around = points[near] - points[:, None]
+        signs.append(np.einsum("akd,ad->ak", np.cross(around[:, i], around[:, j]), normals))
+    weights = np.abs(signs[0])
+    return float((np.sign(signs[0] * signs[1]) * weights).sum() / max(weights.sum(), 1e-12))
+
+
+def _summed(here: BallSignature, there: BallSignature, deviation: FloatArray) -> tuple[FloatArray, IntArray]:
+    """Sum over the radii known at both of the halved mismatches of all pairs, and their number."""
+    known = here.known[:, None] & there.known[None]
+    total = np.zeros(known.shape[:2])
+    for j in range(known.shape[2]):
+        apart = np.abs(here.values[:, None, j] - there.values[None, :, j]) / deviation[j]
+        total += known[:, :, j] * np.minimum(apart, MOST_MISMATCH).mean(axis=2) / MOST_MISMATCH
+    return total, known.sum(axis=2)
+
+
+def _drawn_to(total: FloatArray, count: IntArray, neutral: float, prior: float) -> FloatArray:
+    # a mean of so many known values, and of as many neutral ones as `prior` says
+    drawn: FloatArray = (total + neutral * prior) / (count + prior)
+    return drawn
+
+
+@dataclass(frozen=True, eq=False)
 class CommonRegion:
-    """A region of the source with its images.
+    """A region of the source with its images."""
 
-    Parameters
-    ----------
-    images : (r,) array of int
-        Vertex of the target's body for each sample.
-    accepted : (r,) array of bool
-        Which samples are in the region.
-    worth : float
-        See `BothLooks.worth`; while only some samples are placed, without what counts against it.
-    orientation : float
-        Mean sign of its small triangles.
-    origin : str
-        Where it came from.
-    """
-
-    images: IntArray
-    accepted: BoolArray
-    worth: float
-    orientation: float
-    origin: str
+    images: IntArray  # (r,) vertex of the target's body for each sample
+    accepted: BoolArray  # (r,) which samples are in the region
+    worth: (
+        float  # see `CommonRegions.worth`; while only some samples are placed, without what counts against it
+    )
+    orientation: float  # mean sign of its small triangles
+    origin: str  # where it came from
 
 
-class CommonRegions(BothLooks):
-    """The search of regions that two parts have in common.
+class CommonRegions:
+    """The search of regions that two parts have in common, and how alike these look."""
 
-    Parameters
-    ----------
-    source, target : BothSide
-        The parts.
-    """
+    def __init__(self, source: BothSide, target: BothSide) -> None:
+        self.source, self.target = source, target
+
+    @cached_property
+    def _deviation(self) -> FloatArray:
+        return deviation_of(self.source.moments, self.target.moments)
+
+    @cached_property
+    def _around(self) -> FloatArray:
+        """(r, r) how much each sample of the source counts around each."""
+        source = self.source
+        around: FloatArray = np.exp(-((source.intervals.upper / AROUND) ** 2)) * source.areas
+        return around
+
+    def mismatches(self, rows: IntArray, images: IntArray) -> FloatArray:
+        """Descriptor distance (q,) around some samples of the source and their images, vertices of the target."""
+        # means over near samples of the region, drawn to a neutral value where little is known
+        here, there = self.source.moments.at(self.source.vertices[rows]), self.target.moments.at(images)
+        count = (here.known & there.known).sum(axis=1)
+        total = np.nan_to_num(here.mismatch(there, self._deviation)) * count
+        around = self._around[np.ix_(rows, rows)]
+        mean: FloatArray = (around @ (total + NEUTRAL * PRIOR)) / (around @ (count + PRIOR))
+        return mean
+
+    @cached_property
+    def _unlike(self) -> FloatArray:
+        """(r, c) descriptor distance of each sample of the source and each of the target by themselves."""
+        here, there = (
+            self.source.moments.at(self.source.vertices),
+            self.target.moments.at(self.target.vertices),
+        )
+        return _drawn_to(*_summed(here, there, self._deviation), USUAL, PRIOR_RADII)
+
+    @cached_property
+    def _surprise(self) -> FloatArray:
+        """(r, c) how unlikely it is that a sample of the target looks as alike as this one: −log of its rank, 0…1."""
+        apart = self._unlike
+        rank = apart.argsort(axis=1, kind="stable").argsort(axis=1, kind="stable")
+        surprise: FloatArray = -np.log((rank + N_ALIKE) / apart.shape[1])
+        return surprise
+
+    def evidence(self, rows: IntArray, images: IntArray) -> float:
+        """Sum area × how much better images look than at random, over the samples of a region where that is above 0."""
+        # Let u be the rank of the image of a sample x among all samples of the target, by descriptor distance, from 0 to
+        # 1. At random it is uniform, so −log u has mean 1 (as in Fisher's sum of log p-values). With the mean over
+        # samples around x, whose errors differ, the evidence is
+        #     Σ_x area(x) max(mean_{x′ near x} −log u(x′) − BY_CHANCE, 0).
+        # What everything looks like has no low rank, so it is no evidence; and as ranks, not distances, count, shapes of
+        # two kinds, which look unlike everywhere, are judged as those of one. A large region beats a small one only by
+        # area that itself looks alike.
+        surprise = self._surprise[rows, self.target.nearest_sample[images]]
+        around = self._around[np.ix_(rows, rows)]
+        mean = around @ surprise / around.sum(axis=1)
+        return float(self.source.areas[rows] @ np.maximum(mean - BY_CHANCE, 0.0))
+
+    def worth(self, rows: IntArray, images: IntArray) -> float:
+        """Return the evidence for a region, less what speaks against it."""
+        # Two parts of one body show the same wherever both reach. Let x be in the region, with image T(x) at the distance
+        # b(T x) from the boundary of the target. The target shows the ball of that radius around T(x) whole; so a sample
+        # y of the source with d(x, y) < b(T x) must have an image, and in the same way a sample of the target nearer to
+        # T(x) than x is to the boundary of the source must be one. The area of those for which this fails is taken off.
+        source, target = self.source, self.target
+        if not len(rows):
+            return 0.0
+        from_region = source.intervals.upper[:, rows]
+        from_images = target.intervals.upper[:, target.nearest_sample[images]]
+        shown = (target.to_boundary[images] - from_region).max(axis=1) > SURELY
+        showing = (source.to_boundary[source.vertices[rows]] - from_images).max(axis=1) > SURELY
+        shown[rows] = False
+        left_out = source.areas[shown].sum()
+        left_out += target.areas[showing & (from_images.min(axis=1) > UNCOVERED)].sum()
+        return self.evidence(rows, images) - LEFT_OUT_COST * float(left_out)
+
+    def alike(self, rows: IntArray, columns: IntArray) -> FloatArray:
+        """Cost (m, c) of each candidate for each anchor by itself, by moments and areas of balls."""
+        (of_source, known_there), (of_target, known_here) = self.source.ball_areas, self.target.ball_areas
+        both = known_there[rows][:, None] & known_here[columns][None]
+        apart = np.minimum(np.abs(of_source[rows][:, None] - of_target[columns][None]), MOST_AREA)
+        areas = _drawn_to((apart * both).sum(axis=2), both.sum(axis=2), USUAL_AREA, PRIOR_AREAS)
+        return MOMENTS_WEIGHT * self._unlike[np.ix_(rows, columns)] + AREAS_WEIGHT * areas
 
     def grown(self) -> list[IntArray]:
         """Grow regions: for each that differs from those before, the candidates (m,) of the anchors, −1 for none."""
@@ -129,14 +329,11 @@ class CommonRegions(BothLooks):
         return self.region(target.vertices[placed], accepted)
 
     def placed(self, rows: IntArray, columns: IntArray, n: int, most: float) -> tuple[IntArray, BoolArray]:
-        """Trilaterate the first n samples from some, with images among those of the target.
-
-        Returns samples of the target, (n,), and which agree, at most at a cost, and return to near where they came from.
-        Landmarks go where they are known to.
-        """
+        """Trilaterate the first n samples from some: samples (n,) of the target, and which of these agree and return."""
         source, target = self.source, self.target
         everything, there = np.arange(min(n, len(source.vertices))), np.arange(min(n, len(target.vertices)))
         of_source, of_target = source.intervals.at(rows, everything), target.intervals.at(columns, there)
+        # there and back: a sample whose image is not there at all is placed somewhere, but does not return from it
         placed, costs = trilaterate_common(of_source, of_target, EXTENSION_NEAR, COST)
         back, _ = trilaterate_common(of_target, of_source, EXTENSION_NEAR, COST)
         returned = source.intervals.upper[everything, back[placed]]

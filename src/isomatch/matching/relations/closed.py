@@ -11,14 +11,14 @@ import numpy as np
 from isomatch.correspondence import Correspondence, Embedding, PrecisePoints, iterative_closest_points
 from isomatch.errors import NotConvergedError
 from isomatch.geodesics import distance_along_edges_to_nearest
-from isomatch.matching.confidence import DoubtfulRegion, lifted
+from isomatch.matching.confidence import DoubtfulRegion
 from isomatch.matching.fit import Hypothesis
 from isomatch.matching.hints import Hints
 from isomatch.matching.pair import ShapePair
-from isomatch.matching.quality import contradicted_landmarks, covered_share, mean_known
-from isomatch.matching.relations.isometry import MOST_MIRRORED, IsometricMatch, Isometry
-from isomatch.matching.relations.part_fits import PartFit, PartFits
+from isomatch.matching.quality import covered_share, mean_known
+from isomatch.matching.relations.isometry import MOST_MIRRORED, IsometricMatch, Isometry, Measured
 from isomatch.matching.relations.part_pair import PartPair
+from isomatch.matching.relations.part_registration import PartFit, PartFits
 from isomatch.matching.result import Alternative
 from isomatch.matching.search import HINT_STEPS
 from isomatch.matching.stages import Stages
@@ -31,35 +31,20 @@ from isomatch.shapes import PreparedShape, capped_shape, crease_length, creased_
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 from isomatch.values.cached import cached_method, cached_property
 
-# best hypotheses whose flips are tried, as the best one is more often wrong than of complete shapes;
-# mesh018–mesh014 with holes: 30 with 3
-FLIPPED = 6
-
+FLIPPED = 6  # best hypotheses whose flips are tried: the best is more often wrong; mesh018–mesh014 with holes: 30 with 3
 CREASED = 3  # times that a shape is cut along its creases, and matched; docs/lab/design_notes.md
 HOPELESS = 1.3  # score over that of the best map, above which creases are no better cut once more
 TORN = 0.1  # √area between the images of the two sides of a crease, from which it is a contact
-
 GIVEN = {"matrix", "function"}  # names of engines of distances that were given
 
 
 @dataclass(frozen=True, eq=False)
 class ClosedMatch:
-    """The match of two shapes whose holes are capped.
+    """The match of two shapes whose holes are capped."""
 
-    Parameters
-    ----------
-    pair : ShapePair
-        The shapes as they are.
-    hints : Hints
-        Those on the shapes as they are.
-    relation : Isometry
-        Of the capped ones.
-    found : IsometricMatch
-    """
-
-    pair: ShapePair
-    hints: Hints
-    relation: Isometry
+    pair: ShapePair  # the shapes as they are
+    hints: Hints  # those on the shapes as they are
+    relation: Isometry  # of the capped ones
     found: IsometricMatch
 
     @property
@@ -99,8 +84,9 @@ class ClosedMatch:
 
     def torn(self, side: int) -> BoolArray:
         """Which vertices of the open source or target have copies whose images are far apart, (n_body,)."""
-        here, there = (self.relation.pair.source, self.relation.pair.target)[:: 1 if side == 0 else -1]
-        at, to = self.found.embedding[:: 1 if side == 0 else -1]
+        way = 1 if side == 0 else -1
+        here, there = (self.relation.pair.source, self.relation.pair.target)[::way]
+        at, to = self.found.embedding[::way]
         image = there.index.vertices(to, at)
         origin = _origin(here)
         n = 1 + int(origin.max())
@@ -136,53 +122,49 @@ class ClosedMatch:
         timer.start("quality")
         closed = self.relation.summed_up(self.found, self.found.measured, timer)
         points, matched = self._opened(closed.map)
-        found = self.pair.source.correspondence(self.pair.target, points, matched)
-        errors = closed.expected_error[: self.pair.source.body.n_vertices]
-        images, radius = points.corners[matched, 0], self.pair.config.outcome.coverage_radius
-        coverage = covered_share(self.pair.target.body, images, radius)
-        source, mismatch, mean = self.pair.source, closed.mismatch, np.nan
+        source, target, mismatch = self.pair.source, self.pair.target, closed.mismatch
         if mismatch is not None:
-            of_body = np.where(matched, mismatch[: source.body.n_vertices], np.nan)
-            mismatch, mean = source.lift(of_body), mean_known(of_body, source.body.vertex_areas)
-        alternatives = tuple(
+            mismatch = np.where(matched, mismatch[: source.body.n_vertices], np.nan)
+        radius = self.pair.config.outcome.coverage_radius
+        quality = replace(
+            closed.quality,
+            coverage=covered_share(target.body, points.corners[matched, 0], radius),
+            mismatch=mean_known(mismatch, source.body.vertex_areas),
+        )
+        notes = [
+            *self.relation.pair.notes,
+            "stretch, residual and distortion are those of the shapes with their holes closed",
+        ]
+        opened = Measured(points, quality, mismatch, closed.reason, closed.origin, matched).solution(
+            self.pair,
+            self.hints,
+            closed.expected_error[: source.body.n_vertices],
+            closed.evidence,
+            notes,
+            regions=self._opened_regions(closed.regions),
+        )
+        alternatives = (
             replace(alternative, extend=partial(self._opened_map, alternative))
             for alternative in closed.alternatives
         )
         return replace(
-            closed,
-            pair=self.pair,
-            map=found,
-            expected_error=np.where(found.matched, self.pair.source.lift_smooth(errors), np.nan),
-            alternatives=alternatives,
-            quality=replace(
-                closed.quality,
-                matched=float(found.matched.mean()),
-                coverage=coverage,
-                mismatch=mean,
-            ),
-            mismatch=mismatch,
-            regions=self._opened_regions(closed.regions),
-            notes=(
-                *self.pair.notes,
-                *self.hints.notes,
-                *contradicted_landmarks(self.pair, points, self.hints),
-                *self.relation.pair.notes,
-                "stretch, residual and distortion are those of the shapes with their holes closed",
-            ),
+            opened,
+            quality=replace(quality, matched=float(opened.map.matched.mean())),
+            alternatives=tuple(alternatives),
         )
 
     def _opened_map(self, alternative: Alternative) -> Correspondence:
         return self.pair.source.correspondence(self.pair.target, *self._opened(alternative.map))
 
-    def _opened_regions(self, closed: tuple[DoubtfulRegion, ...]) -> tuple[DoubtfulRegion, ...]:
+    def _opened_regions(self, closed: tuple[DoubtfulRegion, ...]) -> list[DoubtfulRegion]:
         """Take the caps off regions of the capped bodies."""
-        source, target, (_, owner) = self.pair.source, self.pair.target, _owners(self.relation.pair.target)
+        source, (_, owner) = self.pair.source, _owners(self.relation.pair.target)
         regions = []
         for region in closed:
             kept = region.vertices < source.body.n_vertices
             rival = None if region.rival is None else owner[region.rival[kept]]
             regions.append(replace(region, vertices=region.vertices[kept], rival=rival))
-        return lifted(regions, source, target)
+        return regions
 
     def _opened(self, closed: Correspondence) -> tuple[PrecisePoints, BoolArray]:
         """Take the caps off a map of the capped bodies: points on the target's body, and which of them are images."""
@@ -212,18 +194,11 @@ def match_cut(
 ) -> ClosedMatch | None:
     """Match two shapes, cut along the seams of so many contacts; None if there are no seams, or no map was found."""
     timer.start("prepare")
-    source, target = (cut_shape(pair.source, n_source), cut_shape(pair.target, n_target))
+    source, target = cut_shape(pair.source, n_source), cut_shape(pair.target, n_target)
     if source is None and target is None:
         return None
-    return _match_between(
-        source or capped_shape(pair.source),
-        target or capped_shape(pair.target),
-        pair.config,
-        pair,
-        hints,
-        stages,
-        timer,
-    )
+    source, target = source or capped_shape(pair.source), target or capped_shape(pair.target)
+    return _match_between(source, target, pair.config, pair, hints, stages, timer)
 
 
 def match_creased(
@@ -231,26 +206,12 @@ def match_creased(
     hints: Hints,
     stages: Stages,
     timer: StageTimer,
-    handles: tuple[int, int],
-    score: float,
-    both: bool = False,
+    handles: tuple[int, int],  # contacts of either shape that are cut besides
+    score: float,  # of the best map so far
+    both: bool = False,  # whether both shapes are cut along creases, or only that with contacts or longer ones
 ) -> Iterator[ClosedMatch]:
-    """Match two shapes cut along creases, and again along those that the last map tears.
-
-    One is cut, that with contacts to be cut or with longer creases, or both are. Natural folds are creases, too; where
-    both sides of one have near images, it is no contact.
-
-    Parameters
-    ----------
-    pair, hints, stages, timer
-        As for `match_closed`.
-    handles : two ints
-        How many contacts of either shape are cut besides.
-    score : float
-        Of the best map so far.
-    both : bool
-        Whether both shapes are cut along their creases.
-    """
+    """Match two shapes cut along creases, and again along those that the last map tears."""
+    # natural folds are creases, too; where both sides of one have near images, it is no contact
     shapes = pair.source, pair.target
     torn: tuple[BoolArray | None, BoolArray | None] = None, None
     one = max(range(2), key=lambda i: (handles[i], crease_length(shapes[i])))

@@ -10,27 +10,26 @@ import numpy as np
 
 from isomatch.correspondence import Embedding, with_normals
 from isomatch.errors import NotConvergedError
-from isomatch.matching.confidence import doubt_in, expected_errors, lifted, regions_of_doubt
+from isomatch.matching.confidence import doubt_in, expected_errors, regions_of_doubt
 from isomatch.matching.coordinates import refined_images, registered
 from isomatch.matching.fit import Fit
-from isomatch.matching.quality import contradicted_landmarks, mean_known, measure_quality, mismatch_of
-from isomatch.matching.relations.bending import Bent
-from isomatch.matching.relations.elastic_bending import ElasticBending
-from isomatch.matching.relations.elastic_fit import Coefficients, ElasticFit, Images, Step, coarse_steps
-from isomatch.matching.relations.elastic_shape import N_COARSE, ElasticShape
-from isomatch.matching.relations.elastic_starts import anchor_starts
+from isomatch.matching.quality import mean_known, measure_quality, mismatch_of
+from isomatch.matching.relations.bending import Bent, ElasticBending
+from isomatch.matching.relations.elastic_fit import (
+    N_COARSE,
+    Coefficients,
+    ElasticFit,
+    ElasticShape,
+    Images,
+    Step,
+    anchor_starts,
+    coarse_steps,
+    with_mirror,
+)
 from isomatch.matching.relations.isometry import Measured
-from isomatch.matching.relations.mirror import with_mirror
 from isomatch.matching.result import Quality
 from isomatch.matching.search import FromAnchors, starts_of
-from isomatch.matching.selection import (
-    LANDMARK_SLACK,
-    Rules,
-    Selection,
-    distances_between,
-    distinct,
-    select,
-)
+from isomatch.matching.selection import LANDMARK_SLACK, Rules, Selection, distances_between, distinct, select
 from isomatch.matching.stages import Relation, first_maps_of
 from isomatch.matching.starts import starts_from_hints
 from isomatch.matching.verification import Solution, fits_badly, measured_evidence, mirror_image_fits
@@ -39,48 +38,30 @@ from isomatch.runtime.threads import parallel_map
 from isomatch.values.arrays import IntArray
 from isomatch.values.cached import cached_property
 
-# best coarse fits that go on after each step; the last ones are bent, beside the map found otherwise;
-# docs/lab/design_notes.md
-N_FOLLOWED = (90, 40, 8)
-
-# score of a coarse fit = misfit × (unit + asymmetry)^exponent; chosen on pairs of animals, not one by one
-ASYMMETRY_UNIT = 0.1
-
-ASYMMETRY_EXPONENT = 0.25  # see ASYMMETRY_UNIT; chosen on pairs of animals, not one by one
-
-# mean cosine between normals from which a coarse fit is followed up; selection.orientation_threshold
-LEAST_ORIENTATION = 0.3
-
-# score over the least, halfway, from which a map is not bent further; docs/lab/design_notes.md
-HOPELESS = 1.5
-
-# the step between two bendings: all functions, half the smoothness for twice the functions; docs/lab/design_notes.md
+# those without another source: docs/lab/design_notes.md
+N_FOLLOWED = (
+    90,
+    40,
+    8,
+)  # best coarse fits that go on after each step; the last are bent, beside maps found otherwise
+ASYMMETRY_UNIT, ASYMMETRY_EXPONENT = 0.1, 0.25  # chosen on pairs of animals, not one by one
+LEAST_ORIENTATION = (
+    0.3  # mean cosine between normals of a coarse fit that goes on; selection.orientation_threshold
+)
+HOPELESS = 1.5  # score over the least, halfway, from which a map is not bent further
+# between two bendings: all functions, half the smoothness for twice as many
 LAST_STEP = Step(200, 0.0005, 2, False)
-
-# mean distance, in √area, by which maps differ in the large; search.same_map
-SAME_MAP = 0.05
-
-# of normals, beside canonical coordinates, in the last step; docs/lab/robustness.md, other species
-FINE_NORMAL_WEIGHT = 0.15
-
-# score over the least, up to which a map that agrees with the hints wins; docs/lab/design_notes.md
-HINTED_TIE = 1.1
-
+SAME_MAP = 0.05  # √area: mean distance by which maps differ in the large; search.same_map
+FINE_NORMAL_WEIGHT = (
+    0.15  # beside canonical coordinates, in the last step; docs/lab/robustness.md, other species
+)
+HINTED_TIE = 1.1  # score over the least, up to which a map that agrees with the hints wins
 SKIPPED = 2  # first lengths of elastic.bending, which move large pieces; the winner was bent by them before
-
-# by which the winner is bent in full, after those; docs/lab/design_notes.md
-FULL_LENGTHS = (0.05, 0.04, 0.03)
-
-# of normals, where images are read off the bent source: it lies on the target, so they only tell sheets apart;
-# docs/lab/design_notes.md
-READ_UNIT = 0.05
-
-LYING_WEIGHT = 15.0  # of where the bent shapes lie, beside joint coordinates; docs/lab/design_notes.md
-
-# stretch of bent shapes, below which an ordinary map stays what it is, and below which one that fits does if it wins;
-# docs/lab/design_notes.md
-NEARLY_ISOMETRIC, FITS_ISOMETRIC = 0.085, 0.105
-
+FULL_LENGTHS = (0.05, 0.04, 0.03)  # by which the winner is bent in full, after those
+READ_UNIT = 0.05  # of normals, where images are read off the bent source: they only tell sheets apart
+LYING_WEIGHT = 15.0  # of where the bent shapes lie, beside joint coordinates
+NEARLY_ISOMETRIC = 0.085  # stretch of bent shapes below which an ordinary map stays what it is
+FITS_ISOMETRIC = 0.105  # and below which one that fits does if it wins
 NO_SCORE = 1e-12  # so that ratios of scores are finite
 
 FAR = (
@@ -95,27 +76,13 @@ FAR_KEPT = (
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class StretchedFit(Fit):
-    """An elastic map: smooth maps both ways, and both shapes bent onto each other by them.
+    """An elastic map: smooth maps both ways, and both shapes bent onto each other by them."""
 
-    Parameters
-    ----------
-    coefficients : Coefficients
-        Of the smooth maps both ways.
-    images : Images, optional
-        Of the samples of the coarse fit, both ways.
-    bent : two Bent
-        The source on the target, and the target on the source; none before they are bent.
-    is_ordinary : bool
-        Whether it is a map found otherwise.
-    is_given : bool
-        Whether it is the user's initial map, which holds while large pieces are bent.
-    """
-
-    coefficients: Coefficients
-    images: Images | None = None
-    bent: tuple[Bent, ...] = ()
-    is_ordinary: bool = False
-    is_given: bool = False
+    coefficients: Coefficients  # of the smooth maps both ways
+    images: Images | None = None  # of the samples of the coarse fit, both ways
+    bent: tuple[Bent, ...] = ()  # the source on the target, and the target on the source; none before
+    is_ordinary: bool = False  # whether it is a map found otherwise
+    is_given: bool = False  # whether it is the user's initial map, which holds while large pieces are bent
 
     @property
     def stretch(self) -> float:
@@ -171,11 +138,6 @@ class Elastic(Relation):
         selection : Selection
         reason : str
             How many maps contended, in a sentence.
-
-        Raises
-        ------
-        NotConvergedError
-            If there is no ordinary map, and none that keeps the orientation was found.
         """
         timer = timer or StageTimer()
         timer.start("mirror images")
@@ -247,17 +209,15 @@ class Elastic(Relation):
         source, target = parallel_map(lambda shape: with_mirror(shape, config), (self.source, self.target))
         return source, target
 
-    def _fit(self, count: int, everywhere: bool) -> ElasticFit:
-        first, second = (shape.sampled(count, everywhere) for shape in self._shapes)
-        return ElasticFit(first, second, self.pair.signatures, self.hints.landmarks)
-
     @cached_property
     def _coarse(self) -> ElasticFit:
-        return self._fit(N_COARSE, False)
+        source, target = (shape.sampled(N_COARSE, False) for shape in self._shapes)
+        return ElasticFit(source, target, self.pair.signatures, self.hints.landmarks)
 
     @cached_property
     def _fine(self) -> ElasticFit:
-        return replace(self._fit(self.pair.config.n_refine, True), normal_weight=FINE_NORMAL_WEIGHT)
+        source, target = (shape.sampled(self.pair.config.n_refine, True) for shape in self._shapes)
+        return replace(self._coarse, source=source, target=target, normal_weight=FINE_NORMAL_WEIGHT)
 
     @cached_property
     def _bendings(self) -> tuple[ElasticBending, ElasticBending]:
@@ -289,6 +249,8 @@ class Elastic(Relation):
         coefficients, images = coarse.run(fit.coefficients, (step,), images)
         if images.orientation < LEAST_ORIENTATION:
             return None
+        # misfit × (unit + asymmetry)^exponent: of two fits that are as good, the one that exchanges mirror images is
+        # right; below the unit, asymmetry is that of the shapes themselves
         penalty = (ASYMMETRY_UNIT + coarse.asymmetry(images)) ** ASYMMETRY_EXPONENT
         image = coarse.target.targets[images.forth]
         return replace(
@@ -318,11 +280,6 @@ class Elastic(Relation):
         image[self.hints.initial_pairs[:, 0]] = self.hints.initial_pairs[:, 1]
         return image[self.vertices]
 
-    def _hint_error(self, image: IntArray) -> float:
-        """Mean distance (√area) of a map from the initial map, where that is known."""
-        known = self._given >= 0
-        return float(self.target.distance(image[known], self._given[known]).mean()) if known.any() else 0.0
-
     def refined(self, fits: Sequence[Fit]) -> list[Fit]:
         """Bend both shapes onto each other by each map, at a low resolution; images are read off there.
 
@@ -340,9 +297,7 @@ class Elastic(Relation):
         """Bend by the first lengths, which move large pieces."""
         drawn, lengths = self._fine.embedding(fit.coefficients), self.pair.config.elastic.bending
         known = self.hints.initial_pairs if fit.is_given else None
-        bent = tuple(
-            bending.coarsely(drawn, lengths[: len(lengths) // 2], known) for bending in self._bendings
-        )
+        bent = tuple(bending.laid(drawn, lengths[: len(lengths) // 2], known) for bending in self._bendings)
         return replace(fit, bent=bent, score=_score(bent))
 
     def _bent_further(self, fit: StretchedFit) -> StretchedFit:
@@ -353,9 +308,9 @@ class Elastic(Relation):
             for bending, each in zip(self._bendings, fit.bent)
         )
         image, score = self._bendings[0].images(bent[0], self.vertices), _score(bent)
-        return replace(
-            fit, image=image, misfit=score, score=score, bent=bent, hint_error=self._hint_error(image)
-        )
+        known = self._given >= 0
+        error = self.target.mean_distance(image[known], self._given[known]) if known.any() else 0.0
+        return replace(fit, image=image, misfit=score, score=score, bent=bent, hint_error=error)
 
     def measured(self, fit: Fit, image: IntArray) -> StretchedFit:
         """Draw a map by all functions, and bend the shapes by it."""
@@ -399,8 +354,8 @@ class Elastic(Relation):
         pairs = np.concatenate([bending.pairs(bent) for bending, bent in zip(self._bendings, fit.bent)])
         coefficients, _ = self._fine.run(self._fine.from_pairs(pairs, LAST_STEP), (LAST_STEP,))
         drawn = self._fine.embedding(coefficients)
-        coarse = there.coarsely(drawn, settings.bending[SKIPPED:], most_scaled=settings.most_scaled)
-        return there.in_full(coarse, FULL_LENGTHS, settings.most_scaled)
+        coarse = there.laid(drawn, settings.bending[SKIPPED:], most_scaled=settings.most_scaled)
+        return there.laid_in_full(coarse, FULL_LENGTHS, settings.most_scaled)
 
     def _read(self, embedding: Embedding) -> IntArray:
         """Images of the vertices of the relation."""
@@ -416,14 +371,13 @@ class Elastic(Relation):
         embedding = self.everywhere(selection.winner)
         points = self.target.index.points(embedding.target, embedding.source)
         mismatch = mismatch_of(self.source.balls, self.target.balls, points.corners[:, 0])
-        quality = measure_quality(self.pair, points, self.hints)
         quality = replace(
-            quality,
+            measure_quality(self.pair, points, self.hints),
             rival=selection.rival,
             mismatch=mean_known(mismatch, self.source.body.vertex_areas),
             bend_misfit=selection.winner.score,
         )
-        return Measured(points, quality, None, mismatch, reason, selection.winner.origin)
+        return Measured(points, quality, mismatch, reason, selection.winner.origin)
 
     def solution(self, timer: StageTimer) -> Solution:
         """Find the map, and the evidence for it, where no other relation was tried."""
@@ -435,36 +389,21 @@ class Elastic(Relation):
             measured = self.measure(selection, reason)
         timer.start("quality")
         pair = self.pair
-        against = contradicted_landmarks(pair, measured.points, self.hints)
         far = measured_evidence(pair, measured.quality, pair.config.orientation, self.hints.any, far=True)
         regions = regions_of_doubt(pair, measured.mismatch)
-        doubt = doubt_in(regions, self.source.body.n_vertices)
-        return Solution(
-            pair,
-            self.source.correspondence(self.target, measured.points),
-            measured.quality,
-            (far,),
-            self.source.lift_smooth(expected_errors(pair, measured.points, doubt)),
-            notes=(*pair.notes, *self.hints.notes, FAR, *against),
-            origin=measured.origin,
-            reason=reason,
-            mismatch=None if measured.mismatch is None else self.source.lift(measured.mismatch),
-            regions=lifted(regions, self.source, self.target),
-            looks_count=False,
-        )
+        errors = expected_errors(pair, measured.points, doubt_in(regions, self.source.body.n_vertices))
+        solution = measured.solution(pair, self.hints, errors, (far,), [FAR], regions=regions)
+        return replace(solution, looks_count=False)
 
 
 def _score(bent: tuple[Bent, ...]) -> float:
+    # √(s g · s′ g′), see `Bent`: there and back, as the source bends well onto a target of which a limb is left out
     there, back = bent
     return max(float(np.sqrt(there.misfit * back.misfit)), NO_SCORE)
 
 
 def far_from_isometric(relation: Relation, quality: Quality) -> bool:
-    """Tell whether the best map that keeps distances does not fit well, so that an elastic one should be sought.
-
-    Two meshes are needed, without descriptors, maps that are not given, and a refinement that looks
-    further, and no mirror image fits better.
-    """
+    """Tell whether the best map that keeps distances does not fit well, so that an elastic one should be sought."""
     pair, config = relation.pair, relation.pair.config
     if not (pair.oriented and relation.refinement.looks_further and config.orientation == "preserve"):
         return False

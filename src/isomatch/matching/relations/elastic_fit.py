@@ -1,41 +1,158 @@
-"""The fit of two shapes to each other: smooth maps both ways that become inverse to one another."""
+"""Smooth maps of two shapes that stretch: first maps, the fit of maps both ways, and mirror images."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 from numpy.linalg import LinAlgError
 from scipy.linalg.lapack import dposv
 
-from isomatch.correspondence import Embedding
-from isomatch.matching.relations.elastic_shape import ElasticShape, Samples
-from isomatch.surfaces import vertex_normals
+from isomatch.correspondence import Embedding, IntervalCost, assign_points, nearest_rows, pin_first
+from isomatch.matching.pair import ShapePair
+from isomatch.runtime.threads import parallel_map
+from isomatch.settings import Config, ElasticSettings
+from isomatch.shapes import PreparedShape, farthest_rows
+from isomatch.surfaces import Mesh, vertex_normals
 from isomatch.values.arrays import Float32Array, FloatArray, IntArray, single
 from isomatch.values.cached import cached_property
 
-# factor of the Dirichlet energy in these steps; its root is a length in √area; chosen with coarse_functions
-COARSE_SMOOTHNESS = (0.01, 0.01, 0.007)
-
-COARSE_FUNCTIONS = (20, 20, 30)  # in the steps of the coarse fit; chosen: limbs, but no details
-
-COARSE_ITERATIONS = (2, 2, 4)  # in each step; docs/lab/design_notes.md
-
-SIGNATURE_WEIGHT = 0.05  # beside canonical coordinates; chosen on pairs of animals, not one by one
-
-NORMAL_WEIGHT = 0.05  # in the coarse fit; chosen on pairs of animals, not one by one
-
-LANDMARK_WEIGHT = 30.0  # of a landmark, in samples; chosen, not measured
-
+# those without another source were chosen together on pairs of animals
+N_COARSE = 300  # samples of each shape in the coarse fit: enough for 30 functions
+COARSE_FUNCTIONS = (20, 20, 30)  # in the steps of the coarse fit: limbs, but no details
+COARSE_SMOOTHNESS = (0.01, 0.01, 0.007)  # μ below; its root is a length in √area; chosen with the functions
+COARSE_ITERATIONS = (2, 2, 4)  # docs/lab/design_notes.md
+SIGNATURE_WEIGHT, NORMAL_WEIGHT = 0.05, 0.05  # beside canonical coordinates; normals in the coarse fit
+LANDMARK_WEIGHT = 30.0  # of a landmark, in samples; not measured
 RIDGE = 1e-9
+
+# of the first maps
+N_ANCHORS = 12  # points of the source that are assigned
+N_CANDIDATES = 150  # points of the target among which images are sought: spacing 0.09, less than APART
+BEAM = 600  # partial assignments that are kept
+APART = 0.12  # mean distance, in average distances, by which they differ; as in parts
+MOST_COST, SOFT = 0.6, 0.2  # of the cost of a distance, see `IntervalCost`
+REMOTENESS_COST, SIGNATURE_COST = (
+    0.5,
+    0.1,
+)  # weights of the share of the area that is less remote, and of signatures
+ASIDE_COST, MOST_ASIDE = 1.0, 1.0  # of distances from mirror images, in average distances; not measured
+N_PLAIN_STARTS = (
+    30  # starts that do not compare these, where both shapes have one; docs/lab/robustness.md, other species
+)
+
+# of mirror images
+MIRROR_MISFIT, MIRROR_ORIENTATION = 0.26, 0.5  # at most and at least, of a map to itself to be one
+MIRROR_STARTS = 24  # first maps; not measured
+MIRROR_FORGIVEN = 0.1  # as `ElasticSettings.forgiven`: a shape is nearly isometric to its mirror image
+N_FOLLOWED = (12, 4, 4)  # of these that go on after each step; docs/lab/design_notes.md
+NO_LANDMARKS = np.zeros((0, 2), dtype=np.int64)
+
+
+@dataclass(frozen=True, eq=False)
+class ElasticShape:
+    """A prepared mesh in coordinates that other shapes can be mapped to smoothly."""
+
+    prepared: PreparedShape  # its body is a mesh of n vertices
+    settings: ElasticSettings
+    mirrored: FloatArray | None = (
+        None  # (n, d + 3) ``values`` at the mirror image of each vertex, smoothed, if there is one
+    )
+
+    @property
+    def mesh(self) -> Mesh:
+        """The body."""
+        return self.prepared.mesh_body
+
+    @cached_property
+    def canonical(self) -> FloatArray:
+        """(n, d) canonical coordinates: classical scaling of the farthest points, extended to all vertices."""
+        # De Silva & Tenenbaum, Sparse multidimensional scaling using landmark points, 2004. Of the squared distances D²
+        # among p points let −½ J D² J = V Λ Vᵀ, J = 1 − 1/p. The points have coordinates V Λ^½, and a vertex of squared
+        # distances δ to them, whose mean over the points is δ̄,
+        #     −½ Λ^−½ Vᵀ (δ − δ̄),
+        # which is the same at the points themselves. Only axes of the largest positive eigenvalues are kept.
+        squares = self.prepared.columns.astype(np.float64) ** 2
+        among = squares[:, self.prepared.column_vertices]
+        among = (among + among.T) / 2
+        mean = among.mean(axis=0)
+        values, vectors = np.linalg.eigh(-0.5 * (among - mean - mean[:, None] + mean.mean()))
+        first = np.argsort(-values, kind="stable")[: self.settings.n_coordinates]
+        values, vectors = values[first], vectors[:, first]
+        axes = vectors[:, values > 0] / np.sqrt(values[values > 0])
+        return np.asarray(-0.5 * (squares - mean[:, None]).T @ axes)
+
+    @cached_property
+    def values(self) -> FloatArray:
+        """(n, d + 3) what a map to this shape pulls back: canonical coordinates, and positions in space."""
+        return np.hstack([self.canonical, self.mesh.vertices])
+
+    @cached_property
+    def aside(self) -> FloatArray:
+        """(n,) distance of each vertex from its mirror image, in canonical coordinates; 0 without mirror images."""
+        if self.mirrored is None:
+            return np.zeros(self.mesh.n_vertices)
+        d = self.canonical.shape[1]
+        return np.asarray(np.linalg.norm(self.canonical - self.mirrored[:, :d], axis=1))
+
+    def sampled(self, count: int, everywhere: bool) -> Samples:
+        """Take ``count`` samples; their images are sought among samples, or everywhere."""
+        vertices = self.prepared.sample_vertices[:count]
+        mesh = self.mesh
+        if everywhere:
+            ring, sought, faces = np.arange(mesh.n_vertices), np.arange(mesh.n_vertices), mesh.faces
+        else:
+            chosen = np.zeros(mesh.n_vertices, dtype=bool)
+            chosen[vertices] = True
+            faces = mesh.faces[chosen[mesh.faces].any(axis=1)]
+            ring, faces = np.unique(faces, return_inverse=True)
+            faces, sought = faces.reshape(-1, 3), np.searchsorted(ring, vertices)
+        mirror_row = None
+        if self.mirrored is not None:
+            d = self.canonical.shape[1]
+            mirror_row = nearest_rows(self.canonical[vertices], self.mirrored[vertices, :d])
+        targets, functions = ring[sought], self.prepared.laplace.vectors[ring]
+        return Samples(
+            self,
+            everywhere,
+            vertices,
+            row=vertices if everywhere else np.arange(len(vertices)),
+            sought=sought,
+            faces=faces,
+            mirror_row=mirror_row,
+            targets=targets,
+            functions=functions,
+            functions_sought=functions if everywhere else functions[sought],
+            canonical=self.canonical[targets],
+            normals=mesh.vertex_normals[targets],
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Samples of a shape, and the vertices among which images are sought."""
+
+    shape: ElasticShape
+    everywhere: bool  # whether images are sought among all vertices, and not among the samples
+    vertices: IntArray  # (m,) the samples
+    row: IntArray  # (m,) their rows among the c vertices sought
+    sought: IntArray  # (c,) rows of the vertices sought in the ring, the r vertices of all faces around them
+    faces: IntArray  # (f, 3) those faces, by rows of the ring
+    mirror_row: IntArray | None  # (m,) sample nearest to the mirror image of each sample
+    targets: IntArray  # (c,) vertices sought
+    functions: FloatArray  # (r, K) Laplace–Beltrami functions on the ring
+    functions_sought: FloatArray  # (c, K) the same on the vertices sought
+    canonical: FloatArray  # (c, d) canonical coordinates of the vertices sought
+    normals: FloatArray  # (c, 3) their normals
 
 
 class Coefficients(NamedTuple):
-    """Each shape drawn on the other by its first functions: (k_s, d_t + 3) and (k_t, d_s + 3)."""
+    """Smooth maps both ways, by the first functions of either shape."""
 
-    source: FloatArray
-    target: FloatArray
+    source: FloatArray  # A (k_s, d_t + 3)
+    target: FloatArray  # B (k_t, d_s + 3)
 
 
 class Step(NamedTuple):
@@ -56,89 +173,66 @@ def coarse_steps() -> tuple[Step, ...]:
 
 
 class Images(NamedTuple):
-    """Images of the samples both ways, as rows of the vertices sought.
+    """Images of the samples both ways, as rows of the vertices sought."""
 
-    Parameters
-    ----------
-    forth, back : (m_s,) and (m_t,) array of int
-    misfit : float
-        Their mean distance.
-    orientation : float
-        Mean cosine between the normals of either shape and of its copy drawn on the other, of the wanted side.
-    """
-
-    forth: IntArray
-    back: IntArray
-    misfit: float
-    orientation: float
+    forth: IntArray  # (m_s,)
+    back: IntArray  # (m_t,)
+    misfit: float  # their mean distance
+    orientation: (
+        float  # mean cosine between normals of either shape and of its copy on the other, of the wanted side
+    )
 
 
-class _Drawn(NamedTuple):
-    """A shape drawn on the vertices sought of another: canonical coordinates (c, d), and normals (c, 3)."""
+class _Copy(NamedTuple):
+    """A shape copied to the vertices sought of another by a smooth map."""
 
-    canonical: FloatArray
-    normals: FloatArray
+    canonical: FloatArray  # (c, d)
+    normals: FloatArray  # (c, 3)
 
 
 @dataclass(frozen=True, eq=False)
 class ElasticFit:
-    """Alternates images both ways and the smooth functions that fit them.
+    """Alternates images both ways and the smooth functions that fit them."""
 
-    Parameters
-    ----------
-    source, target : Samples
-    signatures : Embedding
-        Signatures of all vertices of both.
-    landmarks : (l, 2) array of int
-        Vertices of source and target that correspond.
-    side : float
-        1 for maps that preserve the orientation of the faces, −1 for those that reverse it.
-    normal_weight : float
-        Of normals, beside canonical coordinates.
-
-    Notes
-    -----
-    The energy is that of Ezuz, Solomon & Ben-Chen, *Reversible harmonic maps between discrete surfaces*, 2019: Dirichlet
-    energy of both maps into canonical coordinates, and their distance from being inverse to each other. Here each map is
-    a combination of few Laplace–Beltrami functions, for which the Dirichlet energy is diagonal, and signatures, normals
-    and symmetries take part.
-    """
-
+    # After Ezuz, Solomon & Ben-Chen, Reversible harmonic maps between discrete surfaces, 2019. Let c be canonical
+    # coordinates beside positions (`values`), Φ and Ψ the first Laplace–Beltrami functions of source and target. Smooth
+    # maps X = Φ A into the values of the target, and Y = Ψ B into those of the source, and images T of the source's
+    # samples and S of the target's, are sought with least
+    #     μ (tr Aᵀ Λ_s A + tr Bᵀ Λ_t B)                                     Dirichlet energy of both
+    #     + mean_x |X(x) − c(T x)|² + mean_y |Y(y) − c(S y)|²              each is what its images say,
+    #     + mean_y |X(S y) − c(y)|² + mean_x |Y(T x) − c(x)|²              and they undo each other
+    # ∫ |∇X|² = tr Aᵀ Λ A, as ∫ ∇φ_i · ∇φ_j = λ_i δ_ij, so that few functions need no matrix of the mesh. Given the
+    # images, the best A and B are two linear fits (`_smooth`). Given A and B, the image of x is the y of least
+    #     |X(x) − c(y)|² + |c(x) − Y(y)|²,
+    # its nearest point in the coordinates (X, c) of the source and (c, Y) of the target: both terms of x are in it, and
+    # one search finds T, another S. So within a step both halves of an iteration decrease the sum. Normals, signatures
+    # and landmarks are beside it, with weights of their own: they tell sheets apart that lie near each other. Positions
+    # in space are fitted for the normals alone, and not searched.
     source: Samples
     target: Samples
-    signatures: Embedding
-    landmarks: IntArray
-    side: float = 1.0
-    normal_weight: float = NORMAL_WEIGHT
+    signatures: Embedding  # of all vertices of both
+    landmarks: IntArray  # (l, 2) vertices of source and target that correspond
+    side: float = 1.0  # 1 for maps that preserve the orientation of the faces, −1 for those that reverse it
+    normal_weight: float = NORMAL_WEIGHT  # beside canonical coordinates
 
     def from_pairs(self, pairs: IntArray, step: Step) -> Coefficients:
         """Fit smooth maps to pairs (q, 2) of vertices alone."""
-
-        def fitted(onto: Samples, other: Samples, here: IntArray, there: IntArray) -> FloatArray:
-            return _smooth(
-                onto.shape,
-                here,
-                other.shape.drawn[there],
-                np.ones(len(here)),
-                step.n_functions,
-                step.smoothness,
-            )
-
+        source, target, ones = self.source.shape, self.target.shape, np.ones(len(pairs))
         return Coefficients(
-            fitted(self.source, self.target, pairs[:, 0], pairs[:, 1]),
-            fitted(self.target, self.source, pairs[:, 1], pairs[:, 0]),
+            _smooth(source, pairs[:, 0], target.values[pairs[:, 1]], ones, step),
+            _smooth(target, pairs[:, 1], source.values[pairs[:, 0]], ones, step),
         )
 
     def run(
         self, start: Coefficients, steps: tuple[Step, ...], images: Images | None = None
     ) -> tuple[Coefficients, Images]:
         """Take some steps from a start, whose images may be known."""
-        found, images = start, images or self.images(start)
+        coefficients, images = start, images or self.images(start)
         for step in steps:
             for _ in range(step.iterations):
-                found = self._fitted(images, step)
-                images = self.images(found)
-        return found, images
+                coefficients = self._fitted(images, step)
+                images = self.images(coefficients)
+        return coefficients, images
 
     def _fitted(self, images: Images, step: Step) -> Coefficients:
         source, target = self.source, self.target
@@ -147,77 +241,64 @@ class ElasticFit:
         def one(
             onto: Samples, other: Samples, forth: IntArray, back: IntArray, sides: IntArray
         ) -> FloatArray:
+            # X at x should be c(T x); at S y, c(y); at landmarks, what is known
             here = [onto.vertices, onto.targets[back], sides[:, 0]]
             there = [other.targets[forth], other.vertices, sides[:, 1]]
-            drawn = [other.shape.drawn[v] for v in there]
-            if symmetric:  # the mirror image of where the mirror image goes
+            values = [other.shape.values[v] for v in there]
+            if symmetric:
+                # With σ the mirror images of either shape, a map that respects them has T = σ T σ: at x, X should also be
+                # the value at the mirror image of where the mirror image of x goes.
                 mirrored = other.shape.mirrored
                 assert mirrored is not None
                 here += [onto.vertices]
-                drawn += [mirrored[other.targets[forth[onto.mirror_row]]]]
+                values += [mirrored[other.targets[forth[onto.mirror_row]]]]
             weights = np.concatenate([np.ones(len(v)) for v in here])
             first = len(here[0]) + len(here[1])
             weights[first : first + len(sides)] = LANDMARK_WEIGHT
-            return _smooth(
-                onto.shape, np.concatenate(here), np.vstack(drawn), weights, step.n_functions, step.smoothness
-            )
+            return _smooth(onto.shape, np.concatenate(here), np.vstack(values), weights, step)
 
         return Coefficients(
             one(source, target, images.forth, images.back, self.landmarks),
             one(target, source, images.back, images.forth, self.landmarks[:, ::-1]),
         )
 
-    def images(self, found: Coefficients) -> Images:
+    def images(self, coefficients: Coefficients) -> Images:
         """Nearest images both ways, in the coordinates of `embedding`."""
-        source, target, drawn = self.source, self.target, self._drawn(found)
+        source, target, copies = self.source, self.target, self._copies(coefficients)
         nearest = self._nearest_anywhere if source.everywhere else self._nearest_samples
-        forth, back, misfit = nearest(drawn)
+        forth, back, misfit = nearest(copies)
         cosines = [
-            np.einsum("ij,ij->i", shape.normals[onto.row], other.normals[image]).mean()
-            for shape, onto, other, image in zip(drawn, (source, target), (target, source), (forth, back))
+            np.einsum("ij,ij->i", copy.normals[onto.row], other.normals[image]).mean()
+            for copy, onto, other, image in zip(copies, (source, target), (target, source), (forth, back))
         ]
         return Images(forth, back, misfit, self.side * float(np.mean(cosines)))
 
-    def embedding(self, found: Coefficients) -> Embedding:
+    def embedding(self, coefficients: Coefficients) -> Embedding:
         """Coordinates of the vertices sought of both shapes, in which images are nearest."""
-        return self._embedding(self._drawn(found))
+        return self._embedding(self._copies(coefficients))
 
-    def _embedding(self, drawn: tuple[_Drawn, _Drawn]) -> Embedding:
+    def _embedding(self, copies: tuple[_Copy, _Copy]) -> Embedding:
+        both = zip(self._moving(copies), self.signatures, (self.source, self.target))
         return Embedding(
-            *(
-                np.hstack([moving, SIGNATURE_WEIGHT * signatures[onto.targets]])
-                for moving, signatures, onto in zip(
-                    self._moving(drawn), self.signatures, (self.source, self.target)
-                )
-            )
+            *(np.hstack([moving, SIGNATURE_WEIGHT * own[onto.targets]]) for moving, own, onto in both)
         )
 
-    def _drawn(self, found: Coefficients) -> tuple[_Drawn, _Drawn]:
-        """Draw the target on the source, and the source on the target."""
-        return _drawn(self.source, found.source), _drawn(self.target, found.target)
+    def _copies(self, coefficients: Coefficients) -> tuple[_Copy, _Copy]:
+        """Copy the target to the source, and the source to the target."""
+        return _copied(self.source, coefficients.source), _copied(self.target, coefficients.target)
 
-    def _moving(self, drawn: tuple[_Drawn, _Drawn]) -> Embedding:
+    def _moving(self, copies: tuple[_Copy, _Copy]) -> Embedding:
         """Leave the signatures out, which are the same under all maps."""
-        source, target, (target_here, source_there) = self.source, self.target, drawn
-        weight = self.normal_weight
-        return Embedding(
-            np.hstack(
-                [
-                    target_here.canonical,
-                    source.canonical,
-                    self.side * weight * target_here.normals,
-                    weight * source.normals,
-                ]
-            ),
-            np.hstack(
-                [
-                    target.canonical,
-                    source_there.canonical,
-                    weight * target.normals,
-                    self.side * weight * source_there.normals,
-                ]
-            ),
-        )
+        source, target, (target_here, source_there) = self.source, self.target, copies
+        side, weight = self.side * self.normal_weight, self.normal_weight
+        here = [target_here.canonical, source.canonical, side * target_here.normals, weight * source.normals]
+        there = [
+            target.canonical,
+            source_there.canonical,
+            weight * target.normals,
+            side * source_there.normals,
+        ]
+        return Embedding(np.hstack(here), np.hstack(there))
 
     @cached_property
     def _unlike(self) -> Float32Array:
@@ -228,18 +309,19 @@ class ElasticFit:
         )
         return single(np.stack([((row - b) ** 2).sum(axis=1) for row in a]))
 
-    def _nearest_anywhere(self, drawn: tuple[_Drawn, _Drawn]) -> tuple[IntArray, IntArray, float]:
+    def _nearest_anywhere(self, copies: tuple[_Copy, _Copy]) -> tuple[IntArray, IntArray, float]:
         """Find the images (m_s,) and (m_t,) of the samples both ways, and the sum of both mean distances."""
-        source, target, (a, b) = self.source, self.target, self._embedding(drawn)
+        source, target, (a, b) = self.source, self.target, self._embedding(copies)
         from_source, from_target = a[source.row], b[target.row]
         forth = target.shape.prepared.index.vertices(b, from_source)
         back = source.shape.prepared.index.vertices(a, from_target)
         misfit = np.linalg.norm(from_source - b[forth], axis=1).mean()
         return forth, back, float(misfit + np.linalg.norm(from_target - a[back], axis=1).mean())
 
-    def _nearest_samples(self, drawn: tuple[_Drawn, _Drawn]) -> tuple[IntArray, IntArray, float]:
+    def _nearest_samples(self, copies: tuple[_Copy, _Copy]) -> tuple[IntArray, IntArray, float]:
         """Do the same among the samples, by one product for both ways."""
-        a, b = self._moving(drawn)
+        # |a − b|² = |a|² − 2 a·b + |b|², and the part of the signatures, which is the same for all maps
+        a, b = self._moving(copies)
         squared = single(a) @ single(-2 * b).T
         squared += self._unlike
         squared += single(np.einsum("ij,ij->i", b, b))
@@ -265,29 +347,118 @@ class ElasticFit:
         return float(np.mean(apart))
 
 
-def _drawn(onto: Samples, coefficients: FloatArray) -> _Drawn:
-    """Draw the other shape on the vertices sought."""
+def _copied(onto: Samples, coefficients: FloatArray) -> _Copy:
+    """Copy the other shape to the vertices sought: canonical coordinates, and the normals of the faces laid in space."""
     k = len(coefficients)
     canonical = onto.functions_sought[:, :k] @ coefficients[:, :-3]
     normals = vertex_normals(onto.functions[:, :k] @ coefficients[:, -3:], onto.faces)
-    return _Drawn(canonical, normals[onto.sought])
+    return _Copy(canonical, normals[onto.sought])
 
 
 def _smooth(
-    shape: ElasticShape,
-    vertices: IntArray,
-    values: FloatArray,
-    weights: FloatArray,
-    k: int,
-    smoothness: float,
+    shape: ElasticShape, vertices: IntArray, values: FloatArray, weights: FloatArray, step: Step
 ) -> FloatArray:
-    """Coefficients that minimise the mean weighted squared error + smoothness × Dirichlet energy."""
-    laplace = shape.prepared.laplace
+    """Coefficients (k, q) that minimise the mean weighted squared error from values (m, q) + μ × Dirichlet energy."""
+    # ∇ of Σ_i w_i |Φ_i A − v_i|² / Σ w + μ tr Aᵀ Λ A is 0 where (Φᵀ W Φ + μ Λ) A = Φᵀ W V, W = diag(w / Σ w)
+    laplace, k = shape.prepared.laplace, step.n_functions
     functions = laplace.vectors[vertices, :k]
     weighted = functions * (weights / weights.sum())[:, None]
     gram = weighted.T @ functions
-    gram[np.diag_indices_from(gram)] += smoothness * laplace.values[:k] + RIDGE
+    gram[np.diag_indices_from(gram)] += step.smoothness * laplace.values[:k] + RIDGE
     _, coefficients, failed = dposv(gram, weighted.T @ values)
     if failed or not np.isfinite(coefficients).all():
         raise LinAlgError(f"{k} functions of a shape cannot be fitted to {len(vertices)} vertices")
     return np.asarray(coefficients)
+
+
+def anchor_starts(
+    pair: ShapePair, landmarks: IntArray, shapes: tuple[ElasticShape, ElasticShape] | None = None
+) -> list[IntArray]:
+    """Assign anchors of the source to points of the target: arrays (m, 2) of vertices."""
+    # A distance d that should be u costs (`IntervalCost`, lower = upper = u, in units of the average distance)
+    #     min(max(|d − u| − forgiven u, 0) + inside |d − u|, most) / (soft + u):
+    # nothing much up to a factor, as limbs stretch, and never more than a bound, for a tail that is twice as long must
+    # not outweigh everything else. What limbs of any length have in common is how remote they are, as a share of the
+    # area, and, where both shapes are symmetric, how far aside: heads and tails lie in the plane of symmetry, legs do
+    # not. Some starts do without, as mirror images may be wrong in places.
+    source, target, settings = pair.source, pair.target, pair.config.elastic
+    anchors, between = _anchors(source, landmarks[:, 0], N_ANCHORS)
+    candidates = np.unique(
+        np.concatenate([landmarks[:, 1], target.extremities, target.sample_vertices[:N_CANDIDATES]])
+    )
+    of_source, of_target = pair.signatures
+    unlike = np.abs(of_source[anchors, None] - of_target[candidates]).mean(axis=2)
+    unary = SIGNATURE_COST * np.minimum(unlike / max(unlike.mean(), 1e-12), 2.0)
+    remote = _remoteness(source)[anchors, None], _remoteness(target)[candidates]
+    unary += REMOTENESS_COST * np.abs(remote[0] - remote[1])
+    kinds = [(unary, settings.n_starts)]
+    if shapes and all(shape.mirrored is not None for shape in shapes):
+        aside = [np.minimum(shape.aside / shape.prepared.intrinsic_scale, MOST_ASIDE) for shape in shapes]
+        unlike = np.abs(aside[0][anchors, None] - aside[1][candidates])
+        kinds = [(unary + ASIDE_COST * unlike, settings.n_starts), (unary, N_PLAIN_STARTS)]
+
+    def assigned(cost: FloatArray, count: int) -> IntArray:
+        pin_first(cost, np.searchsorted(candidates, landmarks[:, 1]))
+        rows, _ = assign_points(
+            target.distances_between(candidates) / target.intrinsic_scale,
+            between,
+            between,
+            cost,
+            IntervalCost(settings.forgiven, settings.inside, MOST_COST, SOFT),
+            BEAM,
+            APART,
+        )
+        return rows[:count]
+
+    return [np.column_stack([anchors, candidates[row]]) for kind in kinds for row in assigned(*kind)]
+
+
+def _anchors(shape: PreparedShape, first: IntArray, count: int) -> tuple[IntArray, FloatArray]:
+    """Vertices far from each other, and their distances in units of the average."""
+    wanted = np.concatenate([first, shape.extremities, shape.column_vertices])
+    wanted = wanted[np.sort(np.unique(wanted, return_index=True)[1])]
+    distances = shape.distances_between(wanted)
+    n_first = min(len(np.union1d(first, shape.extremities)), max(count, len(first)))
+    kept = farthest_rows(distances, count, range(n_first))
+    return wanted[kept], distances[np.ix_(kept, kept)] / shape.intrinsic_scale
+
+
+def _remoteness(shape: PreparedShape) -> FloatArray:
+    """(n,) share of the area that is less remote than each vertex: it does not depend on how long limbs are."""
+    order = np.argsort(shape.average_distance, kind="stable")
+    share = np.zeros(len(order))
+    share[order] = np.cumsum(shape.body.vertex_areas[order]) / shape.body.area
+    return share
+
+
+def with_mirror(prepared: PreparedShape, config: Config) -> ElasticShape:
+    """Find the map of a shape to itself that reverses its orientation and fits best, if any fits well."""
+    # An elastic match of the shape to itself, of side −1, so that the identity does not take part.
+    settings = config.elastic
+    shape = ElasticShape(prepared, settings)
+    samples = shape.sampled(N_COARSE, False)
+    signatures = Embedding(prepared.signatures, prepared.signatures)
+    fit = ElasticFit(samples, samples, signatures, NO_LANDMARKS, side=-1.0)
+    steps = coarse_steps()
+
+    def first(start: IntArray) -> tuple[Coefficients, Images] | None:
+        coefficients = fit.from_pairs(start, steps[0])
+        images = fit.images(coefficients)
+        return None if images.orientation < 0 else (coefficients, images)
+
+    def stepped(self_map: tuple[Coefficients, Images], step: Step) -> tuple[Coefficients, Images]:
+        return fit.run(self_map[0], (step,), self_map[1])
+
+    few = replace(config, elastic=replace(settings, forgiven=MIRROR_FORGIVEN, n_starts=MIRROR_STARTS))
+    rows = prepared.sample_vertices[: prepared.config.n_search]
+    known = [np.column_stack([rows, rows[each.image_row]]) for each in prepared.symmetries]
+    starts = [*anchor_starts(ShapePair(prepared, prepared, few), NO_LANDMARKS), *known]
+    maps = [each for each in parallel_map(first, starts) if each]
+    for step, most in zip(steps, N_FOLLOWED):
+        maps = parallel_map(partial(stepped, step=step), maps)
+        maps = sorted(maps, key=lambda each: each[1].misfit)[:most]
+    clear = [each for each in maps if each[1].orientation >= MIRROR_ORIENTATION]
+    if not clear or clear[0][1].misfit > MIRROR_MISFIT:
+        return shape
+    coefficients = clear[0][0].source
+    return replace(shape, mirrored=prepared.laplace.vectors[:, : len(coefficients)] @ coefficients)

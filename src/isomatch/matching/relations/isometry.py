@@ -20,9 +20,17 @@ from isomatch.matching.candidates import (
     is_another,
     is_sure,
 )
-from isomatch.matching.confidence import doubt_in, doubt_of, expected_errors, lifted, regions_of_doubt
+from isomatch.matching.confidence import (
+    DoubtfulRegion,
+    doubt_in,
+    doubt_of,
+    expected_errors,
+    lifted,
+    regions_of_doubt,
+)
 from isomatch.matching.coordinates import refined_images, registered
 from isomatch.matching.fit import Candidate, Fit, Hypothesis
+from isomatch.matching.hints import Hints
 from isomatch.matching.pair import ShapePair, SmoothPair
 from isomatch.matching.quality import contradicted_landmarks, mean_known, measure_quality, mismatch_of
 from isomatch.matching.result import Alternative, Quality
@@ -42,70 +50,69 @@ from isomatch.matching.stages import Relation
 from isomatch.matching.verification import Evidence, Solution, measured_evidence
 from isomatch.runtime.stage_timer import StageTimer
 from isomatch.runtime.threads import parallel_map, serial_blas
-from isomatch.values.arrays import FloatArray, IntArray
+from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 from isomatch.values.cached import cached_property
 
-# in √area, from which an image is elsewhere; twice rival_distance: from one limb to another
-ELSEWHERE_DISTANCE = 0.3
-
+ELSEWHERE_DISTANCE = 0.3  # √area: from one limb to another, twice rival_distance
 MOST_MIRRORED = 3  # maps of the orientation that is not allowed, which are refined
 
 
 @dataclass(frozen=True, eq=False)
+class Measured:
+    """A map of the vertices of the source's body, measured: what a `Solution` is made of."""
+
+    points: PrecisePoints  # images of the vertices
+    quality: Quality
+    mismatch: FloatArray | None  # (n_s,) see `mismatch_of`
+    reason: str = ""  # how the map was chosen, in a sentence
+    origin: str = ""  # where it came from
+    matched: BoolArray | None = None  # (n_s,) which vertices have an image, if not all
+    doubt: FloatArray | None = None  # (n_s,) error to be expected because another map may be right
+    fit: Fit | None = None  # the refined map that polishing begins with; none of a map that stretches
+
+    def solution(
+        self,
+        pair: ShapePair,
+        hints: Hints,
+        errors: FloatArray,  # (n_s,) that are expected
+        evidence: tuple[Evidence, ...],
+        notes: Sequence[str],
+        level: SmoothPair
+        | None = None,  # the shapes between which the points are, if they are not those of the pair
+        points: PrecisePoints | None = None,
+        regions: Sequence[DoubtfulRegion] = (),
+    ) -> Solution:
+        """Sum up the map in the users' vertices; where it has no image, no error is expected."""
+        source, between = pair.source, level or pair
+        result = between.source.correspondence(between.target, points or self.points, self.matched)
+        return Solution(
+            pair,
+            result,
+            self.quality,
+            evidence,
+            np.where(result.matched, source.lift_smooth(errors), np.nan),
+            notes=(*pair.notes, *hints.notes, *notes, *contradicted_landmarks(pair, self.points, hints)),
+            origin=self.origin,
+            reason=self.reason,
+            mismatch=None if self.mismatch is None else source.lift(self.mismatch),
+            regions=lifted(regions, source, pair.target),
+        )
+
+
+@dataclass(frozen=True, eq=False)
 class IsometricMatch:
-    """What the match of two complete shapes found, before the map is measured.
+    """What the match of two complete shapes found, before the map is measured."""
 
-    Parameters
-    ----------
-    selection : Selection
-        Refined winner and its rivals.
-    eligible : tuple of Candidate
-        Candidates that may win, best first.
-    rivals : tuple of Candidate
-        Candidates searched as rivals only, which may not win.
-    embedding : Embedding
-        Coordinates of all vertices in which images are nearest points.
-    relation : Isometry
-        What found it.
-    """
-
-    selection: Selection[Fit]
-    eligible: tuple[Candidate, ...]
-    rivals: tuple[Candidate, ...]
-    embedding: Embedding
+    selection: Selection[Fit]  # refined winner and its runners-up
+    eligible: tuple[Candidate, ...]  # candidates that may win, best first
+    rivals: tuple[Candidate, ...]  # candidates that may not win
+    embedding: Embedding  # coordinates of all vertices in which images are nearest points
     relation: Isometry
 
     @cached_property
     def measured(self) -> Measured:
         """The map, measured."""
         return self.relation.measure(self)
-
-
-@dataclass(frozen=True, eq=False)
-class Measured:
-    """A map of all vertices of the source's body, measured.
-
-    Parameters
-    ----------
-    points : PrecisePoints
-    quality : Quality
-    doubt : (n_s,) array of float, optional
-        Error to be expected because another map may be right.
-    mismatch : (n_s,) array of float, optional
-        See `mismatch_of`.
-    reason, origin : str
-        How the map was chosen, in a sentence, and where it came from.
-    fit : Fit, optional
-        The refined map that polishing begins with; none of a map that stretches.
-    """
-
-    points: PrecisePoints
-    quality: Quality
-    doubt: FloatArray | None
-    mismatch: FloatArray | None
-    reason: str
-    origin: str
-    fit: Fit | None = None
 
 
 class Isometry(Relation):
@@ -133,13 +140,7 @@ class Isometry(Relation):
         return self.summed_up(found, found.measured, timer)
 
     def match(self, timer: StageTimer, hypotheses: Sequence[Hypothesis] | None = None) -> IsometricMatch:
-        """Search, select and refine; ``hypotheses`` found otherwise take the place of the search.
-
-        Raises
-        ------
-        SettingError
-            If hints are asked for and none was given.
-        """
+        """Search, select and refine; ``hypotheses`` found otherwise take the place of the search."""
         both = self.source, self.target
         parallel_map(lambda shape: (shape.points, shape.signatures, shape.curvature, shape.symmetries), both)
         timer.start("search")
@@ -172,13 +173,7 @@ class Isometry(Relation):
     def candidates(
         self, may_win: Sequence[Hypothesis], only_rivals: Sequence[Hypothesis] = ()
     ) -> tuple[list[Candidate], list[Candidate]]:
-        """Screen hypotheses, and the symmetric variants of the best: candidates that may win, and rivals, best first.
-
-        Raises
-        ------
-        SettingError
-            If there is no hypothesis, for starts handed in gave none.
-        """
+        """Screen hypotheses, and the symmetric variants of the best: candidates that may win, and rivals, best first."""
         if not may_win:
             raise SettingError(
                 "the starts gave no first map, and there are no hints; add *default_starts to them"
@@ -388,7 +383,7 @@ class Isometry(Relation):
         mismatch = mismatch_of(self.source.balls, self.target.balls, points.corners[:, 0])
         quality = replace(quality, mismatch=mean_known(mismatch, self.source.body.vertex_areas))
         origin = self.origin_of(selection.winner)
-        return Measured(points, quality, doubt, mismatch, reason, origin, selection.winner)
+        return Measured(points, quality, mismatch, reason, origin, doubt=doubt, fit=selection.winner)
 
     def summed_up(
         self, found: IsometricMatch, map_: Measured, timer: StageTimer, note: str | None = None
@@ -401,7 +396,6 @@ class Isometry(Relation):
         regions = regions_of_doubt(pair, map_.mismatch, rivals)
         doubt = doubt_in(regions, self.source.body.n_vertices) + (0.0 if map_.doubt is None else map_.doubt)
         errors = expected_errors(pair, map_.points, doubt)
-        against = contradicted_landmarks(pair, map_.points, hints)
         level: SmoothPair = pair
         points = map_.points
         if pair.has_finer and map_.fit and self.refinement.polishes:
@@ -413,27 +407,13 @@ class Isometry(Relation):
         evidence = [measured_evidence(pair, map_.quality, pair.config.orientation, hints.any, far)]
         if pair.round and not hints.any:
             evidence.append(Evidence(ambiguous=True))
-        return Solution(
-            pair,
-            level.source.correspondence(level.target, points),
-            map_.quality,
-            tuple(evidence),
-            self.source.lift_smooth(errors),
-            self._alternatives(found),
-            (
-                *pair.notes,
-                *hints.notes,
-                *self._notes(found.selection),
-                *_polishing_described(pair, level),
-                *([note] if note else []),
-                *against,
-            ),
-            map_.origin,
-            map_.reason,
-            mismatch=None if map_.mismatch is None else self.source.lift(map_.mismatch),
-            regions=lifted(regions, self.source, self.target),
-            looks_count=not far,
-        )
+        notes = self._notes(selection)
+        if level is not pair:
+            sizes = level.source.body.n_vertices, level.target.body.n_vertices
+            notes.append("polished on {} and {} vertices".format(*sizes))
+        notes += [note] if note else []
+        solution = map_.solution(pair, hints, errors, tuple(evidence), notes, level, points, regions)
+        return replace(solution, alternatives=self._alternatives(found), looks_count=not far)
 
     def _polished(self, finer: SmoothPair, fit: Fit) -> PrecisePoints:
         """Polish a refined map at the finer levels of its shapes: image of each source vertex there."""
@@ -478,12 +458,6 @@ class Isometry(Relation):
             )
             for c in kept[1:]
         )
-
-
-def _polishing_described(pair: ShapePair, level: SmoothPair) -> list[str]:
-    if level is pair:
-        return []
-    return [f"polished on {level.source.body.n_vertices} and {level.target.body.n_vertices} vertices"]
 
 
 def _extended_map(pair: ShapePair, target_row: IntArray) -> Correspondence:

@@ -16,10 +16,8 @@ from isomatch.errors import NotConvergedError, SettingError
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching.confidence import expected_errors
 from isomatch.matching.fit import Fit
-from isomatch.matching.hints import Hints
-from isomatch.matching.pair import ShapePair, SmoothPair
+from isomatch.matching.pair import SmoothPair
 from isomatch.matching.quality import (
-    contradicted_landmarks,
     covered_share,
     distances_to_hints,
     edge_stretch,
@@ -28,33 +26,42 @@ from isomatch.matching.quality import (
     mismatch_of,
 )
 from isomatch.matching.relations.closed import ClosedMatch, with_doubt
-from isomatch.matching.relations.part_bending import ALL_FUNCTIONS, BentPart
-from isomatch.matching.relations.part_fits import PartFit, PartFits
+from isomatch.matching.relations.isometry import Measured
 from isomatch.matching.relations.part_pair import PartPair
-from isomatch.matching.relations.part_refinement import N_ROUGH_VERTICES
+from isomatch.matching.relations.part_registration import (
+    ALL_FUNCTIONS,
+    N_ROUGH_VERTICES,
+    BentPart,
+    PartFit,
+    PartFits,
+)
 from isomatch.matching.relations.part_starts import APART, PartStarts, self_maps
 from isomatch.matching.result import Outcome, Quality
 from isomatch.matching.search import FromAnchors, starts_of
 from isomatch.matching.selection import LANDMARK_SLACK, Rules, Selection, distances_between, distinct, select
 from isomatch.matching.stages import Relation, first_maps_of
 from isomatch.matching.starts import nearest_in_pose
-from isomatch.matching.verification import Evidence, PartDoubt, Solution, part_contradicts, part_evidence
+from isomatch.matching.verification import (
+    Evidence,
+    PartDoubt,
+    Solution,
+    outcome_of,
+    part_contradicts,
+    part_evidence,
+)
 from isomatch.runtime.stage_timer import StageTimer
 from isomatch.runtime.threads import parallel_map
 from isomatch.shapes import PreparedShape, mirror_image
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 from isomatch.values.cached import cached_property
 
-# best rough maps that are composed with maps of the whole onto itself; chosen on cuts and holes, not one by one
-N_VARIED = 4
-
-# last lengths with which the best map bends the part in full; 3 and 10 no better on four parts
-N_BENT_IN_FULL = 5
-
-N_CONTENDERS = 8  # best starts that are refined to the end; chosen on cuts and holes, not one by one
-
-# share of the bound of the doubt above which a part may be a mirror image; one had 0.94, right ones from 0.04
-LITTLE_DOUBT = 0.5
+# those without another source were chosen together on cuts and holes
+N_VARIED = 4  # best rough maps that are composed with maps of the whole onto itself
+N_CONTENDERS = 8  # best starts that are refined to the end
+N_BENT_IN_FULL = (
+    5  # last lengths with which the best map bends the part in full; 3 and 10 no better on four parts
+)
+LITTLE_DOUBT = 0.5  # share of the bound of the doubt above which a part may be a mirror image; one had 0.94
 
 PartSide = Literal["source", "target"]
 
@@ -154,13 +161,7 @@ class Part(Relation):
         return led
 
     def match(self, timer: StageTimer | None = None) -> Selection[PartFit]:
-        """Search, refine, settle the best and select.
-
-        Raises
-        ------
-        NotConvergedError
-            If no map that keeps the orientation was found.
-        """
+        """Search, refine, settle the best and select."""
         timer = timer or StageTimer()
         timer.start("search")
         config, settings, fits_of = self.pair.config, self.pair.config.parts, self.fits
@@ -193,7 +194,7 @@ class Part(Relation):
         return selection
 
     def mismatch(self, fit: Fit) -> FloatArray:
-        """How differently part and whole look in space around the vertices (r,) and their images."""
+        """Descriptor distance (r,) of the vertices and their images, by balls."""
         return cast(PartFit, fit).mismatches
 
     @property
@@ -210,7 +211,7 @@ class Part(Relation):
     def bent(self, fit: PartFit) -> BentPart:
         """Bend the part onto the whole by a map, in full."""
         settings = self.pair.config.parts
-        return fit.bending.in_full(fit.bent, settings.bending[-N_BENT_IN_FULL:])
+        return fit.bending.laid_in_full(fit.bent, settings.bending[-N_BENT_IN_FULL:])
 
     def _again(self, fit: PartFit) -> PartFit:
         again = self.refinement.again(self, fit)
@@ -272,15 +273,10 @@ class Part(Relation):
     @cached_property
     def fits(self) -> PartFits:
         """Refines maps of the part."""
-        landmarks, known = self._towards_whole(self.hints.landmarks), self._from_part.known
-        return PartFits(
-            PartPair.of(self.source, self.target, self.pair.config, landmarks, known), self._hinted_image
-        )
-
-    @property
-    def _from_part(self) -> ShapePair:
-        """The pair with the part as its source."""
-        return self.pair if self.side == "source" else self.pair.turned
+        landmarks = self._towards_whole(self.hints.landmarks)
+        known = (self.pair if self.side == "source" else self.pair.turned).known
+        pair = PartPair.of(self.source, self.target, self.pair.config, landmarks, known)
+        return PartFits(pair, self._hinted_image)
 
     @cached_property
     def _hinted_image(self) -> IntArray | None:
@@ -353,19 +349,16 @@ class Part(Relation):
         timer: StageTimer,
     ) -> Solution:
         """Bend the part in full, and sum up the map in the direction asked for."""
-        pair, hints, best = self.pair, self.hints, selection.winner
+        best = selection.winner
         with timer.within("part"):
             timer.start("bending")
             bent = self.bent(best)
         onto_whole, (onto_part, covered) = bent.points, bent.onto_part()
-        errors, area = (
-            expected_errors_of_part(best.pair, onto_whole),
-            best.pair.meshes[1].vertex_areas[covered].sum(),
-        )
-        if self.side == "source":
-            points, matched = onto_whole, np.ones(len(errors), dtype=bool)
-        else:
-            points, matched = onto_part, covered
+        errors = expected_errors_of_part(best.pair, onto_whole)
+        area = best.pair.meshes[1].vertex_areas[covered].sum()
+        points, matched, unit = onto_whole, np.ones(len(errors), dtype=bool), best.pair.unit
+        if self.side == "target":
+            points, matched, unit = onto_part, covered, 1 / best.pair.unit
             if self.source.origin is not None:
                 points = PrecisePoints(self.source.origin[points.corners], points.barycentric)
             errors = errors[points.corners[:, 0]] / best.pair.unit
@@ -373,64 +366,31 @@ class Part(Relation):
         balls = best.pair.signature, best.pair.whole.balls
         here, there = balls if self.side == "source" else balls[::-1]
         mismatch = mismatch_of(here, there, points.corners[:, 0], matched)
-        quality = self._quality(selection, bent, doubt, points, matched)
-        quality = replace(quality, mismatch=mean_known(mismatch, pair.source.body.vertex_areas))
-        found = pair.source.correspondence(pair.target, points, matched)
-        landmark_errors = distances_to_hints(pair, points.corners[:, 0], hints.landmarks)
-        bound = pair.config.outcome.contradiction
-        contradicted = part_contradicts(landmark_errors, quality.initial_map_error, bound)
-        solution = Solution(
-            pair,
-            found,
-            quality,
-            (*evidence, Evidence(contradicted=contradicted)),
-            np.where(found.matched, pair.source.lift_smooth(errors), np.nan),
-            mismatch=None if mismatch is None else pair.source.lift(mismatch),
-            origin=self.origin_of(best),
-            reason=f"fits best of {1 + len(selection.rivals)} maps of a part refined to the end",
-        )
+        reason = f"fits best of {1 + len(selection.rivals)} maps of a part refined to the end"
+        measured = measured_part(self, best, bent, unit, points, matched, mismatch, reason)
+        quality = replace(measured.quality, rival=selection.rival, doubt=doubt.doubt)
+        evidence = (*evidence, contradiction(self, measured))
         notes = (
-            *pair.notes,
-            *hints.notes,
             f"the {self.side} was matched as a part: it has {share:.0%} of the area of the other shape and covers "
             f"{area:.0%}",
-            *doubt.notes(solution.outcome, len(hints.landmarks) > 0),
-            *contradicted_landmarks(pair, points, hints),
+            *doubt.notes(outcome_of(evidence), len(self.hints.landmarks) > 0),
         )
-        return replace(solution, notes=notes)
-
-    def _quality(
-        self,
-        selection: Selection[PartFit],
-        bent: BentPart,
-        doubt: PartDoubt,
-        points: PrecisePoints,
-        matched: BoolArray,
-    ) -> Quality:
-        best = selection.winner
-        unit = best.pair.unit if self.side == "source" else 1 / best.pair.unit
-        quality = quality_of_part(self.pair, self.hints, best, unit, points, matched)
-        return replace(quality, rival=selection.rival, bend_misfit=bent.misfit, doubt=doubt.doubt)
+        measured = replace(measured, quality=quality)
+        return measured.solution(self.pair, self.hints, errors, evidence, notes)
 
 
-def quality_of_part(
-    pair: ShapePair, hints: Hints, fit: PartFit, unit: float, points: PrecisePoints, matched: BoolArray
-) -> Quality:
-    """Measure a map in which a part takes part.
-
-    Parameters
-    ----------
-    pair, hints
-        The shapes, and what is known of the map.
-    fit : PartFit
-        The map of the part.
-    unit : float
-        What √area of the source is worth in √area of the target.
-    points : PrecisePoints
-        Images of the vertices of the source's body.
-    matched : (n_s,) array of bool
-        Which of them there are.
-    """
+def measured_part(
+    relation: Relation,
+    fit: PartFit,
+    bent: BentPart,
+    unit: float,  # what √area of the source is worth in √area of the target
+    points: PrecisePoints,  # images of the vertices of the source's body
+    matched: BoolArray,  # (n_s,) which of them there are
+    mismatch: FloatArray | None,  # (n_s,)
+    reason: str,
+) -> Measured:
+    """Measure a map in which a part takes part."""
+    pair, hints = relation.pair, relation.hints
     source, target = pair.source, pair.target
     image = points.corners[:, 0]
     on_user = np.zeros(source.surface.n_vertices, dtype=bool)
@@ -441,27 +401,33 @@ def quality_of_part(
     initial_pairs = hints.initial_pairs[matched[hints.initial_pairs[:, 0]]]
     if len(initial_pairs):
         initial_map_error = float(np.median(distances_to_hints(pair, image, initial_pairs)))
-    return Quality(
+    positions, bounds = image_positions(source.body, target.body, points), pair.config.outcome
+    quality = Quality(
         misfit=fit.misfit,
         rival=np.inf,
         mirrored=np.inf,
         residual=np.nan,
-        stretch=edge_stretch(
-            source.body,
-            image_positions(source.body, target.body, points),
-            pair.config.outcome.torn,
-            unit,
-            matched,
-        ),
+        stretch=edge_stretch(source.body, positions, bounds.torn, unit, matched),
         orientation=fit.orientation,
         distortion_mean=np.nan,
         distortion_p95=np.nan,
-        coverage=covered_share(target.body, image[matched], pair.config.outcome.coverage_radius),
+        coverage=covered_share(target.body, image[matched], bounds.coverage_radius),
         matched=float(on_user.mean()),
         landmark_error=landmark_error,
         initial_map_error=initial_map_error,
         stress=fit.stress,
+        bend_misfit=bent.misfit,
+        mismatch=mean_known(mismatch, source.body.vertex_areas),
     )
+    return Measured(points, quality, mismatch, reason, relation.origin_of(fit), matched)
+
+
+def contradiction(relation: Relation, measured: Measured) -> Evidence:
+    """Compare the map of a part with its hints."""
+    pair, hints = relation.pair, relation.hints
+    errors = distances_to_hints(pair, measured.points.corners[:, 0], hints.landmarks)
+    bound = pair.config.outcome.contradiction
+    return Evidence(contradicted=part_contradicts(errors, measured.quality.initial_map_error, bound))
 
 
 def _filled(part: PreparedShape, known: IntArray) -> IntArray:

@@ -1,45 +1,44 @@
-"""A part and a whole in common units, with what is known of distances on the whole between points of the part."""
+"""A part and a whole in common units: bounds of the distances on the whole, and signatures that both share."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from isomatch.correspondence import Embedding, IntervalCost
-from isomatch.descriptors import RADII, BallSignature, ball_signature
+from isomatch.descriptors import RADII, BallSignature, ball_signature, mean_curvature
 from isomatch.geodesics import MissingRegion, distance_along_edges_to_nearest, distance_engine
 from isomatch.matching.pair import SmoothPair
 from isomatch.settings import Config
-from isomatch.shapes import N_BALLS, PreparedShape
+from isomatch.shapes import CURVATURE_WEIGHT, N_BALLS, WAVE_WEIGHT, PreparedShape
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import FloatArray, IntArray
-from isomatch.values.cached import cached_property
+from isomatch.values.cached import cached_method, cached_property
 
-# bound of the cost of a distance, in √area of the part, see `IntervalCost`; chosen on cuts and holes, not one by one
-MOST_COST = 0.6
-
-SOFT = 0.18  # of the same cost, in √area of the part; chosen on cuts and holes, not one by one
-
-# boundary vertices through which paths may leave the part; chosen on cuts and holes, not one by one
-N_POSTS = 60
-
-# share of the pairs of anchors whose distance on the whole is known, below which ``scale = "auto"`` keeps the unit of the
-# files; chosen on cuts and holes, not one by one
-LEAST_TRUSTED = 0.07
-
-# distance columns of the part whose images a start consists of; chosen on cuts and holes, not one by one
-N_ANCHORS = 50
-
-UNIT_STEP = 1.1  # ratio of the units that are tried; tolerance of the intervals
-
-# least area of a part over that of the whole, where the units of the files say nothing; views show 16 % and more
-LEAST_SHARE = 0.1
-
-# factor by which the unit of the files may be off; FAUST remeshed: bodies of one person differ by up to 1.2
-LARGEST_UNIT_CHANGE = 1.4
-
+# those without another source were chosen together on cuts and holes
+MOST_COST, SOFT = 0.6, 0.18  # of the cost of a distance, in √area of the part, see `IntervalCost`
+N_POSTS = 60  # boundary vertices through which paths may leave the part
+N_ANCHORS = 50  # distance columns of the part whose images a start consists of
+LEAST_TRUSTED = 0.07  # share of known distances, below which ``scale = "auto"`` keeps the unit of the files
+UNIT_STEP = 1.1  # ratio of the units that are tried
+LEAST_SHARE = 0.1  # of the whole's area, where the units of the files say nothing; views show 16 % and more
+LARGEST_UNIT_CHANGE = (
+    1.4  # of the unit of the files; FAUST remeshed: bodies of one person differ by up to 1.2
+)
+LARGEST_UNIT = 1.05  # a part is no larger than the whole, but for errors of the measurement
+UNIT_GRID = 0.02  # logarithm of the ratio of two units that are told apart
+TRUSTED = 0.97  # lower over upper bound from which a distance counts as known
+LONG = 0.3  # √(area of the part): shorter distances do not measure the unit
+FEWEST_KNOWN = 40  # distances that do
 RADIUS_STEP = 1.25  # ratio of the radii between which ball signatures are interpolated
+
+N_ENERGIES = 20
+REACH, CURVATURE_REACH = (
+    4.0,
+    3.0,
+)  # a function of eigenvalue λ feels a boundary at a distance of about REACH / √λ
 
 UNKNOWN = BallSignature(np.ones(1), np.zeros((0, 1, 4)), np.zeros(0))
 NO_LANDMARKS = np.zeros((0, 2), dtype=np.int64)
@@ -47,41 +46,20 @@ NO_LANDMARKS = np.zeros((0, 2), dtype=np.int64)
 
 @dataclass(frozen=True)
 class PartPair:
-    """A part and a whole; lengths are in √area of the whole. Two are equal if their shapes and units are.
-
-    Parameters
-    ----------
-    part, whole : PreparedShape
-        The shapes.
-    unit : float
-        What √area of the part is worth in √area of the whole.
-    config : Config
-        The settings of the match.
-    missing : MissingRegion
-        What lies beyond the part's boundary, in units of the part.
-    anchors : (m,) array of int
-        Vertices of the part whose images a start consists of: landmarks, then farthest points.
-    lower, along : (m, n_part) array of float
-        Lower bounds of the distances from them on the whole, and distances along the part, in its units.
-    landmarks : (l,) array of int
-        Vertices of the whole that the first anchors go to.
-    balls : BallSignature
-        Of the part, in its own units.
-    functions : Embedding
-        Known functions on the bodies of part and whole: (n_part, q) and (n_whole, q).
-    """
+    """A part and a whole; lengths are in √area of the whole. Two are equal if their shapes and units are."""
 
     part: PreparedShape
     whole: PreparedShape
-    unit: float
-    config: Config
-    missing: MissingRegion = field(compare=False)
-    anchors: IntArray = field(compare=False)
+    unit: float  # what √area of the part is worth in √area of the whole
+    config: Config  # of the match
+    missing: MissingRegion = field(compare=False)  # beyond the part's boundary, in units of the part
+    anchors: IntArray = field(compare=False)  # (m,) vertices of the part: landmarks, then farthest points
+    # (m, n_part) bounds of distances on the whole, in units of the part
     lower: FloatArray = field(compare=False)
-    along: FloatArray = field(compare=False)
-    landmarks: IntArray = field(compare=False)
-    balls: BallSignature = field(compare=False)
-    functions: Embedding = field(compare=False)
+    along: FloatArray = field(compare=False)  # (m, n_part) distances along the part, in its units
+    landmarks: IntArray = field(compare=False)  # (l,) vertices of the whole that the first anchors go to
+    balls: BallSignature = field(compare=False)  # of the part, in its own units
+    functions: Embedding = field(compare=False)  # known functions: (n_part, q) and (n_whole, q)
 
     @classmethod
     def of(
@@ -93,30 +71,42 @@ class PartPair:
         functions: Embedding | None = None,
     ) -> PartPair:
         """Assume that both shapes came in the same units; landmarks (l, 2) are vertices of part and whole."""
-        mesh = part.mesh_body
+        mesh, n = part.mesh_body, N_ANCHORS
         engine = distance_engine(mesh, part.config.engine, weld=False)
         missing = MissingRegion.of(mesh, engine, N_POSTS)
-        n = N_ANCHORS
         anchors = np.concatenate([landmarks[:, 0], part.column_vertices[:n]])
+        # The distance D of two points of the part on the whole is not known, but bounded on both sides. From above, for
+        # a path along the part is a path on the whole:
+        #     D(x, y) ≤ d(x, y)
+        # From below, for a shorter path leaves the part at a boundary point b and comes back at c, and what is missing
+        # in between cannot be shorter than the straight line through the hole:
+        #     D(x, y) ≥ min(d(x, y), min_{b, c} d(x, b) + |b − c| + d(c, y))
+        # (the criterion of Bracha, Dagès & Kimmel, Wormhole loss for partial shape matching, 2024, used as a bound).
+        # Where both agree, D is known, although much is missing.
         along = part.columns[:n].astype(np.float64)
         if len(landmarks):
             along = np.vstack([engine.distances_from(landmarks[:, 0]), along])
         unit = 1.0 if config.scale == "area" else part.scale / whole.scale
         if part.origin is None:
             lower = missing.lower_bound(anchors, np.arange(mesh.n_vertices), along)
-        else:  # limbs cut apart: at least as far as where they are fused
+        else:
+            # Limbs cut apart where they are fused, along a cut of no width: a path that leaves through the cut goes on
+            # at the other side of it, so D is at least the distance on the fused surface, whose vertices are welded.
             fused = distance_engine(mesh, part.config.engine)
             lower = np.minimum(fused.distances_from(anchors), along)
         if functions is None:
             functions = SmoothPair(part, whole, config).known
-        found = cls(
+        pair = cls(
             part, whole, unit, config, missing, anchors, lower, along, landmarks[:, 1], UNKNOWN, functions
         )
-        units = found.units
+        # A ball of radius r in units of the whole has radius r / unit in those of the part. Balls of the part are
+        # integrated once, for radii from the least r over the largest unit to the largest r over the least unit, in
+        # steps small enough to interpolate between, so that `signature` costs nothing in any unit.
+        units = pair.units
         first, last = RADII[0] / max(*units, LARGEST_UNIT), RADII[-1] / min(units)
         radii = np.geomspace(first, last, 2 + round(np.log(last / first) / np.log(RADIUS_STEP)))
         samples = part.sample_vertices[:N_BALLS]
-        return replace(found, balls=ball_signature(mesh, radii, unit=1.0, samples=samples, weld=False))
+        return replace(pair, balls=ball_signature(mesh, radii, unit=1.0, samples=samples, weld=False))
 
     def with_unit(self, unit: float) -> PartPair:
         """Return the pair with another unit of the part."""
@@ -129,7 +119,10 @@ class PartPair:
 
     @property
     def cost(self) -> IntervalCost:
-        """Cost of distances on the whole; the same for every unit if part and distances grow alike."""
+        """Cost of distances on the whole."""
+        # c(D; l, u) = min(v + inside |D − u|, most) / (soft + u). With l, u, most and soft all multiplied by the unit,
+        #     c(t D; t l, t u) = c(D; l, u):
+        # a smaller unit is no cheaper only because all lengths are, so costs in different units can be compared.
         return IntervalCost(most=MOST_COST * self.unit, soft=SOFT * self.unit)
 
     @property
@@ -189,18 +182,25 @@ class PartPair:
 
     @property
     def units(self) -> tuple[float, ...]:
-        """Units to search in, by what is asked for; the given one may be anything."""
+        """Units to search in, by what is asked for; that of the files may be anything."""
         if self.keeps_unit:
             return (min(self.unit, 1.0),)
+        # With s = area(part) / area(whole) on the true body, the unit is √s: what is cut off changes √area of the part,
+        # in which its lengths come. s ≤ 1 for a part. It is at least LEAST_SHARE where the files say nothing; otherwise
+        # the unit is that of the files up to LARGEST_UNIT_CHANGE both ways, for a person grows, and scanners differ.
         first, last = np.sqrt(LEAST_SHARE), 1.0
         if self.knows_unit:
             first = self.unit / LARGEST_UNIT_CHANGE
             last = min(self.unit * LARGEST_UNIT_CHANGE, 1.0)
+        # In a geometric series of ratio q, any unit is within a factor √q of one that is tried: 1.05 for q = 1.1, which
+        # is what the tolerance of `IntervalCost` (0.05) forgives. The unit is then measured by `unit_of`.
         count = 1 + max(round(np.log(last / first) / np.log(UNIT_STEP)), 0)
         return tuple(float(unit) for unit in np.geomspace(first, last, count))
 
     def unit_of(self, images: IntArray) -> float:
         """Measure the unit by images (m,) of the anchors whose distances on the whole are known, where it may change."""
+        # Where the interval of a distance is a point, D = d: its ratio to the distance of the images is the error of the
+        # unit. The median withstands up to half of the images being wrong. Short distances are mostly noise.
         lower, upper = self.anchor_intervals
         known = (lower >= TRUSTED * upper) & (upper > LONG * self.unit)
         if known.sum() < FEWEST_KNOWN:
@@ -217,15 +217,9 @@ class PartPair:
         """Return the nearest unit that is allowed: one on a grid around that of the pair, and not much above 1."""
         if self.keeps_unit:
             return self.unit
+        # on a grid, so that maps which measure nearly the same unit share what was computed in it
         steps = np.round(np.log(unit / self.unit) / UNIT_GRID)
         return min(self.unit * float(np.exp(UNIT_GRID * steps)), LARGEST_UNIT)
-
-
-TRUSTED = 0.97  # lower over upper bound from which a distance counts as known
-LONG = 0.3  # √(area of the part): shorter distances do not measure the unit
-FEWEST_KNOWN = 40
-UNIT_GRID = 0.02  # logarithm of the ratio of two units that are told apart
-LARGEST_UNIT = 1.05
 
 
 def areas_of_samples(shape: PreparedShape, samples: IntArray) -> FloatArray:
@@ -235,3 +229,98 @@ def areas_of_samples(shape: PreparedShape, samples: IntArray) -> FloatArray:
     number[samples] = np.arange(len(samples))
     areas = np.bincount(number[owner], shape.body.vertex_areas, len(samples))
     return np.asarray(areas, dtype=np.float64)
+
+
+class PartSignatures(NamedTuple):
+    """Signatures of a part, and weights between 0 (at the boundary) and 1 (far from it): both (n_part, 23 + q)."""
+
+    values: FloatArray
+    weights: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class WholeSignatures:
+    """Signatures of a whole, and those of its parts in comparable numbers."""
+
+    whole: PreparedShape  # a mesh of area 1
+    known: FloatArray  # (n_whole, q): known functions, which have no boundary to fear
+
+    @cached_property
+    def _energies(self) -> FloatArray:
+        values = self.whole.laplace.values[1:]
+        return np.linspace(np.log(values[4]), np.log(values[min(90, len(values) - 1)]), N_ENERGIES)
+
+    # The wave kernel signature of Aubry, Schlickewei & Cremers (ICCV Workshops 2011) is
+    #     Σ_k φ_k(x)² f_e(λ_k) / Σ_k f_e(λ_k),   f_e(λ) = exp(−(e − log λ)² / 2σ²).
+    # The denominator, a sum over the spectrum, differs between a part and the whole, so it is left out here.
+    def _waves(self, vectors: FloatArray, values: FloatArray) -> FloatArray:
+        """Logarithms of wave signatures (n, 20) of eigenpairs in units of the whole."""
+        width = 1.4 * (self._energies[1] - self._energies[0])
+        filters = np.exp(-0.5 * ((self._energies - np.log(values[:, None])) / width) ** 2)
+        return np.asarray(np.log(vectors**2 @ filters + 1e-3))
+
+    @cached_property
+    def _raw(self) -> tuple[FloatArray, FloatArray]:
+        """Wave signatures and curvatures before they are standardised."""
+        laplace, settings = self.whole.laplace, self.whole.config.preparation
+        mesh = self.whole.mesh_body
+        sizes = [min(size, len(laplace.values) - 1) for size in settings.curvature_functions]
+        curvatures = np.stack([mean_curvature(mesh, laplace, k, weld=False) for k in sizes], axis=1)
+        return self._waves(laplace.vectors[:, 1:], laplace.values[1:]), curvatures
+
+    @cached_property
+    def _weights(self) -> tuple[float, float]:
+        settings = self.whole.config.preparation
+        return (
+            WAVE_WEIGHT / np.sqrt(N_ENERGIES),
+            CURVATURE_WEIGHT / np.sqrt(len(settings.curvature_functions)),
+        )
+
+    @cached_property
+    def values(self) -> FloatArray:
+        """(n_whole, 23 + q) signatures."""
+        weighted = [weight * _standardised(raw, raw) for weight, raw in zip(self._weights, self._raw)]
+        return np.hstack([*weighted, self.known])
+
+    @cached_method
+    def _curvature_of_part(self, part: PreparedShape, k: int) -> FloatArray:
+        return mean_curvature(part.mesh_body, part.laplace, k, weld=False)
+
+    @cached_method
+    def of_part(self, pair: PartPair) -> PartSignatures:
+        """Signatures of a part in the unit of a pair."""
+        return self._of_part(pair, np.arange(len(pair.to_boundary)))
+
+    @cached_method
+    def of_anchors(self, pair: PartPair) -> PartSignatures:
+        """Those of its anchors alone, (m, 23 + q)."""
+        return self._of_part(pair, pair.anchors)
+
+    def _of_part(self, pair: PartPair, vertices: IntArray) -> PartSignatures:
+        part, sizes = pair.part, pair.config.preparation.curvature_functions
+        whole_values, distance = self.whole.laplace.values[1:], pair.to_boundary[vertices, None]
+        waves, curvatures = self._raw
+        vectors, values = part.laplace.vectors[vertices, 1:], part.laplace.values[1:]
+        # The part times u: ∫ φ² = 1 over u² times the area asks for φ / u; λ is an inverse area, and curvature an inverse
+        # length. By Weyl's law, λ_k ≈ 4πk / area, the part has about u² k functions where the whole has k.
+        of_part = self._waves(vectors / pair.unit, values / pair.share)
+        signatures = [self._weights[0] * _standardised(of_part, waves)]
+        # A function of eigenvalue λ = exp(energy) has wavelength 2π / √λ, and differs from that of the whole up to about
+        # so far from the boundary: there its value is given no weight, 1 − exp(−(distance √λ / REACH)²).
+        weights = [1 - np.exp(-((distance * np.exp(self._energies / 2) / REACH) ** 2))]
+        for column, size in zip(curvatures.T, sizes):
+            k = min(size, len(whole_values))
+            k_part = int(np.clip(round(k * pair.share), 8, len(part.laplace.values) - 1))
+            curvature = self._curvature_of_part(part, k_part)[vertices]
+            here = _standardised(curvature / pair.unit, column)
+            there = _standardised(column, column)
+            signatures.append(self._weights[1] * np.clip(here, there.min(), there.max())[:, None])
+            weights.append(1 - np.exp(-((distance * np.sqrt(whole_values[k - 2]) / CURVATURE_REACH) ** 2)))
+        known = pair.functions.source[vertices]
+        return PartSignatures(np.hstack([*signatures, known]), np.hstack([*weights, np.ones_like(known)]))
+
+
+def _standardised(values: FloatArray, reference: FloatArray) -> FloatArray:
+    """Subtract the mean of a reference and divide by its deviation; of a sphere, nothing deviates."""
+    standard: FloatArray = (values - reference.mean(axis=0)) / np.maximum(reference.std(axis=0), 1e-9)
+    return standard

@@ -12,8 +12,7 @@ from isomatch.correspondence import Alignment, assign_points, grow_regions, pin_
 from isomatch.descriptors import BallSignature, deviation_of
 from isomatch.matching.fit import Hypothesis
 from isomatch.matching.pair import ShapePair
-from isomatch.matching.relations.part_pair import PartPair, areas_of_samples
-from isomatch.matching.relations.part_signatures import WholeSignatures
+from isomatch.matching.relations.part_pair import PartPair, WholeSignatures, areas_of_samples
 from isomatch.matching.search import flips
 from isomatch.matching.selection import distinct
 from isomatch.runtime.threads import parallel_map
@@ -22,33 +21,25 @@ from isomatch.shapes import SAME_SYMMETRY, PreparedShape
 from isomatch.values.arrays import FloatArray, IntArray, single
 from isomatch.values.cached import cached_method
 
-# mean distance, in √area, by which partial assignments and maps that are kept differ;
-# without it, all would be variants of one
-APART = 0.12
-
-# the same of assignments with landmarks, between which maps differ less; chosen on a twisted body between right limbs
-LED_APART = 0.04
-
-BEAM = 1000  # partial assignments that are kept; chosen on cuts and holes, not one by one
-
-N_STARTS = 16  # best starts, before mirror images are added; chosen on cuts and holes, not one by one
-
-# vertices of the whole among which images of the first anchors are sought; chosen on cuts and holes, not one by one
-N_CANDIDATES = 300
-
-SIGNATURE_COST = 0.25  # weight of the signatures; chosen on cuts and holes, not one by one
-
-# of the balls, in √area, whose areas are compared; by factors of about √2
-RADII = (0.1, 0.15, 0.22, 0.32, 0.45, 0.65, 0.9)
-
-# times the square of the logarithm of the unit over that of the files; chosen on views, not measured
-UNIT_COST = 0.05
-
-# anchors that the beam search assigns; the others are trilaterated; chosen on cuts and holes, not one by one
-N_PLACED = 16
-
-# starts, with those composed with maps of the whole onto itself; chosen on cuts and holes, not one by one
-N_MIRRORED = 24
+# those without another source were chosen together on cuts and holes
+N_PLACED, N_CANDIDATES = 16, 300  # anchors that the beam search assigns, and points of the whole among which
+BEAM = 1000  # partial assignments that are kept
+APART = 0.12  # √area: mean distance of assignments, and of maps, that are kept; without it, all would be variants of one
+LED_APART = 0.04  # the same of assignments with landmarks; chosen on a twisted body between right limbs
+N_TRILATERATED, N_STARTS = 80, 16  # best assignments that are completed, and that are starts
+N_MIRRORED = 24  # starts, with those composed with maps of the whole onto itself
+SIGNATURE_COST = 0.25  # weight of the signatures
+RADII = (
+    0.1,
+    0.15,
+    0.22,
+    0.32,
+    0.45,
+    0.65,
+    0.9,
+)  # √area, of the balls whose areas are compared; by factors of about √2
+BALL_TOLERANCE, MOST_BALL = 0.15, 0.7
+UNIT_COST = 0.05  # times the square of the logarithm of the unit over that of the files; chosen on views, not measured
 
 # of the regions that are grown; all chosen on single views, not one by one
 N_ROOTS, N_LIKELY = 24, 24  # anchors from which regions grow, and candidates of each
@@ -57,33 +48,19 @@ FEWEST_GROWN = 6  # anchors of a region
 NEAR = 0.2  # distances, in √area of the whole, weigh 1 / (this + distance) in a region
 DEAREST = 0.3  # mean cost of distances at which an anchor gains nothing
 MISMATCH_GAIN = 2.0  # of an anchor that looks alike, against one that agrees in its distances
-
-# a mismatch that says nothing, and how many radii it counts as; right ones are about 0.4, any two about 0.8
-NEUTRAL_MISMATCH, PRIOR_RADII = 0.6, 1.0
-
-N_TRILATERATED = 80  # best assignments that are completed; chosen on cuts and holes, not one by one
-
-BALL_TOLERANCE = 0.15
-MOST_BALL = 0.7
+NEUTRAL_MISMATCH, PRIOR_RADII = (
+    0.6,
+    1.0,
+)  # says nothing, as so many radii; right ones are about 0.4, any two about 0.8
 
 
 @dataclass(frozen=True, eq=False)
 class PartStart:
-    """Images of the anchors of a part, in the unit that fits them.
-
-    Parameters
-    ----------
-    pair : PartPair
-        The shapes.
-    images : (m,) array of int
-        Vertices of the whole.
-    cost : float
-        Cost of the images: distances, areas of balls and signatures.
-    """
+    """Images of the anchors of a part, in the unit that fits them."""
 
     pair: PartPair
-    images: IntArray
-    cost: float
+    images: IntArray  # (m,) vertices of the whole
+    cost: float  # of distances, areas of balls and signatures
 
     def dense(self, vertices: IntArray) -> IntArray:
         """Trilaterate vertices (r,) of the part from the images of all anchors: vertices of the whole."""
@@ -96,10 +73,7 @@ class PartStart:
 def completed(
     pair: PartPair, images: IntArray, rounds: int, to_samples: Callable[[IntArray], FloatArray] | None = None
 ) -> IntArray:
-    """Trilaterate all anchors from the images (q,) of the first ones, several times: vertices (m,) of the whole.
-
-    ``to_samples`` gives distances (q, r) of images to the samples of the whole, if they are known.
-    """
+    """Trilaterate all anchors from the images (q,) of the first ones, several times: vertices (m,) of the whole."""
     fine = pair.whole.sample_vertices
     to_samples = to_samples or partial(pair.whole.distances.between, columns=fine)
     lower, upper = pair.anchor_intervals
@@ -120,16 +94,7 @@ def composed(whole: PreparedShape, images: IntArray, image_row: IntArray) -> Int
 
 
 class PartStarts:
-    """The search of images of the anchors in several units, and of what they become under maps of the whole onto itself.
-
-    Parameters
-    ----------
-    pair : PartPair
-        The shapes, in the unit of the files.
-    signatures : WholeSignatures
-    onto_itself : list of (r,) arrays of int
-        Maps of the whole onto itself, see `self_maps`.
-    """
+    """The search of images of the anchors in several units, also composed with maps of the whole onto itself."""
 
     def __init__(self, pair: PartPair, signatures: WholeSignatures, onto_itself: list[IntArray]) -> None:
         self._pair, self._signatures, self._onto_itself = pair, signatures, onto_itself
@@ -162,6 +127,7 @@ class PartStarts:
             for image_row in self._onto_itself
         ]
         more = parallel_map(lambda each: self._start(*each, 2), mirrored)
+        # a wrong side is as likely a start as the right one, so each is tried; later steps tell them apart
         return [*self._distinct([*kept, *more], N_MIRRORED), *self._grown()]
 
     def _grown(self) -> list[PartStart]:
@@ -204,14 +170,12 @@ class PartStarts:
         """Assign the first anchors in one unit."""
         pair, candidates = self._at(unit), self._candidates
         placed = min(N_PLACED, len(pair.anchors))
-        rows, costs = assign_points(
-            pair.whole.distances_between(candidates),
-            *pair.anchor_intervals,
-            self._assigned_alone(pair, placed),
-            pair.cost,
-            BEAM,
-            self._apart,
-        )
+        alone = self._unary(pair, np.arange(placed)[:, None], np.searchsorted(self._places, candidates))
+        pin_first(alone, np.searchsorted(candidates, pair.landmarks[:placed]))
+        between = pair.whole.distances_between(candidates)
+        rows, costs = assign_points(between, *pair.anchor_intervals, alone, pair.cost, BEAM, self._apart)
+        # Σ_a unary_a + Σ_{a<b} c_ab over the number of pairs m (m − 1) / 2: the mean of c, and 2 / (m − 1) × the mean of
+        # the unary costs. `_start` weighs both alike, of however many anchors.
         n_pairs = placed * (placed - 1) / 2
         costs = costs / n_pairs + self._against(unit)
         return [PartStart(pair, candidates[row], float(cost)) for row, cost in zip(rows, costs)]
@@ -243,15 +207,11 @@ class PartStarts:
         """Distances (q, r) of places, which are vertices, to the samples of the whole."""
         return self._to_samples[np.searchsorted(self._places, places)]
 
-    def _assigned_alone(self, pair: PartPair, placed: int) -> FloatArray:
-        """Cost (m, c) of each candidate for each of the first m anchors by itself."""
-        cost = self._unary(pair, np.arange(placed)[:, None], np.searchsorted(self._places, self._candidates))
-        pin_first(cost, np.searchsorted(self._candidates, pair.landmarks[:placed]))
-        return cost
-
     def _unary(self, pair: PartPair, anchors: IntArray, places: IntArray) -> FloatArray:
         """Cost of images, by their number, of anchors, by theirs: areas of balls, and signatures."""
         least, most = self._balls_of_part(pair)
+        # violation of the interval of areas, over the mean area of such balls; and the distance of signatures, over twice
+        # their mean size, as far as the boundary lets them be trusted
         below = least[anchors] * (1 - BALL_TOLERANCE) - self._balls[places]
         above = self._balls[places] - most[anchors] * (1 + BALL_TOLERANCE)
         violation = np.maximum(np.maximum(below, above), 0.0) / self._balls.mean(axis=0)
@@ -265,6 +225,8 @@ class PartStarts:
     @cached_method
     def _balls_of_part(self, pair: PartPair) -> tuple[FloatArray, FloatArray]:
         """Least and greatest areas (m, q) of the balls of all radii around the anchors."""
+        # The ball of radius r around x on the whole has all y with D(x, y) < r. As lower ≤ D ≤ upper,
+        #     area{upper < r} ≤ area of the ball ≤ area{lower < r} + what is missing, if the boundary is nearer than r.
         radii, samples = np.array(RADII), pair.part.sample_vertices
         areas = self._areas * pair.share
         lower, upper = pair.intervals(samples)

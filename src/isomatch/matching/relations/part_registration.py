@@ -1,0 +1,468 @@
+"""Registration of a part: its map is refined by functions of the whole, and the part is bent onto the whole."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from isomatch.correspondence import Boundary, Embedding, PrecisePoints, SampledBasis, nearest_with_normals
+from isomatch.descriptors import deviation_of
+from isomatch.matching.coordinates import iterated
+from isomatch.matching.fit import Fit
+from isomatch.matching.relations.bending import Bending, Bent, HardLandmarks, Surroundings
+from isomatch.matching.relations.part_pair import (
+    FEWEST_KNOWN,
+    TRUSTED,
+    PartPair,
+    PartSignatures,
+    WholeSignatures,
+)
+from isomatch.matching.relations.part_starts import PartStart, completed, composed
+from isomatch.matching.search import FromAnchors
+from isomatch.settings import Config
+from isomatch.shapes import PreparedShape
+from isomatch.surfaces import vertex_normals
+from isomatch.values.arrays import BoolArray, FloatArray, IntArray
+from isomatch.values.cached import cached_method, cached_property
+
+# those without another source were chosen together on cuts and holes
+FUNCTION_RATIO = 1.75  # a boundary needs more functions than the share of the area says
+EXTRA_FUNCTIONS = 3
+LANDMARK_REACH = (
+    0.3  # √area up to which distances from landmarks are coordinates; docs/lab/robustness.md: parts
+)
+LEAST_NEAR, MOST_NEAR = 0.08, 0.3  # √area of the part: distances that measure the unit of a map
+N_ROUGH_VERTICES = 500  # of the part in the short refinement
+ROUGH_SIZES = (20, 40, 70)  # functions of the whole in it
+N_ROUGH_FUNCTIONS, N_FINE_FUNCTIONS = 40, 60  # of the whole, which tell where normals point
+N_ANCHOR_FUNCTIONS = 200  # that tell the images of the anchors under a fine map
+ALL_FUNCTIONS = 10**6
+N_BENT = 2  # times that a map is settled; docs/lab/robustness.md: parts
+STRESS_EXPONENT = 0.25  # docs/lab/design_notes.md: 0.15 to 0.4 choose alike
+LEAST_ORIENTATION = 0.1  # below which a rough map promises no less
+LEAST_SCORE = 1e-12  # so that scores have a ratio where a part is copied onto itself without error
+
+
+class _Smooth(NamedTuple):
+    """The whole through its first functions."""
+
+    vertices: FloatArray  # (n, 3)
+    normals: FloatArray  # (n, 3)
+
+
+class WholeCoordinates:
+    """Coordinates of a whole in which images are sought: the same under all maps."""
+
+    # config: of the match, as the whole may have been prepared with another; landmarks (l,): vertices of the whole whose
+    # counterparts on the part are known; functions (n_whole, q): known ones
+    def __init__(
+        self, whole: PreparedShape, config: Config, landmarks: IntArray, functions: FloatArray
+    ) -> None:
+        self._whole, self._settings, self._landmarks = whole, config.refining, landmarks
+        self.signatures = WholeSignatures(whole, functions)
+
+    @cached_property
+    def known(self) -> FloatArray:
+        """Signatures, and distances from the landmarks: (n, 23 + q + l)."""
+        everywhere = np.arange(self._whole.body.n_vertices)
+        # up to a reach beyond which a twisted limb or an unknown detour would spoil them
+        distances = self._whole.distances.between(everywhere, self._landmarks)
+        distances = np.clip(distances, 0.0, LANDMARK_REACH)
+        return np.hstack([self.signatures.values, distances / self._settings.position_unit])
+
+    @cached_method
+    def known_of_part(self, pair: PartPair) -> PartSignatures:
+        """Return the same of a part in the unit of a pair; a distance counts where its interval is a point."""
+        signatures, n = self.signatures.of_part(pair), len(self._landmarks)
+        lower, upper = (
+            np.minimum(pair.unit * bound[:n].T, LANDMARK_REACH) for bound in (pair.lower, pair.along)
+        )
+        return PartSignatures(
+            np.hstack([signatures.values, upper / self._settings.position_unit]),
+            np.hstack([signatures.weights, (lower >= TRUSTED * upper).astype(np.float64)]),
+        )
+
+    @cached_method
+    def smooth(self, k: int) -> _Smooth:
+        """Give the whole through its first k functions."""
+        mesh = self._whole.mesh_body
+        vertices = self._whole.laplace.low_passed(mesh.vertices, k)
+        return _Smooth(vertices, vertex_normals(vertices, mesh.faces))
+
+    @cached_method
+    def at(self, k: int, with_positions: bool) -> FloatArray:
+        """Give the coordinates (n, m) with k functions."""
+        settings = self._settings
+        columns = [self._whole.laplace.vectors[:, :k] / np.sqrt(k), self.known]
+        if with_positions:
+            smooth = self.smooth(k)
+            columns += [smooth.vertices / settings.position_unit, settings.normal_weight * smooth.normals]
+        return np.hstack(columns)
+
+
+@dataclass(frozen=True, eq=False)
+class NearPairs:
+    """Near pairs of sample vertices of a part, which a rough refinement maps, too: they measure the unit of a map."""
+
+    pair: PartPair  # in any unit
+
+    @cached_property
+    def measures(self) -> tuple[BoolArray, BoolArray, FloatArray]:
+        """Which pairs (q, q) are near, which of these have a known distance on the whole, and those along the part."""
+        pair, config = self.pair, self.pair.config
+        vertices = pair.part.sample_vertices[: min(config.n_search, config.n_refine, N_ROUGH_VERTICES)]
+        along = np.maximum(pair.part.distances.between(vertices, vertices), 0.0)
+        near = (along > LEAST_NEAR) & (along < MOST_NEAR)
+        known = pair.missing.lower_bound(vertices, vertices, along)[near] >= TRUSTED * along[near]
+        return near, known, along[near]
+
+
+class PartRefinement:
+    """Refines maps of some vertices of the part in one unit."""
+
+    # A map T: part → whole pulls the first k functions Φ of the whole back to the part, Φ ∘ T ≈ Ψ F, where Ψ are
+    # functions of the part and F is the functional map, fitted at the samples. Then T(x) is sought as the nearest point
+    # in Φ of Ψ(x) F, with more functions each time (ZoomOut: Melzi et al. 2019; partial functional maps: Rodolà et al.
+    # 2017). The coordinates of the whole are never fitted, and so never change: functions are pulled from the whole, on
+    # which they live, to the part. The other way they would be asked for values beyond the boundary.
+    def __init__(self, pair: PartPair, coordinates: WholeCoordinates, near: NearPairs, n_rows: int) -> None:
+        self._pair, self._whole, self._near = pair, coordinates, near
+        self._known = coordinates.known_of_part(pair)
+        self.vertices = pair.part.sample_vertices[:n_rows]
+        self._basis = pair.part.sampled_basis(n_rows)
+
+    def n_functions(self, k: int) -> int:
+        """Count the functions of the part with eigenvalues up to those of the first k of the whole, and somewhat more."""
+        # The functional map of a part is not diagonal but slanted: by Weyl's law, λ_j ≈ 4πj / area, its slope is the
+        # share of the area (Rodolà et al., Partial functional correspondence, 2017). Counted by eigenvalues, in units of
+        # the whole, the slope need not be known.
+        part, whole = self._pair.part.laplace, self._pair.whole.laplace
+        top = FUNCTION_RATIO * whole.values[min(k, len(whole.values)) - 1]
+        most = min(len(part.values), len(self.vertices) // 3)
+        return int(np.clip(np.searchsorted(part.values / self._pair.share, top) + EXTRA_FUNCTIONS, 6, most))
+
+    def refined(
+        self, image: IntArray, sizes: Iterable[int], with_positions: bool = True
+    ) -> tuple[IntArray, float]:
+        """Refine the images (r,) of the vertices; returns them, and their mean distance in the last coordinates."""
+
+        def nearest(embedding: Embedding, _: int) -> tuple[IntArray, IntArray]:
+            row = self._pair.whole.index.vertices(embedding.target, embedding.source)
+            return row, row
+
+        def embedded(image: IntArray, size: int) -> Embedding:
+            return self.embedding(image, size, self.vertices, with_positions)
+
+        return iterated(image, sizes, embedded, nearest)
+
+    def extended(self, image: IntArray, k: int) -> IntArray:
+        """Map the vertices of this refinement by a map (q,) of another number of sample vertices, through k functions."""
+        return self._through(self._pair.part.sampled_basis(len(image)), image, k, self.vertices)
+
+    def at(self, image: IntArray, k: int, vertices: IntArray) -> IntArray:
+        """Map other vertices (q,) of the part by a map (r,) of those of this refinement, through k functions."""
+        return self._through(self._basis, image, k, vertices)
+
+    def _through(self, basis: SampledBasis, image: IntArray, k: int, vertices: IntArray) -> IntArray:
+        functions = self._pair.whole.laplace.vectors[:, :k]
+        k_part = min(self.n_functions(k), len(basis.vertices) // 3)
+        pulled_back = basis.functions[vertices, :k_part] @ basis.fit(functions[image], k_part)
+        return self._pair.whole.index.vertices(functions, pulled_back)
+
+    def local_unit(self, image: IntArray) -> float:
+        """Measure the unit by images (r,): the median ratio of known distances between near ones and along the part."""
+        near, known, along = self._near.measures
+        if known.sum() < FEWEST_KNOWN:
+            return self._pair.unit
+        image = image[: len(near)]
+        there = self._pair.whole.distances.between(image, image)[near]
+        return self._pair.restricted(float(np.median((np.maximum(there, 1e-3) / along)[known])))
+
+    def orientation(self, image: IntArray, k: int) -> float:
+        """Mean cosine of the normals of the whole and of its copy pulled back to the part."""
+        smooth = self._whole.smooth(k)
+        normals = self._pulled_back(smooth.vertices[image], self.n_functions(k))[1]
+        return float(np.einsum("ij,ij->i", normals[self.vertices], smooth.normals[image]).mean())
+
+    def embedding(
+        self, image: IntArray, size: int, vertices: IntArray, with_positions: bool = True
+    ) -> Embedding:
+        """Coordinates of some vertices of the part, and of all of the whole, under a map (r,)."""
+        pair, settings = self._pair, self._pair.config.refining
+        k = min(size, len(pair.whole.laplace.values))
+        k_part = self.n_functions(k)
+        functions = pair.whole.laplace.vectors[:, :k]  # Φ (n_whole, k)
+        # Ψ F: (q, k_part) @ (k_part, k)
+        pulled_back = pair.part.laplace.vectors[vertices, :k_part] @ self._basis.fit(functions[image], k_part)
+        nearest = image if vertices is self.vertices else pair.whole.index.vertices(functions, pulled_back)
+        # A signature s of weight w < 1 is cut by the boundary. Instead of it stands w s + (1 − w) s(T(x)), the value of
+        # the present image: (1 − w) of it says nothing new, and speaks against no other image than by how far that is
+        # from it.
+        trusted = self._known.weights[vertices]
+        there = self._whole.known[nearest]
+        columns = [pulled_back / np.sqrt(k), trusted * self._known.values[vertices] + (1 - trusted) * there]
+        if with_positions:
+            smooth = self._whole.smooth(k)
+            positions, normals = self._pulled_back(smooth.vertices[image], k_part)
+            columns += [
+                positions[vertices] / settings.position_unit,
+                settings.normal_weight * normals[vertices],
+            ]
+        return Embedding(np.hstack(columns), self._whole.at(k, with_positions))
+
+    def _pulled_back(self, positions: FloatArray, k_part: int) -> tuple[FloatArray, FloatArray]:
+        """Pull the whole back to the part by the positions of the images (r, 3): vertices and normals (n_part, 3)."""
+        vertices = self._basis.functions[:, :k_part] @ self._basis.fit(positions, k_part)
+        return vertices, vertex_normals(vertices, self._pair.meshes[0].faces)
+
+
+@dataclass(frozen=True, eq=False)
+class BentPart(Bent):
+    """A part bent until it lies on the surface of a whole."""
+
+    pair: PartPair  # the shapes, in the unit of the map
+
+    def onto_part(self) -> tuple[PrecisePoints, BoolArray]:
+        """Points of the part for the vertices of the whole, and which of these the part covers."""
+        bent, whole, settings = self.mesh, self.onto.mesh, self.pair.config.parts
+        points = nearest_with_normals(whole, bent, self.pair.part.index)
+        gap = np.linalg.norm(points.interpolated(bent.vertices) - whole.vertices, axis=1)
+        # A vertex that lies beyond the boundary has its nearest point on it, at a distance that grows as it is farther
+        # beyond; one over the interior is off only as far as bending is not exact. So the bound is smaller at the
+        # boundary, unless too few distances are known for the map to be exact at all.
+        rim = settings.off if self.pair.is_hardly_known else settings.rim
+        return points, gap <= np.where(Boundary(bent).holds(points), rim, settings.off)
+
+
+class PartBending(Bending):
+    """Bends a part onto a whole by maps."""
+
+    # The energy is that of `Bending`, with lengths of the part times the unit. A part keeps its own spacing up to its
+    # boundary, where a map by functions crowds its images: functions of the part are free there (Neumann), and those of
+    # the whole are not. This is what makes the bent part a better place to read images from than the map that bent it.
+    def laid(
+        self, pair: PartPair, refinement: PartRefinement, image: IntArray, lengths: tuple[float, ...]
+    ) -> BentPart:
+        """Lay the part on the whole by a map (r,) of the vertices of a refinement, and bend it coarsely."""
+        onto = Surroundings(pair.meshes[1], pair.whole.index, pair.unit)
+        of_part, of_whole = refinement.embedding(image, ALL_FUNCTIONS, self.vertices)
+        start = onto.index.points(of_whole, of_part).interpolated(onto.mesh.vertices)
+        bent = self.coarsely(onto, start, lengths, _hard_landmarks(pair))
+        return BentPart(bent.rest, bent.mesh, onto, pair)
+
+    def laid_in_full(self, bent: BentPart, lengths: tuple[float, ...]) -> BentPart:
+        """Bend the part in full, from where it lies at the lower resolution."""
+        full = self.in_full(bent, lengths, _hard_landmarks(bent.pair))
+        return BentPart(full.rest, full.mesh, full.onto, bent.pair)
+
+
+def _hard_landmarks(pair: PartPair) -> HardLandmarks:
+    return pair.anchors[: len(pair.landmarks)], pair.meshes[1].vertices[pair.landmarks]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PartFit(Fit):
+    """A map of a part, in a unit; ``score`` stays nan, see ``cost``."""
+
+    pair: PartPair  # in the unit of the map
+    refinement: PartRefinement  # of the vertices that are mapped
+    bending: PartBending
+    stress: float = np.nan  # mean cost of the images of the anchors, see `PartPair.stress`
+    # over which the part resists when it is bent by the map, see `PartSettings`
+    lengths: tuple[float, ...] = ()
+
+    @cached_property
+    def mismatches(self) -> FloatArray:
+        """(r,) descriptor distance of each vertex and its image, by balls; nan where nothing is known."""
+        here, there = self.pair.signature, self.pair.whole.balls
+        if there is None:
+            return np.full(len(self.image), np.nan)
+        return here.at(self.refinement.vertices).mismatch(there.at(self.image), deviation_of(there))
+
+    @property
+    def mismatch(self) -> float:
+        """Their mean, or 0 if nothing is known."""
+        known = self.mismatches[np.isfinite(self.mismatches)]
+        return float(known.mean()) if len(known) else 0.0
+
+    @cached_property
+    def bent(self) -> BentPart:
+        """The part bent onto the whole by the map, at a lower resolution."""
+        return self.bending.laid(self.pair, self.refinement, self.image, self.lengths)
+
+    @property
+    def is_measured(self) -> bool:
+        """Whether the relation has measured the map."""
+        return bool(np.isfinite(self.misfit) and np.isfinite(self.stress))
+
+    @property
+    def share(self) -> float:
+        """Area of the part over that of the whole, by the map."""
+        return self.refinement.local_unit(self.image) ** 2
+
+    @property
+    def cost(self) -> float:
+        """What the map costs among others: how badly coordinates and distances agree."""
+        # r σ^¼, of the spectral residual r (`misfit`) and the stress σ of distances. Only ratios of costs are compared,
+        # so log cost = log r + ¼ log σ weighs two measurements in different units. The residual sees detail, after a fit
+        # that makes each map agree with itself in smooth functions; the stress is of distances, to which no map was
+        # fitted.
+        return max(float(self.misfit * self.stress**STRESS_EXPONENT), LEAST_SCORE)
+
+    @property
+    def bent_cost(self) -> float:
+        """What the map costs by itself, where no other is compared: the part is bent by it, too."""
+        # r σ^¼ × (stretch × gap). Costs of one pair can be compared without the last factor, which no map was chosen by;
+        # so it is independent evidence for the doubt of the best one.
+        return max(self.cost * self.bent.misfit, LEAST_SCORE)
+
+    @property
+    def promise(self) -> float:
+        """The cost of a map that is refined roughly: one twisted in places may still become the right one."""
+        # cost / √o × exp(w m), with
+        #   o   mean cosine of the normals. A map that is turned inside out over a share t of the part has o ≈ 1 − 2t. The
+        #       fine refinement heals small twists, so they are not refused but dearer: 1 / √o ≈ 1 + t. The factor is at
+        #       most 1 / √0.1 ≈ 3.2, just above `PartSettings.hopeless`, the ratio from which a map is dropped; mirror
+        #       images, o < 0, were dropped before.
+        #   m   mean descriptor distance of balls, w = `PartSettings.mismatch_weight`. If the log ratio of its densities
+        #       at right and wrong images is linear in m, exp(w Δm) is the likelihood ratio of two maps. The mean is over
+        #       the whole part, as rough maps differ nearly everywhere; fine ones are compared where they do (`weighed`).
+        twist = np.sqrt(max(self.orientation, LEAST_ORIENTATION))
+        return float(self.cost / twist * np.exp(self.pair.config.parts.mismatch_weight * self.mismatch))
+
+
+class PartFits:
+    """The two refinements of a start, rough and fine, with what they share for all starts in the same unit."""
+
+    # hinted (n_part,): images under a map that is given; coordinates: those of the whole, if they are known
+    def __init__(
+        self, pair: PartPair, hinted: IntArray | None = None, coordinates: WholeCoordinates | None = None
+    ) -> None:
+        config = pair.config
+        self.pair, self._config, self._hinted, self._near = pair, config, hinted, NearPairs(pair)
+        self.coordinates = coordinates or WholeCoordinates(
+            pair.whole, config, pair.landmarks, pair.functions.target
+        )
+        self.bending = PartBending(pair.meshes[0], config.parts.n_bent_vertices)
+        self._refined: dict[tuple[float, bytes], PartFit] = {}
+        self._settled: dict[tuple[float, bytes], PartFit] = {}
+
+    def of_part(self, part: PreparedShape) -> PartFits:
+        """Return those of another part on which distances are the same, as of a mirror image."""
+        return PartFits(replace(self.pair, part=part), self._hinted, self.coordinates)
+
+    @cached_method
+    def _refinement(self, pair: PartPair, n_rows: int) -> PartRefinement:
+        return PartRefinement(pair, self.coordinates, self._near, n_rows)
+
+    def rough(self, start: PartStart) -> PartFit | None:
+        """Refine some vertices a little; None for a mirror image."""
+        refinement = self._refinement(start.pair, N_ROUGH_VERTICES)
+        vertices = refinement.vertices[: self._config.n_search]
+        origin = "landmarks" if len(self.pair.landmarks) else FromAnchors.name
+        return self.roughly(start.pair, refinement.extended(start.dense(vertices), N_ROUGH_FUNCTIONS), origin)
+
+    def varied(self, fit: PartFit, image_row: IntArray) -> PartFit | None:
+        """Compose a roughly refined map with a map of the whole onto itself, and refine it again."""
+        return self.roughly(fit.pair, composed(fit.pair.whole, fit.image, image_row), fit.origin)
+
+    def roughly(self, pair: PartPair, image: IntArray, origin: str) -> PartFit | None:
+        """Refine a map of the vertices of a rough one a little; None for a mirror image."""
+        refinement = self._refinement(pair, N_ROUGH_VERTICES)
+        if refinement.orientation(image, N_ROUGH_FUNCTIONS) < 0:
+            return None
+        image, misfit = refinement.refined(image, ROUGH_SIZES)
+        anchors = refinement.at(image, ROUGH_SIZES[-1], pair.anchors)
+        return self._fit(refinement, pair, image, misfit, anchors, N_ROUGH_FUNCTIONS, origin)
+
+    def begun(self, pair: PartPair, image: IntArray, origin: str) -> PartFit:
+        """Extend a map of the vertices of a rough one to those of a fine one, in the unit that it measures."""
+        pair = pair.with_unit(self._refinement(pair, N_ROUGH_VERTICES).local_unit(image))
+        refinement = self._refinement(pair, self._config.n_refine)
+        image = refinement.extended(image, ROUGH_SIZES[-1])
+        return PartFit(image, origin=origin, pair=pair, refinement=refinement, bending=self.bending)
+
+    def refined(self, fit: PartFit) -> PartFit:
+        """Refine a map to the end, unless the same was refined before."""
+
+        def refined_now(fit: PartFit) -> PartFit:
+            settings = self._config.refining
+            sizes = (*settings.sizes_without_positions, *settings.sizes_of_parts)
+            image, misfit = fit.refinement.refined(fit.image, sizes, False)
+            if sizes := (*settings.sizes_with_positions, *settings.final_sizes):
+                image, misfit = fit.refinement.refined(image, sizes)
+            return self._finely(fit.pair, image, misfit, self._config.parts.bending[::2], fit.origin)
+
+        return _remembered(self._refined, fit, refined_now)
+
+    def settled(self, fit: PartFit, again: Callable[[PartFit], PartFit]) -> PartFit:
+        """Refine a map again from where the part lies that was bent by it, bend the part by the new map, and so on."""
+
+        def settled_now(fit: PartFit) -> PartFit:
+            for _ in range(N_BENT):
+                image = self.bending.images(fit.bent, fit.refinement.vertices)
+                fit = again(replace(fit, image=image, misfit=np.inf))
+            return fit
+
+        return _remembered(self._settled, fit, settled_now)
+
+    def refined_again(self, fit: PartFit) -> PartFit:
+        """Take the last steps of the refinement."""
+        settings = self._config.refining
+        steps = (settings.final_sizes, True) if settings.final_sizes else settings.last_step
+        image, misfit = fit.refinement.refined(fit.image, *steps)
+        return self._finely(fit.pair, image, misfit, self._config.parts.bending, fit.origin)
+
+    def measured(self, pair: PartPair, image: IntArray, origin: str = "") -> PartFit:
+        """Measure a map of the vertices of a fine one that was found otherwise, as if it were refined."""
+        refinement = self._refinement(pair, self._config.n_refine)
+        _, misfit = refinement.refined(image, *self._config.refining.last_step)
+        return self._finely(pair, image, misfit, self._config.parts.bending, origin)
+
+    def _finely(
+        self, pair: PartPair, image: IntArray, misfit: float, lengths: tuple[float, ...], origin: str
+    ) -> PartFit:
+        refinement = self._refinement(pair, self._config.n_refine)
+        k = min(N_ANCHOR_FUNCTIONS, len(pair.whole.laplace.values))
+        anchors = completed(pair, refinement.at(image, k, pair.anchors), 2)
+        error = 0.0
+        if self._hinted is not None:
+            error = pair.whole.mean_distance(image, self._hinted[refinement.vertices])
+        fit = self._fit(refinement, pair, image, misfit, anchors, N_FINE_FUNCTIONS, origin)
+        return replace(fit, lengths=lengths, hint_error=error)
+
+    def _fit(
+        self,
+        refinement: PartRefinement,
+        pair: PartPair,
+        image: IntArray,
+        misfit: float,
+        anchors: IntArray,
+        k: int,
+        origin: str,
+    ) -> PartFit:
+        """Measure a map, and the images (m,) that it gives the anchors."""
+        return PartFit(
+            image,
+            misfit,
+            orientation=refinement.orientation(image, k),
+            origin=origin,
+            pair=pair,
+            refinement=refinement,
+            bending=self.bending,
+            stress=pair.stress(anchors),
+        )
+
+
+def _remembered(
+    known: dict[tuple[float, bytes], PartFit], fit: PartFit, function: Callable[[PartFit], PartFit]
+) -> PartFit:
+    """Apply a function to a map, unless it was applied to the same one before."""
+    key = fit.pair.unit, fit.image.tobytes()
+    if key not in known:
+        known[key] = function(fit)
+    result = known[key]
+    return result if result.origin == fit.origin else replace(result, origin=fit.origin)
