@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from isomatch.assets.fans import spans
+from isomatch.assets.polygons import spans
 from isomatch.assets.formats._ply_header import Element, Header
 from isomatch.assets.formats._text import TextLines, read_lines
 from isomatch.errors import FormatError

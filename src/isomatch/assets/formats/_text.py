@@ -11,7 +11,7 @@ from typing import NoReturn
 
 import numpy as np
 
-from isomatch.assets.fans import spans
+from isomatch.assets.polygons import spans
 from isomatch.errors import FormatError
 from isomatch.storage.files import MARKS, decoded
 from isomatch.values.arrays import AnyArray, BoolArray, FloatArray, IntArray

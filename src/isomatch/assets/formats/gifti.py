@@ -19,7 +19,7 @@ from isomatch.assets.attribute_names import guessed_kind, told_apart
 from isomatch.assets.formats._reading import Room, reading
 from isomatch.assets.frame import Frame
 from isomatch.assets.polygons import Polygons
-from isomatch.assets.renumbering import Renumbering
+from isomatch.assets.polygons import Renumbering
 from isomatch.errors import FormatError
 from isomatch.loading.packages import package
 

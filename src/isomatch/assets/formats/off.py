@@ -9,7 +9,7 @@ import numpy as np
 
 from isomatch.assets.asset import Asset
 from isomatch.assets.attribute import Attribute, Kind
-from isomatch.assets.fans import spans
+from isomatch.assets.polygons import spans
 from isomatch.assets.formats._text import (
     NumberRows,
     TextLines,
