@@ -18,8 +18,7 @@ from isomatch.assets.from_libraries import asset_from
 from isomatch.assets.looks import Layer, Look, Looks, Picture
 from isomatch.assets.parts import Part
 from isomatch.assets.pictures import pixels_of, png_of, sampled, unread
-from isomatch.assets.polygons import Polygons
-from isomatch.assets.polygons import Renumbering
+from isomatch.assets.polygons import Polygons, Renumbering
 from isomatch.assets.surface_from import SurfaceLike, mesh_from, surface_from
 from isomatch.assets.to_libraries import to_meshio, to_open3d, to_pyvista, to_trimesh
 from isomatch.assets.values import holds_values, read_attributes, write_attribute, write_attributes

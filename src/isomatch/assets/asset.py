@@ -12,8 +12,7 @@ from numpy.typing import ArrayLike
 from isomatch.assets.attribute import Attribute, Domain, Kind, require_lengths
 from isomatch.assets.frame import Frame
 from isomatch.assets.parts import Part, placed, turned, unplaced
-from isomatch.assets.polygons import Polygons
-from isomatch.assets.polygons import Renumbering
+from isomatch.assets.polygons import Polygons, Renumbering
 from isomatch.errors import DescriptorError, MeshError, some
 from isomatch.surfaces import Mesh, welded
 from isomatch.values.arrays import FloatArray, IntArray, numbers_of

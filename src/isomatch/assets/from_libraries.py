@@ -31,6 +31,11 @@ class Geometry:
     """Number of the cells of each kind that are no polygons."""
 
     @property
+    def polygons(self) -> Polygons:
+        """The polygons, not cut yet."""
+        return Polygons(self.corners, self.sizes)
+
+    @property
     def notes(self) -> tuple[str, ...]:
         """What is to be known of other cells; vertices of a cloud of points are none."""
         counts = {kind: n for kind, n in self.left_out.items() if n and (len(self.sizes) or kind != "vertex")}
@@ -80,8 +85,7 @@ def held_by(given: object) -> Asset:
     """Make an asset as `asset_from`, without texture; its polygons may refer to no points."""
     points, cells, (geometry, attributes) = _library(given)
     found = geometry(given, points, cells)
-    polygons = Polygons(found.corners, found.sizes)
-    return Asset(found.points, polygons, told_apart(attributes(given, found)), notes=found.notes)
+    return Asset(found.points, found.polygons, told_apart(attributes(given, found)), notes=found.notes)
 
 
 _STANDARD = ("normal", "rgb", "rgba", "color", "colour", "texturecoordinate", "uv", "obj:vn")
@@ -110,7 +114,7 @@ def _polydata(given: Any, points: Any, faces: Any) -> Geometry:
     corners[starts] = False
     others = {"vertex": getattr(given, "n_verts", 0), "line": getattr(given, "n_lines", 0)}
     before = sum(others.values())
-    return _polygons(points, flat[corners], flat[starts], before + np.arange(len(starts)), others)
+    return polygons_of(points, flat[corners], flat[starts], before + np.arange(len(starts)), others)
 
 
 def _starts(flat: list[int]) -> list[int]:
@@ -134,22 +138,20 @@ def _blocks(given: Any, points: Any, cells: Any) -> Geometry:
         else:
             others[block.type] += len(block.data)
         start += len(block.data)
-    if not corners and others.keys() - {"vertex"}:
-        raise MeshError(
-            f"the {type(given).__name__} has no triangles, quads or polygons but {', '.join(sorted(others))}; "
-            "extract its surface first"
-        )
     none = [np.zeros(0, dtype=np.int64)]
     flat = [np.concatenate(part or none) for part in (corners, sizes, rows)]
-    return _polygons(points, flat[0], flat[1], flat[2], others)
+    return polygons_of(points, flat[0], flat[1], flat[2], others)
 
 
-def _polygons(
+def polygons_of(
     points: AnyArray, corners: IntArray, sizes: IntArray, rows: IntArray, others: Mapping[str, int]
 ) -> Geometry:
-    """Leave out what has fewer than three corners."""
+    """Leave out what has fewer than three corners, and refuse what has no polygons but other cells than vertices."""
     kept = sizes >= 3
     others = {**others, "of fewer than three corners": int((~kept).sum())}
+    if not len(sizes) and {kind for kind, n in others.items() if n} - {"vertex", "line"}:
+        told = ", ".join(sorted(kind for kind, n in others.items() if n))
+        raise MeshError(f"there are no triangles, quads or polygons but {told}; extract the surface first")
     return Geometry(np.asarray(points), corners[np.repeat(kept, sizes)], sizes[kept], rows[kept], others)
 
 
@@ -162,19 +164,21 @@ def _trimesh_attributes(given: Any, found: Geometry) -> Iterator[Attribute]:
         yield Attribute("color", "face", "colour", visual.face_colors)
     elif kind == "texture" and getattr(visual, "uv", None) is not None:
         yield Attribute("uv", "point", "uv", visual.uv)
-    yield from _arrays(getattr(given, "vertex_attributes", {}), "point")
-    yield from _arrays(getattr(given, "face_attributes", {}), "face")
+    yield from attributes_of(getattr(given, "vertex_attributes", {}), "point")
+    yield from attributes_of(getattr(given, "face_attributes", {}), "face")
 
 
 def _polydata_attributes(given: Any, found: Geometry) -> Iterator[Attribute]:
-    yield from _arrays(getattr(given, "point_data", {}), "point")
-    yield from _arrays(getattr(given, "cell_data", {}), "face", found.rows)
+    yield from attributes_of(getattr(given, "point_data", {}), "point")
+    yield from attributes_of(getattr(given, "cell_data", {}), "face", found.rows)
 
 
 def _blocks_attributes(given: Any, found: Geometry) -> Iterator[Attribute]:
-    yield from _arrays(getattr(given, "point_data", {}), "point")
+    yield from attributes_of(getattr(given, "point_data", {}), "point")
     blocks = getattr(given, "cell_data", {})
-    yield from _arrays({name: np.concatenate(values) for name, values in blocks.items()}, "face", found.rows)
+    yield from attributes_of(
+        {name: np.concatenate(values) for name, values in blocks.items()}, "face", found.rows
+    )
 
 
 def _open3d_attributes(given: Any, found: Geometry) -> Iterator[Attribute]:
@@ -192,7 +196,9 @@ def _open3d_attributes(given: Any, found: Geometry) -> Iterator[Attribute]:
             yield Attribute(name, domain, kind, values)
 
 
-def _arrays(arrays: Mapping[str, Any], domain: Domain, rows: IntArray | None = None) -> Iterator[Attribute]:
+def attributes_of(
+    arrays: Mapping[str, Any], domain: Domain, rows: IntArray | None = None
+) -> Iterator[Attribute]:
     """Make attributes of arrays whose meaning is not told, without those that hold no numbers or words."""
     for title, values in arrays.items():
         name, array = str(title), np.asarray(values) if rows is None else np.asarray(values)[rows]

@@ -1,4 +1,4 @@
-"""Polygons of different sizes, stored in one concatenated array, their triangles, and what is left of them in a repair."""
+"""Polygons of different sizes, stored in one concatenated array, their triangles, and their renumbering."""
 
 from __future__ import annotations
 
@@ -108,8 +108,8 @@ class Polygons:
         for size in np.unique(self.sizes[self.sizes > 3]).tolist():
             rows = np.flatnonzero((self.sizes == size) & (n_sound == size))
             flat, rounding = _flattened(self.points[self.corners[self.starts[rows, None] + np.arange(size)]])
-            for i in np.flatnonzero(~_are_convex(flat, rounding)).tolist():
-                found.append((int(rows[i]), flat[i], float(rounding[i])))
+            concave = np.flatnonzero(~_are_convex(flat, rounding)).tolist()
+            found += [(int(rows[i]), flat[i], float(rounding[i])) for i in concave]
         return sorted(found, key=lambda each: each[0])
 
     @cached_property
@@ -205,7 +205,9 @@ def _are_convex(flat: FloatArray, rounding: FloatArray) -> BoolArray:
     """(p,) whether outlines (p, k, 2) turn to the left at every corner, and once around."""
     after = np.roll(flat, -1, axis=1) - flat
     before, size = after.copy(), flat.shape[1]
-    for i in range(-size, 2 * size):  # the edge before a corner, of corners at one place the one before them all
+    for i in range(
+        -size, 2 * size
+    ):  # the edge before a corner, of corners at one place the one before them all
         at, last = i % size, (i - 1) % size
         no_edge = np.abs(after[:, last]).max(axis=1) <= rounding
         before[:, at] = np.where(no_edge[:, None], before[:, last], after[:, last])

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from isomatch.assets.polygons import spans
 from isomatch.assets.formats._ply_header import Element, Header
 from isomatch.assets.formats._text import TextLines, read_lines
+from isomatch.assets.polygons import spans
 from isomatch.errors import FormatError
 from isomatch.loading.compiled import compiled
 from isomatch.values.arrays import AnyArray, IntArray

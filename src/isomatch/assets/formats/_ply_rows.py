@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from isomatch.assets.polygons import spans
 from isomatch.assets.formats._ply_header import Property
 from isomatch.assets.formats._text import interleaved, interleaved_lines, numbered
+from isomatch.assets.polygons import spans
 from isomatch.values.arrays import AnyArray, IntArray
 
 _LETTERS = {

@@ -35,8 +35,7 @@ from isomatch.assets.formats._gltf_scene import (
 )
 from isomatch.assets.formats._reading import reading
 from isomatch.assets.parts import Part
-from isomatch.assets.polygons import Polygons
-from isomatch.assets.polygons import Renumbering
+from isomatch.assets.polygons import Polygons, Renumbering
 from isomatch.assets.seams import split_at_seams
 from isomatch.errors import MeshError
 from isomatch.values.arrays import AnyArray, FloatArray, IntArray

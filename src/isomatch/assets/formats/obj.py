@@ -20,8 +20,7 @@ from isomatch.assets.formats._text import (
     texts,
 )
 from isomatch.assets.formats.mtl import read_libraries
-from isomatch.assets.polygons import Polygons
-from isomatch.assets.polygons import Renumbering
+from isomatch.assets.polygons import Polygons, Renumbering
 from isomatch.errors import MeshError, some
 from isomatch.storage.files import encoding_of
 from isomatch.surfaces import Mesh, welded

@@ -16,8 +16,7 @@ from isomatch.assets.formats._ply_header import Header, Property, read_header
 from isomatch.assets.formats._ply_rows import Cells, cells, holds, write_rows
 from isomatch.assets.formats._text import is_whole
 from isomatch.assets.frame import Frame
-from isomatch.assets.polygons import Polygons
-from isomatch.assets.polygons import Renumbering
+from isomatch.assets.polygons import Polygons, Renumbering
 from isomatch.errors import FormatError, MeshError
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import AnyArray, FloatArray, IntArray
