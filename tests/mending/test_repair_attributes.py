@@ -7,7 +7,7 @@ import pytest
 
 from isomatch import Asset, Correspondence, Mesh, carry_attributes, read_asset, write_asset
 from isomatch.assets import Attribute, Layer, Look, Looks, Part, Polygons, looks_of, png_of, with_texture
-from isomatch.assets.formats.gltf_looks import with_looks
+from isomatch.assets.formats.gltf_materials import with_looks
 from isomatch.cli import main
 from isomatch.mending import check, repair
 from shapes import flat_grid, icosphere
@@ -276,9 +276,6 @@ def test_a_gltf_file_keeps_its_scene(tmp_path, suffix):
         assert len(document[kept]) == len(given[kept])
     assert [node.get("name") for node in document["nodes"]] == [node.get("name") for node in given["nodes"]]
     assert next(node for node in document["nodes"] if "mesh" in node)["translation"] == [5, 0, 0]
-    primitive = document["meshes"][0]["primitives"][0]
-    for accessor in (primitive["targets"][0]["POSITION"], *primitive["attributes"].values()):
-        assert document["accessors"][accessor]["count"] == len(after.points)
     # at each corner of the surface there is the same picture, joint and number as before
     same = Correspondence(np.arange(before.mesh.n_vertices), after.mesh.n_vertices)
     np.testing.assert_allclose(before.mesh.vertices, after.mesh.vertices, atol=1e-6)

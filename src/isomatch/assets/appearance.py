@@ -12,7 +12,7 @@ import numpy as np
 from isomatch.assets.asset import Asset
 from isomatch.assets.attribute import Attribute
 from isomatch.assets.attribute_names import unused_name
-from isomatch.assets.formats import gltf_looks, mtl
+from isomatch.assets.formats import gltf_materials, mtl
 from isomatch.assets.formats.gltf import GltfDocument
 from isomatch.assets.formats.obj import ObjDocument
 from isomatch.assets.looks import UNTINTED, Layer, Look, Looks, Picture
@@ -29,7 +29,7 @@ def looks_of(asset: Asset) -> Looks | None:
     Materials that are in no library are grey, if others are.
     """
     if isinstance(asset.document, GltfDocument):
-        return gltf_looks.looks_of(asset.document)
+        return gltf_materials.looks_of(asset.document)
     materials = [a for a in asset.attributes if (a.name, a.domain) == (_MATERIAL, "face")]
     if not isinstance(asset.document, ObjDocument) or not materials:
         return None
@@ -74,13 +74,13 @@ def with_looks_of(receiver: Asset, giver: Asset, giver_triangle: IntArray) -> As
     if looks is None or not len(giver_triangle):
         return receiver
     if isinstance(given, GltfDocument):
-        return gltf_looks.with_materials_of(receiver, given, giver_triangle)
-    of_triangle = gltf_looks.seen(looks.of_triangle, giver_triangle)
+        return gltf_materials.with_materials_of(receiver, given, giver_triangle)
+    of_triangle = gltf_materials.seen(looks.of_triangle, giver_triangle)
     if isinstance(given, ObjDocument) and isinstance(receiver.document, ObjDocument):
         document = replace(receiver.document, libraries=given.libraries, files=given.files)
         names = tuple(look.name for look in looks.looks)
         return replace(_labelled(receiver, of_triangle, names), document=document)
-    return gltf_looks.with_looks(receiver, Looks(of_triangle, looks.looks))
+    return gltf_materials.with_looks(receiver, Looks(of_triangle, looks.looks))
 
 
 def with_texture(receiver: Asset, png: bytes, tint: tuple[float, ...] = UNTINTED) -> Asset:
@@ -88,7 +88,7 @@ def with_texture(receiver: Asset, png: bytes, tint: tuple[float, ...] = UNTINTED
     uv = next((attribute.name for attribute in receiver.of_kind("uv")), "uv")
     layer = Layer(tuple(tint), Picture("baked.png", png), uv)
     of_triangle = np.zeros(len(receiver.polygons.corner_of_triangle), dtype=np.int64)
-    return gltf_looks.with_looks(receiver, Looks(of_triangle, (Look("baked", layer),)))
+    return gltf_materials.with_looks(receiver, Looks(of_triangle, (Look("baked", layer),)))
 
 
 def as_written(path: Path, asset: Asset) -> tuple[Asset, dict[Path, bytes]]:
@@ -97,7 +97,7 @@ def as_written(path: Path, asset: Asset) -> tuple[Asset, dict[Path, bytes]]:
     is_gltf = isinstance(document, GltfDocument)
     if suffix in (".glb", ".gltf"):
         looks = None if is_gltf else looks_of(asset)
-        return (gltf_looks.with_looks(asset, looks) if looks else asset), {}
+        return (gltf_materials.with_looks(asset, looks) if looks else asset), {}
     if isinstance(document, GltfDocument):
         looks = looks_of(asset) if suffix == ".obj" else None
         asset = replace(asset, document=document.former)

@@ -46,11 +46,12 @@ _VOLUME = {
 
 @dataclass(frozen=True)
 class GiftiDocument:
-    """The meta data of a file, of its points but for the frame, and of its triangles."""
+    """The meta data of a file, of its points but for the frame, and of its triangles; the intents of scalars."""
 
     of_file: Mapping[str, str]
     of_points: Mapping[str, str]
     of_triangles: Mapping[str, str]
+    intents: Mapping[str, int]
 
 
 def read_asset(data: bytes, name: str) -> Asset:
@@ -66,11 +67,12 @@ def read_asset(data: bytes, name: str) -> Asset:
     with reading(name, "points and triangles of a GIFTI surface"):
         points, triangles = found[_POINTS], found[_TRIANGLES]
         plain = {key: word for key, word in points.meta.items() if "VolGeom" not in key}
+        attributes, intents = _values(image, len(points.data), "values")
         return Asset(
             points.data,
             Polygons.of_triangles(triangles.data),
-            _values(image, len(points.data), "values"),
-            document=GiftiDocument(dict(image.meta), plain, dict(triangles.meta)),
+            attributes,
+            document=GiftiDocument(dict(image.meta), plain, dict(triangles.meta), intents),
             frame=_frame(points),
         )
 
@@ -81,12 +83,12 @@ def read_attributes(data: bytes, name: str, n_points: int | None = None) -> tupl
     with reading(name, "values of a GIFTI file"):
         title = Path(Path(name).stem)
         title = title.with_suffix("") if title.suffix.lower() in VALUES else title
-        return _values(image, n_points, str(title))
+        return _values(image, n_points, str(title))[0]
 
 
 def write_attributes(attributes: Sequence[Attribute]) -> bytes:
     """Write values on points without a surface."""
-    return _written(attributes, [], {})
+    return _written(attributes, [], GiftiDocument({}, {}, {}, {}))
 
 
 def keeps(attribute: Attribute) -> bool:
@@ -102,18 +104,21 @@ def keeps_frame(frame: Frame) -> bool:
 def write(asset: Asset) -> bytes:
     """Write a surface in single precision, with the meta data of the file that it was read from."""
     array = _package().GiftiDataArray
-    document = asset.document if isinstance(asset.document, GiftiDocument) else GiftiDocument({}, {}, {})
+    document = asset.document if isinstance(asset.document, GiftiDocument) else GiftiDocument({}, {}, {}, {})
     system, volume = _described(asset.frame)
     points = array(
         asset.points.astype(np.float32), _POINTS, coordsys=system, meta={**document.of_points, **volume}
     )
     faces = array(asset.polygons.triangles.astype(np.int32), _TRIANGLES, meta=dict(document.of_triangles))
-    return _written(asset.attributes, [points, faces], document.of_file)
+    return _written(asset.attributes, [points, faces], document)
 
 
-def _written(attributes: Sequence[Attribute], arrays: list[Any], meta: Mapping[str, str]) -> bytes:
+def _written(attributes: Sequence[Attribute], arrays: list[Any], document: GiftiDocument) -> bytes:
     gifti, one_table = _package(), _numbered(attributes)
-    image = gifti.GiftiImage(meta=dict(meta), darrays=arrays + [_array(gifti, each) for each in one_table])
+    image = gifti.GiftiImage(
+        meta=gifti.GiftiMetaData(document.of_file),
+        darrays=arrays + [_array(gifti, each, document.intents) for each in one_table],
+    )
     for each in one_table:
         for key, word in each.names.items() if each.kind == "label" else ():
             label = gifti.GiftiLabel(key, *each.colors.get(key, (None,) * 4))
@@ -154,7 +159,7 @@ def _require_room(data: bytes) -> None:
     parser.Parse(data, True)
 
 
-def _values(image: Any, n_points: int | None, title: str) -> tuple[Attribute, ...]:
+def _values(image: Any, n_points: int | None, title: str) -> tuple[tuple[Attribute, ...], dict[str, int]]:
     """Read all values; those of some points alone are spread over all."""
     table = {label.key: label for label in image.labeltable.labels}
     names = {key: str(label.label) for key, label in table.items()}
@@ -181,7 +186,8 @@ def _values(image: Any, n_points: int | None, title: str) -> tuple[Attribute, ..
             rows = np.ravel(nodes[0].data).astype(np.int64)
             attribute = attribute.spread(rows, n_points or int(rows.max(initial=-1)) + 1)
         found.append(attribute)
-    return told_apart(found)
+    attributes = told_apart(found)
+    return attributes, {each.name: array.intent for each, array in zip(attributes, given)}
 
 
 def _frame(points: Any) -> Frame:
@@ -220,7 +226,7 @@ def _described(frame: Frame | None) -> tuple[Any, dict[str, str]]:
     return _package().GiftiCoordSystem(*codes, frame.matrix), volume
 
 
-def _array(gifti: Any, attribute: Attribute) -> Any:
+def _array(gifti: Any, attribute: Attribute, intents: Mapping[str, int]) -> Any:
     values = attribute.plain
     intent, kind = _VECTOR, "NIFTI_TYPE_FLOAT32"
     if attribute.kind == "colour":
@@ -228,7 +234,7 @@ def _array(gifti: Any, attribute: Attribute) -> Any:
     elif attribute.kind == "label":
         intent, kind = _LABEL, "NIFTI_TYPE_INT32"
     elif attribute.kind == "scalar":
-        intent = _SHAPE
+        intent = intents.get(attribute.name, _SHAPE)
     values = values.astype(np.int32 if kind.endswith("INT32") else np.float32)
     return gifti.GiftiDataArray(values, intent, datatype=kind, meta={"Name": attribute.name})
 
