@@ -62,7 +62,7 @@ class ObjDocument:
 def read(data: bytes, name: str) -> Mesh:
     """Read the faces of an OBJ file. They may be polygons and may have negative indices."""
     lines = read_lines(name, data, continued=True)
-    vertex_lines, face_lines = _vertex_lines(lines), lines.starting_with("f", textured=True)
+    vertex_lines, face_lines = _vertex_lines(lines), lines.starting_with("f").fields(0)
     vertices = vertex_lines.parse().leading(3, "at least 3 numbers x y z of a vertex")
     return Mesh(vertices, Polygons(*_polygons(face_lines, vertex_lines), vertices).triangles)
 
@@ -70,7 +70,7 @@ def read(data: bytes, name: str) -> Mesh:
 def read_asset(data: bytes, name: str) -> Asset:
     """Read an OBJ file with colours of vertices, texture coordinates and normals of corners, groups and materials."""
     lines = read_lines(name, data, continued=True, named=_NAMED)
-    vertex_lines, face_lines = _vertex_lines(lines), lines.starting_with("f", textured=True)
+    vertex_lines, face_lines = _vertex_lines(lines), lines.starting_with("f").fields(0)
     vertices = vertex_lines.parse()
     points = vertices.leading(3, "at least 3 numbers x y z of a vertex")
     corners, sizes = _polygons(face_lines, vertex_lines)
