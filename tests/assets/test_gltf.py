@@ -10,7 +10,7 @@ from made import whole
 from isomatch import FormatError, read_asset, read_mesh, write_asset
 from isomatch.assets import Attribute, asset_from
 from isomatch.assets.formats._gltf_data import GltfData, packed, unpacked
-from isomatch.assets.pictures import png_of
+from isomatch.assets.materials import png_of
 
 QUARTER_TURN = [0, 0, np.sqrt(0.5), np.sqrt(0.5)]
 

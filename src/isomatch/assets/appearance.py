@@ -10,13 +10,22 @@ from pathlib import Path, PurePosixPath
 import numpy as np
 
 from isomatch.assets.asset import Asset
-from isomatch.assets.attribute import Attribute
-from isomatch.assets.attribute_names import unused_name
+from isomatch.assets.attribute import Attribute, unused_name
 from isomatch.assets.formats import gltf_materials, mtl
 from isomatch.assets.formats.gltf import GltfDocument
 from isomatch.assets.formats.obj import ObjDocument
-from isomatch.assets.looks import UNTINTED, Layer, Look, Looks, Picture
-from isomatch.assets.pictures import JPEG, as_png, pixels_of, unread, unrolled
+from isomatch.assets.materials import (
+    JPEG,
+    UNTINTED,
+    Layer,
+    Look,
+    Looks,
+    Picture,
+    as_png,
+    pixels_of,
+    unread,
+    unrolled,
+)
 from isomatch.values.arrays import AnyArray, IntArray
 
 _MATERIAL = "material"

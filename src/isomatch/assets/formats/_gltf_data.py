@@ -15,7 +15,7 @@ from urllib.parse import unquote
 import numpy as np
 
 from isomatch.assets.formats._reading import Room
-from isomatch.assets.pictures import picture_in
+from isomatch.assets.materials import picture_in
 from isomatch.errors import FormatError, MeshError
 from isomatch.storage.files import opened
 from isomatch.values.arrays import AnyArray, FloatArray

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from isomatch.assets.attribute_names import unused_name
+from isomatch.assets.asset import product
+from isomatch.assets.attribute import unused_name
 from isomatch.assets.formats._gltf_data import GltfData
-from isomatch.assets.parts import product
 from isomatch.values.arrays import FloatArray, IntArray
 
 Matrix = tuple[tuple[float, ...], ...]

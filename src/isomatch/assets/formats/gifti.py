@@ -13,11 +13,9 @@ from xml.parsers.expat import ParserCreate
 
 import numpy as np
 
-from isomatch.assets.asset import Asset
-from isomatch.assets.attribute import Attribute
-from isomatch.assets.attribute_names import guessed_kind, told_apart
+from isomatch.assets.asset import Asset, Frame
+from isomatch.assets.attribute import Attribute, guessed_kind, told_apart
 from isomatch.assets.formats._reading import Room, reading
-from isomatch.assets.frame import Frame
 from isomatch.assets.polygons import Polygons
 from isomatch.errors import FormatError
 from isomatch.loading.packages import package

@@ -10,9 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from isomatch.assets.asset import Asset, RenumberedDocument
-from isomatch.assets.attribute import Attribute, Kind
-from isomatch.assets.attribute_names import guessed_kind, told_apart, unused_name
+from isomatch.assets.asset import Asset, Part, RenumberedDocument
+from isomatch.assets.attribute import Attribute, Kind, guessed_kind, told_apart, unused_name
 from isomatch.assets.formats._gltf_data import GltfData, packed, unpacked
 from isomatch.assets.formats._gltf_scene import (
     Matrix,
@@ -27,9 +26,7 @@ from isomatch.assets.formats._gltf_scene import (
     without_empty_primitives,
 )
 from isomatch.assets.formats._reading import reading
-from isomatch.assets.parts import Part
-from isomatch.assets.polygons import Polygons, Renumbering
-from isomatch.assets.seams import split_at_seams
+from isomatch.assets.polygons import Polygons, Renumbering, split_at_seams
 from isomatch.errors import MeshError
 from isomatch.values.arrays import AnyArray, FloatArray, IntArray
 

@@ -14,8 +14,18 @@ import numpy as np
 from isomatch.assets.asset import Asset
 from isomatch.assets.formats._gltf_data import GltfData
 from isomatch.assets.formats.gltf import GltfDocument, edited, opened_document, texcoord_numbers
-from isomatch.assets.looks import IN_PLACE, UNTINTED, Layer, Look, Looks, Picture, Wrap
-from isomatch.assets.pictures import JPEG, as_png, is_picture
+from isomatch.assets.materials import (
+    IN_PLACE,
+    JPEG,
+    UNTINTED,
+    Layer,
+    Look,
+    Looks,
+    Picture,
+    Wrap,
+    as_png,
+    is_picture,
+)
 from isomatch.values.arrays import IntArray
 
 _LISTS = ("images", "samplers", "textures", "materials")

@@ -6,8 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path, PurePosixPath
 
-from isomatch.assets.looks import IN_PLACE, Layer, Look, Picture, Wrap
-from isomatch.assets.pictures import picture_in
+from isomatch.assets.materials import IN_PLACE, Layer, Look, Picture, Wrap, picture_in
 from isomatch.errors import FormatError
 from isomatch.storage.files import decoded, encoding_of, opened
 

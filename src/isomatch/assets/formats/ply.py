@@ -13,9 +13,8 @@ from itertools import takewhile
 
 import numpy as np
 
-from isomatch.assets.asset import Asset
-from isomatch.assets.attribute import Attribute, Domain, Kind
-from isomatch.assets.attribute_names import guessed_kind, told_apart
+from isomatch.assets.asset import Asset, Frame
+from isomatch.assets.attribute import Attribute, Domain, Kind, guessed_kind, told_apart
 from isomatch.assets.formats._text import (
     TextLines,
     interleaved,
@@ -26,7 +25,6 @@ from isomatch.assets.formats._text import (
     octets_of,
     read_lines,
 )
-from isomatch.assets.frame import Frame
 from isomatch.assets.polygons import Polygons, Renumbering, spans
 from isomatch.errors import FormatError, MeshError
 from isomatch.loading.compiled import compiled

@@ -6,10 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from isomatch.assets.asset import Asset
+from isomatch.assets.asset import Asset, Frame
 from isomatch.assets.attribute import Attribute
 from isomatch.assets.formats import freesurfer, gifti, gltf, obj, off, ply, stl, vtk
-from isomatch.assets.frame import Frame
 from isomatch.errors import FormatError, InputError
 from isomatch.surfaces import Mesh
 

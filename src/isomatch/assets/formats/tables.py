@@ -10,8 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from isomatch.assets.attribute import Attribute
-from isomatch.assets.attribute_names import guessed_kind, told_apart
+from isomatch.assets.attribute import Attribute, guessed_kind, told_apart
 from isomatch.assets.formats._reading import reading
 from isomatch.assets.formats._text import number_of
 from isomatch.errors import FormatError

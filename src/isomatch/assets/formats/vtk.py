@@ -16,11 +16,9 @@ from io import BytesIO
 import numpy as np
 
 from isomatch.assets.asset import Asset
-from isomatch.assets.attribute import Attribute
-from isomatch.assets.attribute_names import told_apart
+from isomatch.assets.attribute import Attribute, told_apart
 from isomatch.assets.formats._reading import damaged, on_disk, reading
-from isomatch.assets.from_libraries import attributes_of, polygons_of
-from isomatch.assets.to_libraries import to_pyvista
+from isomatch.assets.libraries import attributes_of, polygons_of, to_pyvista
 from isomatch.errors import FormatError, MeshError
 from isomatch.loading.packages import package
 from isomatch.runtime.memory import room_for
