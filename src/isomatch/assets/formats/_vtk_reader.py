@@ -18,7 +18,7 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from isomatch.values.arrays import AnyArray, IntArray
 
-_READERS = {
+_READERS: dict[str, Any] = {
     ".vtk": vtkIOLegacy.vtkGenericDataObjectReader,
     ".vtp": vtkIOXML.vtkXMLPolyDataReader,
     ".vtu": vtkIOXML.vtkXMLUnstructuredGridReader,
@@ -96,7 +96,7 @@ def _problem(message: str) -> str:
 def _values(array: Any) -> AnyArray:
     if array.IsA("vtkStringArray"):
         return np.array([array.GetValue(i) for i in range(array.GetNumberOfValues())], dtype=str)
-    return np.asarray(vtk_to_numpy(array))
+    return np.asarray(vtk_to_numpy(array))  # type: ignore[no-untyped-call]
 
 
 def _numbered(domain: str, held: Any) -> Mapping[str, object]:

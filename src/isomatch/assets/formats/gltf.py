@@ -236,7 +236,7 @@ def keeps(attribute: Attribute) -> bool:
         return bool(np.abs(attribute.coded.values).max(initial=0) <= 2**24)
     if attribute.kind in ("weights", "key") or attribute.values.ndim == 1:
         return True
-    return 2 <= attribute.values.shape[1] <= 4
+    return bool(2 <= attribute.values.shape[1] <= 4)
 
 
 def write_glb(asset: Asset) -> bytes:

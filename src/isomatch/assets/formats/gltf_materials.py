@@ -212,7 +212,8 @@ def _painted(
     document: GltfDocument, gltf: GltfData, look: IntArray, starts: Mapping[str, int]
 ) -> GltfDocument:
     """Give each triangle its material; a primitive of several becomes as many primitives."""
-    places, of_triangle = [], np.zeros(len(look), dtype=np.int64)
+    places: list[tuple[int, int, int]] = []
+    of_triangle = np.zeros(len(look), dtype=np.int64)
     for number, (mesh, i, part) in enumerate(document.places):
         primitives = gltf.json["meshes"][mesh]["primitives"]
         plain = primitives[i]

@@ -53,7 +53,7 @@ def _read(suffix: str, data: bytes, name: str) -> Asset:
     if suffix == ".vtk" and _MARK not in (*stored["point_names"], *stored["cell_names"], *stored["fields"]):
         raise damaged(name, what, "it is cut short, or an array is shorter than declared")
     with reading(name, what):
-        found = polygons_of(*(stored[key] for key in ("points", "corners", "sizes", "rows")), others)
+        found = polygons_of(stored["points"], stored["corners"], stored["sizes"], stored["rows"], others)
         attributes = [
             *attributes_of(_named(stored, "point"), "point"),
             *attributes_of(_named(stored, "cell"), "face", found.rows),
