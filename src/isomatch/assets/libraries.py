@@ -44,13 +44,7 @@ class Geometry:
 
 
 def geometry_of(given: object) -> Geometry:
-    """Return points and polygons of a mesh of trimesh, PyVista, meshio or Open3D.
-
-    Raises
-    ------
-    MeshError
-        If it is none of these, or has no polygons but other cells.
-    """
+    """Return points and polygons of a mesh of trimesh, PyVista, meshio or Open3D."""
     points, cells, (geometry, _) = _library(given)
     return geometry(given, points, cells)
 

@@ -75,7 +75,7 @@ class Look:
 
 @dataclass(frozen=True)
 class Looks:
-    """The look of each triangle, (m,), −1 for none, and the looks."""
+    """The material of each triangle, (m,), −1 for none, and the materials."""
 
     of_triangle: IntArray
     looks: tuple[Look, ...]

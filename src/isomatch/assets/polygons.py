@@ -234,7 +234,9 @@ def _ears(flat: FloatArray, rounding: float) -> IntArray | None:
     n, area = len(flat), _area(flat)
     if area <= rounding:
         return None
-    triangles = triangulate_float64(flat.astype(np.float64), np.array([n], np.uint32)).reshape(-1, 3).astype(np.int64)
+    triangles = (
+        triangulate_float64(flat.astype(np.float64), np.array([n], np.uint32)).reshape(-1, 3).astype(np.int64)
+    )
     triangles = np.array(_with_every_corner(triangles.tolist(), n)).reshape(-1, 3)
     parts = _area(flat[triangles])
     if len(triangles) != n - 2 or np.abs(parts).sum() > (1 + _OVERLAP) * area:

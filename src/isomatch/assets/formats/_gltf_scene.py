@@ -80,10 +80,7 @@ def triangles(gltf: GltfData, primitive: dict[str, Any], n_points: int) -> IntAr
 
 
 def transforms(gltf: GltfData) -> dict[int, tuple[Matrix | None, int | None]]:
-    """Find matrix and skin of the first node of each mesh.
-
-    The points of a skin are put by its joints, not by the node; they stay where they are if the joints are posed.
-    """
+    """Find matrix and skin of the first node of each mesh."""
     document = gltf.json
     there = node_matrices(document)
     found: dict[int, tuple[Matrix | None, int | None]] = {}
@@ -91,6 +88,7 @@ def transforms(gltf: GltfData) -> dict[int, tuple[Matrix | None, int | None]]:
         node = document["nodes"][i]
         if "mesh" in node and node["mesh"] not in found:
             skin = node.get("skin")
+            # the points of a skin are put by its joints, not by the node; they stay where they are if these are posed
             own = matrix if skin is None else _rest(binding(gltf, document["skins"][skin], there))
             placed = not np.array_equal(own, np.eye(4))
             found[node["mesh"]] = (_as_tuples(own) if placed else None, skin)

@@ -29,26 +29,14 @@ _PIECE_OF_LINES = re.compile(rb"(?s).{1,16384}[^\n]*\n?")
 
 @dataclass(frozen=True)
 class TextLines:
-    """Some lines of a file, without comments, blank lines and leading blanks.
-
-    They are one array of bytes, because an object for each line would take many times the memory of the file.
-
-    Parameters
-    ----------
-    name : str
-        Name of the file, for messages.
-    data : (bytes,) array of uint8
-        The lines, each closed by a newline; the only other blanks are spaces.
-    numbers : (rows,) array of int
-        The 1-based number of each line in the file.
-    before : int
-        Number of the line before the first of these lines.
-    """
+    """Some lines of a file, without comments, blank lines and leading blanks."""
 
     name: str
+    # the lines, each closed by a newline; the only other blanks are spaces. An object for each line would take many times
+    # the memory of the file
     data: AnyArray
-    numbers: IntArray
-    before: int = 0
+    numbers: IntArray  # (rows,) the number of each line in the file, from 1
+    before: int = 0  # number of the line before the first of these
 
     def __len__(self) -> int:
         return len(self.numbers)
@@ -199,10 +187,7 @@ def is_whole(values: AnyArray) -> BoolArray:
 
 
 def bytes_or_floats(colours: FloatArray) -> AnyArray:
-    """Return numbers of a text as bytes if they are whole and some are above 1; nan stands for none.
-
-    The opacity may be a fraction beside colours up to 255, and is full where it is missing.
-    """
+    """Return numbers of a text as bytes if they are whole and some are above 1; nan stands for none."""
     colours, largest = colours.copy(), np.fmax.reduce(colours[:, :3], axis=None, initial=0)
     full = 255.0 if largest > 1 else 1.0
     if colours.shape[1] == 4:

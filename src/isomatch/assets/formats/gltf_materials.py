@@ -38,7 +38,7 @@ _STRENGTH = "KHR_materials_emissive_strength"
 _VARIANTS = "KHR_materials_variants"
 
 
-def looks_of(document: GltfDocument) -> Looks | None:
+def materials_of(document: GltfDocument) -> Looks | None:
     """Return the materials of a file; None if it has none."""
     if not document.json.get("materials"):
         return None
@@ -84,12 +84,12 @@ def with_materials_of(receiver: Asset, giver: GltfDocument, giver_triangle: IntA
     return edited(receiver, _painted(document, gltf, seen(of_triangle, giver_triangle), starts), gltf)
 
 
-def with_looks(receiver: Asset, looks: Looks) -> Asset:
-    """Return the receiver as a glTF file with looks, one for each of its triangles."""
+def with_materials(receiver: Asset, materials: Looks) -> Asset:
+    """Return the receiver as a glTF file with materials, one for each of its triangles."""
     document, gltf = opened_document(receiver)
     starts = _starts(document, gltf)
     number_of = texcoord_numbers(replace(receiver, document=document))
-    for look in looks.looks:
+    for look in materials.looks:
         base = {"metallicFactor": 0.0, **_written(gltf, look.base, number_of, "baseColor", UNTINTED)}
         entry = {"name": look.name, "pbrMetallicRoughness": base}
         if min(look.base.tint[3:], default=1.0) < 1:
@@ -97,7 +97,7 @@ def with_looks(receiver: Asset, looks: Looks) -> Asset:
         if look.emitted:
             entry |= _written(gltf, look.emitted, number_of, "emissive", (0.0, 0.0, 0.0))
         gltf.append("materials", entry)
-    return edited(receiver, _painted(document, gltf, looks.of_triangle, starts), gltf)
+    return edited(receiver, _painted(document, gltf, materials.of_triangle, starts), gltf)
 
 
 def seen(of_triangle: IntArray, giver_triangle: IntArray) -> IntArray:

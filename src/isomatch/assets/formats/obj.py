@@ -37,10 +37,7 @@ _NAMED = ("mtllib", "o", "g", "usemtl")
 
 @dataclass(frozen=True)
 class ObjDocument:
-    """The names of material libraries, lines and points, which are no faces; how names are encoded; files beside it.
-
-    Files are the libraries and their pictures.
-    """
+    """Material libraries, lines and points, which are no faces; how names are encoded; libraries and pictures."""
 
     libraries: tuple[str, ...] = ()
     elements: tuple[str, ...] = ()
@@ -268,10 +265,7 @@ _BLOCK = re.compile(rb"(?m)^#MRGB[ \t]+((?:[0-9A-Fa-f]{8})+)[ \t]*$")
 
 
 def read_colours(vertices: NumberRows, data: bytes) -> tuple[list[Attribute], tuple[str, ...]]:
-    """Read what follows the positions, ``r g b`` or ``r g b a``, or the blocks in comments; and notes of what is missing.
-
-    ``vertices`` are the numbers after each ``v``, and ``data`` is the whole file.
-    """
+    """Read what follows the positions, ``r g b`` or ``r g b a``, or the blocks in comments; and notes on them."""
     counts, n = vertices.counts, len(vertices.counts)
     coloured = counts >= 6
     notes = []

@@ -403,10 +403,8 @@ def _count(
     big_endian: bool,
     counts: IntArray,
 ) -> int:
-    """Read how many values each row has of each property, of which the sizes are given; return where the rows end.
-
-    ``count_sizes`` are 0 of no list. More than the number of octets is returned if these end before.
-    """
+    """Read how many values each row has of each property, of which the sizes are given; return where the rows end."""
+    # more than there are octets is returned if these end before; the size of a count is 0 of what is no list
     for row in range(len(counts)):
         for i in range(len(sizes)):
             size = count_sizes[i]

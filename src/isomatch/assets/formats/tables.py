@@ -88,11 +88,10 @@ def write_table(attributes: Sequence[Attribute], mark: str = ",") -> bytes:
     return joined([names, *zip(*columns)], mark).encode(errors="backslashreplace")
 
 
-def _rows(text: str, name: str) -> tuple[list[list[str]], bool]:
-    """Split lines at a mark that is in the first one, or at blanks; lines at the beginning may be comments.
-
-    Return the cells, and whether numbers may have decimal commas, since none are between the cells.
-    """
+def _rows(
+    text: str, name: str
+) -> tuple[list[list[str]], bool]:  # with whether numbers may have decimal commas
+    """Split lines at a mark that is in the first one, or at blanks; lines at the beginning may be comments."""
     lines = [line for line in text.splitlines() if line.strip()]
     lines = list(dropwhile(lambda line: line.strip() == "#" or line.startswith("# "), lines))
     marks = [each for each in SEPARATORS if lines and each in lines[0]]
