@@ -26,8 +26,8 @@ _READERS: dict[str, Any] = {
 _VERTEX, _LINE, _TRIANGLE, _STRIP, _POLYGON, _QUAD = 1, 3, 5, 6, 7, 9  # types of cells
 
 
-def _main(path: Path, room: int) -> str:
-    """Write what a file holds; return what is wrong with it, if anything is."""
+def _main(path: Path, room: int) -> None:
+    """Write what a file holds, or end with what is wrong with it."""
     try:
         _limit_memory(room)
         file = BytesIO()
@@ -36,8 +36,7 @@ def _main(path: Path, room: int) -> str:
     except MemoryError:
         raise SystemExit(1) from None
     except Exception as error:
-        return f"{type(error).__name__}: {error}".partition("\n")[0]
-    return ""
+        raise SystemExit(f"{type(error).__name__}: {error}".partition("\n")[0]) from None
 
 
 def _arrays(path: Path) -> dict[str, object]:
@@ -123,4 +122,4 @@ def _limit_memory(room: int) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(_main(Path(sys.argv[1]), int(sys.argv[2])) or None)
+    _main(Path(sys.argv[1]), int(sys.argv[2]))

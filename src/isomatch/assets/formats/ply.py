@@ -1,7 +1,7 @@
 """PLY: named elements with named properties, as text or binary (the Stanford polygon format).
 
-The package plyfile 1.1 is not used: it takes 2.5 s for 200 000 points and 400 000 triangles of binary PLY, and 17 s to
-write them as text, where this takes 0.01 s and 0.7 s; it has no integers of 64 bits, and passes over bytes after the end.
+The package plyfile 1.1 is not used: of 200 000 points and 400 000 triangles it reads binary PLY in 1.2 s and text in 4.2,
+and writes text in 16, where this takes 0.04, 0.5 and 1.1; it has no integers of 64 bits, and ignores bytes at the end.
 """
 
 from __future__ import annotations
