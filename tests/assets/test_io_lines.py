@@ -100,7 +100,16 @@ def test_lines_are_those_of_plain_python(data, continued):
 
 @pytest.mark.parametrize("which", range(3))
 def test_fields_of_words(which):
-    words = {"1": "100", "1/2": "120", "1/2/3": "123", "1//3": "103", "4/5/": "450", "-1/-2": ("-1", "-2", "0")}
+    words = {
+        "1": "100",
+        "1/2": "120",
+        "1/2/3": "123",
+        "1//3": "103",
+        "4/5/": "450",
+        "-1/-2": ("-1", "-2", "0"),
+    }
     lines = read_lines("file", "".join(f"f {word} {word}\n" for word in words).encode()).starting_with("f")
     found = lines.fields(which)
-    assert [found.row(i).split() for i in range(len(found))] == [[fields[which]] * 2 for fields in words.values()]
+    assert [found.row(i).split() for i in range(len(found))] == [
+        [fields[which]] * 2 for fields in words.values()
+    ]

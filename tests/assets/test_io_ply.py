@@ -175,9 +175,7 @@ def test_broken_binary(encoding):
     start = len(good) - 25
     assert ply.read(good, "a.ply").n_faces == 1
     cases = {
-        good[
-            :-1
-        ]: "a.ply: byte .*: expected 1 rows of element face, found the end of the file",
+        good[:-1]: "a.ply: byte .*: expected 1 rows of element face, found the end of the file",
         good[: start + 5]: "a.ply: byte .*: expected 1 rows of element vertex, found the end",
         good + b"tail": f"a.ply: byte {start + 25}: expected the end of the file, found 4 more bytes",
         ply_file(
