@@ -6,7 +6,7 @@ from made import POINTS, POLYGONS
 
 from isomatch import Asset, read_asset, write_asset
 from isomatch.assets import Attribute, read_attributes, write_attribute
-from isomatch.assets.seams import merged_corners
+from isomatch.assets.polygons import merged_corners
 
 OCTETS = np.arange(21).reshape(7, 3) * 12
 

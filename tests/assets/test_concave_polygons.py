@@ -9,7 +9,6 @@ from scipy.spatial.transform import Rotation
 import isomatch
 from isomatch import Asset, read_asset, read_mesh, write_asset
 from isomatch.assets import Attribute, Polygons, asset_from, surface_from, to_trimesh
-from isomatch.assets.fans import triangulate
 from isomatch.cli import main
 from later import some_later
 
@@ -112,7 +111,7 @@ def test_convex_polygons_remain_fans(n, seed):
     angle = np.sort(np.random.default_rng(seed).random(n)) * 2 * np.pi
     points, _ = in_space(np.column_stack([np.cos(angle), np.sin(angle)]), seed)
     polygons = Polygons([*range(n), 0, 1, 2], [n, 3], points)
-    np.testing.assert_array_equal(polygons.corner_of_triangle, triangulate(np.arange(n + 3), polygons.sizes))
+    np.testing.assert_array_equal(polygons.corner_of_triangle, Polygons(range(n + 3), [n, 3]).triangles)
 
 
 @pytest.mark.parametrize(
@@ -130,7 +129,7 @@ def test_what_cannot_be_cut_is_a_fan_and_told(tmp_path, capsys, outline):
     n = len(outline)
     points = np.pad(np.asarray(outline, float), ((0, 0), (0, 1)))
     asset = Asset(np.vstack([points, [[9, 9, 9]]]), Polygons([*range(n), 0, 1, n], [n, 3]))
-    np.testing.assert_array_equal(asset.polygons.triangles[: n - 2], triangulate(np.arange(n), np.array([n])))
+    np.testing.assert_array_equal(asset.polygons.triangles[: n - 2], Polygons(range(n), [n]).triangles)
     assert asset.polygons.uncut.tolist() == [0]
     write_asset(tmp_path / "a.obj", asset)
     [note] = read_asset(tmp_path / "a.obj").notes

@@ -115,7 +115,6 @@ def test_obj_index_zero_is_out_of_range_not_an_error():
         ("v 0 0 0\nv 0 0 \\\n a\n", "a.obj:2: expected numbers, found '0 0"),
         ("v 0 \\\n0 0\nv 0 b 0\n", "a.obj:3: expected numbers, found '0 b 0'"),
         (VERTICES + "f 1 2\n", "a.obj:5: expected a face of at least 3 corners, found '1 2'"),
-        (VERTICES + "f 1 2 3\nf 1/2/3/4 2 3\n", "a.obj:6: expected numbers, found '1/2 2 3'"),
         (VERTICES + "f 1 2 3.5\n", "a.obj:5: expected whole vertex indices, found '1 2 3.5'"),
         (VERTICES + "f 1 2 9007199254740992\n", "a.obj:5: expected whole vertex indices"),  # 2⁵³
     ],

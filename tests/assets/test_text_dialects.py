@@ -57,28 +57,18 @@ def binary_stl(count=2, words=(0, 0), header=b"", after=b""):
     return header.ljust(80) + count.to_bytes(4, "little") + rows.tobytes() + after
 
 
-NOT_FINITE = {
-    "1.#QNAN": np.nan, "1.#SNAN": np.nan, "-1.#IND": np.nan, "-1.#IND00": np.nan, "1.#QNAN00": np.nan, "1.#QO": np.nan,
-    "-nan(ind)": np.nan, "nan(snan)": np.nan, "1.#INF": np.inf, "-1.#INF": -np.inf, "1.#INF00e+000": np.inf,
-    "1.#J": np.inf, "-Infinity": -np.inf, "NaN": np.nan, "-nan": np.nan,
-}  # fmt: skip
+READERS = [(obj.read, obj_file()), (off.read, off_file()), (ply.read, ply_file()), (stl.read, stl_file())]
 
 
-@pytest.mark.parametrize("word", NOT_FINITE)
-@pytest.mark.parametrize(
-    ("read", "data"),
-    [(obj.read, obj_file()), (off.read, off_file()), (ply.read, ply_file()), (stl.read, stl_file())],
-)
-def test_what_is_no_finite_number(read, data, word):
-    mesh = read(data.replace(b"0.5", word.encode()), "a")
-    np.testing.assert_array_equal(mesh.vertices[0], [NOT_FINITE[word], 0, 0])
-    assert len(check(mesh).non_finite_vertices)
-
-
-@pytest.mark.parametrize("word", ["1.#", "1.#X5", "nan(1)", "1.#QNAN#", "0.5#"])
-def test_words_with_a_hash_that_are_no_numbers(word):
-    with pytest.raises(FormatError, match=r"a\.off:3: expected"):
-        off.read(off_file().replace(b"0.5 ", word.encode() + b" "), "a.off")
+@pytest.mark.parametrize(("read", "data"), READERS)
+def test_what_is_no_finite_number(read, data):
+    for word in ("nan", "-nan", "NaN", "inf", "-Infinity"):
+        mesh = read(data.replace(b"0.5", word.encode()), "a")
+        np.testing.assert_array_equal(mesh.vertices[0], [float(word), 0, 0])
+        assert len(check(mesh).non_finite_vertices)
+    for word in ("1.#QNAN", "-1.#IND00", "1.#INF", "-nan(ind)", "nan(1)", "1.#", "0.5#"):
+        with pytest.raises(FormatError, match="expected"):
+            read(data.replace(b"0.5", word.encode()), "a")
 
 
 @pytest.mark.parametrize(

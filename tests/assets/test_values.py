@@ -46,7 +46,7 @@ def test_a_file_of_values_is_no_surface(tmp_path):
 
 @pytest.mark.parametrize(
     ("suffix", "package", "extra"),
-    [(".vtp", "vtkmodules", "vtk"), (".vtu", "meshio.vtu", "io"), (".gii", "nibabel.gifti", "io")],
+    [(".vtp", "vtkmodules", "vtk"), (".vtu", "vtkmodules", "vtk"), (".gii", "nibabel.gifti", "io")],
 )
 def test_a_missing_package_is_named_with_its_extra(tmp_path, monkeypatch, suffix, package, extra):
     write_asset(tmp_path / f"a{suffix}", whole())

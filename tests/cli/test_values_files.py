@@ -147,7 +147,6 @@ def test_what_does_not_fit_is_told(folder, capsys):
         ("left front\nback\nback\n", {"t": ["left front", "back", "back"]}),
         ("# by hand\nregion,depth\n1,2\n1,2\n1,4\n", {"region": [1, 1, 1], "depth": [2, 2, 4]}),
         ("0.5\t1\n0.25\t2\n0.5\t1\n", {"t_0": [0.5, 0.25, 0.5], "t_1": [1, 2, 1]}),
-        ("depth\n1.5\n1.#QNAN\n-1.#INF\n", {"depth": [1.5, np.nan, -np.inf]}),
         ("depth\n1.5\n#N/A\n2.5\n", {"depth": [1.5, np.nan, 2.5]}),
         ("depth;bend\n1,5;0,25\n2,5;\n3,5;0,5\n", {"depth": [1.5, 2.5, 3.5], "bend": [0.25, np.nan, 0.5]}),
         ("1,5\t0,25\n2,5\t0,75\n3,5\t0,5\n", {"t_0": [1.5, 2.5, 3.5], "t_1": [0.25, 0.75, 0.5]}),

@@ -1,4 +1,4 @@
-"""Looks of assets whatever their format: found, put onto another asset, and into the format of a file to be written."""
+"""Materials of assets whatever their format: found, put onto another asset, and into the format of a file."""
 
 from __future__ import annotations
 
@@ -10,13 +10,22 @@ from pathlib import Path, PurePosixPath
 import numpy as np
 
 from isomatch.assets.asset import Asset
-from isomatch.assets.attribute import Attribute
-from isomatch.assets.attribute_names import unused_name
-from isomatch.assets.formats import gltf_looks, mtl
+from isomatch.assets.attribute import Attribute, unused_name
+from isomatch.assets.formats import gltf_materials, mtl
 from isomatch.assets.formats.gltf import GltfDocument
 from isomatch.assets.formats.obj import ObjDocument
-from isomatch.assets.looks import UNTINTED, Layer, Look, Looks, Picture
-from isomatch.assets.pictures import JPEG, as_png, pixels_of, unread, unrolled
+from isomatch.assets.materials import (
+    JPEG,
+    UNTINTED,
+    Layer,
+    Look,
+    Looks,
+    Picture,
+    as_png,
+    pixels_of,
+    unread,
+    unrolled,
+)
 from isomatch.values.arrays import AnyArray, IntArray
 
 _MATERIAL = "material"
@@ -24,34 +33,36 @@ _UNDEFINED = Layer((0.5, 0.5, 0.5, 1.0))
 
 
 def looks_of(asset: Asset) -> Looks | None:
-    """Return the looks of the triangles of an asset; None if its file has no materials.
+    """Return the materials of the triangles of an asset; None if its file has none.
 
     Materials that are in no library are grey, if others are.
     """
     if isinstance(asset.document, GltfDocument):
-        return gltf_looks.looks_of(asset.document)
-    materials = [a for a in asset.attributes if (a.name, a.domain) == (_MATERIAL, "face")]
-    if not isinstance(asset.document, ObjDocument) or not materials:
+        return gltf_materials.materials_of(asset.document)
+    labels = [a for a in asset.attributes if (a.name, a.domain) == (_MATERIAL, "face")]
+    if not isinstance(asset.document, ObjDocument) or not labels:
         return None
-    known = mtl.looks_of_libraries(asset.document.files, asset.document.libraries)
-    coded = materials[0].coded
+    known = mtl.materials_of_libraries(asset.document.files, asset.document.libraries)
+    coded = labels[0].coded
     codes, place = np.unique(coded.values, return_inverse=True)
     names = [coded.names.get(code, str(code)) for code in codes.tolist()]
     if not known.keys() & set(names):
         return None
     used = [name for name in names if name]
     look = np.array([used.index(name) if name else -1 for name in names], dtype=np.int64)
-    looks = tuple(known.get(name) or Look(name, _UNDEFINED) for name in used)
-    return Looks(look[place][asset.polygons.of_triangle], looks)
+    materials = tuple(known.get(name) or Look(name, _UNDEFINED) for name in used)
+    return Looks(look[place][asset.polygons.of_triangle], materials)
 
 
 def unread_files(asset: Asset) -> tuple[str, ...]:
     """Say of each picture of an asset, and each material and library of an OBJ file, that cannot be read, why not."""
-    looks, document = looks_of(asset), asset.document
-    found = [f"{picture.name!r}: {why}" for picture, why in unread(looks.pictures if looks else ()).items()]
+    materials, document = looks_of(asset), asset.document
+    found = [
+        f"{picture.name!r}: {why}" for picture, why in unread(materials.pictures if materials else ()).items()
+    ]
     if isinstance(document, ObjDocument):
-        known = mtl.looks_of_libraries(document.files, document.libraries)
-        undefined = [look.name for look in looks.looks if look.name not in known] if looks else []
+        known = mtl.materials_of_libraries(document.files, document.libraries)
+        undefined = [look.name for look in materials.looks if look.name not in known] if materials else []
         found += [f"{name!r}: the material is in none of the libraries" for name in undefined]
         missing = [name for line in document.libraries for name in _missing(line, document.files)]
         found += [f"{name!r}: there is no such file in the folder of the OBJ file" for name in missing]
@@ -70,17 +81,17 @@ def with_looks_of(receiver: Asset, giver: Asset, giver_triangle: IntArray) -> As
 
     ``giver_triangle`` (m,) is the triangle whose look each triangle of the receiver takes; −1 for the most frequent.
     """
-    given, looks = giver.document, looks_of(giver)
-    if looks is None or not len(giver_triangle):
+    given, materials = giver.document, looks_of(giver)
+    if materials is None or not len(giver_triangle):
         return receiver
     if isinstance(given, GltfDocument):
-        return gltf_looks.with_materials_of(receiver, given, giver_triangle)
-    of_triangle = gltf_looks.seen(looks.of_triangle, giver_triangle)
+        return gltf_materials.with_materials_of(receiver, given, giver_triangle)
+    of_triangle = gltf_materials.seen(materials.of_triangle, giver_triangle)
     if isinstance(given, ObjDocument) and isinstance(receiver.document, ObjDocument):
         document = replace(receiver.document, libraries=given.libraries, files=given.files)
-        names = tuple(look.name for look in looks.looks)
+        names = tuple(look.name for look in materials.looks)
         return replace(_labelled(receiver, of_triangle, names), document=document)
-    return gltf_looks.with_looks(receiver, Looks(of_triangle, looks.looks))
+    return gltf_materials.with_materials(receiver, Looks(of_triangle, materials.looks))
 
 
 def with_texture(receiver: Asset, png: bytes, tint: tuple[float, ...] = UNTINTED) -> Asset:
@@ -88,20 +99,20 @@ def with_texture(receiver: Asset, png: bytes, tint: tuple[float, ...] = UNTINTED
     uv = next((attribute.name for attribute in receiver.of_kind("uv")), "uv")
     layer = Layer(tuple(tint), Picture("baked.png", png), uv)
     of_triangle = np.zeros(len(receiver.polygons.corner_of_triangle), dtype=np.int64)
-    return gltf_looks.with_looks(receiver, Looks(of_triangle, (Look("baked", layer),)))
+    return gltf_materials.with_materials(receiver, Looks(of_triangle, (Look("baked", layer),)))
 
 
 def as_written(path: Path, asset: Asset) -> tuple[Asset, dict[Path, bytes]]:
-    """Return an asset with its looks in the format of a file to be written, and the files to be written beside it."""
+    """Return an asset with its materials in the format of a file to be written, and the files to be written beside it."""
     document, suffix = asset.document, path.suffix.lower()
     is_gltf = isinstance(document, GltfDocument)
     if suffix in (".glb", ".gltf"):
-        looks = None if is_gltf else looks_of(asset)
-        return (gltf_looks.with_looks(asset, looks) if looks else asset), {}
+        materials = None if is_gltf else looks_of(asset)
+        return (gltf_materials.with_materials(asset, materials) if materials else asset), {}
     if isinstance(document, GltfDocument):
-        looks = looks_of(asset) if suffix == ".obj" else None
+        materials = looks_of(asset) if suffix == ".obj" else None
         asset = replace(asset, document=document.former)
-        asset = _in_obj(asset, looks, path.stem) if looks else asset
+        asset = _in_obj(asset, materials, path.stem) if materials else asset
     if suffix != ".obj" or not isinstance(asset.document, ObjDocument):
         return asset, {}
     placed, files = _beside(asset.document, path)
@@ -109,15 +120,12 @@ def as_written(path: Path, asset: Asset) -> tuple[Asset, dict[Path, bytes]]:
 
 
 def with_one_texture(asset: Asset) -> tuple[Asset, AnyArray | None]:
-    """Return an asset with the texture coordinates of its texture, (height, width, 4) of uint8, which repeats.
-
-    None unless it has one for all its triangles.
-    """
-    looks = looks_of(asset)
-    used = np.unique(looks.of_triangle) if looks else np.zeros(0)
-    if looks is None or len(used) != 1 or used[0] < 0:
+    """Return an asset with coordinates for its one texture, (h, w, 4) of uint8, which repeats; None if it has not one."""
+    materials = looks_of(asset)
+    used = np.unique(materials.of_triangle) if materials else np.zeros(0)
+    if materials is None or len(used) != 1 or used[0] < 0:
         return asset, None
-    shown, layers = _repeating(asset, looks)
+    shown, layers = _repeating(asset, materials)
     layer = layers[used[0]]
     if layer.picture is None or unread([layer.picture]):
         return asset, None
@@ -125,9 +133,9 @@ def with_one_texture(asset: Asset) -> tuple[Asset, AnyArray | None]:
     return shown, pixels
 
 
-def _repeating(asset: Asset, looks: Looks) -> tuple[Asset, tuple[Layer, ...]]:
+def _repeating(asset: Asset, materials: Looks) -> tuple[Asset, tuple[Layer, ...]]:
     """Return the main layers for those who know but pictures that repeat, and the asset with coordinates for them."""
-    layers = [look.main for look in looks.looks]
+    layers = [look.main for look in materials.looks]
     first = [attribute.name for attribute in asset.of_kind("uv")][:1]
     own = Layer(uv=first[0]) if first else Layer()
     if not first or all(
@@ -138,7 +146,7 @@ def _repeating(asset: Asset, looks: Looks) -> tuple[Asset, tuple[Layer, ...]]:
         return asset, tuple(layers)
     polygons = asset.polygons
     of_polygon = np.full(len(polygons), -1)
-    of_polygon[polygons.of_triangle] = looks.of_triangle
+    of_polygon[polygons.of_triangle] = materials.of_triangle
     of_corner = of_polygon[polygons.of_corner]
     found = np.full((len(of_corner), 2), np.nan)
     for i, layer in enumerate(layers):
@@ -153,9 +161,9 @@ def _repeating(asset: Asset, looks: Looks) -> tuple[Asset, tuple[Layer, ...]]:
     return replace(asset, attributes=(Attribute("uv", "corner", "uv", found), *others)), tuple(layers)
 
 
-def _in_obj(asset: Asset, looks: Looks, stem: str) -> Asset:
-    """Return an asset with a library of its looks, which it has as labels of its faces."""
-    shown, layers = _repeating(asset, looks)
+def _in_obj(asset: Asset, materials: Looks, stem: str) -> Asset:
+    """Return an asset with a library of its materials, which it has as labels of its faces."""
+    shown, layers = _repeating(asset, materials)
     pictures = dict.fromkeys(layer.picture for layer in layers if layer.picture and not layer.picture.missing)
     files: dict[str, bytes] = {}
     names: dict[Picture, str] = {}
@@ -166,11 +174,11 @@ def _in_obj(asset: Asset, looks: Looks, stem: str) -> Asset:
         files[names[picture]] = data
     former = asset.document if isinstance(asset.document, ObjDocument) else ObjDocument()
     words: list[str] = []
-    for look in looks.looks:
+    for look in materials.looks:
         words.append(unused_name(look.name, words))
     files[f"{stem}.mtl"] = mtl.library_of(tuple(words), layers, names, former.encoding)
     document = ObjDocument((f"{stem}.mtl",), former.elements, former.encoding, files)
-    return replace(_labelled(shown, looks.of_triangle, tuple(words)), document=document)
+    return replace(_labelled(shown, materials.of_triangle, tuple(words)), document=document)
 
 
 def _labelled(asset: Asset, of_triangle: IntArray, names: tuple[str, ...]) -> Asset:
@@ -182,10 +190,7 @@ def _labelled(asset: Asset, of_triangle: IntArray, names: tuple[str, ...]) -> As
 
 
 def _beside(document: ObjDocument, path: Path) -> tuple[ObjDocument, dict[Path, bytes]]:
-    """Find names for the files of a document beside another file.
-
-    Of files that are there with other contents, only those are replaced whose names begin as that of the other file.
-    """
+    """Find names for the files of a document beside another file."""
     files: dict[Path, bytes] = {}
     taken: dict[Path, bytes] = {}
     names: dict[str, str] = {}
@@ -195,6 +200,7 @@ def _beside(document: ObjDocument, path: Path) -> tuple[ObjDocument, dict[Path, 
         clean = name.replace("\\", "/")
         last = PurePosixPath(clean)
         inside = [clean] if (folder / clean).resolve().is_relative_to(folder) else []
+        # of files that are there with other contents, only those are replaced whose names begin as that of the other
         own = last.name.startswith((f"{path.stem}.", f"{path.stem}_"))
         stem = last.stem if own else f"{path.stem}_{last.stem}"
         numbered = (f"{stem}_{i}{last.suffix}" for i in count(1))

@@ -1,23 +1,199 @@
-"""A surface with all that its file carries, and its mesh for matching."""
+"""A surface with all that its file carries, its parts and the space of its coordinates, and its mesh for matching."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
-from typing import Protocol, runtime_checkable
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from isomatch.assets.attribute import Attribute, Domain, Kind, require_lengths
-from isomatch.assets.frame import Frame
-from isomatch.assets.parts import Part, placed, turned, unplaced
-from isomatch.assets.polygons import Polygons
-from isomatch.assets.renumbering import Renumbering
+from isomatch.assets.polygons import Polygons, Renumbering
 from isomatch.errors import DescriptorError, MeshError, some
 from isomatch.surfaces import Mesh, welded
-from isomatch.values.arrays import FloatArray, IntArray, numbers_of
+from isomatch.values.arrays import AnyArray, FloatArray, IntArray, numbers_of
 from isomatch.values.cached import cached_property
+
+
+@dataclass(frozen=True)
+class Part:
+    """One of several meshes in a file, whose points and polygons follow those of the parts before.
+
+    Parameters
+    ----------
+    name : str
+        Its name in the file.
+    n_points, n_polygons : int
+        Numbers of points and polygons of this part.
+    transform : (4, 4) nested tuple of float, optional
+        Where the file puts it: a matrix that is multiplied by columns x, y, z, 1.
+    """
+
+    name: str
+    n_points: int
+    n_polygons: int
+    transform: tuple[tuple[float, ...], ...] | None = None
+
+
+Parts = tuple[Part, ...]
+
+
+def placed(points: FloatArray, parts: Parts) -> FloatArray:
+    """Return points where the transforms of the parts put them."""
+    found = np.array(points)
+    for rows, matrix in _transformed(parts):
+        found[rows] = product(points[rows], matrix[:3, :3].T) + matrix[:3, 3]
+    return found
+
+
+def unplaced(positions: FloatArray, parts: Parts) -> FloatArray:
+    """Return the points that are put at these positions."""
+    found = np.array(positions)
+    for rows, matrix in _transformed(parts):
+        back = np.linalg.pinv(matrix)
+        found[rows] = positions[rows] @ back[:3, :3].T + back[:3, 3]
+    return found
+
+
+def turned(
+    values: AnyArray, part_of: IntArray, parts: Parts, *, tangents: bool, back: bool, unit: bool = True
+) -> AnyArray:
+    """Turn normals or tangents as the transforms of their parts do, or ``back``; their length becomes 1 if ``unit``."""
+    found = np.array(values)
+    for i, part in enumerate(parts):
+        if part.transform is not None:
+            matrix = np.array(part.transform)[:3, :3]
+            along, across = matrix.T, np.linalg.pinv(matrix)
+            if back:
+                along, across = across.T, along.T
+            vectors = product(found[part_of == i, :3], along if tangents else across)
+            length = np.linalg.norm(vectors, axis=1, keepdims=True) if unit else np.ones((1, 1))
+            found[part_of == i, :3] = vectors / np.where(length > 0, length, 1)
+    return found
+
+
+def product(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return a @ b, rounded alike on every machine, so that hashes of what is placed are the same."""
+    total: FloatArray = a[:, :1] * b[0]
+    for i in range(1, len(b)):
+        total = total + a[:, i, None] * b[i]
+    return total
+
+
+def _transformed(parts: Parts) -> Iterator[tuple[slice, FloatArray]]:
+    """Rows of the points of each part that has a transform, and its matrix."""
+    start = 0
+    for part in parts:
+        if part.transform is not None:
+            yield slice(start, start + part.n_points), np.array(part.transform)
+        start += part.n_points
+
+
+UNKNOWN, SCANNER = "unknown", "scanner_anat"
+_AXES = np.array(
+    [[-1.0, 0, 0], [0, 0, 1], [0, -1, 0]]
+)  # right, anterior, superior of FreeSurfer's voxel axes
+_REAL = [2, 1, 20]  # marks of a footer whose surface is in coordinates of the scanner
+_CLOSE = 1e-4  # millimetres: GIFTI stores six decimals
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """The space of coordinates, as files of brains tell it.
+
+    Parameters
+    ----------
+    space : str
+        Space of the coordinates: ``"unknown"``, ``"scanner_anat"``, ``"aligned_anat"``, ``"talairach"``, ``"mni_152"`` or
+        ``"template_other"``, as in NIfTI.
+    to : str
+        Space that the matrix leads to.
+    matrix : (4, 4) array of float
+        It is multiplied by columns x, y, z, 1.
+    volume : mapping, optional
+        The volume of which FreeSurfer made the surface, in the words of nibabel.
+    words : tuple of str
+        Lines in which the file tells its unit or space, such as comments of PLY.
+    details : object, optional
+        What else the format says about the coordinates, for writing the same format again.
+    """
+
+    space: str = UNKNOWN
+    to: str = UNKNOWN
+    matrix: FloatArray = field(default_factory=lambda: np.eye(4))
+    volume: Mapping[str, Any] | None = None
+    words: tuple[str, ...] = ()
+    details: object = None
+
+    @classmethod
+    def of_volume(cls, volume: Mapping[str, Any]) -> Frame:
+        """Make the frame of a FreeSurfer surface, whose origin is the centre of its volume."""
+        if not str(volume.get("valid", "")).startswith("1"):
+            return cls(volume=volume)
+        if list(volume.get("head", ())) == _REAL:
+            return cls(SCANNER, SCANNER, volume=volume)
+        matrix = np.eye(4)
+        directions = np.stack([volume[key] for key in ("xras", "yras", "zras")], axis=1)
+        matrix[:3, :3] = directions @ np.linalg.inv(_AXES)
+        matrix[:3, 3] = volume["cras"]
+        return cls(UNKNOWN, SCANNER, matrix, volume)
+
+    @property
+    def is_told(self) -> bool:
+        """Whether it says anything."""
+        return self.has_space or bool(self.words)
+
+    @property
+    def has_space(self) -> bool:
+        """Whether it names a space or has a matrix."""
+        return self.space != UNKNOWN or self.to != UNKNOWN or not self._is_identity
+
+    @property
+    def in_volume(self) -> Mapping[str, Any] | None:
+        """A volume of FreeSurfer whose centre is the origin of these coordinates; None if there can be none."""
+        if self.volume is not None:
+            own = Frame.of_volume(self.volume)
+            if not self.has_space or ((own.space, own.to) == (self.space, self.to) and self._is_like(own)):
+                return self.volume
+        matrix = self.matrix if self.to == SCANNER else np.eye(4)
+        turn = matrix[:3, :3]
+        if SCANNER not in (self.space, self.to) or not np.allclose(turn @ turn.T, np.eye(3), atol=_CLOSE):
+            return None
+        return {
+            "head": np.array([2, 0, 20], dtype=np.int32),
+            "valid": "1  # volume info valid",
+            "filename": "none",
+            "volume": np.full(3, 256),
+            "voxelsize": np.ones(3),
+            **dict(zip(("xras", "yras", "zras"), (turn @ _AXES).T)),
+            "cras": matrix[:3, 3],
+        }
+
+    @property
+    def is_in_volume(self) -> bool:
+        """Whether a volume of FreeSurfer tells all of it."""
+        if self.words:
+            return False
+        return not self.has_space or (self.to in (UNKNOWN, SCANNER) and self.in_volume is not None)
+
+    def __str__(self) -> str:
+        if self.words:
+            return ", ".join(self.words)
+        if self._is_identity:
+            return f"in {self.to if self.space == UNKNOWN else self.space}"
+        if np.allclose(self.matrix[:3, :3], np.eye(3), atol=_CLOSE):
+            offset = " ".join(f"{number:g}" for number in self.matrix[:3, 3])
+            return f"c_ras {offset}, the offset to {self.to}"
+        return f"matrix to {self.to}"
+
+    @property
+    def _is_identity(self) -> bool:
+        return self._is_like(Frame())
+
+    def _is_like(self, other: Frame) -> bool:
+        return bool(np.allclose(self.matrix, other.matrix, rtol=0, atol=_CLOSE))
 
 
 @dataclass(frozen=True, eq=False, repr=False)

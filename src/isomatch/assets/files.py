@@ -1,23 +1,24 @@
-"""Surfaces from files and to files. The suffix of the name determines the format."""
+"""Surfaces from files, to files, and from whatever a user has. The suffix of a name determines the format."""
 
 from __future__ import annotations
 
 import os
 from dataclasses import replace
 from pathlib import Path
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from isomatch.assets.appearance import as_written
 from isomatch.assets.asset import Asset
-from isomatch.assets.attribute import Attribute
-from isomatch.assets.attribute_names import told_apart
+from isomatch.assets.attribute import Attribute, told_apart
 from isomatch.assets.formats.registry import FORMATS, checked, format_of
-from isomatch.assets.seams import merged_corners
-from isomatch.errors import DescriptorError, FormatError
+from isomatch.assets.libraries import geometry_of
+from isomatch.assets.polygons import Polygons, merged_corners
+from isomatch.errors import DescriptorError, FormatError, MeshError
 from isomatch.storage.files import opened, replaced
-from isomatch.surfaces import Mesh, PointCloud
+from isomatch.surfaces import Graph, Mesh, PointCloud, Surface
 
 
 def read_mesh(path: str | os.PathLike[str]) -> Mesh:
@@ -32,7 +33,7 @@ def read_mesh(path: str | os.PathLike[str]) -> Mesh:
     ----------
     path : path_like
         File with a suffix of `FORMATS`, in upper or lower case: OFF, OBJ, PLY, STL, glTF and GLB; with the extra ``io``
-        VTU, GIFTI and FreeSurfer (``lh.pial``, ``rh.white``, …); with the extra ``vtk`` VTP and VTK.
+        GIFTI and FreeSurfer (``lh.pial``, ``rh.white``, …); with the extra ``vtk`` VTP, VTU and VTK.
 
     Returns
     -------
@@ -305,3 +306,65 @@ def _vertex_colors(colors: ArrayLike, n_vertices: int) -> Attribute:
             "red, green and blue from 0 to 255 per vertex"
         )
     return Attribute("color", "point", "colour", array)
+
+
+SurfaceLike: TypeAlias = Any
+"""What `surface_from` takes. As a type it says nothing, because other libraries' classes are not imported."""
+
+
+def surface_from(given: SurfaceLike) -> Surface:
+    """Make a surface of what a user has.
+
+    Vertices keep their order and number, so results refer to those of the user. Polygons are split into triangles, as
+    by `read_mesh`. Without faces, the vertices of a file or an object become a `PointCloud`. An array of points alone
+    is refused, as nothing says what it samples: give ``PointCloud(points)``.
+
+    Parameters
+    ----------
+    given : Mesh, PointCloud, Graph, path_like, tuple or object
+        A surface, which is returned as it is; the path of a mesh file, see `read_mesh`; a tuple (vertices, faces) of
+        array_likes; or a ``trimesh.Trimesh``, ``pyvista.PolyData``, ``meshio.Mesh``, a ``TriangleMesh`` of Open3D, or
+        anything else with the same attributes; or a ``PointCloud`` of trimesh or Open3D. Of a meshio
+        mesh, triangles, quads and polygons are taken.
+
+    Returns
+    -------
+    Mesh, PointCloud or Graph
+
+    Raises
+    ------
+    MeshError
+        If it is none of these, or its arrays make no mesh.
+    FormatError
+        If the file cannot be read.
+
+    Examples
+    --------
+    >>> surface_from(([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]))
+    Mesh(3 vertices, 1 faces)
+    """
+    if isinstance(given, Mesh | PointCloud | Graph):
+        return given
+    mesh = mesh_from(given)
+    return mesh if mesh.n_faces else PointCloud(mesh.vertices)
+
+
+def mesh_from(given: SurfaceLike) -> Mesh:
+    """Make a mesh of what a user has, as `surface_from`; it may have no faces.
+
+    Raises
+    ------
+    MeshError, FormatError
+        As `surface_from`, and for a point cloud or a graph.
+    """
+    if isinstance(given, Mesh):
+        return given
+    if isinstance(given, str | os.PathLike):
+        return read_mesh(given)
+    if isinstance(given, tuple) and len(given) == 2:
+        return Mesh(*given)
+    if isinstance(given, PointCloud):
+        raise MeshError("a PointCloud is no mesh; give a surface with faces")
+    found = geometry_of(given)
+    points = Mesh(found.points, []).vertices
+    return Mesh(points, Polygons(found.corners, found.sizes, points).triangles)

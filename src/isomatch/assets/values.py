@@ -18,27 +18,14 @@ from isomatch.storage.files import opened, replaced
 
 @dataclass(frozen=True)
 class ValuesFormat:
-    """How values on points are read and written, and which have a place in the file.
+    """How values on points are read and written, and which have a place in the file."""
 
-    Parameters
-    ----------
-    read : callable
-        Makes attributes of the bytes of a file, its name, and the surface that they belong to, if that is known.
-    write : callable
-        Makes bytes of attributes.
-    keeps : callable
-        Whether the format has a place for an attribute.
-    is_single : bool
-        Whether it holds only one.
-    has_names : bool
-        Whether it stores the names of labels.
-    """
-
+    # of the bytes of a file, its name, and the surface that they belong to, if that is known
     read: Callable[[bytes, str, Asset | None], tuple[Attribute, ...]]
     write: Callable[[Sequence[Attribute]], bytes]
     keeps: Callable[[Attribute], bool]
-    is_single: bool = False
-    has_names: bool = False
+    is_single: bool = False  # whether it holds only one attribute
+    has_names: bool = False  # of labels
 
 
 def _n_points(surface: Asset | None) -> int | None:

@@ -15,7 +15,7 @@ from urllib.parse import unquote
 import numpy as np
 
 from isomatch.assets.formats._reading import Room
-from isomatch.assets.pictures import picture_in
+from isomatch.assets.materials import picture_in
 from isomatch.errors import FormatError, MeshError
 from isomatch.storage.files import opened
 from isomatch.values.arrays import AnyArray, FloatArray
@@ -29,6 +29,17 @@ _COMPRESSED = {"KHR_draco_mesh_compression", "EXT_meshopt_compression"}
 _LARGEST_GLB = 2**32 - 64  # bytes of JSON and data; their sizes have 32 bits
 _ENTRY = 24  # bytes that an entry of an array takes while parts are joined, measured
 _OBJECT, _LIST, _ITEM = 200, 88, 32  # bytes that these take in Python when JSON is read
+
+
+_FREE: dict[str, Any] = {  # what may be replaced
+    "accessors": {"componentType": 5121, "count": 1, "type": "SCALAR"},
+    "bufferViews": {"buffer": 0, "byteLength": 1},
+}
+_REFERENCES = {
+    "accessors": ("indices", "input", "output", "inverseBindMatrices"),
+    "views": ("bufferView",),
+}
+_HOLDERS: dict[str, tuple[str, ...]] = {"accessors": ("attributes", "targets"), "views": ()}
 
 
 @dataclass
@@ -128,9 +139,35 @@ class GltfData:
         return self.append("bufferViews", view)
 
     def append(self, name: str, entry: object) -> int:
-        """Append an entry to a list of the JSON; return its index."""
-        self.json.setdefault(name, []).append(entry)
-        return len(self.json[name]) - 1
+        """Append an entry to a list of the JSON, or put it where one is free; return its index."""
+        listed = self.json.setdefault(name, [])
+        free = _FREE.get(name)
+        if free in listed:
+            index: int = listed.index(free)
+            listed[index] = entry
+            return index
+        listed.append(entry)
+        return len(listed) - 1
+
+    def without_unused(self) -> None:
+        """Free the accessors and views that nothing refers to, and their bytes; what is left keeps its number."""
+        document = self.json
+        rest = {key: value for key, value in document.items() if key != "accessors"}
+        accessors, views = _numbers_in(rest, "accessors"), _numbers_in(rest, "views")
+        listed = document.get("accessors", [])
+        listed[:] = [each if i in accessors else _FREE["accessors"] for i, each in enumerate(listed)]
+        views |= _numbers_in(listed, "views")
+        blob = bytearray()
+        for i, view in enumerate(document.get("bufferViews", [])):
+            if i not in views:
+                document["bufferViews"][i] = _FREE["bufferViews"]
+                continue
+            content = self.blob[view["byteOffset"] : view["byteOffset"] + view["byteLength"]]
+            self.room.take(len(content), "a buffer view")
+            blob += b"\0" * (-len(blob) % 4)
+            view["byteOffset"] = len(blob)
+            blob += content
+        self.blob = blob
 
 
 def unpacked(data: bytes, name: str) -> GltfData:
@@ -202,6 +239,21 @@ def unpacked(data: bytes, name: str) -> GltfData:
     return gltf
 
 
+def _numbers_in(entry: Any, kind: str, all_of_them: bool = False) -> set[int]:
+    """Numbers of accessors or views that are referred to; in extensions, of which nothing is known, any number."""
+    found: set[int] = set()
+    if isinstance(entry, dict):
+        for key, value in entry.items():
+            everything = all_of_them or key in ("extensions", *_HOLDERS[kind])
+            if isinstance(value, int) and (everything or key in _REFERENCES[kind]):
+                found.add(value)
+            elif isinstance(value, dict | list):
+                found |= _numbers_in(value, kind, everything)
+    for value in entry if isinstance(entry, list) else ():
+        found |= {value} if all_of_them and isinstance(value, int) else _numbers_in(value, kind, all_of_them)
+    return found
+
+
 def _without_compression(document: dict[str, Any]) -> None:
     """Leave out the compressed twins of arrays that are there without compression too, and are read and written."""
     primitives = [primitive for mesh in document.get("meshes", []) for primitive in mesh["primitives"]]
@@ -215,6 +267,12 @@ def _without_compression(document: dict[str, Any]) -> None:
 def packed(gltf: GltfData, binary: bool) -> bytes:
     """Write a ``.glb`` file, or a ``.gltf`` file that contains its buffer."""
     blob = bytes(gltf.blob)
+    for name, free in _FREE.items():
+        listed = gltf.json.get(name, [])
+        while listed and listed[-1] == free:
+            listed.pop()
+        if not listed:
+            gltf.json.pop(name, None)
     buffer: dict[str, object] = {"byteLength": len(blob)}
     if not binary:
         buffer["uri"] = f"data:application/octet-stream;base64,{base64.b64encode(blob).decode()}"

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
 
-from isomatch.assets.attribute_names import unused_name
+from isomatch.assets.asset import product
+from isomatch.assets.attribute import unused_name
 from isomatch.assets.formats._gltf_data import GltfData
-from isomatch.assets.parts import product
 from isomatch.values.arrays import FloatArray, IntArray
 
 Matrix = tuple[tuple[float, ...], ...]
-Place = tuple[int, int]
-"""A mesh, and one of its primitives."""
 TRIANGLES, STRIP, FAN = 4, 5, 6
 _COPIED = 16  # bytes that a letter of JSON takes when it is copied, measured
 _POSED = 1e-3  # of the largest entry: more than what rounding does to matrices
@@ -82,10 +80,7 @@ def triangles(gltf: GltfData, primitive: dict[str, Any], n_points: int) -> IntAr
 
 
 def transforms(gltf: GltfData) -> dict[int, tuple[Matrix | None, int | None]]:
-    """Find matrix and skin of the first node of each mesh.
-
-    The points of a skin are put by its joints, not by the node; they stay where they are if the joints are posed.
-    """
+    """Find matrix and skin of the first node of each mesh."""
     document = gltf.json
     there = node_matrices(document)
     found: dict[int, tuple[Matrix | None, int | None]] = {}
@@ -93,6 +88,7 @@ def transforms(gltf: GltfData) -> dict[int, tuple[Matrix | None, int | None]]:
         node = document["nodes"][i]
         if "mesh" in node and node["mesh"] not in found:
             skin = node.get("skin")
+            # the points of a skin are put by its joints, not by the node; they stay where they are if these are posed
             own = matrix if skin is None else _rest(binding(gltf, document["skins"][skin], there))
             placed = not np.array_equal(own, np.eye(4))
             found[node["mesh"]] = (_as_tuples(own) if placed else None, skin)
@@ -165,19 +161,15 @@ def joint_names(document: dict[str, Any]) -> dict[int, str]:
     return found
 
 
-def without_primitives(document: dict[str, Any], emptied: Collection[Place]) -> dict[Place, Place]:
-    """Remove primitives, and meshes that have none left; return where each that stays is now."""
-    now: dict[Place, Place] = {}
-    meshes: list[dict[str, Any]] = []
+def without_empty_primitives(document: dict[str, Any]) -> None:
+    """Remove primitives without points, and meshes that have none left."""
     number: dict[int, int] = {}
-    for mesh, given in enumerate(document.get("meshes", [])):
-        kept = [i for i in range(len(given["primitives"])) if (mesh, i) not in emptied]
-        now |= {(mesh, i): (len(meshes), k) for k, i in enumerate(kept)}
-        if kept:
-            number[mesh] = len(meshes)
-            meshes.append({**given, "primitives": [given["primitives"][i] for i in kept]})
-    document["meshes"] = meshes
-    if not meshes:
+    for mesh, each in enumerate(document.get("meshes", [])):
+        each["primitives"] = [primitive for primitive in each["primitives"] if primitive["attributes"]]
+        if each["primitives"]:
+            number[mesh] = len(number)
+    document["meshes"] = [each for each in document.pop("meshes", []) if each["primitives"]]
+    if not document["meshes"]:
         del document["meshes"]
     for node in document.get("nodes", []):
         if "mesh" in node:
@@ -187,7 +179,35 @@ def without_primitives(document: dict[str, Any], emptied: Collection[Place]) -> 
             else:
                 node.pop("skin", None)
                 node.pop("weights", None)
-    return now
+
+
+def key_names(mesh: Mapping[str, Any]) -> list[str]:
+    """Names of the shape keys of a mesh, which glTF itself does not have, but most programs write."""
+    said = mesh.get("extras")
+    given = said.get("targetNames", []) if isinstance(said, dict) else []
+    n = max([len(given), *(len(primitive.get("targets", [])) for primitive in mesh["primitives"])])
+    found: list[str] = []
+    for i in range(n):
+        found.append(unused_name(str(given[i]) if i < len(given) else f"key_{i}", found))
+    return found
+
+
+def set_keys(document: dict[str, Any], mesh: int, names: list[str], weights: Mapping[str, float]) -> None:
+    """Set the names of the shape keys of a mesh; they keep their weights, unless there are others."""
+    each = document["meshes"][mesh]
+    had, own = key_names(each), each.get("weights", [])
+    nodes = [node for node in document.get("nodes", []) if node.get("mesh") == mesh and "weights" in node]
+    for place in (*nodes, each):
+        known = {**dict(zip(had, place.pop("weights", own))), **weights}
+        if names:
+            place["weights"] = [known.get(name, 0) for name in names]
+    said = each.pop("extras", None)
+    extras = (
+        {key: word for key, word in said.items() if key != "targetNames"} if isinstance(said, dict) else {}
+    )
+    extras |= {"targetNames": names} if names else {}
+    if extras:
+        each["extras"] = extras
 
 
 def without_channels(document: dict[str, Any], is_gone: Callable[[dict[str, Any]], bool]) -> None:

@@ -11,7 +11,7 @@ from typing import NoReturn
 
 import numpy as np
 
-from isomatch.assets.fans import spans
+from isomatch.assets.polygons import spans
 from isomatch.errors import FormatError
 from isomatch.storage.texts import MARKS, decoded
 from isomatch.values.arrays import AnyArray, BoolArray, FloatArray, IntArray
@@ -19,42 +19,24 @@ from isomatch.values.cached import cached_property
 
 EXPORT_AGAIN = "correct the line or export the file again"
 
-SPACE, NEWLINE, BACKSLASH, SLASH, ZERO, COMMA, POINT = b" \n\\/0,."
-_COPIED = bytes(32 if chr(c).isspace() and c not in b"\r\n" else c for c in range(256))
-"""What is copied of each byte: a space of every kind of blank but a line end."""
+SPACE, NEWLINE, BACKSLASH, SLASH, COMMA, POINT = b" \n\\/,."
+_BLANKS = bytes.maketrans(b"\t\v\f", b"   ")
 _WORD = re.compile(rb"[^ \n]+")
 # Objects take many times the memory of what they are made of, so they are made of a piece at a time.
 _PIECE = re.compile(rb"(?s).{1,16384}[^ \n]*")
 _PIECE_OF_LINES = re.compile(rb"(?s).{1,16384}[^\n]*\n?")
-_NOT_FINITE = re.compile(
-    r"([-+]?)(?:\d[.,]#(IND|INF|[QS]NAN|[QSI]O|J|R)\d*|nan\((?:ind|snan)\))(?:e[-+]?\d+)?", re.IGNORECASE
-)
-"""How other C libraries write what is no finite number: ``1.#QNAN``, ``-1.#IND``, ``1.#INF``, ``-nan(ind)``."""
-_TEXTURE = re.compile(rb"(?<=\d)/-?\d*(?:/-?\d*)?(?![^ \n])")
 
 
 @dataclass(frozen=True)
 class TextLines:
-    """Some lines of a file, without comments, blank lines and leading blanks.
-
-    They are one array of bytes, because an object for each line would take many times the memory of the file.
-
-    Parameters
-    ----------
-    name : str
-        Name of the file, for messages.
-    data : (bytes,) array of uint8
-        The lines, each closed by a newline; the only other blanks are spaces.
-    numbers : (rows,) array of int
-        The 1-based number of each line in the file.
-    before : int
-        Number of the line before the first of these lines.
-    """
+    """Some lines of a file, without comments, blank lines and leading blanks."""
 
     name: str
+    # the lines, each closed by a newline; the only other blanks are spaces. An object for each line would take many times
+    # the memory of the file
     data: AnyArray
-    numbers: IntArray
-    before: int = 0
+    numbers: IntArray  # (rows,) the number of each line in the file, from 1
+    before: int = 0  # number of the line before the first of these
 
     def __len__(self) -> int:
         return len(self.numbers)
@@ -91,11 +73,8 @@ class TextLines:
             "it is cut short, copy or export it again"
         )
 
-    def starting_with(self, keyword: str, textured: bool = False) -> TextLines:
-        """Return the lines whose first word is the keyword, without this word.
-
-        If they are ``textured``, only the first number of ``v/vt/vn`` is kept; a word in another form is left as it is.
-        """
+    def starting_with(self, keyword: str) -> TextLines:
+        """Return the lines whose first word is the keyword, without this word."""
         lengths = np.diff(self.ends, prepend=-1)
         starts = self.ends + 1 - lengths
         chosen = _is_blank(self.data.take(starts + len(keyword), mode="clip"))
@@ -104,21 +83,19 @@ class TextLines:
         kept = np.repeat(chosen, lengths)
         for i in range(len(keyword)):
             kept[starts[chosen] + i] = False
-        data = self.data[kept]
-        if textured and (data == SLASH).any():
-            data = octets_of(b"".join(_TEXTURE.sub(b"", piece) for piece in _pieces(data)))
-        return TextLines(self.name, data, self.numbers[chosen])
+        return TextLines(self.name, self.data[kept], self.numbers[chosen])
 
     def fields(self, which: int) -> TextLines:
         """Return the same lines with one field of each ``v/vt/vn`` instead of the word, and 0 where it is missing."""
-        data = b"".join(_field_of_words(piece, which) for piece in _pieces(self.data))
+        if which == 0 and not (self.data == SLASH).any():
+            return self
+        field = re.compile(rb"(?:[^ \n/]*/){%d}([^ \n/]*)[^ \n]*" % which)
+        padded = (re.sub(rb"(?<=[^ \n])(?=[ \n]|\Z)", b"/0/0", piece) for piece in _pieces(self.data))
+        data = b"".join(field.sub(rb"\1", re.sub(rb"/(?=/)", b"/0", piece)) for piece in padded)
         return TextLines(self.name, octets_of(data), self.numbers)
 
     def parse(self) -> NumberRows:
-        """Parse every row as blank-separated numbers.
-
-        Numbers may have a decimal comma if none has a point, and be the NaN or infinity of any C library.
-        """
+        """Parse every row as blank-separated numbers, which may have a decimal comma if none has a point."""
         blank = _is_blank(self.data)
         word_ends = np.flatnonzero(blank[1:] > blank[:-1])
         counts = np.diff(np.searchsorted(word_ends, self.ends), prepend=0)
@@ -197,10 +174,7 @@ class NumberRows:
 
 
 def number_of(text: str, has_decimal_comma: bool = False) -> float:
-    """Return the number of a word, which may be the NaN or infinity of any C library; `ValueError` if it is none."""
-    if found := _NOT_FINITE.fullmatch(text):
-        letters = (found[2] or "NAN").upper()
-        return float(f"{found[1]}inf" if letters.startswith(("INF", "IO", "J")) else "nan")
+    """Return the number of a word; `ValueError` if it is none."""
     if "_" in text:  # which Python allows in a number, other readers do not
         raise ValueError
     return float(text.replace(",", ".", 1) if has_decimal_comma else text)
@@ -213,10 +187,7 @@ def is_whole(values: AnyArray) -> BoolArray:
 
 
 def bytes_or_floats(colours: FloatArray) -> AnyArray:
-    """Return numbers of a text as bytes if they are whole and some are above 1; nan stands for none.
-
-    The opacity may be a fraction beside colours up to 255, and is full where it is missing.
-    """
+    """Return numbers of a text as bytes if they are whole and some are above 1; nan stands for none."""
     colours, largest = colours.copy(), np.fmax.reduce(colours[:, :3], axis=None, initial=0)
     full = 255.0 if largest > 1 else 1.0
     if colours.shape[1] == 4:
@@ -243,38 +214,13 @@ def read_lines(
 ) -> TextLines:
     r"""Split the bytes of a file into lines, without ``#`` comments and blank lines.
 
-    A comment begins at the first byte of a line, or after a blank.
-
-    Bytes that are not ASCII are accepted, because comments may have any encoding, and so is every kind of line end.
-
-    Parameters
-    ----------
-    name : str
-        Name of the file, for messages.
-    data : bytes
-        Its asset, or the rest of them.
-    before : int
-        Number of lines that precede these bytes in the file.
-    continued : bool
-        Whether a line that ends in ``\\`` goes on in the next.
-    lower : bool
-        Whether capital letters become small.
-    named : tuple of str
-        Keywords of lines whose rest is a name, which is left as it is and may contain any ``#``.
-
-    Notes
-    -----
-    Linear in the number of bytes, in time and memory, whatever they are. Comments are removed after lines are joined.
+    A comment begins at the first byte of a line, or after a blank; its bytes may be of any encoding, and line ends of
+    any kind. ``before`` lines precede these bytes in the file. If ``continued``, a line that ends in ``\\`` goes on in
+    the next. The rest of lines that begin with a ``named`` keyword is a name, which may contain any ``#``.
     """
     if data.startswith(tuple(MARKS)):
         data = decoded(data).encode()
-    text = data.translate(_COPIED)
-    keywords = b"(?:%s) " % "|".join(named).encode()
-    if named and text != data:
-        copied = bytearray(text)
-        for found in re.finditer(rb"(?m)(?:^|(?<=\r)) *%s([^\r\n]*)" % keywords, text):
-            copied[slice(*found.span(1))] = data[slice(*found.span(1))]
-        text = bytes(copied)
+    text = data.translate(_BLANKS)
     text = (text.lower() if lower else text).replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     if not text.endswith(b"\n"):
         text += b"\n"
@@ -289,7 +235,7 @@ def read_lines(
     if b"#" in text or b"\n " in text or text[:1] == b" ":
         pattern, kept = rb"^ *#[^\n]*|^ +|(?<= )#[^\n]*", b""
         if named:
-            pattern, kept = rb"^ *(%s[^\n]*)|%s" % (keywords, pattern), rb"\1"
+            pattern, kept = rb"^ *((?:%s) [^\n]*)|%s" % ("|".join(named).encode(), pattern), rb"\1"
         left_out = re.compile(b"(?m)" + pattern)
         text = b"".join(left_out.sub(kept, piece[0]) for piece in _PIECE_OF_LINES.finditer(text))
     octets = octets_of(text)
@@ -360,17 +306,3 @@ def _plain_numbers(text: bytes, n_words: int) -> FloatArray | None:
             if len(found) == n_words and (kind is np.float64 or (np.abs(found) < 2**53).all()):
                 return found.astype(np.float64)
     return None
-
-
-def _field_of_words(text: bytes, which: int) -> bytes:
-    """Replace each word by its field after so many slashes, or 0 if that is empty."""
-    octets = octets_of(text + b" ").copy()
-    blank, slash = _is_blank(octets), octets == SLASH
-    seen = np.cumsum(slash)
-    field = seen - np.maximum.accumulate(np.where(blank, seen, 0))
-    word_ends = np.append(blank[1:], True)
-    empty = slash & (field == which) & (word_ends | np.append(slash[1:], True))
-    missing = empty | (~blank & (field < which) & word_ends)
-    octets[missing] = ZERO
-    fields: bytes = octets[blank | missing | (~slash & (field == which))][:-1].tobytes()
-    return fields

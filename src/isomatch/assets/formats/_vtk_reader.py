@@ -1,4 +1,4 @@
-"""The process that reads one VTK file: arrays that VTK or meshio find go into a file, or what is wrong.
+"""The process that reads one VTK file: it writes the arrays that VTK finds to its output, or what is wrong to its errors.
 
 It imports little, as it is started anew for each file.
 """
@@ -7,74 +7,81 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from vtkmodules import vtkCommonCore, vtkCommonDataModel, vtkIOLegacy, vtkIOXML
+from vtkmodules.util.numpy_support import vtk_to_numpy
 
-from isomatch.loading.first_use import package
-from isomatch.values.arrays import AnyArray
+from isomatch.values.arrays import AnyArray, IntArray
 
-ARRAYS, PROBLEM = "arrays.npz", "problem.txt"
-"""Files that it leaves beside the one that it reads."""
-DISK = 74
-"""Exit code, that of sysexits for input and output, where they cannot be written."""
-ENDED = "the reader came to an end over it, as where more is declared than the file holds"
+_READERS: dict[str, Any] = {
+    ".vtk": vtkIOLegacy.vtkGenericDataObjectReader,
+    ".vtp": vtkIOXML.vtkXMLPolyDataReader,
+    ".vtu": vtkIOXML.vtkXMLUnstructuredGridReader,
+}
+_VERTEX, _LINE, _TRIANGLE, _STRIP, _POLYGON, _QUAD = 1, 3, 5, 6, 7, 9  # types of cells
 
 
-def _main(reader: str, path: Path, room: int) -> None:
-    """Read a file; write beside it the arrays that it holds, or what is wrong with it."""
+def _main(path: Path, room: int) -> None:
+    """Write what a file holds, or end with what is wrong with it."""
     try:
-        arrays = (_by_vtk if reader == "vtk" else _by_meshio)(path, room)
-        with _disk():
-            np.savez(path.with_name(ARRAYS), **arrays)  # type: ignore[arg-type]
+        _limit_memory(room)
+        file = BytesIO()
+        np.savez(file, **_arrays(path))  # type: ignore[arg-type]
+        sys.stdout.buffer.write(file.getvalue())
     except MemoryError:
-        problem = ENDED
+        raise SystemExit(1) from None
     except Exception as error:
-        problem = f"{type(error).__name__}: {error}".partition("\n")[0]
-    else:
-        return
-    with _disk():
-        path.with_name(PROBLEM).write_text(problem, encoding="utf-8")
+        raise SystemExit(f"{type(error).__name__}: {error}".partition("\n")[0]) from None
 
 
-@contextmanager
-def _disk() -> Iterator[None]:
-    """End the process where something cannot be written: that is no fault of the file that is read."""
-    try:
-        yield
-    except OSError:
-        raise SystemExit(DISK) from None
-
-
-def _by_vtk(path: Path, room: int) -> dict[str, object]:
-    is_xml = path.suffix == ".vtp"
-    readers = package(f"vtkmodules.vtkIO{'XML' if is_xml else 'Legacy'}", "vtk", "a VTK file")
-    core = package("vtkmodules.vtkCommonCore", "vtk", "a VTK file")
-    package("vtkmodules.util.numpy_support", "vtk", "a VTK file")
-    _limit_memory(room)
-    told = core.vtkStringOutputWindow()
-    core.vtkOutputWindow.SetInstance(told)
-    reader = readers.vtkXMLPolyDataReader() if is_xml else readers.vtkPolyDataReader()
+def _arrays(path: Path) -> dict[str, object]:
+    told = vtkCommonCore.vtkStringOutputWindow()
+    vtkCommonCore.vtkOutputWindow.SetInstance(told)
+    reader = _READERS[path.suffix]()
     reader.SetFileName(str(path))
     reader.Update()
     problems = [problem for each in told.GetOutput().split("\n\n") if (problem := _problem(each))]
     if problems:
         raise ValueError(problems[0])
     found = reader.GetOutput()
+    if not isinstance(found, vtkCommonDataModel.vtkPolyData | vtkCommonDataModel.vtkUnstructuredGrid):
+        raise ValueError(f"it holds a {type(found).__name__.removeprefix('vtk') or 'nothing'}")
+    types, lists = _cells(found)
+    corners = np.concatenate([_values(each.GetConnectivityArray()) for each in lists])
+    sizes = np.concatenate([np.diff(_values(each.GetOffsetsArray())) for each in lists])
+    if len(sizes) != len(types) or (sizes < 0).any() or sizes.sum() != len(corners):
+        raise ValueError("its cells do not fit their declared number")
+    is_polygon = np.isin(types, (_TRIANGLE, _POLYGON, _QUAD))
+    others, counts = np.unique(types[~is_polygon], return_counts=True)
+    names = [vtkCommonDataModel.vtkCellTypes.GetClassNameFromTypeId(int(kind)) for kind in others]
     points = found.GetPoints()
     return {
         "points": _values(points.GetData()) if points else np.zeros((0, 3)),
-        "faces": _values(found.GetPolys().GetData()),
-        **{
-            f"n_{kind.lower()}": getattr(found, f"GetNumberOf{kind}")()
-            for kind in ("Verts", "Lines", "Strips", "Polys")
-        },
-        **_numbered("point", _held(found.GetPointData())),
-        **_numbered("cell", _held(found.GetCellData())),
+        "corners": corners[np.repeat(is_polygon, sizes)],
+        "sizes": sizes[is_polygon],
+        "rows": np.flatnonzero(is_polygon),
+        "others": np.array([name.removeprefix("vtk").lower() for name in names], dtype=str),
+        "counts": counts,
+        "is_polygons": isinstance(found, vtkCommonDataModel.vtkPolyData),
+        "fields": _numbered("field", found.GetFieldData())["field_names"],
+        **_numbered("point", found.GetPointData()),
+        **_numbered("cell", found.GetCellData()),
     }
+
+
+def _cells(found: Any) -> tuple[IntArray, list[Any]]:
+    """Return the type of each cell, and the lists of their points."""
+    if isinstance(found, vtkCommonDataModel.vtkUnstructuredGrid):
+        return (_values(found.GetCellTypesArray()) if found.GetNumberOfCells() else np.zeros(0, int)), [
+            found.GetCells()
+        ]
+    lists = [found.GetVerts(), found.GetLines(), found.GetPolys(), found.GetStrips()]
+    return np.repeat([_VERTEX, _LINE, _POLYGON, _STRIP], [each.GetNumberOfCells() for each in lists]), lists
 
 
 def _problem(message: str) -> str:
@@ -85,40 +92,20 @@ def _problem(message: str) -> str:
     return " ".join(re.sub(r"^\w+ \(\w+\): ", "", text).split()) or head
 
 
-def _held(held: Any) -> dict[str, AnyArray]:
-    arrays = [held.GetAbstractArray(i) for i in range(held.GetNumberOfArrays())]
-    return {array.GetName() or f"Unnamed_{i}": _values(array) for i, array in enumerate(arrays)}
-
-
 def _values(array: Any) -> AnyArray:
     if array.IsA("vtkStringArray"):
         return np.array([array.GetValue(i) for i in range(array.GetNumberOfValues())], dtype=str)
-    support = package("vtkmodules.util.numpy_support", "vtk", "a VTK file")
-    return np.asarray(support.vtk_to_numpy(array))
+    return np.asarray(vtk_to_numpy(array))  # type: ignore[no-untyped-call]
 
 
-def _by_meshio(path: Path, room: int) -> dict[str, object]:
-    module = package(f"meshio.{path.suffix[1:]}", "io", "a VTK file")
-    _limit_memory(room)
-    mesh = module.read(path)
-    blocks = [(block.type, np.asarray(block.data)) for block in mesh.cells]
-    cells = [np.zeros((len(each), 0)) if each.dtype.hasobject else each for _, each in blocks]  # polyhedra
-    of_cells = {name: np.concatenate(values) for name, values in mesh.cell_data.items()}
+def _numbered(domain: str, held: Any) -> Mapping[str, object]:
+    """Name arrays by numbers, as their own names may be anything."""
+    arrays = [held.GetAbstractArray(i) for i in range(held.GetNumberOfArrays())]
     return {
-        "points": mesh.points,
-        "types": np.array([kind for kind, _ in blocks], dtype=str),
-        **{f"cells_{i}": each for i, each in enumerate(cells)},
-        **_numbered("point", mesh.point_data),
-        **_numbered("cell", of_cells),
-    }
-
-
-def _numbered(domain: str, arrays: Mapping[str, AnyArray]) -> dict[str, object]:
-    """Name arrays by numbers, as their own names may be anything; those that hold no numbers or words are left out."""
-    kept = {name: array for name, array in arrays.items() if array.dtype.kind in "biufU"}
-    return {
-        f"{domain}_names": np.array([*kept], dtype=str),
-        **{f"{domain}_{i}": array for i, array in enumerate(kept.values())},
+        f"{domain}_names": np.array(
+            [each.GetName() or f"Unnamed_{i}" for i, each in enumerate(arrays)], dtype=str
+        ),
+        **{f"{domain}_{i}": _values(each) for i, each in enumerate(arrays)},
     }
 
 
@@ -135,4 +122,4 @@ def _limit_memory(room: int) -> None:
 
 
 if __name__ == "__main__":
-    _main(sys.argv[1], Path(sys.argv[2]), int(sys.argv[3]))
+    _main(Path(sys.argv[1]), int(sys.argv[2]))

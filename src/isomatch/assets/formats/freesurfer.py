@@ -9,10 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from isomatch.assets.asset import Asset
+from isomatch.assets.asset import Asset, Frame
 from isomatch.assets.attribute import Attribute
 from isomatch.assets.formats._reading import on_disk, reading
-from isomatch.assets.frame import Frame
 from isomatch.assets.polygons import Polygons
 from isomatch.loading.first_use import package
 from isomatch.storage.texts import encoding_of

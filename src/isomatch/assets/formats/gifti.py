@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import zlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,13 +13,10 @@ from xml.parsers.expat import ParserCreate
 
 import numpy as np
 
-from isomatch.assets.asset import Asset
-from isomatch.assets.attribute import Attribute
-from isomatch.assets.attribute_names import guessed_kind, told_apart
+from isomatch.assets.asset import Asset, Frame
+from isomatch.assets.attribute import Attribute, guessed_kind, told_apart
 from isomatch.assets.formats._reading import Room, reading
-from isomatch.assets.frame import Frame
 from isomatch.assets.polygons import Polygons
-from isomatch.assets.renumbering import Renumbering
 from isomatch.errors import FormatError
 from isomatch.loading.first_use import package
 
@@ -28,6 +25,14 @@ _LABEL, _VECTOR, _POINTS, _TRIANGLES = 1002, 1007, 1008, 1009
 _NODES, _RGB, _RGBA, _SHAPE = 2002, 2003, 2004, 2005
 VALUES = (".func", ".label", ".rgba", ".shape", ".tensor", ".time", ".vector")
 """What stands before ``.gii`` in the names of files without a surface."""
+_SPACES = (
+    "unknown",
+    "scanner_anat",
+    "aligned_anat",
+    "talairach",
+    "mni_152",
+    "template_other",
+)  # by codes of NIfTI
 _AXES = {"xras": "X", "yras": "Y", "zras": "Z", "cras": "C"}
 _VOLUME = {
     "volume": ("Width", "Height", "Depth"),
@@ -39,31 +44,12 @@ _VOLUME = {
 
 @dataclass(frozen=True)
 class GiftiDocument:
-    """The image as it was read, and the array of each attribute, in their order."""
+    """The meta data of a file, of its points but for the frame, and of its triangles; the intents of scalars."""
 
-    image: Any
-    arrays: tuple[tuple[Attribute, Any], ...]
-
-    def renumbered(self, before: Asset, after: Asset, rows: Renumbering) -> GiftiDocument:
-        """Take the same rows of the arrays as of the attributes."""
-        gifti, found = _package(), []
-        new = {id(old): attribute for old, attribute in zip(before.attributes, after.attributes)}
-        for attribute, array in self.arrays:
-            if id(attribute) in new:
-                values = np.ascontiguousarray(array.data[rows.point_index])
-                same = {"intent": array.intent, "datatype": array.datatype, "meta": array.meta}
-                found.append(
-                    (new[id(attribute)], gifti.GiftiDataArray(values, coordsys=array.coordsys, **same))
-                )
-        return replace(self, arrays=tuple(found))
-
-
-@dataclass(frozen=True)
-class GiftiPlace:
-    """What a GIFTI file says of its points."""
-
-    coordsys: Any
-    meta: Any
+    of_file: Mapping[str, str]
+    of_points: Mapping[str, str]
+    of_triangles: Mapping[str, str]
+    intents: Mapping[str, int]
 
 
 def read_asset(data: bytes, name: str) -> Asset:
@@ -77,14 +63,15 @@ def read_asset(data: bytes, name: str) -> Asset:
                 "it by read_attributes"
             )
     with reading(name, "points and triangles of a GIFTI surface"):
-        points = found[_POINTS].data
-        attributes = _values(image, len(points), "values")
+        points, triangles = found[_POINTS], found[_TRIANGLES]
+        plain = {key: word for key, word in points.meta.items() if "VolGeom" not in key}
+        attributes, intents = _values(image, len(points.data), "values")
         return Asset(
-            points,
-            Polygons.of_triangles(found[_TRIANGLES].data),
-            tuple(attribute for attribute, _ in attributes),
-            document=GiftiDocument(image, tuple((a, array) for a, array in attributes if array is not None)),
-            frame=_frame(found[_POINTS]),
+            points.data,
+            Polygons.of_triangles(triangles.data),
+            attributes,
+            document=GiftiDocument(dict(image.meta), plain, dict(triangles.meta), intents),
+            frame=_frame(points),
         )
 
 
@@ -94,16 +81,12 @@ def read_attributes(data: bytes, name: str, n_points: int | None = None) -> tupl
     with reading(name, "values of a GIFTI file"):
         title = Path(Path(name).stem)
         title = title.with_suffix("") if title.suffix.lower() in VALUES else title
-        return tuple(attribute for attribute, _ in _values(image, n_points, str(title)))
+        return _values(image, n_points, str(title))[0]
 
 
 def write_attributes(attributes: Sequence[Attribute]) -> bytes:
     """Write values on points without a surface."""
-    gifti = _package()
-    one_table = _numbered(attributes)
-    image = gifti.GiftiImage(darrays=[_array(gifti, attribute) for attribute in one_table])
-    image.labeltable = _table(gifti, [a for a in one_table if a.kind == "label"])
-    return bytes(image.to_xml())
+    return _written(attributes, [], GiftiDocument({}, {}, {}, {}))
 
 
 def keeps(attribute: Attribute) -> bool:
@@ -117,29 +100,29 @@ def keeps_frame(frame: Frame) -> bool:
 
 
 def write(asset: Asset) -> bytes:
-    """Write a surface; what was read and did not change is written as it was."""
-    gifti = _package()
-    document = asset.document if isinstance(asset.document, GiftiDocument) else GiftiDocument(None, ())
-    image = gifti.GiftiImage()
-    of_points, of_triangles = _described(gifti, asset.frame), {}
-    if document.image is not None:
-        image.meta = document.image.meta
-        given = {array.intent: array for array in reversed(document.image.darrays)}
-        of_triangles = {"coordsys": given[_TRIANGLES].coordsys, "meta": given[_TRIANGLES].meta}
-        if asset.frame is None or not isinstance(asset.frame.details, GiftiPlace):
-            anatomy = {key: word for key, word in given[_POINTS].meta.items() if "VolGeom" not in key}
-            of_points["meta"] = anatomy | of_points["meta"]
-    for intent, values, described in (
-        (_POINTS, asset.points.astype(np.float32), of_points),
-        (_TRIANGLES, asset.polygons.triangles.astype(np.int32), of_triangles),
-    ):
-        image.add_gifti_data_array(gifti.GiftiDataArray(values, intent, **described))
-    same = {id(attribute): array for attribute, array in document.arrays}
-    attributes = sorted(asset.attributes, key=lambda attribute: id(attribute) not in same)
-    one_table = _numbered(attributes)
-    for attribute, numbered in zip(attributes, one_table):
-        image.add_gifti_data_array(same.get(id(attribute)) or _array(gifti, numbered))
-    image.labeltable = _table(gifti, [a for a in one_table if a.kind == "label"])
+    """Write a surface in single precision, with the meta data of the file that it was read from."""
+    array = _package().GiftiDataArray
+    document = asset.document if isinstance(asset.document, GiftiDocument) else GiftiDocument({}, {}, {}, {})
+    system, volume = _described(asset.frame)
+    points = array(
+        asset.points.astype(np.float32), _POINTS, coordsys=system, meta={**document.of_points, **volume}
+    )
+    faces = array(asset.polygons.triangles.astype(np.int32), _TRIANGLES, meta=dict(document.of_triangles))
+    return _written(asset.attributes, [points, faces], document)
+
+
+def _written(attributes: Sequence[Attribute], arrays: list[Any], document: GiftiDocument) -> bytes:
+    gifti, one_table = _package(), _numbered(attributes)
+    image = gifti.GiftiImage(
+        meta=gifti.GiftiMetaData(document.of_file),
+        darrays=arrays + [_array(gifti, each, document.intents) for each in one_table],
+    )
+    for each in one_table:
+        for key, word in each.names.items() if each.kind == "label" else ():
+            label = gifti.GiftiLabel(key, *each.colors.get(key, (None,) * 4))
+            label.label = word.encode(errors="backslashreplace").decode()  # XML has no halves of letters
+            if key not in (other.key for other in image.labeltable.labels):
+                image.labeltable.labels.append(label)
     return bytes(image.to_xml())
 
 
@@ -174,8 +157,8 @@ def _require_room(data: bytes) -> None:
     parser.Parse(data, True)
 
 
-def _values(image: Any, n_points: int | None, title: str) -> list[tuple[Attribute, Any]]:
-    """Read all values, and the array that can be written again for each; of some points alone there is none."""
+def _values(image: Any, n_points: int | None, title: str) -> tuple[tuple[Attribute, ...], dict[str, int]]:
+    """Read all values; those of some points alone are spread over all."""
     table = {label.key: label for label in image.labeltable.labels}
     names = {key: str(label.label) for key, label in table.items()}
     colors = {key: tuple(label.rgba) for key, label in table.items() if None not in label.rgba}
@@ -201,12 +184,12 @@ def _values(image: Any, n_points: int | None, title: str) -> list[tuple[Attribut
             rows = np.ravel(nodes[0].data).astype(np.int64)
             attribute = attribute.spread(rows, n_points or int(rows.max(initial=-1)) + 1)
         found.append(attribute)
-    return [(each, None if nodes else array) for each, array in zip(told_apart(found), given)]
+    attributes = told_apart(found)
+    return attributes, {each.name: array.intent for each, array in zip(attributes, given)}
 
 
 def _frame(points: Any) -> Frame:
     """Read the frame of points; FreeSurfer may tell it in meta data alone."""
-    place = GiftiPlace(points.coordsys, points.meta)
     said = {key: [points.meta.get(f"VolGeom{word}") for word in words] for key, words in _VOLUME.items()}
     volume = None
     if all(None not in numbers for numbers in said.values()):
@@ -219,38 +202,29 @@ def _frame(points: Any) -> Frame:
         }
     system = points.coordsys
     if system is None:
-        return Frame(volume=volume, details=place)
-    spaces = [_space(code) for code in (system.dataspace, system.xformspace)]
-    frame = Frame(spaces[0], spaces[1], np.array(system.xform, dtype=np.float64), volume, details=place)
-    if volume is not None and not frame.has_space:
-        return replace(Frame.of_volume(volume), details=place)
-    return frame
+        return Frame(volume=volume)
+    spaces = [_SPACES[int(code)] for code in (system.dataspace, system.xformspace)]
+    frame = Frame(spaces[0], spaces[1], np.array(system.xform, dtype=np.float64), volume)
+    return Frame.of_volume(volume) if volume is not None and not frame.has_space else frame
 
 
-def _described(gifti: Any, frame: Frame | None) -> dict[str, Any]:
-    """Return what an array of points says of its frame."""
+def _described(frame: Frame | None) -> tuple[Any, dict[str, str]]:
+    """Return the coordinate system of a frame, and the meta data that tell its volume."""
     if frame is None:
-        return {"meta": {}}
-    if isinstance(frame.details, GiftiPlace):
-        return {"coordsys": frame.details.coordsys, "meta": frame.details.meta}
+        return None, {}
     codes = [f"NIFTI_XFORM_{space.upper()}" for space in (frame.space, frame.to)]
-    meta = {}
+    volume = {}
     if frame.volume is not None and frame.has_space:
-        meta = {
+        volume = {
             f"VolGeom{word}": f"{number:g}" if key == "volume" else f"{number:.6f}"
             for key, words in _VOLUME.items()
             for word, number in zip(words, frame.volume[key])
         }
-    return {"coordsys": gifti.GiftiCoordSystem(*codes, frame.matrix), "meta": meta}
+        volume["VolGeomFname"] = str(frame.volume.get("filename", "none"))
+    return _package().GiftiCoordSystem(*codes, frame.matrix), volume
 
 
-def _space(code: Any) -> str:
-    """Return the name of a space of NIfTI, in small letters."""
-    codes = package("nibabel.nifti1", "io", "a GIFTI file").xform_codes
-    return str(codes.niistring[code]).removeprefix("NIFTI_XFORM_").lower()
-
-
-def _array(gifti: Any, attribute: Attribute) -> Any:
+def _array(gifti: Any, attribute: Attribute, intents: Mapping[str, int]) -> Any:
     values = attribute.plain
     intent, kind = _VECTOR, "NIFTI_TYPE_FLOAT32"
     if attribute.kind == "colour":
@@ -258,7 +232,7 @@ def _array(gifti: Any, attribute: Attribute) -> Any:
     elif attribute.kind == "label":
         intent, kind = _LABEL, "NIFTI_TYPE_INT32"
     elif attribute.kind == "scalar":
-        intent = _SHAPE
+        intent = intents.get(attribute.name, _SHAPE)
     values = values.astype(np.int32 if kind.endswith("INT32") else np.float32)
     return gifti.GiftiDataArray(values, intent, datatype=kind, meta={"Name": attribute.name})
 
@@ -285,18 +259,6 @@ def _numbered(attributes: Sequence[Attribute]) -> list[Attribute]:
             table |= attribute.names
         found.append(attribute)
     return found
-
-
-def _table(gifti: Any, labels: list[Attribute]) -> Any:
-    """Make the one table of a file, of the names of all labels."""
-    table = gifti.GiftiLabelTable()
-    names = {key: word for attribute in labels for key, word in attribute.names.items()}
-    colors = {key: color for attribute in labels for key, color in attribute.colors.items()}
-    for key, word in names.items():
-        label = gifti.GiftiLabel(key, *colors.get(key, (None,) * 4))
-        label.label = word.encode(errors="backslashreplace").decode()  # XML has no halves of letters
-        table.labels.append(label)
-    return table
 
 
 def _package() -> Any:

@@ -1,138 +1,82 @@
-"""glTF and GLB: meshes in a scene, with skins, materials and images, which are kept as they are."""
+"""glTF and GLB: meshes in a scene. Surfaces are taken out of the document when it is read; all else stays as it is."""
 
 from __future__ import annotations
 
 import copy
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import groupby
 from typing import Any
 
 import numpy as np
 
-from isomatch.assets.asset import Asset, RenumberedDocument
-from isomatch.assets.attribute import Attribute
-from isomatch.assets.attribute_names import told_apart
-from isomatch.assets.formats._gltf_attributes import (
-    gather,
-    joined,
-    key_of,
-    named,
-    read_values,
-    read_weights,
-    write_values,
-)
+from isomatch.assets.asset import Asset, Part, RenumberedDocument
+from isomatch.assets.attribute import Attribute, Kind, guessed_kind, told_apart, unused_name
 from isomatch.assets.formats._gltf_data import GltfData, packed, unpacked
-from isomatch.assets.formats._gltf_keys import key_weights, read_keys, with_key_weights, write_keys
 from isomatch.assets.formats._gltf_scene import (
-    TRIANGLES,
     Matrix,
-    Place,
+    joint_names,
+    key_names,
     separate_instances,
+    set_keys,
     surfaces,
     transforms,
     triangles,
-    without_primitives,
+    without_channels,
+    without_empty_primitives,
 )
 from isomatch.assets.formats._reading import reading
-from isomatch.assets.parts import Part
-from isomatch.assets.polygons import Polygons
-from isomatch.assets.renumbering import Renumbering
-from isomatch.assets.seams import split_at_seams
+from isomatch.assets.polygons import Polygons, Renumbering, split_at_seams
 from isomatch.errors import MeshError
 from isomatch.values.arrays import AnyArray, FloatArray, IntArray
 
 _PART, _PRIMITIVE = 1024, 1024  # bytes that these take beside their arrays, measured
+_KINDS: dict[str, tuple[str, Kind]] = {
+    "NORMAL": ("normal", "normal"),
+    "TEXCOORD": ("uv", "uv"),
+    "COLOR": ("color", "colour"),
+    "TANGENT": ("tangent", "vector"),
+}
+_NONE = {
+    "uv": np.nan,
+    "scalar": np.nan,
+    "label": -1,
+}  # for points of parts without values; 0 and white of others
 
 
 @dataclass(frozen=True)
 class GltfDocument:
-    """The file as it was read, and what was made of it."""
+    """The file without its surfaces, and where these belong."""
 
     json: dict[str, Any]
     blob: bytes
-    primitives: tuple[tuple[tuple[int, int, int], ...], ...]
-    """Mesh, primitive and number of triangles of those that share the points of each part."""
-    points: FloatArray
+    places: tuple[tuple[int, int, int], ...]
+    """Mesh and primitive of the document, and part of the asset, of all that the triangles are in."""
+    place_of_triangle: IntArray
     polygons: Polygons
-    attributes: tuple[Attribute, ...]
-    order: IntArray | None = None
-    """The triangle of the asset at each place in the primitives; None if they have the same order."""
+    uv_names: Mapping[int, str] = field(default_factory=dict)
+    """Attributes by the numbers under which materials look them up."""
     former: object = None
     """The document of another format that the asset had before."""
 
-    def in_order(self, values: IntArray) -> IntArray:
-        """Return values of the triangles of the primitives in the order of the asset."""
-        if self.order is None:
-            return values
-        found = np.empty_like(values)
-        found[self.order] = values
-        return found
-
     def renumbered(self, before: Asset, after: Asset, rows: Renumbering) -> GltfDocument:
-        """Take the same rows of all that belongs to points, and the triangles that are left."""
-        if before.polygons is not self.polygons:
-            return self
-        gltf = GltfData(copy.deepcopy(self.json), bytearray(self.blob))
-        order, triangles_of = self._triangles_left(before, after, rows)
-        n_points = np.bincount(
-            before.part_of_point[rows.point_index], minlength=len(self.primitives)
-        ).tolist()
-        left: list[list[tuple[Place, int]]] = []
-        emptied: set[Place] = set()
-        old_point = point = 0
-        for part, n, places in zip(before.parts or (None,), n_points, self.primitives):
-            all_places = [place[:2] for place in places]
-            kept = [place for place in all_places if len(triangles_of[place])] or all_places[:1]
-            kept = kept if n else []
-            emptied.update(place for place in all_places if place not in kept)
-            left.append([(place, len(triangles_of[place])) for place in kept])
-            if part and len(self.points):
-                index = rows.point_index[point : point + n] - old_point
-                keys = dict(_keys(gltf.json, all_places[0]))
-                gather(gltf, keys, index)
-                keys["POSITION"] = _add_positions(gltf, after.points[point : point + n])
-                for mesh, i in kept:
-                    primitive = gltf.json["meshes"][mesh]["primitives"][i]
-                    for target in primitive.get("targets", []):
-                        gather(gltf, target, index)
-                    faces = after.polygons.triangles[triangles_of[mesh, i]] - point
-                    primitive["attributes"] = keys
-                    primitive["indices"] = _add_faces(gltf, faces, part.transform)
-                    primitive["mode"] = TRIANGLES
-                old_point += part.n_points
-            point += n
-        place_of = without_primitives(gltf.json, emptied)
-        primitives = [tuple((*place_of[place], n) for place, n in each) for each in left if each]
-        new = {id(old): attribute for old, attribute in zip(before.attributes, after.attributes)}
+        """Keep the places of the triangles that are left, and the parts that have points."""
         former = self.former
-        return replace(
-            self,
-            json=gltf.json,
-            blob=bytes(gltf.blob),
-            primitives=tuple(primitives),
-            points=after.points if len(self.points) else self.points,
-            polygons=after.polygons,
-            attributes=tuple(new.get(id(attribute), attribute) for attribute in self.attributes),
-            order=order if self.order is not None else None,
-            former=former.renumbered(before, after, rows)
-            if isinstance(former, RenumberedDocument)
-            else former,
-        )
-
-    def _triangles_left(
-        self, before: Asset, after: Asset, rows: Renumbering
-    ) -> tuple[IntArray, dict[Place, IntArray]]:
-        """Return the new triangles in the order of the primitives, and those of each; a polygon stays in one."""
-        places = [place for part in self.primitives for place in part]
-        held = self.in_order(
-            np.repeat(np.arange(len(places)), np.array([n for *_, n in places], dtype=np.int64))
-        )
+        if isinstance(former, RenumberedDocument):
+            former = former.renumbered(before, after, rows)
+        if before.polygons is not self.polygons:
+            return replace(self, former=former)
         n_triangles = before.polygons.sizes - 2
         first = np.cumsum(n_triangles) - n_triangles
-        held = held[first[rows.polygon_index[after.polygons.of_triangle]]]
-        order = np.argsort(held, kind="stable")
-        of_each = np.split(order, np.searchsorted(held[order], np.arange(1, len(places))))
-        return order, {(mesh, i): triangles for (mesh, i, _), triangles in zip(places, of_each)}
+        of_triangle = self.place_of_triangle[first[rows.polygon_index[after.polygons.of_triangle]]]
+        has_points = np.bincount(before.part_of_point[rows.point_index], minlength=len(before.parts)) > 0
+        part = np.cumsum(has_points) - 1
+        kept = [i for i, place in enumerate(self.places) if has_points[place[2]]]
+        places = tuple((mesh, i, int(part[old])) for mesh, i, old in (self.places[each] for each in kept))
+        of_triangle = np.searchsorted(kept, of_triangle)
+        return replace(
+            self, places=places, place_of_triangle=of_triangle, polygons=after.polygons, former=former
+        )
 
 
 def read_asset(data: bytes, name: str) -> Asset:
@@ -144,49 +88,144 @@ def read_asset(data: bytes, name: str) -> Asset:
 
 
 def _read(gltf: GltfData) -> Asset:
-    placed = transforms(gltf)
+    placed, meshes = transforms(gltf), gltf.json.get("meshes", [])
     points: list[AnyArray] = [np.zeros((0, 3), np.float32)]
     faces: list[IntArray] = [np.zeros((0, 3), dtype=np.int64)]
-    parts, found, shape_keys, primitives = [], [], [], []
+    parts: list[Part] = []
+    found: list[dict[str, Attribute]] = []
+    shape_keys: list[dict[str, Attribute]] = []
+    places: list[tuple[int, int, int]] = []
+    names: dict[int, str] = {}
     start = 0
-    for _, places in groupby(surfaces(gltf.json), lambda place: (place[0], _keys(gltf.json, place))):
-        same = list(places)
-        mesh = same[0][0]
-        gltf.room.take(_PART + _PRIMITIVE * len(same), f"a part of {len(same)} primitives")
-        keys = _keys(gltf.json, same[0])
+    for (mesh, _), same in groupby(
+        surfaces(gltf.json), lambda place: (place[0], meshes[place[0]]["primitives"][place[1]]["attributes"])
+    ):
+        listed = list(same)
+        primitives = [meshes[mesh]["primitives"][i] for _, i in listed]
+        gltf.room.take(_PART + _PRIMITIVE * len(primitives), f"a part of {len(primitives)} primitives")
+        keys = primitives[0]["attributes"]
         points.append(gltf.numbers(keys["POSITION"]))
         n = len(points[-1])
-        of_each = [triangles(gltf, gltf.json["meshes"][mesh]["primitives"][i], n) for mesh, i in same]
         transform, skin = placed.get(mesh, (None, None))
+        of_each = [triangles(gltf, primitive, n) for primitive in primitives]
         faces += [_outwards(each, transform) + start for each in of_each]
+        places += [(mesh, i, len(parts)) for _, i in listed]
         start += n
-        parts.append(
-            Part(str(gltf.json["meshes"][mesh].get("name", "")), n, sum(map(len, of_each)), transform)
+        parts.append(Part(str(meshes[mesh].get("name", "")), n, sum(map(len, of_each)), transform))
+        found.append(_read_values(gltf, keys, names) | _read_weights(gltf, keys, skin))
+        shape_keys.append(
+            {
+                key: Attribute(key, "point", "key", gltf.numbers(target["POSITION"]).astype(np.float32))
+                for key, target in zip(key_names(meshes[mesh]), primitives[0].get("targets", []))
+                if "POSITION" in target
+            }
         )
-        found.append(read_values(gltf, keys) | read_weights(gltf, keys, skin))
-        shape_keys.append(read_keys(gltf, mesh, gltf.json["meshes"][mesh]["primitives"][same[0][1]]))
-        primitives.append(tuple((mesh, i, len(each)) for (mesh, i), each in zip(same, of_each)))
     attributes = told_apart(
         (
-            joined([each.get(name) for each in of_parts], parts)
+            _joined([each.get(name) for each in of_parts], parts)
             for of_parts in (found, shape_keys)
             for name in dict.fromkeys(name for each in of_parts for name in each)
         ),
         of_all=True,
     )
     polygons = Polygons.of_triangles(np.concatenate(faces))
-    asset = Asset(np.concatenate(points), polygons, attributes, tuple(parts))
-    return replace(
-        asset,
-        document=GltfDocument(
-            gltf.json, bytes(gltf.blob), tuple(primitives), asset.points, polygons, attributes
-        ),
+    of_triangle = np.repeat(np.arange(len(places)), [len(each) for each in faces[1:]])
+    for mesh in {mesh for mesh, *_ in places}:
+        set_keys(gltf.json, mesh, key_names(meshes[mesh]), {})
+    for mesh, i, _ in places:
+        primitive = meshes[mesh]["primitives"][i]
+        primitive["attributes"] = {}
+        for key in ("indices", "targets", "mode"):
+            primitive.pop(key, None)
+    gltf.without_unused()
+    document = GltfDocument(gltf.json, bytes(gltf.blob), tuple(places), of_triangle, polygons, names)
+    return Asset(np.concatenate(points), polygons, attributes, tuple(parts), document)
+
+
+def _named(key: str) -> tuple[str, Kind | None]:
+    """Return the name and, where the format tells it, the kind of what a key of a primitive holds."""
+    if key.startswith("_"):
+        return key[1:].lower(), None
+    semantic, _, number = key.partition("_")
+    name, kind = _KINDS.get(semantic, (semantic.lower(), None))
+    return (name if number in ("", "0") else f"{name}_{number}"), kind
+
+
+def _read_values(gltf: GltfData, keys: Mapping[str, int], uv_names: dict[int, str]) -> dict[str, Attribute]:
+    found: dict[str, Attribute] = {}
+    for key, index in keys.items():
+        if key == "POSITION" or key.startswith(("JOINTS_", "WEIGHTS_")):
+            continue
+        name, kind = _named(key)
+        said = gltf.json["accessors"][index].get("extras")
+        said = said if isinstance(said, dict) else {}
+        name = unused_name(str(said.get("name", name)), found)
+        values = gltf.array(index) if kind == "colour" else gltf.numbers(index)
+        if kind == "uv":
+            uv_names.setdefault(int(key.rpartition("_")[2]), name)
+            values = _upside_down(values)
+        if said.get("kind") == "label" and values.ndim == 1:
+            kind, values = "label", np.rint(values).astype(np.int64)
+        else:
+            said = {}
+        found[name] = Attribute(
+            name,
+            "point",
+            kind or guessed_kind(name, values),
+            values,
+            names={int(code): word for code, word in said.get("names", {}).items()},
+            colors={int(code): tuple(color) for code, color in said.get("colors", {}).items()},
+        )
+    return found
+
+
+def _upside_down(uv: AnyArray) -> AnyArray:
+    """Turn texture coordinates over: those of glTF start at the top of the picture, ours at the bottom."""
+    return np.column_stack([uv[:, :1], 1 - uv[:, 1:2], uv[:, 2:]])
+
+
+def _read_weights(gltf: GltfData, keys: Mapping[str, int], skin: int | None) -> dict[str, Attribute]:
+    sets = [i for i in range(len(keys)) if f"JOINTS_{i}" in keys and f"WEIGHTS_{i}" in keys]
+    if not sets:
+        return {}
+    joints = np.hstack([gltf.array(keys[f"JOINTS_{i}"]) for i in sets]).astype(np.int64)
+    columns = [gltf.array(keys[f"WEIGHTS_{i}"]) for i in sets]
+    weights = np.hstack(
+        [c if c.dtype.kind == "f" else (c / np.iinfo(c.dtype).max).astype(np.float32) for c in columns]
     )
+    names = joint_names(gltf.json)
+    if skin is not None:
+        number = {node: i for i, node in enumerate(names)}
+        joints = np.array([number[node] for node in gltf.json["skins"][skin]["joints"]])[joints]
+    named = dict(enumerate(names.values()))
+    return {"weights": Attribute("weights", "point", "weights", weights, joints, named)}
 
 
-def _keys(document: dict[str, Any], place: tuple[int, int]) -> dict[str, int]:
-    mesh, i = place
-    return dict(document["meshes"][mesh]["primitives"][i]["attributes"])
+def _joined(found: Sequence[Attribute | None], parts: Sequence[Part]) -> Attribute:
+    """Join the values of all parts; parts without them have nan, -1, white or 0."""
+    given = [each for each in found if each is not None]
+    one = given[0]
+    if len(found) == 1:
+        return one
+    mixed = len({each.values.dtype for each in given}) > 1
+    width = max(each.values.shape[1] for each in given) if one.values.ndim == 2 else None
+    columns, joints = [], []
+    for each, part in zip(found, parts):
+        shape = (part.n_points,) if width is None else (part.n_points, width)
+        values = each.values if each else np.full(shape, _NONE.get(one.kind, 0), one.values.dtype)
+        full = _full(values) if one.kind == "colour" else 0
+        values = np.full(shape, full, values.dtype) if one.kind == "colour" and each is None else values
+        missing = ((0, 0), (0, (width or 0) - values.shape[1])) if width else ()
+        values = np.pad(values, missing, constant_values=full) if width else values
+        columns.append(values / full if mixed and one.kind == "colour" else values)
+        is_sparse = each is not None and each.joints is not None
+        joints.append(np.pad(each.joints, missing) if is_sparse else np.zeros(shape, dtype=np.int64))  # type: ignore[union-attr, arg-type]
+    of_joints = None if one.joints is None else np.concatenate(joints)
+    return replace(one, values=np.concatenate(columns), joints=of_joints)
+
+
+def _full(colors: AnyArray) -> float:
+    return 1.0 if colors.dtype.kind == "f" else float(np.iinfo(colors.dtype).max)
 
 
 def keeps(attribute: Attribute) -> bool:
@@ -195,15 +234,13 @@ def keeps(attribute: Attribute) -> bool:
         return False
     if attribute.kind == "label":
         return bool(np.abs(attribute.coded.values).max(initial=0) <= 2**24)
-    return (
-        attribute.kind in ("weights", "key")
-        or attribute.values.ndim == 1
-        or 2 <= attribute.values.shape[1] <= 4
-    )
+    if attribute.kind in ("weights", "key") or attribute.values.ndim == 1:
+        return True
+    return bool(2 <= attribute.values.shape[1] <= 4)
 
 
 def write_glb(asset: Asset) -> bytes:
-    """Write a ``.glb`` file: the one that was read, with what is new or different."""
+    """Write a ``.glb`` file: the one that was read, with the surface as it is now."""
     return packed(_written(asset), binary=True)
 
 
@@ -216,60 +253,54 @@ def _written(asset: Asset) -> GltfData:
     asset.require_points()
     document = asset.document
     if not isinstance(document, GltfDocument) or asset.polygons is not document.polygons:
-        document = new_document(len(asset.polygons.corner_of_triangle))
+        document = new_document(asset)
         asset = replace(asset.placed, parts=())
         if not len(asset.polygons):
             raise MeshError("glTF files are of triangles, and there is none; write points to a .ply file")
     gltf = GltfData(copy.deepcopy(document.json), bytearray(document.blob))
-    new, changed = _changes(asset, document)
-    split = split_at_seams(asset.polygons, len(asset.points), new)
-    is_new = not len(document.points)
-    is_split = len(split.source) > len(asset.points)
-    is_moved = not np.array_equal(asset.points, document.points)
+    numbers = texcoord_numbers(replace(asset, document=document))
+    attributes = told_apart(asset.attributes, of_all=True)
+    split = split_at_seams(asset.polygons, len(asset.points), attributes)
     faces = split.corners[asset.polygons.corner_of_triangle]
-    faces = faces if document.order is None else faces[document.order]
-    part_of_point = asset.part_of_point[split.source]
-    parts_of: dict[int, list[tuple[list[dict[str, Any]], dict[str, AnyArray]]]] = {}
-    first_point = first_triangle = stop = 0
-    for part, places in enumerate(document.primitives):
-        start, stop = stop, int(np.searchsorted(part_of_point, part, side="right"))
-        rows = split.source[start:stop]
-        primitives = [gltf.json["meshes"][mesh]["primitives"][i] for mesh, i, _ in places]
-        given = primitives[0]["attributes"]
-        names = named(gltf, given)
-        keys = {key: i for key, i in given.items() if names[key][0] not in changed}
-        if is_split:
-            gather(gltf, keys, rows - first_point)
-        if is_moved:
-            keys["POSITION"] = _add_positions(gltf, asset.points[rows])
-        moves = {}
+    order = np.argsort(document.place_of_triangle, kind="stable")
+    of_place = np.split(
+        order, np.searchsorted(document.place_of_triangle[order], np.arange(1, len(document.places)))
+    )
+    n_parts = max(len(asset.parts), 1)
+    ends = np.searchsorted(asset.part_of_point[split.source], np.arange(n_parts + 1)).tolist()
+    of_mesh: dict[int, list[tuple[slice, list[dict[str, Any]]]]] = {}
+    for (part, mesh), group in groupby(zip(document.places, of_place), lambda each: (each[0][2], each[0][0])):
+        listed = list(group)
+        rows = slice(ends[part], ends[part + 1])
+        keys = {"POSITION": _add_positions(gltf, asset.points[split.source[rows]])}
         for attribute in split.attributes:
-            of_part = attribute.at(np.arange(start, stop))
-            if attribute.kind == "key":
-                moves[attribute.name] = of_part.values
-            else:
-                write_values(gltf, keys, of_part, places[0][0])
-        parts_of.setdefault(places[0][0], []).append((primitives, moves))
-        for primitive, (_, _, n_triangles) in zip(primitives, places):
-            primitive["attributes"] = keys
-            if is_split or is_new or document.order is not None:
-                for target in primitive.get("targets", []):
-                    gather(gltf, target, rows - first_point)
-                indices = faces[first_triangle : first_triangle + n_triangles] - start
-                transform = asset.parts[part].transform if asset.parts else None
-                primitive["indices"] = _add_faces(gltf, indices, transform)
-                primitive["mode"] = TRIANGLES
-            first_triangle += n_triangles
-        first_point += int((asset.part_of_point == part).sum())
-    gone = [attribute for attribute in document.attributes if attribute.name in changed]
-    if any(attribute.kind == "key" for attribute in (*gone, *new)):
-        for mesh, parts in parts_of.items():
-            write_keys(gltf, mesh, parts, changed, still=len(parts_of) == 1)
+            here = attribute.at(np.arange(rows.start, rows.stop)) if n_parts > 1 else attribute
+            if here.kind != "key" and not (n_parts > 1 and _is_missing(here)):
+                _write_values(gltf, keys, here, mesh, numbers)
+        shown = [each for each in listed if len(each[1])] or listed[:1]
+        transform = asset.parts[part].transform if asset.parts else None
+        for (_, i, _), held in shown:
+            primitive = gltf.json["meshes"][mesh]["primitives"][i]
+            indices = _outwards(faces[held] - rows.start, transform).ravel().astype(np.uint32)
+            primitive |= {"attributes": keys, "indices": gltf.add_array(indices, target=34963)}
+        primitives = [gltf.json["meshes"][mesh]["primitives"][i] for (_, i, _), _ in shown]
+        of_mesh.setdefault(mesh, []).append((rows, primitives))
+    shape_keys = {each.name: each.values for each in split.attributes if each.kind == "key"}
+    for mesh, parts in of_mesh.items():
+        _write_keys(gltf, mesh, parts, shape_keys, still=len(of_mesh) == 1)
+    without_empty_primitives(gltf.json)
     return gltf
 
 
+def _is_missing(attribute: Attribute) -> bool:
+    """Whether a part has no values, as `_joined` fills them in."""
+    values, none = attribute.coded.values, _NONE.get(attribute.kind, 0)
+    none = _full(values) if attribute.kind == "colour" else none
+    return bool((np.isnan(values) if none != none else values == none).all())
+
+
 def _add_positions(gltf: GltfData, points: FloatArray) -> int:
-    """Append the accessor of the points of a part, with their bounds; return its index."""
+    """Append the accessor of positions or how far they move, with their bounds; return its index."""
     positions = points.astype(np.float32)
     if not np.isfinite(positions).all():
         raise MeshError(
@@ -280,23 +311,158 @@ def _add_positions(gltf: GltfData, points: FloatArray) -> int:
     return gltf.add_array(positions, min=positions.min(axis=0).tolist(), max=positions.max(axis=0).tolist())
 
 
-def _add_faces(gltf: GltfData, faces: IntArray, transform: Matrix | None) -> int:
-    """Append the accessor of the triangles of a primitive; return its index."""
-    return gltf.add_array(_outwards(faces, transform).ravel().astype(np.uint32), target=34963)
-
-
 def _outwards(faces: IntArray, transform: Matrix | None) -> IntArray:
     """Turn triangles over where the node is mirrored: those of the file are seen from the other side there."""
     mirrored = transform is not None and np.linalg.det(np.array(transform)[:3, :3]) < 0
     return faces[:, [0, 2, 1]] if mirrored else faces
 
 
+def _write_values(
+    gltf: GltfData, keys: dict[str, int], attribute: Attribute, mesh: int, numbers: Mapping[str, int]
+) -> None:
+    """Add the accessors of an attribute to the keys of a part."""
+    if attribute.kind == "weights":
+        _write_weights(gltf, keys, attribute, mesh)
+        return
+    values = attribute.coded.values
+    properties: dict[str, object] = {}
+    extras: dict[str, object] = {}
+    if attribute.kind == "colour":
+        if values.dtype.kind not in "u" or values.dtype.itemsize > 2:
+            values = np.nan_to_num(attribute.fractions.astype(np.float32), nan=1.0)  # white is none
+        else:
+            properties["normalized"] = True
+            if values.shape[1] == 3:
+                values = np.pad(values, ((0, 0), (0, 1)), constant_values=np.iinfo(values.dtype).max)
+    elif attribute.kind == "label":
+        low, high = values.min(initial=0), values.max(initial=0)
+        fits = [kind for kind in (np.uint8, np.uint16) if low >= 0 and high <= np.iinfo(kind).max]
+        values = values.astype(fits[0] if fits else np.float32)
+        extras["kind"] = "label"
+        for word, of_code in (("names", attribute.coded.names), ("colors", attribute.colors)):
+            if of_code:
+                extras[word] = {str(code): each for code, each in of_code.items()}
+    else:
+        if attribute.kind == "uv":
+            values = np.nan_to_num(_upside_down(values[:, :2]))
+        values = values.astype(np.float32)
+    key = _key_of(attribute, keys, numbers)
+    if _named(key)[0] != attribute.name:
+        extras["name"] = attribute.name
+    if extras:
+        properties["extras"] = extras
+    keys[key] = gltf.add_array(values, **properties)
+
+
+def _key_of(attribute: Attribute, keys: Mapping[str, object], numbers: Mapping[str, int]) -> str:
+    """Return the key under which an attribute is written beside others."""
+    if attribute.kind == "uv":
+        return f"TEXCOORD_{numbers[attribute.name]}"
+    if attribute.kind == "colour":
+        number = _number(attribute.name, "color")
+        own = [] if number is None else [f"COLOR_{number}"]
+        return next(key for key in (*own, *(f"COLOR_{i}" for i in range(len(keys) + 1))) if key not in keys)
+    key = {("normal", "normal"): "NORMAL", ("tangent", "vector"): "TANGENT"}.get(
+        (attribute.name, attribute.kind)
+    )
+    return key if key and key not in keys else unused_name(f"_{attribute.name.upper()}", keys)
+
+
+def _number(name: str, stem: str) -> int | None:
+    """Return the number of a name such as uv, uv_1, uv_2."""
+    rest = name.removeprefix(stem)
+    if name == stem:
+        return 0
+    return int(rest[1:]) if rest != name and rest[:1] == "_" and rest[1:].isdecimal() else None
+
+
+def texcoord_numbers(asset: Asset) -> dict[str, int]:
+    """Return the number that each attribute of texture coordinates has when a glTF file is written."""
+    document = asset.document
+    said = document.uv_names if isinstance(document, GltfDocument) else {}
+    own = {name: number for number, name in said.items()}
+    names = [each.name for each in told_apart(asset.attributes, of_all=True) if each.kind == "uv"]
+    found: dict[str, int] = {}
+    for name in sorted(names, key=lambda name: name not in own):
+        number = own.get(name, _number(name, "uv"))
+        if number is None or number in found.values():
+            number = next(i for i in range(len(names) + 1) if i not in found.values())
+        found[name] = number
+    return found
+
+
+def _write_weights(gltf: GltfData, keys: dict[str, int], attribute: Attribute, mesh: int) -> None:
+    """Write the four largest weights of each point, or as many fours as it has."""
+    sets = 1 if attribute.joints is None else max(-(-attribute.values.shape[1] // 4), 1)
+    joints, weights = attribute.strongest(4 * sets)
+    joints = _skin_joints(gltf, attribute, mesh, np.unique(joints[weights > 0]))[joints]
+    for i in range(sets):
+        columns = slice(4 * i, 4 * i + 4)
+        keys[f"JOINTS_{i}"] = gltf.add_array(joints[:, columns].astype(np.uint16))
+        keys[f"WEIGHTS_{i}"] = gltf.add_array(weights[:, columns].astype(np.float32))
+
+
+def _skin_joints(gltf: GltfData, attribute: Attribute, mesh: int, used: IntArray) -> IntArray:
+    """Return the number of each joint in the skin of a mesh; a skin is added unless one has all that are used."""
+    nodes = gltf.json["nodes"]
+    names = [attribute.names.get(i, f"joint_{i}") for i in range(attribute.n_joints)]
+    users = [node for node in nodes if node.get("mesh") == mesh]
+    node_of = {name: node for node, name in joint_names(gltf.json).items()}
+    for node in users:
+        if "skin" in node:
+            place = {joint: i for i, joint in enumerate(gltf.json["skins"][node["skin"]]["joints"])}
+            found: IntArray = np.array([place.get(node_of.get(name, -1), -1) for name in names])
+            if (found[used] >= 0).all():
+                return np.maximum(found, 0)
+    placed = transforms(gltf).get(mesh, (None, None))[0]
+    matrix = {} if placed is None else {"matrix": np.array(placed).T.ravel().tolist()}
+    joints = [len(nodes) + i for i in range(len(names))]
+    nodes += [{"name": name, **matrix} for name in names]
+    for scene in gltf.json.get("scenes", [])[:1]:
+        scene.setdefault("nodes", []).extend(joints)
+    # identities are also meant without them, but some readers need them
+    skin = {
+        "joints": joints,
+        "inverseBindMatrices": gltf.add_matrices(np.tile(np.eye(4), (len(joints), 1, 1))),
+    }
+    number = gltf.append("skins", skin)
+    for node in users:
+        node["skin"] = number
+    return np.arange(len(names))
+
+
+def _write_keys(
+    gltf: GltfData,
+    mesh: int,
+    parts: Sequence[tuple[slice, list[dict[str, Any]]]],
+    keys: Mapping[str, AnyArray],
+    *,
+    still: bool,
+) -> None:
+    """Write the keys of a mesh: those it had, and of others those that move it, or all if ``still``."""
+    had = key_names(gltf.json["meshes"][mesh])
+    moving = [name for name in keys if still or any(keys[name][rows].any() for rows, _ in parts)]
+    names = [name for name in dict.fromkeys([*had, *moving]) if name in keys]
+    for rows, primitives in parts:
+        targets = [{"POSITION": _add_positions(gltf, np.nan_to_num(keys[name][rows]))} for name in names]
+        for primitive in primitives if targets else ():
+            primitive["targets"] = targets
+    if names != had:
+        _without_animated_weights(gltf.json, mesh)
+    set_keys(gltf.json, mesh, names, {})
+
+
+def _without_animated_weights(document: dict[str, Any], mesh: int) -> None:
+    """Leave out what animates the weights of a mesh, as their number is another."""
+    nodes = [i for i, node in enumerate(document["nodes"]) if node.get("mesh") == mesh]
+    without_channels(document, lambda each: each.get("path") == "weights" and each.get("node") in nodes)
+
+
 def opened_document(asset: Asset) -> tuple[GltfDocument, GltfData]:
     """Return the glTF document of an asset, or a new one, and its contents, which may be changed."""
     document = asset.document
     if not isinstance(document, GltfDocument):
-        new = new_document(len(asset.polygons.corner_of_triangle))
-        document = replace(new, polygons=asset.polygons, former=document)
+        document = replace(new_document(asset), former=document)
     return document, GltfData(copy.deepcopy(document.json), bytearray(document.blob))
 
 
@@ -309,35 +475,20 @@ def with_key_weights_of(asset: Asset, giver: object) -> Asset:
     """Return an asset whose shape keys are shown as far as those of these names in another glTF document."""
     if not isinstance(giver, GltfDocument):
         return asset
+    weights: dict[str, float] = {}
+    for i, mesh in enumerate(giver.json.get("meshes", [])):
+        nodes = [node for node in giver.json.get("nodes", []) if node.get("mesh") == i and "weights" in node]
+        weights |= zip(key_names(mesh), [*nodes, mesh][0].get("weights", []))
     document, gltf = opened_document(asset)
-    meshes = {mesh for part in document.primitives for mesh, _, _ in part}
-    with_key_weights(gltf.json, meshes, key_weights(giver.json))
+    for mesh in {mesh for mesh, *_ in document.places}:
+        had = key_names(gltf.json["meshes"][mesh])
+        if names := [name for name in weights if name not in had]:
+            _without_animated_weights(gltf.json, mesh)
+        set_keys(gltf.json, mesh, had + names, weights)
     return edited(asset, document, gltf)
 
 
-def texcoord_numbers(asset: Asset) -> dict[str, int]:
-    """Return the number that each attribute of texture coordinates of a glTF file has when it is written."""
-    document = asset.document
-    if not isinstance(document, GltfDocument) or not document.primitives:
-        return {}
-    new, changed = _changes(asset, document)
-    given = _keys(document.json, document.primitives[0][0][:2])
-    names = named(GltfData(document.json, bytearray()), given)
-    keys = {key: name for key, (name, _) in names.items() if name not in changed}
-    for attribute in new:
-        if attribute.kind == "uv":
-            keys[key_of(attribute, keys)] = attribute.name
-    return {name: int(key.rpartition("_")[2]) for key, name in keys.items() if key.startswith("TEXCOORD_")}
-
-
-def _changes(asset: Asset, document: GltfDocument) -> tuple[list[Attribute], set[str]]:
-    """Return the attributes that the file does not have, and the names of those in it that the asset has no more."""
-    attributes = told_apart(asset.attributes, of_all=True)
-    new = [a for a in attributes if not any(a is given for given in document.attributes)]
-    return new, {a.name for a in document.attributes if not any(a is each for each in attributes)}
-
-
-def new_document(n_triangles: int) -> GltfDocument:
+def new_document(asset: Asset) -> GltfDocument:
     """Make a scene of one mesh without any points."""
     document = {
         "asset": {"version": "2.0", "generator": "isomatch"},
@@ -346,4 +497,5 @@ def new_document(n_triangles: int) -> GltfDocument:
         "nodes": [{"mesh": 0}],
         "meshes": [{"primitives": [{"attributes": {}}]}],
     }
-    return GltfDocument(document, b"", (((0, 0, n_triangles),),), np.zeros((0, 3)), Polygons([], []), ())
+    of_triangle = np.zeros(int((asset.polygons.sizes - 2).sum()), dtype=np.int64)
+    return GltfDocument(document, b"", ((0, 0, 0),), of_triangle, asset.polygons)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -26,7 +27,7 @@ _MESH = ("mesh", "skin", "camera", "extensions", "weights")  # of a node, what i
 def with_skin_of(receiver: Asset, giver: Asset) -> Asset:
     """Return the receiver with the joints of the giver, if that is a glTF file, bound to them as both are now.
 
-    Joints that it had before are left out, with animations that moved them, unless another mesh is bound to them.
+    Joints that it had before are emptied, and animations that moved them left out, unless another mesh is bound to them.
     `DescriptorError` for a joint that is scaled to nothing.
     """
     given = giver.document
@@ -34,7 +35,7 @@ def with_skin_of(receiver: Asset, giver: Asset) -> Asset:
         return receiver
     document, gltf = opened_document(receiver)
     other = copy.deepcopy(given.json)
-    meshes = {mesh for part in document.primitives for mesh, _, _ in part}
+    meshes = {mesh for mesh, *_ in document.places}
     placed = transforms(gltf)
     bound = [
         (node, np.array(placed[node["mesh"]][0] or np.eye(4)))
@@ -112,61 +113,36 @@ def _appended(document: dict[str, Any], other: dict[str, Any]) -> dict[int, int]
 
 
 def _without_unused_skins(document: dict[str, Any]) -> None:
-    """Leave out skins that no node has, and their joints with what else is empty around them."""
-    nodes, skins = document["nodes"], document.get("skins", [])
+    """Leave out skins that no node has; of their joints, with what is empty around them, an empty node is left each."""
+    nodes, skins = document["nodes"], document.pop("skins", [])
     used = sorted({node["skin"] for node in nodes if "skin" in node})
-    gone = {joint for i, skin in enumerate(skins) if i not in used for joint in skin["joints"]}
-    document["skins"] = [skins[i] for i in used]
     for node in nodes:
         if "skin" in node:
             node["skin"] = used.index(node["skin"])
-    if not document["skins"]:
-        del document["skins"]
-    _without_nodes(document, _empty_nodes(document, gone))
-
-
-def _empty_nodes(document: dict[str, Any], joints: set[int]) -> set[int]:
-    """Return the joints and the nodes above and below them that hold nothing any more."""
-    nodes = document["nodes"]
+    if used:
+        document["skins"] = [skins[i] for i in used]
     above = {child: i for i, node in enumerate(nodes) for child in node.get("children", [])}
-    around = set(joints)
-    for joint in joints:
-        at = above.get(joint)
-        while at is not None and at not in around:
-            around.add(at)
-            at = above.get(at)
-    waiting = list(joints)
-    while waiting:
-        below = [child for child in nodes[waiting.pop()].get("children", []) if child not in around]
-        around.update(below)
-        waiting += below
-    held = {i for i in range(len(nodes)) if i not in around or any(key in nodes[i] for key in _MESH)}
-    for skin in document.get("skins", []):
-        held.update([*skin["joints"], *([skin["skeleton"]] if "skeleton" in skin else [])])
-    for i in list(held):
-        at = above.get(i)
-        while at is not None and at not in held:
-            held.add(at)
-            at = above.get(at)
-    return around - held
 
+    def with_above(starts: Iterable[int]) -> set[int]:
+        found: set[int] = set()
+        for at in starts:
+            while at is not None and at not in found:
+                found.add(at)
+                at = above.get(at)  # type: ignore[assignment]
+        return found
 
-def _without_nodes(document: dict[str, Any], gone: set[int]) -> None:
-    """Leave out nodes; the others, and what refers to them, are numbered anew."""
-    kept = [i for i in range(len(document["nodes"])) if i not in gone]
-    new = {old: i for i, old in enumerate(kept)}
-    document["nodes"] = [document["nodes"][i] for i in kept]
-    for place in (*document["nodes"], *document.get("scenes", [])):
+    bound = {
+        each for i in used for each in (*skins[i]["joints"], skins[i].get("skeleton", skins[i]["joints"][0]))
+    }
+    held = with_above({i for i, node in enumerate(nodes) if any(key in node for key in _MESH)} | bound)
+    gone = with_above(joint for skin in skins for joint in skin["joints"])
+    gone |= {i for i in range(len(nodes)) if gone & with_above([i]) - held}
+    for place in (*nodes, *document.get("scenes", [])):
         for key in ("children", "nodes"):
             if key in place:
-                place[key] = [new[i] for i in place[key] if i in new]
-        if place.get("children") == []:
-            del place["children"]
-    for skin in document.get("skins", []):
-        skin["joints"] = [new[i] for i in skin["joints"]]
-        if "skeleton" in skin:
-            skin["skeleton"] = new[skin["skeleton"]]
-    without_channels(document, lambda target: "node" in target and target["node"] not in new)
-    for target in (each["target"] for one in document.get("animations", []) for each in one["channels"]):
-        if "node" in target:
-            target["node"] = new[target["node"]]
+                place[key] = [i for i in place[key] if i in held or i not in gone]
+                if not place[key] and key == "children":
+                    del place[key]
+    for i in gone - held:
+        nodes[i] = {}
+    without_channels(document, lambda target: target.get("node") in gone - held)

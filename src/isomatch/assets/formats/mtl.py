@@ -6,8 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path, PurePosixPath
 
-from isomatch.assets.looks import IN_PLACE, Layer, Look, Picture, Wrap
-from isomatch.assets.pictures import picture_in
+from isomatch.assets.materials import IN_PLACE, Layer, Look, Picture, Wrap, picture_in
 from isomatch.errors import FormatError
 from isomatch.storage.files import opened
 from isomatch.storage.texts import decoded, encoding_of
@@ -38,7 +37,7 @@ def read_libraries(lines: tuple[str, ...], folder: Path) -> dict[str, bytes]:
     return libraries | pictures
 
 
-def looks_of_libraries(files: Mapping[str, bytes], libraries: tuple[str, ...]) -> dict[str, Look]:
+def materials_of_libraries(files: Mapping[str, bytes], libraries: tuple[str, ...]) -> dict[str, Look]:
     """Return the look of each material, by its name."""
     names = (name for line in libraries for name in (line, *line.split()))
     said: dict[str, dict[str, str]] = {}
@@ -155,11 +154,9 @@ def _all_of(path: Path) -> bytes:
 
 
 def _content(name: str, folder: Path, read: Callable[[Path], bytes | None] = _all_of) -> bytes | None:
-    """Read a file of the folder or below, as no other may be copied; None if there is none.
-
-    Of a path that leads elsewhere, as on the machine of who made the file, the last name is sought in the folder too.
-    """
+    """Read a file of the folder or below, as no other may be copied; None if there is none."""
     clean = name.replace("\\", "/")
+    # of a path on the machine of who made the file, the last name is sought here too
     for each in (clean, PurePosixPath(clean).name):
         with suppress(FormatError, OSError, ValueError):  # as of names too long, or with a zero byte
             path = (folder / each).resolve()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -10,18 +11,17 @@ import numpy as np
 
 from isomatch.assets.asset import Asset
 from isomatch.assets.attribute import Attribute, Kind
-from isomatch.assets.formats._obj_colours import read_colours
 from isomatch.assets.formats._text import (
     NumberRows,
     TextLines,
+    bytes_or_floats,
     format_rows,
     interleaved_lines,
     read_lines,
     texts,
 )
 from isomatch.assets.formats.mtl import read_libraries
-from isomatch.assets.polygons import Polygons
-from isomatch.assets.renumbering import Renumbering
+from isomatch.assets.polygons import Polygons, Renumbering
 from isomatch.errors import MeshError, some
 from isomatch.storage.texts import encoding_of
 from isomatch.surfaces import Mesh, welded
@@ -37,10 +37,7 @@ _NAMED = ("mtllib", "o", "g", "usemtl")
 
 @dataclass(frozen=True)
 class ObjDocument:
-    """The names of material libraries, lines and points, which are no faces; how names are encoded; files beside it.
-
-    Files are the libraries and their pictures.
-    """
+    """Material libraries, lines and points, which are no faces; how names are encoded; libraries and pictures."""
 
     libraries: tuple[str, ...] = ()
     elements: tuple[str, ...] = ()
@@ -63,7 +60,7 @@ class ObjDocument:
 def read(data: bytes, name: str) -> Mesh:
     """Read the faces of an OBJ file. They may be polygons and may have negative indices."""
     lines = read_lines(name, data, continued=True)
-    vertex_lines, face_lines = _vertex_lines(lines), lines.starting_with("f", textured=True)
+    vertex_lines, face_lines = _vertex_lines(lines), lines.starting_with("f").fields(0)
     vertices = vertex_lines.parse().leading(3, "at least 3 numbers x y z of a vertex")
     return Mesh(vertices, Polygons(*_polygons(face_lines, vertex_lines), vertices).triangles)
 
@@ -71,7 +68,7 @@ def read(data: bytes, name: str) -> Mesh:
 def read_asset(data: bytes, name: str) -> Asset:
     """Read an OBJ file with colours of vertices, texture coordinates and normals of corners, groups and materials."""
     lines = read_lines(name, data, continued=True, named=_NAMED)
-    vertex_lines, face_lines = _vertex_lines(lines), lines.starting_with("f", textured=True)
+    vertex_lines, face_lines = _vertex_lines(lines), lines.starting_with("f").fields(0)
     vertices = vertex_lines.parse()
     points = vertices.leading(3, "at least 3 numbers x y z of a vertex")
     corners, sizes = _polygons(face_lines, vertex_lines)
@@ -261,3 +258,47 @@ def _from_zero(corners: IntArray, rows: NumberRows, vertex_lines: TextLines) -> 
         return corners - 1
     read_before = np.searchsorted(vertex_lines.numbers, rows.lines.numbers)
     return np.where(backwards, corners + np.repeat(read_before, rows.counts), corners - 1)
+
+
+_BLOCK = re.compile(rb"(?m)^#MRGB[ \t]+((?:[0-9A-Fa-f]{8})+)[ \t]*$")
+"""Colours of ZBrush in comments: for each vertex a mask, red, green and blue, two hexadecimal digits each."""
+
+
+def read_colours(vertices: NumberRows, data: bytes) -> tuple[list[Attribute], tuple[str, ...]]:
+    """Read what follows the positions, ``r g b`` or ``r g b a``, or the blocks in comments; and notes on them."""
+    counts, n = vertices.counts, len(vertices.counts)
+    coloured = counts >= 6
+    notes = []
+    if (counts == 4).any():
+        notes.append(
+            f"{int((counts == 4).sum())} vertices have a weight after the position, which is left out"
+        )
+    if coloured.any():
+        values = vertices.columns(3, 4 if (counts > 6).any() else 3)
+        values[~coloured] = np.nan
+        colours = bytes_or_floats(values)
+    else:
+        octets = _in_comments(data)
+        if not len(octets):
+            return [], tuple(notes)
+        coloured = np.arange(n) < len(octets)
+        if len(octets) > n:
+            notes.append(f"{len(octets) - n} colours in comments are left out: there are only {n} vertices")
+        if (octets[:, 0] != octets[0, 0]).any():
+            notes.append("the mask in the comments with colours is left out")
+        colours = octets[:n, 1:]
+        if len(octets) < n:
+            colours = np.vstack([colours, np.full((n - len(octets), 3), np.nan)])
+    attribute = Attribute("color", "point", "colour", colours)
+    if note := attribute.note_of_missing:
+        notes.append(note)
+    return [attribute], tuple(notes)
+
+
+def _in_comments(data: bytes) -> AnyArray:
+    """(k, 4) mask, red, green and blue."""
+    if b"#MRGB" not in data:
+        return np.zeros((0, 4), np.uint8)
+    lines = data.replace(b"\r", b"\n")
+    digits = b"".join(block[1] for block in _BLOCK.finditer(lines)).decode()
+    return np.frombuffer(bytes.fromhex(digits), np.uint8).reshape(-1, 4)

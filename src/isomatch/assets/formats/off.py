@@ -9,7 +9,6 @@ import numpy as np
 
 from isomatch.assets.asset import Asset
 from isomatch.assets.attribute import Attribute, Kind
-from isomatch.assets.fans import spans
 from isomatch.assets.formats._text import (
     NumberRows,
     TextLines,
@@ -20,7 +19,7 @@ from isomatch.assets.formats._text import (
     numbered,
     read_lines,
 )
-from isomatch.assets.polygons import Polygons
+from isomatch.assets.polygons import Polygons, spans
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import FloatArray, IntArray
 

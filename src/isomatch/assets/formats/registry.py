@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
-from isomatch.assets.asset import Asset
+from isomatch.assets.asset import Asset, Frame
 from isomatch.assets.attribute import Attribute
 from isomatch.assets.formats import freesurfer, gifti, gltf, obj, off, ply, stl, vtk
-from isomatch.assets.frame import Frame
 from isomatch.errors import FormatError, InputError
 from isomatch.surfaces import Mesh
 
@@ -71,13 +71,7 @@ class MeshFormat:
 
 
 def _with_attributes(
-    read_asset: Callable[[bytes, str], Asset],
-    write: Callable[..., bytes],
-    keeps: Callable[[Attribute], bool] = lambda attribute: False,
-    options: frozenset[str] = frozenset(),
-    has_parts: bool = False,
-    has_names: bool = False,
-    keeps_frame: Callable[[Frame], bool] = _tells_nothing,
+    read_asset: Callable[[bytes, str], Asset], write: Callable[..., bytes], **others: Any
 ) -> MeshFormat:
     """Make a format whose meshes are read with all that the file holds."""
 
@@ -85,19 +79,11 @@ def _with_attributes(
         asset = checked(read_asset, data, name)
         return Mesh(asset.placed_points, asset.polygons.triangles)
 
-    return MeshFormat(
-        read,
-        write,
-        options,
-        read_asset,
-        keeps,
-        has_parts=has_parts,
-        has_names=has_names,
-        keeps_frame=keeps_frame,
-    )
+    return MeshFormat(read, write, read_asset=read_asset, **others)
 
 
 _BINARY = frozenset({"binary"})
+_GLTF: dict[str, Any] = {"keeps": gltf.keeps, "has_parts": True, "has_names": True}
 
 FORMATS: dict[str, MeshFormat] = {
     ".off": MeshFormat(
@@ -119,13 +105,13 @@ FORMATS: dict[str, MeshFormat] = {
     ),
     ".ply": MeshFormat(ply.read, ply.write, _BINARY, ply.read_asset, ply.keeps, keeps_frame=ply.keeps_frame),
     ".stl": MeshFormat(stl.read, stl.write, _BINARY, stl.read_asset),
-    ".glb": _with_attributes(gltf.read_asset, gltf.write_glb, gltf.keeps, has_parts=True, has_names=True),
-    ".gltf": _with_attributes(gltf.read_asset, gltf.write_gltf, gltf.keeps, has_parts=True, has_names=True),
-    ".vtk": _with_attributes(vtk.read_vtk, vtk.write_vtk, vtk.keeps, _BINARY),
-    ".vtp": _with_attributes(vtk.read_vtp, vtk.write_vtp, vtk.keeps, _BINARY),
-    ".vtu": _with_attributes(vtk.read_vtu, vtk.write_vtu, vtk.keeps, _BINARY),
+    ".glb": _with_attributes(gltf.read_asset, gltf.write_glb, **_GLTF),
+    ".gltf": _with_attributes(gltf.read_asset, gltf.write_gltf, **_GLTF),
+    ".vtk": _with_attributes(vtk.read_vtk, vtk.write_vtk, keeps=vtk.keeps, options=_BINARY),
+    ".vtp": _with_attributes(vtk.read_vtp, vtk.write_vtp, keeps=vtk.keeps, options=_BINARY),
+    ".vtu": _with_attributes(vtk.read_vtu, vtk.write_vtu, keeps=vtk.keeps, options=_BINARY),
     ".gii": _with_attributes(
-        gifti.read_asset, gifti.write, gifti.keeps, has_names=True, keeps_frame=gifti.keeps_frame
+        gifti.read_asset, gifti.write, keeps=gifti.keeps, has_names=True, keeps_frame=gifti.keeps_frame
     ),
     **dict.fromkeys(
         freesurfer.SURFACES,

@@ -10,8 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from isomatch.assets.attribute import Attribute
-from isomatch.assets.attribute_names import guessed_kind, told_apart
+from isomatch.assets.attribute import Attribute, guessed_kind, told_apart
 from isomatch.assets.formats._reading import reading
 from isomatch.assets.formats._text import number_of
 from isomatch.errors import FormatError
@@ -88,11 +87,10 @@ def write_table(attributes: Sequence[Attribute], mark: str = ",") -> bytes:
     return joined([names, *zip(*columns)], mark).encode(errors="backslashreplace")
 
 
-def _rows(text: str, name: str) -> tuple[list[list[str]], bool]:
-    """Split lines at a mark that is in the first one, or at blanks; lines at the beginning may be comments.
-
-    Return the cells, and whether numbers may have decimal commas, since none are between the cells.
-    """
+def _rows(
+    text: str, name: str
+) -> tuple[list[list[str]], bool]:  # with whether numbers may have decimal commas
+    """Split lines at a mark that is in the first one, or at blanks; lines at the beginning may be comments."""
     lines = [line for line in text.splitlines() if line.strip()]
     lines = list(dropwhile(lambda line: line.strip() == "#" or line.startswith("# "), lines))
     marks = [each for each in SEPARATORS if lines and each in lines[0]]

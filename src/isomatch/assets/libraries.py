@@ -1,4 +1,4 @@
-"""Meshes of other libraries, told by their attributes, so that no library is imported."""
+"""Meshes of other libraries, told by their attributes, and made, when the library is imported."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from isomatch.assets.appearance import with_texture
+from isomatch.assets.appearance import with_one_texture, with_texture
 from isomatch.assets.asset import Asset
-from isomatch.assets.attribute import Attribute, Domain, Kind
-from isomatch.assets.attribute_names import guessed_kind, told_apart
-from isomatch.assets.pictures import png_of, texture_on
-from isomatch.assets.polygons import Polygons
+from isomatch.assets.attribute import Attribute, Domain, Kind, guessed_kind, told_apart
+from isomatch.assets.materials import png_of, texture_on
+from isomatch.assets.polygons import Polygons, split_at_seams
 from isomatch.errors import MeshError
+from isomatch.loading.first_use import package
 from isomatch.values.arrays import AnyArray, IntArray
 
 
@@ -31,6 +31,11 @@ class Geometry:
     """Number of the cells of each kind that are no polygons."""
 
     @property
+    def polygons(self) -> Polygons:
+        """The polygons, not cut yet."""
+        return Polygons(self.corners, self.sizes)
+
+    @property
     def notes(self) -> tuple[str, ...]:
         """What is to be known of other cells; vertices of a cloud of points are none."""
         counts = {kind: n for kind, n in self.left_out.items() if n and (len(self.sizes) or kind != "vertex")}
@@ -39,13 +44,7 @@ class Geometry:
 
 
 def geometry_of(given: object) -> Geometry:
-    """Return points and polygons of a mesh of trimesh, PyVista, meshio or Open3D.
-
-    Raises
-    ------
-    MeshError
-        If it is none of these, or has no polygons but other cells.
-    """
+    """Return points and polygons of a mesh of trimesh, PyVista, meshio or Open3D."""
     points, cells, (geometry, _) = _library(given)
     return geometry(given, points, cells)
 
@@ -80,8 +79,7 @@ def held_by(given: object) -> Asset:
     """Make an asset as `asset_from`, without texture; its polygons may refer to no points."""
     points, cells, (geometry, attributes) = _library(given)
     found = geometry(given, points, cells)
-    polygons = Polygons(found.corners, found.sizes)
-    return Asset(found.points, polygons, told_apart(attributes(given, found)), notes=found.notes)
+    return Asset(found.points, found.polygons, told_apart(attributes(given, found)), notes=found.notes)
 
 
 _STANDARD = ("normal", "rgb", "rgba", "color", "colour", "texturecoordinate", "uv", "obj:vn")
@@ -110,7 +108,7 @@ def _polydata(given: Any, points: Any, faces: Any) -> Geometry:
     corners[starts] = False
     others = {"vertex": getattr(given, "n_verts", 0), "line": getattr(given, "n_lines", 0)}
     before = sum(others.values())
-    return _polygons(points, flat[corners], flat[starts], before + np.arange(len(starts)), others)
+    return polygons_of(points, flat[corners], flat[starts], before + np.arange(len(starts)), others)
 
 
 def _starts(flat: list[int]) -> list[int]:
@@ -134,22 +132,20 @@ def _blocks(given: Any, points: Any, cells: Any) -> Geometry:
         else:
             others[block.type] += len(block.data)
         start += len(block.data)
-    if not corners and others.keys() - {"vertex"}:
-        raise MeshError(
-            f"the {type(given).__name__} has no triangles, quads or polygons but {', '.join(sorted(others))}; "
-            "extract its surface first"
-        )
     none = [np.zeros(0, dtype=np.int64)]
     flat = [np.concatenate(part or none) for part in (corners, sizes, rows)]
-    return _polygons(points, flat[0], flat[1], flat[2], others)
+    return polygons_of(points, flat[0], flat[1], flat[2], others)
 
 
-def _polygons(
+def polygons_of(
     points: AnyArray, corners: IntArray, sizes: IntArray, rows: IntArray, others: Mapping[str, int]
 ) -> Geometry:
-    """Leave out what has fewer than three corners."""
+    """Leave out what has fewer than three corners, and refuse what has no polygons but other cells than vertices."""
     kept = sizes >= 3
     others = {**others, "of fewer than three corners": int((~kept).sum())}
+    if not len(sizes) and {kind for kind, n in others.items() if n} - {"vertex", "line"}:
+        told = ", ".join(sorted(kind for kind, n in others.items() if n))
+        raise MeshError(f"there are no triangles, quads or polygons but {told}; extract the surface first")
     return Geometry(np.asarray(points), corners[np.repeat(kept, sizes)], sizes[kept], rows[kept], others)
 
 
@@ -162,19 +158,21 @@ def _trimesh_attributes(given: Any, found: Geometry) -> Iterator[Attribute]:
         yield Attribute("color", "face", "colour", visual.face_colors)
     elif kind == "texture" and getattr(visual, "uv", None) is not None:
         yield Attribute("uv", "point", "uv", visual.uv)
-    yield from _arrays(getattr(given, "vertex_attributes", {}), "point")
-    yield from _arrays(getattr(given, "face_attributes", {}), "face")
+    yield from attributes_of(getattr(given, "vertex_attributes", {}), "point")
+    yield from attributes_of(getattr(given, "face_attributes", {}), "face")
 
 
 def _polydata_attributes(given: Any, found: Geometry) -> Iterator[Attribute]:
-    yield from _arrays(getattr(given, "point_data", {}), "point")
-    yield from _arrays(getattr(given, "cell_data", {}), "face", found.rows)
+    yield from attributes_of(getattr(given, "point_data", {}), "point")
+    yield from attributes_of(getattr(given, "cell_data", {}), "face", found.rows)
 
 
 def _blocks_attributes(given: Any, found: Geometry) -> Iterator[Attribute]:
-    yield from _arrays(getattr(given, "point_data", {}), "point")
+    yield from attributes_of(getattr(given, "point_data", {}), "point")
     blocks = getattr(given, "cell_data", {})
-    yield from _arrays({name: np.concatenate(values) for name, values in blocks.items()}, "face", found.rows)
+    yield from attributes_of(
+        {name: np.concatenate(values) for name, values in blocks.items()}, "face", found.rows
+    )
 
 
 def _open3d_attributes(given: Any, found: Geometry) -> Iterator[Attribute]:
@@ -192,7 +190,9 @@ def _open3d_attributes(given: Any, found: Geometry) -> Iterator[Attribute]:
             yield Attribute(name, domain, kind, values)
 
 
-def _arrays(arrays: Mapping[str, Any], domain: Domain, rows: IntArray | None = None) -> Iterator[Attribute]:
+def attributes_of(
+    arrays: Mapping[str, Any], domain: Domain, rows: IntArray | None = None
+) -> Iterator[Attribute]:
     """Make attributes of arrays whose meaning is not told, without those that hold no numbers or words."""
     for title, values in arrays.items():
         name, array = str(title), np.asarray(values) if rows is None else np.asarray(values)[rows]
@@ -248,3 +248,134 @@ def _has_blocks(given: Any) -> bool:
 def _has(given: object, name: str) -> bool:
     found = getattr(given, name, None)
     return found is not None and not callable(found)
+
+
+def to_trimesh(asset: Asset) -> Any:
+    """Make a ``trimesh.Trimesh`` of triangles; points are split where texture coordinates have seams.
+
+    Raises
+    ------
+    MissingDependencyError
+        If the package is not installed; the message names the extra. So do the other conversions.
+    """
+    trimesh = package("trimesh", "io", "a mesh of trimesh")
+    shown, texture = with_one_texture(asset)
+    split = _at_points(shown)
+    mesh = trimesh.Trimesh(split.points, split.polygons.triangles, process=False)
+    of_triangle = split.polygons.of_triangle
+    has_uv = any(uv.domain == "point" for uv in split.of_kind("uv"))  # instead of colours
+    for attribute in split.attributes:
+        values = attribute.plain
+        of_points = attribute.domain == "point"
+        if attribute.kind == "uv" and of_points:
+            material = None
+            if texture is not None:
+                image = package("PIL.Image", None, "a texture").fromarray(texture)
+                # white, as the tint is painted into it; with none given, trimesh would write a dark grey
+                material = trimesh.visual.material.SimpleMaterial(image=image, diffuse=(255, 255, 255))
+            mesh.visual = trimesh.visual.TextureVisuals(uv=np.nan_to_num(values[:, :2]), material=material)
+        elif attribute.kind == "colour" and not has_uv:
+            if values.dtype.kind == "f":
+                values = np.nan_to_num(values, nan=attribute.full)  # white is none
+            values = trimesh.visual.to_rgba(values)
+            if of_points:
+                mesh.visual.vertex_colors = values
+            else:
+                mesh.visual.face_colors = values[of_triangle]
+        elif of_points:
+            mesh.vertex_attributes[attribute.name] = values
+        else:
+            mesh.face_attributes[attribute.name] = values[of_triangle]
+    return mesh
+
+
+def to_pyvista(asset: Asset) -> Any:
+    """Make a ``pyvista.PolyData`` with all polygons; points are split where values of corners differ."""
+    pyvista = package("pyvista", "vtk", "a mesh of PyVista")
+    split = _at_points(asset)
+    cells = np.insert(split.polygons.corners, split.polygons.starts, split.polygons.sizes)
+    mesh = pyvista.PolyData(split.points, cells if len(cells) else None)
+    for attribute in split.attributes:
+        data = mesh.point_data if attribute.domain == "point" else mesh.cell_data
+        values = attribute.plain
+        data[attribute.name] = values
+        if attribute.kind == "uv" and attribute.domain == "point":
+            data.active_texture_coordinates_name = attribute.name
+        if attribute.kind == "normal":
+            data.active_normals_name = attribute.name
+    return mesh
+
+
+def to_meshio(asset: Asset) -> Any:
+    """Make a ``meshio.Mesh`` with all polygons; points are split where values of corners differ.
+
+    Polygons of as many corners in a row are a block.
+    """
+    meshio = package("meshio", "io", "a mesh of meshio")
+    split = _at_points(asset)
+    sizes = split.polygons.sizes
+    first = np.flatnonzero(np.diff(sizes, prepend=0))
+    stops = np.append(first[1:], len(sizes))
+    corners = split.polygons.corners
+    at = np.append(0, np.cumsum(sizes))
+    blocks = [
+        ({3: "triangle", 4: "quad"}.get(size, "polygon"), corners[at[a] : at[b]].reshape(-1, size))
+        for a, b, size in zip(first, stops, sizes[first].tolist())
+    ]
+    if not blocks:  # a file without cells cannot be read
+        blocks = [("vertex", np.arange(len(split.points))[:, None])]
+    return meshio.Mesh(
+        split.points,
+        blocks,
+        point_data={a.name: a.plain for a in split.attributes if a.domain == "point"},
+        cell_data={
+            a.name: [a.plain[i:j] for i, j in zip(first, stops)]
+            for a in split.attributes
+            if a.domain == "face" and len(sizes)
+        },
+    )
+
+
+def to_open3d(asset: Asset) -> Any:
+    """Make an ``open3d.geometry.TriangleMesh`` with its colours, normals and texture coordinates."""
+    open3d = package("open3d", None, "a mesh of Open3D")
+    shown, texture = with_one_texture(asset)
+    asset = shown.placed
+
+    def vector(values: AnyArray) -> Any:
+        kind = open3d.utility.Vector3dVector if values.shape[1] == 3 else open3d.utility.Vector2dVector
+        return kind(np.array(values, dtype=np.float64))  # which can be written to
+
+    polygons = asset.polygons
+    index = open3d.utility.Vector3iVector(np.array(polygons.triangles, dtype=np.int32))
+    mesh = open3d.geometry.TriangleMesh(vector(asset.points), index)
+    for attribute in asset.attributes:
+        values = attribute.values
+        match attribute.kind, attribute.domain:
+            case "normal", "point":
+                mesh.vertex_normals = vector(values)
+            case "normal", "face":
+                mesh.triangle_normals = vector(values[polygons.of_triangle])
+            case "colour", "point":
+                mesh.vertex_colors = vector(attribute.fractions[:, :3])
+            case "uv", "point":
+                mesh.triangle_uvs = vector(values[polygons.triangles.ravel(), :2])
+            case "uv", "corner":
+                mesh.triangle_uvs = vector(values[polygons.corner_of_triangle.ravel(), :2])
+    if texture is not None:  # row 0 is at the bottom there
+        mesh.textures = [open3d.geometry.Image(np.ascontiguousarray(texture[::-1]))]
+        mesh.triangle_material_ids = open3d.utility.IntVector(np.zeros(len(mesh.triangles), dtype=np.int32))
+    return mesh
+
+
+def _at_points(asset: Asset) -> Asset:
+    """Return the same with values of corners at points, of which there are more at seams; equal names are numbered."""
+    asset = asset.placed
+    if any(attribute.domain == "corner" for attribute in asset.attributes):
+        asset.require_points()
+    split = split_at_seams(asset.polygons, len(asset.points), asset.attributes)
+    return Asset(
+        asset.points[split.source],
+        asset.polygons.between(split.corners),
+        told_apart(split.attributes),
+    )

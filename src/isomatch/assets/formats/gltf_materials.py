@@ -12,11 +12,20 @@ from typing import Any
 import numpy as np
 
 from isomatch.assets.asset import Asset
-from isomatch.assets.formats._gltf_attributes import named
 from isomatch.assets.formats._gltf_data import GltfData
 from isomatch.assets.formats.gltf import GltfDocument, edited, opened_document, texcoord_numbers
-from isomatch.assets.looks import IN_PLACE, UNTINTED, Layer, Look, Looks, Picture, Wrap
-from isomatch.assets.pictures import JPEG, as_png, is_picture
+from isomatch.assets.materials import (
+    IN_PLACE,
+    JPEG,
+    UNTINTED,
+    Layer,
+    Look,
+    Looks,
+    Picture,
+    Wrap,
+    as_png,
+    is_picture,
+)
 from isomatch.values.arrays import IntArray
 
 _LISTS = ("images", "samplers", "textures", "materials")
@@ -28,30 +37,20 @@ _GLOSSY = "KHR_materials_pbrSpecularGlossiness"
 _STRENGTH = "KHR_materials_emissive_strength"
 _VARIANTS = "KHR_materials_variants"
 
-Variant = tuple[int, tuple[tuple[int, str], ...]]
-"""A material, and the attribute that each number of texture coordinates has in the meshes that it is on."""
 
-
-def looks_of(document: GltfDocument) -> Looks | None:
-    """Return the looks of a file; None if it has no materials."""
+def materials_of(document: GltfDocument) -> Looks | None:
+    """Return the materials of a file; None if it has none."""
     if not document.json.get("materials"):
         return None
-    of_triangle, variants = _variants(document)
     gltf = GltfData(document.json, bytearray(document.blob))
-    return Looks(of_triangle, tuple(_look(gltf, material, dict(names)) for material, names in variants))
+    of_triangle, used = _used(document)
+    return Looks(of_triangle, tuple(_look(gltf, material, document.uv_names) for material in used))
 
 
 def with_materials_of(receiver: Asset, giver: GltfDocument, giver_triangle: IntArray) -> Asset:
-    """Return the receiver with the materials and textures of another glTF file.
+    """Return the receiver with the materials and textures of another glTF file, whose texture coordinates it has.
 
-    Parameters
-    ----------
-    receiver : Asset
-        With the texture coordinates of the giver.
-    giver : GltfDocument
-        The file.
-    giver_triangle : (m,) array of int
-        The triangle of the giver whose material each triangle takes; −1 for the most frequent.
+    ``giver_triangle`` (m,) is the triangle of the giver whose material each triangle takes; −1 for the most frequent.
     """
     document, gltf = opened_document(receiver)
     other = copy.deepcopy(giver.json)
@@ -73,11 +72,11 @@ def with_materials_of(receiver: Asset, giver: GltfDocument, giver_triangle: IntA
                 if key in place:
                     place[key] += starts[name]
         gltf.append("textures", texture)
-    of_triangle, variants = _variants(giver)
+    of_triangle, used = _used(giver)
     number_of = texcoord_numbers(replace(receiver, document=document))
-    for material, names in variants:
-        entry = copy.deepcopy(other["materials"][material])
-        numbers = {number: number_of[name] for number, name in names if name in number_of}
+    numbers = {number: number_of[name] for number, name in giver.uv_names.items() if name in number_of}
+    for material in used:
+        entry = other["materials"][material]
         _shift_textures(entry, starts["textures"], numbers)
         gltf.append("materials", entry)
     for name in ("extensionsUsed", "extensionsRequired"):
@@ -85,12 +84,12 @@ def with_materials_of(receiver: Asset, giver: GltfDocument, giver_triangle: IntA
     return edited(receiver, _painted(document, gltf, seen(of_triangle, giver_triangle), starts), gltf)
 
 
-def with_looks(receiver: Asset, looks: Looks) -> Asset:
-    """Return the receiver as a glTF file with looks, one for each of its triangles."""
+def with_materials(receiver: Asset, materials: Looks) -> Asset:
+    """Return the receiver as a glTF file with materials, one for each of its triangles."""
     document, gltf = opened_document(receiver)
     starts = _starts(document, gltf)
     number_of = texcoord_numbers(replace(receiver, document=document))
-    for look in looks.looks:
+    for look in materials.looks:
         base = {"metallicFactor": 0.0, **_written(gltf, look.base, number_of, "baseColor", UNTINTED)}
         entry = {"name": look.name, "pbrMetallicRoughness": base}
         if min(look.base.tint[3:], default=1.0) < 1:
@@ -98,7 +97,7 @@ def with_looks(receiver: Asset, looks: Looks) -> Asset:
         if look.emitted:
             entry |= _written(gltf, look.emitted, number_of, "emissive", (0.0, 0.0, 0.0))
         gltf.append("materials", entry)
-    return edited(receiver, _painted(document, gltf, looks.of_triangle, starts), gltf)
+    return edited(receiver, _painted(document, gltf, materials.of_triangle, starts), gltf)
 
 
 def seen(of_triangle: IntArray, giver_triangle: IntArray) -> IntArray:
@@ -108,23 +107,15 @@ def seen(of_triangle: IntArray, giver_triangle: IntArray) -> IntArray:
     return np.where(giver_triangle >= 0, held, votes.argmax() - 1)
 
 
-def _variants(document: GltfDocument) -> tuple[IntArray, list[Variant]]:
-    """(m,) the variant of each triangle, −1 for no material; and the variants."""
-    gltf = GltfData(document.json, bytearray())
-    found: dict[Variant, int] = {}
-    of_triangle = [np.zeros(0, dtype=np.int64)]
-    for mesh, i, n in (place for part in document.primitives for place in part):
-        primitive = document.json["meshes"][mesh]["primitives"][i]
-        variant = -1
-        if 0 <= primitive.get("material", -1) < len(document.json.get("materials", [])):
-            names = [
-                (int(key.rpartition("_")[2]), name)
-                for key, (name, kind) in named(gltf, primitive["attributes"]).items()
-                if kind == "uv"
-            ]
-            variant = found.setdefault((primitive["material"], tuple(names)), len(found))
-        of_triangle.append(np.full(n, variant))
-    return document.in_order(np.concatenate(of_triangle)), list(found)
+def _used(document: GltfDocument) -> tuple[IntArray, list[int]]:
+    """(m,) which of the materials in use each triangle has, −1 for none; and these materials."""
+    n = len(document.json.get("materials", []))
+    found: dict[int, int] = {}
+    of_place = []
+    for mesh, i, _ in document.places:
+        material = document.json["meshes"][mesh]["primitives"][i].get("material", -1)
+        of_place.append(found.setdefault(material, len(found)) if 0 <= material < n else -1)
+    return np.array(of_place, dtype=np.int64)[document.place_of_triangle], list(found)
 
 
 def _look(gltf: GltfData, index: int, names: Mapping[int, str]) -> Look:
@@ -206,16 +197,14 @@ def _entry(gltf: GltfData, name: str, index: int) -> dict[str, Any]:
 
 def _starts(document: GltfDocument, gltf: GltfData) -> dict[str, int]:
     """Count what there is of materials, after those are left out that nothing but the surface uses."""
-    surfaces = {(mesh, i) for part in document.primitives for mesh, i, _ in part}
-    others = [
-        primitive
-        for mesh, each in enumerate(gltf.json["meshes"])
-        for i, primitive in enumerate(each["primitives"])
-        if (mesh, i) not in surfaces
-    ]
-    if not any("material" in primitive for primitive in others):
+    places = {place[:2] for place in document.places}
+    primitives = (
+        (mesh, i, p) for mesh, m in enumerate(gltf.json["meshes"]) for i, p in enumerate(m["primitives"])
+    )
+    if not any("material" in primitive for mesh, i, primitive in primitives if (mesh, i) not in places):
         for name in _LISTS:
             gltf.json.pop(name, None)
+        gltf.without_unused()
     return {name: len(gltf.json.get(name, [])) for name in _LISTS}
 
 
@@ -223,38 +212,24 @@ def _painted(
     document: GltfDocument, gltf: GltfData, look: IntArray, starts: Mapping[str, int]
 ) -> GltfDocument:
     """Give each triangle its material; a primitive of several becomes as many primitives."""
-    order = np.arange(len(look)) if document.order is None else document.order
-    pieces: dict[tuple[int, int], list[IntArray]] = {}
-    first = 0
-    for mesh, i, n in (place for part in document.primitives for place in part):
-        held = order[first : first + n]
-        first += n
-        pieces[mesh, i] = [held[look[held] == each] for each in np.unique(look[held])] or [held]
-    numbers: dict[tuple[int, int], list[int]] = {}
-    for mesh, each in enumerate(gltf.json["meshes"]):
-        listed: list[dict[str, Any]] = []
-        for i, primitive in enumerate(each["primitives"]):
-            if (mesh, i) not in pieces:
-                listed.append(primitive)
-                continue
-            primitive.pop("material", None)
-            primitive.get("extensions", {}).pop(_VARIANTS, None)
-            numbers[mesh, i] = list(range(len(listed), len(listed) + len(pieces[mesh, i])))
-            for piece in pieces[mesh, i]:
-                listed.append(copy.deepcopy(primitive))
-                if look[piece[:1]].max(initial=-1) >= 0:
-                    listed[-1]["material"] = int(look[piece[0]]) + starts["materials"]
-        each["primitives"] = listed
-    primitives = tuple(
-        tuple(
-            (mesh, number, len(piece))
-            for mesh, i, _ in part
-            for number, piece in zip(numbers[mesh, i], pieces[mesh, i])
-        )
-        for part in document.primitives
-    )
-    new_order = np.concatenate([np.zeros(0, dtype=np.int64), *(p for each in pieces.values() for p in each)])
-    return replace(document, primitives=primitives, order=new_order)
+    places: list[tuple[int, int, int]] = []
+    of_triangle = np.zeros(len(look), dtype=np.int64)
+    for number, (mesh, i, part) in enumerate(document.places):
+        primitives = gltf.json["meshes"][mesh]["primitives"]
+        plain = primitives[i]
+        plain.pop("material", None)
+        plain.get("extensions", {}).pop(_VARIANTS, None)
+        held = document.place_of_triangle == number
+        for k, each in enumerate(np.unique(look[held]).tolist() or [-1]):
+            if k:
+                primitives.append(copy.deepcopy(plain))
+            at = len(primitives) - 1 if k else i
+            primitives[at].pop("material", None)
+            if each >= 0:
+                primitives[at]["material"] = each + starts["materials"]
+            of_triangle[held & (look == each)] = len(places)
+            places.append((mesh, at, part))
+    return replace(document, places=tuple(places), place_of_triangle=of_triangle)
 
 
 def _written(
