@@ -20,6 +20,7 @@ copyright = author
 version = release = isomatch.__version__
 
 extensions = [
+    "files_of_rooms",
     "sphinx.ext.autodoc",
     "sphinx.ext.autosummary",
     "numpydoc",

@@ -29,7 +29,7 @@ from scipy.sparse import find, issparse
 from isomatch import Config, MatchResult, Quality
 from isomatch_lab.studies.public_calls import CALLS, Attempt, Folders
 
-BESIDE = Path(__file__).parents[2] / "shared" / "data"
+BESIDE = Path(__file__).parents[4] / "shared" / "data"
 SKIPPED = ("timings", "document")  # fields: what is not the same twice, and what a format keeps for itself
 SHOWN = 20  # differences of a call that are printed
 Arrays = Mapping[str, np.ndarray]
