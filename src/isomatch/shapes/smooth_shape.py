@@ -273,6 +273,7 @@ def orientation_of(
 
     Parameters
     ----------
+    source, target : SmoothShape
     basis : SampledBasis
         The source's Laplace–Beltrami functions and the m vertices that are mapped.
     target_vertex : (m,) array of int
