@@ -180,7 +180,7 @@ class PartDoubt:
 class CommonDoubt:
     """How sure the map of what two parts have in common is."""
 
-    worth: float  # how much more alike than at random they look there, see `BothLooks.worth`
+    worth: float  # how much more alike than at random they look there, see `CommonRegions.worth`
     led: bool  # whether landmarks were given and hold, so that nothing else has to speak for it
     settings: PartSettings
 
