@@ -28,7 +28,7 @@ def result_of(surface, **changes):
         notes=("<b>a note</b> & more",),
         engine="fast_marching",
         origin="extremities",
-        reason="least misfit",
+        reason="least spectral residual",
         config=Config(rank=40),
         seed=0,
     )

@@ -205,7 +205,7 @@ def test_what_stays_contradicted_has_low_confidence(spoilt, monkeypatch):
 @pytest.mark.long
 def test_a_contradicted_map_gives_way_when_it_is_tried_again(spoilt, mirrored, monkeypatch, creatures):
     sure = {**mirrored.record, "there": {**mirrored.record["there"], "outcome": "CONVERGED"}}
-    sure["there"]["quality"] = {**sure["there"]["quality"], "misfit": 0.0}
+    sure["there"]["quality"] = {**sure["there"]["quality"], "spectral_residual": 0.0}
     file = spoilt.layout.maps(WRONG)
     replace(mirrored, record=sure).save(file)
     with writing_ledger(spoilt.layout.ledger()) as ledger:

@@ -12,7 +12,7 @@ import pytest
 
 from isomatch import Correspondence, InputError, Mesh, read_asset, read_mesh, write_mesh
 from isomatch.cli import main
-from isomatch.collections import Collection, Rows, export, finish, misfits, scales_of
+from isomatch.collections import Collection, Rows, export, finish, outliers, scales_of
 from isomatch.collections.cohort import alike_shapes, likeness_of
 from isomatch.collections.map_file import keep_files
 from isomatch.correspondence import UNMATCHED
@@ -74,7 +74,7 @@ def finished(collection):
 
 def kinds(collection):
     found = {}
-    for kind, name, _ in misfits(collection, collection.rows()):
+    for kind, name, _ in outliers(collection, collection.rows()):
         found.setdefault(name, set()).add(kind)
     return found
 
@@ -111,10 +111,10 @@ def test_every_trouble_is_named_and_nothing_else(troubled, plain):
 @pytest.mark.long
 def test_what_can_be_told_is_told_before_anything_is_matched(troubled):
     what = [event.what for event in troubled.events]
-    assert what == ["shape"] * what.count("shape") + ["misfit"] * what.count("misfit") + [
+    assert what == ["shape"] * what.count("shape") + ["outlier"] * what.count("outlier") + [
         "pair"
     ] * what.count("pair")
-    told = {event.name: event.record["reason"] for event in troubled.events if event.what == "misfit"}
+    told = {event.name: event.record["reason"] for event in troubled.events if event.what == "outlier"}
     assert set(told) == {"twin", "same", "hole", "millimetres", "reflection"}
     assert re.fullmatch(
         r"is \d+ times as large as the others: in mm, if they are in m\? \(--units millimetres=mm\)",
@@ -131,7 +131,7 @@ def test_status_and_the_first_page_name_them(troubled, capsys):
     assert main(["collect", "status", str(troubled.collection.folder)]) == 0
     said = capsys.readouterr().out
     assert main(["collect", "status", str(troubled.collection.folder), "--json"]) == 0
-    listed = json.loads(capsys.readouterr().out)["misfits"]
+    listed = json.loads(capsys.readouterr().out)["outliers"]
     assert {(each["name"], each["kind"]) for each in listed} == {
         (name, kind) for name, of in TROUBLES.items() for kind in of
     }
@@ -189,7 +189,7 @@ def test_units_that_are_given_mend_it(troubled, small, tmp_path, capsys):
         folder, troubled.shapes, template="good0", config=troubled.config, units={"millimetres": "mm"}
     )
     assert scales_of(collection.units, collection.rows()) == {"millimetres": pytest.approx(0.001)}
-    assert {event.what for event in run(collection)} == {"misfit"}
+    assert {event.what for event in run(collection)} == {"outlier"}
     assert finished(collection) == ["millimetres"]
     assert "millimetres" not in kinds(collection)
     before, after = (
@@ -236,7 +236,7 @@ def test_units_that_fit_no_others_are_named(small, tmp_path):
     collection = Collection.create(tmp_path, small.shapes, config=small.config, units={"s1": "mm"})
     sizes = rows(s0=1.0, s1=5e5, s2=1.0, s3=1.1)
     assert scales_of(collection.units, sizes) == {}
-    ((kind, name, reason),) = misfits(collection, sizes)
+    ((kind, name, reason),) = outliers(collection, sizes)
     assert (kind, name) == ("units", "s1")
     assert "said to be in mm, which fits no unit of the others" in reason
 

@@ -57,7 +57,7 @@ def test_reports_of_the_pairs_in_doubt_and_of_the_three_next(copied, plain_repor
         there = {**row["there"], "outcome": "CONVERGED" if pair != PAIR else "SYMMETRY_AMBIGUOUS"}
         changed(copied, pair, there=there)
     others = [pair for pair in rows if pair != PAIR]
-    worst = sorted(others, key=lambda pair: -rows[pair]["there"]["quality"]["misfit"])[:3]
+    worst = sorted(others, key=lambda pair: -rows[pair]["there"]["quality"]["spectral_residual"])[:3]
     assert set(reported(copied)) == {(pair, "done") for pair in (PAIR, *worst)}
     assert reported(copied) == []
 

@@ -22,7 +22,7 @@ from isomatch.collections.plan import OLD, Layout, key_of, medoid
 from isomatch.settings import Config
 from isomatch.storage.files import claimed
 
-RESULT = {"outcome": "CONVERGED", "quality": {"misfit": 0.1, "orientation": 1.0, "mirrored": None}}
+RESULT = {"outcome": "CONVERGED", "quality": {"spectral_residual": 0.1, "orientation": 1.0, "mirrored": None}}
 OF_SHAPE = {"key": "k", "hash": "h", "bytes": 1, "area": 1.0, "features": [0.5] * 50, "notes": []}
 OF_PAIR = {"key": "k", "attempt": 0, "source_hash": "a", "target_hash": "b", "there": RESULT, "back": RESULT}
 DONE, FAILED = (

@@ -299,7 +299,7 @@ def test_a_reflected_shape_whose_file_becomes_a_right_one_is_turned_back(blobs, 
     shutil.copy(shapes / "r1.ply", shapes / "l0.ply")
     assert [(event.what, event.name) for event in run(collection)] == [
         ("shape", "l0"),
-        ("misfit", "r1"),  # the same file
+        ("outlier", "r1"),  # the same file
         ("pair", ("r0", "l0")),
         ("reflection", "l0"),
     ]

@@ -53,7 +53,9 @@ def test_a_run_matches_all_pairs_and_the_next_one_nothing(copied, work):
     assert (turned.there.shape, turned.record) == ((N[1], N[0]), maps.record)
     row = rows.pairs["s0", "s1"]
     assert {"key", "seconds", "memory", "there", "back", "source_hash", "target_hash", "attempt"} <= set(row)
-    assert row["there"]["quality"]["misfit"] == maps.record["there"]["quality"]["misfit"]
+    assert (
+        row["there"]["quality"]["spectral_residual"] == maps.record["there"]["quality"]["spectral_residual"]
+    )
 
 
 def test_what_is_whole_on_disk_is_recorded_without_being_done_again(copied, work):
@@ -178,7 +180,10 @@ def test_low_confidence_is_tried_with_another_seed_and_the_surer_map_is_kept(cop
     assert [event.name for event in run(copied)] == [pair]
     assert work == [1]
     assert low.record["there"]["outcome"] == "CONVERGED"  # so that the map on disk is at least as sure
-    assert copied.rows().pairs[pair]["there"]["quality"]["misfit"] <= row["there"]["quality"]["misfit"]
+    assert (
+        copied.rows().pairs[pair]["there"]["quality"]["spectral_residual"]
+        <= row["there"]["quality"]["spectral_residual"]
+    )
     assert set(arrays_of(copied.folder)) == set(before)
     assert run(copied) == []
 
@@ -346,8 +351,8 @@ def test_the_table_has_a_line_for_each_pair_worst_first(copied):
         first, *others = csv.DictReader(file)
     assert (first["source"], first["target"], first["error"]) == ("s1", "s3", "no luck")
     assert {(line["source"], line["target"]) for line in others} == PAIRS - {("s1", "s3")}
-    misfits = [float(line["misfit"]) for line in others]
-    assert misfits == sorted(misfits, reverse=True)
+    spectral_residuals = [float(line["spectral_residual"]) for line in others]
+    assert spectral_residuals == sorted(spectral_residuals, reverse=True)
     parquet = pytest.importorskip("pyarrow.parquet")
     assert parquet.read_table(copied.layout.table.with_suffix(".parquet")).num_rows == len(PAIRS)
 

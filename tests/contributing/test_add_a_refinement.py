@@ -98,7 +98,7 @@ def test_maps_are_measured_by_the_last_step_there_is(animals, relation, sizes):
         found = match(
             source, target, initial_map=truth, config=given, relation=relation, refinement=refinement
         )
-        assert found.quality.misfit < 0.5
+        assert found.quality.spectral_residual < 0.5
         assert mean_error(found.map, target, truth) < 0.03
 
 

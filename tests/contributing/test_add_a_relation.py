@@ -1,4 +1,4 @@
-"""The recipe "Add a relation" of CONTRIBUTING.md, followed with an isometry scored by its misfit alone."""
+"""The recipe "Add a relation" of CONTRIBUTING.md, followed with an isometry scored by its spectral residual alone."""
 
 import numpy as np
 import pytest
@@ -9,11 +9,11 @@ from isomatch.matching import Hints, Isometry, Part, Refinement, Stages, prepare
 pytestmark = pytest.mark.usefixtures("prepared_once")
 
 
-class ByMisfit(Isometry):
+class BySpectralResidual(Isometry):
     """Distances along both shapes agree; the map that fits best wins, whatever its energy."""
 
     def score(self, fit):
-        return fit.misfit
+        return fit.spectral_residual
 
 
 class Unchanged(Refinement):
@@ -31,7 +31,7 @@ def animals(example):
 
 def test_it_finds_the_right_map(animals, example_truth):
     source, target = animals
-    found = match(source, target, relation=ByMisfit())
+    found = match(source, target, relation=BySpectralResidual())
     assert found.outcome is Outcome.CONVERGED
     off = np.linalg.norm(target.vertices[found.map.vertices] - target.vertices[example_truth], axis=1)
     assert off.mean() < 0.02 * np.sqrt(target.area)
@@ -40,12 +40,14 @@ def test_it_finds_the_right_map(animals, example_truth):
 @pytest.mark.long
 def test_the_hook_scores_every_map(animals):
     pair = prepare_pair(*animals)
-    for relation in (ByMisfit(), Isometry()):
+    for relation in (BySpectralResidual(), Isometry()):
         bound = relation.on(pair, Hints.of(pair, None, None, None), Stages(Unchanged()))
         candidates, _ = bound.candidates(*bound.hypotheses())
         fits = bound.contest(bound.begun(candidates[:3]))
         assert len(fits) == 3
-        assert [fit.score == fit.misfit for fit in fits] == 3 * [isinstance(relation, ByMisfit)]
+        assert [fit.score == fit.spectral_residual for fit in fits] == 3 * [
+            isinstance(relation, BySpectralResidual)
+        ]
 
 
 def test_a_bound_relation_can_be_bound_again(animals):
@@ -58,4 +60,4 @@ def test_a_bound_relation_can_be_bound_again(animals):
 
 def test_a_class_is_not_a_relation(animals):
     with pytest.raises(SettingError, match="is no Relation; give an instance of a subclass"):
-        match(*animals, relation=ByMisfit)
+        match(*animals, relation=BySpectralResidual)

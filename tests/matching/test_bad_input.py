@@ -232,4 +232,4 @@ def test_shapes_without_features_end_in_a_result_or_a_named_error(name):
         return  # by name, which is all that is asked of shapes whose parts all look alike
     assert isinstance(found, MatchResult)
     assert found.map.vertices.min() >= -1
-    assert np.isfinite(found.quality.misfit)
+    assert np.isfinite(found.quality.spectral_residual)

@@ -47,7 +47,7 @@ def mean_error(shape, images, truth):
 
 def test_limbs_stretch(species, found):
     _, target, truth = species
-    assert not np.isnan(found.quality.bend_misfit)
+    assert not np.isnan(found.quality.bending_cost)
     assert any("far from isometric" in note for note in found.notes)
     assert mean_error(target, found.map.vertices, truth) < 0.07
 
@@ -55,12 +55,12 @@ def test_limbs_stretch(species, found):
 def test_a_map_between_species_is_judged_by_how_much_the_shapes_are_bent(found):
     """A rival that is bent as little is a tie."""
     bounds, quality = Config().outcome, found.quality
-    sure = quality.bend_misfit <= bounds.poor_bending and quality.residual <= bounds.poor_far_residual
+    sure = quality.bending_cost <= bounds.poor_bending and quality.residual <= bounds.poor_far_residual
     assert (found.outcome is Outcome.CONVERGED) == (sure and quality.rival >= bounds.look_tie)
     assert quality.rival >= 1
-    strict = replace(bounds, poor_bending=0.5 * quality.bend_misfit)
+    strict = replace(bounds, poor_bending=0.5 * quality.bending_cost)
     assert bends_badly(quality, strict)
-    assert bends_badly(replace(quality, bend_misfit=np.nan), bounds)
+    assert bends_badly(replace(quality, bending_cost=np.nan), bounds)
 
 
 @pytest.mark.long
@@ -112,7 +112,7 @@ def test_the_score_is_the_stretch_and_the_gap_of_both_shapes_bent(species):
     moved = relation.measured(own, np.roll(relation.vertices, 1))
     assert moved.score > 20 * own.score
     there, back = own.bent
-    assert own.score == pytest.approx(np.sqrt(there.misfit * back.misfit))
+    assert own.score == pytest.approx(np.sqrt(there.spectral_residual * back.spectral_residual))
     assert there.stretch < 0.02
 
 

@@ -117,7 +117,7 @@ def test_handles_that_are_meant_stay(shape):
 @pytest.mark.long
 def test_limbs_apart_are_tried_where_the_map_is_poor():
     """As a part, of which what touches is hidden; such a map is never sure."""
-    strict = Config(outcome=replace(Config().outcome, poor_misfit=0.01))
+    strict = Config(outcome=replace(Config().outcome, poor_spectral_residual=0.01))
     found, error = matched("both", "clean", strict)
     assert found.timings["limbs apart: prepare"] > 0
     assert found.outcome is Outcome.LOW_CONFIDENCE

@@ -50,7 +50,7 @@ def test_a_part_is_found_by_what_is_known_of_it():
     there, back = match_both(part.mesh, other.mesh, functions=functions)
     side = np.sign(other.rest[there.map.vertices, 0]) == np.sign(functions[0])
     assert side[np.abs(functions[0]) > 0.05].mean() > 0.98
-    assert np.isfinite(back.quality.misfit)
+    assert np.isfinite(back.quality.spectral_residual)
 
 
 def test_values_are_compared_as_they_are_on_both(brick):

@@ -14,7 +14,9 @@ from shapes import icosphere
 
 BOUNDS = Config().outcome
 NONE = Quality(**{field.name: np.nan for field in fields(Quality)})
-GOOD = replace(NONE, misfit=0.1, rival=np.inf, mirrored=np.inf, residual=0.1, stretch=1.0, orientation=0.95)
+GOOD = replace(
+    NONE, spectral_residual=0.1, rival=np.inf, mirrored=np.inf, residual=0.1, stretch=1.0, orientation=0.95
+)
 LITTLE = 1e-9
 
 
@@ -28,7 +30,7 @@ def outcome(quality, wanted="preserve", hinted=False, left_out=0.0):
     [
         ("landmark_error", BOUNDS.contradiction, 1, Outcome.HINTS_CONTRADICTED),
         ("initial_map_error", BOUNDS.contradiction, 1, Outcome.HINTS_CONTRADICTED),
-        ("misfit", BOUNDS.poor_misfit, 1, Outcome.LOW_CONFIDENCE),
+        ("spectral_residual", BOUNDS.poor_spectral_residual, 1, Outcome.LOW_CONFIDENCE),
         ("residual", BOUNDS.poor_residual, 1, Outcome.LOW_CONFIDENCE),
         ("stretch", BOUNDS.poor_stretch, 1, Outcome.LOW_CONFIDENCE),
         ("torn_off", BOUNDS.poor_torn_off, 1, Outcome.LOW_CONFIDENCE),
@@ -70,9 +72,9 @@ def test_what_is_not_known_speaks_against_nothing():
 
 
 def test_the_first_outcome_that_holds_is_given():
-    everything = replace(GOOD, landmark_error=1.0, mirrored=0.5, misfit=1.0, rival=1.0)
+    everything = replace(GOOD, landmark_error=1.0, mirrored=0.5, spectral_residual=1.0, rival=1.0)
     found = []
-    for measure in ("landmark_error", "mirrored", "misfit", "rival"):
+    for measure in ("landmark_error", "mirrored", "spectral_residual", "rival"):
         found.append(outcome(everything, left_out=1.0))
         everything = replace(everything, **{measure: getattr(GOOD, measure)})
     found += [outcome(everything, left_out=1.0), outcome(everything, left_out=BOUNDS.large_component)]

@@ -129,7 +129,7 @@ def test_wrong_maps_bend_badly(found):
     _, best = found
     wrong = [fit for fit in best.fits if best.pair.whole.mean_distance(fit.image, best.fits[0].image) > 0.12]
     assert wrong
-    assert min(fit.bent.misfit for fit in wrong) > 1.5 * best.bent.misfit
+    assert min(fit.bent.spectral_residual for fit in wrong) > 1.5 * best.bent.spectral_residual
 
 
 @pytest.mark.long

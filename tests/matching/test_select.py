@@ -38,7 +38,7 @@ class Found:
 
 @dataclass(frozen=True)
 class Fit:
-    misfit: float
+    spectral_residual: float
     score: float = 1.0
     orientation: float = 0.9
     residual: float = 0.2

@@ -115,14 +115,14 @@ def test_texts_are_escaped():
 
 
 def test_a_result_says_how_it_ended_and_what_is_against_it():
-    result = result_of(BALL, quality=replace(QUALITY, misfit=5.0))
+    result = result_of(BALL, quality=replace(QUALITY, spectral_residual=5.0))
     text, summary = " ".join(Elements(html_of(result)).words), summary_of(result)
     for words in (
         summary.headline,
         summary.sureness,
         summary.advice_in_python,
         "coverage",
-        "against the map: misfit",
+        "against the map: spectral residual",
         "rank = 40",
     ):
         assert words in text
@@ -356,5 +356,5 @@ def test_progress_elsewhere_is_one_line(capsys):
 def test_a_result_shows_outcome_quality_and_map(prepared_example):
     result = match(*prepared_example)
     html = result._repr_html_()
-    assert all(word in html for word in (result.outcome.name, "coverage", "misfit"))
+    assert all(word in html for word in (result.outcome.name, "coverage", "spectral_residual"))
     assert len(pictures(html)) == 1

@@ -101,7 +101,7 @@ def result(pair):
         notes=("source: left out <7> vertices",),
         engine="fast_marching",
         origin="flip",
-        reason="least misfit",
+        reason="least spectral residual",
         config=Config(rank=48),
         seed=17,
     )
@@ -162,7 +162,7 @@ def test_outcome_numbers_and_settings_are_those_of_the_result(page, result):
     assert page.by_id("outcome")["text"] == summary_of(result).headline
     assert page.by_id("advice")["text"] == summary_of(result).advice_in_python
     rows = [row["text"] for row in page.all("tr")]
-    for start in ("misfit0.71at most 0.66 (violated)", "best alternativenoneat least 1.25 ×"):
+    for start in ("spectral_residual0.71at most 0.66 (violated)", "best alternativenoneat least 1.25 ×"):
         assert any(row.startswith(start) for row in rows)
     assert any(row.startswith("orientation0.98at least 0.65Whether") for row in rows)
     for row in ("rank48", "seed17", "total2.50", "geodesic enginefast_marching", "winning startflip"):
@@ -269,10 +269,12 @@ def test_a_part_is_held_to_bounds_of_its_own(result):
     part = dataclasses.replace(result.quality, stress=0.01, doubt=2 * bounds.poor_doubt)
     of_part = dataclasses.replace(result, quality=part)
     held = quality_bounds(of_part)
-    assert complete["misfit"] == {"most": result.config.outcome.poor_misfit}
+    assert complete["spectral_residual"] == {"most": result.config.outcome.poor_spectral_residual}
     assert held["doubt"] == {"most": bounds.poor_doubt}
     assert held["rival"] == {"least": bounds.tie}
-    assert not {"misfit", "orientation", "residual", "stretch", "torn_off", "mirrored"} & held.keys()
+    assert (
+        not {"spectral_residual", "orientation", "residual", "stretch", "torn_off", "mirrored"} & held.keys()
+    )
     against = {measure.name for measure, _, bad in quality_measures(of_part) if bad}
     assert MEASURES["doubt"].name in against
 

@@ -46,7 +46,7 @@ def flipped(shape):
         notes=(),
         engine="fast_marching",
         origin="extremities",
-        reason="least misfit",
+        reason="least spectral residual",
         config=Config(),
         seed=0,
     )

@@ -13,7 +13,9 @@ from isomatch.view import HEADLINES, summary_of
 from isomatch.view.summary import ANOTHER_IS_BETTER, MOSTLY_RIGHT
 from shapes import icosphere
 
-JARGON = re.compile(r"misfit|rival|residual|coverage|orientation-|isometr|stress|torn|bound", re.IGNORECASE)
+JARGON = re.compile(
+    r"spectral residual|rival|residual|coverage|orientation-|isometr|stress|torn|bound", re.IGNORECASE
+)
 
 
 @pytest.fixture(scope="module")
@@ -79,13 +81,19 @@ def test_a_headline_says_whether_all_or_some_is_in_doubt(sure):
     low = replace(sure, outcome=Outcome.LOW_CONFIDENCE)
     region = DoubtfulRegion(np.array([0]), 0.03, "it looks unlike its image")
     good = replace(
-        low.quality, rival=np.inf, misfit=0.1, residual=0.1, stretch=1.0, orientation=1.0, torn_off=0.0
+        low.quality,
+        rival=np.inf,
+        spectral_residual=0.1,
+        residual=0.1,
+        stretch=1.0,
+        orientation=1.0,
+        torn_off=0.0,
     )
     assert "may be wrong altogether" in summary_of(replace(low, quality=good)).sureness
     assert summary_of(replace(low, quality=good, regions=(region,))).headline.startswith(
         "Most of this map looks right"
     )
-    bad = replace(good, misfit=5.0)
+    bad = replace(good, spectral_residual=5.0)
     assert (
         summary_of(replace(low, quality=bad, regions=(region,))).headline == HEADLINES[Outcome.LOW_CONFIDENCE]
     )

@@ -47,7 +47,7 @@ def result(shape):
         notes=("a < b",),
         engine="fast_marching",
         origin="extremities",
-        reason="least misfit",
+        reason="least spectral residual",
         config=Config(),
         seed=0,
         regions=(DoubtfulRegion(np.array([7, 8]), 0.125, "it looks unlike its image", np.array([9, 10])),),

@@ -112,7 +112,7 @@ def run(
         for event in collection.run(executor, jobs, part, time_limit):
             tell(*told(event))
             again.update((event.what, reason) for reason in reasons_of(event))
-            if event.what == "misfit":
+            if event.what == "outlier":
                 complain(f"{event.name} {event.record['reason']}")
         for (what, reason), count in again.items():
             complain(f"{count} {what}{'s' * (count > 1)} done again, because {reason}")
@@ -284,7 +284,7 @@ def _write(
 
 _DONE = {
     "shape": "prepared",
-    "misfit": "looked at",
+    "outlier": "looked at",
     "pair": "matched",
     "reflection": "reflected",
     "agreement": "compared",
@@ -335,7 +335,7 @@ def status_of(collection: collections.Collection, folders: Iterable[str] = ()) -
         "mirror_images": {
             name: rows.pairs[pair].get("not_reflected", {}).get(name) for name, pair in mirrored.items()
         },
-        "misfits": [misfit._asdict() for misfit in collections.misfits(collection, rows)],
+        "outliers": [outlier._asdict() for outlier in collections.outliers(collection, rows)],
         "agreement": collections.agreement_of(rows)._asdict(),
         "damaged": damaged,
         "failures": failures,
@@ -363,9 +363,9 @@ def _say_status(status: dict[str, Any], layout: collections.Layout) -> None:
             "bold red",
         )
     _say_sides(status)
-    for misfit in status["misfits"]:
-        if misfit["kind"] != "broken" and misfit["name"] not in status["mirror_images"]:
-            say(f"look at {misfit['name']}: it {misfit['reason']}", "bold red")
+    for outlier in status["outliers"]:
+        if outlier["kind"] != "broken" and outlier["name"] not in status["mirror_images"]:
+            say(f"look at {outlier['name']}: it {outlier['reason']}", "bold red")
     for name, what in status["damaged"].items():
         say(f"{name} {what}; run isomatch collect again, which makes it again", "bold red")
     for name, error in status["failures"].items():

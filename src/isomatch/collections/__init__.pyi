@@ -1,5 +1,5 @@
 from isomatch.collections.agreement import Agreement, agree, agreement_of, inconsistency
-from isomatch.collections.cohort import Misfit, mirror_images, misfits, scales_of
+from isomatch.collections.cohort import Outlier, mirror_images, outliers, scales_of
 from isomatch.collections.collection import Collection
 from isomatch.collections.finish import export, finish, surfaces_written
 from isomatch.collections.landmarks import LeftOut, collected_landmarks, draw_landmarks, landmarks_left_out
@@ -19,7 +19,7 @@ __all__ = [
     "Event",
     "Layout",
     "LeftOut",
-    "Misfit",
+    "Outlier",
     "PairMaps",
     "Rows",
     "agree",
@@ -33,7 +33,7 @@ __all__ = [
     "keep_files",
     "landmarks_left_out",
     "mirror_images",
-    "misfits",
+    "outliers",
     "require_unchanged",
     "scales_of",
     "state_of",

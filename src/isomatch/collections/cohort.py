@@ -30,7 +30,7 @@ SAME = 1e-5  # of the size: largest difference of distances from the centroid, i
 SYMMETRIC = 1e-6  # handedness: with less, a shape is its own mirror image, but for rounding
 
 
-class Misfit(NamedTuple):
+class Outlier(NamedTuple):
     """Why a shape does not fit in a collection as it is: the kind, its name, and the reason in words, with the remedy."""
 
     kind: Trouble
@@ -44,7 +44,7 @@ def holes_of(surface: Mesh) -> tuple[int, float]:
     return len(lengths), float(lengths.sum() / np.sqrt(surface.area))
 
 
-def misfits(collection: Plan, rows: Rows) -> list[Misfit]:
+def outliers(collection: Plan, rows: Rows) -> list[Outlier]:
     """Find shapes that do not fit in a collection as they are; look at them before its statistics are believed.
 
     Parameters
@@ -56,7 +56,7 @@ def misfits(collection: Plan, rows: Rows) -> list[Misfit]:
 
     Returns
     -------
-    list of Misfit
+    list of Outlier
         - *broken*: it cannot be read or prepared.
         - *units*: its size, the root of its area, is more than twice or less than half the median, and an outlier; see
           `isomatch.statistics.size_factors`. What was said of its unit is taken into account.
@@ -69,7 +69,7 @@ def misfits(collection: Plan, rows: Rows) -> list[Misfit]:
     known = {name: rows.shapes[name] for name in collection.names if name in rows.shapes}
     done = {name: row for name, row in known.items() if row["state"] == "done"}
     failed = {name: row["error"] for name, row in known.items() if row["state"] == "failed"}
-    found = [Misfit("broken", name, f"cannot be used: {error}") for name, error in failed.items()]
+    found = [Outlier("broken", name, f"cannot be used: {error}") for name, error in failed.items()]
     found += _in_other_units(collection, Rows(done))
     mirrored = dict(_mirrored(collection, rows))
     for alike in alike_shapes(done):
@@ -78,14 +78,14 @@ def misfits(collection: Plan, rows: Rows) -> list[Misfit]:
             continue
         how = "the same file as" if alike.is_equal else "the same shape as"
         larger = f", {alike.factor:.4g} times as large" if abs(np.log(alike.factor)) > RESCALED else ""
-        found.append(Misfit("twice", alike.name, f"is {how} {alike.other}{larger}; take one of them out"))
-    found += [Misfit("mirrored", name, reason) for name, reason in mirrored.items()]
+        found.append(Outlier("twice", alike.name, f"is {how} {alike.other}{larger}; take one of them out"))
+    found += [Outlier("mirrored", name, reason) for name, reason in mirrored.items()]
     found += _with_holes(Rows(done))
     unlike = {name: reason for name, reason in _unlike(collection) if name in done.keys() - mirrored}
-    return found + [Misfit("unlike", name, reason) for name, reason in unlike.items()]
+    return found + [Outlier("unlike", name, reason) for name, reason in unlike.items()]
 
 
-def _in_other_units(collection: Plan, rows: Rows) -> Iterator[Misfit]:
+def _in_other_units(collection: Plan, rows: Rows) -> Iterator[Outlier]:
     scales = scales_of(collection.units, rows)
     sizes = {
         name: row["area"] ** 0.5 * scales.get(name, 1.0)
@@ -102,7 +102,7 @@ def _in_other_units(collection: Plan, rows: Rows) -> Iterator[Misfit]:
             remedy = f"{told_factor(factor)} (--units {name}={units[0] if units else 'UNIT'})"
         else:
             continue
-        yield Misfit("units", name, remedy)
+        yield Outlier("units", name, remedy)
 
 
 def _mirrored(collection: Plan, rows: Rows) -> Iterator[tuple[str, str]]:
@@ -112,7 +112,7 @@ def _mirrored(collection: Plan, rows: Rows) -> Iterator[tuple[str, str]]:
         yield name, f"is mirrored against the others, by its maps; {remedy}"
 
 
-def _with_holes(rows: Rows) -> Iterator[Misfit]:
+def _with_holes(rows: Rows) -> Iterator[Outlier]:
     holes = {name: row["holes"] for name, row in rows.shapes.items() if row.get("holes")}
     is_open = {name: length > WIDEST_SEAM for name, (_, length) in holes.items()}
     if not 0 < sum(is_open.values()) < len(is_open) / 2:
@@ -120,7 +120,7 @@ def _with_holes(rows: Rows) -> Iterator[Misfit]:
     for name in (name for name, has_hole in is_open.items() if has_hole):
         count, length = holes[name]
         what = "a hole" if count == 1 else f"{count} holes"
-        yield Misfit("holes", name, f"has {what}, {length:.3g} √area around, and most others are closed")
+        yield Outlier("holes", name, f"has {what}, {length:.3g} √area around, and most others are closed")
 
 
 def _unlike(collection: Plan) -> Iterator[tuple[str, str]]:

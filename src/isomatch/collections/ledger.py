@@ -257,7 +257,7 @@ def _result(value: Any) -> bool:
     return (
         isinstance(quality, dict)
         and value.get("outcome") in Outcome.__members__
-        and {"misfit", "orientation", "mirrored"} <= quality.keys()
+        and {"spectral_residual", "orientation", "mirrored"} <= quality.keys()
         and all(isinstance(each, NUMBER | None) for each in quality.values())
     )
 

@@ -16,7 +16,7 @@ from typing import Any, Literal
 from urllib.parse import quote
 
 from isomatch.assets import mesh_from
-from isomatch.collections.cohort import Misfit, misfits
+from isomatch.collections.cohort import Outlier, outliers
 from isomatch.collections.collection import Collection
 from isomatch.collections.ledger import Record, Rows, is_contradicted
 from isomatch.collections.map_file import as_matched
@@ -37,7 +37,7 @@ SHOWN = {  # columns of the table of pairs on the page, and how their numbers ar
     "distortion_mean": "{:.1%}",
     "coverage": "{:.0%}",
     "matched": "{:.0%}",
-    "misfit": "{:.2f}",
+    "spectral_residual": "{:.2f}",
     "rival": "{:.2f}",
     "seconds": "{:.1f}",
 }
@@ -80,7 +80,7 @@ def write_page(
         title=escape(f"{len(collection.shapes)} shapes in {layout.folder.resolve().name}"),
         summary=escape(f"{prepared} shapes prepared. {len(pairs)} pairs: {counts or 'none yet'}."),
         template=escape(template or "not yet chosen"),
-        first=_first(misfits(collection, rows)),
+        first=_first(outliers(collection, rows)),
         shapes="".join(_figure(collection, name, rows, lines) for name in collection.names),
         count=f"{min(len(pairs), MOST_SHOWN)} of {len(pairs)}, worst first.",
         pairs="".join(_shown(collection, pair, rows) for pair in pairs[:MOST_SHOWN]),
@@ -91,7 +91,7 @@ def write_page(
     write_text(layout.page, page)
 
 
-def _first(found: Sequence[Misfit]) -> str:
+def _first(found: Sequence[Outlier]) -> str:
     """List what does not fit, if anything does not."""
     items = "".join(
         f"<li><b>{escape(name)}</b> <small>{escape(kind)}</small> {escape(reason)}</li>\n"
@@ -150,7 +150,7 @@ def _in_doubt(pair: Mapping[str, Any]) -> float | None:
 
 
 def table_of(rows: Rows) -> list[dict[str, Any]]:
-    """One row for each pair, with the columns ``COLUMNS``; worst first: failed, then by outcome and misfit."""
+    """One row for each pair, with the columns ``COLUMNS``; worst first: failed, then by outcome and spectral residual."""
     lines = [_line(pair, record) for pair, record in rows.pairs.items()]
     return sorted(lines, key=_goodness)
 
@@ -185,7 +185,11 @@ def _line(pair: Pair, record: Record) -> dict[str, Any]:
 
 def _goodness(line: dict[str, Any]) -> tuple[bool, int, float]:
     outcome = line.get("outcome")
-    return line["state"] == "done", Outcome[outcome].sureness if outcome else -1, -(line.get("misfit") or 0.0)
+    return (
+        line["state"] == "done",
+        Outcome[outcome].sureness if outcome else -1,
+        -(line.get("spectral_residual") or 0.0),
+    )
 
 
 def write_reports(

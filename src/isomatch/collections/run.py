@@ -15,7 +15,7 @@ from threading import Lock
 from typing import Literal, NamedTuple, TypeVar
 
 from isomatch.assets import surface_from
-from isomatch.collections.cohort import OF_SHAPES, holes_of, likeness_of, mirror_images, misfits
+from isomatch.collections.cohort import OF_SHAPES, holes_of, likeness_of, mirror_images, outliers
 from isomatch.collections.ledger import SIDES, Ledger, Record, Rows, read_ledgers, writing_ledger
 from isomatch.collections.map_file import PairMaps, changed_files, digest_of
 from isomatch.collections.plan import Layout, Plan, features_of, identity_of, key_of, made_with, why_again
@@ -40,11 +40,11 @@ T = TypeVar("T")
 class Event(NamedTuple):
     """A step of a run: its kind, the shape or pair, its row, and how many of how many steps are done.
 
-    The row of a reflection is that of the pair by which the shape was judged, that of a misfit has its ``kind`` and
-    ``reason``, see `misfits`.
+    The row of a reflection is that of the pair by which the shape was judged, that of an outlier has its ``kind`` and
+    ``reason``, see `outliers`.
     """
 
-    what: Literal["shape", "misfit", "pair", "reflection", "agreement"]
+    what: Literal["shape", "outlier", "pair", "reflection", "agreement"]
     name: str | Pair
     record: Record
     done: int
@@ -75,7 +75,7 @@ class Run:
             ledger.rows.merge(read_ledgers(path for path in layout.ledgers() if path != own))
             ledger.put_origin(*made_with(self.collection.config, self.collection.seed))
             yield from self._prepared_shapes(job, workers, ledger)
-            yield from self._misfits(ledger.rows)
+            yield from self._outliers(ledger.rows)
             tried: set[str] = set()
             while not job.is_late():
                 yield from self._matched_pairs(job, workers, ledger)
@@ -98,11 +98,11 @@ class Run:
             ledger.put_shape(entry.name, row)
             yield Event("shape", entry.name, row, count, len(todo))
 
-    def _misfits(self, rows: Rows) -> Iterator[Event]:
+    def _outliers(self, rows: Rows) -> Iterator[Event]:
         """Tell what the shapes alone tell; of those that are broken it was told."""
-        found = [each for each in misfits(self.collection, Rows(rows.shapes)) if each.kind in OF_SHAPES]
+        found = [each for each in outliers(self.collection, Rows(rows.shapes)) if each.kind in OF_SHAPES]
         for count, (kind, name, reason) in enumerate(found, 1):
-            yield Event("misfit", name, {"state": "done", "kind": kind, "reason": reason}, count, len(found))
+            yield Event("outlier", name, {"state": "done", "kind": kind, "reason": reason}, count, len(found))
 
     def _matched_pairs(self, job: Job, workers: Workers, ledger: Ledger) -> Iterator[Event]:
         """Match the pairs that are not matched yet, in tiles, as far as their shapes could be prepared."""
@@ -384,7 +384,7 @@ def _surfaces_of(record: Record) -> tuple[str, str, list[str]]:
 
 def _unsureness(record: Record) -> tuple[int, float]:
     there = record["there"]
-    return -Outcome[there["outcome"]].sureness, there["quality"]["misfit"] or 0.0
+    return -Outcome[there["outcome"]].sureness, there["quality"]["spectral_residual"] or 0.0
 
 
 def row_of(work: Callable[[T], Record], item: T) -> Record:

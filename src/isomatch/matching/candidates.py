@@ -125,7 +125,7 @@ def is_sure(relation: Relation, selection: Selection[Fit]) -> bool:
     areas = relation.source.body.vertex_areas[relation.vertices]
     return (
         selection.rival > bounds.tie
-        and winner.misfit < SURE * bounds.poor_misfit
+        and winner.spectral_residual < SURE * bounds.poor_spectral_residual
         and residual_of(relation.pair, relation.vertices, winner.image) < SURE * bounds.poor_residual
         and mean_known(relation.mismatch(winner), areas) < SURE * bounds.poor_mismatch
     )
@@ -172,4 +172,8 @@ def _beats(relation: Relation, challenger: Fit, winner: Fit) -> bool:
         if CLEARLY_BETTER * scores[0] < scores[1]:
             return True
     residuals = [residual_of(relation.pair, relation.vertices, fit.image) for fit in fits]
-    return scores[0] < scores[1] and challenger.misfit < winner.misfit and residuals[0] < residuals[1]
+    return (
+        scores[0] < scores[1]
+        and challenger.spectral_residual < winner.spectral_residual
+        and residuals[0] < residuals[1]
+    )

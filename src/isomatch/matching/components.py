@@ -26,7 +26,7 @@ from isomatch.matching.hints import (
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.quality import measure_quality
 from isomatch.matching.result import MAP_ARRAYS, Outcome
-from isomatch.matching.selection import MISFIT_NOISE
+from isomatch.matching.selection import SPECTRAL_RESIDUAL_NOISE
 from isomatch.matching.solve import solve_either_winding
 from isomatch.matching.stages import Stages
 from isomatch.matching.verification import Evidence, Solution, measured_evidence, outcome_of
@@ -196,11 +196,17 @@ class _Components:
 
 
 def _against(matches: list[ComponentMatch]) -> tuple[int, int, float]:
-    """Return the sort key of an assignment, the best least: few pairs cost most, then an unsure one, then misfits."""
-    misfits = [np.nan_to_num(match.solution.quality.misfit, nan=np.inf) for match in matches]
+    """Return the sort key of an assignment, least for the best: few pairs cost, then an unsure one, then residuals."""
+    spectral_residuals = [
+        np.nan_to_num(match.solution.quality.spectral_residual, nan=np.inf) for match in matches
+    ]
     sureness = min(match.solution.outcome.sureness for match in matches)
     spread = np.std([np.log(match.pair.source.scale / match.pair.target.scale) for match in matches])
-    return -len(matches), -sureness, float(np.maximum(misfits, MISFIT_NOISE).mean() + spread)
+    return (
+        -len(matches),
+        -sureness,
+        float(np.maximum(spectral_residuals, SPECTRAL_RESIDUAL_NOISE).mean() + spread),
+    )
 
 
 def _assignments(n: int, m: int) -> list[list[tuple[int, int]]]:

@@ -27,12 +27,12 @@ def iterated(
     nearest: Callable[[Embedding, S], tuple[IntArray, IntArray]],
 ) -> tuple[IntArray, float]:
     """Alternate coordinates and nearest points; returns the images (r,) and their mean distance at last."""
-    misfit = np.inf
+    spectral_residual = np.inf
     for step in steps:
         embedding = coordinates(image, step)
         row, image = nearest(embedding, step)
-        misfit = float(np.linalg.norm(embedding.target[row] - embedding.source, axis=1).mean())
-    return image, misfit
+        spectral_residual = float(np.linalg.norm(embedding.target[row] - embedding.source, axis=1).mean())
+    return image, spectral_residual
 
 
 def refined_images(

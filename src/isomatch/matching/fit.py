@@ -48,7 +48,7 @@ class Fit:
     ----------
     image : (r,) array of int
         Vertex of the target's body for each of ``relation.vertices``.
-    misfit : float
+    spectral_residual : float
         Mean distance of these vertices from their images in the coordinates of the relation.
     score : float
         The cost of the map; lower is better. nan until the relation has measured it.
@@ -61,7 +61,7 @@ class Fit:
     """
 
     image: IntArray
-    misfit: float = np.inf
+    spectral_residual: float = np.inf
     score: float = np.nan
     orientation: float = 1.0
     hint_error: float = 0.0
@@ -72,7 +72,7 @@ class Fit:
     @property
     def is_measured(self) -> bool:
         """Whether the relation has measured the map."""
-        return bool(np.isfinite(self.misfit) and not np.isnan(self.score))
+        return bool(np.isfinite(self.spectral_residual) and not np.isnan(self.score))
 
     @property
     def side(self) -> float:

@@ -40,7 +40,7 @@ def measure_quality(
         distances_to_hints(pair, image, each) for each in (hints.landmarks, hints.initial_pairs)
     )
     return Quality(
-        misfit=selection.winner.misfit if selection else np.nan,
+        spectral_residual=selection.winner.spectral_residual if selection else np.nan,
         rival=selection.rival if selection else np.nan,
         mirrored=selection.mirrored if selection else np.nan,
         residual=alignment_residual(*aligned, signed_procrustes(*aligned)),

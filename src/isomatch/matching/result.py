@@ -64,7 +64,7 @@ class Quality(Shown):
 
     Parameters
     ----------
-    misfit : float
+    spectral_residual : float
         Mean distance from the images in the joint coordinates after the joint refinement (spectrum has unit 1).
     rival : float
         Score of the best map that differs over that of the map: 1 is a tie, below 1 the other, which was not eligible,
@@ -92,13 +92,13 @@ class Quality(Shown):
         Share of the source's area in the largest piece that the map tears from the rest; nan for a part.
     stress : float
         For a part, how far distances between images leave the intervals of those on the whole, relative to them.
-    bend_misfit : float
+    bending_cost : float
         For shapes that are bent, mean ``|log|`` of the stretch of edges × mean distance from the other, in √area.
     doubt : float
-        For a part, cost × ``bend_misfit`` over the lead of the map, 1 − cost / cost of the best map that differs.
+        For a part, cost × ``bending_cost`` over the lead of the map, 1 − cost / cost of the best map that differs.
     """
 
-    misfit: float
+    spectral_residual: float
     rival: float
     mirrored: float
     residual: float
@@ -113,7 +113,7 @@ class Quality(Shown):
     mismatch: float = math.nan
     torn_off: float = math.nan
     stress: float = math.nan
-    bend_misfit: float = math.nan
+    bending_cost: float = math.nan
     doubt: float = math.nan
 
 

@@ -29,11 +29,12 @@ CLEARLY_BETTER = (
     1.15  # score over that of a map that counts whatever hints say; docs/lab/benchmarks.md, confidence
 )
 
-# Energies, misfits and scores below these are equal: two triangulations of one surface differ as much, by 0.002 to 0.06,
+# Energies, spectral residuals and scores below these are equal: two triangulations of one surface differ as much, by
+# 0.002 to 0.06,
 # 0.26 to 0.35 and 0.04 to 0.09 (docs/lab/benchmarks.md, symmetry). Otherwise one of the symmetric maps between two copies
 # of a mesh would seem better than the others.
 ENERGY_NOISE = 0.012
-MISFIT_NOISE = 0.25
+SPECTRAL_RESIDUAL_NOISE = 0.25
 SCORE_NOISE = 0.04
 
 # in √area, from which two maps send a vertex to different places; chosen: above the errors of right maps, below a limb
@@ -138,15 +139,17 @@ def survivors(
     q, oriented = range(len(fits)), settings.orientation_threshold
     # while normals take no part, a twisted map may fit well: it neither sets the standard nor replaces another
     clear = [i for i in q if with_normals or abs(fits[i].orientation) > oriented] or list(q)
-    limit = settings.misfit_limit * max(min(fits[i].misfit for i in clear), MISFIT_NOISE)
-    order = sorted(q, key=lambda i: (i not in clear, fits[i].misfit))
+    limit = settings.spectral_residual_limit * max(
+        min(fits[i].spectral_residual for i in clear), SPECTRAL_RESIDUAL_NOISE
+    )
+    order = sorted(q, key=lambda i: (i not in clear, fits[i].spectral_residual))
     # the best of those nearest to the hints goes on however badly it fits, and the best of each orientation if asked
     spared = [i for i in order if fits[i] in nearest_to_hints(fits, LANDMARK_SLACK)][:1]
     if both_sides:
         spared += {fits[i].side: i for i in reversed(order)}.values()
     kept: list[tuple[int, int]] = []
     for i in order:
-        if fits[i].misfit > limit and i not in spared:
+        if fits[i].spectral_residual > limit and i not in spared:
             continue
         same = next((n for n, (j, _) in enumerate(kept) if apart[i, j] <= settings.same_map), None)
         if same is None:

@@ -176,7 +176,7 @@ def solve_complete(relation: Isometry, found: IsometricMatch, timer: StageTimer)
         if selection is None:
             return relation.summed_up(found, measured, timer)
         if elastic.keeps_lengths(selection.winner):
-            quality = replace(measured.quality, rival=selection.rival, bend_misfit=selection.winner.score)
+            quality = replace(measured.quality, rival=selection.rival, bending_cost=selection.winner.score)
             return relation.summed_up(found, replace(measured, quality=quality), timer, FAR_KEPT)
         with timer.within("elastic match"):
             timer.start("precision")
@@ -245,7 +245,7 @@ def _solve_two_parts(pair: ShapePair, hints: Hints, stages: Stages, timer: Stage
             return overlapping
     with timer.within("holes closed"):
         closed = match_closed(pair, hints, stages, timer) if pair.config.parts.close else None
-    if closed and closed.found.selection.winner.misfit <= found.selection.winner.misfit:
+    if closed and closed.found.selection.winner.spectral_residual <= found.selection.winner.spectral_residual:
         with_caps = _two_closed_parts(closed, timer)
         return with_caps if with_caps.outcome in SURE or overlapping is None else overlapping
     complete = solve_complete(relation, found, timer)

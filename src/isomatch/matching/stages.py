@@ -94,13 +94,14 @@ class Relation(ABC):
 
     Examples
     --------
-    An isometry whose maps are scored by their misfit alone, handed to `match` as ``relation=ByMisfit()``:
+    An isometry whose maps are scored by their spectral residual alone, handed to `match` as
+    ``relation=BySpectralResidual()``:
 
     >>> from isomatch.matching import Isometry
-    >>> class ByMisfit(Isometry):
+    >>> class BySpectralResidual(Isometry):
     ...     def score(self, fit):
-    ...         return fit.misfit
-    >>> isinstance(ByMisfit(), Relation)
+    ...         return fit.spectral_residual
+    >>> isinstance(BySpectralResidual(), Relation)
     True
     """
 
@@ -253,7 +254,7 @@ class Relation(ABC):
 
     @abstractmethod
     def measured(self, fit: Fit, image: IntArray) -> Fit:
-        """Measure the map that a fit has become: misfit and score of the images (r,)."""
+        """Measure the map that a fit has become: spectral residual and score of the images (r,)."""
 
     @abstractmethod
     def embedding(self, fit: Fit) -> Embedding:

@@ -88,7 +88,7 @@ def measured_evidence(
 def fits_badly(quality: Quality, bounds: OutcomeSettings) -> bool:
     """Whether a map of complete shapes does not keep distances, by the measures that take them for isometric."""
     return (
-        quality.misfit > bounds.poor_misfit
+        quality.spectral_residual > bounds.poor_spectral_residual
         or quality.residual > bounds.poor_residual
         or quality.stretch > bounds.poor_stretch
     )
@@ -96,7 +96,7 @@ def fits_badly(quality: Quality, bounds: OutcomeSettings) -> bool:
 
 def bends_badly(quality: Quality, bounds: OutcomeSettings) -> bool:
     """Whether shapes far from isometric have to be bent too much to lie on each other."""
-    return not (quality.bend_misfit <= bounds.poor_bending and quality.residual <= bounds.poor_far_residual)
+    return not (quality.bending_cost <= bounds.poor_bending and quality.residual <= bounds.poor_far_residual)
 
 
 def region_evidence(regions: Iterable[DoubtfulRegion], least: float) -> Evidence:

@@ -90,13 +90,13 @@ class SelectionSettings(Settings):
         Energy, against the least, up to which hypotheses are refined and compared again; most of them.
     extension_functions : int
         Functions through which a hypothesis is extended to further vertices.
-    misfit_limit : float
-        Misfit after a stage of the refinement, against the least, from which a map is given up.
+    spectral_residual_limit : float
+        Spectral residual after a stage of the refinement, against the least, from which a map is given up.
     same_map, rival_distance : float
         Mean distance between images, in √area, up to which two refined maps are one, less than one turned limb; and
         from which they are different maps, and not variants of one.
     energy_exponent : float
-        Score of a refined map = misfit × energy to this power.
+        Score of a refined map = spectral residual × energy to this power.
     mismatch_weight : float
         Weight of the difference of the mean mismatches of two maps in the logarithm of the ratio of their costs.
     most_alternatives : int
@@ -110,9 +110,11 @@ class SelectionSettings(Settings):
     energy_limit: float = setting(3.0, "docs/lab/benchmarks.md, sensitivity", least=1)
     most_contenders: int = setting(4, "docs/lab/design_notes.md: no other map than by 6", least=1)
     extension_functions: int = setting(50, "docs/lab/benchmarks.md, sensitivity; as in the search", least=4)
-    misfit_limit: float = setting(1.15, "docs/lab/benchmarks.md, sensitivity; as outcome.tie", least=1)
+    spectral_residual_limit: float = setting(
+        1.15, "docs/lab/benchmarks.md, sensitivity; as outcome.tie", least=1
+    )
     same_map: float = setting(0.02, "docs/lab/benchmarks.md, sensitivity; half of one turned limb", least=0)
-    energy_exponent: float = setting(0.25, "ablation: contest decided by misfit alone", least=0)
+    energy_exponent: float = setting(0.25, "ablation: contest decided by spectral residual alone", least=0)
     rival_distance: float = setting(0.15, "more than noise or one limb, less than a turned body", least=0)
     mismatch_weight: float = setting(1.5, "docs/lab/design_notes.md", least=0)
     most_alternatives: int = setting(2, "what a report can show beside the map", least=0)
@@ -240,7 +242,7 @@ class ElasticSettings(Settings):
     Parameters
     ----------
     sought : float
-        Misfit of the best map that keeps distances, from which one is sought that lets limbs stretch.
+        Spectral residual of the best map that keeps distances, from which one is sought that lets limbs stretch.
     n_coordinates, n_starts : int
         Canonical coordinates of each shape; best assignments of the points of either.
     forgiven, inside : float
@@ -271,7 +273,7 @@ class OutcomeSettings(Settings):
         A target vertex this near to an image along edges, in √area, is covered.
     tie, look_tie : float
         Score of an alternative, against the map returned, below which nothing decides between them; and between shapes
-        far from isometric, whose misfits are nearly equal.
+        far from isometric, whose spectral residuals are nearly equal.
     mirror_tie : float
         The same for a map of the other side where either is allowed; the poses alone may differ as much.
     mirror_image : float
@@ -279,10 +281,10 @@ class OutcomeSettings(Settings):
     torn, torn_apart : float
         Squared length of the image of an edge, over its own, above which it counts no more; and difference of both
         lengths, in √area, from which the map tears the edge.
-    poor_misfit, poor_residual, poor_stretch, poor_torn_off, poor_orientation : float
+    poor_spectral_residual, poor_residual, poor_stretch, poor_torn_off, poor_orientation : float
         Values above which, of the orientation below which, a map is poor.
     poor_bending, poor_far_residual : float
-        Values of `Quality.bend_misfit` and of the residual above which a map between shapes far from isometric is poor.
+        Values of `Quality.bending_cost` and of the residual above which a map between shapes far from isometric is poor.
     poor_mismatch : float
         Mean mismatch, see `Quality`, of which a map is sure only if it is well below.
     doubtful_mismatch, doubtful_area : float
@@ -304,7 +306,7 @@ class OutcomeSettings(Settings):
     mirror_tie: float = setting(1.5, "docs/lab/benchmarks.md, confidence: either side", least=1)
     mirror_image: float = setting(0.6, "lopsided creatures up to 0.52; bodies from 0.67", least=0, most=1)
     torn: float = setting(4.0, "chosen: a few torn faces must not outweigh all others", least=1)
-    poor_misfit: float = setting(
+    poor_spectral_residual: float = setting(
         0.66, "set on FAUST and creatures; docs/lab/benchmarks.md, confidence", least=0
     )
     poor_residual: float = setting(

@@ -54,8 +54,8 @@ class Measure:
 
 
 MEASURES = {
-    "misfit": Measure(
-        "misfit",
+    "spectral_residual": Measure(
+        "spectral_residual",
         "{:.2f}",
         "0: same; 0.4: two people",
         "Mean distance between corresponding points when eigenfunctions, signatures, positions and normals are compared "
@@ -143,8 +143,8 @@ MEASURES = {
         "How much distances between images leave the intervals in which distances on the whole must lie, given those "
         "along the part. 0.01 for a correct map.",
     ),
-    "bend_misfit": Measure(
-        "misfit of the bent shape",
+    "bending_cost": Measure(
+        "spectral residual of the bent shape",
         "{:.1e}",
         "stretch × distance",
         "How much the edges of a part, or of a shape of another species, are stretched when it is bent onto the other "
@@ -173,7 +173,7 @@ MEASURES = {
 }
 # on which side a measure is bounded, and the setting that holds the bound; of a part, others are evidence
 _BOUNDS = {
-    "misfit": ("most", "outcome.poor_misfit"),
+    "spectral_residual": ("most", "outcome.poor_spectral_residual"),
     "rival": ("least", "outcome.tie"),
     "mirrored": ("least", "outcome.mirror_tie"),
     "orientation": ("least", "outcome.poor_orientation"),
@@ -205,7 +205,7 @@ def quality_measures(result: MatchResult) -> Iterator[tuple[Measure, float, bool
 
 
 def quality_bounds(result: MatchResult) -> dict[str, dict[str, float]]:
-    """Give the bounds of the measures of a result, by the name of the field: {"misfit": {"most": 0.6}, …}."""
+    """Give the bounds of the measures of a result, by the name of the field: {"spectral residual": {"most": 0.6}, …}."""
     return {
         field: {side: bound for side in ("most", "least") if (bound := getattr(measure, side)) is not None}
         for field, measure in _measures_of(result).items()

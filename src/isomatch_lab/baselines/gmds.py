@@ -192,8 +192,8 @@ def relative_stress(pair: ShapePair, points: Placement) -> float:
     of_source, of_target = distances_to(pair, points)
     wanted = of_source[points.vertices]
     off = ~np.eye(len(wanted), dtype=bool)
-    misfit = (points.interpolated(of_target) - wanted)[off]
-    return float(np.linalg.norm(misfit) / np.linalg.norm(wanted[off]))
+    spectral_residual = (points.interpolated(of_target) - wanted)[off]
+    return float(np.linalg.norm(spectral_residual) / np.linalg.norm(wanted[off]))
 
 
 def descended(

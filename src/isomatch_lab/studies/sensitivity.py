@@ -60,7 +60,7 @@ VALUES: dict[str, dict[str, tuple[Any, ...]]] = {  # by stage; "" for the everyd
         "energy_limit": (1.5, 6.0),
         "most_contenders": (3, 12),
         "extension_functions": (25, 100),
-        "misfit_limit": (1.05, 1.3),
+        "spectral_residual_limit": (1.05, 1.3),
         "same_map": (0.01, 0.04),
         "energy_exponent": (0.1, 0.5),
     },

@@ -68,7 +68,7 @@ class Bent:
         return float(np.abs(np.log(after / (self.onto.unit * before))).mean())
 
     @cached_property
-    def misfit(self) -> float:
+    def spectral_residual(self) -> float:
         """The cost of bending: stretch × mean distance from the surface."""
         apart = self.points.interpolated(self.onto.mesh.vertices) - self.mesh.vertices
         return self.stretch * float(np.linalg.norm(apart, axis=1).mean())

@@ -249,15 +249,15 @@ class Elastic(Relation):
         coefficients, images = coarse.run(fit.coefficients, (step,), images)
         if images.orientation < LEAST_ORIENTATION:
             return None
-        # misfit × (unit + asymmetry)^exponent: of two fits that are as good, the one that exchanges mirror images is
-        # right; below the unit, asymmetry is that of the shapes themselves
+        # spectral residual × (unit + asymmetry)^exponent: of two fits that are as good, the one that exchanges mirror
+        # images is right; below the unit, asymmetry is that of the shapes themselves
         penalty = (ASYMMETRY_UNIT + coarse.asymmetry(images)) ** ASYMMETRY_EXPONENT
         image = coarse.target.targets[images.forth]
         return replace(
             fit,
             image=image,
-            misfit=images.misfit,
-            score=images.misfit * penalty,
+            spectral_residual=images.spectral_residual,
+            score=images.spectral_residual * penalty,
             coefficients=coefficients,
             images=images,
         )
@@ -266,7 +266,7 @@ class Elastic(Relation):
         """Extend a rough fit to the vertices of the relation."""
         source, target = self._fine.embedding(fit.coefficients)
         image = self.target.index.vertices(target, source[self.vertices])
-        return replace(fit, image=image, misfit=np.inf, score=np.nan)
+        return replace(fit, image=image, spectral_residual=np.inf, score=np.nan)
 
     def _drawn(self, pairs: IntArray, origin: str) -> StretchedFit:
         """Draw a map (q, 2) by all functions."""
@@ -310,7 +310,7 @@ class Elastic(Relation):
         image, score = self._bendings[0].images(bent[0], self.vertices), _score(bent)
         known = self._given >= 0
         error = self.target.mean_distance(image[known], self._given[known]) if known.any() else 0.0
-        return replace(fit, image=image, misfit=score, score=score, bent=bent, hint_error=error)
+        return replace(fit, image=image, spectral_residual=score, score=score, bent=bent, hint_error=error)
 
     def measured(self, fit: Fit, image: IntArray) -> StretchedFit:
         """Draw a map by all functions, and bend the shapes by it."""
@@ -375,7 +375,7 @@ class Elastic(Relation):
             measure_quality(self.pair, points, self.hints),
             rival=selection.rival,
             mismatch=mean_known(mismatch, self.source.body.vertex_areas),
-            bend_misfit=selection.winner.score,
+            bending_cost=selection.winner.score,
         )
         return Measured(points, quality, mismatch, reason, selection.winner.origin)
 
@@ -399,7 +399,7 @@ class Elastic(Relation):
 def _score(bent: tuple[Bent, ...]) -> float:
     # √(s g · s′ g′), see `Bent`: there and back, as the source bends well onto a target of which a limb is left out
     there, back = bent
-    return max(float(np.sqrt(there.misfit * back.misfit)), NO_SCORE)
+    return max(float(np.sqrt(there.spectral_residual * back.spectral_residual)), NO_SCORE)
 
 
 def far_from_isometric(relation: Relation, quality: Quality) -> bool:
@@ -409,5 +409,5 @@ def far_from_isometric(relation: Relation, quality: Quality) -> bool:
         return False
     if config.hypotheses != "all" or relation.hints.functions[0].shape[1]:
         return False
-    stretched = quality.misfit > config.elastic.sought or fits_badly(quality, config.outcome)
+    stretched = quality.spectral_residual > config.elastic.sought or fits_badly(quality, config.outcome)
     return stretched and not mirror_image_fits(quality, config.outcome)

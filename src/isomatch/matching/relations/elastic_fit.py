@@ -44,7 +44,7 @@ N_PLAIN_STARTS = (
 )
 
 # of mirror images
-MIRROR_MISFIT, MIRROR_ORIENTATION = 0.26, 0.5  # at most and at least, of a map to itself to be one
+MIRROR_SPECTRAL_RESIDUAL, MIRROR_ORIENTATION = 0.26, 0.5  # at most and at least, of a map to itself to be one
 MIRROR_STARTS = 24  # first maps; not measured
 MIRROR_FORGIVEN = 0.1  # as `ElasticSettings.forgiven`: a shape is nearly isometric to its mirror image
 N_FOLLOWED = (12, 4, 4)  # of these that go on after each step; docs/lab/design_notes.md
@@ -177,7 +177,7 @@ class Images(NamedTuple):
 
     forth: IntArray  # (m_s,)
     back: IntArray  # (m_t,)
-    misfit: float  # their mean distance
+    spectral_residual: float  # their mean distance
     orientation: (
         float  # mean cosine between normals of either shape and of its copy on the other, of the wanted side
     )
@@ -266,12 +266,12 @@ class ElasticFit:
         """Nearest images both ways, in the coordinates of `embedding`."""
         source, target, copies = self.source, self.target, self._copies(coefficients)
         nearest = self._nearest_anywhere if source.everywhere else self._nearest_samples
-        forth, back, misfit = nearest(copies)
+        forth, back, spectral_residual = nearest(copies)
         cosines = [
             np.einsum("ij,ij->i", copy.normals[onto.row], other.normals[image]).mean()
             for copy, onto, other, image in zip(copies, (source, target), (target, source), (forth, back))
         ]
-        return Images(forth, back, misfit, self.side * float(np.mean(cosines)))
+        return Images(forth, back, spectral_residual, self.side * float(np.mean(cosines)))
 
     def embedding(self, coefficients: Coefficients) -> Embedding:
         """Coordinates of the vertices sought of both shapes, in which images are nearest."""
@@ -315,8 +315,8 @@ class ElasticFit:
         from_source, from_target = a[source.row], b[target.row]
         forth = target.shape.prepared.index.vertices(b, from_source)
         back = source.shape.prepared.index.vertices(a, from_target)
-        misfit = np.linalg.norm(from_source - b[forth], axis=1).mean()
-        return forth, back, float(misfit + np.linalg.norm(from_target - a[back], axis=1).mean())
+        spectral_residual = np.linalg.norm(from_source - b[forth], axis=1).mean()
+        return forth, back, float(spectral_residual + np.linalg.norm(from_target - a[back], axis=1).mean())
 
     def _nearest_samples(self, copies: tuple[_Copy, _Copy]) -> tuple[IntArray, IntArray, float]:
         """Do the same among the samples, by one product for both ways."""
@@ -328,8 +328,8 @@ class ElasticFit:
         squared += single(np.einsum("ij,ij->i", a, a))[:, None]
         forth, back = squared.argmin(axis=1), squared.argmin(axis=0)
         nearest = squared[np.arange(len(a)), forth], squared[back, np.arange(len(b))]
-        misfit = sum(np.sqrt(np.maximum(each, 0.0)).mean(dtype=np.float64) for each in nearest)
-        return forth, back, float(misfit)
+        spectral_residual = sum(np.sqrt(np.maximum(each, 0.0)).mean(dtype=np.float64) for each in nearest)
+        return forth, back, float(spectral_residual)
 
     def asymmetry(self, images: Images) -> float:
         """How far the maps are from exchanging mirror images: a mean distance; 0 unless both are nearly symmetric."""
@@ -456,9 +456,9 @@ def with_mirror(prepared: PreparedShape, config: Config) -> ElasticShape:
     maps = [each for each in parallel_map(first, starts) if each]
     for step, most in zip(steps, N_FOLLOWED):
         maps = parallel_map(partial(stepped, step=step), maps)
-        maps = sorted(maps, key=lambda each: each[1].misfit)[:most]
+        maps = sorted(maps, key=lambda each: each[1].spectral_residual)[:most]
     clear = [each for each in maps if each[1].orientation >= MIRROR_ORIENTATION]
-    if not clear or clear[0][1].misfit > MIRROR_MISFIT:
+    if not clear or clear[0][1].spectral_residual > MIRROR_SPECTRAL_RESIDUAL:
         return shape
     coefficients = clear[0][0].source
     return replace(shape, mirrored=prepared.laplace.vectors[:, : len(coefficients)] @ coefficients)

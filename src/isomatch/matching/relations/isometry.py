@@ -241,23 +241,25 @@ class Isometry(Relation):
         return parallel_map(better, fits)
 
     def _stepped(self, fit: Fit, sizes: tuple[int, ...], with_positions: bool) -> Fit:
-        image, misfit = refined_images(self.pair, fit.image, fit.side, sizes, with_positions)
-        return replace(fit, image=image, misfit=misfit)
+        image, spectral_residual = refined_images(self.pair, fit.image, fit.side, sizes, with_positions)
+        return replace(fit, image=image, spectral_residual=spectral_residual)
 
     def measured(self, fit: Fit, image: IntArray) -> Fit:
-        """Measure a map: the misfit is that after the last step of the joint refinement, from there."""
+        """Measure a map: the spectral residual is that after the last step of the joint refinement, from there."""
         self.require_images(image)
-        _, misfit = refined_images(self.pair, image, fit.side, *self.pair.config.refining.last_step)
-        fit = replace(fit, image=image, misfit=misfit)
+        _, spectral_residual = refined_images(
+            self.pair, image, fit.side, *self.pair.config.refining.last_step
+        )
+        fit = replace(fit, image=image, spectral_residual=spectral_residual)
         return replace(fit, score=self.score(fit))
 
     def score(self, fit: Fit) -> float:
-        """Return the cost of a refined map: misfit × a power of its energy.
+        """Return the cost of a refined map: spectral residual × a power of its energy.
 
-        The misfit sees detail, after a fit that may have smoothed over what distances and curvature still see.
+        The spectral residual sees detail, after a fit that may have smoothed over what distances and curvature still see.
         """
         energy = energy_of(self.pair, self.vertices, fit.image)
-        return float(fit.misfit * energy**self.pair.config.selection.energy_exponent)
+        return float(fit.spectral_residual * energy**self.pair.config.selection.energy_exponent)
 
     def embedding(self, fit: Fit) -> Embedding:
         """Joint coordinates of all vertices, with all functions, after registration."""
@@ -373,7 +375,7 @@ class Isometry(Relation):
         n_tried = len(found.eligible) + len(found.rivals)
         exponent = pair.config.selection.energy_exponent
         reason = (
-            f"least misfit × energy^{exponent:g}; {n_tried} candidates, "
+            f"least spectral residual × energy^{exponent:g}; {n_tried} candidates, "
             f"{1 + len(selection.rivals)} refined to the end"
         )
         if selection.hints_decided:

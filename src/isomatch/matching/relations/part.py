@@ -403,7 +403,7 @@ def measured_part(
         initial_map_error = float(np.median(distances_to_hints(pair, image, initial_pairs)))
     positions, bounds = image_positions(source.body, target.body, points), pair.config.outcome
     quality = Quality(
-        misfit=fit.misfit,
+        spectral_residual=fit.spectral_residual,
         rival=np.inf,
         mirrored=np.inf,
         residual=np.nan,
@@ -416,7 +416,7 @@ def measured_part(
         landmark_error=landmark_error,
         initial_map_error=initial_map_error,
         stress=fit.stress,
-        bend_misfit=bent.misfit,
+        bending_cost=bent.spectral_residual,
         mismatch=mean_known(mismatch, source.body.vertex_areas),
     )
     return Measured(points, quality, mismatch, reason, relation.origin_of(fit), matched)

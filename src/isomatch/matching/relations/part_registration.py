@@ -296,7 +296,7 @@ class PartFit(Fit):
     @property
     def is_measured(self) -> bool:
         """Whether the relation has measured the map."""
-        return bool(np.isfinite(self.misfit) and np.isfinite(self.stress))
+        return bool(np.isfinite(self.spectral_residual) and np.isfinite(self.stress))
 
     @property
     def share(self) -> float:
@@ -306,18 +306,19 @@ class PartFit(Fit):
     @property
     def cost(self) -> float:
         """What the map costs among others: how badly coordinates and distances agree."""
-        # r σ^¼, of the spectral residual r (`misfit`) and the stress σ of distances. Only ratios of costs are compared,
+        # r σ^¼, of the spectral residual r (`spectral_residual`) and the stress σ of distances. Only ratios of costs
+        # are compared,
         # so log cost = log r + ¼ log σ weighs two measurements in different units. The residual sees detail, after a fit
         # that makes each map agree with itself in smooth functions; the stress is of distances, to which no map was
         # fitted.
-        return max(float(self.misfit * self.stress**STRESS_EXPONENT), LEAST_SCORE)
+        return max(float(self.spectral_residual * self.stress**STRESS_EXPONENT), LEAST_SCORE)
 
     @property
     def bent_cost(self) -> float:
         """What the map costs by itself, where no other is compared: the part is bent by it, too."""
         # r σ^¼ × (stretch × gap). Costs of one pair can be compared without the last factor, which no map was chosen by;
         # so it is independent evidence for the doubt of the best one.
-        return max(self.cost * self.bent.misfit, LEAST_SCORE)
+        return max(self.cost * self.bent.spectral_residual, LEAST_SCORE)
 
     @property
     def promise(self) -> float:
@@ -374,9 +375,9 @@ class PartFits:
         refinement = self._refinement(pair, N_ROUGH_VERTICES)
         if refinement.orientation(image, N_ROUGH_FUNCTIONS) < 0:
             return None
-        image, misfit = refinement.refined(image, ROUGH_SIZES)
+        image, spectral_residual = refinement.refined(image, ROUGH_SIZES)
         anchors = refinement.at(image, ROUGH_SIZES[-1], pair.anchors)
-        return self._fit(refinement, pair, image, misfit, anchors, N_ROUGH_FUNCTIONS, origin)
+        return self._fit(refinement, pair, image, spectral_residual, anchors, N_ROUGH_FUNCTIONS, origin)
 
     def begun(self, pair: PartPair, image: IntArray, origin: str) -> PartFit:
         """Extend a map of the vertices of a rough one to those of a fine one, in the unit that it measures."""
@@ -391,10 +392,12 @@ class PartFits:
         def refined_now(fit: PartFit) -> PartFit:
             settings = self._config.refining
             sizes = (*settings.sizes_without_positions, *settings.sizes_of_parts)
-            image, misfit = fit.refinement.refined(fit.image, sizes, False)
+            image, spectral_residual = fit.refinement.refined(fit.image, sizes, False)
             if sizes := (*settings.sizes_with_positions, *settings.final_sizes):
-                image, misfit = fit.refinement.refined(image, sizes)
-            return self._finely(fit.pair, image, misfit, self._config.parts.bending[::2], fit.origin)
+                image, spectral_residual = fit.refinement.refined(image, sizes)
+            return self._finely(
+                fit.pair, image, spectral_residual, self._config.parts.bending[::2], fit.origin
+            )
 
         return _remembered(self._refined, fit, refined_now)
 
@@ -404,7 +407,7 @@ class PartFits:
         def settled_now(fit: PartFit) -> PartFit:
             for _ in range(N_BENT):
                 image = self.bending.images(fit.bent, fit.refinement.vertices)
-                fit = again(replace(fit, image=image, misfit=np.inf))
+                fit = again(replace(fit, image=image, spectral_residual=np.inf))
             return fit
 
         return _remembered(self._settled, fit, settled_now)
@@ -413,17 +416,22 @@ class PartFits:
         """Take the last steps of the refinement."""
         settings = self._config.refining
         steps = (settings.final_sizes, True) if settings.final_sizes else settings.last_step
-        image, misfit = fit.refinement.refined(fit.image, *steps)
-        return self._finely(fit.pair, image, misfit, self._config.parts.bending, fit.origin)
+        image, spectral_residual = fit.refinement.refined(fit.image, *steps)
+        return self._finely(fit.pair, image, spectral_residual, self._config.parts.bending, fit.origin)
 
     def measured(self, pair: PartPair, image: IntArray, origin: str = "") -> PartFit:
         """Measure a map of the vertices of a fine one that was found otherwise, as if it were refined."""
         refinement = self._refinement(pair, self._config.n_refine)
-        _, misfit = refinement.refined(image, *self._config.refining.last_step)
-        return self._finely(pair, image, misfit, self._config.parts.bending, origin)
+        _, spectral_residual = refinement.refined(image, *self._config.refining.last_step)
+        return self._finely(pair, image, spectral_residual, self._config.parts.bending, origin)
 
     def _finely(
-        self, pair: PartPair, image: IntArray, misfit: float, lengths: tuple[float, ...], origin: str
+        self,
+        pair: PartPair,
+        image: IntArray,
+        spectral_residual: float,
+        lengths: tuple[float, ...],
+        origin: str,
     ) -> PartFit:
         refinement = self._refinement(pair, self._config.n_refine)
         k = min(N_ANCHOR_FUNCTIONS, len(pair.whole.laplace.values))
@@ -431,7 +439,7 @@ class PartFits:
         error = 0.0
         if self._hinted is not None:
             error = pair.whole.mean_distance(image, self._hinted[refinement.vertices])
-        fit = self._fit(refinement, pair, image, misfit, anchors, N_FINE_FUNCTIONS, origin)
+        fit = self._fit(refinement, pair, image, spectral_residual, anchors, N_FINE_FUNCTIONS, origin)
         return replace(fit, lengths=lengths, hint_error=error)
 
     def _fit(
@@ -439,7 +447,7 @@ class PartFits:
         refinement: PartRefinement,
         pair: PartPair,
         image: IntArray,
-        misfit: float,
+        spectral_residual: float,
         anchors: IntArray,
         k: int,
         origin: str,
@@ -447,7 +455,7 @@ class PartFits:
         """Measure a map, and the images (m,) that it gives the anchors."""
         return PartFit(
             image,
-            misfit,
+            spectral_residual,
             orientation=refinement.orientation(image, k),
             origin=origin,
             pair=pair,
