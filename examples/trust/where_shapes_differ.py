@@ -3,7 +3,7 @@ Where two shapes look different
 ===============================
 
 A map may be right although the shapes differ: one animal has a longer snout, one scan a fold that the other lacks.
-``result.mismatch`` compares how the surfaces bulge, and how thick they are, around each point and its image.
+``result.descriptor_distance`` compares how the surfaces bulge, and how thick they are, around each point and its image.
 """
 
 import numpy as np
@@ -29,13 +29,20 @@ humped = Mesh(
 )
 
 result = match(humped, other)
-print(f"{result.outcome.name}; mean mismatch {result.quality.mismatch:.2f}")
-draw_map(humped, other, result.map, "mismatch.png", values=ValuePanel(result.mismatch, "mismatch"))
+print(f"{result.outcome.name}; mean descriptor distance {result.quality.descriptor_distance:.2f}")
+draw_map(
+    humped,
+    other,
+    result.map,
+    "descriptor_distance.png",
+    values=ValuePanel(result.descriptor_distance, "descriptor_distance"),
+)
 
 # %%
-# It is largest at the hump. The report has it as a layer, beside the expected error: choose "mismatch" as the colour.
+# It is largest at the hump. The report has it as a layer, beside the expected error: choose the colour "descriptor
+# distance".
 
 near = distance < 0.08
 for place, chosen in (("at the hump", near), ("elsewhere", ~near)):
-    print(f"median mismatch {place}: {np.nanmedian(result.mismatch[chosen]):.2f}")
+    print(f"median descriptor distance {place}: {np.nanmedian(result.descriptor_distance[chosen]):.2f}")
 write_report("where_shapes_differ.html", humped, other, result)

@@ -146,8 +146,8 @@ def test_remeshing_changes_little(example):
     coarse = decimate(mesh, mesh.n_vertices // 2)
     nearest = np.array([np.linalg.norm(mesh.vertices - x, axis=1).argmin() for x in coarse.mesh.vertices])
     fine, rough = ball_signature(mesh), ball_signature(coarse.mesh, unit=np.sqrt(mesh.area))
-    apart = rough.mismatch(fine.at(nearest))
-    shuffled = rough.mismatch(fine.at(np.random.default_rng(0).permutation(nearest)))
+    apart = rough.descriptor_distance(fine.at(nearest))
+    shuffled = rough.descriptor_distance(fine.at(np.random.default_rng(0).permutation(nearest)))
     assert np.median(apart) < 0.25 * np.median(shuffled)
 
 
@@ -168,7 +168,7 @@ def test_values_at_other_vertices_are_means_of_near_samples(example):
     every = ball_signature(mesh)
     some = ball_signature(mesh, samples=np.arange(0, mesh.n_vertices, 3))
     few = ball_signature(mesh, samples=[7])
-    assert np.median(every.mismatch(some)) < 0.2
+    assert np.median(every.descriptor_distance(some)) < 0.2
     np.testing.assert_allclose(few.values, np.broadcast_to(few.values[7], few.values.shape), atol=1e-12)
 
 
@@ -181,11 +181,11 @@ def test_scaled_is_the_signature_of_the_larger_surface(example):
     np.testing.assert_allclose(ladder.scaled(1.3, [0.09, 0.13]).values, larger.values, atol=0.01)
 
 
-def test_mismatch_counts_what_is_known_of_both(example):
+def test_descriptor_distance_counts_what_is_known_of_both(example):
     found = ball_signature(example[0].mesh)
-    assert (found.mismatch(found) == 0).all()
+    assert (found.descriptor_distance(found) == 0).all()
     unknown = type(found)(found.radii, found.values, np.where(np.arange(len(found.values)) < 5, -1.0, np.inf))
-    compared = found.mismatch(unknown)
+    compared = found.descriptor_distance(unknown)
     assert np.isnan(compared[:5]).all()
     assert (compared[5:] == 0).all()
     assert (deviation_of(found) >= 0.03).all()
@@ -197,7 +197,9 @@ def test_clouds_with_normals(example):
     cloud = ball_signature(PointCloud(mesh.vertices), normals=mesh.vertex_normals)
     of_mesh = ball_signature(mesh)
     shuffled = of_mesh.at(np.random.default_rng(0).permutation(mesh.n_vertices))
-    assert np.median(cloud.mismatch(of_mesh)) < 0.5 * np.median(cloud.mismatch(shuffled))
+    assert np.median(cloud.descriptor_distance(of_mesh)) < 0.5 * np.median(
+        cloud.descriptor_distance(shuffled)
+    )
 
 
 @pytest.mark.parametrize(
@@ -228,7 +230,7 @@ def test_samples_and_normals_of_other_surfaces(mesh):
 def test_signatures_that_cannot_be_compared():
     sphere = icosphere(2)
     with pytest.raises(DescriptorError, match="cannot be compared"):
-        ball_signature(sphere, [0.2]).mismatch(ball_signature(sphere, [0.3]))
+        ball_signature(sphere, [0.2]).descriptor_distance(ball_signature(sphere, [0.3]))
 
 
 def test_a_flat_sheet_without_extent_in_one_direction():

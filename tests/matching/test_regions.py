@@ -59,10 +59,10 @@ def patches(pair, *middles, radius=0.2):
 
 
 def unlike_in(pair, *parts, value=2.0):
-    mismatch = np.zeros(pair.source.body.n_vertices)
+    descriptor_distance = np.zeros(pair.source.body.n_vertices)
     for part in parts:
-        mismatch[part] = value
-    return mismatch
+        descriptor_distance[part] = value
+    return descriptor_distance
 
 
 @pytest.mark.long
@@ -92,8 +92,8 @@ def test_where_nothing_differs_nothing_is_doubtful(pair, exchanged):
     own, _ = exchanged
     nothing_known = np.full(pair.source.body.n_vertices, np.nan)
     assert regions_of_doubt(pair) == ()
-    for mismatch in (None, unlike_in(pair), unlike_in(pair, slice(None)), nothing_known):
-        assert regions_of_doubt(pair, mismatch, (own, own)) == ()
+    for descriptor_distance in (None, unlike_in(pair), unlike_in(pair, slice(None)), nothing_known):
+        assert regions_of_doubt(pair, descriptor_distance, (own, own)) == ()
 
 
 def test_areas_sum_to_what_is_doubtful(pair):
@@ -117,9 +117,11 @@ def test_single_vertices_that_look_unlike_are_no_region(pair):
 
 def test_what_is_not_known_does_not_count(pair):
     (part,) = patches(pair, 0)
-    mismatch = unlike_in(pair, part)
-    (region,) = regions_of_doubt(pair, mismatch)
-    hidden = np.where(np.isin(np.arange(len(mismatch)), region.vertices), np.nan, mismatch)
+    descriptor_distance = unlike_in(pair, part)
+    (region,) = regions_of_doubt(pair, descriptor_distance)
+    hidden = np.where(
+        np.isin(np.arange(len(descriptor_distance)), region.vertices), np.nan, descriptor_distance
+    )
     assert regions_of_doubt(pair, hidden) == ()
 
 
@@ -137,13 +139,13 @@ def test_vertices_in_another_order_give_the_same_regions(animal, pair):
     vertices[new_place] = animal.mesh.vertices
     shape = prepare(Mesh(vertices, new_place[animal.mesh.faces]))
     permuted = prepare_pair(shape, shape)
-    mismatch = np.zeros(n)
-    mismatch[pair.source.user_vertex[np.concatenate(patches(pair, 0, 2))]] = 2.0
+    descriptor_distance = np.zeros(n)
+    descriptor_distance[pair.source.user_vertex[np.concatenate(patches(pair, 0, 2))]] = 2.0
     moved = np.zeros(n)
-    moved[new_place] = mismatch
+    moved[new_place] = descriptor_distance
     ours, theirs = (
         lifted(regions_of_doubt(each, each.source.restrict(values)), each.source, each.target)
-        for each, values in ((pair, mismatch), (permuted, moved))
+        for each, values in ((pair, descriptor_distance), (permuted, moved))
     )
     assert len(ours) == len(theirs) == 2
     for one, other in zip(ours, theirs):

@@ -44,7 +44,7 @@ def assert_same(one, other):
     assert json.dumps(one.to_dict()) == json.dumps(other.to_dict())
     assert (one.config, one.outcome) == (other.config, other.outcome)
     np.testing.assert_array_equal(one.expected_error, other.expected_error)
-    np.testing.assert_array_equal(one.mismatch, other.mismatch)
+    np.testing.assert_array_equal(one.descriptor_distance, other.descriptor_distance)
     assert len(one.alternatives) == len(other.alternatives)
     for a, b in zip(one.alternatives, other.alternatives):
         assert_same_map(a.map, b.map)

@@ -199,7 +199,7 @@ def line(a, b):
 HERE, THERE = np.arange(100), np.arange(100) + 5 * (np.arange(100) >= 60)
 
 
-def test_costs_are_weighed_by_the_mismatch_where_maps_differ():
+def test_costs_are_weighed_by_the_descriptor_distance_where_maps_differ():
     """Mismatches where both maps agree do not count, nor do those that are not known."""
     dear = np.where(HERE < 60, 9.0, 0.7)
     dear[90:] = np.nan
@@ -209,8 +209,11 @@ def test_costs_are_weighed_by_the_mismatch_where_maps_differ():
 
 def test_the_weights_of_maps_that_agree_or_of_which_nothing_is_known_are_none():
     unknown = np.full(100, np.nan)
-    for images, mismatches in (([HERE, HERE], [0 * HERE, 9.0 + HERE]), ([HERE, THERE], [unknown, unknown])):
-        assert weighed([1.0, 1.1], images, mismatches, line, [True, True], 2.0) == [1.0, 1.1]
+    for images, descriptor_distances in (
+        ([HERE, HERE], [0 * HERE, 9.0 + HERE]),
+        ([HERE, THERE], [unknown, unknown]),
+    ):
+        assert weighed([1.0, 1.1], images, descriptor_distances, line, [True, True], 2.0) == [1.0, 1.1]
     assert weighed([1.0, 1.1], [HERE, THERE], [0.9 + 0 * HERE, 0.1 + 0 * HERE], line, [True] * 2, 0.0) == [
         1.0,
         1.1,
@@ -219,11 +222,11 @@ def test_the_weights_of_maps_that_agree_or_of_which_nothing_is_known_are_none():
 
 @pytest.mark.parametrize("order", [[0, 1, 2], [2, 0, 1], [1, 2, 0]])
 def test_of_maps_that_beat_each_other_in_a_ring_the_one_that_loses_least_wins(order):
-    """The first beats the second by 0.3 of the mismatch, the second the third by 0.05, and the third the first by 0.2."""
+    """By descriptor distance, the first beats the second by 0.3, that the third by 0.05, and that the first by 0.2."""
     early = HERE < 50
     images = [HERE, HERE + 5 * early, HERE + 5 * ~early]
-    mismatches = [np.where(early, *values) for values in ((0.2, 0.5), (0.5, 0.3), (0.6, 0.3))]
-    ordered = ([each[i] for i in order] for each in (images, mismatches))
+    descriptor_distances = [np.where(early, *values) for values in ((0.2, 0.5), (0.5, 0.3), (0.6, 0.3))]
+    ordered = ([each[i] for i in order] for each in (images, descriptor_distances))
     costs = weighed([1.0] * 3, *ordered, line, [True] * 3, 2.0)
     assert order[int(np.argmin(costs))] == 2
     assert sorted(costs)[:2] == pytest.approx([1.0, 1.0])

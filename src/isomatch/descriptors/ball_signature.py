@@ -75,7 +75,7 @@ class BallSignature:
         values = (1 - part) * self.values[:, below] + part * self.values[:, below + 1]
         return BallSignature(wanted, values, factor * self.to_boundary, factor * self.finest)
 
-    def mismatch(self, other: BallSignature, deviation: FloatArray | None = None) -> FloatArray:
+    def descriptor_distance(self, other: BallSignature, deviation: FloatArray | None = None) -> FloatArray:
         """Compare with the signature of as many points: the mean difference (n,) of what is known of both.
 
         In standard deviations, each counted up to 2; nan where nothing is known of both. Offsets count most, then the

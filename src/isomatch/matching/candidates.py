@@ -81,13 +81,15 @@ def energy_of(
     # H the standardised signed mean curvature: a mirror image or a twist puts hollows on bumps. M = 1 without curvature.
     source, target = pair.source, pair.target
     residual = residual_of(pair, source_vertex, target_vertex, rank)
-    mismatch = 1.0
+    curvature_difference = 1.0
     if pair.oriented:
-        mismatch = np.abs(target.curvature[target_vertex] - source.curvature[source_vertex]).mean()
+        curvature_difference = np.abs(
+            target.curvature[target_vertex] - source.curvature[source_vertex]
+        ).mean()
     known = np.abs(pair.known.target[target_vertex] - pair.known.source[source_vertex])
     # as much, against curvature, as in the refinement
-    mismatch += known.sum(axis=1).mean() / CURVATURE_WEIGHT
-    return float(residual * mismatch**pair.config.selection.curvature_exponent)
+    curvature_difference += known.sum(axis=1).mean() / CURVATURE_WEIGHT
+    return float(residual * curvature_difference**pair.config.selection.curvature_exponent)
 
 
 def residual_of(
@@ -127,7 +129,7 @@ def is_sure(relation: Relation, selection: Selection[Fit]) -> bool:
         selection.rival > bounds.tie
         and winner.spectral_residual < SURE * bounds.poor_spectral_residual
         and residual_of(relation.pair, relation.vertices, winner.image) < SURE * bounds.poor_residual
-        and mean_known(relation.mismatch(winner), areas) < SURE * bounds.poor_mismatch
+        and mean_known(relation.descriptor_distance(winner), areas) < SURE * bounds.poor_descriptor_distance
     )
 
 

@@ -255,13 +255,15 @@ def composed(pair: ShapePair, matches: list[ComponentMatch], tied: bool, hints: 
         )
     vertices, corners, weights = (getattr(main.solution.map, name).copy() for name in MAP_ARRAYS)
     errors = main.solution.expected_error.copy()
-    mismatch = None if main.solution.mismatch is None else main.solution.mismatch.copy()
+    descriptor_distance = (
+        None if main.solution.descriptor_distance is None else main.solution.descriptor_distance.copy()
+    )
     for match in others:
         new = match.solution.map.matched & (vertices == UNMATCHED)
         for array, name in zip((vertices, corners, weights), MAP_ARRAYS):
             array[new] = getattr(match.solution.map, name)[new]
-        if mismatch is not None and match.solution.mismatch is not None:
-            mismatch[new] = match.solution.mismatch[new]
+        if descriptor_distance is not None and match.solution.descriptor_distance is not None:
+            descriptor_distance[new] = match.solution.descriptor_distance[new]
         share = match.pair.target.share / main.pair.target.share
         errors[new] = match.solution.expected_error[new] * np.sqrt(share)
     whole = replace(main.solution.map, vertices=vertices, faces=corners, barycentric=weights)
@@ -276,7 +278,7 @@ def composed(pair: ShapePair, matches: list[ComponentMatch], tied: bool, hints: 
         evidence=evidence,
         quality=quality,
         expected_error=errors,
-        mismatch=mismatch,
+        descriptor_distance=descriptor_distance,
         regions=tuple(sorted(chain(*(m.solution.regions for m in matches)), key=lambda region: -region.area)),
         notes=(*notes, *(note for _, side_notes in unmatched for note in side_notes)),
     )

@@ -102,7 +102,7 @@ ANOTHER_MAP = "another map that fits nearly as well sends it elsewhere"
 LOOKS_UNLIKE = "it looks unlike its image"
 
 MAIN = 0.25  # share of a region, from which what is doubtful there is a reason
-LEAST_KNOWN = 0.5  # share of a neighbourhood, below which its mismatch is not known
+LEAST_KNOWN = 0.5  # share of a neighbourhood, below which its descriptor distance is not known
 LEAST_AREA = 0.005  # share of the surface, below which no region is told; half a hand
 UNLIKE_ERROR = 0.27  # mean error, in √area, where they look unlike; docs/lab/benchmarks.md, regions of doubt
 
@@ -156,19 +156,23 @@ class DoubtfulRegion:
 
 
 def regions_of_doubt(
-    pair: ShapePair, mismatch: FloatArray | None = None, rivals: tuple[IntArray, IntArray] | None = None
+    pair: ShapePair,
+    descriptor_distance: FloatArray | None = None,
+    rivals: tuple[IntArray, IntArray] | None = None,
 ) -> tuple[DoubtfulRegion, ...]:
     """Find the connected regions of the source's body where a map is doubtful, the largest first."""
-    # mismatch: (n_s,) of each vertex and its image; rivals: images (n_refine,) under the map and the runner-up
+    # descriptor distance: (n_s,) of each vertex and its image; rivals: images (n_refine,) under the map and the runner-up
     source, target, bounds = pair.source, pair.target, pair.config.outcome
     doubts, rival = {}, None  # (n_s,) for each reason; 1 is its bound
     if rivals is not None:
         own, rival = (image[nearest_refinement_rows(pair)] for image in rivals)
         doubts[ANOTHER_MAP] = target.distance(own, rival) / pair.config.selection.rival_distance
-    if mismatch is not None and np.isfinite(mismatch[pair.refinement_vertices]).any():
+    if descriptor_distance is not None and np.isfinite(descriptor_distance[pair.refinement_vertices]).any():
         # two people look more different everywhere than two poses of one
-        usual = np.nanmedian(mismatch[pair.refinement_vertices])
-        doubts[LOOKS_UNLIKE] = np.nan_to_num((around(source, mismatch) - usual) / bounds.doubtful_mismatch)
+        usual = np.nanmedian(descriptor_distance[pair.refinement_vertices])
+        doubts[LOOKS_UNLIKE] = np.nan_to_num(
+            (around(source, descriptor_distance) - usual) / bounds.doubtful_descriptor_distance
+        )
     if not doubts:
         return ()
     body, most = source.body, np.max(list(doubts.values()), axis=0)

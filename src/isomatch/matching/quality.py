@@ -58,14 +58,14 @@ def measure_quality(
     )
 
 
-def mismatch_of(
+def descriptor_distance_of(
     here: BallSignature | None, there: BallSignature | None, image: IntArray, matched: BoolArray | None = None
 ) -> FloatArray | None:
     """Descriptor distance in space of each vertex and its image: (n_s,), nan where unknown; None without triangles."""
     if here is None or there is None:
         return None
-    mismatch = here.mismatch(there.at(image), deviation_of(here, there))
-    return mismatch if matched is None else np.where(matched, mismatch, np.nan)
+    descriptor_distance = here.descriptor_distance(there.at(image), deviation_of(here, there))
+    return descriptor_distance if matched is None else np.where(matched, descriptor_distance, np.nan)
 
 
 def mean_known(values: FloatArray | None, areas: FloatArray) -> float:

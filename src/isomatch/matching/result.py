@@ -46,7 +46,7 @@ FORMAT = ArrayFormat(
         "target_hash": Stored("text"),
         **{f"alternative_{name}": Stored(a.kind, ("a", *a.shape)) for name, a in MAP_ARRAYS.items()},
         "expected_error": Stored("float", ("n",)),
-        "mismatch": Stored("float", ("m",)),
+        "descriptor_distance": Stored("float", ("m",)),
         "region_sizes": Stored("integer", ("r",), group="regions"),
         "region_vertices": Stored("integer", ("d",), index_of="n", group="regions"),
         "region_rivals": Stored("integer", ("d",), group="regions"),
@@ -86,8 +86,8 @@ class Quality(Shown):
         Share of the source's vertices that have an image.
     landmark_error, initial_map_error : float
         Mean and median distance from the images that landmarks and the initial map ask for, in √area of the target.
-    mismatch : float
-        Mean of ``MatchResult.mismatch`` over the area, in standard deviations.
+    descriptor_distance : float
+        Mean of ``MatchResult.descriptor_distance`` over the area, in standard deviations.
     torn_off : float
         Share of the source's area in the largest piece that the map tears from the rest; nan for a part.
     stress : float
@@ -110,7 +110,7 @@ class Quality(Shown):
     matched: float
     landmark_error: float
     initial_map_error: float
-    mismatch: float = math.nan
+    descriptor_distance: float = math.nan
     torn_off: float = math.nan
     stress: float = math.nan
     bending_cost: float = math.nan
@@ -187,7 +187,7 @@ class MatchResult(Shown):
     seed : int
     symmetries : tuple of str
         Maps of the source, and of the target, onto themselves, in words; empty where none was found.
-    mismatch : (n_source,) array of float, optional
+    descriptor_distance : (n_source,) array of float, optional
         How differently the surfaces look in space around each vertex and its image, in standard deviations up to 2, see
         `BallSignature`; nan where unmatched or too near a boundary, None of points, graphs, baselines and bent maps.
     regions : tuple of DoubtfulRegion
@@ -207,7 +207,7 @@ class MatchResult(Shown):
     config: MatchSettings
     seed: int
     symmetries: tuple[str, str] = ("", "")
-    mismatch: FloatArray | None = None
+    descriptor_distance: FloatArray | None = None
     regions: tuple[DoubtfulRegion, ...] = ()
 
     @property
@@ -300,7 +300,9 @@ class MatchResult(Shown):
             **vars(self.map),
             **stacked,
             "expected_error": np.nan_to_num(self.expected_error, nan=UNMATCHED),
-            "mismatch": np.zeros(0) if self.mismatch is None else np.nan_to_num(self.mismatch, nan=UNMATCHED),
+            "descriptor_distance": np.zeros(0)
+            if self.descriptor_distance is None
+            else np.nan_to_num(self.descriptor_distance, nan=UNMATCHED),
             **packed(self.regions),
             "about": json.dumps(about),
         }
@@ -320,9 +322,9 @@ class MatchResult(Shown):
         others = zip(*(arrays.pop(f"alternative_{name}") for name in MAP_ARRAYS))
         try:
             about = json.loads(arrays.pop("about"))
-            errors, mismatch = (
+            errors, descriptor_distance = (
                 np.where(values == UNMATCHED, np.nan, values)
-                for values in (arrays.pop("expected_error"), arrays.pop("mismatch"))
+                for values in (arrays.pop("expected_error"), arrays.pop("descriptor_distance"))
             )
             regions = unpacked(arrays, about.get("regions", []))
             found = Correspondence(**{**arrays, "n_target": int(arrays["n_target"])})
@@ -332,7 +334,7 @@ class MatchResult(Shown):
                 outcome=Outcome[about["outcome"]],
                 quality=Quality(**about["quality"]),
                 expected_error=errors,
-                mismatch=mismatch if len(mismatch) else None,
+                descriptor_distance=descriptor_distance if len(descriptor_distance) else None,
                 regions=regions,
                 alternatives=tuple(
                     Alternative(partial(_itself, map), *evidence)

@@ -166,23 +166,24 @@ def survivors(
 def weighed(
     costs: Sequence[float],
     images: Sequence[IntArray],
-    mismatches: Sequence[FloatArray],
+    descriptor_distances: Sequence[FloatArray],
     distance: Callable[[IntArray, IntArray], FloatArray],
     eligible: Sequence[bool],
     weight: float,
 ) -> list[float]:
     """Multiply the costs of q maps by the descriptor distance of their images where they differ from the best map."""
     # Two maps i, j that differ in a region R (where their images are > ELSEWHERE apart) are compared by
-    #   c_i / c_j · exp(w (m̄_i − m̄_j)),   m̄ the mean over R of the mismatch, a standardised descriptor distance (r,):
+    #   c_i / c_j · exp(w (m̄_i − m̄_j)),   m̄ the mean over R of the descriptor distance, a standardised descriptor
+    # distance (r,):
     # the exponential makes the comparison of j with i the inverse of that of i with j. docs/lab/design_notes.md
     n = len(costs)
     looks = np.zeros((n, n))  # w (m̄_i − m̄_j), antisymmetric
     for i in range(n):
         for j in range(i):
-            known = np.isfinite(mismatches[i]) & np.isfinite(mismatches[j])
+            known = np.isfinite(descriptor_distances[i]) & np.isfinite(descriptor_distances[j])
             known &= distance(images[i], images[j]) > ELSEWHERE
             if known.mean() >= LEAST_REGION:
-                looks[i, j] = weight * (mismatches[i] - mismatches[j])[known].mean()
+                looks[i, j] = weight * (descriptor_distances[i] - descriptor_distances[j])[known].mean()
                 looks[j, i] = -looks[i, j]
     # As R differs from pair to pair, three maps may beat each other in a ring. The best is the eligible one that loses
     # least to any other, min_i max_j c_i exp(looks_ij) / c_j; all costs are then those against it.

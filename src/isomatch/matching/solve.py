@@ -11,7 +11,7 @@ import numpy as np
 from isomatch.errors import NotConvergedError
 from isomatch.matching.hints import Hints
 from isomatch.matching.pair import ShapePair
-from isomatch.matching.quality import mean_known, mismatch_of
+from isomatch.matching.quality import descriptor_distance_of, mean_known
 from isomatch.matching.relations.both_parts import BothParts
 from isomatch.matching.relations.closed import (
     GIVEN,
@@ -142,8 +142,8 @@ def looks_apart(pair: ShapePair, solution: Solution) -> float:
     image = solution.map.vertices[pair.source.user_vertex]
     matched = image >= 0
     image = pair.target.body_vertex[image]
-    mismatch = mismatch_of(pair.source.balls, pair.target.balls, image, matched)
-    return mean_known(mismatch, pair.source.body.vertex_areas)
+    descriptor_distance = descriptor_distance_of(pair.source.balls, pair.target.balls, image, matched)
+    return mean_known(descriptor_distance, pair.source.body.vertex_areas)
 
 
 def part_role(pair: ShapePair, hints: Hints, stages: Stages) -> PartSide | Literal["both"] | None:

@@ -220,29 +220,31 @@ class Relation(ABC):
         agrees = winner.hint_error <= self.pair.config.outcome.contradiction
         return "initial map" if len(self.hints.initial_pairs) and agrees else winner.origin
 
-    def mismatch(self, fit: Fit) -> FloatArray:
+    def descriptor_distance(self, fit: Fit) -> FloatArray:
         """Descriptor distance in space of the vertices (r,) and their images, see `BallSignature`; nan where unknown."""
         here, there = self.source.balls, self.target.balls
         if here is None or there is None:
             return np.full(len(self.vertices), np.nan)
-        return here.at(self.vertices).mismatch(there.at(fit.image), self._deviation)
+        return here.at(self.vertices).descriptor_distance(there.at(fit.image), self._deviation)
 
     @cached_property
     def _deviation(self) -> FloatArray:
         return deviation_of(*(shape.balls for shape in (self.source, self.target) if shape.balls))
 
     def weighed(self, fits: Sequence[Fit], costs: Sequence[float], eligible: Sequence[bool]) -> list[float]:
-        """Weigh the costs of maps by their mismatch where they differ, see `weighed`."""
-        if not self.mismatch_weight:
+        """Weigh the costs of maps by their descriptor distance where they differ, see `weighed`."""
+        if not self.descriptor_weight:
             return list(costs)
-        mismatches = parallel_map(self.mismatch, fits)
+        descriptor_distances = parallel_map(self.descriptor_distance, fits)
         images = [fit.image for fit in fits]
-        return weighed(costs, images, mismatches, self.target.distance, eligible, self.mismatch_weight)
+        return weighed(
+            costs, images, descriptor_distances, self.target.distance, eligible, self.descriptor_weight
+        )
 
     @property
-    def mismatch_weight(self) -> float:
-        """How much the mismatch weighs in the ratio of two costs, see `weighed`."""
-        return self.pair.config.selection.mismatch_weight
+    def descriptor_weight(self) -> float:
+        """How much the descriptor distance weighs in the ratio of two costs, see `weighed`."""
+        return self.pair.config.selection.descriptor_weight
 
     @abstractmethod
     def refined(self, fits: Sequence[Fit]) -> list[Fit]:

@@ -242,7 +242,7 @@ class Solution:
     origin: str = ""
     reason: str = ""
     config: MatchSettings | None = None  # the settings of the method, if it is not `match`
-    mismatch: FloatArray | None = None
+    descriptor_distance: FloatArray | None = None
     regions: tuple[DoubtfulRegion, ...] = ()
     looks_count: bool = (
         True  # whether regions that look unlike are evidence; two species look unlike somewhere
@@ -264,7 +264,7 @@ class Solution:
 def judged(solution: Solution, timer: StageTimer, seed: int) -> MatchResult:
     """Make the result of a match."""
     pair = solution.pair
-    shared = "map outcome quality expected_error mismatch regions alternatives notes origin reason"
+    shared = "map outcome quality expected_error descriptor distance regions alternatives notes origin reason"
     source, target = (
         "" if solution.config else describe_symmetries(shape.symmetries)
         for shape in (pair.source, pair.target)

@@ -97,8 +97,9 @@ class SelectionSettings(Settings):
         from which they are different maps, and not variants of one.
     energy_exponent : float
         Score of a refined map = spectral residual × energy to this power.
-    mismatch_weight : float
-        Weight of the difference of the mean mismatches of two maps in the logarithm of the ratio of their costs.
+    descriptor_weight : float
+        Weight of the difference of the mean descriptor distances of two maps in the logarithm of the ratio of their
+        costs.
     most_alternatives : int
         Most alternatives in the result.
     """
@@ -116,7 +117,7 @@ class SelectionSettings(Settings):
     same_map: float = setting(0.02, "docs/lab/benchmarks.md, sensitivity; half of one turned limb", least=0)
     energy_exponent: float = setting(0.25, "ablation: contest decided by spectral residual alone", least=0)
     rival_distance: float = setting(0.15, "more than noise or one limb, less than a turned body", least=0)
-    mismatch_weight: float = setting(1.5, "docs/lab/design_notes.md", least=0)
+    descriptor_weight: float = setting(1.5, "docs/lab/design_notes.md", least=0)
     most_alternatives: int = setting(2, "what a report can show beside the map", least=0)
 
 
@@ -206,8 +207,8 @@ class PartSettings(Settings):
     little_trusted, clear : float
         Share of the pairs of anchors whose distance on the whole is known, below which a map is not sure, either, unless
         the score of its best alternative is at least so many times its own.
-    mismatch_weight : float
-        As `SelectionSettings.mismatch_weight`, of parts; also of roughly refined maps, over everything that is known.
+    descriptor_weight : float
+        As `SelectionSettings.descriptor_weight`, of parts; also of roughly refined maps, over everything that is known.
     n_common, sure_common : int, float
         Of two overlapping parts: likeliest regions in common that are refined; how much more alike than at random the
         parts must look in the best of them for it to be sure.
@@ -229,7 +230,7 @@ class PartSettings(Settings):
     poor_doubt: float = setting(8.5e-5, "docs/lab/robustness.md: parts, how the bound was set", least=0)
     little_trusted: float = setting(0.15, "docs/lab/robustness.md: parts", least=0, most=1)
     clear: float = setting(2.0, "docs/lab/robustness.md: parts", least=1)
-    mismatch_weight: float = setting(6.0, "docs/lab/design_notes.md", least=0)
+    descriptor_weight: float = setting(6.0, "docs/lab/design_notes.md", least=0)
     n_common: int = setting(8, "docs/lab/design_notes.md", least=1)
     sure_common: float = setting(0.5, "docs/lab/design_notes.md", least=0)
     tie: float = setting(1.2, "chosen on cuts and holes, not one by one", least=1)
@@ -285,11 +286,11 @@ class OutcomeSettings(Settings):
         Values above which, of the orientation below which, a map is poor.
     poor_bending, poor_far_residual : float
         Values of `Quality.bending_cost` and of the residual above which a map between shapes far from isometric is poor.
-    poor_mismatch : float
-        Mean mismatch, see `Quality`, of which a map is sure only if it is well below.
-    doubtful_mismatch, doubtful_area : float
-        Mean mismatch of the neighbourhood of a vertex, above the median of the map, from which its image is doubtful,
-        and share of the surface from which a region of doubtful images lowers the outcome.
+    poor_descriptor_distance : float
+        Mean descriptor distance, see `Quality`, of which a map is sure only if it is well below.
+    doubtful_descriptor_distance, doubtful_area : float
+        Mean descriptor distance of the neighbourhood of a vertex, above the median of the map, from which its image
+        is doubtful, and share of the surface from which a region of doubtful images lowers the outcome.
     contradiction : float
         Distance from the images that hints ask for, in √area, from which they are contradicted: the mean of the
         landmarks (of a part the median), or the median of an initial map, which may be wrong in places.
@@ -315,8 +316,8 @@ class OutcomeSettings(Settings):
     poor_stretch: float = setting(1.2, "docs/lab/benchmarks.md, confidence", least=1)
     poor_bending: float = setting(1.7e-3, "docs/lab/design_notes.md", least=0)
     poor_far_residual: float = setting(0.45, "docs/lab/design_notes.md", least=0)
-    poor_mismatch: float = setting(0.42, "docs/lab/design_notes.md", least=0)
-    doubtful_mismatch: float = setting(0.65, "docs/lab/benchmarks.md, regions of doubt", least=0)
+    poor_descriptor_distance: float = setting(0.42, "docs/lab/design_notes.md", least=0)
+    doubtful_descriptor_distance: float = setting(0.65, "docs/lab/benchmarks.md, regions of doubt", least=0)
     doubtful_area: float = setting(0.02, "a forearm of a body", least=0, most=1)
     torn_apart: float = setting(0.1, "0.07 to 0.15 do as well: docs/lab/benchmarks.md, confidence", least=0)
     poor_torn_off: float = setting(0.005, "half a hand; right maps have at most 0.2 %", least=0)

@@ -122,8 +122,8 @@ MEASURES = {
         "Sum of the squared lengths of the edges' images over that of the edges: 1 if lengths are preserved, more if the "
         "map stretches or tears the surface. A torn edge counts at most four times.",
     ),
-    "mismatch": Measure(
-        "mismatch",
+    "descriptor_distance": Measure(
+        "descriptor_distance",
         "{:.2f}",
         "standard deviations, up to 2",
         "How differently the two surfaces look in space around a point and its image, on average. Little is expected for "

@@ -73,7 +73,7 @@ def write_report(
         Additional rows for the table about the run.
     layers : mapping of str to (n_source,) array_like of float, optional
         Further values to be shown as colours, such as errors; ``nan`` is grey. Positions, stretch and what the result
-        knows (expected error, mismatch, doubt) are always there.
+        knows (expected error, descriptor distance, doubt) are always there.
     landmarks : (q, 2) array_like of int, optional
         Pairs (source vertex, target vertex) with which the list of landmarks begins; those of vertices that the shapes
         lack are left out.

@@ -189,12 +189,12 @@ def _colours(linear: FloatArray) -> str:
 
 
 # the first two are there of every map
-BUILT_IN = ("position", "stretch", "expected error", "mismatch", "doubt")
+BUILT_IN = ("position", "stretch", "expected error", "descriptor_distance", "doubt")
 N_STOPS = 9  # colours of a ramp between which a browser interpolates
 LEVELS = 254  # levels of a stored value
 NO_VALUE = 255
 LARGE_ERROR = 0.05  # √area; the confidence there is ½
-MISMATCHED = 1.0  # standard deviations; points drawn at random differ by about 0.8
+DESCRIPTORS = 1.0  # standard deviations; points drawn at random differ by about 0.8
 OUTLIERS = 0.02  # share of the values that may lie beyond the ends of the ramp
 
 
@@ -225,21 +225,21 @@ class Layer:
 
 
 def known_layers(result: MatchResult) -> dict[str, Layer]:
-    """Layers of all that a result knows of its map: the regions of doubt, the expected error, the mismatch."""
+    """Layers of all that a result knows of its map: the regions of doubt, the expected error, the descriptor distance."""
     layers = {}
     if result.regions:
         values = np.full(len(result.map.vertices), np.nan)
         values[np.concatenate([region.vertices for region in result.regions])] = 1.0
         layers["doubt"] = Layer(values, 0.0, 1.0, "the regions of doubt, all else in grey")
-    errors, mismatch = result.expected_error, result.mismatch
+    errors, descriptor_distance = result.expected_error, result.descriptor_distance
     if np.isfinite(errors).any():
         high = max(LARGE_ERROR, float(np.nanquantile(errors, 1 - OUTLIERS)))
         layers["expected error"] = Layer(
             errors, 0.0, high, "distance of an image from the right one, in √area"
         )
-    if mismatch is not None and np.isfinite(mismatch).any():
+    if descriptor_distance is not None and np.isfinite(descriptor_distance).any():
         meaning = "how differently the shapes look here, in standard deviations"
-        layers["mismatch"] = Layer(mismatch, 0.0, MISMATCHED, meaning)
+        layers["descriptor_distance"] = Layer(descriptor_distance, 0.0, DESCRIPTORS, meaning)
     return layers
 
 

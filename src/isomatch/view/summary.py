@@ -122,7 +122,7 @@ def _doubt(result: MatchResult) -> str:
     """Say how much of the surface is in doubt, and where most of all."""
     if not result.regions:
         whole = np.isnan([result.quality.doubt, result.quality.stress]).all()
-        sought = whole and result.mismatch is not None and not result.outcome.is_doubtful
+        sought = whole and result.descriptor_distance is not None and not result.outcome.is_doubtful
         return "No region is in doubt." if sought else ""
     largest, *others = result.regions
     share = _per_cent(sum(region.area for region in result.regions))

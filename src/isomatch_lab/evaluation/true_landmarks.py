@@ -54,8 +54,12 @@ def true_landmarks(
     here = source.distances_from(references[:, 0])[:, pair.truth[:, 0]] / np.sqrt(pair.source.area)
     there = target.distances_from(references[:, 1])[:, pair.truth[:, 1]] / np.sqrt(pair.target.area)
     connected = np.isfinite(here) & np.isfinite(there)  # points on other components count as √area apart
-    mismatch = np.abs(np.subtract(here, there, where=connected, out=np.ones(here.shape))).mean(axis=0)
-    reliable = np.flatnonzero(connected[0] & (mismatch <= np.quantile(mismatch, RELIABLE)))
+    descriptor_distance = np.abs(np.subtract(here, there, where=connected, out=np.ones(here.shape))).mean(
+        axis=0
+    )
+    reliable = np.flatnonzero(
+        connected[0] & (descriptor_distance <= np.quantile(descriptor_distance, RELIABLE))
+    )
     if len(reliable) < count:
         raise LandmarkError(
             f"{pair.name}: only {len(reliable)} of {len(pair.truth)} true points are reliable, too few for {count} "

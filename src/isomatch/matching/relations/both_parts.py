@@ -15,7 +15,7 @@ from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching.fit import Fit
 from isomatch.matching.hints import Hints
 from isomatch.matching.pair import ShapePair
-from isomatch.matching.quality import mismatch_of
+from isomatch.matching.quality import descriptor_distance_of
 from isomatch.matching.relations.both_seeds import NEXT_ANCHORS, CommonRegion, CommonRegions, two_sides
 from isomatch.matching.relations.part import Part, contradiction, expected_errors_of_part, measured_part
 from isomatch.matching.relations.part_pair import NO_LANDMARKS
@@ -37,7 +37,7 @@ ROUNDS = (4, 0.05, True), (2, 0.045, False)
 APART = 0.12  # mean distance of images, in √area of the target, from which two maps differ
 AROUND = 0.05  # by which a region reaches beyond its samples when it is refined
 HELD = 0.1  # distance from where it is known to go, in √area of the target, up to which a landmark is held
-TOO_UNLIKE = 0.6  # mismatch from which a sample and its surroundings do not lead others
+TOO_UNLIKE = 0.6  # descriptor distance from which a sample and its surroundings do not lead others
 OFF, RIM = (
     0.04,
     0.02,
@@ -135,10 +135,12 @@ class BothParts(Relation):
         errors = np.full(n, np.nan)
         errors[best.vertices] = expected_errors_of_part(fit.pair, bent.points)
         timer.start("quality")
-        mismatch = mismatch_of(pair.source.balls, pair.target.balls, points.corners[:, 0], matched)
+        descriptor_distance = descriptor_distance_of(
+            pair.source.balls, pair.target.balls, points.corners[:, 0], matched
+        )
         side, other = self._regions.source, self._regions.target
         unit, reason = side.unit / other.unit, "largest region in common that looks alike"
-        measured = measured_part(self, fit, bent, unit, points, matched, mismatch, reason)
+        measured = measured_part(self, fit, bent, unit, points, matched, descriptor_distance, reason)
         rivalry = best.score / rival.score if rival and rival.score else np.inf
         measured = replace(measured, quality=replace(measured.quality, rival=rivalry))
         led = 0 < len(side.landmarks) == best.held
@@ -207,9 +209,9 @@ class RefinedRegion:
         return np.flatnonzero(self.matched[self.regions.source.vertices])
 
     @cached_property
-    def mismatches(self) -> FloatArray:
-        """(q,) descriptor distance around them, see `CommonRegions.mismatches`."""
-        return self.regions.mismatches(self.rows, self._images)
+    def descriptor_distances(self) -> FloatArray:
+        """(q,) descriptor distance around them, see `CommonRegions.descriptor_distances`."""
+        return self.regions.descriptor_distances(self.rows, self._images)
 
     @property
     def _images(self) -> IntArray:
@@ -241,7 +243,7 @@ class RefinedRegion:
         # samples that look unlike their images lead no others, but join again where others lead there
         source, target = self.regions.source, self.regions.target
         at_samples = np.full(len(source.vertices), UNMATCHED)
-        known = self.rows[self.mismatches < TOO_UNLIKE]
+        known = self.rows[self.descriptor_distances < TOO_UNLIKE]
         at_samples[known] = self.image[source.vertices[known]]
         at_samples[: len(source.landmarks)] = target.landmarks
         rows = np.flatnonzero(at_samples != UNMATCHED)[:NEXT_ANCHORS]

@@ -39,9 +39,9 @@ OVERHANG = 0.02  # by which a ball may reach over a boundary and count
 USUAL, PRIOR_RADII = 0.25, 1.5  # cost of a candidate that says nothing, and how many radii it counts as
 USUAL_AREA, MOST_AREA, PRIOR_AREAS = 0.15, 1.0, 2.0  # the same of the logarithms of areas
 MOMENTS_WEIGHT, AREAS_WEIGHT = 0.6, 0.5
-MOST_MISMATCH = 2.0  # standard deviations from which values differ as much as any two
-NEUTRAL, PRIOR = 0.5, 0.5  # mismatch where nothing is known, and how many radii it counts as
-AROUND = 0.12  # distance over which mismatches are averaged
+MOST_DESCRIPTOR_DISTANCE = 2.0  # standard deviations from which values differ as much as any two
+NEUTRAL, PRIOR = 0.5, 0.5  # descriptor distance where nothing is known, and how many radii it counts as
+AROUND = 0.12  # distance over which descriptor distances are averaged
 N_ALIKE = 3  # samples of the target that always look as alike as any
 BY_CHANCE = 1.2  # mean of −log of the ranks of images up to which they may be at random; uniform ranks have 1
 SURELY = 0.05  # distance from where nothing is shown, from which something surely is
@@ -166,12 +166,16 @@ def signed_triangles(source: BothSide, rows: IntArray, target: BothSide, images:
 
 
 def _summed(here: BallSignature, there: BallSignature, deviation: FloatArray) -> tuple[FloatArray, IntArray]:
-    """Sum over the radii known at both of the halved mismatches of all pairs, and their number."""
+    """Sum over the radii known at both of the halved descriptor distances of all pairs, and their number."""
     known = here.known[:, None] & there.known[None]
     total = np.zeros(known.shape[:2])
     for j in range(known.shape[2]):
         apart = np.abs(here.values[:, None, j] - there.values[None, :, j]) / deviation[j]
-        total += known[:, :, j] * np.minimum(apart, MOST_MISMATCH).mean(axis=2) / MOST_MISMATCH
+        total += (
+            known[:, :, j]
+            * np.minimum(apart, MOST_DESCRIPTOR_DISTANCE).mean(axis=2)
+            / MOST_DESCRIPTOR_DISTANCE
+        )
     return total, known.sum(axis=2)
 
 
@@ -211,12 +215,12 @@ class CommonRegions:
         around: FloatArray = np.exp(-((source.intervals.upper / AROUND) ** 2)) * source.areas
         return around
 
-    def mismatches(self, rows: IntArray, images: IntArray) -> FloatArray:
+    def descriptor_distances(self, rows: IntArray, images: IntArray) -> FloatArray:
         """Descriptor distance (q,) around some samples of the source and their images, vertices of the target."""
         # means over near samples of the region, drawn to a neutral value where little is known
         here, there = self.source.moments.at(self.source.vertices[rows]), self.target.moments.at(images)
         count = (here.known & there.known).sum(axis=1)
-        total = np.nan_to_num(here.mismatch(there, self._deviation)) * count
+        total = np.nan_to_num(here.descriptor_distance(there, self._deviation)) * count
         around = self._around[np.ix_(rows, rows)]
         mean: FloatArray = (around @ (total + NEUTRAL * PRIOR)) / (around @ (count + PRIOR))
         return mean

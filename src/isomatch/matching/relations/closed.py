@@ -122,20 +122,22 @@ class ClosedMatch:
         timer.start("quality")
         closed = self.relation.summed_up(self.found, self.found.measured, timer)
         points, matched = self._opened(closed.map)
-        source, target, mismatch = self.pair.source, self.pair.target, closed.mismatch
-        if mismatch is not None:
-            mismatch = np.where(matched, mismatch[: source.body.n_vertices], np.nan)
+        source, target, descriptor_distance = self.pair.source, self.pair.target, closed.descriptor_distance
+        if descriptor_distance is not None:
+            descriptor_distance = np.where(matched, descriptor_distance[: source.body.n_vertices], np.nan)
         radius = self.pair.config.outcome.coverage_radius
         quality = replace(
             closed.quality,
             coverage=covered_share(target.body, points.corners[matched, 0], radius),
-            mismatch=mean_known(mismatch, source.body.vertex_areas),
+            descriptor_distance=mean_known(descriptor_distance, source.body.vertex_areas),
         )
         notes = [
             *self.relation.pair.notes,
             "stretch, residual and distortion are those of the shapes with their holes closed",
         ]
-        opened = Measured(points, quality, mismatch, closed.reason, closed.origin, matched).solution(
+        opened = Measured(
+            points, quality, descriptor_distance, closed.reason, closed.origin, matched
+        ).solution(
             self.pair,
             self.hints,
             closed.expected_error[: source.body.n_vertices],

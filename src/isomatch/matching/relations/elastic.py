@@ -13,7 +13,7 @@ from isomatch.errors import NotConvergedError
 from isomatch.matching.confidence import doubt_in, expected_errors, regions_of_doubt
 from isomatch.matching.coordinates import refined_images, registered
 from isomatch.matching.fit import Fit
-from isomatch.matching.quality import mean_known, measure_quality, mismatch_of
+from isomatch.matching.quality import descriptor_distance_of, mean_known, measure_quality
 from isomatch.matching.relations.bending import Bent, ElasticBending
 from isomatch.matching.relations.elastic_fit import (
     N_COARSE,
@@ -370,14 +370,16 @@ class Elastic(Relation):
         """Take the nearest points under the map selected, and measure it."""
         embedding = self.everywhere(selection.winner)
         points = self.target.index.points(embedding.target, embedding.source)
-        mismatch = mismatch_of(self.source.balls, self.target.balls, points.corners[:, 0])
+        descriptor_distance = descriptor_distance_of(
+            self.source.balls, self.target.balls, points.corners[:, 0]
+        )
         quality = replace(
             measure_quality(self.pair, points, self.hints),
             rival=selection.rival,
-            mismatch=mean_known(mismatch, self.source.body.vertex_areas),
+            descriptor_distance=mean_known(descriptor_distance, self.source.body.vertex_areas),
             bending_cost=selection.winner.score,
         )
-        return Measured(points, quality, mismatch, reason, selection.winner.origin)
+        return Measured(points, quality, descriptor_distance, reason, selection.winner.origin)
 
     def solution(self, timer: StageTimer) -> Solution:
         """Find the map, and the evidence for it, where no other relation was tried."""
@@ -390,7 +392,7 @@ class Elastic(Relation):
         timer.start("quality")
         pair = self.pair
         far = measured_evidence(pair, measured.quality, pair.config.orientation, self.hints.any, far=True)
-        regions = regions_of_doubt(pair, measured.mismatch)
+        regions = regions_of_doubt(pair, measured.descriptor_distance)
         errors = expected_errors(pair, measured.points, doubt_in(regions, self.source.body.n_vertices))
         solution = measured.solution(pair, self.hints, errors, (far,), [FAR], regions=regions)
         return replace(solution, looks_count=False)

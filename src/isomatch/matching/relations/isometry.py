@@ -32,7 +32,12 @@ from isomatch.matching.coordinates import refined_images, registered
 from isomatch.matching.fit import Candidate, Fit, Hypothesis
 from isomatch.matching.hints import Hints
 from isomatch.matching.pair import ShapePair, SmoothPair
-from isomatch.matching.quality import contradicted_landmarks, mean_known, measure_quality, mismatch_of
+from isomatch.matching.quality import (
+    contradicted_landmarks,
+    descriptor_distance_of,
+    mean_known,
+    measure_quality,
+)
 from isomatch.matching.result import Alternative, Quality
 from isomatch.matching.search import hypotheses_from_hints, search, symmetric_variants
 from isomatch.matching.selection import (
@@ -63,7 +68,7 @@ class Measured:
 
     points: PrecisePoints  # images of the vertices
     quality: Quality
-    mismatch: FloatArray | None  # (n_s,) see `mismatch_of`
+    descriptor_distance: FloatArray | None  # (n_s,) see `descriptor_distance_of`
     reason: str = ""  # how the map was chosen, in a sentence
     origin: str = ""  # where it came from
     matched: BoolArray | None = None  # (n_s,) which vertices have an image, if not all
@@ -94,7 +99,9 @@ class Measured:
             notes=(*pair.notes, *hints.notes, *notes, *contradicted_landmarks(pair, self.points, hints)),
             origin=self.origin,
             reason=self.reason,
-            mismatch=None if self.mismatch is None else source.lift(self.mismatch),
+            descriptor_distance=None
+            if self.descriptor_distance is None
+            else source.lift(self.descriptor_distance),
             regions=lifted(regions, source, pair.target),
         )
 
@@ -382,10 +389,16 @@ class Isometry(Relation):
             reason += "; of those that tie, it agrees best with the hints"
         if selection.rival < np.inf:
             reason += f"; the best alternative scores {selection.rival:.2f} times as much"
-        mismatch = mismatch_of(self.source.balls, self.target.balls, points.corners[:, 0])
-        quality = replace(quality, mismatch=mean_known(mismatch, self.source.body.vertex_areas))
+        descriptor_distance = descriptor_distance_of(
+            self.source.balls, self.target.balls, points.corners[:, 0]
+        )
+        quality = replace(
+            quality, descriptor_distance=mean_known(descriptor_distance, self.source.body.vertex_areas)
+        )
         origin = self.origin_of(selection.winner)
-        return Measured(points, quality, mismatch, reason, origin, doubt=doubt, fit=selection.winner)
+        return Measured(
+            points, quality, descriptor_distance, reason, origin, doubt=doubt, fit=selection.winner
+        )
 
     def summed_up(
         self, found: IsometricMatch, map_: Measured, timer: StageTimer, note: str | None = None
@@ -395,7 +408,7 @@ class Isometry(Relation):
         selection, rivals = found.selection, None
         if selection.against and selection.rival < pair.config.outcome.tie and not far:
             rivals = selection.winner.image, selection.against.image
-        regions = regions_of_doubt(pair, map_.mismatch, rivals)
+        regions = regions_of_doubt(pair, map_.descriptor_distance, rivals)
         doubt = doubt_in(regions, self.source.body.n_vertices) + (0.0 if map_.doubt is None else map_.doubt)
         errors = expected_errors(pair, map_.points, doubt)
         level: SmoothPair = pair

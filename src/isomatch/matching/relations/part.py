@@ -19,11 +19,11 @@ from isomatch.matching.fit import Fit
 from isomatch.matching.pair import SmoothPair
 from isomatch.matching.quality import (
     covered_share,
+    descriptor_distance_of,
     distances_to_hints,
     edge_stretch,
     image_positions,
     mean_known,
-    mismatch_of,
 )
 from isomatch.matching.relations.closed import ClosedMatch, with_doubt
 from isomatch.matching.relations.isometry import Measured
@@ -193,14 +193,14 @@ class Part(Relation):
             return replace(selection, rival=min(selection.rival, self.closed.found.selection.rival))
         return selection
 
-    def mismatch(self, fit: Fit) -> FloatArray:
+    def descriptor_distance(self, fit: Fit) -> FloatArray:
         """Descriptor distance (r,) of the vertices and their images, by balls."""
-        return cast(PartFit, fit).mismatches
+        return cast(PartFit, fit).descriptor_distances
 
     @property
-    def mismatch_weight(self) -> float:
-        """How much the mismatch weighs in the ratio of two costs."""
-        return self.pair.config.parts.mismatch_weight
+    def descriptor_weight(self) -> float:
+        """How much the descriptor distance weighs in the ratio of two costs."""
+        return self.pair.config.parts.descriptor_weight
 
     def _by_cost(self, fits: list[PartFit]) -> tuple[list[PartFit], list[float]]:
         """Order maps by their weighed cost; returns also the costs."""
@@ -365,9 +365,9 @@ class Part(Relation):
         timer.start("quality")
         balls = best.pair.signature, best.pair.whole.balls
         here, there = balls if self.side == "source" else balls[::-1]
-        mismatch = mismatch_of(here, there, points.corners[:, 0], matched)
+        descriptor_distance = descriptor_distance_of(here, there, points.corners[:, 0], matched)
         reason = f"fits best of {1 + len(selection.rivals)} maps of a part refined to the end"
-        measured = measured_part(self, best, bent, unit, points, matched, mismatch, reason)
+        measured = measured_part(self, best, bent, unit, points, matched, descriptor_distance, reason)
         quality = replace(measured.quality, rival=selection.rival, doubt=doubt.doubt)
         evidence = (*evidence, contradiction(self, measured))
         notes = (
@@ -386,7 +386,7 @@ def measured_part(
     unit: float,  # what √area of the source is worth in √area of the target
     points: PrecisePoints,  # images of the vertices of the source's body
     matched: BoolArray,  # (n_s,) which of them there are
-    mismatch: FloatArray | None,  # (n_s,)
+    descriptor_distance: FloatArray | None,  # (n_s,)
     reason: str,
 ) -> Measured:
     """Measure a map in which a part takes part."""
@@ -417,9 +417,9 @@ def measured_part(
         initial_map_error=initial_map_error,
         stress=fit.stress,
         bending_cost=bent.spectral_residual,
-        mismatch=mean_known(mismatch, source.body.vertex_areas),
+        descriptor_distance=mean_known(descriptor_distance, source.body.vertex_areas),
     )
-    return Measured(points, quality, mismatch, reason, relation.origin_of(fit), matched)
+    return Measured(points, quality, descriptor_distance, reason, relation.origin_of(fit), matched)
 
 
 def contradiction(relation: Relation, measured: Measured) -> Evidence:

@@ -275,17 +275,19 @@ class PartFit(Fit):
     lengths: tuple[float, ...] = ()
 
     @cached_property
-    def mismatches(self) -> FloatArray:
+    def descriptor_distances(self) -> FloatArray:
         """(r,) descriptor distance of each vertex and its image, by balls; nan where nothing is known."""
         here, there = self.pair.signature, self.pair.whole.balls
         if there is None:
             return np.full(len(self.image), np.nan)
-        return here.at(self.refinement.vertices).mismatch(there.at(self.image), deviation_of(there))
+        return here.at(self.refinement.vertices).descriptor_distance(
+            there.at(self.image), deviation_of(there)
+        )
 
     @property
-    def mismatch(self) -> float:
+    def descriptor_distance(self) -> float:
         """Their mean, or 0 if nothing is known."""
-        known = self.mismatches[np.isfinite(self.mismatches)]
+        known = self.descriptor_distances[np.isfinite(self.descriptor_distances)]
         return float(known.mean()) if len(known) else 0.0
 
     @cached_property
@@ -328,11 +330,13 @@ class PartFit(Fit):
         #       fine refinement heals small twists, so they are not refused but dearer: 1 / √o ≈ 1 + t. The factor is at
         #       most 1 / √0.1 ≈ 3.2, just above `PartSettings.hopeless`, the ratio from which a map is dropped; mirror
         #       images, o < 0, were dropped before.
-        #   m   mean descriptor distance of balls, w = `PartSettings.mismatch_weight`. If the log ratio of its densities
+        #   m   mean descriptor distance of balls, w = `PartSettings.descriptor_weight`. If the log ratio of its densities
         #       at right and wrong images is linear in m, exp(w Δm) is the likelihood ratio of two maps. The mean is over
         #       the whole part, as rough maps differ nearly everywhere; fine ones are compared where they do (`weighed`).
         twist = np.sqrt(max(self.orientation, LEAST_ORIENTATION))
-        return float(self.cost / twist * np.exp(self.pair.config.parts.mismatch_weight * self.mismatch))
+        return float(
+            self.cost / twist * np.exp(self.pair.config.parts.descriptor_weight * self.descriptor_distance)
+        )
 
 
 class PartFits:

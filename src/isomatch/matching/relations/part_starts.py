@@ -47,8 +47,8 @@ MOST_GROWN, N_GROWN = 60, 12  # regions that are completed, and starts of them
 FEWEST_GROWN = 6  # anchors of a region
 NEAR = 0.2  # distances, in √area of the whole, weigh 1 / (this + distance) in a region
 DEAREST = 0.3  # mean cost of distances at which an anchor gains nothing
-MISMATCH_GAIN = 2.0  # of an anchor that looks alike, against one that agrees in its distances
-NEUTRAL_MISMATCH, PRIOR_RADII = (
+DESCRIPTOR_GAIN = 2.0  # of an anchor that looks alike, against one that agrees in its distances
+NEUTRAL_DESCRIPTOR_DISTANCE, PRIOR_RADII = (
     0.6,
     1.0,
 )  # says nothing, as so many radii; right ones are about 0.4, any two about 0.8
@@ -135,11 +135,11 @@ class PartStarts:
         pair, candidates, whole = self._at(min(self._pair.unit, 1.0)), self._candidates, self._pair.whole
         if whole.balls is None or len(pair.landmarks):
             return []
-        mismatch = self._mismatches(pair, whole.balls)
+        descriptor_distance = self._descriptor_distances(pair, whole.balls)
         roots = np.argsort(-pair.to_boundary[pair.anchors], kind="stable")[:N_ROOTS]
-        likely = np.argsort(mismatch[roots], axis=1, kind="stable")[:, :N_LIKELY]
+        likely = np.argsort(descriptor_distance[roots], axis=1, kind="stable")[:, :N_LIKELY]
         seeds = np.column_stack([np.repeat(roots, likely.shape[1]), likely.ravel()])
-        unary = MISMATCH_GAIN * (mismatch - NEUTRAL_MISMATCH)
+        unary = DESCRIPTOR_GAIN * (descriptor_distance - NEUTRAL_DESCRIPTOR_DISTANCE)
         lower, upper = pair.anchor_intervals
         rows, gains = grow_regions(
             whole.distances_between(candidates), lower, upper, unary, seeds, pair.cost, NEAR, DEAREST
@@ -156,14 +156,18 @@ class PartStarts:
         images = fine[trilaterate(lower[:, placed], upper[:, placed], there, pair.cost)]
         return self._start(pair, images, 1)
 
-    def _mismatches(self, pair: PartPair, of_whole: BallSignature) -> FloatArray:
-        """Mismatch (m, c) of each anchor and candidate, drawn towards a neutral value where little is known."""
+    def _descriptor_distances(self, pair: PartPair, of_whole: BallSignature) -> FloatArray:
+        """Descriptor distance (m, c) of each anchor and candidate, drawn to a neutral value where little is known."""
         here, there = pair.signature.at(pair.anchors), of_whole.at(self._candidates)
         known = (here.known[:, None] & there.known[None]).sum(axis=2)
         pairs = np.indices((len(here.values), len(there.values))).reshape(2, -1)
-        apart = here.at(pairs[0]).mismatch(there.at(pairs[1]), deviation_of(there)).reshape(known.shape)
+        apart = (
+            here.at(pairs[0])
+            .descriptor_distance(there.at(pairs[1]), deviation_of(there))
+            .reshape(known.shape)
+        )
         total = np.where(known > 0, apart, 0.0) * known
-        mean: FloatArray = (total + NEUTRAL_MISMATCH * PRIOR_RADII) / (known + PRIOR_RADII)
+        mean: FloatArray = (total + NEUTRAL_DESCRIPTOR_DISTANCE * PRIOR_RADII) / (known + PRIOR_RADII)
         return mean
 
     def _assigned(self, unit: float) -> list[PartStart]:
