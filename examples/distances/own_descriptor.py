@@ -36,7 +36,7 @@ def features(shape, seed):
 values = features(source, 0), features(target, 1)
 result = match(source.mesh, target.mesh, initial_descriptors=values, config=Config(hypotheses="given"))
 print("with:", result.outcome.name, "from:", result.origin)
-print(f"score of the best alternative over that of this one: {result.quality.rival:.3f}")
+print(f"score of the best alternative over that of this one: {result.quality.runner_up:.3f}")
 
 # %%
 # The outcome is honest: a map that the hint has excluded fits as well, or even better by a hair. The truth is

@@ -111,7 +111,7 @@ def test_bounds_stand_beside_the_measures(matching, tmp_path, capsys):
     assert "≤ 0." in capsys.readouterr().out
     bounds = json.loads((tmp_path / "out" / "result.json").read_text())["bounds"]
     assert bounds["spectral_residual"] == {"most": isomatch.Config().outcome.poor_spectral_residual}
-    assert bounds["rival"] == {"least": isomatch.Config().outcome.tie}
+    assert bounds["runner_up"] == {"least": isomatch.Config().outcome.tie}
 
 
 @pytest.mark.long

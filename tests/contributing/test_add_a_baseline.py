@@ -49,7 +49,7 @@ def test_a_relabelled_copy_gives_the_relabelling(animal):
     found = nearest_signatures(animal, other.mesh)
     assert (found.map.vertices == other.new_vertex).mean() > 0.9
     assert isinstance(found.outcome, Outcome)
-    assert np.isnan(found.quality.rival)
+    assert np.isnan(found.quality.runner_up)
     assert found.to_dict()["config"] == {"weight": 1.0, "orientation": "any"}
     assert type(found) is type(match(animal, animal))
 

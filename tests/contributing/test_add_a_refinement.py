@@ -93,7 +93,7 @@ def test_it_refines_an_elastic_map(animals):
 def test_maps_are_measured_by_the_last_step_there_is(animals, relation, sizes):
     source, target, truth = animals
     refining = replace(Config().refining, **sizes)
-    given = Config(hypotheses="given", search_rivals=False, refining=refining)
+    given = Config(hypotheses="given", search_runners_up=False, refining=refining)
     for refinement in (Upsampling(), None):
         found = match(
             source, target, initial_map=truth, config=given, relation=relation, refinement=refinement

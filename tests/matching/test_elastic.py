@@ -53,11 +53,11 @@ def test_limbs_stretch(species, found):
 
 
 def test_a_map_between_species_is_judged_by_how_much_the_shapes_are_bent(found):
-    """A rival that is bent as little is a tie."""
+    """A runner-up that is bent as little is a tie."""
     bounds, quality = Config().outcome, found.quality
     sure = quality.bending_cost <= bounds.poor_bending and quality.residual <= bounds.poor_far_residual
-    assert (found.outcome is Outcome.CONVERGED) == (sure and quality.rival >= bounds.look_tie)
-    assert quality.rival >= 1
+    assert (found.outcome is Outcome.CONVERGED) == (sure and quality.runner_up >= bounds.look_tie)
+    assert quality.runner_up >= 1
     strict = replace(bounds, poor_bending=0.5 * quality.bending_cost)
     assert bends_badly(quality, strict)
     assert bends_badly(replace(quality, bending_cost=np.nan), bounds)

@@ -29,8 +29,8 @@ evidence = st.builds(Evidence, *(st.booleans() for _ in fields(Evidence)))
 scores, shares = st.floats(1e-7, 1e-3), st.floats(0, 1)
 
 
-def doubt_of(score, rival=np.inf, trusted=1.0):
-    return PartDoubt(score, rival, trusted, SETTINGS)
+def doubt_of(score, runner_up=np.inf, trusted=1.0):
+    return PartDoubt(score, runner_up, trusted, SETTINGS)
 
 
 @given(evidence, st.sampled_from([each.name for each in fields(Evidence)]))
@@ -53,7 +53,7 @@ def test_an_outcome_is_lowered_and_never_raised():
             assert lowered(outcome, Evidence.of(other)) is min(outcome, other, key=lambda o: o.sureness)
 
 
-def test_the_doubt_is_the_score_without_a_rival_and_boundless_at_a_tie():
+def test_the_doubt_is_the_score_without_a_runner_up_and_boundless_at_a_tie():
     assert doubt_of(BOUND).doubt == BOUND
     assert doubt_of(BOUND, 2.0).doubt == pytest.approx(2 * BOUND)
     assert 1 / doubt_of(BOUND, 3.0).doubt == pytest.approx(1 / BOUND - 1 / (3 * BOUND))
@@ -61,9 +61,9 @@ def test_the_doubt_is_the_score_without_a_rival_and_boundless_at_a_tie():
 
 
 @given(scores, st.floats(1, 10), st.floats(1, 10), shares, shares)
-def test_a_part_is_no_less_sure_if_it_is_clearer_and_more_is_known(score, rival, clearer, trusted, more):
-    worse = doubt_of(score, min(rival, clearer), min(trusted, more)).evidence
-    better = doubt_of(score, max(rival, clearer), max(trusted, more)).evidence
+def test_a_part_is_no_less_sure_if_it_is_clearer_and_more_is_known(score, runner_up, clearer, trusted, more):
+    worse = doubt_of(score, min(runner_up, clearer), min(trusted, more)).evidence
+    better = doubt_of(score, max(runner_up, clearer), max(trusted, more)).evidence
     if not worse.ambiguous:  # a tie is told as such, whatever is known
         assert outcome_of([better]).sureness >= outcome_of([worse]).sureness
 

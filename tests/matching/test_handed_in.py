@@ -39,7 +39,7 @@ def test_where_only_hints_may_win_no_start_is_asked(bodies, relation):
         asked.append(pair)
         return []
 
-    config = Config(hypotheses="given", search_rivals=False)
+    config = Config(hypotheses="given", search_runners_up=False)
     found = match(source, target, initial_map=truth, config=config, starts=[start], relation=relation)
     assert not asked
     assert found.origin == "initial map"

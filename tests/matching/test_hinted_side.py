@@ -48,7 +48,7 @@ def test_a_given_map_wins_a_tie(kidneys, side):
     assert error(target, found.map.vertices, truth[side]) < 0.05
     assert found.origin == "initial map"
     assert found.outcome is Outcome.SYMMETRY_AMBIGUOUS
-    assert found.quality.rival >= 1
+    assert found.quality.runner_up >= 1
 
 
 @pytest.mark.long

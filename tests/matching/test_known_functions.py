@@ -33,9 +33,9 @@ def test_a_marked_corner_tells_the_turns_of_a_brick_apart(brick):
         old_vertex = np.argsort(target.new_vertex)
         result = match(brick, target.mesh, functions=(corner, corner[old_vertex]))
         errors.append(mean_error(result, old_vertex, brick))
-        clearness.append(result.quality.rival)
+        clearness.append(result.quality.runner_up)
     assert max(errors) < 0.02
-    assert min(clearness) > match(brick, target.mesh).quality.rival
+    assert min(clearness) > match(brick, target.mesh).quality.runner_up
 
 
 @pytest.mark.long

@@ -188,7 +188,7 @@ def test_result_is_told_in_plain_values(prepared_example):
     told = json.loads(json.dumps(found.to_dict(), allow_nan=False))
     assert told["direction"] == "source -> target"
     assert told["outcome"] == "CONVERGED"
-    assert told["quality"]["rival"] is None, "there is no rival: inf is not JSON"
+    assert told["quality"]["runner_up"] is None, "there is no runner-up: inf is not JSON"
     assert told["quality"]["landmark_error"] == 0
     assert told["config"]["hypotheses"] == "given"
     assert (told["seed"], told["engine"], told["origin"]) == (3, "fast_marching", "landmarks")
@@ -270,7 +270,7 @@ def test_a_wrong_given_map_is_not_called_converged():
         config=Config(hypotheses="given", orientation="any"),
     )
     assert found.outcome in (Outcome.LOW_CONFIDENCE, Outcome.SYMMETRY_AMBIGUOUS)
-    assert found.quality.rival < 1.05
+    assert found.quality.runner_up < 1.05
 
 
 @pytest.mark.long

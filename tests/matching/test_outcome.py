@@ -15,7 +15,13 @@ from shapes import icosphere
 BOUNDS = Config().outcome
 NONE = Quality(**{field.name: np.nan for field in fields(Quality)})
 GOOD = replace(
-    NONE, spectral_residual=0.1, rival=np.inf, mirrored=np.inf, residual=0.1, stretch=1.0, orientation=0.95
+    NONE,
+    spectral_residual=0.1,
+    runner_up=np.inf,
+    mirrored=np.inf,
+    residual=0.1,
+    stretch=1.0,
+    orientation=0.95,
 )
 LITTLE = 1e-9
 
@@ -35,7 +41,7 @@ def outcome(quality, wanted="preserve", hinted=False, left_out=0.0):
         ("stretch", BOUNDS.poor_stretch, 1, Outcome.LOW_CONFIDENCE),
         ("torn_off", BOUNDS.poor_torn_off, 1, Outcome.LOW_CONFIDENCE),
         ("orientation", BOUNDS.poor_orientation, -1, Outcome.LOW_CONFIDENCE),
-        ("rival", BOUNDS.tie, -1, Outcome.SYMMETRY_AMBIGUOUS),
+        ("runner_up", BOUNDS.tie, -1, Outcome.SYMMETRY_AMBIGUOUS),
         ("mirrored", BOUNDS.mirror_tie, -1, Outcome.SYMMETRY_AMBIGUOUS),
     ],
 )
@@ -44,9 +50,9 @@ def test_each_measure_has_one_bound(measure, good, side, otherwise):
     assert outcome(replace(GOOD, **{measure: good + side * LITTLE})) is otherwise
 
 
-def test_a_better_rival_leaves_no_confidence():
-    assert outcome(replace(GOOD, rival=1.0)) is Outcome.SYMMETRY_AMBIGUOUS
-    assert outcome(replace(GOOD, rival=1.0 - LITTLE)) is Outcome.LOW_CONFIDENCE
+def test_a_better_runner_up_leaves_no_confidence():
+    assert outcome(replace(GOOD, runner_up=1.0)) is Outcome.SYMMETRY_AMBIGUOUS
+    assert outcome(replace(GOOD, runner_up=1.0 - LITTLE)) is Outcome.LOW_CONFIDENCE
 
 
 def test_a_mirror_image_that_fits_clearly_better_is_named():
@@ -72,9 +78,9 @@ def test_what_is_not_known_speaks_against_nothing():
 
 
 def test_the_first_outcome_that_holds_is_given():
-    everything = replace(GOOD, landmark_error=1.0, mirrored=0.5, spectral_residual=1.0, rival=1.0)
+    everything = replace(GOOD, landmark_error=1.0, mirrored=0.5, spectral_residual=1.0, runner_up=1.0)
     found = []
-    for measure in ("landmark_error", "mirrored", "spectral_residual", "rival"):
+    for measure in ("landmark_error", "mirrored", "spectral_residual", "runner_up"):
         found.append(outcome(everything, left_out=1.0))
         everything = replace(everything, **{measure: getattr(GOOD, measure)})
     found += [outcome(everything, left_out=1.0), outcome(everything, left_out=BOUNDS.large_component)]

@@ -25,12 +25,12 @@ def match_part(part, whole, config):
     selection = relation.match()
     best = selection.winner
     return SimpleNamespace(
-        fits=[best, *selection.rivals],
+        fits=[best, *selection.runners_up],
         score=best.bent_cost,
         pair=best.pair,
         bent=relation.bent(best),
         share=best.share,
-        rival=selection.rival,
+        runner_up=selection.runner_up,
     )
 
 

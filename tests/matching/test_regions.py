@@ -35,10 +35,10 @@ def exchanged(animal, pair):
     """The identity of the refinement vertices, and a map that exchanges the forelegs."""
     mirrored = ground_truth(animal, animal, mirrored=True).vertices
     forelegs = (animal.rest[:, 1] > 0) & (animal.rest[:, 2] < FORELEGS)
-    rival = np.where(forelegs, mirrored, np.arange(len(mirrored)))
+    runner_up = np.where(forelegs, mirrored, np.arange(len(mirrored)))
     source = pair.source
     rows = pair.refinement_vertices
-    return rows, source.body_vertex[rival[source.user_vertex[rows]]]
+    return rows, source.body_vertex[runner_up[source.user_vertex[rows]]]
 
 
 @pytest.fixture(scope="module")
@@ -66,23 +66,23 @@ def unlike_in(pair, *parts, value=2.0):
 
 
 @pytest.mark.long
-def test_a_rival_that_exchanges_two_limbs_gives_these(animal, pair, exchanged):
-    own, rival = exchanged
-    regions = regions_of_doubt(pair, rivals=exchanged)
+def test_a_runner_up_that_exchanges_two_limbs_gives_these(animal, pair, exchanged):
+    own, runner_up = exchanged
+    regions = regions_of_doubt(pair, runners_up=exchanged)
     assert [region.reason for region in regions] == [ANOTHER_MAP] * 2
-    apart = pair.target.distance(own, rival) > pair.config.selection.rival_distance
+    apart = pair.target.distance(own, runner_up) > pair.config.selection.runner_up_distance
     inside = np.concatenate([region.vertices for region in regions])
     np.testing.assert_array_equal(np.sort(own[apart]), np.sort(np.intersect1d(inside, own)))
-    image_of = dict(zip(own, rival))
+    image_of = dict(zip(own, runner_up))
     sides = []
     for region in regions:
         x, y, z = animal.rest[pair.source.user_vertex[region.vertices]].T
         assert len(set(np.sign(x))) == 1, "a region is one leg"
         assert y.min() > 0
         assert z.max() < FORELEGS + 0.05
-        there = animal.rest[pair.target.user_vertex[region.rival]]
-        assert (np.sign(there[:, 0]) == -np.sign(x)).all(), "the rival sends it to the other one"
-        assert all(image_of[v] == r for v, r in zip(region.vertices, region.rival) if v in image_of)
+        there = animal.rest[pair.target.user_vertex[region.runner_up]]
+        assert (np.sign(there[:, 0]) == -np.sign(x)).all(), "the runner-up sends it to the other one"
+        assert all(image_of[v] == r for v, r in zip(region.vertices, region.runner_up) if v in image_of)
         sides.append(np.sign(x[0]))
     assert sorted(sides) == [-1, 1]
     assert regions[0].area == pytest.approx(regions[1].area, rel=0.2)
@@ -106,7 +106,7 @@ def test_areas_sum_to_what_is_doubtful(pair):
     for region in regions:
         assert region.area == pytest.approx(areas[region.vertices].sum())
         assert region.reason == LOOKS_UNLIKE
-        assert region.rival is None
+        assert region.runner_up is None
         assert max(np.isin(region.vertices, part).mean() for part in (first, second)) > 0.8
 
 
@@ -126,10 +126,10 @@ def test_what_is_not_known_does_not_count(pair):
 
 
 def test_two_reasons_for_one_region(animal, pair, exchanged):
-    region = regions_of_doubt(pair, rivals=exchanged)[0]
+    region = regions_of_doubt(pair, runners_up=exchanged)[0]
     both = regions_of_doubt(pair, unlike_in(pair, region.vertices), exchanged)
     assert sorted(each.reason for each in both) == sorted([ANOTHER_MAP, f"{ANOTHER_MAP} and {LOOKS_UNLIKE}"])
-    assert all(each.rival is not None for each in both)
+    assert all(each.runner_up is not None for each in both)
 
 
 def test_vertices_in_another_order_give_the_same_regions(animal, pair):
@@ -196,21 +196,21 @@ def test_a_limb_that_another_one_has_replaced_is_doubtful():
 
 
 def test_an_error_is_expected_where_surfaces_look_unlike():
-    unlike, rival = (
+    unlike, runner_up = (
         DoubtfulRegion(np.array([i]), 0.1, why) for i, why in enumerate((LOOKS_UNLIKE, ANOTHER_MAP))
     )
-    doubt = doubt_in([unlike, rival], 3)
+    doubt = doubt_in([unlike, runner_up], 3)
     assert doubt[0] > 0.1
-    assert not doubt[1:].any(), "what a rival means is counted by its distance"
+    assert not doubt[1:].any(), "what a runner-up means is counted by its distance"
 
 
 def assert_same(ours, theirs):
     assert [(r.area, r.reason) for r in ours] == [(r.area, r.reason) for r in theirs]
     for one, other in zip(ours, theirs):
         np.testing.assert_array_equal(one.vertices, other.vertices)
-        assert (one.rival is None) == (other.rival is None)
-        if one.rival is not None:
-            np.testing.assert_array_equal(one.rival, other.rival)
+        assert (one.runner_up is None) == (other.runner_up is None)
+        if one.runner_up is not None:
+            np.testing.assert_array_equal(one.runner_up, other.runner_up)
 
 
 @pytest.fixture

@@ -110,26 +110,26 @@ def test_the_eligible_fit_of_least_score_wins():
     fits = [Fit(1.0, score=3.0), Fit(1.0, score=1.0), Fit(1.0, score=2.0)]
     chosen = select(fits, [True, False, True], apart(3), NOWHERE, 4)
     assert chosen.winner is fits[2]
-    assert chosen.rivals == (fits[1], fits[0])
-    assert chosen.rival == pytest.approx(0.5), "one that may not win fits better"
+    assert chosen.runners_up == (fits[1], fits[0])
+    assert chosen.runner_up == pytest.approx(0.5), "one that may not win fits better"
     assert chosen.mirrored == inf
     assert chosen.against is fits[1]
     assert not chosen.hints_decided
 
 
-def test_one_that_was_compared_with_nothing_has_no_rival():
+def test_one_that_was_compared_with_nothing_has_no_runner_up():
     alone = select([Fit(1.0)], [True], apart(1), NOWHERE, 1)
-    assert np.isnan(alone.rival)
+    assert np.isnan(alone.runner_up)
     assert np.isnan(alone.mirrored)
-    assert select([Fit(1.0)], [True], apart(1), NOWHERE, 2).rival == inf
+    assert select([Fit(1.0)], [True], apart(1), NOWHERE, 2).runner_up == inf
 
 
-def test_a_variant_of_the_winner_is_no_rival():
+def test_a_variant_of_the_winner_is_no_runner_up():
     fits = [Fit(1.0, score=1.0), Fit(1.0, score=1.1), Fit(1.0, score=1.5, orientation=-0.9)]
     chosen = select(fits, [True] * 3, apart(3, (0, 1)), NOWHERE, 4)
-    assert (chosen.rival, chosen.mirrored) == (pytest.approx(1.5), pytest.approx(1.5))
+    assert (chosen.runner_up, chosen.mirrored) == (pytest.approx(1.5), pytest.approx(1.5))
     alone = select(fits[:2], [True] * 2, apart(2, (0, 1)), NOWHERE, 4)
-    assert alone.rival == inf
+    assert alone.runner_up == inf
     assert alone.against is None
 
 
@@ -154,7 +154,7 @@ def test_mirroring_all_maps_selects_the_mirror_image(made):
     made = [replace(fit, orientation=fit.orientation or 1.0) for fit in made]
     chosen = selected([replace(fit, orientation=-fit.orientation) for fit in made])
     assert replace(chosen.winner, orientation=-chosen.winner.orientation) == selected(made).winner
-    assert (chosen.rival, chosen.mirrored) == (selected(made).rival, selected(made).mirrored)
+    assert (chosen.runner_up, chosen.mirrored) == (selected(made).runner_up, selected(made).mirrored)
 
 
 @given(several(fits, least=2))
@@ -164,7 +164,7 @@ def test_a_winner_that_fits_better_still_wins_and_no_less_clearly(made):
     after = selected(better)
     assert after.winner.hint_error <= before.winner.hint_error
     if not before.hints_decided:
-        assert after.rival >= before.rival or after.hints_decided
+        assert after.runner_up >= before.runner_up or after.hints_decided
 
 
 @given(st.lists(st.tuples(st.floats(0.1, 10), st.floats(0, 0.5)), min_size=1, max_size=6))

@@ -109,7 +109,7 @@ def test_a_ball_is_ambiguous_however_well_a_map_fits():
     copy, new_vertex = relabelled(icosphere(3), 96)
     found = match(icosphere(3), copy, config=settings)
     assert found.outcome is Outcome.SYMMETRY_AMBIGUOUS
-    assert found.quality.rival > settings.outcome.tie
+    assert found.quality.runner_up > settings.outcome.tie
     known = np.column_stack([np.arange(0, 600, 100), new_vertex[:600:100]])
     assert match(icosphere(3), copy, landmarks=known).outcome is Outcome.CONVERGED
 

@@ -87,16 +87,16 @@ def test_the_vertices_trusted_least_contain_half_of_the_error_of_the_worst(examp
     assert 0.5 < found.expected_error[rows].mean() / errors.mean() < 2
 
 
-def test_a_rival_casts_doubt_where_it_differs(pair):
+def test_a_runner_up_casts_doubt_where_it_differs(pair):
     rows = pair.refinement_vertices
     image = pair.target.sample_vertices[np.arange(len(rows)) % len(pair.target.sample_vertices)]
-    rival = image.copy()
-    rival[:5] = np.roll(image[:5], 1)
-    apart = pair.target.distances.distance(image[:5], rival[:5])
-    tied = doubt_of(pair, image, rival, 1.0)
+    runner_up = image.copy()
+    runner_up[:5] = np.roll(image[:5], 1)
+    apart = pair.target.distances.distance(image[:5], runner_up[:5])
+    tied = doubt_of(pair, image, runner_up, 1.0)
     np.testing.assert_allclose(tied[rows[:5]], np.maximum(apart, 0) / 2)
     assert not tied[rows[5:]].any()
-    clear, better, none = (doubt_of(pair, image, rival, ratio) for ratio in (2.0, 0.5, np.inf))
+    clear, better, none = (doubt_of(pair, image, runner_up, ratio) for ratio in (2.0, 0.5, np.inf))
     assert clear.max() < 0.01 * tied.max()
     np.testing.assert_allclose(better, 2 * tied, rtol=1e-3)
     assert not none.any()

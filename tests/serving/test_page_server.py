@@ -130,7 +130,7 @@ def test_a_match_is_shown_corrected_and_kept(shape):
         assert (state["revision"], state["unsaved"], state["error"]) == (1, True, "")
         first = json.loads(page.ask("GET", "/result")[2])
         assert first["since"] == ""
-        assert first["scene"]["maps"][0]["name"] == first["rivals"][0]["name"] == "the map"
+        assert first["scene"]["maps"][0]["name"] == first["runners_up"][0]["name"] == "the map"
 
         assert page.match(PAIRS[:2])[0] == 202
         assert "2 landmarks do not fix an alignment" in page.settled()["error"]
@@ -145,7 +145,7 @@ def test_a_match_is_shown_corrected_and_kept(shape):
         assert [each["pair"] for each in second["landmarks"]] == PAIRS
         assert max(each["off"] for each in second["landmarks"]) < 1e-6
         assert second["since"]
-        assert second["rivals"][-1]["name"] == "before"
+        assert second["runners_up"][-1]["name"] == "before"
 
         assert page.match(PAIRS, start="pose", orientation="any")[0] == 202
         assert (page.settled()["error"], page.state()["revision"]) == ("", 3)
@@ -175,7 +175,10 @@ def test_a_result_is_opened_and_an_alternative_chosen(shape):
         assert page.code("POST", "/choose", {"number": 1}) == 202
         assert page.settled()["unsaved"]
         shown = json.loads(page.ask("GET", "/result")[2])
-        assert [each["origin"] for each in shown["rivals"]] == ["a try", f"the map before, {found.origin}"]
+        assert [each["origin"] for each in shown["runners_up"]] == [
+            "a try",
+            f"the map before, {found.origin}",
+        ]
 
 
 def test_what_is_cancelled_leaves_no_result_and_the_next_match_waits_for_its_end(shape, monkeypatch):

@@ -143,7 +143,7 @@ def test_landmarks_are_picked_and_corrected_and_the_map_is_shown_chosen_and_kept
     page.click("#match")
     done(page)
     assert page.is_visible("#since")
-    assert page.locator("#rivals label").last.text_content().startswith("before")
+    assert page.locator("#runners-up label").last.text_content().startswith("before")
 
     page.click("#write")
     done(page)
@@ -238,11 +238,14 @@ def test_animals_from_files_to_files(opened, visit, tmp_path, viewport):
     assert page.is_disabled("#match")
     page.click("#clear")
 
-    page.locator("#rivals input").nth(1).click()
+    page.locator("#runners-up input").nth(1).click()
     page.click("#choose")
     done(page)
     assert (
-        page.locator("#rivals .soft").nth(1).text_content().startswith("The map before this one was chosen.")
+        page.locator("#runners-up .soft")
+        .nth(1)
+        .text_content()
+        .startswith("The map before this one was chosen.")
     )
     page.click("#write")
     done(page)
@@ -267,7 +270,7 @@ def test_animals_from_files_to_files(opened, visit, tmp_path, viewport):
 
     page.reload()
     page.wait_for_selector("#found:visible")
-    assert page.locator("#rivals label").count() == 1 + len(record["alternatives"])
+    assert page.locator("#runners-up label").count() == 1 + len(record["alternatives"])
 
     page.click("#propose")
     assert page.locator("#pairs .unsure").count() == 3
@@ -292,7 +295,7 @@ def test_a_folder_of_a_result_is_opened(opened, visit, animals, tmp_path):
     page = visit(opened(tmp_path / "out"))
     page.wait_for_selector("#found:visible")
     assert page.text_content("#outcome") == HEADLINES[isomatch.Outcome.CONVERGED]
-    page.locator("#rivals input").nth(1).click()
+    page.locator("#runners-up input").nth(1).click()
     page.click("#choose")
     done(page)
     assert (tmp_path / "out" / "map.npz").read_bytes() == before

@@ -126,7 +126,7 @@ def test_a_result_says_how_it_ended_and_what_is_against_it():
         "rank = 40",
     ):
         assert words in text
-    sure = result_of(BALL, outcome=Outcome.CONVERGED, quality=replace(QUALITY, rival=9.0, mirrored=9.0))
+    sure = result_of(BALL, outcome=Outcome.CONVERGED, quality=replace(QUALITY, runner_up=9.0, mirrored=9.0))
     assert "none is against" in html_of(sure)
 
 

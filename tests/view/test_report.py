@@ -271,7 +271,7 @@ def test_a_part_is_held_to_bounds_of_its_own(result):
     held = quality_bounds(of_part)
     assert complete["spectral_residual"] == {"most": result.config.outcome.poor_spectral_residual}
     assert held["doubt"] == {"most": bounds.poor_doubt}
-    assert held["rival"] == {"least": bounds.tie}
+    assert held["runner_up"] == {"least": bounds.tie}
     assert (
         not {"spectral_residual", "orientation", "residual", "stretch", "torn_off", "mirrored"} & held.keys()
     )
@@ -383,7 +383,7 @@ def test_the_script_is_sound_javascript():
 
 
 @pytest.mark.parametrize(
-    ("rival", "mirrored", "words"),
+    ("runner_up", "mirrored", "words"),
     [
         (np.inf, np.inf, "No other map came near"),
         (1.0, np.inf, "Another map fits as well"),
@@ -394,8 +394,8 @@ def test_the_script_is_sound_javascript():
         (np.nan, np.nan, "Choose one if"),
     ],
 )
-def test_alternatives_are_told_by_how_near_they_come(result, rival, mirrored, words):
-    quality = dataclasses.replace(result.quality, rival=rival, mirrored=mirrored)
+def test_alternatives_are_told_by_how_near_they_come(result, runner_up, mirrored, words):
+    quality = dataclasses.replace(result.quality, runner_up=runner_up, mirrored=mirrored)
     assert told_of_all(dataclasses.replace(result, quality=quality)).startswith(words)
 
 

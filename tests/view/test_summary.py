@@ -14,7 +14,7 @@ from isomatch.view.summary import ANOTHER_IS_BETTER, MOSTLY_RIGHT
 from shapes import icosphere
 
 JARGON = re.compile(
-    r"spectral residual|rival|residual|coverage|orientation-|isometr|stress|torn|bound", re.IGNORECASE
+    r"spectral residual|runner-up|residual|coverage|orientation-|isometr|stress|torn|bound", re.IGNORECASE
 )
 
 
@@ -82,7 +82,7 @@ def test_a_headline_says_whether_all_or_some_is_in_doubt(sure):
     region = DoubtfulRegion(np.array([0]), 0.03, "it looks unlike its image")
     good = replace(
         low.quality,
-        rival=np.inf,
+        runner_up=np.inf,
         spectral_residual=0.1,
         residual=0.1,
         stretch=1.0,
@@ -97,7 +97,7 @@ def test_a_headline_says_whether_all_or_some_is_in_doubt(sure):
     assert (
         summary_of(replace(low, quality=bad, regions=(region,))).headline == HEADLINES[Outcome.LOW_CONFIDENCE]
     )
-    beaten = replace(good, rival=0.9)
+    beaten = replace(good, runner_up=0.9)
     assert "another one fits" in summary_of(replace(low, quality=beaten)).headline
 
 

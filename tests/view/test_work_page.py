@@ -80,10 +80,10 @@ def test_what_is_told_of_a_result(shape, result):
     assert (told["headline"], told["since"]) == (HEADLINES[Outcome.SYMMETRY_AMBIGUOUS], "")
     assert told["sure"] == summary_of(result).sureness
     assert told["regions"] == [
-        {"area": "12.5%", "vertex": 7, "image": 7, "rival": 9, "reason": "it looks unlike its image"}
+        {"area": "12.5%", "vertex": 7, "image": 7, "runner_up": 9, "reason": "it looks unlike its image"}
     ]
-    assert [each["name"] for each in told["rivals"]] == ["the map", "alternative 1"]
-    assert "Keeps left and right" in told["rivals"][1]["about"]
+    assert [each["name"] for each in told["runners_up"]] == ["the map", "alternative 1"]
+    assert "Keeps left and right" in told["runners_up"][1]["about"]
     assert [each["name"] for each in told["scene"]["maps"]] == ["the map", "alternative 1"]
     far = np.linalg.norm(shape.vertices[7] - shape.vertices[600]) / np.sqrt(shape.area)
     assert [each["off"] for each in told["landmarks"]] == pytest.approx([0, 0, far])
@@ -101,7 +101,7 @@ def test_how_much_has_changed(shape, result):
     )
     share = shape.vertex_areas[apart].sum() / shape.vertex_areas.sum()
     assert f"{share:.1%} of the source has another image" in told["since"]
-    assert told["rivals"][-1] == {
+    assert told["runners_up"][-1] == {
         "name": "before",
         "origin": "",
         "about": f"The map that this one replaced. Sends {share:.0%} of the surface elsewhere.",

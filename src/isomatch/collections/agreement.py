@@ -324,7 +324,7 @@ class CycleJob:
             refused = "changes when it is refined"
         elif any(side * result.quality.orientation < 0 for result in rematched):
             refused = f"does not {config.orientation} the orientation"
-        elif (worst := _against_rivals(rematched)) > config.outcome.tie:
+        elif (worst := _against_runners_up(rematched)) > config.outcome.tie:
             refused = f"fits worse than another map, by a factor {worst:.2f}"
         if refused:
             return {"refused": f"the composition over {over} {refused}"}
@@ -366,8 +366,8 @@ class CycleJob:
         return np.resize(shape.user_vertex[shape.sample_vertices[:N_SAMPLES]], N_SAMPLES)
 
 
-def _against_rivals(results: Iterable[MatchResult]) -> float:
-    return float(np.nanmax([0.0, *(1 / result.quality.rival for result in results)]))
+def _against_runners_up(results: Iterable[MatchResult]) -> float:
+    return float(np.nanmax([0.0, *(1 / result.quality.runner_up for result in results)]))
 
 
 def _mean_distances(shape: PreparedShape, first: IntArray, second: IntArray) -> FloatArray:

@@ -38,11 +38,11 @@ SHOWN = {  # columns of the table of pairs on the page, and how their numbers ar
     "coverage": "{:.0%}",
     "matched": "{:.0%}",
     "spectral_residual": "{:.2f}",
-    "rival": "{:.2f}",
+    "runner_up": "{:.2f}",
     "seconds": "{:.1f}",
 }
 HEADS = {
-    "rival": "best alternative",
+    "runner_up": "best alternative",
     "distortion_mean": "distortion",
 }  # where they say more than in pairs.csv
 MOST_TURNED = 0.01  # share of faces that are turned over, which is not worth a word

@@ -126,7 +126,7 @@ def is_sure(relation: Relation, selection: Selection[Fit]) -> bool:
     winner, bounds = selection.winner, relation.pair.config.outcome
     areas = relation.source.body.vertex_areas[relation.vertices]
     return (
-        selection.rival > bounds.tie
+        selection.runner_up > bounds.tie
         and winner.spectral_residual < SURE * bounds.poor_spectral_residual
         and residual_of(relation.pair, relation.vertices, winner.image) < SURE * bounds.poor_residual
         and mean_known(relation.descriptor_distance(winner), areas) < SURE * bounds.poor_descriptor_distance
@@ -160,7 +160,7 @@ def best_of(relation: Relation, winner: Fit, fits: Sequence[Fit]) -> Fit:
 def is_another(relation: Relation, fit: Fit, other: Fit) -> bool:
     """Whether a map is another one, and no variant."""
     apart = relation.target.mean_distance(fit.image, other.image)
-    return apart > relation.pair.config.selection.rival_distance
+    return apart > relation.pair.config.selection.runner_up_distance
 
 
 def _beats(relation: Relation, challenger: Fit, winner: Fit) -> bool:

@@ -36,8 +36,8 @@ from isomatch.shapes import PreparedShape, components_of
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import FloatArray, IntArray
 
-MOST_RIVALS = 3  # components tried as partners of the largest; chosen: nine matches at most
-RIVAL_AREA = (
+MOST_RUNNERS_UP = 3  # components tried as partners of the largest; chosen: nine matches at most
+RUNNER_UP_AREA = (
     0.5  # over that of the largest, from which another is one; hemispheres differ by less, clothes by more
 )
 SPECTRUM_FUNCTIONS = 20  # eigenvalues of which the logarithms are compared
@@ -80,7 +80,7 @@ class _Components:
 
     def large_ones(self) -> tuple[list[ComponentMatch], bool]:
         """Match the largest components, and similar ones; returns also whether another assignment fits as well."""
-        rows, columns = (self._rivals(side) for side in (self.sources, self.targets))
+        rows, columns = (self._runners_up(side) for side in (self.sources, self.targets))
         joined = self.hints.joined[: len(rows), : len(columns)]
         if len(rows) == len(columns) == 1:
             return [self._matched(0, 0)], False
@@ -101,9 +101,9 @@ class _Components:
         limit = self.pair.config.outcome.tie * _against(best)[2]
         return best, bool(tied and _against(others[0])[2] < limit)
 
-    def _rivals(self, side: tuple[PreparedShape, ...]) -> list[int]:
-        least = RIVAL_AREA * side[0].share
-        return [i for i, shape in enumerate(side[:MOST_RIVALS]) if shape.share >= least]
+    def _runners_up(self, side: tuple[PreparedShape, ...]) -> list[int]:
+        least = RUNNER_UP_AREA * side[0].share
+        return [i for i, shape in enumerate(side[:MOST_RUNNERS_UP]) if shape.share >= least]
 
     def carried_ones(self, matches: list[ComponentMatch]) -> list[ComponentMatch]:
         """Match the components that have a partner near where those matched already carry them."""
@@ -167,13 +167,13 @@ class _Components:
         if solution.outcome is Outcome.HINTS_CONTRADICTED:
             doubted = replace(solution, evidence=(Evidence(poor=True),))
             return ComponentMatch(doubted, "its map does not agree with its place")
-        measures = replace(solution.quality, rival=np.inf, mirrored=np.inf)
+        measures = replace(solution.quality, runner_up=np.inf, mirrored=np.inf)
         decided = measured_evidence(pair, measures, pair.config.orientation)
         differs = outcome_of([decided]) is not solution.outcome
-        tied = differs and not solution.quality.rival < 1 / pair.config.outcome.tie
+        tied = differs and not solution.quality.runner_up < 1 / pair.config.outcome.tie
         if self.stages.relation is not None or not (held and tied):
             return ComponentMatch(solution)
-        unlike = tuple(region for region in solution.regions if region.rival is None)
+        unlike = tuple(region for region in solution.regions if region.runner_up is None)
         by_place = replace(solution, evidence=(decided,), regions=unlike)
         return ComponentMatch(by_place, "symmetric by itself, decided by its place")
 

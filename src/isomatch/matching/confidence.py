@@ -18,7 +18,7 @@ from isomatch.shapes import PreparedShape, SmoothShape
 from isomatch.surfaces import linked
 from isomatch.values.arrays import FloatArray, IntArray, single
 
-RIVAL_EXPONENT = 10.0  # so that one in ten runners-up is right at the bound of a tie
+RUNNER_UP_EXPONENT = 10.0  # so that one in ten runners-up is right at the bound of a tie
 ERROR_RADIUS = 0.08  # over which it is spread, in √area; 0.05 to 0.14 tried: benchmarks/vertex_confidence.py
 ERROR_SCALE = 0.32  # to the mean error of faust_r and creatures: benchmarks/vertex_confidence.py
 TINY = 1e-12
@@ -52,11 +52,11 @@ def expected_errors(
     return diffused(source, local if doubt is None else local + doubt, ERROR_RADIUS)
 
 
-def doubt_of(pair: ShapePair, image: IntArray, rival: IntArray, ratio: float) -> FloatArray:
+def doubt_of(pair: ShapePair, image: IntArray, runner_up: IntArray, ratio: float) -> FloatArray:
     """Expect the distance between two maps (n_refine,), times the chance that the other is right: (n_s,), in √area."""
     # with P(map) ∝ score^−10, the other has chance 1 / (1 + (its score / score)^10); ½ at a tie
-    chance = 1 / (1 + ratio**RIVAL_EXPONENT)
-    return np.asarray(chance * pair.target.distance(image, rival)[nearest_refinement_rows(pair)])
+    chance = 1 / (1 + ratio**RUNNER_UP_EXPONENT)
+    return np.asarray(chance * pair.target.distance(image, runner_up)[nearest_refinement_rows(pair)])
 
 
 def nearest_refinement_rows(pair: SmoothPair) -> IntArray:
@@ -118,14 +118,14 @@ class DoubtfulRegion:
     area : float
         Share of the source's area.
     reason : str
-    rival : (m,) array of int, optional
+    runner_up : (m,) array of int, optional
         Target vertices to which another map sends them, if one is the reason.
     """
 
     vertices: IntArray
     area: float
     reason: str
-    rival: IntArray | None = None
+    runner_up: IntArray | None = None
 
     def __repr__(self) -> str:
         return f"DoubtfulRegion({self})"
@@ -139,34 +139,34 @@ class DoubtfulRegion:
             "area": self.area,
             "n_vertices": len(self.vertices),
             "vertex": int(self.vertices[0]),
-            "rival": None if self.rival is None else int(self.rival[0]),
+            "runner_up": None if self.runner_up is None else int(self.runner_up[0]),
             "reason": self.reason,
         }
 
     @classmethod
     def from_dict(cls, summary: Mapping[str, Any]) -> DoubtfulRegion:
         """Restore what `to_dict` told of a region: of its vertices the most doubtful one."""
-        rival = summary["rival"]
+        runner_up = summary["runner_up"]
         return cls(
             np.array([summary["vertex"]]),
             summary["area"],
             summary["reason"],
-            None if rival is None else np.array([rival]),
+            None if runner_up is None else np.array([runner_up]),
         )
 
 
 def regions_of_doubt(
     pair: ShapePair,
     descriptor_distance: FloatArray | None = None,
-    rivals: tuple[IntArray, IntArray] | None = None,
+    runners_up: tuple[IntArray, IntArray] | None = None,
 ) -> tuple[DoubtfulRegion, ...]:
     """Find the connected regions of the source's body where a map is doubtful, the largest first."""
-    # descriptor distance: (n_s,) of each vertex and its image; rivals: images (n_refine,) under the map and the runner-up
+    # descriptor distance: (n_s,) of each vertex and its image; runners-up: images (n_refine,) under both maps
     source, target, bounds = pair.source, pair.target, pair.config.outcome
-    doubts, rival = {}, None  # (n_s,) for each reason; 1 is its bound
-    if rivals is not None:
-        own, rival = (image[nearest_refinement_rows(pair)] for image in rivals)
-        doubts[ANOTHER_MAP] = target.distance(own, rival) / pair.config.selection.rival_distance
+    doubts, runner_up = {}, None  # (n_s,) for each reason; 1 is its bound
+    if runners_up is not None:
+        own, runner_up = (image[nearest_refinement_rows(pair)] for image in runners_up)
+        doubts[ANOTHER_MAP] = target.distance(own, runner_up) / pair.config.selection.runner_up_distance
     if descriptor_distance is not None and np.isfinite(descriptor_distance[pair.refinement_vertices]).any():
         # two people look more different everywhere than two poses of one
         usual = np.nanmedian(descriptor_distance[pair.refinement_vertices])
@@ -185,7 +185,7 @@ def regions_of_doubt(
         vertices = np.flatnonzero((label == region) & inside)
         vertices = vertices[np.argsort(-most[vertices], kind="stable")]
         reasons = [reason for reason, doubt in doubts.items() if (doubt[vertices] > 1.0).mean() > MAIN]
-        images = rival[vertices] if rival is not None and ANOTHER_MAP in reasons else None
+        images = runner_up[vertices] if runner_up is not None and ANOTHER_MAP in reasons else None
         regions.append(DoubtfulRegion(vertices, float(shares[region]), " and ".join(reasons), images))
     return tuple(regions)
 
@@ -210,9 +210,11 @@ def lifted(
         ranks = source.lift(rank, -1)
         vertices = np.flatnonzero(ranks >= 0)
         vertices = vertices[np.argsort(ranks[vertices], kind="stable")]
-        rival = None if region.rival is None else target.user_vertex[region.rival[ranks[vertices]]]
+        runner_up = (
+            None if region.runner_up is None else target.user_vertex[region.runner_up[ranks[vertices]]]
+        )
         if len(vertices):
-            found.append(replace(region, vertices=vertices, rival=rival))
+            found.append(replace(region, vertices=vertices, runner_up=runner_up))
     return tuple(found)
 
 
@@ -226,14 +228,16 @@ def doubt_in(regions: Sequence[DoubtfulRegion], n_vertices: int) -> FloatArray:
 
 
 def packed(regions: Sequence[DoubtfulRegion]) -> dict[str, IntArray]:
-    """Arrays for a file: sizes (r,), and vertices and rivals (d,) of one region after the other; −1 is no rival."""
+    """Arrays for a file: sizes (r,), and vertices and runners-up (d,) of one region after the other; −1 for none."""
     vertices = [region.vertices for region in regions]
-    rivals = [np.full(len(r.vertices), UNMATCHED) if r.rival is None else r.rival for r in regions]
+    runners_up = [
+        np.full(len(r.vertices), UNMATCHED) if r.runner_up is None else r.runner_up for r in regions
+    ]
     nothing = np.zeros(0, dtype=np.int64)
     return {
         "region_sizes": np.array([len(each) for each in vertices], dtype=np.int64),
         "region_vertices": np.concatenate([nothing, *vertices]),
-        "region_rivals": np.concatenate([nothing, *rivals]),
+        "region_runners_up": np.concatenate([nothing, *runners_up]),
     }
 
 
@@ -242,11 +246,11 @@ def unpacked(arrays: dict[str, Any], about: Sequence[tuple[float, str]]) -> tupl
     if "region_sizes" not in arrays:
         return ()
     ends = np.cumsum(arrays.pop("region_sizes"))
-    stacked = [arrays.pop(f"region_{name}") for name in ("vertices", "rivals")]
+    stacked = [arrays.pop(f"region_{name}") for name in ("vertices", "runners_up")]
     if (np.diff(ends, prepend=0) < 1).any() or ends[-1:].sum() != len(stacked[0]):
         raise InputError(f"regions that end at {ends.tolist()} of {len(stacked[0])} vertices")
-    vertices, rivals = (np.split(each, ends)[:-1] for each in stacked)
+    vertices, runners_up = (np.split(each, ends)[:-1] for each in stacked)
     return tuple(
-        DoubtfulRegion(which, area, reason, rival if (rival != UNMATCHED).any() else None)
-        for which, rival, (area, reason) in zip(vertices, rivals, about, strict=True)
+        DoubtfulRegion(which, area, reason, runner_up if (runner_up != UNMATCHED).any() else None)
+        for which, runner_up, (area, reason) in zip(vertices, runners_up, about, strict=True)
     )

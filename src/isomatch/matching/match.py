@@ -314,7 +314,7 @@ def _turned(pair: ShapePair, user_hints: UserHints) -> UserHints:
 
 def _turned_hypotheses(found: IsometricMatch, pair: ShapePair, pair_back: ShapePair) -> list[Hypothesis]:
     """Turn around the refined maps, best first, and the best of the others, as maps of the target's search vertices."""
-    fits = (found.selection.winner, *found.selection.rivals)
+    fits = (found.selection.winner, *found.selection.runners_up)
     refined = [fit.candidate for fit in fits if fit.candidate]
     images = [fit.image[: len(pair.source_vertices)] for fit in fits]
     tried = [candidate.hypothesis for candidate in refined]

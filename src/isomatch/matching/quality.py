@@ -41,7 +41,7 @@ def measure_quality(
     )
     return Quality(
         spectral_residual=selection.winner.spectral_residual if selection else np.nan,
-        rival=selection.rival if selection else np.nan,
+        runner_up=selection.runner_up if selection else np.nan,
         mirrored=selection.mirrored if selection else np.nan,
         residual=alignment_residual(*aligned, signed_procrustes(*aligned)),
         stretch=edge_stretch(source.body, positions, settings.torn),

@@ -175,7 +175,7 @@ def check_refinement(refinement: Refinement, seed: int = 0) -> None:
     isomatch.errors.SettingError: Shuffled breaks the law "truth": ...
     """
     random = np.random.default_rng(seed)
-    config = Config(hypotheses="given", search_rivals=False)
+    config = Config(hypotheses="given", search_runners_up=False)
     ball = bumpy_ball(N_VERTICES)
     source = prepare(ball, config)
     turn = Rotation.random(random_state=random).as_matrix()

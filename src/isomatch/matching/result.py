@@ -49,7 +49,7 @@ FORMAT = ArrayFormat(
         "descriptor_distance": Stored("float", ("m",)),
         "region_sizes": Stored("integer", ("r",), group="regions"),
         "region_vertices": Stored("integer", ("d",), index_of="n", group="regions"),
-        "region_rivals": Stored("integer", ("d",), group="regions"),
+        "region_runners_up": Stored("integer", ("d",), group="regions"),
         "about": Stored("text"),
     },
 )
@@ -66,7 +66,7 @@ class Quality(Shown):
     ----------
     spectral_residual : float
         Mean distance from the images in the joint coordinates after the joint refinement (spectrum has unit 1).
-    rival : float
+    runner_up : float
         Score of the best map that differs over that of the map: 1 is a tie, below 1 the other, which was not eligible,
         fits better; ``inf`` if no other came near. For a part it is the ratio of their costs; for two parts, where more
         is better, the score of the map over that of the other.
@@ -99,7 +99,7 @@ class Quality(Shown):
     """
 
     spectral_residual: float
-    rival: float
+    runner_up: float
     mirrored: float
     residual: float
     stretch: float

@@ -203,7 +203,9 @@ def weighed(
 class Rules:
     """What decides between refined maps."""
 
-    rival_distance: float  # mean distance between images, in √area, from which a map is another, no variant
+    runner_up_distance: (
+        float  # mean distance between images, in √area, from which a map is another, no variant
+    )
     tie: float = 1.0  # score, against the least, up to which a map of its side ties with the best
     mirror_tie: float = 1.0  # the same for one of the other side
     landmark_slack: float = 0.0  # difference of hint errors, in √area, that counts for nothing
@@ -223,7 +225,7 @@ class Rules:
         return cls(
             tie=bounds.tie,
             mirror_tie=bounds.mirror_tie,
-            rival_distance=settings.rival_distance,
+            runner_up_distance=settings.runner_up_distance,
             landmark_slack=LANDMARK_SLACK,
             score_noise=SCORE_NOISE,
             elsewhere_share=ELSEWHERE_SHARE,
@@ -238,8 +240,8 @@ class Selection(Generic[R]):
     """What was selected, and why."""
 
     winner: R
-    rivals: tuple[R, ...]  # all others, best first
-    rival: float  # score of the runner-up over the winner's; 1: tie, inf: none came near, nan: none tried
+    runners_up: tuple[R, ...]  # all others, best first
+    runner_up: float  # score of the runner-up over the winner's; 1: tie, inf: none came near, nan: none tried
     mirrored: float  # the same of the best map of the other orientation
     against: R | None = None  # the runner-up: the best other map, no variant
     hints_decided: bool = False  # whether another fits better, but ties, and agrees less with the hints
@@ -274,28 +276,28 @@ def select(
     others = sorted((i for i in range(len(fits)) if i != winner), key=lambda i: costs[i])
 
     # the ratio test: cost of the runner-up over that of the winner (Lowe 2004, § 7.1, with the roles turned)
-    def ratio(rivals: list[int]) -> float:
+    def ratio(runners_up: list[int]) -> float:
         if n_tried < 2:
             return np.nan
-        if not rivals:
+        if not runners_up:
             return np.inf
-        ratio = noisy[rivals[0]] / noisy[winner]
-        return max(1.0, ratio) if allowed[rivals[0]] else ratio  # one that lost to hints ties
+        ratio = noisy[runners_up[0]] / noisy[winner]
+        return max(1.0, ratio) if allowed[runners_up[0]] else ratio  # one that lost to hints ties
 
-    def is_rival(i: int) -> bool:
+    def is_runner_up(i: int) -> bool:
         as_good = costs[i] <= rules.elsewhere_tie * costs[winner]  # below the noise, too
         exchanged = as_good and elsewhere is not None and elsewhere[i, winner] >= rules.elsewhere_share
-        differs = exchanged or apart[i, winner] > rules.rival_distance
+        differs = exchanged or apart[i, winner] > rules.runner_up_distance
         agrees = fits[i].landmark_error <= fits[winner].landmark_error + rules.landmark_slack
         better = rules.clearly_better * noisy[i] < noisy[winner] and apart[i, winner] > rules.same_map
         return bool((differs and agrees) or better)
 
-    rivals = [i for i in others if is_rival(i)]
+    runners_up = [i for i in others if is_runner_up(i)]
     return Selection(
         fits[winner],
         tuple(fits[i] for i in others),
-        ratio(rivals),
+        ratio(runners_up),
         ratio([i for i in others if fits[i].side != fits[winner].side]),
-        fits[rivals[0]] if rivals else None,
+        fits[runners_up[0]] if runners_up else None,
         winner != best,
     )

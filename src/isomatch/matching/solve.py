@@ -176,7 +176,9 @@ def solve_complete(relation: Isometry, found: IsometricMatch, timer: StageTimer)
         if selection is None:
             return relation.summed_up(found, measured, timer)
         if elastic.keeps_lengths(selection.winner):
-            quality = replace(measured.quality, rival=selection.rival, bending_cost=selection.winner.score)
+            quality = replace(
+                measured.quality, runner_up=selection.runner_up, bending_cost=selection.winner.score
+            )
             return relation.summed_up(found, replace(measured, quality=quality), timer, FAR_KEPT)
         with timer.within("elastic match"):
             timer.start("precision")

@@ -58,7 +58,7 @@ class Refinement(ABC):
     """
 
     looks_further: ClassVar[bool] = True
-    """Whether parts are told from wholes, elastic maps sought, and rivals of hints searched."""
+    """Whether parts are told from wholes, elastic maps sought, and runners-up of hints searched."""
     polishes: ClassVar[bool] = False
     """Whether the map of a large mesh is polished by joint coordinates on a finer level, and not only carried there."""
 

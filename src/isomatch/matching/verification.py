@@ -73,10 +73,10 @@ def measured_evidence(
             (bends_badly if far else fits_badly)(quality, bounds)
             or quality.torn_off > bounds.poor_torn_off
             or (kept < bounds.poor_orientation and not turned)
-            or quality.rival < 1.0
+            or quality.runner_up < 1.0
         ),
         ambiguous=bool(
-            quality.rival < (bounds.look_tie if far else bounds.tie)
+            quality.runner_up < (bounds.look_tie if far else bounds.tie)
             or quality.mirrored < bounds.mirror_tie
             or turned
             or pair.sideless
@@ -130,27 +130,27 @@ class PartDoubt:
     """How sure the map of a part is: how well it fits, and how clearly it is better than others."""
 
     score: float  # the cost of the map
-    rival: float  # cost of the best map that differs, over that; inf if none does
+    runner_up: float  # cost of the best map that differs, over that; inf if none does
     trusted: float  # share of the pairs of anchors whose distance on the whole is known
     settings: PartSettings
 
     @property
     def doubt(self) -> float:
         """The score if no map comes near, more and more towards a tie."""
-        # 1 / doubt = 1 / score − 1 / score′, score′ = rival · score of the best map that differs: what is left of the
+        # 1 / doubt = 1 / score − 1 / score′, score′ = runner-up · score of the best map that differs: what is left of the
         # evidence 1 / score for the map when that for the other is taken off
-        return self.score / max(1 - 1 / self.rival, NO_LEAD)
+        return self.score / max(1 - 1 / self.runner_up, NO_LEAD)
 
     @property
     def is_clear(self) -> bool:
         """Whether no other map comes near: where little is known, a wrong map may fit as well as a right one."""
-        return self.trusted >= self.settings.little_trusted or self.rival >= self.settings.clear
+        return self.trusted >= self.settings.little_trusted or self.runner_up >= self.settings.clear
 
     @property
     def evidence(self) -> Evidence:
         """A map must fit well; the worse it fits, the more clearly it must be better than others."""
         settings = self.settings
-        tied = self.rival < settings.tie and self.score <= settings.poor_doubt
+        tied = self.runner_up < settings.tie and self.score <= settings.poor_doubt
         sure = self.doubt <= settings.poor_doubt and self.is_clear
         return Evidence(ambiguous=tied, poor=not (tied or sure), partial=True)
 
@@ -165,7 +165,7 @@ class PartDoubt:
             ]
         why = "it fits badly"
         if self.score <= self.settings.poor_doubt:
-            why = f"the score of another map is only {self.rival:.2f} times as high"
+            why = f"the score of another map is only {self.runner_up:.2f} times as high"
             if not self.is_clear:
                 why += (
                     f", and too much is missing: {self.trusted:.1%} of the distances on the whole are known"

@@ -74,7 +74,7 @@ class Config(Settings, Shown):
         Choose among automatic hypotheses and those given, or only among those given and flips of the map from landmarks.
         With "all", an automatic one wins where it fits better than the hints; of maps that tie, the one nearest to the
         hints wins, even if it is a mirror image.
-    search_rivals : bool, optional
+    search_runners_up : bool, optional
         With ``hypotheses="given"``: whether automatic hypotheses are searched all the same, as alternatives, so that the
         quality tells when one of them fits better; as long as an automatic match. By default for "joint" and "smooth".
     refinement : {"none", "laplace_icp", "joint", "smooth"}
@@ -119,7 +119,9 @@ class Config(Settings, Shown):
     n_search: int = setting(400, "measured: 400 as good as 600 on 17 pairs; 300 fails on 2 of 50", least=100)
     n_refine: int = setting(1000, "measured on 50 pairs: 1.63, with all vertices 1.59", least=100)
     hypotheses: Hypotheses = setting("all", "a hint can be wrong")
-    search_rivals: bool | None = setting(None, "the paper's methods search for none, and cost accordingly")
+    search_runners_up: bool | None = setting(
+        None, "the paper's methods search for none, and cost accordingly"
+    )
     refinement: RefinementName = setting("joint", "ablation, earlier: none 2.9, laplace_icp 2.5, joint 1.5")
     orientation: Orientation = setting("preserve", "ablation, earlier: either orientation fails on 3 of 14")
     start: Start = setting("auto", "shapes need not be aligned")

@@ -92,7 +92,7 @@ class SelectionSettings(Settings):
         Functions through which a hypothesis is extended to further vertices.
     spectral_residual_limit : float
         Spectral residual after a stage of the refinement, against the least, from which a map is given up.
-    same_map, rival_distance : float
+    same_map, runner_up_distance : float
         Mean distance between images, in √area, up to which two refined maps are one, less than one turned limb; and
         from which they are different maps, and not variants of one.
     energy_exponent : float
@@ -116,7 +116,7 @@ class SelectionSettings(Settings):
     )
     same_map: float = setting(0.02, "docs/lab/benchmarks.md, sensitivity; half of one turned limb", least=0)
     energy_exponent: float = setting(0.25, "ablation: contest decided by spectral residual alone", least=0)
-    rival_distance: float = setting(0.15, "more than noise or one limb, less than a turned body", least=0)
+    runner_up_distance: float = setting(0.15, "more than noise or one limb, less than a turned body", least=0)
     descriptor_weight: float = setting(1.5, "docs/lab/design_notes.md", least=0)
     most_alternatives: int = setting(2, "what a report can show beside the map", least=0)
 

@@ -61,7 +61,7 @@ MEASURES = {
         "Mean distance between corresponding points when eigenfunctions, signatures, positions and normals are compared "
         "together. 0 for the same shape; about 0.4 for a correct map between two different people.",
     ),
-    "rival": Measure(
+    "runner_up": Measure(
         "best alternative",
         "{:.2f} ×",
         "1 is a tie; large is clear",
@@ -174,7 +174,7 @@ MEASURES = {
 # on which side a measure is bounded, and the setting that holds the bound; of a part, others are evidence
 _BOUNDS = {
     "spectral_residual": ("most", "outcome.poor_spectral_residual"),
-    "rival": ("least", "outcome.tie"),
+    "runner_up": ("least", "outcome.tie"),
     "mirrored": ("least", "outcome.mirror_tie"),
     "orientation": ("least", "outcome.poor_orientation"),
     "residual": ("most", "outcome.poor_residual"),
@@ -185,7 +185,7 @@ _BOUNDS = {
     "initial_map_error": ("most", "outcome.contradiction"),
 }
 _BOUNDS_OF_PART = {
-    "rival": ("least", "parts.tie"),
+    "runner_up": ("least", "parts.tie"),
     "doubt": ("most", "parts.poor_doubt"),
     "initial_map_error": ("most", "outcome.contradiction"),
 }

@@ -185,7 +185,7 @@ def table_of_regions(result: MatchResult) -> str:
     rows = "".join(
         f'<tr><th scope="row">{number}</th><td class="number">{region.area:.1%}</td>'
         f'<td class="number" data-is="vertex">{region.vertices[0]}</td>'
-        f'<td class="number" data-is="other image">{"" if region.rival is None else region.rival[0]}</td>'
+        f'<td class="number" data-is="other image">{"" if region.runner_up is None else region.runner_up[0]}</td>'
         f"<td>{escape(region.reason)}</td></tr>"
         for number, region in enumerate(result.regions, 1)
     )

@@ -96,7 +96,7 @@ def summary_of(result: MatchResult) -> Summary:
     headline = HEADLINES[result.outcome]
     parts = [_partners(result), _doubt(result)]
     if result.outcome is Outcome.LOW_CONFIDENCE:
-        if result.quality.rival < 1.0:
+        if result.quality.runner_up < 1.0:
             headline = ANOTHER_IS_BETTER
         elif result.regions and not any(against for _, _, against in quality_measures(result)):
             headline = MOSTLY_RIGHT
@@ -166,16 +166,16 @@ def told_of_alternative(source: Mesh, target: Mesh, result: MatchResult, other: 
 
 def told_of_all(result: MatchResult) -> str:
     """Say of all alternatives how near the best of them comes to the map, and when to choose one."""
-    rival, mirrored = result.quality.rival, result.quality.mirrored
+    runner_up, mirrored = result.quality.runner_up, result.quality.mirrored
     limits = config_of(result).outcome
     near = []
-    if rival < limits.tie:
-        near.append(f"Another map fits {'better' if rival < 1 else 'as well'}.")
-    elif isfinite(rival):
-        near.append(f"The best other map fits {rival:.1f} times worse.")
+    if runner_up < limits.tie:
+        near.append(f"Another map fits {'better' if runner_up < 1 else 'as well'}.")
+    elif isfinite(runner_up):
+        near.append(f"The best other map fits {runner_up:.1f} times worse.")
     if mirrored < limits.mirror_tie:
         near.append(f"A mirror image fits {'better' if mirrored < 1 else 'about as well'}.")
-    if not near and not isnan(rival):
+    if not near and not isnan(runner_up):
         near.append("No other map came near this one.")
     when = "Choose one if its picture looks right where the map above looks wrong, or has the sides that you want."
     return " ".join(

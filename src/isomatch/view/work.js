@@ -65,25 +65,25 @@
     ["only", "hold"].forEach((id) => { by(id).disabled = !n; });
   };
 
-  const doubts = (regions) => regions.map(({ area, vertex, image, rival, reason }) => {
+  const doubts = (regions) => regions.map(({ area, vertex, image, runner_up, reason }) => {
     const buttons = make("div", { className: "row" }, small("Look", () => report?.look(0, vertex), "Turn it to the front"));
     const settle = (goal) => {
       const row = landmarks.rows.findIndex((each) => each[0] === vertex);
       if (row < 0) landmarks.extend([[vertex, goal]]); else landmarks.put(row, 1, goal);
     };
     if (image !== null) buttons.append(small("It is right", () => settle(image), "Adds its middle and the image as a pair"));
-    if (rival !== null) buttons.append(small("The other place", () => settle(rival), "Adds its middle and the image by the other map as a pair"));
+    if (runner_up !== null) buttons.append(small("The other place", () => settle(runner_up), "Adds its middle and the image by the other map as a pair"));
     buttons.append(small("Pick", () => { settle(null); report?.look(0, vertex); }, "Adds its middle; then click the right place"));
     const words = regions.length > 1 ? [make("strong", {}, area), ` of the surface around vertex ${vertex}: ${reason}.`] : [`Around vertex ${vertex}.`];
     return make("li", {}, ...words, buttons); // a single region is told in the sentence above
   });
-  const rivals = (all) => all.map(({ name, origin, about }, k) =>
+  const runners_up = (all) => all.map(({ name, origin, about }, k) =>
     make("label", { title: origin && `found by ${origin}` },
-      make("input", { type: "radio", name: "rival", value: k, checked: !k, onchange: () => compare(k) }),
+      make("input", { type: "radio", name: "runner_up", value: k, checked: !k, onchange: () => compare(k) }),
       make("span", {}, name), make("span", { className: "soft" }, about)));
   const compare = (k) => {
     report?.show(k); listed();
-    by("choose").hidden = !shown.rivals[k].name.startsWith("alternative");
+    by("choose").hidden = !shown.runners_up[k].name.startsWith("alternative");
     by("choose").value = k;
   };
   by("doubtful").onclick = () => {
@@ -100,7 +100,7 @@
     by("how").hidden = !found.sure && !found.regions.length; by("sure").textContent = found.sure; by("since").textContent = found.since;
     by("regions").replaceChildren(...doubts(found.regions)); by("doubts").hidden = !found.regions.length;
     by("doubtful").ariaPressed = false; by("doubtful").textContent = "Show";
-    by("rivals").replaceChildren(...rivals(found.rivals)); by("others").hidden = found.rivals.length < 2; by("choose").hidden = true;
+    by("runners_up").replaceChildren(...runners_up(found.runners_up)); by("others").hidden = found.runners_up.length < 2; by("choose").hidden = true;
     by("details").innerHTML = found.details;
     by("found").hidden = by("keeping").hidden = false;
     report?.take(found.scene); listed();

@@ -91,7 +91,7 @@ class WorkPage:
     ) -> dict[str, Any]:
         """Tell in plain values all that the page shows of a result, the map that it replaces and its landmarks.
 
-        ``rivals`` says of each map that is drawn what it is; ``landmarks`` have the distance of each from its image,
+        ``runners_up`` says of each map that is drawn what it is; ``landmarks`` have the distance of each from its image,
         through space, in √area of the target; ``details`` are HTML.
         """
         maps = maps_of(result) | ({BEFORE: before} if before else {})
@@ -113,7 +113,7 @@ class WorkPage:
             "sure": summary.sureness,
             "since": "" if before is None else _since(moved),
             "regions": [self._region(region, result.map) for region in result.regions],
-            "rivals": [
+            "runners_up": [
                 {"name": name, "origin": origin, "about": words}
                 for name, origin, words in zip(maps, origins, about)
             ],
@@ -129,16 +129,16 @@ class WorkPage:
     def _region(self, region: DoubtfulRegion, found: Correspondence) -> dict[str, Any]:
         """Tell of a region its share, its most doubtful vertex with the images by both maps, and the reason."""
         vertex = self._drawn.shown_near("source", int(region.vertices[0]))
-        image, rival = found.vertices[vertex], None if region.rival is None else region.rival[0]
+        image, runner_up = found.vertices[vertex], None if region.runner_up is None else region.runner_up[0]
         goals = [
             None if goal is None or goal == UNMATCHED else self._drawn.shown_near("target", int(goal))
-            for goal in (image, rival)
+            for goal in (image, runner_up)
         ]
         return {
             "area": f"{region.area:.1%}",
             "vertex": vertex,
             "image": goals[0],
-            "rival": goals[1],
+            "runner_up": goals[1],
             "reason": region.reason,
         }
 

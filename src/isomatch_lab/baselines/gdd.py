@@ -48,7 +48,7 @@ def gdd(
     Shamai & Kimmel, *Geodesic Distance Descriptors*, CVPR 2017. Reconstructed: distances are divided by their average,
     and images are precise. Landmarks at extremities leave the front and the back of a thin body undecided, so flips of
     the first map that agree with the landmarks are tried as well, and the selection is that of `match`. Automatic
-    hypotheses are searched as alternatives only if the settings switch ``search_rivals`` on.
+    hypotheses are searched as alternatives only if the settings switch ``search_runners_up`` on.
     """
     config = replace(config or Config(), refinement="none", **PLAIN)
     return match(source, target, landmarks, initial_map, initial_descriptors, config, seed)

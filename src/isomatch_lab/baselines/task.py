@@ -26,7 +26,7 @@ from isomatch.settings import Config, MatchSettings
 from isomatch.shapes import PreparedShape
 from isomatch.values.arrays import FloatArray, IntArray
 
-NOT_JUDGED = "a baseline tries no other map: spectral residual and rival are not defined, and symmetric maps go unnoticed"
+NOT_JUDGED = "a baseline tries no other map: there is no spectral residual or runner-up, and symmetric maps go unnoticed"
 
 
 AT_FULL_RESOLUTION = Config(resolution="full", n_functions=200)  # as in Melzi et al. 2019

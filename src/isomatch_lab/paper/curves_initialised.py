@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from isomatch_lab.paper import princeton_curves
-from isomatch_lab.paper.item import RIVALS, Item, Reproduction, Setting, Verdict
+from isomatch_lab.paper.item import RUNNERS_UP, Item, Reproduction, Setting, Verdict
 
-BASELINES = {name: RIVALS[name] for name in ("sgmds_5pt", "functional_maps_5pt", "sgf_5pt")}
+BASELINES = {name: RUNNERS_UP[name] for name in ("sgmds_5pt", "functional_maps_5pt", "sgf_5pt")}
 ALONE, PUBLISHED, OURS = "", "+gdd_post", "+isomatch"
 VARIANTS = {
     ALONE: (":", 1.5, ""),

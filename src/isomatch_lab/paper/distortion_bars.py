@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from isomatch_lab.paper.item import RIVALS
+from isomatch_lab.paper.item import RUNNERS_UP
 
 LABELS = {
-    **RIVALS,
+    **RUNNERS_UP,
     "gdd": ("GDD", "#E69F00"),
     "gdd_post": ("GDD + post", "#D55E00"),
 }

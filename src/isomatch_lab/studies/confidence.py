@@ -43,7 +43,15 @@ KINDS = {  # how the maps of each kind are provoked
     "either side": "a symmetric creature with orientation = 'any': its mirror image fits as well",
 }
 
-EVIDENCE = ("spectral_residual", "rival", "mirrored", "residual", "stretch", "orientation", "distortion_p95")
+EVIDENCE = (
+    "spectral_residual",
+    "runner_up",
+    "mirrored",
+    "residual",
+    "stretch",
+    "orientation",
+    "distortion_p95",
+)
 DAMAGED = ("noise:0.3", "noise:0.6", "weld:0.02", "holes:0.1", "decimate:0.25", "resample:4", "resample:16")
 Job = tuple[str, str, str, tuple[str, str]]  # folder of the sets, kind, set, pair
 

@@ -203,7 +203,7 @@ def test_what_a_result_tells(copies):
     found = laplace_nearest_neighbours(*copies[0], initial_map=copies[2], seed=3)
     record = json.loads(json.dumps(found.to_dict(), allow_nan=False))
     assert record["quality"]["spectral_residual"] is None
-    assert record["quality"]["rival"] is None
+    assert record["quality"]["runner_up"] is None
     assert record["quality"]["stretch"] == pytest.approx(1, abs=0.01)
     assert record["config"] == {"n_functions": 50, "steps": 15, "orientation": "any"}
     assert record["seed"] == 3

@@ -115,16 +115,16 @@ class BothParts(Relation):
         timer.start("overlapping parts")
         regions = self.match()
         best = regions[0]
-        rivals = (each for each in regions[1:] if each.held >= best.held and self._differs(best, each))
-        rival = next(rivals, None)
-        return self._summed_up(best, rival, timer)
+        runners_up = (each for each in regions[1:] if each.held >= best.held and self._differs(best, each))
+        runner_up = next(runners_up, None)
+        return self._summed_up(best, runner_up, timer)
 
     def _differs(self, best: RefinedRegion, other: RefinedRegion) -> bool:
         """Whether two maps differ where both have images; those that have none in common do."""
         both = best.matched & other.matched
         return not both.any() or self.target.mean_distance(best.image[both], other.image[both]) > APART
 
-    def _summed_up(self, best: RefinedRegion, rival: RefinedRegion | None, timer: StageTimer) -> Solution:
+    def _summed_up(self, best: RefinedRegion, runner_up: RefinedRegion | None, timer: StageTimer) -> Solution:
         """Bend the region in full, and sum up the map."""
         pair, hints, fit = self.pair, self.hints, best.fit
         bent = fit.bending.laid_in_full(fit.bent, pair.config.parts.bending[-N_BENT_IN_FULL:])
@@ -141,8 +141,8 @@ class BothParts(Relation):
         side, other = self._regions.source, self._regions.target
         unit, reason = side.unit / other.unit, "largest region in common that looks alike"
         measured = measured_part(self, fit, bent, unit, points, matched, descriptor_distance, reason)
-        rivalry = best.score / rival.score if rival and rival.score else np.inf
-        measured = replace(measured, quality=replace(measured.quality, rival=rivalry))
+        lead = best.score / runner_up.score if runner_up and runner_up.score else np.inf
+        measured = replace(measured, quality=replace(measured.quality, runner_up=lead))
         led = 0 < len(side.landmarks) == best.held
         doubt = CommonDoubt(best.worth, led, pair.config.parts)
         areas = pair.source.body.vertex_areas

@@ -110,11 +110,11 @@ class ClosedMatch:
             image = whole.index.vertices(embedding.target, embedding.source[: part.body.n_vertices])
             return fits.measured(pair.in_unit_of(image), image[part.sample_vertices[: config.n_refine]])
 
-        fit, rival = measured(self.found.embedding), np.inf
+        fit, runner_up = measured(self.found.embedding), np.inf
         if selection.against:
             other = measured(self.relation.refinement.everywhere(self.relation, selection.against))
-            rival = max(1.0, other.cost / fit.cost)
-        return PartDoubt(fit.bent_cost, rival, pair.trusted, config.parts)
+            runner_up = max(1.0, other.cost / fit.cost)
+        return PartDoubt(fit.bent_cost, runner_up, pair.trusted, config.parts)
 
     @cached_method
     def solution(self, timer: StageTimer) -> Solution:
@@ -164,8 +164,8 @@ class ClosedMatch:
         regions = []
         for region in closed:
             kept = region.vertices < source.body.n_vertices
-            rival = None if region.rival is None else owner[region.rival[kept]]
-            regions.append(replace(region, vertices=region.vertices[kept], rival=rival))
+            runner_up = None if region.runner_up is None else owner[region.runner_up[kept]]
+            regions.append(replace(region, vertices=region.vertices[kept], runner_up=runner_up))
         return regions
 
     def _opened(self, closed: Correspondence) -> tuple[PrecisePoints, BoolArray]:

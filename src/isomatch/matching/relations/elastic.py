@@ -161,7 +161,9 @@ class Elastic(Relation):
         apart = distances_between([fit.image for fit in fits], self.target.mean_distances)
         tie = HINTED_TIE if len(self.hints.initial_pairs) else 1.0
         rules = Rules(
-            rival_distance=self.pair.config.selection.rival_distance, tie=tie, landmark_slack=LANDMARK_SLACK
+            runner_up_distance=self.pair.config.selection.runner_up_distance,
+            tie=tie,
+            landmark_slack=LANDMARK_SLACK,
         )
         reason = f"least score of {len(starts)} elastic maps, {len(fits)} bent"
         return select(fits, apart, rules), reason
@@ -375,7 +377,7 @@ class Elastic(Relation):
         )
         quality = replace(
             measure_quality(self.pair, points, self.hints),
-            rival=selection.rival,
+            runner_up=selection.runner_up,
             descriptor_distance=mean_known(descriptor_distance, self.source.body.vertex_areas),
             bending_cost=selection.winner.score,
         )

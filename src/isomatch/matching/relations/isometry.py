@@ -58,7 +58,7 @@ from isomatch.runtime.threads import parallel_map, serial_blas
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 from isomatch.values.cached import cached_property
 
-ELSEWHERE_DISTANCE = 0.3  # √area: from one limb to another, twice rival_distance
+ELSEWHERE_DISTANCE = 0.3  # √area: from one limb to another, twice runner_up_distance
 MOST_MIRRORED = 3  # maps of the orientation that is not allowed, which are refined
 
 
@@ -112,7 +112,7 @@ class IsometricMatch:
 
     selection: Selection[Fit]  # refined winner and its runners-up
     eligible: tuple[Candidate, ...]  # candidates that may win, best first
-    rivals: tuple[Candidate, ...]  # candidates that may not win
+    runners_up: tuple[Candidate, ...]  # candidates that may not win
     embedding: Embedding  # coordinates of all vertices in which images are nearest points
     relation: Isometry
 
@@ -134,7 +134,7 @@ class Isometry(Relation):
     >>> source, target = example_pair()
     >>> pair = prepare_pair(source.mesh, target.mesh)
     >>> relation = Isometry().on(pair, Hints.of(pair, None, None, None))
-    >>> candidates, rivals = relation.candidates(*relation.hypotheses())
+    >>> candidates, runners_up = relation.candidates(*relation.hypotheses())
     >>> fits = relation.refined(relation.begun(candidates[:2]))
     >>> relation.score(fits[0]) < 0.5
     True
@@ -151,47 +151,47 @@ class Isometry(Relation):
         both = self.source, self.target
         parallel_map(lambda shape: (shape.points, shape.signatures, shape.curvature, shape.symmetries), both)
         timer.start("search")
-        may_win, only_rivals = self.hypotheses() if hypotheses is None else (list(hypotheses), [])
+        may_win, only_runners_up = self.hypotheses() if hypotheses is None else (list(hypotheses), [])
         timer.start("selection")
-        eligible, rivals = self.candidates(may_win, only_rivals)
+        eligible, runners_up = self.candidates(may_win, only_runners_up)
         timer.start("refinement")
-        selection = self._contest(eligible, rivals)
+        selection = self._contest(eligible, runners_up)
         if hypotheses is None and self.stages.starts is None:
             selection = self._challenged(selection, eligible)
         selection = self._against_mirror_image(selection, eligible)
         embedding = self.everywhere(selection.winner)
-        return IsometricMatch(selection, tuple(eligible), tuple(rivals), embedding, self)
+        return IsometricMatch(selection, tuple(eligible), tuple(runners_up), embedding, self)
 
     def hypotheses(self) -> tuple[list[Hypothesis], list[Hypothesis]]:
-        """Hypotheses that may win, and those that are searched as rivals only."""
+        """Hypotheses that may win, and those that are searched as runners-up only."""
         pair, config, starts = self.pair, self.pair.config, self.stages.starts
         self.require_hints()
         from_hints = hypotheses_from_hints(pair, self.hints)
         if config.hypotheses == "all":
             return search(pair, from_hints, starts), []
-        return from_hints, search(pair, from_hints, starts) if self.searches_rivals else []
+        return from_hints, search(pair, from_hints, starts) if self.searches_runners_up else []
 
     @property
-    def searches_rivals(self) -> bool:
-        """Whether automatic hypotheses are searched as rivals of those given."""
-        asked = self.pair.config.search_rivals
+    def searches_runners_up(self) -> bool:
+        """Whether automatic hypotheses are searched as runners-up of those given."""
+        asked = self.pair.config.search_runners_up
         return self.refinement.looks_further if asked is None else asked
 
     def candidates(
-        self, may_win: Sequence[Hypothesis], only_rivals: Sequence[Hypothesis] = ()
+        self, may_win: Sequence[Hypothesis], only_runners_up: Sequence[Hypothesis] = ()
     ) -> tuple[list[Candidate], list[Candidate]]:
-        """Screen hypotheses, and the symmetric variants of the best: candidates that may win, and rivals, best first."""
+        """Screen hypotheses, and the symmetric variants of the best: what may win, and runners-up, best first."""
         if not may_win:
             raise SettingError(
                 "the starts gave no first map, and there are no hints; add *default_starts to them"
             )
         pair, screen = self.pair, Screening(self.pair, self.hints)
         eligible = self._ranked(screen(list(may_win)), hinted=True)
-        searched = pair.config.hypotheses == "all" or self.searches_rivals
+        searched = pair.config.hypotheses == "all" or self.searches_runners_up
         variants = screen(symmetric_variants(pair, eligible[0].target_row)) if searched else []
         if pair.config.hypotheses == "all":
             return self._ranked([*eligible, *variants], hinted=True), []
-        return eligible, self._ranked([*screen(list(only_rivals)), *variants])
+        return eligible, self._ranked([*screen(list(only_runners_up)), *variants])
 
     def begun(self, candidates: Sequence[Candidate]) -> list[Fit]:
         """Extend candidates to the refinement vertices."""
@@ -277,14 +277,15 @@ class Isometry(Relation):
         """What decides the contest."""
         return Rules.of(self.pair.config.selection, self.pair.config.outcome)
 
-    def _contest(self, eligible: list[Candidate], rivals: list[Candidate]) -> Selection[Fit]:
-        """Refine the contenders, and rivals that may not win, and select."""
+    def _contest(self, eligible: list[Candidate], runners_up: list[Candidate]) -> Selection[Fit]:
+        """Refine the contenders, and runners-up that may not win, and select."""
         orientation, settings = self.pair.config.orientation, self.pair.config.selection
         fits, others = (
-            self.contest(self.begun(contenders(order, orientation, settings))) for order in (eligible, rivals)
+            self.contest(self.begun(contenders(order, orientation, settings)))
+            for order in (eligible, runners_up)
         )
         may_win = [True] * len(fits) + [False] * len(others)
-        return self._selected([*fits, *others], may_win, len(eligible) + len(rivals))
+        return self._selected([*fits, *others], may_win, len(eligible) + len(runners_up))
 
     def _selected(self, fits: list[Fit], may_win: list[bool], n_tried: int = 2) -> Selection[Fit]:
         """Select among refined maps, also by what they look like where they differ."""
@@ -299,7 +300,7 @@ class Isometry(Relation):
         )
 
     def _challenged(self, selection: Selection[Fit], candidates: Sequence[Candidate]) -> Selection[Fit]:
-        """Compare a winner that is not sure with challengers; one that loses to a rival of it does not take its place."""
+        """Compare a winner that is not sure with further candidates; one that loses to a runner-up does not replace it."""
         first = selection.winner
         if not self._sided or first.candidate is None or is_sure(self, selection):
             return selection
@@ -312,9 +313,9 @@ class Isometry(Relation):
         if winner is first:
             return selection
         others = [fit for fit in (first, *fits) if is_another(self, fit, winner)]
-        fits = [winner, *selection.rivals, *others]
+        fits = [winner, *selection.runners_up, *others]
         challenged = self._selected(fits, [fit is winner for fit in fits])
-        return selection if challenged.rival < 1.0 else challenged
+        return selection if challenged.runner_up < 1.0 else challenged
 
     @property
     def _sided(self) -> bool:
@@ -378,17 +379,17 @@ class Isometry(Relation):
         quality = measure_quality(pair, points, self.hints, selection)
         doubt = None
         if selection.against:
-            doubt = doubt_of(pair, selection.winner.image, selection.against.image, selection.rival)
-        n_tried = len(found.eligible) + len(found.rivals)
+            doubt = doubt_of(pair, selection.winner.image, selection.against.image, selection.runner_up)
+        n_tried = len(found.eligible) + len(found.runners_up)
         exponent = pair.config.selection.energy_exponent
         reason = (
             f"least spectral residual × energy^{exponent:g}; {n_tried} candidates, "
-            f"{1 + len(selection.rivals)} refined to the end"
+            f"{1 + len(selection.runners_up)} refined to the end"
         )
         if selection.hints_decided:
             reason += "; of those that tie, it agrees best with the hints"
-        if selection.rival < np.inf:
-            reason += f"; the best alternative scores {selection.rival:.2f} times as much"
+        if selection.runner_up < np.inf:
+            reason += f"; the best alternative scores {selection.runner_up:.2f} times as much"
         descriptor_distance = descriptor_distance_of(
             self.source.balls, self.target.balls, points.corners[:, 0]
         )
@@ -405,10 +406,10 @@ class Isometry(Relation):
     ) -> Solution:
         """Polish, carry and sum up a map; one between shapes far from isometric comes with a ``note``."""
         pair, hints, far = self.pair, self.hints, note is not None
-        selection, rivals = found.selection, None
-        if selection.against and selection.rival < pair.config.outcome.tie and not far:
-            rivals = selection.winner.image, selection.against.image
-        regions = regions_of_doubt(pair, map_.descriptor_distance, rivals)
+        selection, runners_up = found.selection, None
+        if selection.against and selection.runner_up < pair.config.outcome.tie and not far:
+            runners_up = selection.winner.image, selection.against.image
+        regions = regions_of_doubt(pair, map_.descriptor_distance, runners_up)
         doubt = doubt_in(regions, self.source.body.n_vertices) + (0.0 if map_.doubt is None else map_.doubt)
         errors = expected_errors(pair, map_.points, doubt)
         level: SmoothPair = pair
@@ -443,7 +444,7 @@ class Isometry(Relation):
         pair, notes = self.pair, []
         if not pair.oriented and pair.config.orientation == "reverse":
             notes.append("orientation = 'reverse' has no effect: points and graphs have no normals")
-        if np.isnan(selection.rival):
+        if np.isnan(selection.runner_up):
             notes.append("no other map was tried: symmetric maps go unnoticed")
         off = selection.winner.hint_error
         if pair.config.start == "pose" and not self.hints.any and off > pair.config.outcome.out_of_pose:
@@ -457,9 +458,9 @@ class Isometry(Relation):
         """Runners-up that differ from the winner, which comes first, and from each other; not refined."""
         pair, settings = self.pair, self.pair.config.selection
         refined = [
-            fit.candidate for fit in (found.selection.winner, *found.selection.rivals) if fit.candidate
+            fit.candidate for fit in (found.selection.winner, *found.selection.runners_up) if fit.candidate
         ]
-        order = [*refined, *found.eligible, *found.rivals]
+        order = [*refined, *found.eligible, *found.runners_up]
         kept = distinct(
             order,
             lambda candidate: candidate.target_row,

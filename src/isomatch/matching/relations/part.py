@@ -170,7 +170,7 @@ class Part(Relation):
         rough = [] if only_given else self._rough_fits(first_maps)
         kept = self._distinct(rough, N_CONTENDERS)
         hopeful = [fit for fit in kept if fit.promise <= settings.hopeless * kept[0].promise]
-        hopeful = kept[: max(len(hopeful), 2)]  # the best, and a rival
+        hopeful = kept[: max(len(hopeful), 2)]  # the best, and a runner-up
         contenders = [*((fit.pair, fit.image, fit.origin) for fit in hopeful), *first_maps]
         if not contenders:
             raise NotConvergedError(
@@ -186,11 +186,13 @@ class Part(Relation):
         fits, costs = self._by_cost(fits)
         apart = distances_between([fit.image for fit in fits], self.target.mean_distances)
         rules = Rules(
-            rival_distance=APART, tie=settings.tie, mirror_tie=settings.tie, landmark_slack=LANDMARK_SLACK
+            runner_up_distance=APART, tie=settings.tie, mirror_tie=settings.tie, landmark_slack=LANDMARK_SLACK
         )
         selection = select(fits, apart, rules, scores=costs)
         if not self.searches and self.closed:  # which has looked for others
-            return replace(selection, rival=min(selection.rival, self.closed.found.selection.rival))
+            return replace(
+                selection, runner_up=min(selection.runner_up, self.closed.found.selection.runner_up)
+            )
         return selection
 
     def descriptor_distance(self, fit: Fit) -> FloatArray:
@@ -295,7 +297,7 @@ class Part(Relation):
         with timer.within("part"):
             selection = self.match(timer)
         best, settings = selection.winner, self.pair.config.parts
-        doubt = PartDoubt(best.bent_cost, selection.rival, best.pair.trusted, settings)
+        doubt = PartDoubt(best.bent_cost, selection.runner_up, best.pair.trusted, settings)
         share = best.share
         doubtful = doubt.doubt > LITTLE_DOUBT * settings.poor_doubt or doubt.evidence.ambiguous
         with timer.within("part"):
@@ -320,7 +322,9 @@ class Part(Relation):
                         f"the {self.side} was matched as a part with its holes closed: it has {share:.0%} of the area of "
                         "the other shape"
                     )
-                    found = replace(with_caps, quality=replace(with_caps.quality, rival=selection.rival))
+                    found = replace(
+                        with_caps, quality=replace(with_caps.quality, runner_up=selection.runner_up)
+                    )
                     return with_doubt(found, evidence, doubt, note, len(self.hints.landmarks) > 0)
         return self._summed_up(selection, evidence, doubt, share, timer)
 
@@ -366,9 +370,9 @@ class Part(Relation):
         balls = best.pair.signature, best.pair.whole.balls
         here, there = balls if self.side == "source" else balls[::-1]
         descriptor_distance = descriptor_distance_of(here, there, points.corners[:, 0], matched)
-        reason = f"fits best of {1 + len(selection.rivals)} maps of a part refined to the end"
+        reason = f"fits best of {1 + len(selection.runners_up)} maps of a part refined to the end"
         measured = measured_part(self, best, bent, unit, points, matched, descriptor_distance, reason)
-        quality = replace(measured.quality, rival=selection.rival, doubt=doubt.doubt)
+        quality = replace(measured.quality, runner_up=selection.runner_up, doubt=doubt.doubt)
         evidence = (*evidence, contradiction(self, measured))
         notes = (
             f"the {self.side} was matched as a part: it has {share:.0%} of the area of the other shape and covers "
@@ -404,7 +408,7 @@ def measured_part(
     positions, bounds = image_positions(source.body, target.body, points), pair.config.outcome
     quality = Quality(
         spectral_residual=fit.spectral_residual,
-        rival=np.inf,
+        runner_up=np.inf,
         mirrored=np.inf,
         residual=np.nan,
         stretch=edge_stretch(source.body, positions, bounds.torn, unit, matched),
