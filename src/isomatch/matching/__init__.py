@@ -1,4 +1,4 @@
-"""From two surfaces to a map: each relation that fits them is solved, and the evidence for its map is judged."""
+"""From two surfaces to a map: each relation that fits them is solved, and the evidence for its map is verified."""
 
 from isomatch.loading.first_use import names_at_first_use
 

@@ -14,7 +14,14 @@ from isomatch.matching.relations.part import Part
 from isomatch.matching.result import Alternative, MatchResult, Outcome, Quality
 from isomatch.matching.search import default_starts
 from isomatch.matching.stages import Joint, Refinement, Relation, Stages, Start
-from isomatch.matching.verification import Evidence, Solution, judged, lowered, measured_evidence, outcome_of
+from isomatch.matching.verification import (
+    Evidence,
+    Solution,
+    lowered,
+    measured_evidence,
+    outcome_of,
+    verified,
+)
 from isomatch.settings import COVERAGE_RADIUS
 
 __all__ = [
@@ -50,7 +57,6 @@ __all__ = [
     "expected_errors",
     "first_map",
     "joint_coordinates",
-    "judged",
     "lowered",
     "match",
     "match_both",
@@ -59,4 +65,5 @@ __all__ = [
     "outcome_of",
     "prepare_pair",
     "stages_of",
+    "verified",
 ]

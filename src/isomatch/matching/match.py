@@ -31,7 +31,7 @@ from isomatch.matching.solve import (
     solve_touching,
 )
 from isomatch.matching.stages import Refinement, Relation, Stages, Start, name_of
-from isomatch.matching.verification import Evidence, Solution, judged
+from isomatch.matching.verification import Evidence, Solution, verified
 from isomatch.runtime.stage_timer import Progress, StageTimer, two_arguments
 from isomatch.runtime.threads import in_background, serial_blas
 from isomatch.settings import Config
@@ -130,7 +130,7 @@ def match(
             require_landmarks_for_pins(pair, landmarks)
             solution = solve_prepared(pair, (landmarks, initial_map, initial_descriptors), stages, timer)
             handed = _handed_in(refinement, starts, relation)
-            result = judged(replace(solution, notes=(*solution.notes, *handed)), timer, seed)
+            result = verified(replace(solution, notes=(*solution.notes, *handed)), timer, seed)
         timer.reach("done", 1.0)
         return result
 
@@ -277,7 +277,7 @@ def _both(
         found = relation.match(timer)
         solution_there, apart = solve_touching(relation, found, timer)
         found = None if apart else found
-    there = judged(solution_there, timer, seed)
+    there = verified(solution_there, timer, seed)
     timer_back.restart()
     if found is None:
         solution = solve_prepared(pair_back, hints_back, stages, timer_back)
@@ -292,7 +292,7 @@ def _both(
             f"{len(hypotheses) - 1} alternatives to it, turned around, and the outcome is at most as sure as there"
         )
     solution = replace(solution, notes=(note, *solution.notes))
-    return BothDirections(there, judged(solution, timer_back, seed))
+    return BothDirections(there, verified(solution, timer_back, seed))
 
 
 def _turned(pair: ShapePair, user_hints: UserHints) -> UserHints:

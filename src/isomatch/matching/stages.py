@@ -88,7 +88,7 @@ class Refinement(ABC):
 
 
 class Relation(ABC):
-    """What is assumed of two shapes, and how a map under this assumption is found, measured and judged.
+    """What is assumed of two shapes, and how a map under this assumption is found, measured and verified.
 
     `on` binds a relation to a pair. Subclass `Isometry` to change a part of it, such as ``score``.
 

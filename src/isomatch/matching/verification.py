@@ -35,7 +35,7 @@ class Evidence:
 
     @classmethod
     def of(cls, outcome: Outcome) -> Self:
-        """Return the evidence that calls for an outcome, as of a map that was judged before."""
+        """Return the evidence that calls for an outcome, as of a map that was verified before."""
         return cls(**{flag: called_for is outcome for flag, called_for in CALLED_FOR.items()})
 
 
@@ -50,7 +50,7 @@ def outcome_of(evidence: Iterable[Evidence]) -> Outcome:
 
 
 def lowered(outcome: Outcome, *evidence: Evidence) -> Outcome:
-    """Lower the outcome of a map that was judged before, by evidence found since; it never becomes surer."""
+    """Lower the outcome of a map that was verified before, by evidence found since; it never becomes surer."""
     return outcome_of([Evidence.of(outcome), *evidence])
 
 
@@ -214,7 +214,7 @@ def part_evidence(own: Evidence, closed: tuple[Evidence, ...], agrees: bool) -> 
 
 def closed_evidence(own: Evidence, closed: tuple[Evidence, ...]) -> tuple[Evidence, ...]:
     """Evidence for a map of two parts with their holes closed: that of complete shapes, unless it is poor."""
-    # caps change the measures of complete shapes; where these are poor, the map is judged as that of a part
+    # caps change the measures of complete shapes; where these are poor, the map is verified as that of a part
     doubted = outcome_of(closed) is Outcome.LOW_CONFIDENCE
     return (own,) if doubted else (*closed, Evidence(partial=True))
 
@@ -261,7 +261,7 @@ class Solution:
         return replace(self, evidence=(*self.evidence, *more))
 
 
-def judged(solution: Solution, timer: StageTimer, seed: int) -> MatchResult:
+def verified(solution: Solution, timer: StageTimer, seed: int) -> MatchResult:
     """Make the result of a match."""
     pair = solution.pair
     shared = "map outcome quality expected_error descriptor distance regions alternatives notes origin reason"

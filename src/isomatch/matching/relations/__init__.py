@@ -1,1 +1,1 @@
-"""Relations: what is assumed of two shapes, and how a map under this assumption is found, measured and judged."""
+"""Relations: what is assumed of two shapes, and how a map under this assumption is found, measured and verified."""

@@ -249,7 +249,7 @@ class CommonRegions:
         # samples around x, whose errors differ, the evidence is
         #     Σ_x area(x) max(mean_{x′ near x} −log u(x′) − BY_CHANCE, 0).
         # What everything looks like has no low rank, so it is no evidence; and as ranks, not distances, count, shapes of
-        # two kinds, which look unlike everywhere, are judged as those of one. A large region beats a small one only by
+        # two kinds, which look unlike everywhere, are verified as those of one. A large region beats a small one only by
         # area that itself looks alike.
         surprise = self._surprise[rows, self.target.nearest_sample[images]]
         around = self._around[np.ix_(rows, rows)]

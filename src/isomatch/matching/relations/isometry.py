@@ -300,7 +300,7 @@ class Isometry(Relation):
         )
 
     def _challenged(self, selection: Selection[Fit], candidates: Sequence[Candidate]) -> Selection[Fit]:
-        """Compare a winner that is not sure with further candidates; one that loses to a runner-up does not replace it."""
+        """Compare a winner that is not sure with further ones; one that loses to a runner-up does not replace it."""
         first = selection.winner
         if not self._sided or first.candidate is None or is_sure(self, selection):
             return selection

@@ -129,7 +129,7 @@ class Part(Relation):
         return self.fits.refined_again(cast(PartFit, fit))
 
     def measured(self, fit: Fit, image: IntArray) -> PartFit:
-        """Measure a map: where it is judged, the part is bent by it, too."""
+        """Measure a map: where it is verified, the part is bent by it, too."""
         self.require_images(image)
         return self.fits.measured(cast(PartFit, fit).pair, image, fit.origin)
 
