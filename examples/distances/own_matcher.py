@@ -63,7 +63,7 @@ stages = Stages(Upsampling(), starts=[axes_of_inertia, *default_starts])
 relation = Isometry().on(pair, Hints.of(pair, None, None, None), stages)
 hypotheses, _ = relation.hypotheses()
 candidates, _ = relation.candidates(hypotheses)
-fits = relation.contest(relation.begun(candidates[:3]))
+fits = relation.refine_and_select(relation.begun(candidates[:3]))
 for fit in fits:
     print(f"from {fit.candidate.hypothesis.origin}: score {relation.score(fit):.3f}")
 
@@ -80,7 +80,7 @@ print(f"mean error {off.mean() / np.sqrt(target.mesh.area):.4f} √area")
 draw_map(source.mesh, target.mesh, own, "own_matcher.png")
 
 # %%
-# Handed to :func:`isomatch.match`, the same stages take part in all that it does: a contest with alternatives, the
+# Handed to :func:`isomatch.match`, the same stages take part in all that it does: model selection with alternatives, the
 # verdict, and shapes that are cut or stretched.
 
 result = match(source.mesh, target.mesh, refinement=Upsampling(), starts=stages.starts)

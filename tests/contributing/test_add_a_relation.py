@@ -43,7 +43,7 @@ def test_the_hook_scores_every_map(animals):
     for relation in (BySpectralResidual(), Isometry()):
         bound = relation.on(pair, Hints.of(pair, None, None, None), Stages(Unchanged()))
         candidates, _ = bound.candidates(*bound.hypotheses())
-        fits = bound.contest(bound.begun(candidates[:3]))
+        fits = bound.refine_and_select(bound.begun(candidates[:3]))
         assert len(fits) == 3
         assert [fit.score == fit.spectral_residual for fit in fits] == 3 * [
             isinstance(relation, BySpectralResidual)

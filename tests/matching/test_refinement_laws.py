@@ -73,8 +73,10 @@ def test_randomness_without_a_seed_is_named():
 
 def test_what_depends_on_the_threads_is_named():
     class ByThreads(Changed):
-        def contest(self, relation, fits):
-            return super().contest(relation, fits if os.environ["ISOMATCH_NUM_THREADS"] == "1" else fits[:1])
+        def refine_and_select(self, relation, fits):
+            return super().refine_and_select(
+                relation, fits if os.environ["ISOMATCH_NUM_THREADS"] == "1" else fits[:1]
+            )
 
     with pytest.raises(
         SettingError, match='"repeatable": called with three threads, it gives 1 maps instead of 2'
@@ -103,17 +105,17 @@ def test_the_map_everywhere_is_checked_too():
 
 
 @pytest.mark.parametrize(
-    ("contest", "message"),
+    ("refine_and_select", "message"),
     [
         (lambda fits: [], "gave up all of 2 maps; keep the best one"),
         (lambda fits: [replace(fit) for fit in fits], r"gave a map .* return relation\.measured"),
         (lambda fits: [fit.image for fit in fits], "gave an object of type ndarray"),
     ],
 )
-def test_a_contest_gives_measured_maps(contest, message):
+def test_model_selection_gives_measured_maps(refine_and_select, message):
     class Given(Changed):
-        def contest(self, relation, fits):
-            return contest(fits)
+        def refine_and_select(self, relation, fits):
+            return refine_and_select(fits)
 
     with pytest.raises(SettingError, match=message):
         check_refinement(Given(unchanged))

@@ -133,7 +133,7 @@ def is_sure(relation: Relation, selection: Selection[Fit]) -> bool:
     )
 
 
-def challengers(
+def further_candidates(
     pair: ShapePair, screen: Screening, known: Sequence[IntArray], side: int, energy: float
 ) -> list[Candidate]:
     """Find further candidates, from the other side and by combination, that may be better than the winner."""
@@ -163,19 +163,19 @@ def is_another(relation: Relation, fit: Fit, other: Fit) -> bool:
     return apart > relation.pair.config.selection.runner_up_distance
 
 
-def _beats(relation: Relation, challenger: Fit, winner: Fit) -> bool:
+def _beats(relation: Relation, candidate: Fit, winner: Fit) -> bool:
     """Whether a map is better by every measure, or another map and clearly better."""
     # Many further maps are tried, and of many some fit well by chance: one must be better by every measure, or differ and
     # be clearly better. Appearance counts between different maps only: where variants differ is too small a region.
-    fits = [challenger, winner]
+    fits = [candidate, winner]
     scores = [fit.score for fit in fits]
-    if is_another(relation, challenger, winner):
+    if is_another(relation, candidate, winner):
         scores = relation.weighed(fits, scores, [True, True])
         if CLEARLY_BETTER * scores[0] < scores[1]:
             return True
     residuals = [residual_of(relation.pair, relation.vertices, fit.image) for fit in fits]
     return (
         scores[0] < scores[1]
-        and challenger.spectral_residual < winner.spectral_residual
+        and candidate.spectral_residual < winner.spectral_residual
         and residuals[0] < residuals[1]
     )

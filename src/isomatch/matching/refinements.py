@@ -229,7 +229,7 @@ class _Trial:
     def refined(self, images: Sequence[IntArray]) -> list[Fit]:
         """Refine maps (r,) onto vertices of the source, with their own numbers in the copy."""
         fits = [replace(self._fit, image=self.number[image]) for image in images]
-        return self.relation.contest(fits)
+        return self.relation.refine_and_select(fits)
 
 
 def _check_repeatable(trial: _Trial, rough: IntArray) -> None:
@@ -272,7 +272,7 @@ def _check_truth(trial: _Trial) -> None:
     embedding = trial.relation.everywhere(fit)
     everywhere = trial.target.index.vertices(embedding.target, embedding.source)
     for image, truth, where in (
-        (fit.image, trial.number[trial.relation.vertices], "__call__ and contest"),
+        (fit.image, trial.number[trial.relation.vertices], "__call__ and refine_and_select"),
         (everywhere, trial.number, "everywhere"),
     ):
         error = trial.target.mean_distance(image, truth)

@@ -43,7 +43,7 @@ class Refinement(ABC):
     """Makes a better map of one: subclass it, implement ``__call__``, and hand an instance to `match`.
 
     Several threads call it at once, so it keeps nothing between calls. A refinement takes part in every relation, in
-    the contest of maps and in the map returned. `check_refinement` tells whether it keeps the laws of one.
+    the model selection and in the map returned. `check_refinement` tells whether it keeps the laws of one.
 
     Examples
     --------
@@ -69,7 +69,7 @@ class Refinement(ABC):
         Return ``relation.measured(fit, image)``.
         """
 
-    def contest(self, relation: Relation, fits: Sequence[Fit]) -> list[Fit]:
+    def refine_and_select(self, relation: Relation, fits: Sequence[Fit]) -> list[Fit]:
         """Refine several maps; those that are hopeless may be given up on the way."""
         return parallel_map(lambda fit: self(relation, fit), fits)
 
@@ -143,11 +143,11 @@ class Relation(ABC):
         """The Laplace–Beltrami bases, for maps from these vertices to all vertices of the target's body."""
         return self.pair.spectra
 
-    def contest(self, fits: Sequence[Fit]) -> list[Fit]:
+    def refine_and_select(self, fits: Sequence[Fit]) -> list[Fit]:
         """Refine maps by the refinement of the match; `SettingError` if it gives none, or one that was not measured."""
         if not fits:
             return []
-        found = self.refinement.contest(self, fits)
+        found = self.refinement.refine_and_select(self, fits)
         if not found:
             raise self._refused(f"gave up all of {len(fits)} maps; keep the best one")
         for fit in found:
@@ -275,8 +275,8 @@ class Joint(Refinement):
     One that takes its last steps twice:
 
     >>> class Twice(Joint):
-    ...     def contest(self, relation, fits):
-    ...         return [self.again(relation, fit) for fit in super().contest(relation, fits)]
+    ...     def refine_and_select(self, relation, fits):
+    ...         return [self.again(relation, fit) for fit in super().refine_and_select(relation, fits)]
     >>> from isomatch.matching import check_refinement
     >>> check_refinement(Twice())
     """
@@ -287,7 +287,7 @@ class Joint(Refinement):
         """Refine one map."""
         return relation.refined([fit])[0]
 
-    def contest(self, relation: Relation, fits: Sequence[Fit]) -> list[Fit]:
+    def refine_and_select(self, relation: Relation, fits: Sequence[Fit]) -> list[Fit]:
         """Refine several maps in stages, after each of which hopeless ones are given up."""
         return relation.refined(fits)
 

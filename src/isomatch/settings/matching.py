@@ -115,7 +115,7 @@ class SelectionSettings(Settings):
         1.15, "docs/lab/benchmarks.md, sensitivity; as outcome.tie", least=1
     )
     same_map: float = setting(0.02, "docs/lab/benchmarks.md, sensitivity; half of one turned limb", least=0)
-    energy_exponent: float = setting(0.25, "ablation: contest decided by spectral residual alone", least=0)
+    energy_exponent: float = setting(0.25, "ablation: model selection by spectral residual alone", least=0)
     runner_up_distance: float = setting(0.15, "more than noise or one limb, less than a turned body", least=0)
     descriptor_weight: float = setting(1.5, "docs/lab/design_notes.md", least=0)
     most_alternatives: int = setting(2, "what a report can show beside the map", least=0)

@@ -16,10 +16,10 @@ from isomatch.matching import (
     Solution,
     contradicted_landmarks,
     expected_errors,
-    judged,
     measure_quality,
     measured_evidence,
     prepare_pair,
+    verified,
 )
 from isomatch.runtime.stage_timer import StageTimer
 from isomatch.settings import Config, MatchSettings
@@ -137,4 +137,4 @@ class Task:
             origin=origin,
             config=config,
         )
-        return judged(solution, self.timer, self.seed)
+        return verified(solution, self.timer, self.seed)

@@ -93,7 +93,7 @@ def creature_names(style: int, symmetry: str) -> tuple[str, str]:
     return names[0], names[1]
 
 
-def judged(job: Job) -> dict[str, Any]:
+def verified(job: Job) -> dict[str, Any]:
     """Match one pair and judge the map."""
     data, kind, name, (a, b) = job
     whole = loaded_pair(data, kind, name, a, b)

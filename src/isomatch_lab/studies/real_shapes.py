@@ -78,7 +78,7 @@ def jobs(output: Path, data: str) -> list[Job]:
     return found
 
 
-def judged(job: Job) -> list[dict[str, Any]]:
+def verified(job: Job) -> list[dict[str, Any]]:
     """Match one pair without and with landmarks."""
     output, data, kind, damage, set_name, pair, seed = job
     folder = output / "rows" / "-".join([damage.replace(":", "_"), *pair])

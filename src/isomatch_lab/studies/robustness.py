@@ -47,7 +47,7 @@ def jobs(output: Path, data: str) -> list[Job]:
     return found
 
 
-def judged(job: Job) -> list[dict[str, Any]]:
+def verified(job: Job) -> list[dict[str, Any]]:
     """Match one pair by each method."""
     output, data, damage, level, (name, *pair) = job
     text = None if damage is None else f"{damage}:{level}"

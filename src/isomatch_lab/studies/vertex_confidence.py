@@ -45,7 +45,7 @@ def jobs(data: str, kinds: list[str]) -> list[Job]:
     return drawn
 
 
-def judged(job: Job) -> dict[str, Any]:
+def verified(job: Job) -> dict[str, Any]:
     """Match one pair; capture of each measure, and mean errors, true and expected, in bins of the expected one."""
     data, name, names = job
     if name in COUNTS:

@@ -76,7 +76,7 @@ def jobs(data: str) -> Iterator[Job]:
                 yield data, kind, landmarks, pair
 
 
-def judged(job: Job) -> dict[str, Any]:
+def verified(job: Job) -> dict[str, Any]:
     """Match one pair, and measure the error on the whole target."""
     data, kind, landmarks, (name, source, target, gap, side) = job
     damaged = fused_pair(data, kind, name, source, target, gap, side)

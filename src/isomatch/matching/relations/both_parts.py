@@ -318,7 +318,7 @@ def refined_region(
     relation = Part().on(ShapePair(part, target.shape, config, functions), known, stages)
     first = images[owner[vertices[part.sample_vertices[:N_ROUGH_VERTICES]]]]
     begun = relation.fits.begun(relation.fits.pair, first, region.origin)
-    fit = relation.contest([begun])[0]
+    fit = relation.refine_and_select([begun])[0]
     return RefinedRegion(regions, vertices, cast(PartFit, fit))
 
 

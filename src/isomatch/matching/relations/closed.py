@@ -64,7 +64,7 @@ class ClosedMatch:
     def mirrored_images(self, side: str) -> list[IntArray]:
         """Return the same by the best maps that reverse the orientation, which the match did not allow."""
         best = self.relation.turned(self.found.eligible)[:MOST_MIRRORED]
-        fits = self.relation.contest(self.relation.begun(best))
+        fits = self.relation.refine_and_select(self.relation.begun(best))
         return [self._image(self.relation.everywhere(fit), side) for fit in fits]
 
     def _image(self, embedding: Embedding, side: str) -> IntArray:

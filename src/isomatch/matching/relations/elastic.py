@@ -156,7 +156,7 @@ class Elastic(Relation):
             raise NotConvergedError(
                 "no elastic map keeps the orientation of the faces; give three to five landmarks"
             )
-        fits = cast(list[StretchedFit], self.contest(parallel_map(self._begun, kept)))
+        fits = cast(list[StretchedFit], self.refine_and_select(parallel_map(self._begun, kept)))
         fits.sort(key=lambda fit: fit.score)
         apart = distances_between([fit.image for fit in fits], self.target.mean_distances)
         tie = HINTED_TIE if len(self.hints.initial_pairs) else 1.0

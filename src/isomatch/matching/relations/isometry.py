@@ -14,9 +14,9 @@ from isomatch.errors import SettingError
 from isomatch.matching.candidates import (
     Screening,
     best_of,
-    challengers,
     energy_of,
     extended,
+    further_candidates,
     is_another,
     is_sure,
 )
@@ -155,9 +155,9 @@ class Isometry(Relation):
         timer.start("selection")
         eligible, runners_up = self.candidates(may_win, only_runners_up)
         timer.start("refinement")
-        selection = self._contest(eligible, runners_up)
+        selection = self._refined_and_selected(eligible, runners_up)
         if hypotheses is None and self.stages.starts is None:
-            selection = self._challenged(selection, eligible)
+            selection = self._compared_further(selection, eligible)
         selection = self._against_mirror_image(selection, eligible)
         embedding = self.everywhere(selection.winner)
         return IsometricMatch(selection, tuple(eligible), tuple(runners_up), embedding, self)
@@ -274,14 +274,14 @@ class Isometry(Relation):
 
     @property
     def rules(self) -> Rules:
-        """What decides the contest."""
+        """What decides the selection."""
         return Rules.of(self.pair.config.selection, self.pair.config.outcome)
 
-    def _contest(self, eligible: list[Candidate], runners_up: list[Candidate]) -> Selection[Fit]:
+    def _refined_and_selected(self, eligible: list[Candidate], runners_up: list[Candidate]) -> Selection[Fit]:
         """Refine the contenders, and runners-up that may not win, and select."""
         orientation, settings = self.pair.config.orientation, self.pair.config.selection
         fits, others = (
-            self.contest(self.begun(contenders(order, orientation, settings)))
+            self.refine_and_select(self.begun(contenders(order, orientation, settings)))
             for order in (eligible, runners_up)
         )
         may_win = [True] * len(fits) + [False] * len(others)
@@ -299,23 +299,25 @@ class Isometry(Relation):
             n_tried=n_tried,
         )
 
-    def _challenged(self, selection: Selection[Fit], candidates: Sequence[Candidate]) -> Selection[Fit]:
+    def _compared_further(self, selection: Selection[Fit], candidates: Sequence[Candidate]) -> Selection[Fit]:
         """Compare a winner that is not sure with further ones; one that loses to a runner-up does not replace it."""
         first = selection.winner
         if not self._sided or first.candidate is None or is_sure(self, selection):
             return selection
         known = [candidate.target_row for candidate in candidates]
         screen = Screening(self.pair, self.hints)
-        fits = self.contest(
-            self.begun(challengers(self.pair, screen, known, self._wanted_sign, first.candidate.energy))
+        fits = self.refine_and_select(
+            self.begun(
+                further_candidates(self.pair, screen, known, self._wanted_sign, first.candidate.energy)
+            )
         )
         winner = best_of(self, first, fits)
         if winner is first:
             return selection
         others = [fit for fit in (first, *fits) if is_another(self, fit, winner)]
         fits = [winner, *selection.runners_up, *others]
-        challenged = self._selected(fits, [fit is winner for fit in fits])
-        return selection if challenged.runner_up < 1.0 else challenged
+        compared = self._selected(fits, [fit is winner for fit in fits])
+        return selection if compared.runner_up < 1.0 else compared
 
     @property
     def _sided(self) -> bool:
@@ -340,7 +342,7 @@ class Isometry(Relation):
         hopeful = [c for c in self.turned(candidates) if c.energy < settings.mirrored_energy * kept]
         if not hopeful:
             return selection
-        fits = [selection.winner, *self.contest(self.begun(hopeful[:MOST_MIRRORED]))]
+        fits = [selection.winner, *self.refine_and_select(self.begun(hopeful[:MOST_MIRRORED]))]
         costs = self.weighed(fits, [fit.score for fit in fits], [fit is selection.winner for fit in fits])
         ratio = max(min(costs[1:]), SCORE_NOISE) / max(costs[0], SCORE_NOISE)
         return replace(selection, mirrored=ratio) if ratio < bounds.mirror_image else selection

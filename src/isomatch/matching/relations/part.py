@@ -79,7 +79,7 @@ class Part(Relation):
     Notes
     -----
     Intervals of distances, starts that assign anchors in several units, bending and the choice of the unit concern parts
-    alone; the contest, the loop of the refinement and the judge are those of every relation.
+    alone; model selection, the loop of the refinement and verification are those of every relation.
 
     Examples
     --------
@@ -179,7 +179,7 @@ class Part(Relation):
             )
         timer.start("refinement")
         begun = parallel_map(lambda contender: fits_of.begun(*contender), contenders)
-        fits, costs = self._by_cost(cast(list[PartFit], self.contest(begun)))
+        fits, costs = self._by_cost(cast(list[PartFit], self.refine_and_select(begun)))
         timer.start("settling")
         n_settled = sum(cost <= settings.hopeless * costs[0] for cost in costs[: settings.n_settled])
         fits[:n_settled] = parallel_map(lambda fit: fits_of.settled(fit, self._again), fits[:n_settled])

@@ -5,7 +5,7 @@ import pytest
 
 from isomatch.correspondence import iterative_closest_points
 from isomatch.matching import Hints, Hypothesis, Isometry, prepare_pair
-from isomatch.matching.candidates import Screening, best_of, challengers
+from isomatch.matching.candidates import Screening, best_of, further_candidates
 from isomatch.runtime.stage_timer import StageTimer
 from isomatch_lab.procedural import creature
 
@@ -33,7 +33,7 @@ def test_the_right_map_is_among_the_further_candidates_of_mixed_ones(matched):
     assert min(pair.distances_between_maps(right, known)) > 0.1
     energy = min(candidate.energy for candidate in mixed)
     screen = Screening(pair, relation.hints)
-    found = challengers(pair, screen, known, 1, energy)
+    found = further_candidates(pair, screen, known, 1, energy)
     assert min(pair.distances_between_maps(right, [c.target_row for c in found])) < 0.03
 
 
