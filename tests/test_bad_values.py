@@ -4,6 +4,7 @@ import os
 
 import numpy as np
 import pytest
+from isomatch.matching.priors import checked_landmarks
 
 from isomatch import (
     Config,
@@ -17,7 +18,6 @@ from isomatch import (
     read_mesh,
 )
 from isomatch.errors import FormatError, LandmarkError, MapError, MeshError, SettingError
-from isomatch.matching.hints import checked_landmarks
 from isomatch.runtime.memory import GIB, memory_budget
 from isomatch.runtime.threads import n_threads
 from isomatch.storage.texts import read_integers

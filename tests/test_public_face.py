@@ -28,7 +28,7 @@ EXTENDED = {  # what a stranger implements, or registers in, by room
     "isomatch.matching": (
         "REFINEMENTS",
         "Fit",
-        "Hints",
+        "Priors",
         "Joint",
         "Refinement",
         "Relation",

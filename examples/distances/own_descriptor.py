@@ -2,7 +2,7 @@
 Your own descriptor
 ===================
 
-Functions that should correspond are a hint: a thickness, an activation, a learned feature. Give an array with a row
+Functions that should correspond are a prior: a thickness, an activation, a learned feature. Give an array with a row
 for each vertex, for either shape. Here, noisy features tell the two ends of a symmetric shape apart.
 """
 
@@ -39,7 +39,7 @@ print("with:", result.outcome.name, "from:", result.origin)
 print(f"score of the best alternative over that of this one: {result.quality.runner_up:.3f}")
 
 # %%
-# The outcome is honest: a map that the hint has excluded fits as well, or even better by a hair. The truth is
+# The outcome is honest: a map that the prior has excluded fits as well, or even better by a hair. The truth is
 # known here.
 
 apart = target.mesh.vertices[result.map.vertices] - target.mesh.vertices[organ_truth(source, target).vertices]

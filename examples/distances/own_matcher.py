@@ -11,8 +11,8 @@ import numpy as np
 from isomatch import match
 from isomatch.datasets import example_pair, ground_truth
 from isomatch.matching import (
-    Hints,
     Isometry,
+    Priors,
     Refinement,
     Stages,
     check_refinement,
@@ -60,7 +60,7 @@ check_refinement(Upsampling())
 source, target = example_pair()
 pair = prepare_pair(source.mesh, target.mesh)
 stages = Stages(Upsampling(), starts=[axes_of_inertia, *default_starts])
-relation = Isometry().on(pair, Hints.of(pair, None, None, None), stages)
+relation = Isometry().on(pair, Priors.of(pair, None, None, None), stages)
 hypotheses, _ = relation.hypotheses()
 candidates, _ = relation.candidates(hypotheses)
 fits = relation.refine_and_select(relation.begun(candidates[:3]))

@@ -2,7 +2,7 @@
 Match two meshes
 ================
 
-Two poses of an animal, with different triangulations, are matched without any hint. Corresponding points have the
+Two poses of an animal, with different triangulations, are matched without any prior. Corresponding points have the
 same colour. The animals are made by isomatch, so the exact truth is known, and the error can be measured.
 """
 

@@ -137,13 +137,13 @@ def test_a_map_is_not_lost_with_a_drawing_that_fails(shapes, tmp_path, monkeypat
 
 
 @pytest.mark.long
-def test_match_takes_hints_is_forced_and_prints_one_json_object(shapes, matched, tmp_path, capsys):
+def test_match_takes_priors_is_forced_and_prints_one_json_object(shapes, matched, tmp_path, capsys):
     folder, _ = matched
     (tmp_path / "map.npz").write_bytes(b"an earlier result")
     landmarks = tmp_path / "landmarks.csv"
     landmarks.write_text("# source, target\n" + "".join(f"{s}, {t}  # a pair\n" for s, t in true_pairs()))
-    hints = ["--landmarks", str(landmarks), "--initial-map", str(folder / "map.npz")]
-    assert run_match(shapes, tmp_path, *hints, "--force", "--json", "--seed", "3") == 0
+    priors = ["--landmarks", str(landmarks), "--initial-map", str(folder / "map.npz")]
+    assert run_match(shapes, tmp_path, *priors, "--force", "--json", "--seed", "3") == 0
     said = capsys.readouterr()
     record = json.loads(said.out)
     assert said.err == ""

@@ -101,7 +101,7 @@ def test_an_outcome_can_fail_after_all_files_are_written(word, code, tmp_path, m
 
 def test_an_unknown_outcome_is_refused_before_the_work(matching, tmp_path, capsys):
     assert matching("--fail-on sadness") == 1
-    assert "'sadness' is not an outcome; known are hints-contradicted" in capsys.readouterr().err
+    assert "'sadness' is not an outcome; known are priors-contradicted" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
 
 
@@ -145,7 +145,7 @@ def test_a_mesh_that_cannot_be_written_is_refused_before_the_work(
 
 
 @pytest.mark.long
-def test_hypotheses_may_come_from_hints_alone(matching, capsys):
+def test_hypotheses_may_come_from_priors_alone(matching, capsys):
     assert matching("--hypotheses given") == 1
     assert "no landmarks, initial map or descriptors" in capsys.readouterr().err
     assert matching("--hypotheses given --initial-map truth.txt --json") == 0

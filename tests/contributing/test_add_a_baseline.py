@@ -55,7 +55,7 @@ def test_a_relabelled_copy_gives_the_relabelling(animal):
 
 
 @pytest.mark.long
-def test_hints_are_checked_as_match_checks_them(animal):
+def test_priors_are_checked_as_match_checks_them(animal):
     with pytest.raises(LandmarkError, match="2 landmarks do not fix"):
         nearest_signatures(animal, animal, landmarks=[[0, 1], [2, 3]])
 

@@ -8,9 +8,9 @@ import pytest
 from isomatch import Config, Outcome, SettingError, match
 from isomatch.matching import (
     Elastic,
-    Hints,
     Isometry,
     Part,
+    Priors,
     Refinement,
     Stages,
     check_refinement,
@@ -81,7 +81,7 @@ def test_it_refines_an_elastic_map(animals):
     everywhere = np.column_stack([np.arange(len(truth)), truth])
     pair = prepare_pair(source, target)
     stages = Stages(Upsampling(), starts=[lambda pair: [everywhere[::5]]])
-    relation = Elastic().on(pair, Hints.of(pair, None, None, None), stages)
+    relation = Elastic().on(pair, Priors.of(pair, None, None, None), stages)
     selection, _ = relation.match()
     assert selection.winner.image.shape == relation.vertices.shape
     assert pair.target.mean_distance(selection.winner.image, truth[relation.vertices]) < 0.04

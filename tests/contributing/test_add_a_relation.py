@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from isomatch import Outcome, SettingError, match
-from isomatch.matching import Hints, Isometry, Part, Refinement, Stages, prepare_pair
+from isomatch.matching import Isometry, Part, Priors, Refinement, Stages, prepare_pair
 
 pytestmark = pytest.mark.usefixtures("prepared_once")
 
@@ -41,7 +41,7 @@ def test_it_finds_the_right_map(animals, example_truth):
 def test_the_hook_scores_every_map(animals):
     pair = prepare_pair(*animals)
     for relation in (BySpectralResidual(), Isometry()):
-        bound = relation.on(pair, Hints.of(pair, None, None, None), Stages(Unchanged()))
+        bound = relation.on(pair, Priors.of(pair, None, None, None), Stages(Unchanged()))
         candidates, _ = bound.candidates(*bound.hypotheses())
         fits = bound.refine_and_select(bound.begun(candidates[:3]))
         assert len(fits) == 3
@@ -53,9 +53,9 @@ def test_the_hook_scores_every_map(animals):
 def test_a_bound_relation_can_be_bound_again(animals):
     """What was computed for one pair is not used for another."""
     there, back = prepare_pair(*animals), prepare_pair(*animals[::-1])
-    hints = Hints.of(there, None, None, None)
-    bound = Part("target").on(there, hints)
-    assert bound.spectra.target is not bound.on(back, hints).spectra.target
+    priors = Priors.of(there, None, None, None)
+    bound = Part("target").on(there, priors)
+    assert bound.spectra.target is not bound.on(back, priors).spectra.target
 
 
 def test_a_class_is_not_a_relation(animals):

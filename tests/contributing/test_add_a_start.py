@@ -65,7 +65,7 @@ def test_with_those_of_isomatch_it_contends(animals):
         (lambda pair: np.zeros((4, 2), dtype=int), r"gave one array of shape \(4, 2\); expected a list"),
         (lambda pair: [[[0, 0], [1, 1]]], r"shape \(2, 2\) .*at least three rows"),
         (lambda pair: [np.full((4, 2), 10**6)], r"of bodies of \d+ and \d+ vertices"),
-        (lambda pair: [], r"gave no first map, and there are no hints; add \*default_starts"),
+        (lambda pair: [], r"gave no first map, and there are no priors; add \*default_starts"),
     ],
 )
 def test_what_is_no_first_map_is_refused(animals, start, message):

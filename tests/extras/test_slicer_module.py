@@ -184,7 +184,7 @@ def test_curves_stay_curves(logic, models, result, example):
     assert np.isfinite(positions_of(carried)).all()
 
 
-def test_landmarks_are_hints_by_label_or_in_order(module):
+def test_landmarks_are_priors_by_label_or_in_order(module):
     first = Landmarks([[0, 0, 0], [1, 0, 0], [np.nan] * 3], ["a", "b", "c"])
     second = Landmarks([[0, 0, 0], [1, 0, 0], [2, 0, 0]], ["b", "a", "c"])
     assert module.joined(first, second) == [(0, 1), (1, 0)]

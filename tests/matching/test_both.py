@@ -49,7 +49,7 @@ def test_the_result_says_what_was_done(both):
 
 
 @pytest.mark.long
-def test_bad_hints_are_refused(prepared_example):
+def test_bad_priors_are_refused(prepared_example):
     with pytest.raises(SettingError, match="pin = 0, but no landmarks"):
         match_both(*(each.surface for each in prepared_example), config=Config(pin=0))
     with pytest.raises(LandmarkError, match="landmarks"):
@@ -74,7 +74,7 @@ def test_a_symmetric_shape_is_ambiguous_in_both_directions():
 
 
 @pytest.mark.long
-def test_hints_are_turned_around(example, prepared_example):
+def test_priors_are_turned_around(example, prepared_example):
     truth = ground_truth(*example).vertices
     landmarks = np.array([(i, truth[i]) for i in range(0, len(truth), 500)])
     config = Config(hypotheses="given")

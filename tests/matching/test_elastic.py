@@ -7,7 +7,7 @@ import pytest
 
 from isomatch import Config, Mesh, Outcome, match, prepare
 from isomatch.datasets import ground_truth
-from isomatch.matching import Elastic, Fit, Hints, prepare_pair
+from isomatch.matching import Elastic, Fit, Priors, prepare_pair
 from isomatch.matching.verification import bends_badly
 from isomatch.settings import ElasticSettings
 from isomatch_lab.procedural import creature
@@ -97,7 +97,7 @@ def test_a_wrong_initial_map_does_not_win(species, found):
     source, target, truth = species
     wrong = np.random.default_rng(0).permutation(truth)
     led = match(source, target, initial_map=wrong)
-    assert led.outcome is Outcome.HINTS_CONTRADICTED
+    assert led.outcome is Outcome.PRIORS_CONTRADICTED
     assert mean_error(target, led.map.vertices, truth) < 0.07
 
 
@@ -105,7 +105,8 @@ def test_a_wrong_initial_map_does_not_win(species, found):
 def test_the_score_is_the_stretch_and_the_gap_of_both_shapes_bent(species):
     """A shape on itself is not stretched; exchanged images are dear."""
     relation = Elastic().on(
-        prepare_pair(species[0], species[0]), Hints.of(prepare_pair(species[0], species[0]), None, None, None)
+        prepare_pair(species[0], species[0]),
+        Priors.of(prepare_pair(species[0], species[0]), None, None, None),
     )
     own = relation.measured(Fit(relation.vertices), relation.vertices)
     assert own.score < 1e-4

@@ -73,11 +73,11 @@ def test_a_score_that_is_unknown_is_not_sure():
 
 
 def test_a_map_that_is_not_sure_says_why_and_what_to_do():
-    assert doubt_of(BOUND / 10).notes(Outcome.LOW_CONFIDENCE, hinted=False) == []
-    (badly,) = doubt_of(2 * BOUND).notes(Outcome.LOW_CONFIDENCE, hinted=False)
+    assert doubt_of(BOUND / 10).notes(Outcome.LOW_CONFIDENCE, with_priors=False) == []
+    (badly,) = doubt_of(2 * BOUND).notes(Outcome.LOW_CONFIDENCE, with_priors=False)
     assert "badly" in badly
     assert "landmarks" in badly
-    (nearly,) = doubt_of(BOUND / 2, 1.5).notes(Outcome.LOW_CONFIDENCE, hinted=True)
+    (nearly,) = doubt_of(BOUND / 2, 1.5).notes(Outcome.LOW_CONFIDENCE, with_priors=True)
     assert "1.50 times" in nearly
 
 
@@ -110,4 +110,4 @@ def test_a_map_that_had_to_be_bent_to_its_landmarks_is_not_sure():
     assert outcome_of(held_evidence(against, held, 0.1)) is Outcome.LOW_CONFIDENCE
     assert outcome_of(held_evidence((PART,), held, 0.1)) is Outcome.PARTIAL
     off = SimpleNamespace(landmark_error=0.2, initial_map_error=np.nan)
-    assert outcome_of(held_evidence(against, off, 0.1)) is Outcome.HINTS_CONTRADICTED
+    assert outcome_of(held_evidence(against, off, 0.1)) is Outcome.PRIORS_CONTRADICTED

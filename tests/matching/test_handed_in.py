@@ -1,4 +1,4 @@
-"""What is handed to `match` beside the shapes: hints, starts and relations follow the same rules everywhere."""
+"""What is handed to `match` beside the shapes: priors, starts and relations follow the same rules everywhere."""
 
 import numpy as np
 import pytest
@@ -31,7 +31,7 @@ def mean_error(found, target, truth):
 
 @pytest.mark.long
 @RELATIONS
-def test_where_only_hints_may_win_no_start_is_asked(bodies, relation):
+def test_where_only_priors_may_win_no_start_is_asked(bodies, relation):
     source, target, truth = bodies
     asked = []
 
@@ -68,7 +68,7 @@ def test_landmarks_contend_whatever_starts_are_handed_in(bodies, relation):
 
 @pytest.mark.long
 @RELATIONS
-def test_without_hints_none_may_win(bodies, relation):
+def test_without_priors_none_may_win(bodies, relation):
     with pytest.raises(SettingError, match="no landmarks"):
         match(*bodies[:2], config=Config(hypotheses="given"), relation=relation)
 

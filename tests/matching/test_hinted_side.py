@@ -1,4 +1,4 @@
-"""Two maps fit equally well, and hints tell which one is meant."""
+"""Two maps fit equally well, and priors tell which one is meant."""
 
 import numpy as np
 import pytest
@@ -91,7 +91,7 @@ def test_a_given_map_of_a_part_wins_a_tie(kidneys, part_of, side):
     found = match(*shapes, initial_map=known)
     assert error(shapes[1], found.map.vertices, known) < 0.06
     assert found.origin == "initial map"
-    assert found.outcome is not Outcome.HINTS_CONTRADICTED
+    assert found.outcome is not Outcome.PRIORS_CONTRADICTED
 
 
 @pytest.mark.long
@@ -117,7 +117,7 @@ def test_a_mirrored_map_of_an_asymmetric_animal_does_not_win(example, example_tr
     rest = example[0].rest
     mirror = cKDTree(rest).query(rest * [-1, 1, 1])[1]
     found = match(*prepared_example, initial_map=example_truth[mirror])
-    assert found.outcome is Outcome.HINTS_CONTRADICTED
+    assert found.outcome is Outcome.PRIORS_CONTRADICTED
 
 
 @pytest.mark.long

@@ -20,7 +20,7 @@ from isomatch import (
     prepare,
 )
 from isomatch.datasets import ground_truth
-from isomatch.matching import Hints, prepare_pair
+from isomatch.matching import Priors, prepare_pair
 from isomatch.shapes import capped_shape, components_of
 from isomatch.shapes.body import body_of
 from isomatch_lab.damage import cut, weld
@@ -287,7 +287,7 @@ def test_wrong_landmarks_are_named_as_they_were_given(shapes, truth):
     chosen = chosen[np.isin(chosen, shapes[0].finer.user_vertex)][::150]
     wrong = np.column_stack([chosen, np.roll(truth[chosen], 1)])
     against = match(*shapes, landmarks=wrong)
-    assert against.outcome is Outcome.HINTS_CONTRADICTED
+    assert against.outcome is Outcome.PRIORS_CONTRADICTED
     note = next(note for note in against.notes if "contradicts" in note)
     pairs = {f"{i} → {j} " for i, j in wrong}
     assert sum(pair in note for pair in pairs) >= 3
@@ -324,14 +324,14 @@ def test_an_initial_map_may_name_any_vertices(truth, shapes):
     known = np.full(len(truth), -1)
     chosen = np.setdiff1d(np.arange(len(truth)), shapes[0].user_vertex)[::60]
     known[chosen] = truth[chosen]
-    hints = Hints.of(prepare_pair(*shapes), None, known, None)
+    priors = Priors.of(prepare_pair(*shapes), None, known, None)
     pairs = np.column_stack([shapes[0].body_vertex[chosen], shapes[1].body_vertex[truth[chosen]]])
-    np.testing.assert_array_equal(np.unique(hints.initial_pairs, axis=0), np.unique(pairs, axis=0))
+    np.testing.assert_array_equal(np.unique(priors.initial_pairs, axis=0), np.unique(pairs, axis=0))
 
 
 def test_of_an_initial_map_the_nearest_vertices_count(truth, shapes):
-    hints = Hints.of(prepare_pair(*shapes), None, truth, None)
-    source, image = hints.initial_pairs.T
+    priors = Priors.of(prepare_pair(*shapes), None, truth, None)
+    source, image = priors.initial_pairs.T
     np.testing.assert_array_equal(np.sort(source), np.arange(1000))
     np.testing.assert_array_equal(image, shapes[1].body_vertex[truth[shapes[0].user_vertex[source]]])
 
@@ -345,7 +345,7 @@ def test_descriptors_are_obeyed(made, truth, shapes):
     assert mean_error(led, truth, made[1].mesh) < 0.015
 
 
-def test_hints_outside_the_shapes_are_refused(made, shapes):
+def test_priors_outside_the_shapes_are_refused(made, shapes):
     """A vertex of the user may have any number up to that of the vertices, and not of those of the body."""
     n = made[0].mesh.n_vertices
     with pytest.raises(LandmarkError, match=f"outside 0…{n - 1}"):

@@ -288,13 +288,13 @@ def test_contradicted_landmarks_are_told(example, example_truth, prepared_exampl
     anything = np.column_stack([rng.choice(n, 400, replace=False) for n in sizes])
     for hypotheses in ("all", "given"):
         found = match(*prepared_example, landmarks=anything, config=Config(hypotheses=hypotheses))
-        assert found.outcome is Outcome.HINTS_CONTRADICTED
+        assert found.outcome is Outcome.PRIORS_CONTRADICTED
         assert any("contradicts" in note and "of 400 landmarks" in note for note in found.notes)
     right = np.column_stack([anything[:6, 0], example_truth[anything[:6, 0]]])
     exchanged = right.copy()
     exchanged[:2, 1] = right[[1, 0], 1]
     found = match(*prepared_example, landmarks=exchanged)
-    assert found.outcome is Outcome.HINTS_CONTRADICTED
+    assert found.outcome is Outcome.PRIORS_CONTRADICTED
     named = [f"{source} → {target}" for source, target in exchanged[:2]]
     assert all(any(name in note for note in found.notes) for name in named)
     assert any(note.endswith("√area off)") for note in found.notes)
@@ -312,5 +312,5 @@ def test_a_noisy_initial_map_is_not_contradicted_but_a_random_one_is(
     )
     assert match(*prepared_example, initial_map=noisy).outcome is Outcome.CONVERGED
     found = match(*prepared_example, initial_map=rng.integers(n, size=len(example_truth)))
-    assert found.outcome is Outcome.HINTS_CONTRADICTED
+    assert found.outcome is Outcome.PRIORS_CONTRADICTED
     assert found.quality.initial_map_error > 0.2

@@ -26,16 +26,16 @@ GOOD = replace(
 LITTLE = 1e-9
 
 
-def outcome(quality, wanted="preserve", hinted=False, left_out=0.0):
+def outcome(quality, wanted="preserve", with_priors=False, left_out=0.0):
     pair = SimpleNamespace(sideless=False, config=Config(), left_out=left_out)
-    return outcome_of([measured_evidence(pair, quality, wanted, hinted)])
+    return outcome_of([measured_evidence(pair, quality, wanted, with_priors)])
 
 
 @pytest.mark.parametrize(
     ("measure", "good", "side", "otherwise"),
     [
-        ("landmark_error", BOUNDS.contradiction, 1, Outcome.HINTS_CONTRADICTED),
-        ("initial_map_error", BOUNDS.contradiction, 1, Outcome.HINTS_CONTRADICTED),
+        ("landmark_error", BOUNDS.contradiction, 1, Outcome.PRIORS_CONTRADICTED),
+        ("initial_map_error", BOUNDS.contradiction, 1, Outcome.PRIORS_CONTRADICTED),
         ("spectral_residual", BOUNDS.poor_spectral_residual, 1, Outcome.LOW_CONFIDENCE),
         ("residual", BOUNDS.poor_residual, 1, Outcome.LOW_CONFIDENCE),
         ("stretch", BOUNDS.poor_stretch, 1, Outcome.LOW_CONFIDENCE),
@@ -58,7 +58,7 @@ def test_a_better_runner_up_leaves_no_confidence():
 def test_a_mirror_image_that_fits_clearly_better_is_named():
     better = replace(GOOD, mirrored=BOUNDS.mirror_image - LITTLE)
     assert outcome(better) is outcome(better, "reverse") is Outcome.MIRROR_IMAGE
-    assert outcome(better, "any") is outcome(better, hinted=True) is Outcome.SYMMETRY_AMBIGUOUS
+    assert outcome(better, "any") is outcome(better, with_priors=True) is Outcome.SYMMETRY_AMBIGUOUS
     assert outcome(replace(GOOD, mirrored=BOUNDS.mirror_image)) is Outcome.SYMMETRY_AMBIGUOUS
 
 
@@ -66,11 +66,11 @@ def test_the_orientation_that_was_wanted():
     turned = replace(GOOD, orientation=-GOOD.orientation)
     assert outcome(turned, "reverse") is outcome(turned, "any") is outcome(GOOD, "any") is Outcome.CONVERGED
     assert outcome(turned, "preserve") is outcome(GOOD, "reverse") is Outcome.LOW_CONFIDENCE
-    assert outcome(turned, "preserve", hinted=True) is Outcome.SYMMETRY_AMBIGUOUS, (
-        "hints led to the mirror image"
+    assert outcome(turned, "preserve", with_priors=True) is Outcome.SYMMETRY_AMBIGUOUS, (
+        "priors led to the mirror image"
     )
     undecided = replace(GOOD, orientation=0.0)
-    assert outcome(undecided, hinted=True) is Outcome.LOW_CONFIDENCE
+    assert outcome(undecided, with_priors=True) is Outcome.LOW_CONFIDENCE
 
 
 def test_what_is_not_known_speaks_against_nothing():

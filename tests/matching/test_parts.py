@@ -9,7 +9,7 @@ import pytest
 from isomatch import Config, Mesh, Outcome, match, prepare
 from isomatch.datasets import ground_truth
 from isomatch.geodesics import distance_along_edges_to_nearest
-from isomatch.matching import Hints, Part, ShapePair, prepare_pair, stages_of
+from isomatch.matching import Part, Priors, ShapePair, prepare_pair, stages_of
 from isomatch.matching.quality import covered_share
 from isomatch.matching.solve import part_role
 from isomatch.settings import PartSettings
@@ -19,9 +19,9 @@ from isomatch_lab.sets import relabelled
 
 
 def match_part(part, whole, config):
-    """Match a prepared part to a prepared whole, without hints and without closing holes."""
+    """Match a prepared part to a prepared whole, without priors and without closing holes."""
     pair = ShapePair(part, whole, config)
-    relation = Part().on(pair, Hints.of(pair, None, None, None))
+    relation = Part().on(pair, Priors.of(pair, None, None, None))
     selection = relation.match()
     best = selection.winner
     return SimpleNamespace(
@@ -34,8 +34,8 @@ def match_part(part, whole, config):
     )
 
 
-def part_of(pair, hints):
-    return part_role(pair, hints, stages_of(pair))
+def part_of(pair, priors):
+    return part_role(pair, priors, stages_of(pair))
 
 
 pytestmark = pytest.mark.usefixtures("prepared_once")
@@ -194,7 +194,7 @@ def test_a_body_without_a_foot_is_a_part_but_not_one_with_small_holes(bodies):
     pierced = Mesh(bodies[0].vertices, np.delete(faces, np.arange(0, len(faces), 200), axis=0))
     for part, role in ((footless, "source"), (pierced, None)):
         pair = prepare_pair(part, bodies[1])
-        assert part_of(pair, Hints.of(pair, None, None, None)) == role
+        assert part_of(pair, Priors.of(pair, None, None, None)) == role
     assert prepare(pierced).boundary_length > prepare(footless).boundary_length
 
 
@@ -340,7 +340,7 @@ def test_a_part_of_another_animal_is_no_sure_match(prepared):
 
 def roles(source, target, **options):
     pair = prepare_pair(source, target, Config(**options))
-    return part_of(pair, Hints.of(pair, None, None, None))
+    return part_of(pair, Priors.of(pair, None, None, None))
 
 
 @pytest.mark.long

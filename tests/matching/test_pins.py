@@ -204,7 +204,7 @@ def test_landmarks_that_contradict_the_map_are_named(bodies):
     pairs[:2, 1] = pairs[[1, 0], 1]
     held = match(source, target, landmarks=pairs, config=Config(pin=0))
     led = match(source, target, landmarks=pairs)
-    assert (led.outcome, held.outcome) == (Outcome.HINTS_CONTRADICTED, Outcome.LOW_CONFIDENCE)
+    assert (led.outcome, held.outcome) == (Outcome.PRIORS_CONTRADICTED, Outcome.LOW_CONFIDENCE)
     assert held.quality.landmark_error == 0
     assert (held.map.vertices[rows] == pairs[:, 1]).all()
     (note,) = [note for note in held.notes if "before it was bent contradicts" in note]

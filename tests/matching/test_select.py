@@ -33,7 +33,7 @@ class Found:
     energy: float
     orientation: float = 0.9
     landmark_error: float = 0.0
-    hint_error: float = 0.0
+    prior_error: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Fit:
     orientation: float = 0.9
     residual: float = 0.2
     landmark_error: float = 0.0
-    hint_error: float = 0.0
+    prior_error: float = 0.0
 
     @property
     def side(self):
@@ -114,7 +114,7 @@ def test_the_eligible_fit_of_least_score_wins():
     assert chosen.runner_up == pytest.approx(0.5), "one that may not win fits better"
     assert chosen.mirrored == inf
     assert chosen.against is fits[1]
-    assert not chosen.hints_decided
+    assert not chosen.priors_decided
 
 
 def test_one_that_was_compared_with_nothing_has_no_runner_up():
@@ -134,7 +134,7 @@ def test_a_variant_of_the_winner_is_no_runner_up():
 
 
 fits = st.builds(
-    Fit, st.just(1.0), st.floats(0.1, 10), st.floats(-1, 1), hint_error=st.sampled_from([0.0, 0.04, 0.2])
+    Fit, st.just(1.0), st.floats(0.1, 10), st.floats(-1, 1), prior_error=st.sampled_from([0.0, 0.04, 0.2])
 )
 
 
@@ -162,19 +162,19 @@ def test_a_winner_that_fits_better_still_wins_and_no_less_clearly(made):
     before = selected(made)
     better = [replace(fit, score=0.9 * fit.score) if fit is before.winner else fit for fit in made]
     after = selected(better)
-    assert after.winner.hint_error <= before.winner.hint_error
-    if not before.hints_decided:
-        assert after.runner_up >= before.runner_up or after.hints_decided
+    assert after.winner.prior_error <= before.winner.prior_error
+    if not before.priors_decided:
+        assert after.runner_up >= before.runner_up or after.priors_decided
 
 
 @given(st.lists(st.tuples(st.floats(0.1, 10), st.floats(0, 0.5)), min_size=1, max_size=6))
-def test_hints_decide_ties_and_nothing_else(fits):
-    made = [Fit(1.0, score=score, hint_error=error) for score, error in fits]
+def test_priors_decide_ties_and_nothing_else(fits):
+    made = [Fit(1.0, score=score, prior_error=error) for score, error in fits]
     chosen = select(made, [True] * len(made), apart(len(made)), NOWHERE, 4)
     best = min(score for score, _ in fits)
     tied = [fit for fit in made if fit.score <= BOUNDS.tie * best]
     assert chosen.winner in tied
-    assert chosen.winner.hint_error <= min(fit.hint_error for fit in tied) + LANDMARK_SLACK
+    assert chosen.winner.prior_error <= min(fit.prior_error for fit in tied) + LANDMARK_SLACK
 
 
 @given(st.lists(st.integers(0, 9), max_size=8), st.sampled_from([None, 1, 3]))

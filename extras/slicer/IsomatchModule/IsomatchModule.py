@@ -114,7 +114,7 @@ class IsomatchModuleLogic(ScriptedLoadableModuleLogic):
         source, target : vtkMRMLModelNode
             The result maps the points of the first to the second.
         source_marks, target_marks : vtkMRMLMarkupsNode, optional
-            Landmarks as hints. They are joined by their labels if they share any, otherwise in order.
+            Landmarks as priors. They are joined by their labels if they share any, otherwise in order.
         either_side : bool
             Whether the map may be a mirror image.
 

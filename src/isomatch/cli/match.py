@@ -48,7 +48,7 @@ N_JUDGED = 500  # source vertices, drawn with seed 0, whose images a demo compar
 
 @Parameter(name="*")
 @dataclass(frozen=True)
-class Hints:
+class Priors:
     """What is known of a map before the match.
 
     Args:
@@ -58,7 +58,7 @@ class Hints:
         target_landmarks: The points marked on the target: .mrk.json or .fcsv of 3D Slicer, .pp of MeshLab, or text.
             Points of both files are joined by name, or in order if no name is shared.
         pin: Landmarks hold: the map is bent around those farther off than this, in √area; 0 holds all exactly.
-        hypotheses: Whether automatic maps compete with the hints (all, the default), or are only reported as
+        hypotheses: Whether automatic maps compete with the priors (all, the default), or are only reported as
             alternatives (given).
         initial_map: A map to start from: a text file with one target vertex per line (-1: unknown), an .npy, .mat or
             map.npz.
@@ -114,7 +114,7 @@ class Way:
     config: ConfigFile = None
 
 
-HINTS, WAY = Hints(), Way()
+PRIORS, WAY = Priors(), Way()
 
 
 def match(
@@ -123,7 +123,7 @@ def match(
     /,
     *,
     output: Output,
-    hints: Hints = HINTS,
+    priors: Priors = PRIORS,
     way: Way = WAY,
     both: bool = False,
     fail_on: str | None = None,
@@ -143,7 +143,7 @@ def match(
             choose; with --both also map_back.npz. Without a map, picker.html.
         both: Also find the map of the other direction, map_back.npz; both together take about 1.3 times as long as one.
         fail_on: Outcomes that make the exit code 1, after all files are written: low-confidence, mirror-image,
-            symmetry-ambiguous, hints-contradicted, partial, converged; several with commas. With --both, that of either
+            symmetry-ambiguous, priors-contradicted, partial, converged; several with commas. With --both, that of either
             direction counts.
         report: Whether to write report.html.
         as_mesh: Surface file to write: the source, with its faces and all that its file carries, in the shape of the
@@ -151,17 +151,17 @@ def match(
     """
     refused = read_outcomes(fail_on)
     folder, ends = ResultFolder(output, report=report, both=both), (source, target)
-    options: dict[str, Any] = {**vars(way), "pin": hints.pin, "hypotheses": hints.hypotheses}
+    options: dict[str, Any] = {**vars(way), "pin": priors.pin, "hypotheses": priors.hypotheses}
     chosen = {name: value for name, value in options.items() if value is not None and name != "config"}
     settings = replace(read_config(way.config) or isomatch.Config(), **chosen)
-    options |= {"output": output, "initial_map": hints.initial_map, "function": hints.function}
+    options |= {"output": output, "initial_map": priors.initial_map, "function": priors.function}
     again = match_again(*ends, **options, seed=seed, both=both, as_mesh=as_mesh)
     with talk.progress() as tell:
         tell("reading", 0.0)
         shapes = read_surface(source), read_surface(target)
-        known = hints.read(ends, shapes)
+        known = priors.read(ends, shapes)
         pairs = known["landmarks"]
-        given = Given(*ends, again, [] if pairs is None else pairs.tolist(), hints.files)
+        given = Given(*ends, again, [] if pairs is None else pairs.tolist(), priors.files)
         assets, beside = _to_wrap(as_mesh, ends, shapes)
         with folder.claimed(force), claimed_files(as_mesh, *beside, force=force):
             run: Callable[..., Any] = isomatch.match_both if both else isomatch.match

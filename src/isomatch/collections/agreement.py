@@ -320,7 +320,7 @@ class CycleJob:
         refused = ""
         if not after < min(before, CONTRADICTED):
             refused = f"agrees no better once refined: {after:.2f} √area"
-        elif any(result.outcome is Outcome.HINTS_CONTRADICTED for result in rematched):
+        elif any(result.outcome is Outcome.PRIORS_CONTRADICTED for result in rematched):
             refused = "changes when it is refined"
         elif any(side * result.quality.orientation < 0 for result in rematched):
             refused = f"does not {config.orientation} the orientation"

@@ -2,9 +2,9 @@ from isomatch.matching.candidates import first_map
 from isomatch.matching.confidence import DoubtfulRegion, expected_errors
 from isomatch.matching.coordinates import joint_coordinates
 from isomatch.matching.fit import Candidate, Fit, Hypothesis
-from isomatch.matching.hints import Hints
 from isomatch.matching.match import BothDirections, continue_with, match, match_both, stages_of
 from isomatch.matching.pair import ShapePair, prepare_pair
+from isomatch.matching.priors import Priors
 from isomatch.matching.quality import contradicted_landmarks, covered_share, measure_quality
 from isomatch.matching.refinements import REFINEMENTS, check_refinement
 from isomatch.matching.relations.both_parts import BothParts
@@ -35,13 +35,13 @@ __all__ = [
     "Elastic",
     "Evidence",
     "Fit",
-    "Hints",
     "Hypothesis",
     "Isometry",
     "Joint",
     "MatchResult",
     "Outcome",
     "Part",
+    "Priors",
     "Quality",
     "Refinement",
     "Relation",

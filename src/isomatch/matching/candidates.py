@@ -1,4 +1,4 @@
-"""Candidates: hypotheses with energy, orientation and agreement with hints; further ones where the winner is not sure."""
+"""Candidates: hypotheses with energy, orientation and agreement with priors; further ones for an unsure winner."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ import numpy as np
 
 from isomatch.correspondence import alignment_residual, signed_procrustes, spectral_embedding
 from isomatch.matching.fit import Candidate, Fit, Hypothesis
-from isomatch.matching.hints import Hints
 from isomatch.matching.pair import ShapePair
+from isomatch.matching.priors import Priors
 from isomatch.matching.quality import mean_known
-from isomatch.matching.search import combinations, hypotheses_from_hints, search, search_back
+from isomatch.matching.search import combinations, hypotheses_from_priors, search, search_back
 from isomatch.matching.selection import CLEARLY_BETTER, ENERGY_NOISE, SAME_ENERGY, Selection, distinct, ranked
 from isomatch.matching.stages import Relation
 from isomatch.matching.starts import start_from_pairs, starts_from_pose
@@ -34,14 +34,14 @@ SURE = 0.75  # share of the bounds of a poor map, below which a map is sure; doc
 class Screening:
     """Makes candidates of hypotheses; those of equal maps share the evidence, which is computed once."""
 
-    def __init__(self, pair: ShapePair, hints: Hints) -> None:
+    def __init__(self, pair: ShapePair, priors: Priors) -> None:
         self._pair = pair
-        self._landmarks = hints.landmarks
-        self._hinted_rows: list[IntArray] = []
-        if len(hints.initial_pairs):
-            self._hinted_rows = [start_from_pairs(pair, hints.initial_pairs)]
-        elif pair.config.start == "pose" and not len(hints.landmarks):
-            self._hinted_rows = starts_from_pose(pair)
+        self._landmarks = priors.landmarks
+        self._with_priors_rows: list[IntArray] = []
+        if len(priors.initial_pairs):
+            self._with_priors_rows = [start_from_pairs(pair, priors.initial_pairs)]
+        elif pair.config.start == "pose" and not len(priors.landmarks):
+            self._with_priors_rows = starts_from_pose(pair)
         self._screened: dict[bytes, Candidate] = {}
 
     def __call__(self, hypotheses: list[Hypothesis]) -> list[Candidate]:
@@ -62,9 +62,9 @@ class Screening:
         return Candidate(hypothesis, target_row, energy, orientation, *self._errors(target_row))
 
     def _errors(self, target_row: IntArray) -> tuple[float, float]:
-        """Mean error at the landmarks, and ``hint_error``."""
+        """Mean error at the landmarks, and ``prior_error``."""
         pair, landmarks = self._pair, self._landmarks
-        mean, worst = 0.0, min(pair.distances_between_maps(target_row, self._hinted_rows), default=0.0)
+        mean, worst = 0.0, min(pair.distances_between_maps(target_row, self._with_priors_rows), default=0.0)
         if len(landmarks):
             apart = pair.target.distance(extended(pair, target_row, landmarks[:, 0]), landmarks[:, 1])
             mean, worst = float(apart.mean()), max(worst, apart.max())
@@ -112,11 +112,11 @@ def extended(pair: ShapePair, target_row: IntArray, source_vertex: IntArray) -> 
 
 
 def first_map(
-    pair: ShapePair, hints: Hints, source_vertex: IntArray, orientation: Orientation
+    pair: ShapePair, priors: Priors, source_vertex: IntArray, orientation: Orientation
 ) -> tuple[IntArray, str]:
-    """Map source vertices (q,) by the best hypothesis, from hints if there are any: target vertices (q,), its origin."""
-    hypotheses = hypotheses_from_hints(pair, hints) if hints.any else search(pair, [])
-    candidates, led = Screening(pair, hints)(hypotheses), bool(len(hints.landmarks))
+    """Map source vertices (q,) by the best hypothesis, from priors if there are any: target vertices (q,), its origin."""
+    hypotheses = hypotheses_from_priors(pair, priors) if priors.any else search(pair, [])
+    candidates, led = Screening(pair, priors)(hypotheses), bool(len(priors.landmarks))
     order = ranked(candidates, orientation, pair.config.selection, led)
     return extended(pair, order[0].target_row, source_vertex), order[0].hypothesis.origin
 

@@ -15,15 +15,15 @@ from scipy.spatial.distance import cdist
 from isomatch.correspondence import UNMATCHED, nearest_rotation
 from isomatch.errors import NotConvergedError
 from isomatch.matching.confidence import expected_errors
-from isomatch.matching.hints import (
+from isomatch.matching.pair import ShapePair
+from isomatch.matching.priors import (
     FEWEST_POINTS,
-    Hints,
-    UserHints,
+    Priors,
+    UserPriors,
     checked_descriptors,
     checked_initial_map,
     checked_landmarks,
 )
-from isomatch.matching.pair import ShapePair
 from isomatch.matching.quality import measure_quality
 from isomatch.matching.result import MAP_ARRAYS, Outcome
 from isomatch.matching.selection import SPECTRAL_RESIDUAL_NOISE
@@ -58,30 +58,30 @@ TINY = 1e-6
 SIDES = "source", "target"
 
 
-def match_components(pair: ShapePair, user_hints: UserHints, stages: Stages, timer: StageTimer) -> Solution:
+def match_components(pair: ShapePair, user_priors: UserPriors, stages: Stages, timer: StageTimer) -> Solution:
     """Match shapes of which at least one has further components that can be matched by themselves."""
     timer.start("components")
     parallel_map(components_of, (pair.source, pair.target))
-    hints = ComponentHints(pair, user_hints)
-    components = _Components(pair, hints, stages, timer)
+    priors = ComponentPriors(pair, user_priors)
+    components = _Components(pair, priors, stages, timer)
     matches, tied = components.large_ones()
     timer.start("components")
     matches += components.carried_ones(matches)
     timer.start("quality")
-    return composed(pair, matches, tied, hints)
+    return composed(pair, matches, tied, priors)
 
 
 class _Components:
     """The components of both shapes, and which of them are partners."""
 
-    def __init__(self, pair: ShapePair, hints: ComponentHints, stages: Stages, timer: StageTimer) -> None:
-        self.pair, self.hints, self.stages, self.timer = pair, hints, stages, timer
-        self.sources, self.targets = hints.sides
+    def __init__(self, pair: ShapePair, priors: ComponentPriors, stages: Stages, timer: StageTimer) -> None:
+        self.pair, self.priors, self.stages, self.timer = pair, priors, stages, timer
+        self.sources, self.targets = priors.sides
 
     def large_ones(self) -> tuple[list[ComponentMatch], bool]:
         """Match the largest components, and similar ones; returns also whether another assignment fits as well."""
         rows, columns = (self._runners_up(side) for side in (self.sources, self.targets))
-        joined = self.hints.joined[: len(rows), : len(columns)]
+        joined = self.priors.joined[: len(rows), : len(columns)]
         if len(rows) == len(columns) == 1:
             return [self._matched(0, 0)], False
         if joined.any():
@@ -122,8 +122,8 @@ class _Components:
         return more
 
     def _cost(self, carrier: Carrier, centre: FloatArray, i: int, j: int) -> float:
-        """Return the cost of taking two components for partners: place, size, spectrum; negative if hints join them."""
-        joined = self.hints.joined
+        """Return the cost of taking two components for partners: place, size, spectrum; negative if priors join them."""
+        joined = self.priors.joined
         if joined[i].any() or joined[:, j].any():
             return -float(joined[i, j]) if joined[i, j] else FAR_APART
         source, target = self.sources[i], self.targets[j]
@@ -142,11 +142,11 @@ class _Components:
     def _matched(self, i: int, j: int, carrier: Carrier | None = None) -> ComponentMatch:
         """Match two components: by themselves, or starting from where they are carried to."""
         pair = ShapePair(self.sources[i], self.targets[j], self.pair.config, self.pair.functions)
-        hints = self.hints.on(pair)
+        priors = self.priors.on(pair)
         with self.timer.within(f"component {i + 1}"):
-            if carrier is None or hints.any:
-                solution = solve_either_winding(pair, hints, self.stages, self.timer)
-                return ComponentMatch(solution, hinted=hints.any)
+            if carrier is None or priors.any:
+                solution = solve_either_winding(pair, priors, self.stages, self.timer)
+                return ComponentMatch(solution, with_priors=priors.any)
             self.timer.start("quality")
             return self._carried(pair, carrier)
 
@@ -162,9 +162,9 @@ class _Components:
             turned = placed.with_evidence(Evidence(ambiguous=True))
             return ComponentMatch(turned, "nothing near it tells how it is turned")
         carried = replace(pair, config=replace(pair.config, hypotheses="given", start="auto", part="none"))
-        hints = Hints.of(carried, None, carrier.image(pair.source, pair.target), None)
-        solution = replace(solve_either_winding(carried, hints, self.stages, self.timer), pair=pair)
-        if solution.outcome is Outcome.HINTS_CONTRADICTED:
+        priors = Priors.of(carried, None, carrier.image(pair.source, pair.target), None)
+        solution = replace(solve_either_winding(carried, priors, self.stages, self.timer), pair=pair)
+        if solution.outcome is Outcome.PRIORS_CONTRADICTED:
             doubted = replace(solution, evidence=(Evidence(poor=True),))
             return ComponentMatch(doubted, "its map does not agree with its place")
         measures = replace(solution.quality, runner_up=np.inf, mirrored=np.inf)
@@ -184,7 +184,7 @@ class _Components:
         gap = np.linalg.norm(points.interpolation(len(there)) @ there - moved, axis=1)
         if gap.mean() > SAME_PLACE:
             return None
-        quality = measure_quality(pair, points, Hints.of(pair, None, None, None))
+        quality = measure_quality(pair, points, Priors.of(pair, None, None, None))
         return Solution(
             pair,
             pair.source.correspondence(pair.target, points),
@@ -222,7 +222,7 @@ class ComponentMatch:
 
     solution: Solution  # in the users' vertices; its pair are the components, each prepared as a shape
     remark: str = ""  # how the map was decided upon, if not by the components alone
-    hinted: bool = False  # whether the user gave hints for them
+    with_priors: bool = False  # whether the user gave priors for them
 
     @property
     def pair(self) -> ShapePair:
@@ -235,12 +235,12 @@ class ComponentMatch:
         return max(max(shape.share, _vertex_share(shape)) for shape in (self.pair.source, self.pair.target))
 
 
-def composed(pair: ShapePair, matches: list[ComponentMatch], tied: bool, hints: ComponentHints) -> Solution:
+def composed(pair: ShapePair, matches: list[ComponentMatch], tied: bool, priors: ComponentPriors) -> Solution:
     """Sum up the maps of all pairs of components; the first is the main one."""
     main, *others = matches
     bounds = pair.config.outcome
-    # the map is no surer than that of any component that is large, or has hints of its own
-    large_ones = [m for m in matches if m is main or m.share > bounds.large_component or m.hinted]
+    # the map is no surer than that of any component that is large, or has priors of its own
+    large_ones = [m for m in matches if m is main or m.share > bounds.large_component or m.with_priors]
     counted = [match.solution.evidence for match in large_ones]
     unmatched = [_unpartnered(side, [getattr(match.pair, side) for match in matches], pair) for side in SIDES]
     large = max(left_out for left_out, _ in unmatched) > bounds.large_component
@@ -248,9 +248,9 @@ def composed(pair: ShapePair, matches: list[ComponentMatch], tied: bool, hints: 
     notes = [*main.solution.notes, *(_described(match) for match in others)]
     if tied:
         notes.append("the largest components may as well be exchanged: nothing tells which are partners")
-    if lost := len(hints.landmarks) - sum(len(hints.landmarks_on(match.pair)) for match in matches):
+    if lost := len(priors.landmarks) - sum(len(priors.landmarks_on(match.pair)) for match in matches):
         notes.append(
-            f"{lost} of {len(hints.landmarks)} landmarks do not lie on partners, or fewer than {FEWEST_POINTS} on one, "
+            f"{lost} of {len(priors.landmarks)} landmarks do not lie on partners, or fewer than {FEWEST_POINTS} on one, "
             "and are left out"
         )
     vertices, corners, weights = (getattr(main.solution.map, name).copy() for name in MAP_ARRAYS)
@@ -317,12 +317,12 @@ def numbers_without(side: tuple[PreparedShape, ...], matched: list[PreparedShape
     return [i for i, shape in enumerate(side) if not any(shape is other for other in matched)]
 
 
-class ComponentHints:
-    """The user's hints, and what of them concerns two components."""
+class ComponentPriors:
+    """The user's priors, and what of them concerns two components."""
 
-    def __init__(self, pair: ShapePair, user_hints: UserHints) -> None:
+    def __init__(self, pair: ShapePair, user_priors: UserPriors) -> None:
         self.pair = pair
-        landmarks, initial_map, initial_descriptors = user_hints
+        landmarks, initial_map, initial_descriptors = user_priors
         self.functions: tuple[FloatArray, FloatArray] | None = None
         sizes = pair.source.surface.n_vertices, pair.target.surface.n_vertices
         none = np.zeros((0, 2), dtype=np.int64)
@@ -337,7 +337,7 @@ class ComponentHints:
         joined = [self._inside(ShapePair(*sides, pair.config), self.joins) for sides in product(*self.sides)]
         self.joined = np.reshape([len(rows) for rows in joined], [len(side) for side in self.sides])
         if len(self.joins) and self.joined.max() < FEWEST_POINTS:
-            Hints.of(pair, landmarks, initial_map, None)  # refuses them
+            Priors.of(pair, landmarks, initial_map, None)  # refuses them
 
     @property
     def sides(self) -> tuple[tuple[PreparedShape, ...], tuple[PreparedShape, ...]]:
@@ -349,8 +349,8 @@ class ComponentHints:
         here = pair.source.body_vertex[joins[:, 0]] >= 0
         return joins[here & (pair.target.body_vertex[joins[:, 1]] >= 0)]
 
-    def on(self, pair: ShapePair) -> Hints:
-        """Hints on two components; none where too little is known of them."""
+    def on(self, pair: ShapePair) -> Priors:
+        """Priors on two components; none where too little is known of them."""
         landmarks = self.landmarks_on(pair)
         initial_pairs = self._inside(pair, np.column_stack([np.arange(len(self.image)), self.image]))
         initial_pairs = initial_pairs[initial_pairs[:, 1] != UNMATCHED]
@@ -361,7 +361,7 @@ class ComponentHints:
             parts = zip((pair.source, pair.target), functions)
             if not all(np.isfinite(shape.restrict(values)).all() for shape, values in parts):
                 functions = None
-        return Hints.of(
+        return Priors.of(
             pair,
             landmarks if len(landmarks) else None,
             image if len(initial_pairs) >= FEWEST_POINTS else None,

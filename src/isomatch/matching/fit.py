@@ -36,8 +36,8 @@ class Candidate:
     orientation: float  # mean cosine between normals: 1 true map, −1 mirror image; 0 without normals
     landmark_error: float  # mean distance of images of landmarks from their targets, in √area; 0 without
     # the largest of these, or if larger the mean distance from the images of the initial map; with neither, the mean one
-    # from the nearest points in space, if shapes are aligned there; 0 without hints; in √area
-    hint_error: float
+    # from the nearest points in space, if shapes are aligned there; 0 without priors; in √area
+    prior_error: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +54,7 @@ class Fit:
         The cost of the map; lower is better. nan until the relation has measured it.
     orientation : float
         Mean cosine between normals: 1 preserves the orientation of the faces, −1 reverses it.
-    hint_error, landmark_error, origin
+    prior_error, landmark_error, origin
         As of a `Candidate` and its hypothesis.
     candidate : Candidate, optional
         The candidate that it came from.
@@ -64,7 +64,7 @@ class Fit:
     spectral_residual: float = np.inf
     score: float = np.nan
     orientation: float = 1.0
-    hint_error: float = 0.0
+    prior_error: float = 0.0
     landmark_error: float = 0.0
     candidate: Candidate | None = None
     origin: str = ""
@@ -91,6 +91,6 @@ class Fit:
             candidate=other.candidate,
             origin=other.origin,
             orientation=other.orientation,
-            hint_error=other.hint_error,
+            prior_error=other.prior_error,
             landmark_error=other.landmark_error,
         )

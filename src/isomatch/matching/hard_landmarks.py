@@ -17,9 +17,9 @@ from isomatch.surfaces import Graph, Mesh, PrecisePoints, Surface
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 
 SLOPE = (
-    2.0  # width of a bump over the distance moved; docs/hints.md: 1.5 to 3 alike, steeper turns faces over
+    2.0  # width of a bump over the distance moved; docs/priors.md: 1.5 to 3 alike, steeper turns faces over
 )
-LEAST_WIDTH, MOST_WIDTH = 0.1, 0.2  # of the bump, in √area; docs/hints.md
+LEAST_WIDTH, MOST_WIDTH = 0.1, 0.2  # of the bump, in √area; docs/priors.md
 
 TAIL = 0.02  # weights up to this become 0: what is far from the landmarks stays as it was, bit by bit
 LEAST = 0.1  # singular value of the kernel among landmarks that is inverted; those too close to be told apart move as one

@@ -17,12 +17,18 @@ from isomatch.loading.first_use import view_room
 from isomatch.matching.components import match_components
 from isomatch.matching.fit import Hypothesis
 from isomatch.matching.hard_landmarks import pinned
-from isomatch.matching.hints import Hints, UserHints, checked_initial_map, checked_landmarks, with_functions
 from isomatch.matching.pair import ShapePair, prepare_pair
+from isomatch.matching.priors import (
+    Priors,
+    UserPriors,
+    checked_initial_map,
+    checked_landmarks,
+    with_functions,
+)
 from isomatch.matching.refinements import REFINEMENTS
 from isomatch.matching.relations.isometry import IsometricMatch, Isometry
 from isomatch.matching.result import Alternative, MatchResult
-from isomatch.matching.search import HINT_STEPS
+from isomatch.matching.search import PRIOR_STEPS
 from isomatch.matching.solve import (
     part_role,
     side_to_turn,
@@ -78,7 +84,7 @@ def match(
     refinement : Refinement, optional
         Takes the place of ``config.refinement``: your own subclass of `Refinement`.
     starts : sequence of callable, optional
-        Where first maps come from, beside hints: functions of the pair that return arrays (q, 2) of vertices of both
+        Where first maps come from, beside priors: functions of the pair that return arrays (q, 2) of vertices of both
         bodies; ``[yours, *default_starts]`` adds to those of isomatch. In every relation, landmarks and an initial map
         contend with them; with ``Config(hypotheses="given")`` no start may win.
     relation : Relation, optional
@@ -101,7 +107,7 @@ def match(
     LandmarkError, MapError, DescriptorError
         If landmarks, initial map or descriptors do not fit the shapes.
     SettingError
-        If shapes were prepared with other settings, hints are asked for and none was given, a refinement, start or
+        If shapes were prepared with other settings, priors are asked for and none was given, a refinement, start or
         relation handed in gives something else than it should, or a relation does not suit the shapes or the settings.
     NotConvergedError
         If no map of a part keeps the orientation.
@@ -153,16 +159,16 @@ def require_landmarks_for_pins(pair: ShapePair, landmarks: ArrayLike | None) -> 
         raise SettingError(f"pin = {pair.config.pin}, but no landmarks were given that could be held")
 
 
-def solve_prepared(pair: ShapePair, user_hints: UserHints, stages: Stages, timer: StageTimer) -> Solution:
+def solve_prepared(pair: ShapePair, user_priors: UserPriors, stages: Stages, timer: StageTimer) -> Solution:
     """Match two prepared shapes, given landmarks, an initial map and descriptors."""
-    landmarks, initial_map, _ = user_hints
+    landmarks, initial_map, _ = user_priors
     tolerance = pair.config.pin
     if isinstance(initial_map, Correspondence):
         initial_map.check_fits(pair.source.surface, pair.target.surface)
     if pair.oriented and (pair.source.others or pair.target.others):
-        solution = match_components(pair, user_hints, stages, timer)
+        solution = match_components(pair, user_priors, stages, timer)
     else:
-        solution = solve_either_winding(pair, Hints.of(pair, *user_hints), stages, timer)
+        solution = solve_either_winding(pair, Priors.of(pair, *user_priors), stages, timer)
     if tolerance is None or landmarks is None:
         return solution
     timer.start("pins")
@@ -222,7 +228,7 @@ def match_both(
     Parameters
     ----------
     source, target, landmarks, initial_map, initial_descriptors, config, seed, progress
-        As for `match`, whose errors are raised; hints are turned around for the way back.
+        As for `match`, whose errors are raised; priors are turned around for the way back.
     refinement, starts, relation, functions
         As for `match`; of both directions.
 
@@ -258,33 +264,33 @@ def match_both(
 
 def _both(
     pair: ShapePair,
-    user_hints: UserHints,
+    user_priors: UserPriors,
     stages: Stages,
     timer: StageTimer,
     timer_back: StageTimer,
     seed: int,
 ) -> BothDirections:
-    pair_back, hints_back = pair.turned, _turned(pair, user_hints)
+    pair_back, priors_back = pair.turned, _turned(pair, user_priors)
     alone = pair.oriented and (pair.source.others or pair.target.others)
-    hints = None if alone else Hints.of(pair, *user_hints)
-    searched = hints is not None and not hints.any and pair.config.hypotheses == "all"
+    priors = None if alone else Priors.of(pair, *user_priors)
+    searched = priors is not None and not priors.any and pair.config.hypotheses == "all"
     searched = searched and stages.relation is None
     found: IsometricMatch | None = None
-    if hints is None or not searched or part_role(pair, hints, stages) or side_to_turn(pair):
-        solution_there = solve_prepared(pair, user_hints, stages, timer)
+    if priors is None or not searched or part_role(pair, priors, stages) or side_to_turn(pair):
+        solution_there = solve_prepared(pair, user_priors, stages, timer)
     else:
-        relation = Isometry().on(pair, hints, stages)
+        relation = Isometry().on(pair, priors, stages)
         found = relation.match(timer)
         solution_there, apart = solve_touching(relation, found, timer)
         found = None if apart else found
     there = verified(solution_there, timer, seed)
     timer_back.restart()
     if found is None:
-        solution = solve_prepared(pair_back, hints_back, stages, timer_back)
+        solution = solve_prepared(pair_back, priors_back, stages, timer_back)
         note = "the shapes were prepared for both directions at once; the map was found by itself"
     else:
         hypotheses = _turned_hypotheses(found, pair, pair_back)
-        relation_back = Isometry().on(pair_back, Hints.of(pair_back, *hints_back), stages)
+        relation_back = Isometry().on(pair_back, Priors.of(pair_back, *priors_back), stages)
         solution = solve_complete(relation_back, relation_back.match(timer_back, hypotheses), timer_back)
         solution = solution.with_evidence(Evidence.of(solution_there.outcome))
         note = (
@@ -295,9 +301,9 @@ def _both(
     return BothDirections(there, verified(solution, timer_back, seed))
 
 
-def _turned(pair: ShapePair, user_hints: UserHints) -> UserHints:
-    """Turn hints around; of several vertices with one image, the last one is its image on the way back."""
-    landmarks, initial_map, descriptors = user_hints
+def _turned(pair: ShapePair, user_priors: UserPriors) -> UserPriors:
+    """Turn priors around; of several vertices with one image, the last one is its image on the way back."""
+    landmarks, initial_map, descriptors = user_priors
     sizes = pair.source.surface.n_vertices, pair.target.surface.n_vertices
     image_back = None
     if initial_map is not None:
@@ -322,7 +328,7 @@ def _turned_hypotheses(found: IsometricMatch, pair: ShapePair, pair_back: ShapeP
     others = others[: pair.config.selection.most_contenders]
     images += [pair.target_vertices[candidate.target_row] for candidate in others]
     starts = np.array([_turned_rows(pair, image) for image in images])
-    aligned = iterative_closest_points(*pair_back.search_points, starts, HINT_STEPS)
+    aligned = iterative_closest_points(*pair_back.search_points, starts, PRIOR_STEPS)
     return [
         Hypothesis(each, candidate.hypothesis.origin) for each, candidate in zip(aligned, refined + others)
     ]

@@ -9,8 +9,8 @@ import numpy as np
 from isomatch.correspondence import PrecisePoints, alignment_residual, signed_procrustes
 from isomatch.descriptors import BallSignature, deviation_of
 from isomatch.geodesics import distance_along_edges_to_nearest
-from isomatch.matching.hints import Hints
 from isomatch.matching.pair import ShapePair
+from isomatch.matching.priors import Priors
 from isomatch.matching.result import Quality
 from isomatch.matching.selection import Selection
 from isomatch.settings import COVERAGE_RADIUS
@@ -23,7 +23,7 @@ NORMAL_FUNCTIONS = 60  # of the smoothed surfaces whose normals are compared; ch
 
 
 def measure_quality(
-    pair: ShapePair, points: PrecisePoints, hints: Hints, selection: Selection[Any] | None = None
+    pair: ShapePair, points: PrecisePoints, priors: Priors, selection: Selection[Any] | None = None
 ) -> Quality:
     """Measure a map of bodies: ``points``, the image of each source vertex, as it was selected if it was."""
     source, target, settings = pair.source, pair.target, pair.config.outcome
@@ -37,7 +37,7 @@ def measure_quality(
     aligned = source.points.at(vertices), target.points.at(image[vertices])
     positions = image_positions(source.body, target.body, points)
     at_landmarks, at_initial = (
-        distances_to_hints(pair, image, each) for each in (hints.landmarks, hints.initial_pairs)
+        distances_to_priors(pair, image, each) for each in (priors.landmarks, priors.initial_pairs)
     )
     return Quality(
         spectral_residual=selection.winner.spectral_residual if selection else np.nan,
@@ -123,22 +123,22 @@ def torn_off_share(source: Surface, target_area: float, images: FloatArray | Non
     return float(shares[1]) if len(shares) > 1 else 0.0
 
 
-def distances_to_hints(pair: ShapePair, target_vertex: IntArray, pairs: IntArray) -> FloatArray:
+def distances_to_priors(pair: ShapePair, target_vertex: IntArray, pairs: IntArray) -> FloatArray:
     """Distance between the images under a map (n_s,) and the second vertices of pairs (q, 2): (q,), in √area."""
     return pair.target.distance(target_vertex[pairs[:, 0]], pairs[:, 1])
 
 
-def contradicted_landmarks(pair: ShapePair, points: PrecisePoints, hints: Hints) -> list[str]:
+def contradicted_landmarks(pair: ShapePair, points: PrecisePoints, priors: Priors) -> list[str]:
     """Name the landmarks that a map of bodies contradicts, in the users' vertices; no note if it contradicts none."""
-    apart = distances_to_hints(pair, points.corners[:, 0], hints.landmarks)
+    apart = distances_to_priors(pair, points.corners[:, 0], priors.landmarks)
     against = np.flatnonzero(apart > pair.config.outcome.contradiction)
     if not len(against):
         return []
     worst = against[np.argsort(-apart[against], kind="stable")[:MOST_NAMED]]
     named = ", ".join(
         f"{i} → {j} ({distance:.2f} √area off)"
-        for (i, j), distance in zip(hints.user_landmarks[worst], apart[worst])
+        for (i, j), distance in zip(priors.user_landmarks[worst], apart[worst])
     )
     more = ", …" if len(against) > len(worst) else ""
     which = "the map" if pair.config.pin is None else "the map before it was bent"
-    return [f"{which} contradicts {len(against)} of {len(hints.landmarks)} landmarks: {named}{more}"]
+    return [f"{which} contradicts {len(against)} of {len(priors.landmarks)} landmarks: {named}{more}"]

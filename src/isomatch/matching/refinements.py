@@ -18,8 +18,8 @@ from isomatch.correspondence import Embedding, signed_procrustes
 from isomatch.errors import SettingError
 from isomatch.matching.candidates import energy_of
 from isomatch.matching.fit import Fit
-from isomatch.matching.hints import Hints
 from isomatch.matching.pair import ShapePair, prepare_pair
+from isomatch.matching.priors import Priors
 from isomatch.matching.relations.isometry import Isometry
 from isomatch.matching.stages import Joint, Refinement, Relation, Stages
 from isomatch.runtime.threads import parallel_map, serial_blas
@@ -213,9 +213,9 @@ class _Trial:
         original = np.argsort(number)
         mesh = Mesh(positions[original], number[source.mesh_body.faces])
         pair = prepare_pair(source, mesh, source.requested)
-        hints = Hints.of(pair, None, number, None)
+        priors = Priors.of(pair, None, number, None)
         self.refinement, self.number, self.target = refinement, number, pair.target
-        self.relation = Isometry().on(pair, hints, Stages(refinement))
+        self.relation = Isometry().on(pair, priors, Stages(refinement))
         candidates, _ = self.relation.candidates(*self.relation.hypotheses())
         self._fit = self.relation.begun(candidates)[0]
 

@@ -411,7 +411,7 @@ class MatchResult(Shown):
 class Outcome(Shown, Enum):
     """How a match ended; ``advice`` says what it means and what to do. Where several hold, the first one is given."""
 
-    HINTS_CONTRADICTED = "hints contradicted"
+    PRIORS_CONTRADICTED = "priors contradicted"
     MIRROR_IMAGE = "mirror image"
     LOW_CONFIDENCE = "low confidence"
     SYMMETRY_AMBIGUOUS = "symmetry ambiguous"
@@ -435,7 +435,7 @@ class Outcome(Shown, Enum):
 
 
 _ADVICE = {
-    Outcome.HINTS_CONTRADICTED: (
+    Outcome.PRIORS_CONTRADICTED: (
         "The map does not agree with the landmarks or the initial map. Either may be wrong: check that landmarks are "
         "pairs (source vertex, target vertex) that count from 0; if they are right, match with hypotheses = 'given'."
     ),
@@ -450,7 +450,7 @@ _ADVICE = {
         "shapes are roughly aligned in space; or check that both shapes are complete and of one kind."
     ),
     Outcome.SYMMETRY_AMBIGUOUS: (
-        "A second, symmetric map fits as well, or the hints led to the mirror image. If sides matter, give landmarks: "
+        "A second, symmetric map fits as well, or the priors led to the mirror image. If sides matter, give landmarks: "
         "three to five pairs, at least one on one side only (a left hand, a right ear), and say which orientation "
         "is meant; or start = 'pose' if the shapes are roughly aligned in space."
     ),

@@ -9,21 +9,21 @@ import numpy as np
 
 from isomatch.correspondence import Alignment, closest_point_images, iterative_closest_points
 from isomatch.matching.fit import Hypothesis
-from isomatch.matching.hints import Hints
 from isomatch.matching.pair import ShapePair
+from isomatch.matching.priors import Priors
 from isomatch.matching.selection import distinct
 from isomatch.matching.stages import PoolStart, Relation, Start, first_maps_of, name_of
 from isomatch.matching.starts import (
     start_from_pairs,
     starts_from_anchors,
     starts_from_extremities,
-    starts_from_hints,
     starts_from_poses,
+    starts_from_priors,
 )
 from isomatch.runtime.threads import parallel_map
 from isomatch.values.arrays import FloatArray, IntArray
 
-HINT_STEPS = 8  # of closest points from hints and starts handed in; most maps change little afterwards
+PRIOR_STEPS = 8  # of closest points from priors and starts handed in; most maps change little afterwards
 
 # most hypotheses of limbless shapes: the residuals of round shapes tell little, so many are kept until curvature has been
 # compared; docs/lab/robustness.md, shapes without limbs
@@ -35,20 +35,20 @@ FLIPPED_BACK = (
 AT_ONCE = 4  # maps moved together by a thread; fixed, so that results do not depend on the number of threads
 
 
-def hypotheses_from_hints(pair: ShapePair, hints: Hints) -> list[Hypothesis]:
+def hypotheses_from_priors(pair: ShapePair, priors: Priors) -> list[Hypothesis]:
     """Hypotheses from what the user knows, each after iterative closest points."""
     # landmarks at extremities leave the front and the back of a thin body undecided: with hypotheses = "given" the flips
     # of the map from them come with it; otherwise automatic hypotheses compete
     settings = pair.config.search
-    from_hints = [
-        Hypothesis(iterative_closest_points(*pair.search_points, start[None], HINT_STEPS)[0], origin)
-        for start, origin in starts_from_hints(pair, hints)
+    from_priors = [
+        Hypothesis(iterative_closest_points(*pair.search_points, start[None], PRIOR_STEPS)[0], origin)
+        for start, origin in starts_from_priors(pair, priors)
     ]
-    from_landmarks = [start for start in from_hints if start.origin == "landmarks"]
+    from_landmarks = [start for start in from_priors if start.origin == "landmarks"]
     if not from_landmarks or not settings.flip_landmarks or pair.config.hypotheses == "all":
-        return from_hints
+        return from_priors
     best = min(from_landmarks, key=lambda start: start.alignment.residual)
-    return [*from_hints, *flips(pair, best, from_hints)]
+    return [*from_priors, *flips(pair, best, from_priors)]
 
 
 def flips(pair: ShapePair, hypothesis: Hypothesis, others: list[Hypothesis]) -> list[Hypothesis]:
@@ -79,18 +79,18 @@ def symmetric_variants(pair: ShapePair, target_row: IntArray) -> list[Hypothesis
 
 
 def search(
-    pair: ShapePair, from_hints: list[Hypothesis], starts: Sequence[Start] | None = None
+    pair: ShapePair, from_priors: list[Hypothesis], starts: Sequence[Start] | None = None
 ) -> list[Hypothesis]:
-    """Collect distinct hypotheses from hints and starts, by default `default_starts`; best residual first."""
+    """Collect distinct hypotheses from priors and starts, by default `default_starts`; best residual first."""
     most = MOST_WITHOUT_LIMBS if pair.limbless else pair.config.search.n_hypotheses
     pool = Pool(pair, most)
-    pool.merge(from_hints)
+    pool.merge(from_priors)
     for start in default_starts if starts is None else starts:
         if isinstance(start, PoolStart):
             start.extend(pool)
         else:
             rows = [start_from_pairs(pair, pairs) for pairs, _ in first_maps_of([start], pair)]
-            pool.add(rows, HINT_STEPS, name_of(start))
+            pool.add(rows, PRIOR_STEPS, name_of(start))
     return pool.hypotheses
 
 
@@ -238,16 +238,16 @@ default_starts: tuple[Start, ...] = (
     FromAnchors(),
     FromFlips(),
 )
-"""The starts of a match to which none are handed; hints of the user come before them."""
+"""The starts of a match to which none are handed; priors of the user come before them."""
 
 
 def starts_of(relation: Relation) -> tuple[Start, ...]:
-    """Return the starts of a part or an elastic map: those handed in, else isomatch's; none where only hints may win."""
+    """Return the starts of a part or an elastic map: those handed in, else isomatch's; none where only priors may win."""
     # landmarks lead through anchors, in any case but where a whole map is given and nothing else may win
-    starts, config, hints = relation.stages.starts, relation.pair.config, relation.hints
+    starts, config, priors = relation.stages.starts, relation.pair.config, relation.priors
     found = () if config.hypotheses == "given" else default_starts if starts is None else tuple(starts)
-    whole_map = not hints.only_landmarks or config.start == "pose"
-    led = len(hints.landmarks) and not (config.hypotheses == "given" and whole_map)
+    whole_map = not priors.only_landmarks or config.start == "pose"
+    led = len(priors.landmarks) and not (config.hypotheses == "given" and whole_map)
     return (*found, FromAnchors()) if led else found
 
 

@@ -26,7 +26,7 @@ LANDMARK_SLACK = (
 )
 
 CLEARLY_BETTER = (
-    1.15  # score over that of a map that counts whatever hints say; docs/lab/benchmarks.md, confidence
+    1.15  # score over that of a map that counts whatever priors say; docs/lab/benchmarks.md, confidence
 )
 
 # Energies, spectral residuals and scores below these are equal: two triangulations of one surface differ as much, by
@@ -113,17 +113,17 @@ def contenders(
     # relative to the least energy of these, which the first of the ranking need not have
     limit = settings.energy_limit * max(leaning[0].energy, ENERGY_NOISE)
     kept = [c for c in leaning if c.energy <= limit][: settings.most_contenders]
-    # and one that agrees better with hints than any of these, on either side
-    nearest = nearest_to_hints(order, LANDMARK_SLACK)
+    # and one that agrees better with priors than any of these, on either side
+    nearest = nearest_to_priors(order, LANDMARK_SLACK)
     if not any(c in kept for c in nearest):
         kept.append(min(nearest, key=lambda c: c.energy))
     return kept
 
 
-def nearest_to_hints(maps: Sequence[H], slack: float) -> list[H]:
-    """Keep those that agree with the hints as well as any, but for a slack; all of them without hints."""
-    limit = min(c.hint_error for c in maps) + slack
-    return [c for c in maps if c.hint_error <= limit]
+def nearest_to_priors(maps: Sequence[H], slack: float) -> list[H]:
+    """Keep those that agree with the priors as well as any, but for a slack; all of them without priors."""
+    limit = min(c.prior_error for c in maps) + slack
+    return [c for c in maps if c.prior_error <= limit]
 
 
 def _orientation_rank(candidate: Candidate, wanted: Orientation, settings: SelectionSettings) -> int:
@@ -143,8 +143,8 @@ def survivors(
         min(fits[i].spectral_residual for i in clear), SPECTRAL_RESIDUAL_NOISE
     )
     order = sorted(q, key=lambda i: (i not in clear, fits[i].spectral_residual))
-    # the best of those nearest to the hints goes on however badly it fits, and the best of each orientation if asked
-    spared = [i for i in order if fits[i] in nearest_to_hints(fits, LANDMARK_SLACK)][:1]
+    # the best of those nearest to the priors goes on however badly it fits, and the best of each orientation if asked
+    spared = [i for i in order if fits[i] in nearest_to_priors(fits, LANDMARK_SLACK)][:1]
     if both_sides:
         spared += {fits[i].side: i for i in reversed(order)}.values()
     kept: list[tuple[int, int]] = []
@@ -208,7 +208,7 @@ class Rules:
     )
     tie: float = 1.0  # score, against the least, up to which a map of its side ties with the best
     mirror_tie: float = 1.0  # the same for one of the other side
-    landmark_slack: float = 0.0  # difference of hint errors, in √area, that counts for nothing
+    landmark_slack: float = 0.0  # difference of prior errors, in √area, that counts for nothing
     score_noise: float = 0.0  # scores below this are equal
     elsewhere_share: float = (
         np.inf
@@ -216,7 +216,7 @@ class Rules:
     elsewhere_tie: float = 1.0  # if its score is at most so many times the winner's
     clearly_better: float = (
         np.inf
-    )  # a map whose score × this is below the winner's counts whatever hints say,
+    )  # a map whose score × this is below the winner's counts whatever priors say,
     same_map: float = 0.0  # unless it is nearer than this
 
     @classmethod
@@ -244,7 +244,7 @@ class Selection(Generic[R]):
     runner_up: float  # score of the runner-up over the winner's; 1: tie, inf: none came near, nan: none tried
     mirrored: float  # the same of the best map of the other orientation
     against: R | None = None  # the runner-up: the best other map, no variant
-    hints_decided: bool = False  # whether another fits better, but ties, and agrees less with the hints
+    priors_decided: bool = False  # whether another fits better, but ties, and agrees less with the priors
 
 
 def select(
@@ -257,7 +257,7 @@ def select(
     elsewhere: FloatArray | None = None,
     n_tried: int = 2,
 ) -> Selection[R]:
-    """Select the eligible map of least score; of those that tie with it, the one nearest to the hints."""
+    """Select the eligible map of least score; of those that tie with it, the one nearest to the priors."""
     # apart: (q, q) mean distances of images; elsewhere: (q, q) shares of vertices that two maps send far apart
     costs = [fit.score for fit in fits] if scores is None else list(scores)
     allowed = [True] * len(fits) if eligible is None else list(eligible)
@@ -269,9 +269,10 @@ def select(
         factor = rules.tie if fits[i].side == fits[best].side else rules.mirror_tie
         return noisy[i] <= factor * noisy[best]
 
-    # winner = arg min cost over {i : c_i ≤ tie · c_best} whose hint errors are the least: hints decide ties, nothing else
+    # winner = arg min cost over {i : c_i ≤ tie · c_best} whose prior errors are the least: priors decide ties,
+    # nothing else
     tied = [i for i in may_win if ties(i)]
-    nearest = nearest_to_hints([fits[i] for i in tied], rules.landmark_slack)
+    nearest = nearest_to_priors([fits[i] for i in tied], rules.landmark_slack)
     winner = min((i for i in tied if fits[i] in nearest), key=lambda i: costs[i])
     others = sorted((i for i in range(len(fits)) if i != winner), key=lambda i: costs[i])
 
@@ -282,7 +283,7 @@ def select(
         if not runners_up:
             return np.inf
         ratio = noisy[runners_up[0]] / noisy[winner]
-        return max(1.0, ratio) if allowed[runners_up[0]] else ratio  # one that lost to hints ties
+        return max(1.0, ratio) if allowed[runners_up[0]] else ratio  # one that lost to priors ties
 
     def is_runner_up(i: int) -> bool:
         as_good = costs[i] <= rules.elsewhere_tie * costs[winner]  # below the noise, too

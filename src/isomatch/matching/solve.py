@@ -9,8 +9,8 @@ from typing import Literal
 import numpy as np
 
 from isomatch.errors import NotConvergedError
-from isomatch.matching.hints import Hints
 from isomatch.matching.pair import ShapePair
+from isomatch.matching.priors import Priors
 from isomatch.matching.quality import descriptor_distance_of, mean_known
 from isomatch.matching.relations.both_parts import BothParts
 from isomatch.matching.relations.closed import (
@@ -37,34 +37,34 @@ MORE_CREASES = (
 SURE = Outcome.CONVERGED, Outcome.PARTIAL, Outcome.SYMMETRY_AMBIGUOUS
 
 
-def solve(pair: ShapePair, hints: Hints, stages: Stages, timer: StageTimer) -> Solution:
+def solve(pair: ShapePair, priors: Priors, stages: Stages, timer: StageTimer) -> Solution:
     """Match the bodies of two shapes by the relations that fit them."""
     if stages.relation is not None:
-        return stages.relation.on(pair, hints, stages).solution(timer)
-    role = part_role(pair, hints, stages)
+        return stages.relation.on(pair, priors, stages).solution(timer)
+    role = part_role(pair, priors, stages)
     if role == "both":
-        return _solve_two_parts(pair, hints, stages, timer)
+        return _solve_two_parts(pair, priors, stages, timer)
     if role:
-        return _solve_part(Part(role).on(pair, hints, stages), timer)
-    relation = Isometry().on(pair, hints, stages)
+        return _solve_part(Part(role).on(pair, priors, stages), timer)
+    relation = Isometry().on(pair, priors, stages)
     return solve_touching(relation, relation.match(timer), timer)[0]
 
 
 def solve_touching(relation: Isometry, found: IsometricMatch, timer: StageTimer) -> tuple[Solution, bool]:
     """Sum up the match of complete shapes, or a better one with limbs apart that touch; and whether it is such."""
-    pair, hints = relation.pair, relation.hints
-    cut = fused_limbs_cut(relation, found, pair, hints, timer)
+    pair, priors = relation.pair, relation.priors
+    cut = fused_limbs_cut(relation, found, pair, priors, timer)
     solution = cut.solution(timer) if cut else solve_complete(relation, found, timer)
-    apart = _limbs_apart(solution, hints, relation.stages, timer)
+    apart = _limbs_apart(solution, priors, relation.stages, timer)
     return apart or solution, bool(cut or apart)
 
 
 def fused_limbs_cut(
-    relation: Isometry, found: IsometricMatch, pair: ShapePair, hints: Hints, timer: StageTimer
+    relation: Isometry, found: IsometricMatch, pair: ShapePair, priors: Priors, timer: StageTimer
 ) -> ClosedMatch | None:
     """Match with contacts cut of the shape that has more handles, or of both; None unless that scores better."""
     stages, complete = relation.stages, relation.pair is pair
-    if not _seeks_contacts(pair, hints, stages):
+    if not _seeks_contacts(pair, priors, stages):
         return None
     best, score = None, found.selection.winner.score
     ours, theirs = pair.source.handles, pair.target.handles
@@ -72,7 +72,7 @@ def fused_limbs_cut(
     for counts in dict.fromkeys([more, (ours, theirs)]):
         if max(counts):
             with timer.within("contacts cut"):
-                cut = match_cut(pair, hints, stages, timer, *counts)
+                cut = match_cut(pair, priors, stages, timer, *counts)
             if cut and cut.score < score:
                 best, score = cut, cut.score
 
@@ -91,7 +91,7 @@ def fused_limbs_cut(
         if not fits_poorly():
             break
         with timer.within("creases cut"):
-            for cut in match_creased(pair, hints, stages, timer, counts, score, both):
+            for cut in match_creased(pair, priors, stages, timer, counts, score, both):
                 if cut.score < score:
                     best, score = cut, cut.score
     return best
@@ -103,17 +103,17 @@ def _one_is_creased(pair: ShapePair) -> bool:
     return abs(source - target) > MORE_CREASES
 
 
-def _seeks_contacts(pair: ShapePair, hints: Hints, stages: Stages) -> bool:
+def _seeks_contacts(pair: ShapePair, priors: Priors, stages: Stages) -> bool:
     """Whether limbs may be fused: of meshes whose distances were not given, by a refinement that looks further."""
     settings, shapes = pair.config.preparation, (pair.source, pair.target)
     given = {shape.distances.engine for shape in shapes} & GIVEN
-    wanted = settings.contact_concavity and not hints.functions[0].shape[1]
+    wanted = settings.contact_concavity and not priors.functions[0].shape[1]
     if not wanted or not pair.oriented or given or not stages.refinement.looks_further:
         return False
     return max(shape.handles for shape in shapes) <= settings.most_contacts
 
 
-def _limbs_apart(solution: Solution, hints: Hints, stages: Stages, timer: StageTimer) -> Solution | None:
+def _limbs_apart(solution: Solution, priors: Priors, stages: Stages, timer: StageTimer) -> Solution | None:
     """Match a source that has more handles with its contacts and creases open, as a part, where a map is poor."""
     # What limbs hide where they touch is missing, and distances lie between those of fused limbs and of limbs apart. Such
     # a map is taken, no surer than before, if the bodies look more alike under it. Of a target that is a part much of the
@@ -121,7 +121,7 @@ def _limbs_apart(solution: Solution, hints: Hints, stages: Stages, timer: StageT
     pair, poor = solution.pair, solution.outcome is Outcome.LOW_CONFIDENCE
     more = pair.source.handles - pair.target.handles
     if not (
-        poor and more > 0 and pair.config.orientation == "preserve" and _seeks_contacts(pair, hints, stages)
+        poor and more > 0 and pair.config.orientation == "preserve" and _seeks_contacts(pair, priors, stages)
     ):
         return None
     with timer.within("limbs apart"):
@@ -131,7 +131,7 @@ def _limbs_apart(solution: Solution, hints: Hints, stages: Stages, timer: StageT
         return None
     apart = replace(pair, source=opened)
     with suppress(NotConvergedError), timer.within("limbs apart"):
-        found = Part("source").on(apart, hints, stages).solution(timer)
+        found = Part("source").on(apart, priors, stages).solution(timer)
         if looks_apart(pair, found) < looks_apart(pair, solution):
             return replace(found, pair=pair).with_evidence(Evidence(poor=True))
     return None
@@ -146,12 +146,12 @@ def looks_apart(pair: ShapePair, solution: Solution) -> float:
     return mean_known(descriptor_distance, pair.source.body.vertex_areas)
 
 
-def part_role(pair: ShapePair, hints: Hints, stages: Stages) -> PartSide | Literal["both"] | None:
+def part_role(pair: ShapePair, priors: Priors, stages: Stages) -> PartSide | Literal["both"] | None:
     """Tell which shape is a part of the other, or whether both are parts of something that neither shows."""
     # a part has a long boundary; only refinements that look further, of maps that preserve the orientation, know of parts
     config = pair.config
     looks_further = stages.refinement.looks_further and config.orientation == "preserve"
-    if config.part == "none" or not pair.oriented or not looks_further or hints.functions[0].shape[1]:
+    if config.part == "none" or not pair.oriented or not looks_further or priors.functions[0].shape[1]:
         return None
     if config.part != "auto":
         return config.part
@@ -200,25 +200,25 @@ def _elastic(relation: Isometry, found: IsometricMatch) -> Elastic:
         if candidate.orientation > 0
     ]
     fits = not fits_badly(found.measured.quality, pair.config.outcome)
-    return Elastic(found.selection.winner, others, fits).on(pair, relation.hints, relation.stages)
+    return Elastic(found.selection.winner, others, fits).on(pair, relation.priors, relation.stages)
 
 
 def _solve_part(part: Part, timer: StageTimer) -> Solution:
     """Match a part as it is, and with its holes closed, unless the first of the two is sure."""
     # The part as it is comes first, unless little is missing. Then the shapes with their holes closed do, and if that is
     # sure, the part is matched from there without a search of its own.
-    pair, hints, stages = part.pair, part.hints, part.stages
+    pair, priors, stages = part.pair, part.priors, part.stages
     if not pair.config.parts.close:
         return part.solution(timer)
-    touching = _seeks_contacts(pair, hints, stages) and max(pair.source.handles, pair.target.handles) > 0
+    touching = _seeks_contacts(pair, priors, stages) and max(pair.source.handles, pair.target.handles) > 0
     if not (touching or part.closes_first):
         with suppress(NotConvergedError):
             own = part.solution(timer)
             if part.is_sure(own):
                 return own
     with timer.within("holes closed"):
-        closed = match_closed(pair, hints, stages, timer)
-    if closed and (cut := fused_limbs_cut(closed.relation, closed.found, pair, hints, timer)):
+        closed = match_closed(pair, priors, stages, timer)
+    if closed and (cut := fused_limbs_cut(closed.relation, closed.found, pair, priors, timer)):
         solution = cut.solution(timer).with_evidence(Evidence(partial=True))
         if solution.outcome is Outcome.PARTIAL or CLEARLY_BETTER * cut.score < closed.score:
             return solution
@@ -230,11 +230,11 @@ def _solve_part(part: Part, timer: StageTimer) -> Solution:
     return part.led_by(closed).solution(timer)
 
 
-def _solve_two_parts(pair: ShapePair, hints: Hints, stages: Stages, timer: StageTimer) -> Solution:
+def _solve_two_parts(pair: ShapePair, priors: Priors, stages: Stages, timer: StageTimer) -> Solution:
     """Match two parts: as two patches of the same extent, as overlapping parts of a body, and with holes closed."""
     # The first map that is sure is returned. If none is, and the shapes fit no better with their holes closed, it may be
     # an elastic one; otherwise it is that of overlapping parts.
-    relation = Isometry().on(pair, hints, stages)
+    relation = Isometry().on(pair, priors, stages)
     found = relation.match(timer)
     timer.start("quality")
     as_they_are = relation.summed_up(found, found.measured, timer)
@@ -242,11 +242,11 @@ def _solve_two_parts(pair: ShapePair, hints: Hints, stages: Stages, timer: Stage
         return as_they_are
     overlapping = None
     with suppress(NotConvergedError):
-        overlapping = BothParts().on(pair, hints, stages).solution(timer)
+        overlapping = BothParts().on(pair, priors, stages).solution(timer)
         if overlapping.outcome in SURE:
             return overlapping
     with timer.within("holes closed"):
-        closed = match_closed(pair, hints, stages, timer) if pair.config.parts.close else None
+        closed = match_closed(pair, priors, stages, timer) if pair.config.parts.close else None
     if closed and closed.found.selection.winner.spectral_residual <= found.selection.winner.spectral_residual:
         with_caps = _two_closed_parts(closed, timer)
         return with_caps if with_caps.outcome in SURE or overlapping is None else overlapping
@@ -259,7 +259,7 @@ def _two_closed_parts(closed: ClosedMatch, timer: StageTimer) -> Solution:
     doubt, with_caps = closed.doubt, closed.solution(timer)
     evidence = closed_evidence(doubt.evidence, with_caps.evidence)
     note = "both shapes were matched with their holes closed"
-    return with_doubt(with_caps, evidence, doubt, note, len(closed.hints.landmarks) > 0)
+    return with_doubt(with_caps, evidence, doubt, note, len(closed.priors.landmarks) > 0)
 
 
 LEAST_SURE = Outcome.LOW_CONFIDENCE.sureness + 1  # beyond it, outcomes differ in kind
@@ -273,18 +273,18 @@ def side_to_turn(pair: ShapePair) -> Literal["source", "target"] | None:
     return None if source == target else "source" if source else "target"
 
 
-def solve_either_winding(pair: ShapePair, hints: Hints, stages: Stages, timer: StageTimer) -> Solution:
+def solve_either_winding(pair: ShapePair, priors: Priors, stages: Stages, timer: StageTimer) -> Solution:
     """Match the bodies of two shapes; one that seems to be inside out also with its faces turned over."""
     side = side_to_turn(pair)
     if side is None:
-        return solve(pair, hints, stages, timer)
+        return solve(pair, priors, stages, timer)
     turned = replace(pair, **{side: turned_over(getattr(pair, side))})  # type: ignore[arg-type]
     solutions: dict[str, Solution] = {}
     failure = None
     for how, wound in (("as they are", pair), ("turned over", turned)):
         try:
             with timer.within(f"faces {how}"):
-                solutions[how] = solve(wound, hints, stages, timer)
+                solutions[how] = solve(wound, priors, stages, timer)
         except NotConvergedError as error:
             failure = error
     if failure and not solutions:

@@ -14,8 +14,8 @@ from isomatch.correspondence import Embedding, SpectralPair
 from isomatch.descriptors import deviation_of
 from isomatch.errors import DescriptorError, SettingError
 from isomatch.matching.fit import Fit
-from isomatch.matching.hints import Hints
 from isomatch.matching.pair import ShapePair
+from isomatch.matching.priors import Priors
 from isomatch.matching.selection import weighed
 from isomatch.matching.verification import Solution
 from isomatch.runtime.stage_timer import StageTimer
@@ -58,7 +58,7 @@ class Refinement(ABC):
     """
 
     looks_further: ClassVar[bool] = True
-    """Whether parts are told from wholes, elastic maps sought, and runners-up of hints searched."""
+    """Whether parts are told from wholes, elastic maps sought, and runners-up of priors searched."""
     polishes: ClassVar[bool] = False
     """Whether the map of a large mesh is polished by joint coordinates on a finer level, and not only carried there."""
 
@@ -106,16 +106,16 @@ class Relation(ABC):
     """
 
     pair: ShapePair
-    hints: Hints
+    priors: Priors
     stages: Stages
     _claim: Self | None = None  # what was bound; None if nothing was
 
-    def on(self, pair: ShapePair, hints: Hints, stages: Stages | None = None) -> Self:
+    def on(self, pair: ShapePair, priors: Priors, stages: Stages | None = None) -> Self:
         """Return the relation between the shapes of a pair, of which something may be known."""
         claim = self if self._claim is None else self._claim  # without what was computed for another pair
         bound = copy(claim)
         bound._claim = claim
-        bound.pair, bound.hints, bound.stages = pair, hints, Stages() if stages is None else stages
+        bound.pair, bound.priors, bound.stages = pair, priors, Stages() if stages is None else stages
         return bound
 
     @property
@@ -201,24 +201,24 @@ class Relation(ABC):
 
     def require_no_descriptors(self, shapes: str) -> None:
         """Raise `DescriptorError` if descriptors were given: such ``shapes`` have no functions in common."""
-        if self.hints.functions[0].shape[1]:
+        if self.priors.functions[0].shape[1]:
             raise DescriptorError(
                 f"initial descriptors were given, but relation = {type(self).__name__} cannot use them: {shapes} cannot "
                 "be aligned by functions; give landmarks or an initial map instead, or leave the relation out"
             )
 
-    def require_hints(self) -> None:
-        """Raise `SettingError` if only maps from hints may win, and there are none."""
+    def require_priors(self) -> None:
+        """Raise `SettingError` if only maps from priors may win, and there are none."""
         config = self.pair.config
-        if config.hypotheses == "given" and not self.hints.any and config.start == "auto":
+        if config.hypotheses == "given" and not self.priors.any and config.start == "auto":
             raise SettingError(
                 "hypotheses = 'given', but no landmarks, initial map or descriptors were given"
             )
 
     def origin_of(self, winner: Fit) -> str:
         """Where a map came from: the initial map, if it agrees with that."""
-        agrees = winner.hint_error <= self.pair.config.outcome.contradiction
-        return "initial map" if len(self.hints.initial_pairs) and agrees else winner.origin
+        agrees = winner.prior_error <= self.pair.config.outcome.contradiction
+        return "initial map" if len(self.priors.initial_pairs) and agrees else winner.origin
 
     def descriptor_distance(self, fit: Fit) -> FloatArray:
         """Descriptor distance in space of the vertices (r,) and their images, see `BallSignature`; nan where unknown."""

@@ -1,4 +1,4 @@
-"""First maps: from hints, from the pose, from extremities, and from points far from each other."""
+"""First maps: from priors, from the pose, from extremities, and from points far from each other."""
 
 from __future__ import annotations
 
@@ -17,24 +17,24 @@ from isomatch.correspondence import (
     with_normals,
 )
 from isomatch.errors import SettingError
-from isomatch.matching.hints import FEWEST_POINTS, Hints
 from isomatch.matching.pair import ShapePair
+from isomatch.matching.priors import FEWEST_POINTS, Priors
 from isomatch.runtime.threads import parallel_map
 from isomatch.shapes import EXACTLY, PreparedShape, farthest_rows
 from isomatch.surfaces import Graph, Surface
 from isomatch.values.arrays import FloatArray, IntArray
 
 
-def starts_from_hints(pair: ShapePair, hints: Hints) -> Iterator[tuple[IntArray, str]]:
+def starts_from_priors(pair: ShapePair, priors: Priors) -> Iterator[tuple[IntArray, str]]:
     """First maps from what the user knows: target rows (m_s,) of the search vertices, and where each comes from."""
     settings = pair.config.search
-    if len(hints.landmarks):
+    if len(priors.landmarks):
         for penalty in settings.off_diagonal:
-            yield _from_points(pair, hints.landmarks[None], penalty)[0], "landmarks"
-    if len(hints.initial_pairs):
-        yield start_from_pairs(pair, hints.initial_pairs), "initial map"
-    if hints.functions[0].shape[1]:
-        yield start_from_functions(pair, *hints.functions), "descriptors"
+            yield _from_points(pair, priors.landmarks[None], penalty)[0], "landmarks"
+    if len(priors.initial_pairs):
+        yield start_from_pairs(pair, priors.initial_pairs), "initial map"
+    if priors.functions[0].shape[1]:
+        yield start_from_functions(pair, *priors.functions), "descriptors"
     if pair.config.start == "pose":
         for start in starts_from_pose(pair):
             yield start, "pose"

@@ -27,7 +27,7 @@ CALLED_FOR = dict(zip(("contradicted", "mirrored", "poor", "ambiguous", "partial
 class Evidence:
     """Reasons not to take a map for right and complete; each flag is one."""
 
-    contradicted: bool = False  # it is far from what hints ask for
+    contradicted: bool = False  # it is far from what priors ask for
     mirrored: bool = False  # the mirror image of a shape fits clearly better
     poor: bool = False  # it fits badly
     ambiguous: bool = False  # another map fits as well
@@ -55,20 +55,21 @@ def lowered(outcome: Outcome, *evidence: Evidence) -> Outcome:
 
 
 def measured_evidence(
-    pair: ShapePair, quality: Quality, wanted: Orientation, hinted: bool = False, far: bool = False
+    pair: ShapePair, quality: Quality, wanted: Orientation, with_priors: bool = False, far: bool = False
 ) -> Evidence:
     """Compare the measures of a map with the bounds of ``pair.config.outcome``; ``wanted`` is its orientation.
 
-    Hints may have led to the orientation that was not wanted. Between shapes that are ``far`` from isometric, measures of
+    Priors may have led to the orientation that was not wanted. Between shapes that are ``far`` from isometric,
+    measures of
     isometries cannot tell a right map from a wrong one; how much the shapes have to be bent to lie on each other can.
     """
     bounds = pair.config.outcome
     sign = {"preserve": 1.0, "reverse": -1.0, "any": np.sign(quality.orientation)}[wanted]
     kept = sign * quality.orientation
-    turned = hinted and kept < -bounds.poor_orientation
+    turned = with_priors and kept < -bounds.poor_orientation
     return Evidence(
         contradicted=contradicts(quality, bounds.contradiction),
-        mirrored=wanted != "any" and not hinted and mirror_image_fits(quality, bounds),
+        mirrored=wanted != "any" and not with_priors and mirror_image_fits(quality, bounds),
         poor=bool(
             (bends_badly if far else fits_badly)(quality, bounds)
             or quality.torn_off > bounds.poor_torn_off
@@ -154,7 +155,7 @@ class PartDoubt:
         sure = self.doubt <= settings.poor_doubt and self.is_clear
         return Evidence(ambiguous=tied, poor=not (tied or sure), partial=True)
 
-    def notes(self, outcome: Outcome, hinted: bool) -> list[str]:
+    def notes(self, outcome: Outcome, with_priors: bool) -> list[str]:
         """Say why a map is not sure, and what to do; or why it is in spite of its doubt."""
         own = outcome_of([self.evidence])
         if own is Outcome.PARTIAL:
@@ -172,7 +173,7 @@ class PartDoubt:
                 )
         return [
             f"the map is not sure, for {why} (doubt {self.doubt:.1e}, at most {self.settings.poor_doubt:.1e} if sure); "
-            f"look at the picture, and give {'more' if hinted else 'three to five'} landmarks at extremities"
+            f"look at the picture, and give {'more' if with_priors else 'three to five'} landmarks at extremities"
         ]
 
 
@@ -189,14 +190,14 @@ class CommonDoubt:
         """What is in common must be large and look alike, unless all landmarks hold."""
         return Evidence(poor=not self.led and self.worth < self.settings.sure_common, partial=True)
 
-    def notes(self, hinted: bool) -> list[str]:
+    def notes(self, with_priors: bool) -> list[str]:
         """Say why a map is not sure, and what to do."""
         if not self.evidence.poor:
             return []
         return [
             "the map is not sure, for what is in common is small or looks different (evidence "
             f"{self.worth:.2f}, at least {self.settings.sure_common:.2f} if sure); look at the picture, and give "
-            f"{'more' if hinted else 'three to five'} landmarks"
+            f"{'more' if with_priors else 'three to five'} landmarks"
         ]
 
 

@@ -72,8 +72,8 @@ class Config(Settings, Shown):
         refinement iterates before its last, full step.
     hypotheses : {"all", "given"}
         Choose among automatic hypotheses and those given, or only among those given and flips of the map from landmarks.
-        With "all", an automatic one wins where it fits better than the hints; of maps that tie, the one nearest to the
-        hints wins, even if it is a mirror image.
+        With "all", an automatic one wins where it fits better than the priors; of maps that tie, the one nearest to the
+        priors wins, even if it is a mirror image.
     search_runners_up : bool, optional
         With ``hypotheses="given"``: whether automatic hypotheses are searched all the same, as alternatives, so that the
         quality tells when one of them fits better; as long as an automatic match. By default for "joint" and "smooth".
@@ -86,7 +86,7 @@ class Config(Settings, Shown):
     start : {"auto", "pose"}
         Whether shapes are roughly aligned in space, so that the map to nearest points is a hypothesis too: that of the
         shapes as they are, and that of both centred and scaled to equal area. Of maps that fit equally well, the one
-        nearest to it wins. With ``hypotheses="given"``, no others may win but those from hints.
+        nearest to it wins. With ``hypotheses="given"``, no others may win but those from priors.
     pin : float, optional
         Landmarks hold: those farther from their targets than this, in √area, are moved there, and the map around follows
         smoothly. 0 holds all exactly. By default they only lead.
@@ -118,7 +118,7 @@ class Config(Settings, Shown):
     engine: str | None = setting(None, "docs/lab/benchmarks.md, engines: fast marching is most accurate")
     n_search: int = setting(400, "measured: 400 as good as 600 on 17 pairs; 300 fails on 2 of 50", least=100)
     n_refine: int = setting(1000, "measured on 50 pairs: 1.63, with all vertices 1.59", least=100)
-    hypotheses: Hypotheses = setting("all", "a hint can be wrong")
+    hypotheses: Hypotheses = setting("all", "a prior can be wrong")
     search_runners_up: bool | None = setting(
         None, "the paper's methods search for none, and cost accordingly"
     )

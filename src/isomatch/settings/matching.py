@@ -159,7 +159,7 @@ class RefinementSettings(Settings):
     polished_sizes: tuple[int, ...] = setting((100, 150), "docs/performance.md, resolution", least=4)
     position_unit: float = setting(0.08, "measured on 9 pairs: 0.08 2.06, 0.15 2.11, 0.3 2.14", least=1e-6)
     normal_weight: float = setting(0.3, "docs/lab/benchmarks.md, sensitivity", least=0)
-    function_weight: float = setting(0.2, "docs/hints.md: functions known on both", least=0)
+    function_weight: float = setting(0.2, "docs/priors.md: functions known on both", least=0)
     registration_steps: int = setting(3, "docs/lab/design_notes.md", least=0)
     laplace_steps_at_once: int = setting(0, "docs/lab/paper.md, deviations: at once heals less", least=0)
 
@@ -292,7 +292,7 @@ class OutcomeSettings(Settings):
         Mean descriptor distance of the neighbourhood of a vertex, above the median of the map, from which its image
         is doubtful, and share of the surface from which a region of doubtful images lowers the outcome.
     contradiction : float
-        Distance from the images that hints ask for, in √area, from which they are contradicted: the mean of the
+        Distance from the images that priors ask for, in √area, from which they are contradicted: the mean of the
         landmarks (of a part the median), or the median of an initial map, which may be wrong in places.
     out_of_pose : float
         Mean distance of the images from the nearest points in space, in √area, from which ``start="pose"`` misleads.
@@ -322,6 +322,6 @@ class OutcomeSettings(Settings):
     torn_apart: float = setting(0.1, "0.07 to 0.15 do as well: docs/lab/benchmarks.md, confidence", least=0)
     poor_torn_off: float = setting(0.005, "half a hand; right maps have at most 0.2 %", least=0)
     poor_orientation: float = setting(0.65, "chosen, not measured", least=-1, most=1)
-    contradiction: float = setting(0.1, "docs/lab/benchmarks.md, contradicted hints", least=0)
-    out_of_pose: float = setting(0.25, "docs/hints.md: up to 0.22 turned by 40°, from 0.29 by 90°", least=0)
+    contradiction: float = setting(0.1, "docs/lab/benchmarks.md, contradicted priors", least=0)
+    out_of_pose: float = setting(0.25, "docs/priors.md: up to 0.22 turned by 40°, from 0.29 by 90°", least=0)
     large_component: float = setting(0.05, "a hand is 1 %, a head 8 % of a body", least=0, most=1)

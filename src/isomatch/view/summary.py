@@ -18,8 +18,8 @@ WORTH_TELLING = 0.005  # share of the vertices
 
 # what came out, in a sentence, and what to do next; `Outcome.advice` tells more
 _TOLD = {
-    Outcome.HINTS_CONTRADICTED: (
-        "The map and your hints do not agree: either may be wrong.",
+    Outcome.PRIORS_CONTRADICTED: (
+        "The map and your priors do not agree: either may be wrong.",
         "Check the landmarks or the first map: vertices count from 0, source first. If they are right, match again with "
         "--hypotheses given; if not, without them.",
     ),

@@ -76,7 +76,7 @@ def functional_maps(
     Parameters
     ----------
     source, target, landmarks, initial_map, initial_descriptors, seed
-        As for `match`. Each hint adds functions that should be preserved: wave kernel maps of the landmarks, the
+        As for `match`. Each prior adds functions that should be preserved: wave kernel maps of the landmarks, the
         descriptors, and the target's eigenfunctions pulled back by the initial map.
     config : FunctionalMapsConfig, optional
         Settings.
@@ -122,9 +122,9 @@ def solved(task: Task, config: FunctionalMapsConfig) -> FloatArray:
     energy = FunctionalEnergy(k, k)
     for of_source, of_target in (*zip(*coefficients), (constant, constant)):
         energy.preserve(of_source, of_target, config.descriptor_weight)
-    if len(task.hints.initial_pairs):
+    if len(task.priors.initial_pairs):
         energy.preserve(
-            task.functional_map_at(task.hints.initial_pairs, k), np.eye(k), k * config.descriptor_weight
+            task.functional_map_at(task.priors.initial_pairs, k), np.eye(k), k * config.descriptor_weight
         )
     a, b = (np.hstack(groups) for groups in coefficients)
     energy.commute(
@@ -152,8 +152,8 @@ def _coefficients(
 
     groups = [
         [kernel(of) for name, of in SIGNATURES.items() if signatures in (name, "both")],
-        [kernel(wave_kernel_map, vertex) for vertex in task.hints.landmarks[:, side]],
-        [task.hints.functions[side]],
+        [kernel(wave_kernel_map, vertex) for vertex in task.priors.landmarks[:, side]],
+        [task.priors.functions[side]],
     ]
     return [
         shape.laplace.coefficients(standardised(np.hstack(group), shape.laplace.weights), k)

@@ -29,7 +29,7 @@ def gdd(
     Parameters
     ----------
     source, target, landmarks, initial_map, initial_descriptors, seed
-        As for `match`. At least one hint is needed.
+        As for `match`. At least one prior is needed.
     config : Config, optional
         Settings; hypotheses, refinement, weights and resolution are replaced by those of the paper.
 

@@ -108,7 +108,7 @@ def placement(task: Task, config: GmdsConfig) -> tuple[Placement, tuple[float, .
     task.timer.start("start")
     anchored_at, origin = _start(task, config)
     task.timer.start("stress")
-    held = Placement.at_vertices(task.hints.landmarks)
+    held = Placement.at_vertices(task.priors.landmarks)
     samples = pair.source.column_vertices[~np.isin(pair.source.column_vertices, held.vertices)]
     points, anchors = held, Placement.at_vertices(anchored_at)
     stresses: tuple[float, ...] = ()
@@ -122,12 +122,12 @@ def placement(task: Task, config: GmdsConfig) -> tuple[Placement, tuple[float, .
 def _start(task: Task, config: GmdsConfig) -> tuple[IntArray, str]:
     """Source vertices and their first images (q, 2), and where they come from."""
     pair, samples = task.pair, task.pair.source.column_vertices
-    if len(task.hints.initial_pairs):
-        at_samples = task.hints.initial_pairs[np.isin(task.hints.initial_pairs[:, 0], samples)]
-        return at_samples if len(at_samples) >= FEWEST_POINTS else task.hints.initial_pairs, "initial map"
-    if len(task.hints.landmarks):
-        return task.hints.landmarks, "landmarks"
-    image, origin = first_map(pair, task.hints, samples, config.orientation)
+    if len(task.priors.initial_pairs):
+        at_samples = task.priors.initial_pairs[np.isin(task.priors.initial_pairs[:, 0], samples)]
+        return at_samples if len(at_samples) >= FEWEST_POINTS else task.priors.initial_pairs, "initial map"
+    if len(task.priors.landmarks):
+        return task.priors.landmarks, "landmarks"
+    image, origin = first_map(pair, task.priors, samples, config.orientation)
     return np.column_stack([samples, image]), origin
 
 

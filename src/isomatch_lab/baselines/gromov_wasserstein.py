@@ -113,7 +113,7 @@ def gromov_wasserstein(
     features, scaled together to a mean square difference of 1; their share, chosen by trial on six pairs; distances from
     the distance bases, in units of their average; and the extension to all vertices, by the functional map fitted to the
     row averages of the plan. O(m³) for a step; about 0.2 s for 5 000 vertices after preparation. The solver finds a local
-    minimum: without hints, maps of symmetric bodies often mix left and right.
+    minimum: without priors, maps of symmetric bodies often mix left and right.
     """
     config = config or GromovWassersteinConfig()
     with serial_blas():
@@ -155,10 +155,10 @@ def transport(task: Task, features: Embedding, config: GromovWassersteinConfig) 
 
 def _features(task: Task) -> tuple[Embedding, str]:
     """Features of all vertices, and where they come from."""
-    for pairs, origin in ((task.hints.initial_pairs, "initial map"), (task.hints.landmarks, "landmarks")):
+    for pairs, origin in ((task.priors.initial_pairs, "initial map"), (task.priors.landmarks, "landmarks")):
         if len(pairs):
             return distances_to(task.pair, Placement.at_vertices(pairs)), origin
-    functions = task.hints.functions
+    functions = task.priors.functions
     if functions[0].shape[1]:
         weights = (shape.body.vertex_areas for shape in task.shapes)
         return Embedding(*map(standardised, functions, weights)), "descriptors"

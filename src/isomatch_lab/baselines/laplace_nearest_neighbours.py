@@ -53,7 +53,7 @@ def laplace_nearest_neighbours(
     Parameters
     ----------
     source, target, landmarks, initial_map, initial_descriptors, seed
-        As for `match`. At least one hint is needed. The initial map takes precedence, then the landmarks.
+        As for `match`. At least one prior is needed. The initial map takes precedence, then the landmarks.
     config : LaplaceConfig, optional
         Settings.
 
@@ -84,14 +84,14 @@ def laplace_nearest_neighbours(
 
 def first_functional_map(task: Task, k: int) -> tuple[FloatArray, str]:
     """First functional map, computed as `match` does from distance descriptors, and where it comes from."""
-    if len(task.hints.initial_pairs):
-        return task.functional_map_at(task.hints.initial_pairs, k), "initial map"
+    if len(task.priors.initial_pairs):
+        return task.functional_map_at(task.priors.initial_pairs, k), "initial map"
     source, target = (shape.laplace for shape in task.shapes)
     points = _points(source, k), _points(target, k)
-    if len(task.hints.landmarks):
-        at_source, at_target = task.hints.landmarks.T
+    if len(task.priors.landmarks):
+        at_source, at_target = task.priors.landmarks.T
         return alignments_from_points(*points, at_source[None], at_target[None])[0].T, "landmarks"
-    of_source, of_target = task.hints.functions
+    of_source, of_target = task.priors.functions
     if of_source.shape[1]:
         rotation = alignment_from_functions(*points, of_source, of_target, source.weights, target.weights)
         return rotation.T, "descriptors"

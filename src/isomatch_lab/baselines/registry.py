@@ -31,7 +31,7 @@ class Baseline:
         It has the signature of `match`; or, if ``preparation`` is None, it maps two meshes to a `Correspondence`.
     config : Settings, optional
         Its settings; None if it takes none.
-    needs_hint : bool
+    needs_prior : bool
         Whether it needs landmarks, an initial map or descriptors.
     preparation : Config, optional
         Settings of the prepared shapes it is given; None if it takes meshes.
@@ -39,15 +39,15 @@ class Baseline:
 
     function: Callable[..., MatchResult | Correspondence]
     config: Settings | None = None
-    needs_hint: bool = False
+    needs_prior: bool = False
     preparation: Config | None = field(default_factory=lambda: AT_FULL_RESOLUTION)
 
 
 AS_PUBLISHED = replace(AT_FULL_RESOLUTION, weights="uniform")
 BASELINES = {
-    "gdd": Baseline(gdd, AS_PUBLISHED, needs_hint=True, preparation=AS_PUBLISHED),
-    "gdd_post": Baseline(gdd_post, AS_PUBLISHED, needs_hint=True, preparation=AS_PUBLISHED),
-    "phi": Baseline(laplace_nearest_neighbours, LaplaceConfig(), needs_hint=True),
+    "gdd": Baseline(gdd, AS_PUBLISHED, needs_prior=True, preparation=AS_PUBLISHED),
+    "gdd_post": Baseline(gdd_post, AS_PUBLISHED, needs_prior=True, preparation=AS_PUBLISHED),
+    "phi": Baseline(laplace_nearest_neighbours, LaplaceConfig(), needs_prior=True),
     "functional_maps": Baseline(functional_maps, FunctionalMapsConfig()),
     "zoomout": Baseline(zoomout, ZoomOutConfig()),
     "gmds": Baseline(gmds, GmdsConfig()),

@@ -34,7 +34,7 @@ class SpectralGmdsConfig(Settings):
     sizes : tuple of int
         Laplace–Beltrami functions at each stage, increasing; a stage takes O(size⁶).
     distance_weight, data_weight, previous_weight : float
-        Weights of the distances, of each kind of hint and the signatures, and of the map of the previous stage.
+        Weights of the distances, of each kind of prior and the signatures, and of the map of the previous stage.
     icp_steps : int
         Maximum number of iterations in the spectral domain that turn the functional map into a map of points.
     final_sizes : tuple of int
@@ -76,7 +76,7 @@ def spectral_gmds(
     Parameters
     ----------
     source, target, landmarks, initial_map, initial_descriptors, seed
-        As for `match`. Each hint gives functions that the map should preserve: heat that spreads from the landmarks, the
+        As for `match`. Each prior gives functions that the map should preserve: heat that spreads from the landmarks, the
         descriptors, and the target's eigenfunctions pulled back by the initial map. Wave kernel signatures are preserved
         as well; alone they do not distinguish left from right on a symmetric shape.
     config : SpectralGmdsConfig, optional
@@ -153,14 +153,14 @@ def _data(task: Task, k: int) -> dict[str, tuple[FloatArray, ...]]:
     """Coefficients (k, q) of functions of source and target that should correspond, of norm about 1, by their origin."""
     shapes = task.shapes
     data: dict[str, tuple[FloatArray, ...]] = {}
-    if len(task.hints.initial_pairs):
-        data["initial map"] = task.functional_map_at(task.hints.initial_pairs, k), np.eye(k)
-    if len(task.hints.landmarks):
+    if len(task.priors.initial_pairs):
+        data["initial map"] = task.functional_map_at(task.priors.initial_pairs, k), np.eye(k)
+    if len(task.priors.landmarks):
         data["landmarks"] = tuple(
-            _heat(shape.laplace, x, k) for shape, x in zip(shapes, task.hints.landmarks.T)
+            _heat(shape.laplace, x, k) for shape, x in zip(shapes, task.priors.landmarks.T)
         )
-    if task.hints.functions[0].shape[1]:
-        data["descriptors"] = tuple(_smooth(shape, f, k) for shape, f in zip(shapes, task.hints.functions))
+    if task.priors.functions[0].shape[1]:
+        data["descriptors"] = tuple(_smooth(shape, f, k) for shape, f in zip(shapes, task.priors.functions))
     data["signatures"] = tuple(_smooth(shape, shape.signatures[:, :WAVE_KERNELS], k) for shape in shapes)
     return data
 

@@ -22,7 +22,7 @@ from isomatch_lab.baselines.eigenfunction_matching import MOST_MATCHED, SIDES, s
 from isomatch_lab.baselines.laplace_nearest_neighbours import first_functional_map
 from isomatch_lab.baselines.task import Task
 
-HINTED = 20  # functions that a few hints determine
+PRIORED = 20  # functions that a few priors determine
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class GradientFieldsConfig(Settings):
     Parameters
     ----------
     n_matched : int
-        Eigenfunctions other than the constant that are matched to one another if there are no hints, from 2 to 14:
+        Eigenfunctions other than the constant that are matched to one another if there are no priors, from 2 to 14:
         2^n_matched combinations of signs are tried.
     n_functions : int
         Number of Laplace–Beltrami functions at the end.
@@ -76,7 +76,7 @@ def spectral_gradient_fields(
     ----------
     source, target, landmarks, initial_map, initial_descriptors, seed
         As for `match`. The start comes from the initial map, else the landmarks, else the descriptors; eigenfunctions are
-        matched only if there are no hints.
+        matched only if there are no priors.
     config : GradientFieldsConfig, optional
         Settings.
 
@@ -100,7 +100,7 @@ def spectral_gradient_fields(
     kernel h = 1 / λ of commute times; the orthogonal alignment; the growth by a few functions at a time; the gradients of
     successive functions, as scalars and pseudo-scalars ; their number and weight, chosen by trial
     on nine pairs of creatures; and that a map transfers gradients only by its block for those functions. Points and
-    graphs have no gradients. Without hints, the signs of the leading eigenfunctions decide everything: on four pairs of
+    graphs have no gradients. Without priors, the signs of the leading eigenfunctions decide everything: on four pairs of
     FAUST two maps were completely wrong (errors of 0.46 and 0.50 √area). Give landmarks where that matters.
     """
     config = config or GradientFieldsConfig()
@@ -122,8 +122,8 @@ def spectral_gradient_fields(
 
 def _start(task: Task, config: GradientFieldsConfig) -> tuple[FloatArray, str]:
     """First functional map, and where it comes from."""
-    if task.hints.any:
-        return first_functional_map(task, task.functions_at_most(min(HINTED, config.n_functions)))
+    if task.priors.any:
+        return first_functional_map(task, task.functions_at_most(min(PRIORED, config.n_functions)))
     m = task.functions_at_most(config.n_matched + 1) - 1
     return signed_permutation(task.pair, m, SIDES[config.orientation]), "eigenfunctions"
 

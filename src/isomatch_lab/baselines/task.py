@@ -1,4 +1,4 @@
-"""The task of a baseline: from two prepared shapes and checked hints to a `MatchResult`."""
+"""The task of a baseline: from two prepared shapes and checked priors to a `MatchResult`."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 from isomatch.assets import SurfaceLike
 from isomatch.correspondence import Embedding, SpectralPair, fit_functional_map
 from isomatch.matching import (
-    Hints,
     MatchResult,
+    Priors,
     ShapePair,
     Solution,
     contradicted_landmarks,
@@ -34,13 +34,13 @@ AT_FULL_RESOLUTION = Config(resolution="full", n_functions=200)  # as in Melzi e
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """Two prepared shapes, and the hints about their map.
+    """Two prepared shapes, and the priors about their map.
 
     Parameters
     ----------
     pair : ShapePair
         The shapes.
-    hints : Hints
+    priors : Priors
         What the user gave, in vertices of the bodies.
     seed : int
         Seed of the preparation.
@@ -49,7 +49,7 @@ class Task:
     """
 
     pair: ShapePair
-    hints: Hints
+    priors: Priors
     seed: int
     timer: StageTimer = field(repr=False)
 
@@ -63,14 +63,14 @@ class Task:
         initial_descriptors: tuple[ArrayLike, ArrayLike] | None,
         seed: int,
     ) -> Self:
-        """Prepare the shapes that are not prepared yet, and check the hints as `match` does.
+        """Prepare the shapes that are not prepared yet, and check the priors as `match` does.
 
         Raises
         ------
         MeshError
             If a surface cannot be used.
         LandmarkError, MapError, DescriptorError
-            If a hint does not fit the shapes, or leaves fewer than 3 points on both bodies.
+            If a prior does not fit the shapes, or leaves fewer than 3 points on both bodies.
         SettingError
             If the shapes were prepared with different settings.
         """
@@ -78,8 +78,8 @@ class Task:
         timer.start("prepare")
         prepared = any(isinstance(shape, PreparedShape) for shape in (source, target))
         pair = prepare_pair(source, target, None if prepared else AT_FULL_RESOLUTION, seed)
-        hints = Hints.of(pair, landmarks, initial_map, initial_descriptors)
-        return cls(pair, hints, seed, timer)
+        priors = Priors.of(pair, landmarks, initial_map, initial_descriptors)
+        return cls(pair, priors, seed, timer)
 
     @property
     def shapes(self) -> tuple[PreparedShape, PreparedShape]:
@@ -121,18 +121,18 @@ class Task:
         self.timer.start("points")
         points = target.index.points(embedding.target, embedding.source)
         self.timer.start("quality")
-        quality = measure_quality(self.pair, points, self.hints)
+        quality = measure_quality(self.pair, points, self.priors)
         solution = Solution(
             self.pair,
             source.correspondence(target, points),
             quality,
-            (measured_evidence(self.pair, quality, config.orientation, self.hints.any),),
+            (measured_evidence(self.pair, quality, config.orientation, self.priors.any),),
             source.lift_smooth(expected_errors(self.pair, points)),
             notes=(
                 *self.pair.notes,
-                *self.hints.notes,
+                *self.priors.notes,
                 NOT_JUDGED,
-                *contradicted_landmarks(self.pair, points, self.hints),
+                *contradicted_landmarks(self.pair, points, self.priors),
             ),
             origin=origin,
             config=config,

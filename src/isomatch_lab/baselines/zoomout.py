@@ -81,13 +81,13 @@ def zoomout(
     config = config or ZoomOutConfig()
     with serial_blas():
         task = Task.of(source, target, landmarks, initial_map, initial_descriptors, seed)
-        if len(task.hints.initial_pairs):
-            first = task.functions_at_most(min(config.first, len(task.hints.initial_pairs)))
-            functional_map = task.functional_map_at(task.hints.initial_pairs, first)
+        if len(task.priors.initial_pairs):
+            first = task.functions_at_most(min(config.first, len(task.priors.initial_pairs)))
+            functional_map = task.functional_map_at(task.priors.initial_pairs, first)
         else:
             functional_map = solved(task, config)
         task.timer.start("refinement")
         sizes = range(len(functional_map) + config.step, task.functions_at_most(config.last) + 1, config.step)
         functional_map = task.spectra.upsampled(functional_map, sizes)
-        origin = "initial map" if len(task.hints.initial_pairs) else "functional map"
+        origin = "initial map" if len(task.priors.initial_pairs) else "functional map"
         return task.spectral_result(functional_map, config, origin)

@@ -122,7 +122,7 @@ def _distinct(rows: list[dict[str, Any]], key: str) -> list[str]:
 
 
 def _family(method: str) -> str:
-    """Name of a method without its hints and its continuation."""
+    """Name of a method without its priors and its continuation."""
     return method.partition("+")[0].removesuffix("_5pt")
 
 

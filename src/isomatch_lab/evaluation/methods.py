@@ -58,11 +58,11 @@ class Method:
     reads_maps: bool = False
 
     def __call__(
-        self, source: MatchInput, target: MatchInput, hints: Mapping[str, Any]
+        self, source: MatchInput, target: MatchInput, priors: Mapping[str, Any]
     ) -> tuple[Correspondence, dict[str, Any]]:
-        """Match source to target with hints, by argument name; return the map and the method's diagnostics."""
+        """Match source to target with priors, by argument name; return the map and the method's diagnostics."""
         settings = {} if self.config is None else {"config": self.config}
-        result = self.function(source, target, **hints, **settings)
+        result = self.function(source, target, **priors, **settings)
         if self.reads_maps:
             found, note = result
             return found, {"read": note} if note else {}
@@ -78,15 +78,15 @@ class Method:
 
 
 def methods_of(baselines: Mapping[str, Baseline]) -> dict[str, Method]:
-    """Make the methods of some baselines: without hints, and with true landmarks as "NAME_5pt".
+    """Make the methods of some baselines: without priors, and with true landmarks as "NAME_5pt".
 
-    A baseline that needs hints is given true landmarks under its own name.
+    A baseline that needs priors is given true landmarks under its own name.
     """
     methods = {}
     for name, baseline in baselines.items():
         plain = Method(baseline.function, 0, baseline.preparation, baseline.config)
         led = replace(plain, n_landmarks=N_LANDMARKS)
-        if baseline.needs_hint:
+        if baseline.needs_prior:
             methods[name] = led
         else:
             methods[name] = plain
@@ -193,10 +193,10 @@ class OwnFunction:
             or getattr(module, name, None) is not self.function
         )
 
-    def __call__(self, source: Mesh, target: Mesh, **hints: IntArray) -> MatchResult | Correspondence:
+    def __call__(self, source: Mesh, target: Mesh, **priors: IntArray) -> MatchResult | Correspondence:
         """Match; what is returned has to be a map of these shapes. What the function prints goes to standard error."""
         with redirect_stdout(sys.stderr):
-            found = (self.function or _found(self.name, self.digest))(source, target, **hints)
+            found = (self.function or _found(self.name, self.digest))(source, target, **priors)
         return map_from(found, source, target, self.name)
 
     def to_dict(self) -> dict[str, Any]:

@@ -93,16 +93,16 @@ class Subject:
     def match(self, method: Method, start: Found | None = None, backwards: bool = False) -> Found:
         """Match source to target, or backwards, from another map or from true landmarks if the method needs them."""
         (source, target), _ = self._prepared(method.preparation)
-        hints: dict[str, Any] = {} if start is None else {"initial_map": start.map.vertices}
+        priors: dict[str, Any] = {} if start is None else {"initial_map": start.map.vertices}
         if method.reads_maps:
-            hints["pair"] = self._run.named(self._names, self._dense)
+            priors["pair"] = self._run.named(self._names, self._dense)
         if method.n_landmarks:
-            hints["landmarks"] = self._landmarks(method.n_landmarks)[:, :: -1 if backwards else 1]
+            priors["landmarks"] = self._landmarks(method.n_landmarks)[:, :: -1 if backwards else 1]
         started = time.perf_counter()
         if backwards:
             source, target = target, source
         try:
-            found, diagnostics = method(source, target, hints)
+            found, diagnostics = method(source, target, priors)
         except Exception as problem:
             if backwards:
                 problem.add_note("(target to source, for the cycle error)")

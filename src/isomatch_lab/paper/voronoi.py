@@ -45,7 +45,7 @@ def make(setting: Setting) -> Reproduction:
         pair = chosen.load(*names)
         result = match(pair.target, prepared, seed=setting.seed)
         transferred = result.map.pull_back(distances)
-        best = verified(pair, result.map, transferred, distances, setting)
+        best = measured(pair, result.map, transferred, distances, setting)
         rows.append({"reference": names[0], "pose": names[1], "outcome": result.outcome.value} | best)
         turned = camera @ turn_to_target(pair.target, reference, result.map)
         images.append(surface_image(pair.target, transferred, paint, turned, RESOLUTION))
@@ -71,7 +71,7 @@ def poses_of(chosen: BenchmarkSet, setting: Setting) -> list[tuple[str, str]]:
     return list(BenchmarkSet(chosen.name, pairs, chosen.load).chosen(N_POSES, setting.seed).pairs)
 
 
-def verified(
+def measured(
     pair: BenchmarkPair,
     found: Correspondence,
     transferred: FloatArray,

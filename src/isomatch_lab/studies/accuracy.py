@@ -1,4 +1,4 @@
-"""Errors of the maps of whole sets, without any hint.
+"""Errors of the maps of whole sets, without any prior.
 
     python -m isomatch_lab.studies.accuracy --data DIR -o OUT [SET ...]
 

@@ -93,7 +93,7 @@ def creature_names(style: int, symmetry: str) -> tuple[str, str]:
     return names[0], names[1]
 
 
-def verified(job: Job) -> dict[str, Any]:
+def measured(job: Job) -> dict[str, Any]:
     """Match one pair and judge the map."""
     data, kind, name, (a, b) = job
     whole = loaded_pair(data, kind, name, a, b)
@@ -170,7 +170,7 @@ def summary(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     for kind, chosen in groups.items():
         error = {id(row): np.inf if row["kind"] == "other kind" else row["error"] for row in chosen}
         known = [row for row in chosen if error[id(row)] is not None]
-        right = [r for r in known if error[id(r)] < RIGHT and r["outcome"] != "HINTS_CONTRADICTED"]
+        right = [r for r in known if error[id(r)] < RIGHT and r["outcome"] != "PRIORS_CONTRADICTED"]
         poor = [r for r in known if RIGHT <= error[id(r)] <= WRONG]
         wrong = [r for r in known if error[id(r)] > WRONG]
         line: dict[str, Any] = {"kind": KINDS.get(kind, kind), "maps": len(chosen)}
@@ -186,6 +186,6 @@ if __name__ == "__main__":
     results = write_rows(
         asked.output / "confidence.csv",
         ("kind", "set", "pair", "error", "outcome", *EVIDENCE),
-        in_parallel(judged, jobs(asked.data)),
+        in_parallel(measured, jobs(asked.data)),
     )
     write_table(asked.output / "confidence_table.csv", summary(results))

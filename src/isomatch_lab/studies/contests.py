@@ -2,7 +2,7 @@
 
     python -m isomatch_lab.studies.contests --data DIR -o OUT [NAME ...]
 
-runs `isomatch` without hints over every pair of each set of ``DIR``, with the target relabelled and rotated. Sets that
+runs `isomatch` without priors over every pair of each set of ``DIR``, with the target relabelled and rotated. Sets that
 share triangulations with their targets are run once more with the target decimated. For FAUST, shapes are written with
 their ``.vts`` into ``OUT/shapes``, a folder as it is published, and all ordered pairs are matched. Rows that are there
 stay. It writes ``contests.csv``, one row for each pair; ``contests_table.csv``; and the cumulative curves of errors,

@@ -24,12 +24,12 @@ from isomatch_lab.studies.shared import asked_for, write_table
 
 SETS = ("faust_r", "tosca_iso_r", "scape")
 PAIRS, POINTS = 10, 500
-HINTED = (
+WITH_PRIORS = (
     *("gdd", "gdd_post", "phi", "functional_maps_5pt", "zoomout_5pt"),
     *("sgmds_5pt", "sgf_5pt", "gmds_5pt", "gw_5pt"),
 )
 AUTOMATIC = ("functional_maps", "zoomout", "sgmds", "sgf", "gmds", "gw", "pyfm")
-ALONE = ("isomatch", *HINTED, *AUTOMATIC)
+ALONE = ("isomatch", *WITH_PRIORS, *AUTOMATIC)
 STARTED = (
     *(f"{method}+isomatch" for method in ALONE[1:]),
     *(f"{method}+gdd_post" for method in ("functional_maps_5pt", "sgmds_5pt", "sgf_5pt")),

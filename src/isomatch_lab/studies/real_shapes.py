@@ -2,7 +2,7 @@
 
     python -m isomatch_lab.studies.real_shapes --data DIR -o OUT [KIND ...]
 
-matches without hints and with five true landmarks, and writes ``real_shapes.csv``, one row for each map, and
+matches without priors and with five true landmarks, and writes ``real_shapes.csv``, one row for each map, and
 ``real_shapes_table.csv``. Rows that are already in ``OUT/rows`` are not computed again.
 """
 
@@ -78,7 +78,7 @@ def jobs(output: Path, data: str) -> list[Job]:
     return found
 
 
-def verified(job: Job) -> list[dict[str, Any]]:
+def measured(job: Job) -> list[dict[str, Any]]:
     """Match one pair without and with landmarks."""
     output, data, kind, damage, set_name, pair, seed = job
     folder = output / "rows" / "-".join([damage.replace(":", "_"), *pair])
@@ -122,6 +122,6 @@ def table(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
 if __name__ == "__main__":
     asked = asked_for(__doc__, "real_shapes.csv", [*LEVELS, *(f"{kind}, both" for kind in BOTH)])
     wanted = [job for job in jobs(asked.output, asked.data) if not asked.kinds or job[2] in asked.kinds]
-    rows = [row for rows in in_parallel(judged, wanted) for row in rows]
+    rows = [row for rows in in_parallel(measured, wanted) for row in rows]
     write_rows(asked.output / "real_shapes.csv", COLUMNS, rows)
     write_table(asked.output / "real_shapes_table.csv", table(rows))

@@ -47,7 +47,7 @@ def jobs(output: Path, data: str) -> list[Job]:
     return found
 
 
-def verified(job: Job) -> list[dict[str, Any]]:
+def measured(job: Job) -> list[dict[str, Any]]:
     """Match one pair by each method."""
     output, data, damage, level, (name, *pair) = job
     text = None if damage is None else f"{damage}:{level}"
@@ -116,7 +116,7 @@ def table(rows: list[dict[str, Any]]) -> list[dict[str, str]]:
 
 if __name__ == "__main__":
     asked = asked_for(__doc__, "tables and curves")
-    rows = [row for rows in in_parallel(judged, jobs(asked.output, asked.data)) for row in rows]
+    rows = [row for rows in in_parallel(measured, jobs(asked.output, asked.data)) for row in rows]
     write_rows(asked.output / "robustness.csv", COLUMNS, rows)
     draw(rows, asked.output / "robustness.svg")
     write_table(asked.output / "robustness_table.csv", table(rows))

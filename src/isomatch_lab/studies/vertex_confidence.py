@@ -45,7 +45,7 @@ def jobs(data: str, kinds: list[str]) -> list[Job]:
     return drawn
 
 
-def verified(job: Job) -> dict[str, Any]:
+def measured(job: Job) -> dict[str, Any]:
     """Match one pair; capture of each measure, and mean errors, true and expected, in bins of the expected one."""
     data, name, names = job
     if name in COUNTS:
@@ -134,6 +134,6 @@ def summary(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
 if __name__ == "__main__":
     asked = asked_for(__doc__, "vertex_confidence.csv", [*COUNTS, *HARD])
     results = write_rows(
-        asked.output / "vertex_confidence.csv", None, in_parallel(judged, jobs(asked.data, asked.kinds))
+        asked.output / "vertex_confidence.csv", None, in_parallel(measured, jobs(asked.data, asked.kinds))
     )
     write_table(asked.output / "vertex_confidence_table.csv", summary(results))

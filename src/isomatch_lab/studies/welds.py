@@ -4,7 +4,7 @@
 
 writes ``welds.csv``, one row for each map, and ``welds_table.csv``. Every pair is matched as it is, welded (vertices
 within a gap merged in pairs), stitched (welded, and where both sheets have the same face, both removed: a tube
-between limbs) and remeshed (one watertight surface around voxels, which fuses what is nearer than one), without hints
+between limbs) and remeshed (one watertight surface around voxels, which fuses what is nearer than one), without priors
 and with five true landmarks.
 """
 
@@ -76,12 +76,12 @@ def jobs(data: str) -> Iterator[Job]:
                 yield data, kind, landmarks, pair
 
 
-def verified(job: Job) -> dict[str, Any]:
+def measured(job: Job) -> dict[str, Any]:
     """Match one pair, and measure the error on the whole target."""
     data, kind, landmarks, (name, source, target, gap, side) = job
     damaged = fused_pair(data, kind, name, source, target, gap, side)
-    hints = true_landmarks(damaged.given) if landmarks else None
-    found = isomatch.match(damaged.given.source, damaged.given.target, hints)
+    priors = true_landmarks(damaged.given) if landmarks else None
+    found = isomatch.match(damaged.given.source, damaged.given.target, priors)
     return {
         "pair": f"{source}-{target}",
         "side": side,
@@ -182,5 +182,5 @@ def table(rows: list[dict[str, Any]]) -> Iterator[dict[str, Any]]:
 
 if __name__ == "__main__":
     asked = asked_for(__doc__, "welds.csv")
-    rows = write_rows(asked.output / "welds.csv", COLUMNS, in_parallel(judged, jobs(asked.data)))
+    rows = write_rows(asked.output / "welds.csv", COLUMNS, in_parallel(measured, jobs(asked.data)))
     write_table(asked.output / "welds_table.csv", list(table(rows)))

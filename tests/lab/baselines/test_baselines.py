@@ -112,7 +112,7 @@ def test_true_initial_map_is_not_left(copies, method):
 
 
 @pytest.mark.long
-def test_copy_without_hints(copies):
+def test_copy_without_priors(copies):
     """The animal is asymmetric."""
     shapes, _, truth = copies
     for method in (functional_maps, zoomout, spectral_gmds, spectral_gradient_fields):
@@ -181,13 +181,13 @@ def test_gdd_improves_another_map(example, example_truth, prepared_example):
 
 def test_descriptors_are_used(example, example_truth, prepared_example):
     values = np.sin(example[1].rest @ np.random.default_rng(0).normal(size=(3, 12)))
-    hint = values[example_truth], values
+    prior = values[example_truth], values
     config = FunctionalMapsConfig(30, product_weight=0.0, orientation="any", refinement="none")
-    plain, hinted = (
+    plain, with_priors = (
         functional_maps(*prepared_example, initial_descriptors=d, config=config).map.vertices
-        for d in (None, hint)
+        for d in (None, prior)
     )
-    errors = [error(image, example_truth, example[1].mesh) for image in (hinted, plain)]
+    errors = [error(image, example_truth, example[1].mesh) for image in (with_priors, plain)]
     assert errors[0] < 0.03 < errors[1]
 
 
@@ -232,16 +232,16 @@ def test_vertices_off_the_body_are_unmatched(animal):
 
 
 @pytest.mark.parametrize("method", ALL)
-def test_hints_that_do_not_fit(copies, method):
+def test_priors_that_do_not_fit(copies, method):
     shapes = copies[0] if method in BY_AREA else copies[1]
-    for hint, told in (
+    for prior, told in (
         ({"landmarks": [[0, 1], [2, 3]]}, "2 landmarks do not fix"),
         ({"landmarks": [[0, 1], [2, 3], [4, 10**6]]}, "target vertices 1000000, outside"),
         ({"initial_map": [0, 1]}, "initial map has shape"),
         ({"initial_descriptors": ([[1.0]], [[1.0]])}, "initial descriptors of the source have 1 rows"),
     ):
         with pytest.raises(InputError, match=told):
-            method(*shapes, **hint)
+            method(*shapes, **prior)
 
 
 def test_surfaces_that_cannot_be_used(copies):
@@ -252,7 +252,7 @@ def test_surfaces_that_cannot_be_used(copies):
         zoomout(copies[0][0], copies[1][1])
 
 
-def test_methods_that_need_a_hint(copies):
+def test_methods_that_need_a_prior(copies):
     with pytest.raises(SettingError, match="nothing to start from: give landmarks"):
         laplace_nearest_neighbours(*copies[0])
     with pytest.raises(SettingError, match="no landmarks, initial map or descriptors were given"):

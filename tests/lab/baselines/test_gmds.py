@@ -113,7 +113,7 @@ def test_a_copy_has_no_stress(copies):
     assert len(points.vertices) == 100
 
 
-def test_without_hints_a_copy_is_recognised(copies):
+def test_without_priors_a_copy_is_recognised(copies):
     source, target, truth = copies
     found = gmds(source, target)
     assert (found.map.vertices == truth).mean() > 0.95
@@ -123,8 +123,8 @@ def test_without_hints_a_copy_is_recognised(copies):
 @pytest.mark.long
 def test_samples_of_another_pose(poses):
     source, target, truth = poses
-    hints = {"landmarks": landmarks_of(source, truth), "initial_map": truth}
-    for given in ({}, *({name: hint} for name, hint in hints.items())):
+    priors = {"landmarks": landmarks_of(source, truth), "initial_map": truth}
+    for given in ({}, *({name: prior} for name, prior in priors.items())):
         task = Task.of(source, target, given.get("landmarks"), given.get("initial_map"), None, 0)
         points, _, _ = placement(task, CONFIG)
         assert sample_errors(source, target, points, truth).mean() < 0.035

@@ -31,8 +31,8 @@ def copies(poses):
     return poses[0], prepare(other.mesh), other.new_vertex
 
 
-def task_of(source, target, **hints):
-    given = {"landmarks": None, "initial_map": None, "initial_descriptors": None} | hints
+def task_of(source, target, **priors):
+    given = {"landmarks": None, "initial_map": None, "initial_descriptors": None} | priors
     return Task.of(source, target, **given, seed=0)
 
 
@@ -60,12 +60,12 @@ def test_average_distance_of_a_sphere():
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("hint", ["landmarks", "initial_map", "signatures"])
-def test_map_of_a_relabelled_copy_commutes(copies, hint):
+@pytest.mark.parametrize("prior", ["landmarks", "initial_map", "signatures"])
+def test_map_of_a_relabelled_copy_commutes(copies, prior):
     source, target, truth = copies
-    hints = {"landmarks": {"landmarks": landmarks_of(source, truth)}, "initial_map": {"initial_map": truth}}
-    alpha, origin = coefficient_map(task_of(source, target, **hints.get(hint, {})), CONFIG)
-    assert origin == hint.replace("_", " ")
+    priors = {"landmarks": {"landmarks": landmarks_of(source, truth)}, "initial_map": {"initial_map": truth}}
+    alpha, origin = coefficient_map(task_of(source, target, **priors.get(prior, {})), CONFIG)
+    assert origin == prior.replace("_", " ")
     here, there = (spectral_distances(shape, 30) for shape in (source, target))
     assert np.linalg.norm(alpha @ there - here @ alpha) < 0.02 * np.linalg.norm(here)
     expected = source.laplace.coefficients(target.laplace.vectors[truth, :30], 30)
@@ -85,10 +85,10 @@ def test_areas_are_kept(poses):
 
 def test_signs_of_eigenfunctions_do_not_matter(poses):
     source, target, truth = poses
-    hints = {"landmarks": landmarks_of(source, truth)}
+    priors = {"landmarks": landmarks_of(source, truth)}
     flips = np.random.default_rng(0).choice([-1.0, 1.0], len(target.laplace.values))
     flipped = replace(target, laplace=replace(target.laplace, vectors=target.laplace.vectors * flips))
-    plain, other = (coefficient_map(task_of(source, t, **hints), CONFIG)[0] for t in (target, flipped))
+    plain, other = (coefficient_map(task_of(source, t, **priors), CONFIG)[0] for t in (target, flipped))
     np.testing.assert_allclose(other, plain * flips[:30], atol=1e-6)
 
 

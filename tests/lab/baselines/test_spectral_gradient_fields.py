@@ -79,7 +79,7 @@ def test_sides_of_a_symmetric_animal():
 
 @pytest.mark.long
 @pytest.mark.parametrize(
-    ("settings", "hinted", "bound"),
+    ("settings", "with_priors", "bound"),
     [
         ({}, True, 0.02),
         ({"style": 3}, False, 0.02),
@@ -87,7 +87,7 @@ def test_sides_of_a_symmetric_animal():
         ({"symmetric": True}, False, 0.03),
     ],
 )
-def test_poses_of_creatures(settings, hinted, bound):
+def test_poses_of_creatures(settings, with_priors, bound):
     made = (
         creature(1500, pose=1, triangulation=1, **settings),
         creature(2000, pose=5, triangulation=2, **settings),
@@ -95,9 +95,9 @@ def test_poses_of_creatures(settings, hinted, bound):
     source, target = (prepare(one.mesh) for one in made)
     truth = ground_truth(*made).vertices
     vertices = source.user_vertex[source.column_vertices[:5]]
-    hints = {"landmarks": np.column_stack([vertices, truth[vertices]])} if hinted else {}
-    found = spectral_gradient_fields(source, target, **hints)
-    assert found.origin == ("landmarks" if hinted else "eigenfunctions")
+    priors = {"landmarks": np.column_stack([vertices, truth[vertices]])} if with_priors else {}
+    found = spectral_gradient_fields(source, target, **priors)
+    assert found.origin == ("landmarks" if with_priors else "eigenfunctions")
     columns = geodesic_distances(target.surface, truth[::15]) / np.sqrt(target.surface.area)
     assert columns[np.arange(len(columns)), found.map.vertices[::15]].mean() < bound
     assert found.quality.orientation > 0.8

@@ -496,8 +496,8 @@ def test_wrong_rows_of_the_truth_are_no_landmarks(relabelled_pair):
 def test_methods_share_landmarks_and_prepared_shapes(small, monkeypatch, tmp_path):
     given = []
 
-    def method(source, target, **hints):
-        given.append((source, hints))
+    def method(source, target, **priors):
+        given.append((source, priors))
         return Correspondence(np.zeros(source.surface.n_vertices, dtype=int), target.surface.n_vertices)
 
     for name, count in (("blind", 0), ("led", 5)):

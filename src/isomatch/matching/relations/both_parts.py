@@ -13,8 +13,8 @@ from isomatch.correspondence import UNMATCHED, Boundary, Embedding, PrecisePoint
 from isomatch.errors import MeshError, NotConvergedError
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching.fit import Fit
-from isomatch.matching.hints import Hints
 from isomatch.matching.pair import ShapePair
+from isomatch.matching.priors import Priors
 from isomatch.matching.quality import descriptor_distance_of
 from isomatch.matching.relations.both_seeds import NEXT_ANCHORS, CommonRegion, CommonRegions, two_sides
 from isomatch.matching.relations.part import Part, contradiction, expected_errors_of_part, measured_part
@@ -73,7 +73,7 @@ class BothParts(Relation):
     def _refined(self, regions: list[CommonRegion], roughly: bool) -> list[RefinedRegion]:
         def refined(region: CommonRegion) -> RefinedRegion | None:
             with suppress(MeshError):  # too small to be prepared
-                return refined_region(self._regions, region, self.pair, self.hints, self.stages, roughly)
+                return refined_region(self._regions, region, self.pair, self.priors, self.stages, roughly)
             return None
 
         return _ranked([found for found in parallel_map(refined, regions) if found])
@@ -81,12 +81,12 @@ class BothParts(Relation):
     @cached_property
     def _regions(self) -> CommonRegions:
         return CommonRegions(
-            *two_sides(self.source, self.target, self.pair.config.scale == "area", self.hints.landmarks)
+            *two_sides(self.source, self.target, self.pair.config.scale == "area", self.priors.landmarks)
         )
 
     def _first_regions(self) -> list[CommonRegion]:
         """Regions grown from seeds, those of given maps, and those of starts handed in."""
-        starts, pairs = starts_of(self), self.hints.initial_pairs
+        starts, pairs = starts_of(self), self.priors.initial_pairs
         found = (
             self._regions.best(self.pair.config.parts.n_common)
             if any(isinstance(x, FromAnchors) for x in starts)
@@ -110,7 +110,7 @@ class BothParts(Relation):
     def solution(self, timer: StageTimer) -> Solution:
         """Find the map, and the evidence for it."""
         self.require_sides()
-        self.require_hints()
+        self.require_priors()
         self.require_no_descriptors("two parts")
         timer.start("overlapping parts")
         regions = self.match()
@@ -126,7 +126,7 @@ class BothParts(Relation):
 
     def _summed_up(self, best: RefinedRegion, runner_up: RefinedRegion | None, timer: StageTimer) -> Solution:
         """Bend the region in full, and sum up the map."""
-        pair, hints, fit = self.pair, self.hints, best.fit
+        pair, priors, fit = self.pair, self.priors, best.fit
         bent = fit.bending.laid_in_full(fit.bent, pair.config.parts.bending[-N_BENT_IN_FULL:])
         n = pair.source.body.n_vertices
         points, matched = PrecisePoints.at_vertices(np.zeros(n, dtype=np.int64)), np.zeros(n, dtype=bool)
@@ -150,15 +150,15 @@ class BothParts(Relation):
         notes = (
             f"both shapes were matched as parts of one body: {share:.0%} of the source and "
             f"{measured.quality.coverage:.0%} of the target are in common",
-            *doubt.notes(len(hints.landmarks) > 0),
+            *doubt.notes(len(priors.landmarks) > 0),
         )
         evidence = doubt.evidence, contradiction(self, measured)
-        return measured.solution(pair, hints, errors, evidence, notes)
+        return measured.solution(pair, priors, errors, evidence, notes)
 
     def _part(self, fit: Fit) -> Part:
         """Return the relation of a region and the target, by a map of the region."""
         own = cast(PartFit, fit).pair
-        return Part().on(replace(self.pair, source=own.part, functions=None), self.hints, self.stages)
+        return Part().on(replace(self.pair, source=own.part, functions=None), self.priors, self.stages)
 
     def refined(self, fits: Sequence[Fit]) -> list[Fit]:
         """Refine maps of regions, each as that of a part."""
@@ -293,7 +293,7 @@ def refined_region(
     regions: CommonRegions,
     region: CommonRegion,
     pair: ShapePair,
-    hints: Hints,
+    priors: Priors,
     stages: Stages,
     roughly: bool = False,
 ) -> RefinedRegion:
@@ -311,9 +311,9 @@ def refined_region(
     part = replace(part, scale=length * target.shape.scale)
     images, number = np.full(n, -1), np.full(n, -1)
     images[source.vertices], number[vertices] = region.images, np.arange(len(vertices))
-    landmarks = np.column_stack([number[hints.landmarks[:, 0]], hints.landmarks[:, 1]])
+    landmarks = np.column_stack([number[priors.landmarks[:, 0]], priors.landmarks[:, 1]])
     nothing = np.zeros((len(vertices), 0)), np.zeros((target.shape.body.n_vertices, 0))
-    known = Hints(landmarks[landmarks[:, 0] >= 0], NO_LANDMARKS, nothing)
+    known = Priors(landmarks[landmarks[:, 0] >= 0], NO_LANDMARKS, nothing)
     functions = pair.functions and Embedding(pair.known.source[vertices], pair.functions.target)
     relation = Part().on(ShapePair(part, target.shape, config, functions), known, stages)
     first = images[owner[vertices[part.sample_vertices[:N_ROUGH_VERTICES]]]]

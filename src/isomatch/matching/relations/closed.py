@@ -13,14 +13,14 @@ from isomatch.errors import NotConvergedError
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching.confidence import DoubtfulRegion
 from isomatch.matching.fit import Hypothesis
-from isomatch.matching.hints import Hints
 from isomatch.matching.pair import ShapePair
+from isomatch.matching.priors import Priors
 from isomatch.matching.quality import covered_share, mean_known
 from isomatch.matching.relations.isometry import MOST_MIRRORED, IsometricMatch, Isometry, Measured
 from isomatch.matching.relations.part_pair import PartPair
 from isomatch.matching.relations.part_registration import PartFit, PartFits
 from isomatch.matching.result import Alternative
-from isomatch.matching.search import HINT_STEPS
+from isomatch.matching.search import PRIOR_STEPS
 from isomatch.matching.stages import Stages
 from isomatch.matching.starts import start_from_pairs
 from isomatch.matching.verification import Evidence, PartDoubt, Solution
@@ -43,7 +43,7 @@ class ClosedMatch:
     """The match of two shapes whose holes are capped."""
 
     pair: ShapePair  # the shapes as they are
-    hints: Hints  # those on the shapes as they are
+    priors: Priors  # those on the shapes as they are
     relation: Isometry  # of the capped ones
     found: IsometricMatch
 
@@ -139,7 +139,7 @@ class ClosedMatch:
             points, quality, descriptor_distance, closed.reason, closed.origin, matched
         ).solution(
             self.pair,
-            self.hints,
+            self.priors,
             closed.expected_error[: source.body.n_vertices],
             closed.evidence,
             notes,
@@ -180,7 +180,7 @@ class ClosedMatch:
         return points, matched
 
 
-def match_closed(pair: ShapePair, hints: Hints, stages: Stages, timer: StageTimer) -> ClosedMatch | None:
+def match_closed(pair: ShapePair, priors: Priors, stages: Stages, timer: StageTimer) -> ClosedMatch | None:
     """Match two shapes with all their holes closed, by landmarks and the initial map; None if no map was found."""
     if {pair.source.distances.engine, pair.target.distances.engine} & GIVEN:
         return None  # distances across caps are not known
@@ -188,11 +188,11 @@ def match_closed(pair: ShapePair, hints: Hints, stages: Stages, timer: StageTime
     source, target = parallel_map(capped_shape, (pair.source, pair.target))
     flipped = max(FLIPPED, pair.config.search.flipped)
     config = replace(pair.config, search=replace(pair.config.search, flipped=flipped))
-    return _match_between(source, target, config, pair, hints, stages, timer)
+    return _match_between(source, target, config, pair, priors, stages, timer)
 
 
 def match_cut(
-    pair: ShapePair, hints: Hints, stages: Stages, timer: StageTimer, n_source: int, n_target: int
+    pair: ShapePair, priors: Priors, stages: Stages, timer: StageTimer, n_source: int, n_target: int
 ) -> ClosedMatch | None:
     """Match two shapes, cut along the seams of so many contacts; None if there are no seams, or no map was found."""
     timer.start("prepare")
@@ -200,12 +200,12 @@ def match_cut(
     if source is None and target is None:
         return None
     source, target = source or capped_shape(pair.source), target or capped_shape(pair.target)
-    return _match_between(source, target, pair.config, pair, hints, stages, timer)
+    return _match_between(source, target, pair.config, pair, priors, stages, timer)
 
 
 def match_creased(
     pair: ShapePair,
-    hints: Hints,
+    priors: Priors,
     stages: Stages,
     timer: StageTimer,
     handles: tuple[int, int],  # contacts of either shape that are cut besides
@@ -229,7 +229,7 @@ def match_creased(
             cut or cut_shape(shape, most) or capped_shape(shape)
             for cut, shape, most in zip(creased, shapes, handles)
         )
-        last = _match_between(source, target, pair.config, pair, hints, stages, timer, last)
+        last = _match_between(source, target, pair.config, pair, priors, stages, timer, last)
         if last is None or last.score > HOPELESS * score:
             return
         yield last
@@ -241,7 +241,7 @@ def _match_between(
     target: PreparedShape,
     config: Config,
     pair: ShapePair,
-    hints: Hints,
+    priors: Priors,
     stages: Stages,
     timer: StageTimer,
     before: ClosedMatch | None = None,
@@ -251,16 +251,16 @@ def _match_between(
     functions = None
     if pair.functions is not None:
         functions = Embedding(*map(_on_caps, (source, target), pair.known))
-    closed = Hints(hints.landmarks, hints.initial_pairs, nothing, user_landmarks=hints.user_landmarks)
+    closed = Priors(priors.landmarks, priors.initial_pairs, nothing, user_landmarks=priors.user_landmarks)
     both = ShapePair(source, target, config, functions)
     relation = Isometry().on(both, closed, stages)
     start = None
     if before is not None:
         first = start_from_pairs(both, before.pairs)
-        alignment = iterative_closest_points(*both.search_points, first[None], HINT_STEPS)[0]
+        alignment = iterative_closest_points(*both.search_points, first[None], PRIOR_STEPS)[0]
         start = [Hypothesis(alignment, before.origin), *relation.hypotheses()[0]]
     try:
-        return ClosedMatch(pair, hints, relation, relation.match(timer, start))
+        return ClosedMatch(pair, priors, relation, relation.match(timer, start))
     except NotConvergedError:
         return None
 
@@ -271,11 +271,11 @@ def _on_caps(capped: PreparedShape, values: FloatArray) -> FloatArray:
 
 
 def with_doubt(
-    closed: Solution, evidence: tuple[Evidence, ...], doubt: PartDoubt, note: str, hinted: bool
+    closed: Solution, evidence: tuple[Evidence, ...], doubt: PartDoubt, note: str, with_priors: bool
 ) -> Solution:
     """Take the map with the holes closed, with the evidence for it as a map of a part."""
     closed = replace(closed, evidence=evidence, quality=replace(closed.quality, doubt=doubt.doubt))
-    return replace(closed, notes=(*closed.notes, note, *doubt.notes(closed.outcome, hinted)))
+    return replace(closed, notes=(*closed.notes, note, *doubt.notes(closed.outcome, with_priors)))
 
 
 def _images(part: PreparedShape, of_part: FloatArray, whole: PreparedShape, of_whole: FloatArray) -> IntArray:

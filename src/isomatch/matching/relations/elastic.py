@@ -31,7 +31,7 @@ from isomatch.matching.result import Quality
 from isomatch.matching.search import FromAnchors, starts_of
 from isomatch.matching.selection import LANDMARK_SLACK, Rules, Selection, distances_between, distinct, select
 from isomatch.matching.stages import Relation, first_maps_of
-from isomatch.matching.starts import starts_from_hints
+from isomatch.matching.starts import starts_from_priors
 from isomatch.matching.verification import Solution, fits_badly, measured_evidence, mirror_image_fits
 from isomatch.runtime.stage_timer import StageTimer
 from isomatch.runtime.threads import parallel_map
@@ -55,7 +55,7 @@ SAME_MAP = 0.05  # √area: mean distance by which maps differ in the large; sea
 FINE_NORMAL_WEIGHT = (
     0.15  # beside canonical coordinates, in the last step; docs/lab/robustness.md, other species
 )
-HINTED_TIE = 1.1  # score over the least, up to which a map that agrees with the hints wins
+PRIORED_TIE = 1.1  # score over the least, up to which a map that agrees with the priors wins
 SKIPPED = 2  # first lengths of elastic.bending, which move large pieces; the winner was bent by them before
 FULL_LENGTHS = (0.05, 0.04, 0.03)  # by which the winner is bent in full, after those
 READ_UNIT = 0.05  # of normals, where images are read off the bent source: they only tell sheets apart
@@ -150,8 +150,8 @@ class Elastic(Relation):
         timer.start("bending")
         if self.ordinary is not None:
             kept.append(self._drawn_ordinary(self.ordinary))
-        if len(self.hints.initial_pairs):
-            kept.append(replace(self._first(self.hints.initial_pairs, "initial map"), is_given=True))
+        if len(self.priors.initial_pairs):
+            kept.append(replace(self._first(self.priors.initial_pairs, "initial map"), is_given=True))
         if not kept:
             raise NotConvergedError(
                 "no elastic map keeps the orientation of the faces; give three to five landmarks"
@@ -159,7 +159,7 @@ class Elastic(Relation):
         fits = cast(list[StretchedFit], self.refine_and_select(parallel_map(self._begun, kept)))
         fits.sort(key=lambda fit: fit.score)
         apart = distances_between([fit.image for fit in fits], self.target.mean_distances)
-        tie = HINTED_TIE if len(self.hints.initial_pairs) else 1.0
+        tie = PRIORED_TIE if len(self.priors.initial_pairs) else 1.0
         rules = Rules(
             runner_up_distance=self.pair.config.selection.runner_up_distance,
             tie=tie,
@@ -188,8 +188,8 @@ class Elastic(Relation):
         return replace(self._drawn(self._pairs(fit), fit.origin), is_ordinary=True)
 
     def _starts(self) -> list[tuple[IntArray, str]]:
-        """First maps (q, 2), and where each comes from; those of an ordinary map have made use of hints before."""
-        pair, landmarks, starts = self.pair, self.hints.landmarks, starts_of(self)
+        """First maps (q, 2), and where each comes from; those of an ordinary map have made use of priors before."""
+        pair, landmarks, starts = self.pair, self.priors.landmarks, starts_of(self)
         first_maps: list[tuple[IntArray, str]] = []
         if any(isinstance(start, FromAnchors) for start in starts):
             source, target = self._shapes
@@ -201,7 +201,7 @@ class Elastic(Relation):
         else:
             first_maps += [
                 (np.column_stack([pair.source_vertices, pair.target_vertices[rows]]), origin)
-                for rows, origin in starts_from_hints(pair, self.hints)
+                for rows, origin in starts_from_priors(pair, self.priors)
             ]
         return [*first_maps, *self.others, *first_maps_of(starts, pair)]
 
@@ -214,7 +214,7 @@ class Elastic(Relation):
     @cached_property
     def _coarse(self) -> ElasticFit:
         source, target = (shape.sampled(N_COARSE, False) for shape in self._shapes)
-        return ElasticFit(source, target, self.pair.signatures, self.hints.landmarks)
+        return ElasticFit(source, target, self.pair.signatures, self.priors.landmarks)
 
     @cached_property
     def _fine(self) -> ElasticFit:
@@ -224,7 +224,7 @@ class Elastic(Relation):
     @cached_property
     def _bendings(self) -> tuple[ElasticBending, ElasticBending]:
         """The source onto the target, and back."""
-        count, landmarks = self.pair.config.elastic.n_bent_vertices, self.hints.landmarks
+        count, landmarks = self.pair.config.elastic.n_bent_vertices, self.priors.landmarks
         both = self.source, self.target
         there, back = parallel_map(
             lambda way: ElasticBending(both[way], both[1 - way], count, bool(way), landmarks), range(2)
@@ -279,7 +279,7 @@ class Elastic(Relation):
     def _given(self) -> IntArray:
         """(r,) images of the vertices of the relation under the initial map, −1 where it is not known."""
         image = np.full(self.source.body.n_vertices, -1)
-        image[self.hints.initial_pairs[:, 0]] = self.hints.initial_pairs[:, 1]
+        image[self.priors.initial_pairs[:, 0]] = self.priors.initial_pairs[:, 1]
         return image[self.vertices]
 
     def refined(self, fits: Sequence[Fit]) -> list[Fit]:
@@ -298,7 +298,7 @@ class Elastic(Relation):
     def _bent_halfway(self, fit: StretchedFit) -> StretchedFit:
         """Bend by the first lengths, which move large pieces."""
         drawn, lengths = self._fine.embedding(fit.coefficients), self.pair.config.elastic.bending
-        known = self.hints.initial_pairs if fit.is_given else None
+        known = self.priors.initial_pairs if fit.is_given else None
         bent = tuple(bending.laid(drawn, lengths[: len(lengths) // 2], known) for bending in self._bendings)
         return replace(fit, bent=bent, score=_score(bent))
 
@@ -312,7 +312,7 @@ class Elastic(Relation):
         image, score = self._bendings[0].images(bent[0], self.vertices), _score(bent)
         known = self._given >= 0
         error = self.target.mean_distance(image[known], self._given[known]) if known.any() else 0.0
-        return replace(fit, image=image, spectral_residual=score, score=score, bent=bent, hint_error=error)
+        return replace(fit, image=image, spectral_residual=score, score=score, bent=bent, prior_error=error)
 
     def measured(self, fit: Fit, image: IntArray) -> StretchedFit:
         """Draw a map by all functions, and bend the shapes by it."""
@@ -343,7 +343,7 @@ class Elastic(Relation):
 
         They are those of the initial map, and of the map elsewhere, or those of an ordinary map that fits.
         """
-        if len(self.hints.initial_pairs) and fit.hint_error < SAME_MAP:
+        if len(self.priors.initial_pairs) and fit.prior_error < SAME_MAP:
             return np.where(self._given >= 0, self._given, image)
         if self.ordinary is None or not self.ordinary_fits:
             return None
@@ -376,7 +376,7 @@ class Elastic(Relation):
             self.source.balls, self.target.balls, points.corners[:, 0]
         )
         quality = replace(
-            measure_quality(self.pair, points, self.hints),
+            measure_quality(self.pair, points, self.priors),
             runner_up=selection.runner_up,
             descriptor_distance=mean_known(descriptor_distance, self.source.body.vertex_areas),
             bending_cost=selection.winner.score,
@@ -386,17 +386,17 @@ class Elastic(Relation):
     def solution(self, timer: StageTimer) -> Solution:
         """Find the map, and the evidence for it, where no other relation was tried."""
         self.require_sides()
-        self.require_hints()
+        self.require_priors()
         with timer.within("elastic match"):
             selection, reason = self.match(timer)
             timer.start("precision")
             measured = self.measure(selection, reason)
         timer.start("quality")
         pair = self.pair
-        far = measured_evidence(pair, measured.quality, pair.config.orientation, self.hints.any, far=True)
+        far = measured_evidence(pair, measured.quality, pair.config.orientation, self.priors.any, far=True)
         regions = regions_of_doubt(pair, measured.descriptor_distance)
         errors = expected_errors(pair, measured.points, doubt_in(regions, self.source.body.n_vertices))
-        solution = measured.solution(pair, self.hints, errors, (far,), [FAR], regions=regions)
+        solution = measured.solution(pair, self.priors, errors, (far,), [FAR], regions=regions)
         return replace(solution, looks_count=False)
 
 
@@ -411,7 +411,7 @@ def far_from_isometric(relation: Relation, quality: Quality) -> bool:
     pair, config = relation.pair, relation.pair.config
     if not (pair.oriented and relation.refinement.looks_further and config.orientation == "preserve"):
         return False
-    if config.hypotheses != "all" or relation.hints.functions[0].shape[1]:
+    if config.hypotheses != "all" or relation.priors.functions[0].shape[1]:
         return False
     stretched = quality.spectral_residual > config.elastic.sought or fits_badly(quality, config.outcome)
     return stretched and not mirror_image_fits(quality, config.outcome)

@@ -30,8 +30,8 @@ from isomatch.matching.confidence import (
 )
 from isomatch.matching.coordinates import refined_images, registered
 from isomatch.matching.fit import Candidate, Fit, Hypothesis
-from isomatch.matching.hints import Hints
 from isomatch.matching.pair import ShapePair, SmoothPair
+from isomatch.matching.priors import Priors
 from isomatch.matching.quality import (
     contradicted_landmarks,
     descriptor_distance_of,
@@ -39,7 +39,7 @@ from isomatch.matching.quality import (
     measure_quality,
 )
 from isomatch.matching.result import Alternative, Quality
-from isomatch.matching.search import hypotheses_from_hints, search, symmetric_variants
+from isomatch.matching.search import hypotheses_from_priors, search, symmetric_variants
 from isomatch.matching.selection import (
     SCORE_NOISE,
     Rules,
@@ -78,7 +78,7 @@ class Measured:
     def solution(
         self,
         pair: ShapePair,
-        hints: Hints,
+        priors: Priors,
         errors: FloatArray,  # (n_s,) that are expected
         evidence: tuple[Evidence, ...],
         notes: Sequence[str],
@@ -96,7 +96,7 @@ class Measured:
             self.quality,
             evidence,
             np.where(result.matched, source.lift_smooth(errors), np.nan),
-            notes=(*pair.notes, *hints.notes, *notes, *contradicted_landmarks(pair, self.points, hints)),
+            notes=(*pair.notes, *priors.notes, *notes, *contradicted_landmarks(pair, self.points, priors)),
             origin=self.origin,
             reason=self.reason,
             descriptor_distance=None
@@ -130,10 +130,10 @@ class Isometry(Relation):
     Examples
     --------
     >>> from isomatch.datasets import example_pair
-    >>> from isomatch.matching import Hints, Isometry, prepare_pair
+    >>> from isomatch.matching import Priors, Isometry, prepare_pair
     >>> source, target = example_pair()
     >>> pair = prepare_pair(source.mesh, target.mesh)
-    >>> relation = Isometry().on(pair, Hints.of(pair, None, None, None))
+    >>> relation = Isometry().on(pair, Priors.of(pair, None, None, None))
     >>> candidates, runners_up = relation.candidates(*relation.hypotheses())
     >>> fits = relation.refined(relation.begun(candidates[:2]))
     >>> relation.score(fits[0]) < 0.5
@@ -165,11 +165,11 @@ class Isometry(Relation):
     def hypotheses(self) -> tuple[list[Hypothesis], list[Hypothesis]]:
         """Hypotheses that may win, and those that are searched as runners-up only."""
         pair, config, starts = self.pair, self.pair.config, self.stages.starts
-        self.require_hints()
-        from_hints = hypotheses_from_hints(pair, self.hints)
+        self.require_priors()
+        from_priors = hypotheses_from_priors(pair, self.priors)
         if config.hypotheses == "all":
-            return search(pair, from_hints, starts), []
-        return from_hints, search(pair, from_hints, starts) if self.searches_runners_up else []
+            return search(pair, from_priors, starts), []
+        return from_priors, search(pair, from_priors, starts) if self.searches_runners_up else []
 
     @property
     def searches_runners_up(self) -> bool:
@@ -183,14 +183,14 @@ class Isometry(Relation):
         """Screen hypotheses, and the symmetric variants of the best: what may win, and runners-up, best first."""
         if not may_win:
             raise SettingError(
-                "the starts gave no first map, and there are no hints; add *default_starts to them"
+                "the starts gave no first map, and there are no priors; add *default_starts to them"
             )
-        pair, screen = self.pair, Screening(self.pair, self.hints)
-        eligible = self._ranked(screen(list(may_win)), hinted=True)
+        pair, screen = self.pair, Screening(self.pair, self.priors)
+        eligible = self._ranked(screen(list(may_win)), with_priors=True)
         searched = pair.config.hypotheses == "all" or self.searches_runners_up
         variants = screen(symmetric_variants(pair, eligible[0].target_row)) if searched else []
         if pair.config.hypotheses == "all":
-            return self._ranked([*eligible, *variants], hinted=True), []
+            return self._ranked([*eligible, *variants], with_priors=True), []
         return eligible, self._ranked([*screen(list(only_runners_up)), *variants])
 
     def begun(self, candidates: Sequence[Candidate]) -> list[Fit]:
@@ -199,7 +199,7 @@ class Isometry(Relation):
             Fit(
                 extended(self.pair, c.target_row, self.vertices),
                 orientation=c.orientation,
-                hint_error=c.hint_error,
+                prior_error=c.prior_error,
                 landmark_error=c.landmark_error,
                 candidate=c,
                 origin=c.hypothesis.origin,
@@ -305,7 +305,7 @@ class Isometry(Relation):
         if not self._sided or first.candidate is None or is_sure(self, selection):
             return selection
         known = [candidate.target_row for candidate in candidates]
-        screen = Screening(self.pair, self.hints)
+        screen = Screening(self.pair, self.priors)
         fits = self.refine_and_select(
             self.begun(
                 further_candidates(self.pair, screen, known, self._wanted_sign, first.candidate.energy)
@@ -326,7 +326,7 @@ class Isometry(Relation):
         return (
             config.orientation != "any"
             and config.hypotheses == "all"
-            and not self.hints.any
+            and not self.priors.any
             and self.pair.oriented
         )
 
@@ -369,16 +369,16 @@ class Isometry(Relation):
                 shares[i, j] = shares[j, i] = (distance(fit.image, other.image) > far).mean()
         return shares
 
-    def _ranked(self, candidates: Sequence[Candidate], hinted: bool = False) -> list[Candidate]:
+    def _ranked(self, candidates: Sequence[Candidate], with_priors: bool = False) -> list[Candidate]:
         """Rank candidates; those that may win must not contradict landmarks."""
-        landmarks = hinted and len(self.hints.landmarks) > 0
+        landmarks = with_priors and len(self.priors.landmarks) > 0
         return ranked(candidates, self.pair.config.orientation, self.pair.config.selection, landmarks)
 
     def measure(self, found: IsometricMatch) -> Measured:
         """Take the nearest points, and measure the map."""
         pair, selection = self.pair, found.selection
         points = self.target.index.points(found.embedding.target, found.embedding.source)
-        quality = measure_quality(pair, points, self.hints, selection)
+        quality = measure_quality(pair, points, self.priors, selection)
         doubt = None
         if selection.against:
             doubt = doubt_of(pair, selection.winner.image, selection.against.image, selection.runner_up)
@@ -388,8 +388,8 @@ class Isometry(Relation):
             f"least spectral residual × energy^{exponent:g}; {n_tried} candidates, "
             f"{1 + len(selection.runners_up)} refined to the end"
         )
-        if selection.hints_decided:
-            reason += "; of those that tie, it agrees best with the hints"
+        if selection.priors_decided:
+            reason += "; of those that tie, it agrees best with the priors"
         if selection.runner_up < np.inf:
             reason += f"; the best alternative scores {selection.runner_up:.2f} times as much"
         descriptor_distance = descriptor_distance_of(
@@ -407,7 +407,7 @@ class Isometry(Relation):
         self, found: IsometricMatch, map_: Measured, timer: StageTimer, note: str | None = None
     ) -> Solution:
         """Polish, carry and sum up a map; one between shapes far from isometric comes with a ``note``."""
-        pair, hints, far = self.pair, self.hints, note is not None
+        pair, priors, far = self.pair, self.priors, note is not None
         selection, runners_up = found.selection, None
         if selection.against and selection.runner_up < pair.config.outcome.tie and not far:
             runners_up = selection.winner.image, selection.against.image
@@ -422,15 +422,15 @@ class Isometry(Relation):
             points = self._polished(level, map_.fit)
         if self.source.detail or self.target.detail:
             timer.start("carry")
-        evidence = [measured_evidence(pair, map_.quality, pair.config.orientation, hints.any, far)]
-        if pair.round and not hints.any:
+        evidence = [measured_evidence(pair, map_.quality, pair.config.orientation, priors.any, far)]
+        if pair.round and not priors.any:
             evidence.append(Evidence(ambiguous=True))
         notes = self._notes(selection)
         if level is not pair:
             sizes = level.source.body.n_vertices, level.target.body.n_vertices
             notes.append("polished on {} and {} vertices".format(*sizes))
         notes += [note] if note else []
-        solution = map_.solution(pair, hints, errors, tuple(evidence), notes, level, points, regions)
+        solution = map_.solution(pair, priors, errors, tuple(evidence), notes, level, points, regions)
         return replace(solution, alternatives=self._alternatives(found), looks_count=not far)
 
     def _polished(self, finer: SmoothPair, fit: Fit) -> PrecisePoints:
@@ -448,8 +448,8 @@ class Isometry(Relation):
             notes.append("orientation = 'reverse' has no effect: points and graphs have no normals")
         if np.isnan(selection.runner_up):
             notes.append("no other map was tried: symmetric maps go unnoticed")
-        off = selection.winner.hint_error
-        if pair.config.start == "pose" and not self.hints.any and off > pair.config.outcome.out_of_pose:
+        off = selection.winner.prior_error
+        if pair.config.start == "pose" and not self.priors.any and off > pair.config.outcome.out_of_pose:
             notes.append(
                 f"images are {off:.2f} √area from the nearest points in space: the shapes do not seem to be aligned, so "
                 "start = 'pose' says little about the map; align them within about 30°, or leave start at 'auto'"

@@ -20,7 +20,7 @@ from isomatch.matching.pair import SmoothPair
 from isomatch.matching.quality import (
     covered_share,
     descriptor_distance_of,
-    distances_to_hints,
+    distances_to_priors,
     edge_stretch,
     image_positions,
     mean_known,
@@ -86,10 +86,10 @@ class Part(Relation):
     What is mapped is the part, also where it is the target:
 
     >>> from isomatch.datasets import example_pair
-    >>> from isomatch.matching import Hints, Part, prepare_pair
+    >>> from isomatch.matching import Priors, Part, prepare_pair
     >>> whole, part = example_pair()
     >>> pair = prepare_pair(whole.mesh, part.mesh)
-    >>> relation = Part("target").on(pair, Hints.of(pair, None, None, None))
+    >>> relation = Part("target").on(pair, Priors.of(pair, None, None, None))
     >>> relation.source is pair.target
     True
     """
@@ -252,15 +252,17 @@ class Part(Relation):
         return parallel_map(self.fits.rough, PartStarts(self.fits.pair, signatures, self._onto_itself)())
 
     def _first_maps(self) -> list[tuple[PartPair, IntArray, str]]:
-        """Map the rough vertices, each time in its unit: with the holes closed, by hints, and by starts handed in.
+        """Map the rough vertices, each time in its unit: with the holes closed, by priors, and by starts handed in.
 
         With each map comes its origin.
         """
         images: list[tuple[IntArray, str]] = []
         if self.closed is not None:
             images.append((self.closed.image_of(self.side), self.closed.origin))
-        if self._hinted_image is not None:
-            images.append((self._hinted_image, "initial map" if len(self.hints.initial_pairs) else "pose"))
+        if self._with_priors_image is not None:
+            images.append(
+                (self._with_priors_image, "initial map" if len(self.priors.initial_pairs) else "pose")
+            )
         images += [
             (_filled(self.source, self._towards_whole(pairs)), name)
             for pairs, name in first_maps_of(starts_of(self), self.pair)
@@ -275,15 +277,15 @@ class Part(Relation):
     @cached_property
     def fits(self) -> PartFits:
         """Refines maps of the part."""
-        landmarks = self._towards_whole(self.hints.landmarks)
+        landmarks = self._towards_whole(self.priors.landmarks)
         known = (self.pair if self.side == "source" else self.pair.turned).known
         pair = PartPair.of(self.source, self.target, self.pair.config, landmarks, known)
-        return PartFits(pair, self._hinted_image)
+        return PartFits(pair, self._with_priors_image)
 
     @cached_property
-    def _hinted_image(self) -> IntArray | None:
+    def _with_priors_image(self) -> IntArray | None:
         """(n_part,) images by the initial map, or by the pose."""
-        pairs, pair = self.hints.initial_pairs, self.pair
+        pairs, pair = self.priors.initial_pairs, self.pair
         if not len(pairs) and pair.config.start == "pose":
             vertices = np.arange(pair.source.body.n_vertices)
             pairs = np.column_stack([vertices, nearest_in_pose(pair.source, pair.target, vertices)])
@@ -292,7 +294,7 @@ class Part(Relation):
     def solution(self, timer: StageTimer) -> Solution:
         """Find the map, and the evidence for it."""
         self.require_sides()
-        self.require_hints()
+        self.require_priors()
         self.require_no_descriptors("a whole and its part")
         with timer.within("part"):
             selection = self.match(timer)
@@ -317,7 +319,7 @@ class Part(Relation):
             if returned or (agrees and (doubt.evidence.poor or doubt.evidence.ambiguous)):
                 with_caps = self.closed.solution(timer)
                 evidence = part_evidence(doubt.evidence, with_caps.evidence, agrees)
-                if returned and with_caps.outcome is not Outcome.HINTS_CONTRADICTED:
+                if returned and with_caps.outcome is not Outcome.PRIORS_CONTRADICTED:
                     note = (
                         f"the {self.side} was matched as a part with its holes closed: it has {share:.0%} of the area of "
                         "the other shape"
@@ -325,12 +327,12 @@ class Part(Relation):
                     found = replace(
                         with_caps, quality=replace(with_caps.quality, runner_up=selection.runner_up)
                     )
-                    return with_doubt(found, evidence, doubt, note, len(self.hints.landmarks) > 0)
+                    return with_doubt(found, evidence, doubt, note, len(self.priors.landmarks) > 0)
         return self._summed_up(selection, evidence, doubt, share, timer)
 
     def _mirror_image_fits(self, best: PartFit) -> bool:
         """Tell whether the mirror image of the part fits clearly better, by maps found with the holes closed."""
-        images = [] if self.closed is None or self.hints.any else self.closed.mirrored_images(self.side)
+        images = [] if self.closed is None or self.priors.any else self.closed.mirrored_images(self.side)
         if not images:
             return False
         fits = self.fits.of_part(mirror_image(self.source))
@@ -377,10 +379,10 @@ class Part(Relation):
         notes = (
             f"the {self.side} was matched as a part: it has {share:.0%} of the area of the other shape and covers "
             f"{area:.0%}",
-            *doubt.notes(outcome_of(evidence), len(self.hints.landmarks) > 0),
+            *doubt.notes(outcome_of(evidence), len(self.priors.landmarks) > 0),
         )
         measured = replace(measured, quality=quality)
-        return measured.solution(self.pair, self.hints, errors, evidence, notes)
+        return measured.solution(self.pair, self.priors, errors, evidence, notes)
 
 
 def measured_part(
@@ -394,17 +396,17 @@ def measured_part(
     reason: str,
 ) -> Measured:
     """Measure a map in which a part takes part."""
-    pair, hints = relation.pair, relation.hints
+    pair, priors = relation.pair, relation.priors
     source, target = pair.source, pair.target
     image = points.corners[:, 0]
     on_user = np.zeros(source.surface.n_vertices, dtype=bool)
     on_user[source.body_vertex >= 0] = matched[source.body_vertex[source.body_vertex >= 0]]
     landmark_error, initial_map_error = np.nan, np.nan
-    if len(hints.landmarks):
-        landmark_error = float(distances_to_hints(pair, image, hints.landmarks).mean())
-    initial_pairs = hints.initial_pairs[matched[hints.initial_pairs[:, 0]]]
+    if len(priors.landmarks):
+        landmark_error = float(distances_to_priors(pair, image, priors.landmarks).mean())
+    initial_pairs = priors.initial_pairs[matched[priors.initial_pairs[:, 0]]]
     if len(initial_pairs):
-        initial_map_error = float(np.median(distances_to_hints(pair, image, initial_pairs)))
+        initial_map_error = float(np.median(distances_to_priors(pair, image, initial_pairs)))
     positions, bounds = image_positions(source.body, target.body, points), pair.config.outcome
     quality = Quality(
         spectral_residual=fit.spectral_residual,
@@ -427,9 +429,9 @@ def measured_part(
 
 
 def contradiction(relation: Relation, measured: Measured) -> Evidence:
-    """Compare the map of a part with its hints."""
-    pair, hints = relation.pair, relation.hints
-    errors = distances_to_hints(pair, measured.points.corners[:, 0], hints.landmarks)
+    """Compare the map of a part with its priors."""
+    pair, priors = relation.pair, relation.priors
+    errors = distances_to_priors(pair, measured.points.corners[:, 0], priors.landmarks)
     bound = pair.config.outcome.contradiction
     return Evidence(contradicted=part_contradicts(errors, measured.quality.initial_map_error, bound))
 

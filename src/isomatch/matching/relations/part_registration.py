@@ -342,12 +342,12 @@ class PartFit(Fit):
 class PartFits:
     """The two refinements of a start, rough and fine, with what they share for all starts in the same unit."""
 
-    # hinted (n_part,): images under a map that is given; coordinates: those of the whole, if they are known
+    # given with priors (n_part,): images under a map that is given; coordinates: those of the whole, if they are known
     def __init__(
-        self, pair: PartPair, hinted: IntArray | None = None, coordinates: WholeCoordinates | None = None
+        self, pair: PartPair, with_priors: IntArray | None = None, coordinates: WholeCoordinates | None = None
     ) -> None:
         config = pair.config
-        self.pair, self._config, self._hinted, self._near = pair, config, hinted, NearPairs(pair)
+        self.pair, self._config, self._with_priors, self._near = pair, config, with_priors, NearPairs(pair)
         self.coordinates = coordinates or WholeCoordinates(
             pair.whole, config, pair.landmarks, pair.functions.target
         )
@@ -357,7 +357,7 @@ class PartFits:
 
     def of_part(self, part: PreparedShape) -> PartFits:
         """Return those of another part on which distances are the same, as of a mirror image."""
-        return PartFits(replace(self.pair, part=part), self._hinted, self.coordinates)
+        return PartFits(replace(self.pair, part=part), self._with_priors, self.coordinates)
 
     @cached_method
     def _refinement(self, pair: PartPair, n_rows: int) -> PartRefinement:
@@ -441,10 +441,10 @@ class PartFits:
         k = min(N_ANCHOR_FUNCTIONS, len(pair.whole.laplace.values))
         anchors = completed(pair, refinement.at(image, k, pair.anchors), 2)
         error = 0.0
-        if self._hinted is not None:
-            error = pair.whole.mean_distance(image, self._hinted[refinement.vertices])
+        if self._with_priors is not None:
+            error = pair.whole.mean_distance(image, self._with_priors[refinement.vertices])
         fit = self._fit(refinement, pair, image, spectral_residual, anchors, N_FINE_FUNCTIONS, origin)
-        return replace(fit, lengths=lengths, hint_error=error)
+        return replace(fit, lengths=lengths, prior_error=error)
 
     def _fit(
         self,

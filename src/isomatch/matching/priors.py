@@ -18,13 +18,13 @@ from isomatch.surfaces import Surface
 from isomatch.values.arrays import FloatArray, IntArray, array_of, numbers_of
 
 # landmarks, initial map and initial descriptors, as they were given to `match`
-UserHints = tuple[ArrayLike | None, ArrayLike | None, tuple[ArrayLike, ArrayLike] | None]
+UserPriors = tuple[ArrayLike | None, ArrayLike | None, tuple[ArrayLike, ArrayLike] | None]
 
 FEWEST_POINTS = 3  # corresponding points determine three columns of an alignment, and fewer no map
 
 
 @dataclass(frozen=True, eq=False)
-class Hints:
+class Priors:
     """What is known of a map, in vertices of the bodies; empty arrays where nothing is.
 
     Parameters
@@ -36,7 +36,7 @@ class Hints:
     functions : (n_s, r) and (n_t, r) arrays of float
         Functions on source and target that should correspond.
     notes : tuple of str
-        Which hints were left out.
+        Which priors were left out.
     user_landmarks : (m, 2) array of int
         The landmarks in the users' vertices.
     """
