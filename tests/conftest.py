@@ -29,7 +29,7 @@ LONGEST = (  # files in the order in which they are handed to workers, before al
     "matching/test_levels.py",
     "collections/test_survival.py",
     "matching/test_hinted_side.py",
-    "matching/test_pins.py",
+    "matching/test_hard_landmarks.py",
     "matching/test_components.py",
     "lab/evaluation/test_benchmark.py",
     "collections/test_runs.py",

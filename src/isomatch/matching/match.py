@@ -133,7 +133,7 @@ def match(
             timer.start("prepare")
             pair = with_functions(prepare_pair(source, target, config, seed, timer), functions)
             stages = stages_of(pair, refinement, starts, relation)
-            require_landmarks_for_pins(pair, landmarks)
+            require_landmarks_to_hold(pair, landmarks)
             solution = solve_prepared(pair, (landmarks, initial_map, initial_descriptors), stages, timer)
             handed = _handed_in(refinement, starts, relation)
             result = verified(replace(solution, notes=(*solution.notes, *handed)), timer, seed)
@@ -153,7 +153,7 @@ def stages_of(
     return Stages(REFINEMENTS[pair.config.refinement] if refinement is None else refinement, starts, relation)
 
 
-def require_landmarks_for_pins(pair: ShapePair, landmarks: ArrayLike | None) -> None:
+def require_landmarks_to_hold(pair: ShapePair, landmarks: ArrayLike | None) -> None:
     """Raise `SettingError` if landmarks are to be held and none were given."""
     if pair.config.pin is not None and landmarks is None:
         raise SettingError(f"pin = {pair.config.pin}, but no landmarks were given that could be held")
@@ -171,7 +171,7 @@ def solve_prepared(pair: ShapePair, user_priors: UserPriors, stages: Stages, tim
         solution = solve_either_winding(pair, Priors.of(pair, *user_priors), stages, timer)
     if tolerance is None or landmarks is None:
         return solution
-    timer.start("pins")
+    timer.start("hard landmarks")
     sizes = pair.source.surface.n_vertices, pair.target.surface.n_vertices
     return pinned(pair, solution, checked_landmarks(landmarks, *sizes), tolerance)
 
@@ -253,7 +253,7 @@ def match_both(
         with serial_blas():
             timer.start("prepare")
             pair = with_functions(prepare_pair(source, target, config, seed, timer), functions)
-            require_landmarks_for_pins(pair, landmarks)
+            require_landmarks_to_hold(pair, landmarks)
             stages = stages_of(pair, refinement, starts, relation)
             return _both(pair, (landmarks, initial_map, initial_descriptors), stages, timer, timer_back, seed)
 

@@ -35,7 +35,7 @@ MATCHING = {
     "precision": 0.84,
     "polish": 0.85,
     "carry": 0.95,
-    "pins": 0.98,
+    "hard landmarks": 0.98,
 }
 PREPARATION = {"body": 0.0, "levels": 0.02, "distances": 0.3, "functions": 0.5, "samples": 0.85}
 
