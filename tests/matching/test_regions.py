@@ -11,7 +11,7 @@ from isomatch.cli.results import say_result
 from isomatch.datasets import ground_truth
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching import DoubtfulRegion, outcome_of, prepare_pair
-from isomatch.matching.confidence import ANOTHER_MAP, LOOKS_UNLIKE, doubt_in, lifted, regions_of_doubt
+from isomatch.matching.confidence import ANOTHER_MAP, UNLIKE_ITS_IMAGE, doubt_in, lifted, regions_of_doubt
 from isomatch.matching.verification import region_evidence
 from isomatch_lab.procedural import creature
 from shapes import icosphere
@@ -105,7 +105,7 @@ def test_areas_sum_to_what_is_doubtful(pair):
     assert regions[0].area >= regions[1].area, "the largest first"
     for region in regions:
         assert region.area == pytest.approx(areas[region.vertices].sum())
-        assert region.reason == LOOKS_UNLIKE
+        assert region.reason == UNLIKE_ITS_IMAGE
         assert region.runner_up is None
         assert max(np.isin(region.vertices, part).mean() for part in (first, second)) > 0.8
 
@@ -128,7 +128,9 @@ def test_what_is_not_known_does_not_count(pair):
 def test_two_reasons_for_one_region(animal, pair, exchanged):
     region = regions_of_doubt(pair, runners_up=exchanged)[0]
     both = regions_of_doubt(pair, unlike_in(pair, region.vertices), exchanged)
-    assert sorted(each.reason for each in both) == sorted([ANOTHER_MAP, f"{ANOTHER_MAP} and {LOOKS_UNLIKE}"])
+    assert sorted(each.reason for each in both) == sorted(
+        [ANOTHER_MAP, f"{ANOTHER_MAP} and {UNLIKE_ITS_IMAGE}"]
+    )
     assert all(each.runner_up is not None for each in both)
 
 
@@ -157,10 +159,10 @@ def test_vertices_in_another_order_give_the_same_regions(animal, pair):
 @pytest.mark.parametrize(
     ("area", "reason", "outcome"),
     [
-        (0.019, LOOKS_UNLIKE, Outcome.CONVERGED),
-        (0.021, LOOKS_UNLIKE, Outcome.LOW_CONFIDENCE),
+        (0.019, UNLIKE_ITS_IMAGE, Outcome.CONVERGED),
+        (0.021, UNLIKE_ITS_IMAGE, Outcome.LOW_CONFIDENCE),
         (0.021, ANOTHER_MAP, Outcome.SYMMETRY_AMBIGUOUS),
-        (0.021, f"{ANOTHER_MAP} and {LOOKS_UNLIKE}", Outcome.LOW_CONFIDENCE),
+        (0.021, f"{ANOTHER_MAP} and {UNLIKE_ITS_IMAGE}", Outcome.LOW_CONFIDENCE),
     ],
 )
 def test_the_outcome_speaks_of_regions(area, reason, outcome):
@@ -187,7 +189,7 @@ def test_a_limb_that_another_one_has_replaced_is_doubtful():
     ball = middle + away * np.where(head[:, None], 0.25 / np.maximum(radius, 1e-9), 1.0)
     found = match(here.mesh, Mesh(ball, there.mesh.faces))
     assert found.outcome is Outcome.LOW_CONFIDENCE
-    assert any(LOOKS_UNLIKE in region.reason for region in found.regions)
+    assert any(UNLIKE_ITS_IMAGE in region.reason for region in found.regions)
     plain = match(here.mesh, there.mesh)
     assert (plain.outcome, plain.regions) == (Outcome.CONVERGED, ())
     inside = found.regions[0].vertices
@@ -197,7 +199,7 @@ def test_a_limb_that_another_one_has_replaced_is_doubtful():
 
 def test_an_error_is_expected_where_surfaces_look_unlike():
     unlike, runner_up = (
-        DoubtfulRegion(np.array([i]), 0.1, why) for i, why in enumerate((LOOKS_UNLIKE, ANOTHER_MAP))
+        DoubtfulRegion(np.array([i]), 0.1, why) for i, why in enumerate((UNLIKE_ITS_IMAGE, ANOTHER_MAP))
     )
     doubt = doubt_in([unlike, runner_up], 3)
     assert doubt[0] > 0.1
@@ -216,7 +218,7 @@ def assert_same(ours, theirs):
 @pytest.fixture
 def saved(result, tmp_path):
     """A file of a result with a region of each kind."""
-    unlike = DoubtfulRegion(np.array([5, 1]), 0.01, LOOKS_UNLIKE)
+    unlike = DoubtfulRegion(np.array([5, 1]), 0.01, UNLIKE_ITS_IMAGE)
     mixed = replace(result, regions=(*result.regions, unlike))
     mixed.save(tmp_path / "result.npz")
     return tmp_path / "result.npz", mixed

@@ -99,7 +99,7 @@ def diffused(shape: SmoothShape, values: FloatArray, radius: float) -> FloatArra
 
 
 ANOTHER_MAP = "another map that fits nearly as well sends it elsewhere"
-LOOKS_UNLIKE = "it looks unlike its image"
+UNLIKE_ITS_IMAGE = "it looks unlike its image"
 
 MAIN = 0.25  # share of a region, from which what is doubtful there is a reason
 LEAST_KNOWN = 0.5  # share of a neighbourhood, below which its descriptor distance is not known
@@ -170,7 +170,7 @@ def regions_of_doubt(
     if descriptor_distance is not None and np.isfinite(descriptor_distance[pair.refinement_vertices]).any():
         # two people look more different everywhere than two poses of one
         usual = np.nanmedian(descriptor_distance[pair.refinement_vertices])
-        doubts[LOOKS_UNLIKE] = np.nan_to_num(
+        doubts[UNLIKE_ITS_IMAGE] = np.nan_to_num(
             (around(source, descriptor_distance) - usual) / bounds.doubtful_descriptor_distance
         )
     if not doubts:
@@ -222,7 +222,7 @@ def doubt_in(regions: Sequence[DoubtfulRegion], n_vertices: int) -> FloatArray:
     """Error to be expected at the vertices of a body (n_s,) that look unlike their images."""
     doubt = np.zeros(n_vertices)
     for region in regions:
-        if LOOKS_UNLIKE in region.reason:
+        if UNLIKE_ITS_IMAGE in region.reason:
             doubt[region.vertices] = UNLIKE_ERROR
     return doubt
 

@@ -51,7 +51,7 @@ class Smooth(Joint):
 class Descriptors(Joint):
     """The paper's plain method: nothing after the alignment of the distance descriptors of the map selected."""
 
-    looks_further: ClassVar[bool] = False
+    searches_further: ClassVar[bool] = False
     polishes: ClassVar[bool] = False
 
     def everywhere(self, relation: Relation, fit: Fit) -> Embedding:

@@ -177,17 +177,17 @@ def weighed(
     # distance (r,):
     # the exponential makes the comparison of j with i the inverse of that of i with j. docs/lab/design_notes.md
     n = len(costs)
-    looks = np.zeros((n, n))  # w (m̄_i − m̄_j), antisymmetric
+    lead = np.zeros((n, n))  # w (m̄_i − m̄_j), antisymmetric
     for i in range(n):
         for j in range(i):
             known = np.isfinite(descriptor_distances[i]) & np.isfinite(descriptor_distances[j])
             known &= distance(images[i], images[j]) > ELSEWHERE
             if known.mean() >= LEAST_REGION:
-                looks[i, j] = weight * (descriptor_distances[i] - descriptor_distances[j])[known].mean()
-                looks[j, i] = -looks[i, j]
+                lead[i, j] = weight * (descriptor_distances[i] - descriptor_distances[j])[known].mean()
+                lead[j, i] = -lead[i, j]
     # As R differs from pair to pair, three maps may beat each other in a ring. The best is the eligible one that loses
     # least to any other, min_i max_j c_i exp(looks_ij) / c_j; all costs are then those against it.
-    against = np.array(costs)[:, None] * np.exp(looks)
+    against = np.array(costs)[:, None] * np.exp(lead)
     lost = against / np.maximum(costs, np.finfo(float).tiny)
     may_win = sorted(np.flatnonzero(eligible).tolist(), key=lambda i: costs[i])
     best = min(may_win, key=lambda i: lost[i, may_win].max())

@@ -108,7 +108,7 @@ def _seeks_contacts(pair: ShapePair, priors: Priors, stages: Stages) -> bool:
     settings, shapes = pair.config.preparation, (pair.source, pair.target)
     given = {shape.distances.engine for shape in shapes} & GIVEN
     wanted = settings.contact_concavity and not priors.functions[0].shape[1]
-    if not wanted or not pair.oriented or given or not stages.refinement.looks_further:
+    if not wanted or not pair.oriented or given or not stages.refinement.searches_further:
         return False
     return max(shape.handles for shape in shapes) <= settings.most_contacts
 
@@ -132,12 +132,12 @@ def _limbs_apart(solution: Solution, priors: Priors, stages: Stages, timer: Stag
     apart = replace(pair, source=opened)
     with suppress(NotConvergedError), timer.within("limbs apart"):
         found = Part("source").on(apart, priors, stages).solution(timer)
-        if looks_apart(pair, found) < looks_apart(pair, solution):
+        if mean_descriptor_distance(pair, found) < mean_descriptor_distance(pair, solution):
             return replace(found, pair=pair).with_evidence(Evidence(poor=True))
     return None
 
 
-def looks_apart(pair: ShapePair, solution: Solution) -> float:
+def mean_descriptor_distance(pair: ShapePair, solution: Solution) -> float:
     """How differently the bodies look around vertices and their images, on average, both as they are."""
     image = solution.map.vertices[pair.source.user_vertex]
     matched = image >= 0
@@ -150,8 +150,8 @@ def part_role(pair: ShapePair, priors: Priors, stages: Stages) -> PartSide | Lit
     """Tell which shape is a part of the other, or whether both are parts of something that neither shows."""
     # a part has a long boundary; only refinements that look further, of maps that preserve the orientation, know of parts
     config = pair.config
-    looks_further = stages.refinement.looks_further and config.orientation == "preserve"
-    if config.part == "none" or not pair.oriented or not looks_further or priors.functions[0].shape[1]:
+    searches_further = stages.refinement.searches_further and config.orientation == "preserve"
+    if config.part == "none" or not pair.oriented or not searches_further or priors.functions[0].shape[1]:
         return None
     if config.part != "auto":
         return config.part
@@ -293,8 +293,8 @@ def solve_either_winding(pair: ShapePair, priors: Priors, stages: Stages, timer:
     # a map that is not doubtful wins over one that is; otherwise that under which the bodies look more alike
     def fit(how: str) -> tuple[int, float]:
         found = solutions[how]
-        looks = looks_apart(found.pair, found)
-        return min(found.outcome.sureness, LEAST_SURE), -looks if np.isfinite(looks) else -np.inf
+        distance = mean_descriptor_distance(found.pair, found)
+        return min(found.outcome.sureness, LEAST_SURE), -distance if np.isfinite(distance) else -np.inf
 
     timer.start("quality")
     fits = max(solutions, key=fit)

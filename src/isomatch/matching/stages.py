@@ -53,11 +53,11 @@ class Refinement(ABC):
     ...     def __call__(self, relation, fit):
     ...         spectra = relation.spectra
     ...         return relation.measured(fit, spectra.image(spectra.grown(fit.image, (20, 40))))
-    >>> Upsampled().looks_further
+    >>> Upsampled().searches_further
     True
     """
 
-    looks_further: ClassVar[bool] = True
+    searches_further: ClassVar[bool] = True
     """Whether parts are told from wholes, elastic maps sought, and runners-up of priors searched."""
     polishes: ClassVar[bool] = False
     """Whether the map of a large mesh is polished by joint coordinates on a finer level, and not only carried there."""
@@ -303,7 +303,7 @@ class Stages:
     Examples
     --------
     >>> from isomatch.matching import default_starts
-    >>> Stages(starts=default_starts[:1]).refinement.looks_further
+    >>> Stages(starts=default_starts[:1]).refinement.searches_further
     True
     >>> Stages(relation="isometry")
     Traceback (most recent call last):

@@ -9,7 +9,7 @@ from typing import Self
 import numpy as np
 
 from isomatch.correspondence import Correspondence
-from isomatch.matching.confidence import ANOTHER_MAP, LOOKS_UNLIKE, DoubtfulRegion
+from isomatch.matching.confidence import ANOTHER_MAP, UNLIKE_ITS_IMAGE, DoubtfulRegion
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.result import Alternative, MatchResult, Outcome, Quality
 from isomatch.runtime.stage_timer import StageTimer
@@ -104,7 +104,7 @@ def region_evidence(regions: Iterable[DoubtfulRegion], least: float) -> Evidence
     """Weigh regions of doubt: those above a share of the surface are evidence against a map."""
     large = [region for region in regions if region.area > least]
     return Evidence(
-        poor=any(LOOKS_UNLIKE in region.reason for region in large),
+        poor=any(UNLIKE_ITS_IMAGE in region.reason for region in large),
         ambiguous=any(ANOTHER_MAP in region.reason for region in large),
     )
 
@@ -245,7 +245,7 @@ class Solution:
     config: MatchSettings | None = None  # the settings of the method, if it is not `match`
     descriptor_distance: FloatArray | None = None
     regions: tuple[DoubtfulRegion, ...] = ()
-    looks_count: bool = (
+    descriptors_count: bool = (
         True  # whether regions that look unlike are evidence; two species look unlike somewhere
     )
 
@@ -253,7 +253,7 @@ class Solution:
     def outcome(self) -> Outcome:
         """What the evidence calls for, and the regions of doubt."""
         doubtful = region_evidence(self.regions, self.pair.config.outcome.doubtful_area)
-        if not self.looks_count:
+        if not self.descriptors_count:
             doubtful = replace(doubtful, poor=False)
         return outcome_of((*self.evidence, doubtful))
 

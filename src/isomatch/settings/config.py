@@ -92,7 +92,7 @@ class Config(Settings, Shown):
         smoothly. 0 holds all exactly. By default they only lead.
     part : {"auto", "source", "target", "both", "none"}
         Which shape is a part of the other, or whether both are parts. "auto" takes shapes with a long boundary for parts.
-        Parts are matched with a refinement that looks further ("joint", "smooth" or one's own) and the orientation
+        Parts are matched with a refinement that searches further ("joint", "smooth" or one's own) and the orientation
         "preserve", without descriptors.
     scale : {"auto", "same", "area", "free"}
         Units of a part and a whole: near those of the files, exactly those, such that both have the same area, or

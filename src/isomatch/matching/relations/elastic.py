@@ -397,7 +397,7 @@ class Elastic(Relation):
         regions = regions_of_doubt(pair, measured.descriptor_distance)
         errors = expected_errors(pair, measured.points, doubt_in(regions, self.source.body.n_vertices))
         solution = measured.solution(pair, self.priors, errors, (far,), [FAR], regions=regions)
-        return replace(solution, looks_count=False)
+        return replace(solution, descriptors_count=False)
 
 
 def _score(bent: tuple[Bent, ...]) -> float:
@@ -409,7 +409,7 @@ def _score(bent: tuple[Bent, ...]) -> float:
 def far_from_isometric(relation: Relation, quality: Quality) -> bool:
     """Tell whether the best map that keeps distances does not fit well, so that an elastic one should be sought."""
     pair, config = relation.pair, relation.pair.config
-    if not (pair.oriented and relation.refinement.looks_further and config.orientation == "preserve"):
+    if not (pair.oriented and relation.refinement.searches_further and config.orientation == "preserve"):
         return False
     if config.hypotheses != "all" or relation.priors.functions[0].shape[1]:
         return False

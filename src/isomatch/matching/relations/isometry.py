@@ -175,7 +175,7 @@ class Isometry(Relation):
     def searches_runners_up(self) -> bool:
         """Whether automatic hypotheses are searched as runners-up of those given."""
         asked = self.pair.config.search_runners_up
-        return self.refinement.looks_further if asked is None else asked
+        return self.refinement.searches_further if asked is None else asked
 
     def candidates(
         self, may_win: Sequence[Hypothesis], only_runners_up: Sequence[Hypothesis] = ()
@@ -431,7 +431,7 @@ class Isometry(Relation):
             notes.append("polished on {} and {} vertices".format(*sizes))
         notes += [note] if note else []
         solution = map_.solution(pair, priors, errors, tuple(evidence), notes, level, points, regions)
-        return replace(solution, alternatives=self._alternatives(found), looks_count=not far)
+        return replace(solution, alternatives=self._alternatives(found), descriptors_count=not far)
 
     def _polished(self, finer: SmoothPair, fit: Fit) -> PrecisePoints:
         """Polish a refined map at the finer levels of its shapes: image of each source vertex there."""
