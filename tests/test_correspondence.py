@@ -492,9 +492,7 @@ def test_files_of_arrays_that_are_damaged(tmp_path):
         with pytest.raises(FormatError, match=r"map\.npy: not an array"):
             Correspondence.load(path)
     np.save(path, np.array([{}]), allow_pickle=True)
-    with pytest.raises(
-        FormatError, match=r"map\.npy: not an array \(it declares shape \(1,\) of type object"
-    ):
+    with pytest.raises(FormatError, match=r"map\.npy: not an array \(object"):
         Correspondence.load(path)
     (tmp_path / "map.mat").write_bytes(b"MATLAB 7.3 " * 40)
     with pytest.raises(

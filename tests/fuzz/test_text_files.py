@@ -16,7 +16,7 @@ from isomatch.errors import IsomatchError
 from isomatch.evaluation import read_indices, read_truth
 from isomatch_lab.evaluation.ledger import FILE, IDENTITY, identity_of, read_rows
 from isomatch_lab.sets import FolderSettings, tosca
-from isomatch_lab.sets.benchmarks import PairList
+from isomatch_lab.sets.pair_list import PairList
 from zoo import grid
 
 
