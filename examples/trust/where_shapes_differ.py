@@ -35,7 +35,7 @@ draw_map(
     other,
     result.map,
     "descriptor_distance.png",
-    values=ValuePanel(result.descriptor_distance, "descriptor_distance"),
+    values=ValuePanel(result.descriptor_distance, "descriptor distance"),
 )
 
 # %%

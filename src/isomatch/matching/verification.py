@@ -265,7 +265,7 @@ class Solution:
 def verified(solution: Solution, timer: StageTimer, seed: int) -> MatchResult:
     """Make the result of a match."""
     pair = solution.pair
-    shared = "map outcome quality expected_error descriptor distance regions alternatives notes origin reason"
+    shared = "map outcome quality expected_error descriptor_distance regions alternatives notes origin reason"
     source, target = (
         "" if solution.config else describe_symmetries(shape.symmetries)
         for shape in (pair.source, pair.target)

@@ -55,7 +55,7 @@ class Measure:
 
 MEASURES = {
     "spectral_residual": Measure(
-        "spectral_residual",
+        "spectral residual",
         "{:.2f}",
         "0: same; 0.4: two people",
         "Mean distance between corresponding points when eigenfunctions, signatures, positions and normals are compared "
@@ -123,7 +123,7 @@ MEASURES = {
         "map stretches or tears the surface. A torn edge counts at most four times.",
     ),
     "descriptor_distance": Measure(
-        "descriptor_distance",
+        "descriptor distance",
         "{:.2f}",
         "standard deviations, up to 2",
         "How differently the two surfaces look in space around a point and its image, on average. Little is expected for "
@@ -205,7 +205,7 @@ def quality_measures(result: MatchResult) -> Iterator[tuple[Measure, float, bool
 
 
 def quality_bounds(result: MatchResult) -> dict[str, dict[str, float]]:
-    """Give the bounds of the measures of a result, by the name of the field: {"spectral residual": {"most": 0.6}, …}."""
+    """Give the bounds of the measures of a result, by the name of the field: {"spectral_residual": {"most": 0.6}, …}."""
     return {
         field: {side: bound for side in ("most", "least") if (bound := getattr(measure, side)) is not None}
         for field, measure in _measures_of(result).items()

@@ -189,7 +189,7 @@ def _colours(linear: FloatArray) -> str:
 
 
 # the first two are there of every map
-BUILT_IN = ("position", "stretch", "expected error", "descriptor_distance", "doubt")
+BUILT_IN = ("position", "stretch", "expected error", "descriptor distance", "doubt")
 N_STOPS = 9  # colours of a ramp between which a browser interpolates
 LEVELS = 254  # levels of a stored value
 NO_VALUE = 255
@@ -239,7 +239,7 @@ def known_layers(result: MatchResult) -> dict[str, Layer]:
         )
     if descriptor_distance is not None and np.isfinite(descriptor_distance).any():
         meaning = "how differently the shapes look here, in standard deviations"
-        layers["descriptor_distance"] = Layer(descriptor_distance, 0.0, DESCRIPTORS, meaning)
+        layers["descriptor distance"] = Layer(descriptor_distance, 0.0, DESCRIPTORS, meaning)
     return layers
 
 

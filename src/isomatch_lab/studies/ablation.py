@@ -39,8 +39,8 @@ LATE_POSITIONS = RefinementSettings(
 )
 VARIANTS: dict[str, Config] = {
     EVERYTHING: Config(),
-    "no contest: energy alone decides": Config(selection=SelectionSettings(most_contenders=1)),
-    "contest decided by spectral residual alone": Config(selection=SelectionSettings(energy_exponent=0.0)),
+    "no model selection: energy alone decides": Config(selection=SelectionSettings(most_contenders=1)),
+    "model selection by spectral residual alone": Config(selection=SelectionSettings(energy_exponent=0.0)),
     "energy without curvature": Config(selection=SelectionSettings(curvature_exponent=0.0)),
     "no flips": Config(search=SearchSettings(flipped=0)),
     "no search from the other side": Config(search=SearchSettings(both_ways=False)),
