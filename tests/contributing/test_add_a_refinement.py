@@ -107,7 +107,5 @@ def test_a_map_that_was_not_measured_is_refused(animals):
         def __call__(self, relation, fit):
             return replace(fit, image=fit.image)
 
-    with pytest.raises(
-        SettingError, match=r"Unmeasured gave a map .* return relation\.measured\(fit, image\)"
-    ):
+    with pytest.raises(SettingError, match="Unmeasured"):
         match(*animals[:2], refinement=Unmeasured())

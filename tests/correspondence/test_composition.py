@@ -157,7 +157,7 @@ def test_a_map_knows_its_surfaces(squares):
     f.check_fits(a, b)
     f.check_fits(Mesh(a.vertices.tolist(), a.faces.astype(np.int32)))
     moved = a.moved(a.vertices + 1e-12)
-    with pytest.raises(MapError, match=r"map of another source: .* as many vertices, .* match again"):
+    with pytest.raises(MapError, match="vertices"):
         f.check_fits(moved, b)
     with pytest.raises(MapError, match="700"):
         f.check_fits(b, a)

@@ -43,7 +43,7 @@ def test_constants_stay_constant():
 
 def test_other_surfaces_and_bases_are_refused(square):
     f = Correspondence(np.arange(600), 600)
-    with pytest.raises(MapError, match=r"is no basis of 20 functions at the 600 vertices of the target"):
+    with pytest.raises(MapError, match="functions"):
         f.to_functional(square, laplace_basis(square, 10), 20)
     with pytest.raises(MapError, match="source"):
         f.to_functional(icosphere(2), square, 20)

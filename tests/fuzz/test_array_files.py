@@ -271,9 +271,7 @@ def test_a_map_that_is_all_unmatched_is_read(path):
 def test_more_than_the_budget_is_not_read(path, monkeypatch):
     monkeypatch.setenv("ISOMATCH_MEMORY_BUDGET", "0.0000001")
     BASIS.save(path)
-    with pytest.raises(
-        MemoryError, match=r"cat\.npz: reading needs .* raise the budget if you trust this file"
-    ):
+    with pytest.raises(MemoryError, match="reading"):
         DistanceBasis.load(path)
 
 

@@ -364,7 +364,7 @@ def test_files(tmp_path):
     runs = [np.array(line.split()[1:], dtype=int) - 1 for line in lines if line.startswith("l ")]
     for run, path in zip(runs, paths, strict=True):
         assert np.array_equal(points[run], path.positions)
-    with pytest.raises(isomatch.FormatError, match=r"suffix '\.stl' cannot hold paths; use \.obj or \.vtp"):
+    with pytest.raises(isomatch.FormatError, match="suffix"):
         write_paths(tmp_path / "paths.stl", paths)
     pyvista = pytest.importorskip("pyvista")
     write_paths(tmp_path / "paths.vtp", paths)

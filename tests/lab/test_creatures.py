@@ -228,7 +228,7 @@ def test_shipped_pair_needs_no_scikit_image_and_can_be_made_again(monkeypatch):
 
 def test_without_scikit_image_the_error_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "skimage.measure", None)
-    with pytest.raises(MissingDependencyError, match=r"pip install 'isomatch\[creatures\]'"):
+    with pytest.raises(MissingDependencyError, match="creatures"):
         creature(2000)
 
 
@@ -249,7 +249,7 @@ def test_bad_arguments_are_named(arguments, message):
 
 
 def test_truth_needs_one_body(resting):
-    with pytest.raises(InputError, match="target symmetric=True, so they share no rest surface"):
+    with pytest.raises(InputError, match="symmetric"):
         ground_truth(resting, creature(1500, kind=resting.kind, symmetric=True))
     with pytest.raises(SettingError, match="no mirrored truth"):
         ground_truth(resting, resting, mirrored=True)

@@ -60,7 +60,7 @@ def test_bad_priors_are_refused(prepared_example):
 def test_a_map_of_other_shapes_is_no_initial_map(both, prepared_example):
     source, target = (each.surface for each in prepared_example)
     moved = Mesh(target.vertices + 1, target.faces)
-    with pytest.raises(MapError, match="is a map of another target"):
+    with pytest.raises(MapError, match="another"):
         match(source, moved, initial_map=both.there.map)
     assert json.dumps(both.there.to_dict(), allow_nan=False)
     unknown = replace(both.there.alternatives[0], energy=np.nan)

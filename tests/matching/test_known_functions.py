@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from isomatch.matching.priors import with_functions
 
 from isomatch import Mesh, match, match_both
 from isomatch.errors import DescriptorError
 from isomatch.matching import prepare_pair
+from isomatch.matching.priors import with_functions
 from isomatch_lab.damage import cut
 from isomatch_lab.procedural import creature
 from shapes import box, disguised

