@@ -25,15 +25,13 @@ class UnfoldedFaces(NamedTuple):
 
     faces: IntArray  # (m, 3)
     length: FloatArray  # (3 m,) of each side
-    apex: (
-        FloatArray  # (3 m, 2) the third corner, the side from (0, 0) to (length, 0); its ordinate is positive
-    )
+    # (3 m, 2) the third corner, the side from (0, 0) to (length, 0); its ordinate is positive
+    apex: FloatArray
     edge: IntArray  # (3 m,) of each side
     first: IntArray  # (e + 1,) the sides of edge i are sides[first[i]:first[i + 1]]
     sides: IntArray  # (3 m,)
-    corner_first: (
-        IntArray  # (n + 1,) the corners of vertex v are corners[corner_first[v]:corner_first[v + 1]]
-    )
+    # (n + 1,) the corners of vertex v are corners[corner_first[v]:corner_first[v + 1]]
+    corner_first: IntArray
     corners: IntArray  # (3 m,)
     bends: BoolArray  # (n,) where a shortest path may bend
 

@@ -25,9 +25,8 @@ SIZES = tuple(
     range(20, 51, 5)
 )  # functions in the upsampling of a hypothesis; steps of 5 as in Melzi et al. 2019
 MOST_CHALLENGERS = 2  # docs/lab/design_notes.md
-RIGHT_ORIENTATION = (
-    0.54  # mean cosine between normals from which a further candidate is refined, as right maps have
-)
+# mean cosine between normals from which a further candidate is refined, as right maps have
+RIGHT_ORIENTATION = 0.54
 SURE = 0.75  # share of the bounds of a poor map, below which a map is sure; docs/lab/design_notes.md
 
 

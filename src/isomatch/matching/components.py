@@ -37,21 +37,17 @@ from isomatch.surfaces import Mesh
 from isomatch.values.arrays import FloatArray, IntArray
 
 MOST_RUNNERS_UP = 3  # components tried as partners of the largest; chosen: nine matches at most
-RUNNER_UP_AREA = (
-    0.5  # over that of the largest, from which another is one; hemispheres differ by less, clothes by more
-)
+# over that of the largest, from which another is one; hemispheres differ by less, clothes by more
+RUNNER_UP_AREA = 0.5
 SPECTRUM_FUNCTIONS = 20  # eigenvalues of which the logarithms are compared
-SAME_SPECTRUM = (
-    0.1  # their mean difference, above the least, up to which a pair is tried; poses 0.03, halves 0.13
-)
-SAME_PLACE = (
-    0.02  # mean distance, in √area, up to which a rigid component fits; half the spacing of the samples
-)
+# their mean difference, above the least, up to which a pair is tried; poses 0.03, halves 0.13
+SAME_SPECTRUM = 0.1
+# mean distance, in √area, up to which a rigid component fits; half the spacing of the samples
+SAME_PLACE = 0.02
 MOST_APART = 0.7  # from where it is carried to, over √area and its distance from the carriers; two eyes: 0.9
 MOST_LENGTH_RATIO = 1.4  # √area of one over that of its partner; as for the unit of a part
-FALLOFF = (
-    4.0  # power of the distance by which influence decreases; chosen: sums over a surface converge from 2 on
-)
+# power of the distance by which influence decreases; chosen: sums over a surface converge from 2 on
+FALLOFF = 4.0
 HELD = 1.0  # distance from the carriers, over √area, up to which a component cannot turn by itself; chosen
 FAR_APART = 1e6  # cost of components that are no partners
 TINY = 1e-6

@@ -16,9 +16,8 @@ from isomatch.shapes import PreparedShape, components_of
 from isomatch.surfaces import Graph, Mesh, PrecisePoints, Surface
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 
-SLOPE = (
-    2.0  # width of a bump over the distance moved; docs/priors.md: 1.5 to 3 alike, steeper turns faces over
-)
+# width of a bump over the distance moved; docs/priors.md: 1.5 to 3 alike, steeper turns faces over
+SLOPE = 2.0
 LEAST_WIDTH, MOST_WIDTH = 0.1, 0.2  # of the bump, in √area; docs/priors.md
 
 TAIL = 0.02  # weights up to this become 0: what is far from the landmarks stays as it was, bit by bit

@@ -19,9 +19,8 @@ from isomatch.shapes import PreparedShape, SmoothShape, prepare
 from isomatch.values.arrays import FloatArray, IntArray, single
 from isomatch.values.cached import cached_property
 
-MANY_ROTATIONS = (
-    11  # of both shapes, from which no automatic map is told; discs and balls 11 to 40, bodies to 6
-)
+# of both shapes, from which no automatic map is told; discs and balls 11 to 40, bodies to 6
+MANY_ROTATIONS = 11
 
 
 @dataclass(frozen=True, eq=False)

@@ -29,9 +29,8 @@ PRIOR_STEPS = 8  # of closest points from priors and starts handed in; most maps
 # compared; docs/lab/robustness.md, shapes without limbs
 MOST_WITHOUT_LIMBS = 40
 
-FLIPPED_BACK = (
-    6  # functions flipped on the way back, which exchange limbs or twist a body; docs/lab/design_notes.md
-)
+# functions flipped on the way back, which exchange limbs or twist a body; docs/lab/design_notes.md
+FLIPPED_BACK = 6
 AT_ONCE = 4  # maps moved together by a thread; fixed, so that results do not depend on the number of threads
 
 

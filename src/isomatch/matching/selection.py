@@ -21,18 +21,15 @@ SAME_ENERGY = 1.5
 ELSEWHERE_SHARE = 0.05
 ELSEWHERE_TIE = 1.05
 
-LANDMARK_SLACK = (
-    0.05  # difference of landmark errors, in √area, that counts for nothing; as of search vertices
-)
+# difference of landmark errors, in √area, that counts for nothing; as of search vertices
+LANDMARK_SLACK = 0.05
 
-CLEARLY_BETTER = (
-    1.15  # score over that of a map that counts whatever priors say; docs/lab/benchmarks.md, confidence
-)
+# score over that of a map that counts whatever priors say; docs/lab/benchmarks.md, confidence
+CLEARLY_BETTER = 1.15
 
 # Energies, spectral residuals and scores below these are equal: two triangulations of one surface differ as much, by
-# 0.002 to 0.06,
-# 0.26 to 0.35 and 0.04 to 0.09 (docs/lab/benchmarks.md, symmetry). Otherwise one of the symmetric maps between two copies
-# of a mesh would seem better than the others.
+# 0.002 to 0.06, 0.26 to 0.35 and 0.04 to 0.09 (docs/lab/benchmarks.md, symmetry). Otherwise one of the symmetric maps
+# between two copies of a mesh would seem better than the others.
 ENERGY_NOISE = 0.012
 SPECTRAL_RESIDUAL_NOISE = 0.25
 SCORE_NOISE = 0.04
@@ -203,9 +200,8 @@ def weighed(
 class Rules:
     """What decides between refined maps."""
 
-    runner_up_distance: (
-        float  # mean distance between images, in √area, from which a map is another, no variant
-    )
+    # mean distance between images, in √area, from which a map is another, no variant
+    runner_up_distance: float
     tie: float = 1.0  # score, against the least, up to which a map of its side ties with the best
     mirror_tie: float = 1.0  # the same for one of the other side
     landmark_slack: float = 0.0  # difference of prior errors, in √area, that counts for nothing

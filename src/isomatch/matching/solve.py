@@ -31,9 +31,8 @@ from isomatch.matching.verification import Evidence, Solution, closed_evidence, 
 from isomatch.runtime.stage_timer import StageTimer
 from isomatch.shapes import crease_length, opened_shape, turned_over
 
-MORE_CREASES = (
-    1.0  # in √area, by which creases of shapes with touching limbs are longer; docs/lab/design_notes.md
-)
+# in √area, by which creases of shapes with touching limbs are longer; docs/lab/design_notes.md
+MORE_CREASES = 1.0
 SURE = Outcome.CONVERGED, Outcome.PARTIAL, Outcome.SYMMETRY_AMBIGUOUS
 
 

@@ -134,9 +134,8 @@ N_CANDIDATES = 200  # search vertices of the target among which their images are
 ECCENTRICITY_WEIGHT = 0.3  # as search.eccentricity_weight
 SIGNATURE_WEIGHT = 0.25  # docs/lab/robustness.md, shapes without limbs
 BEAM = 200  # partial assignments that are kept; chosen, not measured
-APART = (
-    0.15  # mean distance by which these differ, in average distances; chosen: 0.1 with 80 starts is no better
-)
+# mean distance by which these differ, in average distances; chosen: 0.1 with 80 starts is no better
+APART = 0.15
 N_STARTS = 48  # best assignments that become first maps; chosen: of the most that extremities give
 SLIDE_FUNCTIONS = 20  # functions by which signatures move a first map; the first before a candidate is made
 SLIDE_STEPS = 10  # docs/lab/robustness.md, shapes without limbs

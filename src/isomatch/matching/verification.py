@@ -245,9 +245,8 @@ class Solution:
     config: MatchSettings | None = None  # the settings of the method, if it is not `match`
     descriptor_distance: FloatArray | None = None
     regions: tuple[DoubtfulRegion, ...] = ()
-    descriptors_count: bool = (
-        True  # whether regions that look unlike are evidence; two species look unlike somewhere
-    )
+    # whether regions that look unlike are evidence; two species look unlike somewhere
+    descriptors_count: bool = True
 
     @property
     def outcome(self) -> Outcome:

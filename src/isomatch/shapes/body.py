@@ -21,12 +21,10 @@ INSIDE_OUT = (
 )
 LEFT_UNMATCHED = "are left unmatched"
 
-GRAPH_AVERAGE_DISTANCE = (
-    0.75  # of two points of a graph of unit size; about that of animals and people of unit area
-)
-LEAST_COMPONENT = (
-    0.001  # share of the area from which a component is matched by itself; an eye has as much of a body
-)
+# of two points of a graph of unit size; about that of animals and people of unit area
+GRAPH_AVERAGE_DISTANCE = 0.75
+# share of the area from which a component is matched by itself; an eye has as much of a body
+LEAST_COMPONENT = 0.001
 LARGE = 2**16  # vertices, beyond which the arrays of a mesh do not fit into the cache of a processor
 SIGNS_OF_SHEETS = ("non_manifold_edges", "non_manifold_vertices", "duplicate_faces", "coincident_vertices")
 
@@ -201,9 +199,8 @@ class Level:
     surface: Surface  # centred, of unit area
     scale: float  # what a length of 1 is worth in the units of the shape
     body_vertex: IntArray  # (n,) vertex of this level for each vertex of the shape; −1 for those left out
-    user_vertex: (
-        IntArray  # (n_level,) vertex of the shape for each of this level, the nearest if it is coarser
-    )
+    # (n_level,) vertex of the shape for each of this level, the nearest if it is coarser
+    user_vertex: IntArray
     detail: Detail | None = None  # the body in full, if this level is coarser
     refining: Prolongation | None = None  # from the level before, finer or the body in full, to this one
 
@@ -213,9 +210,8 @@ class Detail:
     """A body in full, beside a coarser level of it."""
 
     transfer: Prolongation  # between the body in full and the coarser one
-    body_vertex: (
-        IntArray  # (n,) vertex of the body in full for each vertex of the shape; −1 for those left out
-    )
+    # (n,) vertex of the body in full for each vertex of the shape; −1 for those left out
+    body_vertex: IntArray
     user_vertex: IntArray  # (n_body,) vertex of the shape for each vertex of the body in full
 
 

@@ -41,9 +41,8 @@ class Symmetry:
 
     image_row: IntArray  # (r,) sample that each sample goes to
     residual: float  # of the distance descriptors, in √(average distance): 0.1 if exact, from the spacing of the samples
-    orientation: (
-        float  # near 1 for a rotation, near −1 for a mirror image; 0 where the shape has no triangles
-    )
+    # near 1 for a rotation, near −1 for a mirror image; 0 where the shape has no triangles
+    orientation: float
     moved: float  # mean distance between a sample and its image, in √area
 
 

@@ -15,9 +15,8 @@ from isomatch.surfaces import Mesh, PrecisePoints, first_equal
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 from isomatch.values.cached import cached_property
 
-ACROSS = (
-    1e-6  # × extent of the surface: farther from its image, a corner was kept on its side of a texture seam
-)
+# × extent of the surface: farther from its image, a corner was kept on its side of a texture seam
+ACROSS = 1e-6
 SAME_SIZE = 1.1  # times larger: less is what bending and noise of the map do to surfaces of one size
 
 

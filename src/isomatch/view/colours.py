@@ -9,9 +9,8 @@ from isomatch.values.arrays import FloatArray
 from isomatch.view.camera import principal_axes
 
 MOST_VIVID = 0.17  # Oklab chroma that screens can show in most hues
-LESS_GREY = (
-    0.3  # 0: chroma is linear in the position, so the middle is grey; 1: all colours are equally vivid
-)
+# 0: chroma is linear in the position, so the middle is grey; 1: all colours are equally vivid
+LESS_GREY = 0.3
 UNMATCHED_GREY = np.array([0.42, 0.42, 0.42])  # linear light
 
 _OKLAB_TO_LMS = np.array(

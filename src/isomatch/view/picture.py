@@ -176,9 +176,8 @@ def png(data: bytes) -> str:
 
 
 OUTLIERS = 0.01  # share of the values beyond either end of the colour bar
-EITHER_SIGN = (
-    0.2  # of the largest magnitude; values that reach so far on both sides of 0 have colours of either sign
-)
+# of the largest magnitude; values that reach so far on both sides of 0 have colours of either sign
+EITHER_SIGN = 0.2
 FROM_ZERO = 0.5  # of the highest value; values above 0 that begin below this are shown from 0
 ONE_SIGN, BOTH_SIGNS = "cividis", "PuOr_r"  # both safe for the colour-blind
 

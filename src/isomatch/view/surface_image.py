@@ -113,9 +113,8 @@ def surface_image(
 ENOUGH_FACES = 50_000  # a surface with more than a quarter of it is drawn as it is
 ROUNDING = 0.75  # Boubekeur & Alexa, Phong Tessellation, 2008
 TINY = 1e-300
-SHARPEST = (
-    0.0  # cosine of the angle between normals, below which an edge is sharp; at 0.5 thin limbs get lumps
-)
+# cosine of the angle between normals, below which an edge is sharp; at 0.5 thin limbs get lumps
+SHARPEST = 0.0
 
 
 def finer(mesh: Mesh, values: FloatArray) -> tuple[Mesh, FloatArray, FloatArray]:

@@ -29,9 +29,8 @@ MOST_LANDMARKS = 50  # that lead the search, of those given; all lead the refine
 
 # lengths below are in the unit of both parts, about √area of the body that they are parts of
 BODY = 1.25  # √area of the body over the root mean square of those of its parts; only the unit of the bounds below
-MOST_UNLIKE = (
-    4.0  # times that one part may be as long as the other in the units of the files; beyond, areas are equal
-)
+# times that one part may be as long as the other in the units of the files; beyond, areas are equal
+MOST_UNLIKE = 4.0
 MOMENT_RADII = (0.06, 0.09, 0.13, 0.18, 0.24)  # of balls: small ones are noise, large ones cross the boundary
 AREA_RADII = tuple(0.05 * i for i in range(1, 13))  # of the balls whose areas are compared
 OVERHANG = 0.02  # by which a ball may reach over a boundary and count
@@ -191,9 +190,8 @@ class CommonRegion:
 
     images: IntArray  # (r,) vertex of the target's body for each sample
     accepted: BoolArray  # (r,) which samples are in the region
-    worth: (
-        float  # see `CommonRegions.worth`; while only some samples are placed, without what counts against it
-    )
+    # see `CommonRegions.worth`; while only some samples are placed, without what counts against it
+    worth: float
     orientation: float  # mean sign of its small triangles
     origin: str  # where it came from
 

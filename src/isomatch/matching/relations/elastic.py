@@ -45,16 +45,14 @@ N_FOLLOWED = (
     8,
 )  # best coarse fits that go on after each step; the last are bent, beside maps found otherwise
 ASYMMETRY_UNIT, ASYMMETRY_EXPONENT = 0.1, 0.25  # chosen on pairs of animals, not one by one
-LEAST_ORIENTATION = (
-    0.3  # mean cosine between normals of a coarse fit that goes on; selection.orientation_threshold
-)
+# mean cosine between normals of a coarse fit that goes on; selection.orientation_threshold
+LEAST_ORIENTATION = 0.3
 HOPELESS = 1.5  # score over the least, halfway, from which a map is not bent further
 # between two bendings: all functions, half the smoothness for twice as many
 LAST_STEP = Step(200, 0.0005, 2, False)
 SAME_MAP = 0.05  # √area: mean distance by which maps differ in the large; search.same_map
-FINE_NORMAL_WEIGHT = (
-    0.15  # beside canonical coordinates, in the last step; docs/lab/robustness.md, other species
-)
+# beside canonical coordinates, in the last step; docs/lab/robustness.md, other species
+FINE_NORMAL_WEIGHT = 0.15
 PRIORED_TIE = 1.1  # score over the least, up to which a map that agrees with the priors wins
 SKIPPED = 2  # first lengths of elastic.bending, which move large pieces; the winner was bent by them before
 FULL_LENGTHS = (0.05, 0.04, 0.03)  # by which the winner is bent in full, after those

@@ -39,9 +39,8 @@ REMOTENESS_COST, SIGNATURE_COST = (
     0.1,
 )  # weights of the share of the area that is less remote, and of signatures
 ASIDE_COST, MOST_ASIDE = 1.0, 1.0  # of distances from mirror images, in average distances; not measured
-N_PLAIN_STARTS = (
-    30  # starts that do not compare these, where both shapes have one; docs/lab/robustness.md, other species
-)
+# starts that do not compare these, where both shapes have one; docs/lab/robustness.md, other species
+N_PLAIN_STARTS = 30
 
 # of mirror images
 MIRROR_SPECTRAL_RESIDUAL, MIRROR_ORIENTATION = 0.26, 0.5  # at most and at least, of a map to itself to be one
@@ -57,9 +56,8 @@ class ElasticShape:
 
     prepared: PreparedShape  # its body is a mesh of n vertices
     settings: ElasticSettings
-    mirrored: FloatArray | None = (
-        None  # (n, d + 3) ``values`` at the mirror image of each vertex, smoothed, if there is one
-    )
+    # (n, d + 3) ``values`` at the mirror image of each vertex, smoothed, if there is one
+    mirrored: FloatArray | None = None
 
     @property
     def mesh(self) -> Mesh:
@@ -178,9 +176,8 @@ class Images(NamedTuple):
     forth: IntArray  # (m_s,)
     back: IntArray  # (m_t,)
     spectral_residual: float  # their mean distance
-    orientation: (
-        float  # mean cosine between normals of either shape and of its copy on the other, of the wanted side
-    )
+    # mean cosine between normals of either shape and of its copy on the other, of the wanted side
+    orientation: float
 
 
 class _Copy(NamedTuple):

@@ -58,9 +58,8 @@ from isomatch.values.cached import cached_property
 # those without another source were chosen together on cuts and holes
 N_VARIED = 4  # best rough maps that are composed with maps of the whole onto itself
 N_CONTENDERS = 8  # best starts that are refined to the end
-N_BENT_IN_FULL = (
-    5  # last lengths with which the best map bends the part in full; 3 and 10 no better on four parts
-)
+# last lengths with which the best map bends the part in full; 3 and 10 no better on four parts
+N_BENT_IN_FULL = 5
 LITTLE_DOUBT = 0.5  # share of the bound of the doubt above which a part may be a mirror image; one had 0.94
 
 PartSide = Literal["source", "target"]

@@ -24,9 +24,8 @@ N_ANCHORS = 50  # distance columns of the part whose images a start consists of
 LEAST_TRUSTED = 0.07  # share of known distances, below which ``scale = "auto"`` keeps the unit of the files
 UNIT_STEP = 1.1  # ratio of the units that are tried
 LEAST_SHARE = 0.1  # of the whole's area, where the units of the files say nothing; views show 16 % and more
-LARGEST_UNIT_CHANGE = (
-    1.4  # of the unit of the files; FAUST remeshed: bodies of one person differ by up to 1.2
-)
+# of the unit of the files; FAUST remeshed: bodies of one person differ by up to 1.2
+LARGEST_UNIT_CHANGE = 1.4
 LARGEST_UNIT = 1.05  # a part is no larger than the whole, but for errors of the measurement
 UNIT_GRID = 0.02  # logarithm of the ratio of two units that are told apart
 TRUSTED = 0.97  # lower over upper bound from which a distance counts as known

@@ -31,9 +31,8 @@ from isomatch.values.cached import cached_method, cached_property
 # those without another source were chosen together on cuts and holes
 FUNCTION_RATIO = 1.75  # a boundary needs more functions than the share of the area says
 EXTRA_FUNCTIONS = 3
-LANDMARK_REACH = (
-    0.3  # √area up to which distances from landmarks are coordinates; docs/lab/robustness.md: parts
-)
+# √area up to which distances from landmarks are coordinates; docs/lab/robustness.md: parts
+LANDMARK_REACH = 0.3
 LEAST_NEAR, MOST_NEAR = 0.08, 0.3  # √area of the part: distances that measure the unit of a map
 N_ROUGH_VERTICES = 500  # of the part in the short refinement
 ROUGH_SIZES = (20, 40, 70)  # functions of the whole in it
