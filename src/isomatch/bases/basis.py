@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import TYPE_CHECKING, Literal, Unpack, get_args
 
 import numpy as np
 
 from isomatch.assets import SurfaceLike
 from isomatch.errors import MeshError, SettingError
 from isomatch.geodesics import DistanceEngine, MetricSpace, distance_engine
-from isomatch.loading.first_use import Shown, view_room
+from isomatch.loading.first_use import PlotOptions, Shown, view_room
 from isomatch.values.arrays import FloatArray, IntArray
 
 if TYPE_CHECKING:
@@ -94,17 +94,7 @@ class PlottedBasis(Shown):
 
     __slots__ = ()
 
-    def plot(
-        self,
-        surface: SurfaceLike = None,
-        *,
-        colour_map: str | None = None,
-        title: str = "",
-        width: int = 1800,
-        view: tuple[float, float] | None = None,
-    ) -> Figure:
+    def plot(self, surface: SurfaceLike = None, **options: Unpack[PlotOptions]) -> Figure:
         """Draw the spectrum, or the first four vectors on their surface; arguments as for `isomatch.view.plot_basis`."""
-        figure: Figure = view_room().plot_basis(
-            self, surface, colour_map=colour_map, title=title, width=width, view=view
-        )
+        figure: Figure = view_room().plot_basis(self, surface, **options)
         return figure

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,7 +24,7 @@ from isomatch.correspondence.map_arrays import (
 )
 from isomatch.correspondence.map_files import map_parts, write_map
 from isomatch.errors import DescriptorError, FormatError, MapError
-from isomatch.loading.first_use import Shown, view_room
+from isomatch.loading.first_use import PlotOptions, Shown, view_room
 from isomatch.surfaces import PrecisePoints, Surface, surface_in_use
 from isomatch.values.arrays import AnyArray, FloatArray, IntArray, array_of
 
@@ -105,11 +105,7 @@ class Correspondence(Shown):
         target: SurfaceLike = None,
         *,
         values: ArrayLike | None = None,
-        label: str = "",
-        colour_map: str | None = None,
-        title: str = "",
-        width: int = 1800,
-        view: tuple[float, float] | None = None,
+        **options: Unpack[PlotOptions],
     ) -> Figure:
         """Draw both surfaces side by side, in the same colour what corresponds; see `isomatch.view.draw_map`.
 
@@ -119,10 +115,8 @@ class Correspondence(Shown):
             The surfaces; by default those that the map was made for, as long as a variable holds them.
         values : (n_source,) array_like of float, optional
             Numbers, such as an expected error, in whose colours the source is drawn once more; ``nan`` is grey.
-        label : str
-            What the numbers are, with their unit.
-        colour_map, title, width, view
-            A colour map of matplotlib for the numbers, text above all, pixels, and degrees, as for `plot_surface`.
+        **options
+            ``label`` of the values, ``colour_map``, ``title``, ``width``, ``view``, as for `plot_surface`.
 
         Raises
         ------
@@ -132,14 +126,9 @@ class Correspondence(Shown):
             If the values do not fit, a surface has no area, or there is no such colour map.
         """
         room, surfaces = view_room(), self.surfaces(source, target)
-        figure: Figure = room.draw_map(
-            *map(room.drawable, surfaces),
-            self,
-            values=None if values is None else room.ValuePanel(values, label, colour_map=colour_map),
-            title=title,
-            width=width,
-            view=view,
-        )
+        label, colour_map = options.pop("label", ""), options.pop("colour_map", None)
+        panel = None if values is None else room.ValuePanel(values, label, colour_map=colour_map)
+        figure: Figure = room.draw_map(*map(room.drawable, surfaces), self, values=panel, **options)
         return figure
 
     def surfaces(self, source: SurfaceLike = None, target: SurfaceLike = None) -> tuple[Surface, Surface]:

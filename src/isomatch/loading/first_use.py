@@ -10,7 +10,7 @@ import sys
 from importlib import import_module
 from pkgutil import get_data
 from types import ModuleType
-from typing import Any
+from typing import Any, TypedDict
 
 from isomatch.errors import MissingDependencyError
 
@@ -70,6 +70,16 @@ def package(module: str, extra: str | None, what: str) -> Any:
             ) from error
         install = f"'isomatch[{extra}]'" if extra else name
         raise MissingDependencyError(f"{what} needs the package {name}; pip install {install}") from None
+
+
+class PlotOptions(TypedDict, total=False):
+    """Keywords that every ``plot`` passes to the room `view`."""
+
+    label: str  # what the values are, with their unit
+    colour_map: str | None  # name of a colour map of matplotlib
+    title: str  # text above all
+    width: int  # in pixels; notebooks show two of them for each pixel of the page
+    view: tuple[float, float] | None  # degrees around the shape and above the horizon, by default (32, 14)
 
 
 def view_room() -> Any:

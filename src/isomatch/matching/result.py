@@ -220,32 +220,9 @@ class MatchResult(Shown):
         """Shares of both shapes that the map says they have in common: ``quality.matched`` and ``quality.coverage``."""
         return self.quality.matched, self.quality.coverage
 
-    def plot(
-        self,
-        source: SurfaceLike = None,
-        target: SurfaceLike = None,
-        *,
-        values: ArrayLike | None = None,
-        label: str = "",
-        colour_map: str | None = None,
-        title: str = "",
-        width: int = 1800,
-        view: tuple[float, float] | None = None,
-    ) -> Figure:
-        """Draw both surfaces side by side, in the same colour what corresponds: `Correspondence.plot` of the map.
-
-        Keywords and errors are those of `Correspondence.plot`.
-        """
-        return self.map.plot(
-            source,
-            target,
-            values=values,
-            label=label,
-            colour_map=colour_map,
-            title=title,
-            width=width,
-            view=view,
-        )
+    def plot(self, source: SurfaceLike = None, target: SurfaceLike = None, **options: Any) -> Figure:
+        """Draw both surfaces side by side, in the same colour what corresponds: `Correspondence.plot` of the map."""
+        return self.map.plot(source, target, **options)
 
     def show(
         self,

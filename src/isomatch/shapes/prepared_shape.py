@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from hashlib import blake2b
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,7 +24,7 @@ from isomatch.descriptors import (
 )
 from isomatch.errors import FormatError, InputError, SettingError
 from isomatch.geodesics import Sampling, distance_along_edges_to_nearest
-from isomatch.loading.first_use import Shown, view_room
+from isomatch.loading.first_use import PlotOptions, Shown, view_room
 from isomatch.mending import check, handles, seems_inside_out
 from isomatch.resolution import Decimated, Prolongation
 from isomatch.settings import Config
@@ -151,26 +151,16 @@ class PreparedShape(SmoothShape, Shown):
                 "with the settings of the match"
             )
 
-    def plot(
-        self,
-        values: ArrayLike | None = None,
-        *,
-        label: str = "",
-        colour_map: str | None = None,
-        title: str = "",
-        width: int = 1000,
-        view: tuple[float, float] | None = None,
-    ) -> Figure:
+    def plot(self, values: ArrayLike | None = None, **options: Unpack[PlotOptions]) -> Figure:
         """Draw the user's shape, coloured by values at its vertices, with the keywords of `isomatch.view.plot_surface`.
 
         By default the values are the average distance of each vertex to all of the body, in √area of the body, from the
         distance basis; vertices that were left out are grey. `TypeError` if the shape is a graph, which has no positions.
         """
         if values is None:
-            values, label = self.lift(self.average_distance), label or "average distance / √area"
-        figure: Figure = view_room().plot_surface(
-            self.surface, values, label=label, colour_map=colour_map, title=title, width=width, view=view
-        )
+            values = self.lift(self.average_distance)
+            options = {**options, "label": options.get("label") or "average distance / √area"}
+        figure: Figure = view_room().plot_surface(self.surface, values, **options)
         return figure
 
     @property
