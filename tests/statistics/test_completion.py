@@ -20,6 +20,7 @@ from isomatch.statistics import (
     observed_part,
     observed_vertices,
 )
+from isomatch.statistics.completion import _Fit
 from isomatch.surfaces import PrecisePoints
 from isomatch_lab.procedural import creature
 
@@ -219,11 +220,10 @@ def test_bad_input():
         observed_landmarks(m, Landmarks(three, ["a", "a", "c"]), Landmarks(three[:1], ["a"]))
 
 
-def test_steps_that_do_not_settle_are_an_error(monkeypatch):
-    monkeypatch.setattr("isomatch.statistics.completion.MOST_STEPS", 1)
+def test_steps_that_do_not_settle_are_an_error():
     m = model()
     with pytest.raises(NotConvergedError, match="still move after 1 steps"):
-        complete(m, observed_vertices(m, half(m.mesh(m.scores[3])), noise=0.1))
+        _Fit.of(m, observed_vertices(m, half(m.mesh(m.scores[3])), noise=0.1), is_free=True, most=1)
 
 
 def test_a_part_that_is_wound_inside_out_completes_to_the_same():
