@@ -29,7 +29,7 @@ def faces_to_rewind(mesh: Mesh) -> BoolArray:
 
 
 def seems_inside_out(mesh: Mesh) -> bool:
-    """Whether the largest piece of a consistently wound mesh, of which `repair` keeps the winding for its openings, looks in.
+    """Whether the largest piece of a consistently wound mesh, which keeps its winding for its openings, looks inward.
 
     It is closed over its openings by cones; the sign of the volume inside says where its faces look. Seen from outside,
     a half or a fifth of a body still bulges towards who looks; a scan of a cavity does not, so nothing is turned over.
