@@ -97,12 +97,9 @@ def decimate(
 
     Notes
     -----
-    Garland & Heckbert, *Surface simplification using quadric error metrics*, SIGGRAPH 1997, with planes perpendicular to
-    the surface at boundaries, and a small multiple of the squared distance to the merged vertices, so that flat parts
-    get even triangles. An edge is collapsed if that preserves the topology (Dey, Edelsbrunner, Guha & Nekhayev,
-    *Topology preserving edge contraction*, 1999), and turns no face too far nor makes it a sliver. In rounds: each
-    collapses edges below a cost, the cheapest first, on a mesh that is compact in memory; above 65 536 vertices those of
-    each block of vertices. O(n) time, about 300 bytes for each vertex.
+    Garland & Heckbert, *Surface simplification using quadric error metrics*, SIGGRAPH 1997, where an edge is collapsed if
+    that preserves the topology (Dey, Edelsbrunner, Guha & Nekhayev, *Topology preserving edge contraction*, 1999), and
+    turns no face too far nor makes it a sliver. O(n) time, about 300 bytes for each vertex.
 
     Examples
     --------
@@ -146,6 +143,9 @@ def decimations(
 @dataclass(eq=False)
 class _Rounds:
     """A mesh on its way to a coarser one: the arrays of `_collapse`, in which rounds leave room at the end."""
+
+    # each round collapses edges below a cost, the cheapest first, on a mesh that is compact in memory; of a large mesh
+    # those of each block of vertices
 
     n: int  # vertices left
     vertices: FloatArray  # of these three, the first n rows, and those of the faces left, are used

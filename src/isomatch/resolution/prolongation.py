@@ -34,20 +34,6 @@ class Prolongation:
 
     Another finger, or the other lip, is no image, however near in space: points are only sought where the decimation has
     merged vertices with those around it, and normals tell apart the two sides of what is thin.
-
-    Examples
-    --------
-    >>> from isomatch.resolution import decimate
-    >>> turn = np.linspace(0, 2 * np.pi, 20, endpoint=False)
-    >>> points = [[np.cos(t), np.sin(t), z] for t in turn for z in (0.0, 0.2)]
-    >>> faces = [face for i in range(0, 40, 2) for face in ((i, i + 2, i + 1), (i + 1, i + 2, i + 3))]
-    >>> fine = Mesh(points, np.array(faces) % 40)
-    >>> prolongation = Prolongation(fine, decimate(fine, 20))
-    >>> places = prolongation.on_coarse
-    >>> positions = places.interpolated(prolongation.coarse.mesh.vertices)
-    >>> there_and_back = prolongation.near_fine(positions, places.corners)
-    >>> bool((there_and_back.corners[:, 0] == np.arange(40)).all())
-    True
     """
 
     fine: Mesh

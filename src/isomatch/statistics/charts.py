@@ -94,20 +94,7 @@ def draw_regression(
     *,
     dpi: int = DPI,
 ) -> None:
-    """Draw the scores of a regression on one variable against the variable, with its line.
-
-    Parameters
-    ----------
-    path, groups, dpi
-        As for `draw_scores`.
-    regression : ShapeRegression
-    variable : (m,) array of float
-        Its variable.
-    names : sequence of str
-        Names of the m shapes.
-    label : str
-        What the variable is.
-    """
+    """Draw the scores of a regression on one variable (m,) against the variable, with its line, as `draw_scores`."""
     figure, (axes,) = _chart()
     scores = regression.scores[:, 0]
     ends = np.array([variable.min(), variable.max()])

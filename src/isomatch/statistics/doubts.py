@@ -97,11 +97,9 @@ def doubtful_positions(names: Sequence[str], vertices: FloatArray) -> list[Doubt
 
 
 def _mirrored(distances: FloatArray, reflected: FloatArray) -> BoolArray:
-    """(m,) which shapes are mirror images of most.
-
-    Two shapes agree by 1 if their thinnest directions do, and by −1 if these are opposite, so that the mirror image is
-    nearer. Signs of the leading eigenvector of the agreements tell the two sides.
-    """
+    """Tell which shapes, (m,), are mirror images of most."""
+    # two shapes agree by 1 if their thinnest directions do, and by −1 if these are opposite, so that the mirror image is
+    # nearer. Signs of the leading eigenvector of the agreements tell the two sides.
     # reflected² − distance² = ±4 σ₃, with the least singular value σ₃ of XᵀWY: of a shape and itself, thickness²
     m = len(distances)
     thickness = np.diag(reflected)

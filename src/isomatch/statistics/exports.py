@@ -16,17 +16,10 @@ from isomatch.values.arrays import FloatArray
 
 
 def write_shapeworks(folder: str | Path, shapes: CorrespondedShapes, aligned: FloatArray) -> None:
-    """Write a project of ShapeWorks, whose particles are the vertices.
+    """Write a project of ShapeWorks, whose particles are the vertices, local as they are and world as aligned, (m, n, 3).
 
-    Parameters
-    ----------
-    folder : path_like
-        Existing folder for ``project.swproj``, which ShapeWorks Studio opens, and for a mesh and two ``.particles``
-        files of each shape: text with x y z on each line.
-    shapes : CorrespondedShapes
-        The m shapes; their positions are the local particles.
-    aligned : (m, n, 3) array of float
-        The same after alignment: the world particles.
+    An existing folder gets ``project.swproj``, which ShapeWorks Studio opens, and a mesh and two ``.particles`` files of
+    each shape: text with x y z on each line.
     """
     folder = Path(folder)
     subjects = []

@@ -135,26 +135,11 @@ def model_noise(model: ShapeModel) -> float:
 def observed_vertices(
     model: ShapeModel, mesh: Mesh, known: BoolArray | None = None, noise: float | None = None
 ) -> Observations:
-    """Take the vertices that a mesh in the topology of a model has.
+    """Take the vertices that a mesh in the topology of a model has, without those that have no finite position.
 
-    Parameters
-    ----------
-    model : ShapeModel
-    mesh : Mesh
-        With the faces of the model; vertices without a finite position are missing.
-    known : (n,) array of bool, optional
-        Which of the others were measured; by default all.
-    noise : float, optional
-        Root mean square distance of a vertex from what the modes describe; by default `model_noise`. As errors of
-        neighbours are alike, all vertices within a square of 0.2 √area count as one.
-
-    Examples
-    --------
-    >>> from isomatch.statistics import CorrespondedShapes
-    >>> triangle = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
-    >>> shapes = CorrespondedShapes("abc", [triangle * [1, height, 1] for height in (1, 2, 3)], [[0, 1, 2]])
-    >>> observed_vertices(ShapeModel.fit(shapes), Mesh(triangle * [[1], [1], [np.nan]], [[0, 1, 2]]))
-    Observations(2 points)
+    Of the others, all (n,) were measured by default. The noise is the root mean square distance of a vertex from what
+    the modes describe, by default `model_noise`. As errors of neighbours are alike, all vertices within a square of 0.2
+    √area count as one.
     """
     if not np.array_equal(mesh.faces, model.faces) or mesh.n_vertices != len(model.mean):
         raise MeshError(
@@ -173,17 +158,9 @@ def observed_vertices(
 def observed_landmarks(
     model: ShapeModel, own: Landmarks, found: Landmarks, noise: float | None = None
 ) -> Observations:
-    """Take landmarks of a shape, joined by name with those of the mean of a model.
+    """Take landmarks of a shape, joined by name with the model's own, which are in the coordinates of its mean.
 
-    Parameters
-    ----------
-    model : ShapeModel
-    own : Landmarks
-        In the coordinates of its mean.
-    found : Landmarks
-        Of the shape; their expected errors add to the noise.
-    noise : float, optional
-        Root mean square distance of a landmark from what the modes describe; by default `model_noise`.
+    Their expected errors add to the noise, which is that of `observed_vertices`.
     """
     names = [
         [name for name, placed in zip(marks.names, marks.placed) if placed and name] for marks in (own, found)
@@ -217,19 +194,10 @@ def observed_part(
     expected_error: ArrayLike = 0.0,
     noise: float | None = None,
 ) -> Observations:
-    """Take the vertices of a surface that was matched to the mean of a model.
+    """Take the m vertices of a surface, all of a shape or a part, of which a map to the mean of a model was found.
 
-    Parameters
-    ----------
-    model : ShapeModel
-    part : Mesh, or what `mesh_from` takes
-        A part of a shape, or all of it, with m vertices.
-    found : Correspondence
-        From it to the mean, such as that of ``match(part, model.mesh())``.
-    expected_error : (m,) array_like of float
-        Of its images, in √area, as a `MatchResult` has it; they add to the noise until nearest points take their place.
-    noise : float, optional
-        As for `observed_vertices`.
+    That is such as of ``match(part, model.mesh())``. Expected errors (m,) of its images, in √area, as a `MatchResult`
+    has them, add to the noise, which is that of `observed_vertices`, until nearest points take their place.
     """
     part, mean = mesh_from(part), model.mesh()
     found.check_fits(part, mean)

@@ -25,35 +25,11 @@ def geodesic_distortions(
     engine: str | None = None,
     progress: Callable[[str], None] = lambda name: None,
 ) -> FloatArray:
-    """Compute how much geodesic distances differ between each pair of shapes; a change of pose counts little.
+    """Compute how much geodesic distances differ between each pair of m shapes; a change of pose counts little.
 
-    Parameters
-    ----------
-    shapes : CorrespondedShapes
-        The m shapes.
-    n_samples : int
-        Number of evenly spread vertices between which distances are measured.
-    engine : str, optional
-        How distances are computed, see `distance_engine`.
-    progress : callable
-        Is given the name of each shape before its distances are computed.
-
-    Returns
-    -------
-    (m, m) array of float
-        Root mean square difference of the distances, each divided by √(area of its shape); symmetric.
-
-    Notes
-    -----
-    Samples are farthest points of the mean, beginning with the vertex farthest from its centroid. O(m n_samples n log n)
-    time.
-
-    Examples
-    --------
-    >>> triangle = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
-    >>> shapes = CorrespondedShapes(("a", "b"), [triangle, 2 * triangle], [[0, 1, 2]])
-    >>> geodesic_distortions(shapes).round(6).tolist()
-    [[0.0, 0.0], [0.0, 0.0]]
+    Returns root mean square differences (m, m) between distances, each divided by √(area of its shape), of n_samples
+    farthest points of the mean, beginning with the vertex farthest from its centroid. `distance_engine` has the engines;
+    progress is given the name of each shape before its distances are computed. O(m n_samples n log n) time.
     """
     if n_samples < 1:
         raise SettingError(f"n_samples = {n_samples} is not at least 1")
