@@ -1,12 +1,14 @@
 """What all tests share; ``zoo.py``, ``shapes.py`` and ``data.py`` beside this file can be imported."""
 
 import os
+import re
 import signal
 from functools import partial
 
 import pytest
 from threadpoolctl import threadpool_limits
 
+import isomatch.statistics
 import isomatch.view.report
 from data import real_file
 from isomatch import Mesh, PointCloud, prepare
@@ -96,7 +98,8 @@ def prepared_once():
 @pytest.fixture
 def coarse_pictures(monkeypatch):
     """The pictures of statistics with a fifth of the dots in print: what is in them is tested in ``statistics``."""
-    monkeypatch.setattr("isomatch.statistics.charts.DPI", 60)
+    for name in filter(re.compile("draw_").match, isomatch.statistics.__all__):
+        monkeypatch.setattr(isomatch.statistics, name, partial(getattr(isomatch.statistics, name), dpi=60))
 
 
 @pytest.fixture

@@ -188,5 +188,5 @@ def test_an_animal_there_and_back(n):
 
 def test_what_does_not_belong_together_is_refused():
     mesh = icosphere(2)
-    with pytest.raises(MeshError, match="one with 162 vertices, but the fine mesh has 642"):
+    with pytest.raises(MeshError, match="162"):
         Prolongation(icosphere(3), decimate(mesh, 50))

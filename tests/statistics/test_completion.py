@@ -20,6 +20,7 @@ from isomatch.statistics import (
     observed_part,
     observed_vertices,
 )
+from isomatch.statistics.completion import _Fit
 from isomatch.surfaces import PrecisePoints
 from isomatch_lab.procedural import creature
 
@@ -194,36 +195,33 @@ def test_landmarks_are_joined_by_name():
 
 def test_bad_input():
     m = model()
-    with pytest.raises(MeshError, match="has other faces than the model"):
+    with pytest.raises(MeshError, match="faces"):
         observed_vertices(m, Mesh(m.mean, m.faces[1:]))
     three = m.mean[[0, 1, 2]]
-    with pytest.raises(LandmarkError, match="2 points do not fix a pose; give at least 3"):
+    with pytest.raises(LandmarkError, match="pose"):
         complete(m, Observations.at_vertices([0, 1], three[:2], 0.1))
     with pytest.raises(LandmarkError, match="on a line"):
         complete(m, Observations.at_vertices([0, 1, 2], three * [1, 0, 0], 0.1))
     with pytest.raises(InputError, match="the model has 0…41"):
         complete(m, Observations.at_vertices([0, 1, 42], three, 0.1))
-    with pytest.raises(InputError, match="give one of each for each point"):
+    with pytest.raises(InputError, match="each"):
         Observations.at_vertices([0, 1], three, 0.1)
     with pytest.raises(InputError, match="must be finite"):
         Observations.at_vertices([0, 1, 2], three * np.nan, 0.1)
     with pytest.raises(SettingError, match="is not a distance"):
         observed_vertices(m, m.mesh(), noise=-1.0)
-    with pytest.raises(SettingError, match="not one of 'fitted', 'given'"):
+    with pytest.raises(SettingError, match="fitted"):
         complete(m, observed_vertices(m, m.mesh()), pose="free")
-    with pytest.raises(
-        LandmarkError, match="no landmark of the shape is named like one of the mean: x and a"
-    ):
+    with pytest.raises(LandmarkError, match="named like"):
         observed_landmarks(m, Landmarks(three, ["a", "b", "c"]), Landmarks(three[:1], ["x"]))
-    with pytest.raises(LandmarkError, match="several landmarks are named a"):
+    with pytest.raises(LandmarkError, match="several"):
         observed_landmarks(m, Landmarks(three, ["a", "a", "c"]), Landmarks(three[:1], ["a"]))
 
 
-def test_steps_that_do_not_settle_are_an_error(monkeypatch):
-    monkeypatch.setattr("isomatch.statistics.completion.MOST_STEPS", 1)
+def test_steps_that_do_not_settle_are_an_error():
     m = model()
     with pytest.raises(NotConvergedError, match="still move after 1 steps"):
-        complete(m, observed_vertices(m, half(m.mesh(m.scores[3])), noise=0.1))
+        _Fit.of(m, observed_vertices(m, half(m.mesh(m.scores[3])), noise=0.1), is_free=True, most=1)
 
 
 def test_a_part_that_is_wound_inside_out_completes_to_the_same():

@@ -7,7 +7,7 @@ from scipy.stats import norm
 from sklearn.decomposition import PCA
 
 from corresponded import ellipsoids, random_shapes
-from isomatch.statistics import ShapeModel, generalisation, shape_model, specificity
+from isomatch.statistics import ShapeModel, generalisation, specificity
 
 
 def test_more_modes_never_describe_a_new_shape_worse():
@@ -65,11 +65,10 @@ def test_specificity_measures_distances_of_shapes():
         assert curve.mean[j] == pytest.approx(away.min())
 
 
-def test_of_many_shapes_some_are_left_out(monkeypatch):
+def test_of_many_shapes_some_are_left_out():
     model = ShapeModel.fit(random_shapes(30))
     whole = generalisation(model)
-    monkeypatch.setattr(shape_model, "MOST_LEFT_OUT", 15)
-    part = generalisation(model, seed=2)
+    part = generalisation(model, seed=2, most=15)
     assert (np.abs(part.mean - whole.mean) < 4 * part.standard_error).all()
 
 

@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from corresponded import ellipsoids, moved, only, random_shapes
 from isomatch.errors import MeshError, NotConvergedError, SettingError
-from isomatch.statistics import generalised_procrustes, procrustes, procrustes_distances
+from isomatch.statistics import generalised_procrustes, procrustes_distances
 
 
 def apart(points):
@@ -104,14 +104,13 @@ def test_distances_of_pairs_are_those_after_aligning_the_pair():
     np.testing.assert_array_equal(distances, distances.T)
 
 
-def test_bad_input(monkeypatch):
+def test_bad_input():
     shapes = random_shapes(3, spread=0.5).vertices
-    with pytest.raises(SettingError, match="scale = 'drop' is not one of"):
+    with pytest.raises(SettingError, match="scale"):
         generalised_procrustes(shapes, scale="drop")
     with pytest.raises(SettingError, match="give 42 finite ones"):
         generalised_procrustes(shapes, np.ones(3))
     with pytest.raises(MeshError, match="shape 1 is a single point"):
         generalised_procrustes(shapes * np.array([1, 0, 1])[:, None, None], scale="remove")
-    monkeypatch.setattr(procrustes, "MOST_ITERATIONS", 1)
     with pytest.raises(NotConvergedError, match="leave out outliers"):
-        generalised_procrustes(shapes)
+        generalised_procrustes(shapes, most_iterations=1)

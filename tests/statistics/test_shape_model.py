@@ -177,17 +177,17 @@ def test_files(scale, tmp_path):
 
 def test_bad_input():
     model = ShapeModel.fit(ellipsoids(LENGTHS))
-    with pytest.raises(SettingError, match="at most 1, one for each mode"):
+    with pytest.raises(SettingError, match="at most 1"):
         model.vertices([1, 2])
-    with pytest.raises(SettingError, match="mode = 1 is not one of the 1 modes"):
+    with pytest.raises(SettingError, match="mode = 1"):
         model.mode_mesh(1, 2.0)
     with pytest.raises(SettingError, match="weights = 'volume'"):
         ShapeModel.fit(ellipsoids(LENGTHS), weights="volume")
-    with pytest.raises(MeshError, match="has other faces than the model"):
+    with pytest.raises(MeshError, match="faces"):
         model.score(Mesh(model.mean, model.faces[::-1]))
     unplaced = model.mean.copy()
     unplaced[3] = np.nan
-    with pytest.raises(MeshError, match="some vertices have no position"):
+    with pytest.raises(MeshError, match="position"):
         model.score(Mesh(unplaced, model.faces))
     flat = CorrespondedShapes(("a",), [np.zeros_like(model.mean)], model.faces)
     with pytest.raises(InputError, match="shape a has area 0"):

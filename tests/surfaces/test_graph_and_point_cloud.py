@@ -110,7 +110,7 @@ def test_what_is_no_point_cloud(points, message):
 
 
 def test_neighbours_must_be_some():
-    with pytest.raises(SettingError, match="n_neighbours = 0 is not a positive number"):
+    with pytest.raises(SettingError, match="n_neighbours"):
         PointCloud(np.zeros((5, 3)), 0)
     assert PointCloud(np.eye(4, 3), 1).n_neighbours == 1
 
@@ -119,9 +119,7 @@ def test_neighbours_must_be_some():
     "points", [np.zeros((40, 3)), np.outer(np.arange(50), [1, 2, 3])], ids=["place", "line"]
 )
 def test_points_without_an_area(points):
-    with pytest.raises(
-        MeshError, match="cannot be triangulated locally, so they have no areas: they lie on a line or at few"
-    ):
+    with pytest.raises(MeshError, match="triangulated"):
         _ = PointCloud(points).vertex_areas
 
 

@@ -54,10 +54,7 @@ FILE = files("isomatch.datasets") / "shipped" / "creature_pair.npz"
 def example_pair() -> tuple[Creature, Creature]:
     """Load two poses of one asymmetric animal with different triangulations; only numpy is needed.
 
-    Returns
-    -------
-    source, target : Creature
-        Standing, and running with its head turned; `ground_truth` gives their correspondence.
+    The source stands, and the target runs with its head turned; `ground_truth` gives their correspondence.
 
     Examples
     --------
@@ -82,29 +79,9 @@ def example_pair() -> tuple[Creature, Creature]:
 def ground_truth(source: Creature, target: Creature, *, mirrored: bool = False) -> Truth:
     """Find the true correspondence of two creatures through their common rest surface.
 
-    Parameters
-    ----------
-    source, target : Creature
-        Of the same kind, style and symmetry; pose, resolution and triangulation may differ.
-    mirrored : bool
-        Find the other true correspondence of symmetric creatures, which maps left to right.
-
-    Returns
-    -------
-    Truth
-        For each vertex of the source, the closest point of the target's rest mesh, and its nearest vertex.
-
-    Raises
-    ------
-    InputError
-        If the creatures differ in kind, style or symmetry.
-    SettingError
-        If the mirrored truth of an asymmetric creature is asked for.
-
-    Notes
-    -----
-    The closest point is exact; the two meshes differ from the rest surface by O(h²), h being the edge length.
-    Time O(n log m) for n source vertices and m target faces.
+    They are of the same kind, style and symmetry; pose, resolution and triangulation may differ. For each vertex of the
+    source, it is the closest point of the target's rest mesh, which differs from the rest surface by O(h²), h being the
+    edge length. The mirrored one is the other true correspondence of symmetric creatures, from left to right.
     """
     for what in ("kind", "style", "symmetric"):
         ours, theirs = getattr(source, what), getattr(target, what)

@@ -15,21 +15,11 @@ CHUNK = 50_000  # points handled at once, to bound memory
 
 @dataclass(frozen=True, eq=False)
 class Truth:
-    """True image of each of n source vertices on the target.
+    """True image of each of n source vertices on the target."""
 
-    Parameters
-    ----------
-    vertices : (n,) array of int
-        Nearest target vertex.
-    faces : (n,) array of int
-        Target face that contains the closest point.
-    barycentric : (n, 3) array
-        Weights of the three corners of that face.
-    """
-
-    vertices: IntArray
-    faces: IntArray
-    barycentric: FloatArray
+    vertices: IntArray  # (n,) nearest target vertex
+    faces: IntArray  # (n,) target face that contains the closest point
+    barycentric: FloatArray  # (n, 3) weights of the three corners of that face
 
     def points(self, target: Mesh) -> FloatArray:
         """Compute the precise images, (n, 3), on the target mesh in any pose."""
@@ -40,14 +30,10 @@ class Truth:
 
 
 def closest_points(points: FloatArray, mesh: Mesh) -> Truth:
-    """Find the closest point of a mesh to each of (n, 3) points.
-
-    Notes
-    -----
-    A face whose corners lie within R of its centroid c is at least |p − c| − R away from p. So if the faces of the k
-    nearest centroids are at least d away, and the k-th centroid is farther than d + R, no other face is closer than d.
-    Points for which this fails are searched again with more centroids, up to all of them.
-    """
+    """Find the closest point of a mesh to each of (n, 3) points, exactly."""
+    # a face whose corners lie within R of its centroid c is at least |p − c| − R away from p. So if the faces of the k
+    # nearest centroids are at least d away, and the k-th centroid is farther than d + R, no other face is closer than
+    # d. Points for which this fails are searched again with more centroids, up to all of them
     triangles = mesh.vertices[mesh.faces]
     centroids = triangles.mean(axis=1)
     radius = np.sqrt(((triangles - centroids[:, None]) ** 2).sum(axis=2).max())
@@ -72,10 +58,8 @@ def closest_points(points: FloatArray, mesh: Mesh) -> Truth:
 
 
 def _closest_on_triangles(points: FloatArray, triangles: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Barycentric coordinates (…, 3) of, and distance (…) to, the closest point of each (…, 3, 3) triangle.
-
-    It is the foot of the perpendicular if that lies inside, otherwise the closest point of the three edges.
-    """
+    """Barycentric coordinates (…, 3) of, and distance (…) to, the closest point of each (…, 3, 3) triangle."""
+    # the foot of the perpendicular if that lies inside, otherwise the closest point of the three edges
     offset = triangles - points[..., None, :]
     weights = _foot(offset)
     best = np.where((weights >= 0).all(axis=-1), _length(weights, offset), np.inf)

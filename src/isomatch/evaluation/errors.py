@@ -25,13 +25,7 @@ UNMATCHED_ERROR = 1.0  # of a vertex without an image, in means: √(target area
 
 @dataclass(frozen=True, eq=False)
 class SidedErrors:
-    """Errors of one map against the direct truth and, where it is known, the mirrored truth.
-
-    Parameters
-    ----------
-    direct, mirrored : (q,) array of float
-        Geodesic errors / √(target area), ``inf`` where unmatched; ``mirrored`` is None without mirrored truth.
-    """
+    """Errors (q,) of one map, as `geodesic_errors`, against the direct and, where it is known, the mirrored truth."""
 
     direct: FloatArray
     mirrored: FloatArray | None = None
@@ -63,7 +57,6 @@ def geodesic_errors(
     Parameters
     ----------
     target : Mesh
-        Target surface.
     correspondence : Correspondence
         Map source → target; its vertices are judged.
     truth : (q, 2) array of int
@@ -77,7 +70,8 @@ def geodesic_errors(
     points : PrecisePoints, optional
         The q true images, where they are known as points in triangles; the vertices of ``truth`` are then of no account.
     unit : float, optional
-        By what distances are divided, in place of √(target area), such as √area of a whole of which the target is a part.
+        By what distances are divided, in place of √(target area), such as √area of a whole of which the target is a
+        part.
 
     Returns
     -------
@@ -87,8 +81,7 @@ def geodesic_errors(
     Notes
     -----
     Kim, Lipman & Funkhouser, *Blended Intrinsic Maps*, SIGGRAPH 2011. One front for each distinct true image, which by
-    fast marching goes no farther than the image; no n × n matrix. The distance to a point in a triangle is interpolated
-    between those to its corners, and a straight line if the image is one of them; with one front for each distinct image.
+    fast marching goes no farther than the image; no n × n matrix.
     """
     if n_points is not None and n_points < len(truth):
         drawn = np.sort(generator(seed).choice(len(truth), n_points, replace=False))
@@ -111,6 +104,7 @@ def _distances_to_points(
     target: Mesh, engine: DistanceEngine, vertices: IntArray, points: PrecisePoints
 ) -> FloatArray:
     """Distance (m,) from each of m vertices to a point in a triangle."""
+    # interpolated between those to its corners, and a straight line if the vertex is one of them
     pairs = np.column_stack([np.repeat(vertices, 3), points.corners.ravel()])
     to_corners = pair_distances(engine, pairs).reshape(-1, 3)
     weighted = np.where(
@@ -133,7 +127,7 @@ def sided_errors(
     points: PrecisePoints | None = None,
     unit: float | None = None,
 ) -> SidedErrors:
-    """Geodesic errors against the direct and the mirrored truth of a pair of symmetric shapes.
+    """Geodesic errors against the direct and the mirrored truth of a pair of symmetric shapes, over the same rows.
 
     Parameters
     ----------
@@ -141,16 +135,6 @@ def sided_errors(
         As for `geodesic_errors`; the points are those of the direct truth.
     mirrored : (q, 2) array of int, optional
         The truth after a left–right flip of one shape, with the same source vertex in each row.
-
-    Returns
-    -------
-    SidedErrors
-        Errors against both, over the same rows.
-
-    Raises
-    ------
-    MapError
-        If the two truths differ in their source vertices.
 
     Examples
     --------
@@ -192,40 +176,20 @@ def cumulative_curve(errors: FloatArray, thresholds: ArrayLike = THRESHOLDS) -> 
 def area_under_curve(errors: FloatArray, limit: float = LIMIT) -> float:
     """Area under the cumulative curve on [0, limit], divided by the limit: from 0 to 1, which is perfect.
 
-    Computed exactly, without thresholds: each error e contributes its step from e to the limit.
-
-    Examples
-    --------
     >>> area_under_curve(np.array([0.0, 0.125, np.inf, np.inf]))
     0.375
     """
-    return float(np.clip(1 - errors / limit, 0, 1).mean())
+    return float(
+        np.clip(1 - errors / limit, 0, 1).mean()
+    )  # exact: an error e contributes a step from e to the limit
 
 
 def coverage(target: Mesh, correspondence: Correspondence, reach: float = COVERAGE_RADIUS) -> float:
     """Share of the target's area that is near an image, as in ``Quality.coverage``.
 
-    Parameters
-    ----------
-    target : Mesh
-        Target surface.
-    correspondence : Correspondence
-        Map source → target; its vertices are judged.
-    reach : float
-        A target vertex is covered, with its area, when an image lies within this distance along edges, in
-        √(target area). The default is that of ``Quality.coverage``. With 0, only images themselves are covered: even a
-        good map between independent triangulations then stays well below 1, and a coarse source covers little of a fine
-        target.
-
-    Returns
-    -------
-    float
-        From 0 to 1.
-
-    Raises
-    ------
-    MapError
-        If the map was made for a target with another number of vertices.
+    A target vertex is covered, with its area, when an image lies within the reach along edges, in √(target area). With
+    0, only images themselves are covered: even a good map between independent triangulations then stays well below 1,
+    and a coarse source covers little of a fine target.
 
     Examples
     --------
@@ -252,32 +216,7 @@ def cycle_errors(
 ) -> FloatArray:
     """Geodesic distance on the source between a vertex and its image under both maps, divided by √(source area).
 
-    Parameters
-    ----------
-    source : Mesh
-        Source surface.
-    there, back : Correspondence
-        Maps source → target and target → source.
-    n_points : int, optional
-        Number of vertices to judge, drawn without replacement; all by default.
-    seed : int
-        Seed of the draw.
-    engine : DistanceEngine, optional
-        Distances on the source; by default by fast marching.
-
-    Returns
-    -------
-    (n_source,) or (n_points,) array of float
-        0 where the maps are inverse to each other; ``inf`` where either has no image.
-
-    Raises
-    ------
-    MapError
-        If the maps cannot be composed, or do not lead back to the source.
-
-    Notes
-    -----
-    One distance column on the source for each vertex judged.
+    Of n_points vertices, drawn, or of all; ``inf`` where either map has no image. One front for each vertex judged.
 
     Examples
     --------

@@ -26,24 +26,14 @@ EXPECTED = (
 
 
 class Truth(NamedTuple):
-    """What a file says of two shapes.
+    """What a file says of two shapes."""
 
-    Parameters
-    ----------
-    rows : (q, 2) array of int
-        Source vertex and target vertex; of a point in a triangle, the corner with the largest weight.
-    points : PrecisePoints or None
-        The q images, where they are points in triangles.
-    alone : (m,) array of int, or None
-        Source vertices without a counterpart, where the file tells of all vertices, or marks some as −1.
-    base : IndexBase
-        What the file counts from.
-    """
-
-    rows: IntArray
-    points: PrecisePoints | None
-    alone: IntArray | None
-    base: IndexBase
+    rows: IntArray  # (q, 2) source and target vertex; of a point in a triangle, the corner with the largest weight
+    points: PrecisePoints | None  # the q images, where they are points in triangles
+    alone: (
+        IntArray | None
+    )  # (m,) source vertices without a counterpart, if the file tells of all, or marks some as −1
+    base: IndexBase  # what the file counts from
 
 
 def read_truth(path: Path, source: Mesh, target: Mesh, counts_from: int | None = None) -> Truth:
@@ -56,19 +46,9 @@ def read_truth(path: Path, source: Mesh, target: Mesh, counts_from: int | None =
         each source vertex, −1 if it has no counterpart. Two columns: source and target vertices that correspond. Four
         columns: for each source vertex a triangle of the target and its three barycentric weights.
     source, target : Mesh
-        The shapes.
     counts_from : {0, 1}, optional
         What vertices and triangles count from; if from 1, 0 also means no counterpart. By default, see
         `isomatch.correspondence.index_base`.
-
-    Returns
-    -------
-    Truth
-
-    Raises
-    ------
-    FormatError
-        If the file cannot be read, or does not fit the shapes.
     """
     table = _table(path, source.n_vertices)
     if table is None:
@@ -85,18 +65,8 @@ def read_truth(path: Path, source: Mesh, target: Mesh, counts_from: int | None =
 def read_marked(of_source: Path, of_target: Path, target: Mesh) -> Truth:
     """Read the landmarks of two shapes as SHREC'20 has them; those with the same number correspond.
 
-    Parameters
-    ----------
-    of_source, of_target : Path
-        ``.mat`` files with the numbers of k landmarks, ``points``, their nearest vertices, ``verts``, and ``baryc``
-        (k, 4), a triangle and three weights. All count from 1.
-    target : Mesh
-        The target.
-
-    Raises
-    ------
-    FormatError
-        If a variable is missing, no number is in both files, or the target has no such triangle.
+    Each ``.mat`` file has the numbers of k landmarks, ``points``, their nearest vertices, ``verts``, and ``baryc`` (k,
+    4), a triangle and three weights. All count from 1.
     """
     sides = []
     for path in (of_source, of_target):

@@ -18,12 +18,9 @@ NEARLY_CLOSED = 0.1
 
 
 def faces_to_rewind(mesh: Mesh) -> BoolArray:
-    """Find the faces to rewind, (m,), so that orientable pieces are wound consistently, and outward if nearly closed.
-
-    A piece is a set of faces connected through edges of exactly two faces. From its first face on, each face across an
-    edge tells how the next one is wound. A piece in which two ways to a face contradict each other is one-sided, and is
-    left as it is. A piece that is not nearly closed keeps the winding of most of its faces.
-    """
+    """Find the faces to rewind, (m,), so that orientable pieces are wound consistently, and outward if nearly closed."""
+    # a piece that cannot be oriented is left as it is, one that is not nearly closed keeps the winding of most of its
+    # faces, and any other gets a positive volume. Relative to its first face, rewound ^ reverse says what is turned over
     pieces = _pieces(mesh)
     volume = np.where(pieces.openings <= NEARLY_CLOSED, pieces.volume, 0.0)
     reverse = np.where(volume == 0, pieces.majority, volume) < 0
@@ -32,30 +29,11 @@ def faces_to_rewind(mesh: Mesh) -> BoolArray:
 
 
 def seems_inside_out(mesh: Mesh) -> bool:
-    """Whether the largest piece of a mesh, which keeps its winding as its openings are large, looks inward.
+    """Whether the largest piece of a consistently wound mesh, which keeps its winding for its openings, looks inward.
 
-    It is closed over its openings by cones; the sign of the volume inside says where its faces look. Seen from outside, a
-    half or a fifth of a body still bulges towards who looks; a scan of a cavity does not, so nothing is turned over.
-
-    Parameters
-    ----------
-    mesh : Mesh
-        Wound consistently, as by `repair`.
-
-    Returns
-    -------
-    bool
-        False also if it is nearly closed, one-sided, or almost flat, so that the volume says nothing.
-
-    Examples
-    --------
-    Five sides of a box, of which the bottom is missing:
-
-    >>> corners = [[x, y, z] for z in (0, 1) for y in (0, 1) for x in (0, 1)]
-    >>> sides = [[0, 1, 5], [0, 5, 4], [1, 3, 7], [1, 7, 5], [3, 2, 6], [3, 6, 7], [2, 0, 4], [2, 4, 6]]
-    >>> outward = np.array([*sides, [4, 5, 7], [4, 7, 6]])
-    >>> seems_inside_out(Mesh(corners, outward)), seems_inside_out(Mesh(corners, outward[:, ::-1]))
-    (False, True)
+    It is closed over its openings by cones; the sign of the volume inside says where its faces look. Seen from outside,
+    a half or a fifth of a body still bulges towards who looks; a scan of a cavity does not, so nothing is turned over.
+    False also if it is nearly closed, one-sided, or almost flat, so that the volume says nothing.
     """
     if (mesh.edge_table.n_faces == 2).all():
         return False  # there are no openings
@@ -71,30 +49,15 @@ def seems_inside_out(mesh: Mesh) -> bool:
 
 @dataclass(frozen=True)
 class _Pieces:
-    """Sets of faces that are connected through edges of exactly two faces.
+    """Sets of faces that are connected through edges of exactly two faces."""
 
-    Parameters
-    ----------
-    piece : (m,) array of int
-        The piece of each face.
-    rewound : (m,) array of bool
-        Whether a face is wound otherwise than the first one of its piece.
-    one_sided : (p,) array of bool
-        Whether a piece cannot be oriented.
-    majority : (p,) array of float
-        How many more faces are wound like the first one than otherwise.
-    volume, area, openings : (p,) array of float
-        Signed volume if wound like the first face, its openings closed by cones, and area, in some unit; the area of flat
-        discs with the lengths of the openings, as a share of the area.
-    """
-
-    piece: IntArray
-    rewound: BoolArray
-    one_sided: BoolArray
-    majority: FloatArray
-    volume: FloatArray
-    area: FloatArray
-    openings: FloatArray
+    piece: IntArray  # (m,) the piece of each face
+    rewound: BoolArray  # (m,) whether a face is wound otherwise than the first one of its piece
+    one_sided: BoolArray  # (p,) whether a piece cannot be oriented
+    majority: FloatArray  # (p,) how many more faces are wound like the first one than otherwise
+    volume: FloatArray  # (p,) signed, if wound like the first face and with openings closed by cones, in some unit
+    area: FloatArray  # (p,) in the same unit
+    openings: FloatArray  # (p,) area of flat discs with the lengths of the openings, as a share of the area
 
 
 def _pieces(mesh: Mesh) -> _Pieces:
@@ -128,6 +91,8 @@ def _flood(
                 there = opposite[3 * f + i]
                 if there < 0:
                     continue
+                # two faces agree if they traverse their edge in opposite directions, so that it starts at different
+                # vertices; then the next one is wound as this one is. Contradicting ways to a face: one-sided
                 g = there // 3
                 is_rewound = rewound[f] ^ (faces[f, i] == faces[g, there % 3])
                 if piece[g] < 0:
@@ -142,11 +107,7 @@ def _flood(
 def _measured(
     mesh: Mesh, sign: FloatArray, unpaired: IntArray, piece: IntArray, first: IntArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Signed volume of each piece, its holes closed by cones, its area, and the share of its openings.
-
-    The boundary of a piece is where more of its sides run along an edge in one direction than in the other. More than
-    two faces may meet at an edge, as where vertices were welded, and still leave no boundary.
-    """
+    """Signed volume of each piece, its holes closed by cones, its area, and the share of its openings."""
     size = np.abs(mesh.vertices).max(initial=0.0) or 1.0
     unit = mesh if size == 1 else mesh.moved(mesh.vertices / size)
     points, faces = unit.vertices, unit.faces
@@ -159,6 +120,8 @@ def _measured(
     of, following = piece[unpaired // 3], unpaired + np.where(unpaired % 3 == 2, -2, 1)
     start, end = faces.ravel()[unpaired], faces.ravel()[following]
     low, high = np.minimum(start, end), np.maximum(start, end)
+    # the boundary of a piece is where more of its sides run along an edge in one direction than in the other: more than
+    # two faces may meet there, as where vertices were welded, and still leave no boundary
     edge = first_equal(np.column_stack([of, low, high]))
     excess = summed(edge, np.where(start < end, 1.0, -1.0) * sign[unpaired // 3], len(edge))
     rim = np.flatnonzero(excess)
@@ -169,6 +132,7 @@ def _measured(
     apex = np.column_stack([summed(loop, points[low, axis], n_loops) for axis in range(3)])[loop]
     apex /= summed(loop, np.ones(len(loop)), n_loops)[loop][:, None]
 
+    # 6 V = Σ det(a − o, b − o, c − o) over the faces (a, b, c) and over those of cones (high, low, apex) upon the rims
     volumes = np.zeros(len(faces))
     _fill_volumes(points, faces, origin, piece, volumes)
     volume = summed(piece, sign * volumes)

@@ -11,28 +11,12 @@ from isomatch.values.arrays import FloatArray, IntArray
 
 
 def capped(mesh: Mesh, chords: Iterable[IntArray] = ()) -> Mesh:
-    """Close every hole of an oriented mesh.
+    """Close every hole of an oriented mesh by a cone over its rim, cut into rings as wide as edges are long.
 
-    A cap is a cone over its rim, cut into rings as wide as edges are long, so that paths across it are about as long as
-    on the surface that was there. Caps have no more vertices than the mesh.
-
-    Parameters
-    ----------
-    mesh : Mesh
-        n vertices; consistently wound.
-    chords : iterable of (2,) arrays of int
-        Two vertices of the rim of one hole each, between which a straight line parts it: as of a slit between limbs, both
-        sides of which are closed by themselves.
-
-    Returns
-    -------
-    Mesh
-        The first n vertices and the first faces are those of the mesh. Holes that touch in a vertex get
-        a cap each.
-
-    Notes
-    -----
-    O(n + new vertices).
+    Paths across a cap are then about as long as on the surface that was there. The first n vertices and the first faces
+    are those of the mesh, and caps have no more vertices than it. A chord (2,) of vertices of a rim parts its hole in
+    two by a straight line: as of a slit between limbs, both sides of which are closed by themselves. O(n + new
+    vertices).
     """
     vertices, faces, n = [mesh.vertices], [mesh.faces], mesh.n_vertices
     rims = boundary_loops(mesh)

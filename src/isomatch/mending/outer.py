@@ -13,6 +13,7 @@ from scipy.spatial import cKDTree
 
 from isomatch.errors import SettingError
 from isomatch.mending.check import OPENING
+from isomatch.mending.self_contacts import face_normals
 from isomatch.runtime.memory import require_memory
 from isomatch.surfaces import Mesh, meetings
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
@@ -25,47 +26,12 @@ SAMPLES = 0.5  # cells between the points that stand for a face
 
 
 def inner_faces(mesh: Mesh, opening: float = OPENING) -> BoolArray:
-    """Find the faces that are in chambers.
+    """Find the faces (m,) in chambers of a mesh of sound faces, wound outward, with an opening in √area.
 
-    A chamber is a space that the surface faces, which holds a ball of a given diameter, while that cannot be rolled there
-    from outside. Narrow spaces where it does not fit, such as between legs, in an armpit or a fold, belong to what is
-    next to them along the surface.
-
-    Parameters
-    ----------
-    mesh : Mesh
-        With m sound faces, oriented outward. A closed component around a chamber may be oriented either way.
-    opening : float
-        Diameter of the ball, in √area: the smallest hole through which one sees.
-
-    Returns
-    -------
-    (m,) array of bool
-        True in chambers. All False of a surface without any.
-
-    Raises
-    ------
-    SettingError
-        If the opening is not positive.
-    MemoryBudgetError
-        If the mesh is far larger than its √area, so that the grid, or points on its faces, would not fit.
-
-    Notes
-    -----
-    On a grid with eight cells to the diameter: those farther from the surface than the radius fall into connected
-    pieces, of which one is outside. 1.5 s for 90 000 vertices.
-
-    Examples
-    --------
-    Two cubes, one in the other, which is turned inward:
-
-    >>> corners = np.array([[i, j, k] for i in (-1.0, 1) for j in (-1.0, 1) for k in (-1.0, 1)])
-    >>> sides = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
-    >>> faces = np.array([[a, b, c] for a, b, c, d in sides] + [[a, c, d] for a, b, c, d in sides])
-    >>> box = Mesh(np.concatenate([corners, corners / 2]), np.concatenate([faces, faces[:, ::-1] + 8]))
-    >>> inner_faces(box).astype(int)
-    array([0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1,
-           1, 1])
+    A chamber is a space that the surface faces, which holds a ball with the diameter of the opening, while that cannot
+    be rolled there from outside. Narrow spaces where it does not fit, such as between legs, in an armpit or a fold,
+    belong to what is next to them along the surface. A closed component around a chamber may be wound either way. 1.5 s
+    for 90 000 vertices.
     """
     if not 0 < opening < np.inf:
         raise SettingError(f"opening = {opening!r} is no size; give more than 0, in √area")
@@ -98,16 +64,12 @@ _SOLID, _INNER, _OUTER = 1, 2, 3  # of those that meet, the last one goes on
 
 @dataclass(frozen=True, eq=False)
 class _Space:
-    """Cells around a surface of unit area.
-
-    ``distance`` is that from the surface, in cells. ``kind`` is 3 outside, 2 in a chamber, 1 where the surface faces
-    away, as in a solid, and 0 where no ball fits. If there is a chamber, narrow places belong to where one comes from.
-    """
+    """Cells around a surface of unit area."""
 
     lowest: FloatArray
     step: float
-    distance: FloatArray
-    kind: IntArray
+    distance: FloatArray  # (x, y, z) from the surface, in cells
+    kind: IntArray  # _OUTER, _INNER, _SOLID where the surface faces away, 0 where no ball fits and there are no chambers
 
     @classmethod
     def around(cls, surface: Mesh, opening: float) -> _Space:
@@ -124,6 +86,8 @@ class _Space:
         free = np.ones(shape, dtype=bool)
         free[tuple(np.floor((points - lowest) / step).astype(int).T)] = False
         distance = distance_transform_edt(free).astype(np.float32)
+        # where the centre of a ball fits; what is connected, the ball can be rolled through. A piece is a chamber if
+        # most of the surface that the ball touches there faces it, else it lies in a solid
         pieces, count = label(distance > CELLS)
         outside = int(pieces[0, 0, 0])
         kinds = np.zeros(count + 1, dtype=np.int8)
@@ -149,7 +113,7 @@ class _Space:
     def label_of_faces(self, surface: Mesh) -> IntArray:
         """Say what is in front of each face (m,), 0 if that is not known."""
         middles = surface.vertices[surface.faces].mean(axis=1)
-        found = self.at(self.kind, middles + MARGIN * self.step * _normals(surface)).astype(np.int64)
+        found = self.at(self.kind, middles + MARGIN * self.step * face_normals(surface)).astype(np.int64)
         return np.where(found == _SOLID, 0, found)
 
     def is_beside_outside(self, surface: Mesh) -> BoolArray:
@@ -157,7 +121,7 @@ class _Space:
         pieces, _ = label(self.distance > 0)
         is_outside = pieces == pieces[0, 0, 0]
         middles = surface.vertices[surface.faces].mean(axis=1)
-        offsets = MARGIN * self.step * _normals(surface)
+        offsets = MARGIN * self.step * face_normals(surface)
         beside: BoolArray = self.at(is_outside, middles + offsets) | self.at(is_outside, middles - offsets)
         return beside
 
@@ -196,14 +160,7 @@ def _samples(surface: Mesh, step: float) -> tuple[FloatArray, FloatArray]:
         weights = np.column_stack([a, b, 1 - a - b])
         points.append(np.einsum("wc,fcd->fwd", weights, corners[rows]).reshape(-1, 3))
         of_face.append(np.repeat(rows, len(weights)))
-    return np.concatenate(points), _normals(surface)[np.concatenate(of_face)]
-
-
-def _normals(surface: Mesh) -> FloatArray:
-    """Compute unit normals (m, 3) of the faces, 0 where they have no area."""
-    a, b, c = (surface.vertices[surface.faces[:, i]] for i in range(3))
-    cross = np.cross(b - a, c - a)
-    return np.asarray(cross / np.maximum(np.linalg.norm(cross, axis=1, keepdims=True), np.finfo(float).tiny))
+    return np.concatenate(points), face_normals(surface)[np.concatenate(of_face)]
 
 
 def _neighbours(surface: Mesh) -> tuple[IntArray, FloatArray]:

@@ -24,6 +24,7 @@ from isomatch.mending.check import OPENING, MeshReport
 from isomatch.surfaces import Mesh, PointCloud, first_equal, unsound_faces
 from isomatch.values.arrays import AnyArray, BoolArray, IntArray
 
+T = TypeVar("T")
 MENDED = (
     "non_finite_vertices",
     "out_of_range_faces",
@@ -121,18 +122,6 @@ def repair(
     report : MeshReport, optional
         What `check` found on this mesh. If there is nothing to mend, nothing is computed again.
 
-    Returns
-    -------
-    Repair
-        The mended mesh, index maps both ways, and the changes.
-
-    Raises
-    ------
-    MeshError, FormatError
-        As for `check`.
-    SettingError
-        If the outside is asked for and the winding is left as it is.
-
     Notes
     -----
     O(n log n) time and O(n) memory, as `check`. Faces of zero area with three different positions are kept, because
@@ -186,7 +175,12 @@ def repair(
         mended = Mesh(mended.vertices, faces)
 
     chambers: tuple[str, ...] = ()
-    if outer and (inner := _inner_faces(mended, opening)).any():
+    inner = np.zeros(len(faces), dtype=bool)
+    if outer:
+        from isomatch.mending.outer import inner_faces  # imports scipy.ndimage, which is slow
+
+        inner = inner_faces(mended, opening)
+    if inner.any():
         share = float(mended.face_areas[inner].sum() / mended.area)
         chambers = (f"removed {_count(int(inner.sum()), 'face')} of chambers, {share:.1%} of the area",)
         lined = np.setdiff1d(mended.faces[inner], mended.faces[~inner])
@@ -247,41 +241,12 @@ def _count(number: int, noun: str) -> str:
     return f"{number} {noun if number == 1 else plural[noun]}"
 
 
-def _inner_faces(mesh: Mesh, opening: float) -> BoolArray:
-    from isomatch.mending.outer import inner_faces  # imports scipy.ndimage, which is slow
-
-    return inner_faces(mesh, opening)
-
-
-T = TypeVar("T")
-
-
 def welded_surface(surface: object) -> Repair | None:
     """Weld the vertices of a mesh at exactly the same position, as `repair` does, and change nothing else.
 
-    Parameters
-    ----------
-    surface : Mesh or object
-        Any mesh; what is no mesh has no seams.
-
-    Returns
-    -------
-    Repair or None
-        The welded mesh without the faces that vanish or double, and index maps both ways; None if no two vertices
-        coincide, or if the mesh has coordinates that are not finite or faces without vertices, which `check` reports.
-
-    Notes
-    -----
-    O(n log n) time, in which only hashes are sorted.
-
-    Examples
-    --------
-    Two triangles whose common edge has separate vertices for each of them:
-
-    >>> points = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]]
-    >>> seam = welded_surface(Mesh(points, [[0, 1, 2], [4, 3, 5]]))
-    >>> seam.mesh.faces.tolist(), seam.new_index.tolist(), seam.vertex_index.tolist()
-    ([[0, 1, 2], [2, 1, 3]], [0, 1, 2, 1, 2, 3], [0, 1, 2, 5])
+    None if no two vertices coincide, if it is no mesh, or if it has coordinates that are not finite or faces without
+    vertices, which `check` reports. Faces that vanish or double are left out. O(n log n) time, in which only hashes are
+    sorted.
     """
     if not isinstance(surface, Mesh):
         return None
@@ -295,26 +260,7 @@ def welded_surface(surface: object) -> Repair | None:
 
 
 def without_seams(surface: T, weld: bool = True) -> tuple[T, Repair | None]:
-    """Return the welded mesh, and how it was welded; or the surface as it is and None, if there is nothing to weld.
-
-    Parameters
-    ----------
-    surface : Mesh or object
-        As for `welded_surface`.
-    weld : bool
-        Whether to weld at all.
-
-    Returns
-    -------
-    surface : Mesh or object
-    seams : Repair or None
-
-    Examples
-    --------
-    >>> mesh = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 1, 0]], [[0, 1, 2]])
-    >>> without_seams(mesh)[0].n_vertices, without_seams(mesh, weld=False)
-    (3, (Mesh(4 vertices, 1 faces), None))
-    """
+    """Return the welded mesh, and how it was welded; or the surface as it is and None, if there is nothing to weld."""
     seams = welded_surface(surface) if weld else None
     return (cast(T, seams.mesh), seams) if seams else (surface, None)
 
@@ -344,11 +290,9 @@ def _differ(values: AnyArray, rows: IntArray, others: IntArray) -> BoolArray:
 
 
 def goes_to_corners(asset: Asset, attribute: Attribute) -> bool:
-    """Whether values of points that differ at welded ones are kept at corners.
-
-    Texture coordinates of one side of a seam would smear the texture. Normals too have two sides at a sharp edge, and
-    glTF, whose files have parts, splits points for them again.
-    """
+    """Whether values of points that differ at welded ones are kept at corners."""
+    # texture coordinates of one side of a seam would smear the texture. Normals too have two sides at a sharp edge, and
+    # glTF, whose files have parts, splits points for them again
     directed = attribute.kind == "normal" or attribute.is_tangent
     is_free = all((a.name, a.domain) != (attribute.name, "corner") for a in asset.attributes)
     return is_free and (attribute.kind == "uv" or (directed and bool(asset.parts)))

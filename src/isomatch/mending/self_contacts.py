@@ -31,76 +31,39 @@ TINY = 0.06  # length, in √area, that each seam has at least: the surface need
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Cut:
-    """A mesh that was cut along the seams of contacts.
+    """A mesh that was cut along the seams of contacts."""
 
-    Parameters
-    ----------
-    mesh : Mesh
-        The first vertices are those of the mesh as it was; copies of some of them, at the same positions, follow.
-    vertex_index : (n_new,) array of int
-        Vertex of the mesh as it was of each vertex.
-    seams : tuple of (s,) arrays of int
-        Vertices around each seam, of the mesh as it was.
-    """
-
-    mesh: Mesh
-    vertex_index: IntArray
-    seams: tuple[IntArray, ...]
+    mesh: Mesh  # the vertices of the mesh as it was; copies of some of them, at the same positions, follow
+    vertex_index: IntArray  # (n_new,) vertex of the mesh as it was of each vertex
+    seams: tuple[IntArray, ...]  # vertices (s,) around each seam, of the mesh as it was
 
     def __repr__(self) -> str:
         return f"Cut({self.mesh!r}, {len(self.seams)} seams)"
 
 
 def handles(mesh: Mesh) -> int:
-    """Count the handles of a mesh whose holes are closed, its genus: 0 of a body, 1 of a ring.
+    """Count the handles of a mesh whose holes are closed, its genus: 0 of a body, 1 of a ring. O(n).
 
-    A hand that touches a thigh, and is fused with it, makes a handle. O(n).
-
-    Examples
-    --------
-    >>> from isomatch.datasets import example_pair
-    >>> handles(example_pair()[0].mesh)
-    0
+    A hand that touches a thigh, and is fused with it, makes a handle.
     """
     mesh, _ = opened(mesh, mesh.edge_table.n_faces > 2, np.arange(mesh.n_vertices))
     pieces = len(np.unique(mesh.components[mesh.faces[:, 0]]))
+    # 2 − 2 g = V − E + F of each piece, with a face for each hole
     euler = len(np.unique(mesh.faces)) - len(mesh.edges) + mesh.n_faces + len(boundary_loops(mesh))
     return max((2 * pieces - euler) // 2, 0)
 
 
 def cut_contacts(mesh: Mesh, most: int, concavity: float = 0.5) -> Cut:
-    """Cut limbs that are fused with what they touch, along the seams of their contacts.
+    """Cut limbs that are fused with what they touch, along the seams of their contacts, cheapest first, at most so many.
 
-    The seam of a contact is a loop of sharp concave edges that does not separate the surface. The loops around the limb
-    are convex; so where concave edges count little, the shortest loop that does not separate the surface is a seam.
-
-    Parameters
-    ----------
-    mesh : Mesh
-        One component, wound outward.
-    most : int
-        How many contacts to cut at most, cheapest first: the number of handles that are not meant.
-    concavity : float
-        What a seam costs, at most, over its length. Sharp concave edges cost 0.1, flat ones 1 and convex ones up to 2.
-
-    Returns
-    -------
-    Cut
-        The mesh as it is, without seams, if no loop is concave enough. Both rims of each seam are open.
-
-    Notes
-    -----
-    The shortest loops through a root that do not separate the surface are closed by the edges that are neither in its
-    tree of shortest paths nor in the spanning tree of the faces whose edges close the longest loops (Erickson &
-    Whittlesey, *Greedy Optimal Homotopy and Homology Generators*, SODA 2005). O(r n log n) for r = 100 roots at concave
-    edges, of which only the neighbourhoods are searched; about 0.3 s a contact at 10 000 vertices.
-
-    Examples
-    --------
-    >>> from isomatch.datasets import example_pair
-    >>> cut_contacts(example_pair()[0].mesh, 1).seams
-    ()
+    The mesh is one component, wound outward. A seam costs, at most, its length times the concavity: sharp concave edges
+    cost 0.1 of their length, flat ones 1 and convex ones up to 2. Erickson & Whittlesey, *Greedy Optimal Homotopy and
+    Homology Generators*, SODA 2005; O(r n log n) for r = 100 roots at concave edges, of which only the neighbourhoods
+    are searched; about 0.3 s a contact at 10 000 vertices.
     """
+    # the seam of a contact is a loop of sharp concave edges that does not separate the surface; the loops around the
+    # limb are convex. So where concave edges count little, the shortest loop that does not separate the surface is a
+    # seam
     index, seams = np.arange(mesh.n_vertices), list[IntArray]()
     for _ in range(most):  # one by one, as the next seam may lie along a rim of the last cut
         apart, vertex = opened(mesh, mesh.edge_table.n_faces > 2, np.arange(mesh.n_vertices))
@@ -167,8 +130,7 @@ class _Closed:
 
 def bends_and_costs(mesh: Mesh, ends: IntArray, beside: IntArray) -> tuple[FloatArray, FloatArray]:
     """Angle in degrees by which a surface bends at inner edges, (e,), negative where it is concave; and their costs."""
-    cross = mesh.face_cross
-    normals = cross / np.maximum(np.linalg.norm(cross, axis=1, keepdims=True), np.finfo(float).tiny)
+    normals = face_normals(mesh)
     centres = mesh.vertices[mesh.faces].mean(axis=1)
     here, there = beside.T
     cosine = np.einsum("ij,ij->i", normals[here], normals[there])
@@ -177,6 +139,12 @@ def bends_and_costs(mesh: Mesh, ends: IntArray, beside: IntArray) -> tuple[Float
     bends = np.where(rises, -angles, angles)
     lengths = np.linalg.norm(mesh.vertices[ends[:, 0]] - mesh.vertices[ends[:, 1]], axis=1)
     return bends, lengths * np.interp(bends, BENDS, COSTS)
+
+
+def face_normals(mesh: Mesh) -> FloatArray:
+    """Compute unit normals (m, 3) of the faces, 0 where they have no area."""
+    cross = mesh.face_cross
+    return np.asarray(cross / np.maximum(np.linalg.norm(cross, axis=1, keepdims=True), np.finfo(float).tiny))
 
 
 def _seam(mesh: Mesh, n_real: int, concavity: float) -> IntArray | None:
@@ -232,11 +200,11 @@ def path_to_root(before: AnyArray, vertex: int) -> list[int]:
 def _closing_edges(
     distance: FloatArray, before: AnyArray, ends: IntArray, beside: IntArray, costs: FloatArray, n_faces: int
 ) -> tuple[IntArray, FloatArray]:
-    """Edges that close loops of a tree that do not separate a closed mesh, and the costs of the ways around them.
-
-    Faces are joined across the edges that are not in the tree, those of the longest loops first. An edge whose
-    faces have been joined before closes a loop that a path of faces crosses once.
-    """
+    """Edges that close loops of a tree that do not separate a closed mesh, and the costs of the ways around them."""
+    # the shortest loops through a root that do not separate the surface are closed by the edges that are neither in its
+    # tree of shortest paths nor in the spanning tree of the faces whose edges close the longest loops (Erickson &
+    # Whittlesey 2005). Faces are joined across the edges that are not in the tree, those of the longest loops first; an
+    # edge whose faces have been joined before closes a loop that a path of faces crosses once
     parent = np.arange(n_faces)
     total = np.empty(len(ends))
     for e in range(len(ends)):
@@ -260,15 +228,10 @@ LEAST = 0.12  # length, in √area, of a crease
 
 
 def creases(mesh: Mesh) -> IntArray:
-    """Find the edges (s, 2) of sharp concave creases.
-
-    Edges at which the surface bends sharply inward make pieces. Pieces that are near one another are joined by shortest
-    paths in a metric in which concave edges are cheap. Of each piece, a path is kept: the longest in a spanning tree.
-
-    Notes
-    -----
-    A surface without holes that is cut along disjoint paths remains connected. O(n log n).
-    """
+    """Find the edges (s, 2) of sharp concave creases, in disjoint paths. O(n log n)."""
+    # sharp edges make pieces; those near one another are joined by shortest paths in a metric in which concave edges are
+    # cheap; and of each piece the longest path of a spanning tree is kept, for a surface without holes that is cut along
+    # disjoint paths remains connected
     ends, beside = inner_edges(mesh)
     bends, costs = bends_and_costs(mesh, ends, beside)
     n, size = mesh.n_vertices, np.sqrt(mesh.area)
@@ -294,7 +257,7 @@ def creases(mesh: Mesh) -> IntArray:
         if one != other:
             joined[joined == other] = one
             chosen.append(ends[edge][None])
-            chosen += [_path(before, vertex) for vertex in ends[edge]]
+            chosen += [edges_to_root(before, vertex) for vertex in ends[edge]]
     edges = np.unique(np.sort(np.concatenate(chosen), axis=1), axis=0)
     is_cut = are_among(ends, _longest_paths(mesh, edges, LEAST * size))
     # next to a hole, a path may cut off a piece
@@ -318,7 +281,7 @@ def ends_of(edges: IntArray) -> IntArray:
     return found
 
 
-def _path(before: AnyArray, vertex: int) -> IntArray:
+def edges_to_root(before: AnyArray, vertex: int) -> IntArray:
     """Edges (q, 2) of the path from a vertex to the root of its tree."""
     along = np.array(path_to_root(before, vertex))
     return np.column_stack([along[:-1], along[1:]])
@@ -337,5 +300,5 @@ def _longest_paths(mesh: Mesh, edges: IntArray, least: float) -> IntArray:
             far, before = dijkstra(tree, directed=False, indices=end, return_predecessors=True)
             end = vertices[far[vertices].argmax()]
         if far[end] >= least:
-            kept.append(_path(before, end))
+            kept.append(edges_to_root(before, end))
     return np.concatenate(kept)

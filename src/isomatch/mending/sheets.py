@@ -10,6 +10,7 @@ from scipy.optimize import linear_sum_assignment
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import dijkstra
 
+from isomatch.mending.self_contacts import edges_to_root
 from isomatch.surfaces import (
     EdgeTable,
     Mesh,
@@ -27,21 +28,11 @@ MOST_PROBED = 8  # vertices of each seam of which the copies are tested for bein
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Separation:
-    """A mesh whose sheets were separated.
+    """A mesh whose sheets were separated."""
 
-    Parameters
-    ----------
-    mesh : Mesh
-        The first vertices are those of the glued mesh; copies of some of them follow.
-    vertex_index : (n_new,) array of int
-        Vertex of the glued mesh of each vertex.
-    seams : tuple of (s,) arrays of int
-        Vertices of the glued mesh that were separated, one array for each connected seam.
-    """
-
-    mesh: Mesh
-    vertex_index: IntArray
-    seams: tuple[IntArray, ...]
+    mesh: Mesh  # the vertices of the glued mesh; copies of some of them follow
+    vertex_index: IntArray  # (n_new,) vertex of the glued mesh of each vertex
+    seams: tuple[IntArray, ...]  # vertices (s,) of the glued mesh that were separated, of each connected seam
 
     def __repr__(self) -> str:
         return f"Separation({self.mesh!r}, {len(self.seams)} seams)"
@@ -66,28 +57,12 @@ def separate_sheets(mesh: Mesh, least_distance: float = 0.1) -> Separation:
     -------
     Separation
         The same mesh, without seams, if no sheets were separated. Copies are at one position: distances between them are
-        asked for with ``weld=False``.
+        asked for with ``weld=False``. Pieces that would become components of their own stay glued, or are left out if
+        they have no vertices of their own.
 
     Notes
     -----
-    Two faces with the same corners and opposite winding lie on two sheets. If one of them has been removed, it is put
-    back. A wrong choice of partners at an edge joins the fans at both of its ends; wrong choices along a path of edges
-    join those at the ends of the path. So vertices with only one fan are connected by paths along which exchanging
-    partners loses the least likeness of normals, and the partners there are exchanged. Pieces that would become
-    components of their own stay glued, or are left out if they have no vertices of their own.
-
     O(n log n) time, and about 0.1 ms for each edge of more than two faces.
-
-    Examples
-    --------
-    A closed strip of ten squares, two opposite vertices of which are merged:
-
-    >>> turn = np.linspace(0, 2 * np.pi, 10, endpoint=False)
-    >>> points = [[np.cos(t), np.sin(t), z] for t in turn for z in (0, 1)]
-    >>> faces = [face for i in range(0, 20, 2) for face in ((i, i + 2, i + 1), (i + 1, i + 2, i + 3))]
-    >>> strip = Mesh(points, np.array(faces) % 20)
-    >>> separate_sheets(Mesh(points, np.where(strip.faces == 10, 0, strip.faces)))
-    Separation(Mesh(21 vertices, 20 faces), 1 seams)
     """
     whole = Separation(mesh, np.arange(mesh.n_vertices), ())
     faces = _with_all_layers(mesh.vertices, mesh.faces)
@@ -119,12 +94,10 @@ def separate_sheets(mesh: Mesh, least_distance: float = 0.1) -> Separation:
 
 
 def _with_all_layers(vertices: FloatArray, faces: IntArray) -> IntArray:
-    """Sound faces, (m, 3): without those listed twice, and with those put back that coincided with others.
-
-    Where sheets coincide, each edge is traversed equally often in both directions. A face that is listed twice traverses
-    its edges once too often. A patch of which one layer has been removed lacks a traversal of each edge of its rim, in
-    the same direction all around.
-    """
+    """Sound faces, (m, 3): without those listed twice, and with those put back that coincided with others."""
+    # where sheets coincide, each edge is traversed equally often in both directions. A face that is listed twice
+    # traverses its edges once too often. A patch of which one layer has been removed, as a duplicate, lacks a traversal
+    # of each edge of its rim, in the same direction all around
     bad = unsound_faces(vertices, faces)
     faces = faces[~(bad.any & ~bad.duplicate)]
     edges = edge_table(faces, len(vertices))
@@ -164,11 +137,9 @@ def _with_all_layers(vertices: FloatArray, faces: IntArray) -> IntArray:
 
 
 def _without_islands(mesh: Mesh, fan: IntArray, vertex: IntArray) -> tuple[IntArray, IntArray]:
-    """Remove components, fans (m, 3) and their vertices, that have no vertex of their own; rejoin the others.
-
-    Of the pieces into which a component of the mesh was separated, the largest keeps its fans. Other pieces that have
-    vertices of their own, such as rooms with a common wall, are joined with the largest at the vertices they share.
-    """
+    """Remove components, fans (m, 3) and their vertices, that have no vertex of their own; rejoin the others."""
+    # of the pieces into which a component of the mesh was separated, the largest keeps its fans. Other pieces that have
+    # vertices of their own, such as rooms with a common wall, are joined with the largest at the vertices they share
     label = Mesh(mesh.vertices[vertex], fan).components
     origin = mesh.components[vertex]
     by_size = np.bincount(label)[label].argsort(kind="stable")
@@ -211,14 +182,12 @@ MOST_SINGLE = 1000  # vertices of one fan in a net of crowded edges; all pairs o
 
 
 class Partners:
-    """Which sides of m faces continue one another on a sheet: ``partner`` (3 m,), −1 where none does.
+    """Which sides of m faces continue one another on a sheet."""
 
-    Side 3 f + i of face f goes from its corner i to the next. Where directions do not cancel, or more than `MOST_FACES`
-    faces meet, all sides of an edge stay together, by ``chained`` (k, 2). ``change`` has, for each crowded edge (vertex,
-    vertex), the least loss of likeness, ((1 + cos) / 2)² of the angle between normals, by an exchange of partners, and
-    the two sides that exchange theirs.
-    """
-
+    # Side 3 f + i of face f goes from its corner i to the next. partner (3 m,) is −1 where none continues a side. Where
+    # directions do not cancel, or more than MOST_FACES meet, all sides of an edge stay together, by _chained (k, 2).
+    # change has, for each crowded edge, the least loss of likeness, ((1 + cos) / 2)² of the angle between normals, by
+    # an exchange of partners, and the two sides that exchange theirs
     def __init__(self, vertices: FloatArray, faces: IntArray) -> None:
         self._faces, self._n = faces, len(vertices)
         edges = edge_table(faces, len(vertices))
@@ -258,6 +227,9 @@ class Partners:
 
     def heal(self) -> None:
         """Change partners along paths between the vertices of crowded edges that have only one fan."""
+        # a wrong choice of partners at an edge joins the fans at both of its ends, wrong choices along a path of edges
+        # those at the ends of the path. So vertices with only one fan are connected by the paths along which exchanges
+        # lose least
         usable = [edge for edge, (loss, _, _) in self.change.items() if loss <= LARGEST_LOSS]
         if not usable:
             return
@@ -298,8 +270,9 @@ class _Net:
             return
         lengths, before = dijkstra(self.losses, directed=False, indices=single, return_predecessors=True)
         for i, j in _nearest_pairs(lengths[:, single]):
-            for low, high in _path(before[i], int(single[j])):
-                yield int(self.vertices[low]), int(self.vertices[high])
+            for edge in np.sort(edges_to_root(before[i], int(single[j])), axis=1):
+                low, high = self.vertices[edge].tolist()
+                yield low, high
 
 
 def _connected(ends: IntArray) -> list[IntArray]:
@@ -334,10 +307,3 @@ def _nearest_pairs(lengths: FloatArray) -> Iterator[tuple[int, int]]:
         if i not in met and j not in met:
             met |= {i, j}
             yield i, j
-
-
-def _path(before: IntArray, end: int) -> Iterator[tuple[int, int]]:
-    """Edges of the path that leads to a vertex, given the vertex before each."""
-    while (previous := int(before[end])) >= 0:
-        yield min(previous, end), max(previous, end)
-        end = previous

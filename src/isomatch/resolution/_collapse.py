@@ -90,10 +90,12 @@ def describe_vertices(
             length = np.sqrt(x * x + y * y + z * z)
             if length > 0.0:
                 x, y, z = x / length, y / length, z / length
+                # a third of the area, which is half of the length of the cross product, for each corner
                 _add_planes(vertices, v, x, y, z, length / 6.0, point_weight * length / 6.0)
                 for end in (b, c):
                     if kind == BOUNDARY and link[end, 1] < 0:
-                        # the plane through that boundary edge that is perpendicular to the face
+                        # the plane through that boundary edge that is perpendicular to the face: e × n, as long as the
+                        # edge, so that the weight is a third of the square on it
                         ex, ey, ez = difference(vertices, end, v)
                         weight = BOUNDARY_WEIGHT / 3.0
                         _add_planes(
@@ -157,17 +159,13 @@ def collapse_edges(
     block: int,
     in_place: bool,
 ) -> int:
-    """Collapse edges of a cost below the limit, in each block of so many vertices the cheapest first.
-
-    At most so many vertices of a block vanish. Where there are several blocks, what is worked on fits into the cache, and
-    a vertex takes part in one collapse of each block.
-
-    PARENT becomes the vertex into which each was merged, the first of all that were merged with it.
-
-    Rows of the queue are edges: the next one in the same bucket, their ends, and the sum of the VERSIONs of those. The
-    first N_BUCKETS rows start the buckets, in which ``scale`` is the cost in the middle. The row after them starts the
-    list of free rows; it has also the number of rows in use and the lowest bucket that may hold something.
-    """
+    """Collapse edges of a cost below the limit, at most so many in each block of vertices, the cheapest first."""
+    # Where there are several blocks, what is worked on fits into the cache, and a vertex takes part in one collapse of
+    # each block. PARENT becomes the vertex into which each was merged, the first of all that were merged with it. Rows
+    # of the queue are edges: the next one in the same bucket, their ends, and the sum of the VERSIONs of those, by
+    # which an edge is known to be out of date. The first N_BUCKETS rows start the buckets, in which ``scale`` is the
+    # cost in the middle. The row after them starts the list of free rows; it has also the number of rows in use and the
+    # lowest bucket that may hold something
     n = len(vertices)
     for w in range(n):
         marks[w, VERSION] = marks[w, MARK] = 0
@@ -207,6 +205,8 @@ def collapse_edges(
                 spoils = spoils or _spoils(end, other_end, x, y, z, vertices, marks, corners)
             if spoils:
                 continue
+            # the quadric of the merged vertex is the sum of both, so that it measures the distances to the planes of all
+            # faces around the vertices that were merged into it (Garland & Heckbert 1997, section 4)
             vertices[u, 0], vertices[u, 1], vertices[u, 2] = x, y, z
             for i in range(3, 13):
                 vertices[u, i] += vertices[v, i]
@@ -266,11 +266,11 @@ def _enqueue(
 
 @compiled(error_model="numpy")
 def _preserves_topology(u: Index, v: Index, marks: AnyArray, corners: AnyArray, turn: int) -> bool:
-    """Whether the surface stays the same when u and v become one: Dey et al. 1999.
-
-    Their common neighbours must be the vertices opposite to their edge. At the edge of two boundary vertices there must
-    be one face, which is not a component of its own.
-    """
+    """Whether the surface stays the same when u and v become one."""
+    # the link condition of Dey et al. 1999: the vertices that are neighbours of both u and v must be those opposite to
+    # their edge, Lk u ∩ Lk v = Lk uv. A boundary counts as closed by one more vertex, which two boundary vertices
+    # share: so they are merged only along the boundary, at whose edge there is one face, which is not a component of
+    # its own. MARK is turn at neighbours of u, and turn + 1 at those opposite to the edge
     opposite = turn + 1
     n_shared, n_here = 0, 0
     corner = marks[u, FIRST]
@@ -367,25 +367,13 @@ def _merge_corners(u: Index, v: Index, marks: AnyArray, corners: AnyArray) -> No
 def _placement(
     vertices: FloatArray, marks: AnyArray, u: Index, v: Index, in_place: bool
 ) -> tuple[float, float, float, float]:
-    """Where u and v go when they become one, and the error there; infinite if at least one must not move.
-
-    In place, that is where one of them is.
-    """
-    xx, xy, xz = (
-        vertices[u, 3] + vertices[v, 3],
-        vertices[u, 4] + vertices[v, 4],
-        vertices[u, 5] + vertices[v, 5],
-    )
-    yy, yz, zz = (
-        vertices[u, 6] + vertices[v, 6],
-        vertices[u, 7] + vertices[v, 7],
-        vertices[u, 8] + vertices[v, 8],
-    )
-    bx, by, bz = (
-        vertices[u, 9] + vertices[v, 9],
-        vertices[u, 10] + vertices[v, 10],
-        vertices[u, 11] + vertices[v, 11],
-    )
+    """Where u and v go when they become one, and the error there; infinite if at least one must not move."""
+    # the error xᵀ A x + 2 bᵀ x + c of the sum of both quadrics is least where its gradient 2 (A x + b) vanishes, at x =
+    # −A⁻¹ b, which is computed by cofactors: A is symmetric. If A is nearly singular, as on a plane, x stays at v; if
+    # one vertex is freer than the other, at that which is not
+    p, q = vertices[u], vertices[v]
+    xx, xy, xz, yy, yz, zz = p[3] + q[3], p[4] + q[4], p[5] + q[5], p[6] + q[6], p[7] + q[7], p[8] + q[8]
+    bx, by, bz = p[9] + q[9], p[10] + q[10], p[11] + q[11]
     x, y, z = vertices[v, 0], vertices[v, 1], vertices[v, 2]
     if marks[u, KIND] > marks[v, KIND]:
         x, y, z = vertices[u, 0], vertices[u, 1], vertices[u, 2]
@@ -449,6 +437,9 @@ def _add_planes(
     vertices: FloatArray, v: Index, x: float, y: float, z: float, weight: float, point_weight: float
 ) -> None:
     """Add the squared distances to the plane through v with that normal, and to v itself."""
+    # the squared distance of x to the plane through p with the unit normal n is (n·(x − p))² = xᵀ n nᵀ x − 2 (n·p) n·x
+    # + (n·p)², so that A = n nᵀ, b = −(n·p) n and c = (n·p)²; that to the point p has A = I, b = −p and c = p·p. All
+    # times weights
     px, py, pz = vertices[v, 0], vertices[v, 1], vertices[v, 2]
     d = -weight * (x * px + y * py + z * pz)
     vertices[v, 3] += weight * x * x + point_weight

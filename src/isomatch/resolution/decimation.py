@@ -32,7 +32,7 @@ SHARES = (0.4, 0.6, 0.8, 1.0)  # of the edges that a round may collapse; after l
 LEAST_PROGRESS = 0.02  # of the vertices, in a round
 POINT_WEIGHT = 1e-2  # of squared distances to the merged vertices, beside those to the planes of faces
 IN_PLACE_WEIGHT = (
-    1e-3  # the same where no vertex moves: at a tenth of an animal's vertices, the volume is nearer by 1 %
+    1e-3  # where no vertex moves: at a tenth of an animal's vertices, the volume is nearer by 1 %
 )
 N_SAMPLES = 20_000  # faces, whose edges tell the distribution of costs
 
@@ -80,8 +80,8 @@ def decimate(
         Whether each coarse vertex lies, but for rounding, where one of the vertices merged into it was, and vertices of
         boundaries are not merged with one another.
     weights : (n,) array of float, optional
-        Weights of the vertices. If given, the cost of an edge is the sum of the squared distances to the vertices merged,
-        times their weights, whatever the planes of the faces: the density of the coarse mesh grows with √weight.
+        Weights of the vertices. If given, the cost of an edge is the sum of the squared distances to the vertices
+        merged, times their weights, whatever the planes of the faces: the density of the coarse mesh grows with √weight.
 
     Returns
     -------
@@ -94,17 +94,12 @@ def decimate(
     ------
     MeshError
         If a face has a vertex twice or one that does not exist, or a coordinate is not finite.
-    SettingError
-        If ``n_vertices`` is not positive.
 
     Notes
     -----
-    Garland & Heckbert, *Surface simplification using quadric error metrics*, SIGGRAPH 1997, with planes perpendicular to
-    the surface at boundaries, and a small multiple of the squared distance to the merged vertices, so that flat parts get
-    even triangles. An edge is collapsed if that preserves the topology (Dey, Edelsbrunner, Guha & Nekhayev, *Topology
-    preserving edge contraction*, 1999), and turns no face too far nor makes it a sliver. In rounds: each collapses edges
-    below a cost, the cheapest first, on a mesh that is compact in memory; above 65 536 vertices those of each block of
-    vertices. O(n) time, about 300 bytes for each vertex.
+    Garland & Heckbert, *Surface simplification using quadric error metrics*, SIGGRAPH 1997, where an edge is collapsed if
+    that preserves the topology (Dey, Edelsbrunner, Guha & Nekhayev, *Topology preserving edge contraction*, 1999), and
+    turns no face too far nor makes it a sliver. O(n) time, about 300 bytes for each vertex.
 
     Examples
     --------
@@ -120,37 +115,9 @@ def decimate(
 def decimations(
     mesh: Mesh, sizes: Sequence[int], *, in_place: bool = False, weights: FloatArray | None = None
 ) -> list[Decimated]:
-    """Make several coarser meshes, each the same as by `decimate`; the rounds that they have in common are done once.
+    """Make several coarser meshes, each the same as by `decimate`, of descending sizes; rounds in common are done once.
 
-    Parameters
-    ----------
-    mesh, in_place, weights
-        See `decimate`.
-    sizes : sequence of int
-        Numbers of vertices to keep, descending.
-
-    Returns
-    -------
-    list of Decimated
-        One for each size.
-
-    Raises
-    ------
-    MeshError, SettingError
-        As for `decimate`, and if sizes do not descend.
-
-    Notes
-    -----
-    As `decimate` for the smallest of them, about 300 bytes more for each vertex where a larger one ends, and the last
-    rounds of each.
-
-    Examples
-    --------
-    >>> steps = np.arange(3)
-    >>> points = [[x, y, 0.0] for x in steps for y in steps]
-    >>> faces = [f for i in (0, 1, 3, 4) for f in ((i, i + 3, i + 1), (i + 1, i + 3, i + 4))]
-    >>> decimations(Mesh(points, faces), [9, 8])
-    [Decimated(9 → 9 vertices), Decimated(9 → 8 vertices)]
+    About 300 bytes more for each vertex where a larger one ends, and the last rounds of each.
     """
     if list(sizes) != sorted(sizes, reverse=True) or not len(sizes):
         raise SettingError(f"sizes = {list(sizes)} are not descending; give the largest first")
@@ -175,23 +142,16 @@ def decimations(
 
 @dataclass(eq=False)
 class _Rounds:
-    """A mesh on its way to a coarser one: the arrays of `_collapse`, in which rounds leave room at the end.
+    """A mesh on its way to a coarser one: the arrays of `_collapse`, in which rounds leave room at the end."""
 
-    Parameters
-    ----------
-    n : int
-        Vertices left.
-    vertices, marks, corners : arrays
-        See `_collapse`; the first n rows, and those of the faces left, are used.
-    owner : (n_fine,) array of int32
-        The vertex into which each vertex of the mesh was merged.
-    """
+    # each round collapses edges below a cost, the cheapest first, on a mesh that is compact in memory; of a large mesh
+    # those of each block of vertices
 
-    n: int
-    vertices: FloatArray
+    n: int  # vertices left
+    vertices: FloatArray  # of these three, the first n rows, and those of the faces left, are used
     marks: AnyArray
     corners: AnyArray
-    owner: AnyArray
+    owner: AnyArray  # (n_fine,) of int32: the vertex into which each vertex of the mesh was merged
     in_place: bool
     n_shares: int = 0
     n_gone: int = 0

@@ -36,40 +36,18 @@ class VertexGroups(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class PlacedMesh:
-    """A mesh and the places of its vertices in space, linear in between.
-
-    Parameters
-    ----------
-    mesh : Mesh
-        With n vertices.
-    places : (n, 3) array of float
-        Between −1 and 1, so that squares neither overflow nor underflow; nan where a vertex has no place.
-    groups : VertexGroups
-        Vertices of the mesh, so grouped that those near a place can be found.
-    """
+    """A mesh and the places (n, 3) of its vertices in space, linear in between."""
 
     mesh: Mesh
-    places: FloatArray
-    groups: VertexGroups
+    places: FloatArray  # (n, 3) in [−1, 1], so that squares neither overflow nor underflow; nan for a vertex without
+    groups: VertexGroups  # vertices of the mesh, so grouped that those near a place can be found
 
     def inverse(self, positions: FloatArray, near: IntArray) -> PrecisePoints:
-        """Find the points of the mesh whose places are nearest to positions (m, 3).
+        """Find the points of the mesh whose places are nearest to positions (m, 3). O(m).
 
-        Parameters
-        ----------
-        positions : (m, 3) array of float
-        near : (m, q) array of int
-            Groups in which the search for each position starts; at least one of them has a vertex with a place.
-
-        Returns
-        -------
-        PrecisePoints
-            The corner of greatest weight comes first.
-
-        Notes
-        -----
-        From the nearest vertex of the groups by steps to neighbours that are nearer; the point, in the faces around. So
-        another sheet is not reached, however near. O(m).
+        The search starts at the nearest vertex of groups (m, q) near each, at least one of which has a vertex with a
+        place, and goes by steps to neighbours that are nearer, and then to the faces around: so another sheet is not
+        reached, however near. The corner of greatest weight comes first.
         """
         preimages = PrecisePoints.at_vertices(np.zeros(len(near), dtype=np.int64))
         arguments = positions, near, read_only(self.places), *self.groups, *self._linked_corners

@@ -30,36 +30,10 @@ NORMAL_WEIGHT = 0.2  # times the area of a coarse vertex, beside squared distanc
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Prolongation:
-    """Carries points from a fine mesh to a coarse one, and back, along the surface.
+    """Carries points from a fine mesh to a coarse one that `decimate` made of it, and back, along the surface.
 
-    Another finger, or the other lip, is no image, however near in space: points are only sought where the decimation
-    has merged vertices with those around it, and normals tell apart the two sides of what is thin.
-
-    Parameters
-    ----------
-    fine : Mesh
-        With n vertices.
-    coarse : Decimated
-        What `decimate` made of it.
-
-    Raises
-    ------
-    MeshError
-        If the decimated mesh was not made of the fine one.
-
-    Examples
-    --------
-    >>> from isomatch.resolution import decimate
-    >>> turn = np.linspace(0, 2 * np.pi, 20, endpoint=False)
-    >>> points = [[np.cos(t), np.sin(t), z] for t in turn for z in (0.0, 0.2)]
-    >>> faces = [face for i in range(0, 40, 2) for face in ((i, i + 2, i + 1), (i + 1, i + 2, i + 3))]
-    >>> fine = Mesh(points, np.array(faces) % 40)
-    >>> prolongation = Prolongation(fine, decimate(fine, 20))
-    >>> places = prolongation.on_coarse
-    >>> positions = places.interpolated(prolongation.coarse.mesh.vertices)
-    >>> there_and_back = prolongation.near_fine(positions, places.corners)
-    >>> bool((there_and_back.corners[:, 0] == np.arange(40)).all())
-    True
+    Another finger, or the other lip, is no image, however near in space: points are only sought where the decimation has
+    merged vertices with those around it, and normals tell apart the two sides of what is thin.
     """
 
     fine: Mesh
@@ -77,12 +51,10 @@ class Prolongation:
 
     @cached_property
     def on_coarse(self) -> PrecisePoints:
-        """The place of each fine vertex on the coarse mesh, n points; the corner of greatest weight comes first.
-
-        This is the nearest point of the coarse faces around its owner and the neighbours of that. A face counts as
-        farther away if its normal differs by more than 60° from that of the vertex. About 25 n faces, of which those
-        around the owner come first, so that most others can be passed over.
-        """
+        """The place of each fine vertex on the coarse mesh, n points; the corner of greatest weight comes first."""
+        # the nearest point of the coarse faces around the owner and the neighbours of that, about 25 for each vertex,
+        # of which those around the owner come first, so that most others can be passed over. A face counts as farther
+        # away if its normal differs by more than 60° from that of the vertex
         points, _, _ = normalised(self.fine.vertices)
         normals = vertex_normals(points, self.fine.sound_faces)
         coarse = self._coarse
@@ -112,26 +84,12 @@ class Prolongation:
         return nearest
 
     def near_fine(self, positions: FloatArray, corners: IntArray) -> PrecisePoints:
-        """Carry m positions on or near the coarse mesh to the fine one: the inverse of `on_coarse`.
+        """Carry positions (m, 3) on or near the coarse mesh to the fine one: the inverse of `on_coarse`. O(m).
 
-        Parameters
-        ----------
-        positions : (m, 3) array of float
-            In the units of the meshes.
-        corners : (m, q) array of int
-            Coarse vertices near each position: the search starts at the fine vertices merged into them.
-
-        Returns
-        -------
-        PrecisePoints
-            m points of the fine mesh; the corner of greatest weight comes first. Of all points in its triangles, whose
-            corners are taken at their places on the coarse mesh, the nearest. So it is exact where the fine triangles lie
-            in coarse ones, and otherwise off by less than a fine triangle.
-
-        Notes
-        -----
-        The nearest vertex is sought among those merged into the corners, and from there by steps to neighbours that are
-        nearer; the point, in the faces around it. O(m).
+        The search starts at the fine vertices merged into corners (m, q), coarse vertices near each position. Of all
+        points in fine triangles, whose corners are taken at their places on the coarse mesh, the nearest: exact where
+        the fine triangles lie in coarse ones, and otherwise off by less than a fine triangle. The corner of greatest
+        weight comes first.
         """
         _, centre, size = normalised(self.fine.vertices)
         return self._placed.inverse((positions - centre) / size, corners)
@@ -189,17 +147,13 @@ def _listed(face: Index, v: Index, seen: AnyArray, near: AnyArray, count: int) -
     if seen[face] == v:
         return count
     seen[face] = v
-    if len(near):
+    if len(near):  # else they are only counted
         near[count] = face
     return count + 1
 
 
 def _frames(mesh: Mesh) -> tuple[Float32Array, FloatArray]:
-    """Centres and radii (m, 4) of balls that hold the faces, and a frame of each face, (m, 15).
-
-    That is the centre, the normal, the gradients of the weights of corners b and c, and for each of the three weights the
-    squared distance over which it changes by 1; nan without area.
-    """
+    """Balls (m, 4) that hold the faces, and a frame of each face, (m, 15); nan without area."""
     a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
     centre = (a + b + c) / 3
     radius = np.sqrt(np.max([((x - centre) ** 2).sum(axis=1) for x in (a, b, c)], axis=0)) + ROUNDING
@@ -208,6 +162,8 @@ def _frames(mesh: Mesh) -> tuple[Float32Array, FloatArray]:
     squared[squared == 0] = np.nan
     of_b, of_c = np.cross(c - a, cross) / squared[:, None], np.cross(cross, b - a) / squared[:, None]
     heights = [1 / (g**2).sum(axis=1) for g in (of_b + of_c, of_b, of_c)]
+    # centre, normal, gradients of the weights of b and c, and for each of the three weights the squared distance over
+    # which it changes by 1
     frames = np.column_stack([centre, cross / np.sqrt(squared)[:, None], of_b, of_c, *heights])
     return single(np.column_stack([centre, radius])), frames
 

@@ -20,19 +20,14 @@ FEWEST = 2  # shapes: of one, what is common to all is all there is
 
 @dataclass(frozen=True, eq=False)
 class Asymmetry:
-    """Asymmetric components of m shapes of n vertices.
-
-    A shape is the sum of its symmetric component, the mean of it and its mirror image, and of its asymmetric component,
-    half of their difference.
+    """Asymmetric components of m shapes of n vertices: half of the difference of each shape from its mirror image.
 
     Parameters
     ----------
     directional : (n, 3) array of float
-        Mean of the asymmetric components: what is asymmetric in all shapes alike.
-    amounts : (m,) array of float
-        Root mean square of the asymmetric component of each shape, in the units of the shapes.
-    fluctuating : (m,) array of float
-        The same of its difference from the mean component.
+        Mean of the components: what is asymmetric in all shapes alike.
+    amounts, fluctuating : (m,) array of float
+        Root mean square of each component, and of its difference from the mean one, in the units of the shapes.
     share : float
         Share of the asymmetry that is directional: squares of the mean component, over those of all.
     p_value : float
@@ -62,33 +57,20 @@ def asymmetry(
 
     Parameters
     ----------
-    aligned : (m, n, 3) array of float
-        Shapes moved onto a symmetric mean.
-    mirrored : (m, n, 3) array of float
-        Their mirror images, moved onto it too, with the vertices of the other side: both halves of
-        ``ShapeModel.fit(shapes.mirrored(left_right)).aligned``.
+    aligned, mirrored : (m, n, 3) array of float
+        Two or more shapes moved onto a symmetric mean, and their mirror images, moved onto it too, with the vertices of
+        the other side: both halves of ``ShapeModel.fit(shapes.mirrored(left_right)).aligned``.
     weights : (n,) array of float, optional
         Weight of each vertex; by default all are equal.
     n_permutations : int
-        How often some of the shapes are mirrored; no p-value is below 1 / (n_permutations + 1), nor much below 2^(1 − m).
+        How often some of the shapes are mirrored; no p-value is below 1 / (n_permutations + 1), nor much below 2^(1 −
+        m).
     seed : int
         Draws them.
 
-    Returns
-    -------
-    Asymmetry
-
-    Raises
-    ------
-    InputError
-        If the arrays do not fit, or there are fewer than two shapes.
-    SettingError
-        If there is no permutation.
-
     Notes
     -----
-    Object symmetry after Klingenberg, Barluenga & Meyer, *Shape analysis of symmetric structures*, Evolution 2002. A
-    shape that is mirrored has the opposite component, so that the test needs the scalar products of components alone:
+    Object symmetry after Klingenberg, Barluenga & Meyer, *Shape analysis of symmetric structures*, Evolution 2002.
     O(m² n) time, and O(m²) for each permutation.
 
     Examples
@@ -113,6 +95,7 @@ def asymmetry(
     def size(part: FloatArray) -> FloatArray:
         return np.asarray(np.sqrt(np.einsum("i,...ij,...ij->...", share, part, part)))
 
+    # a mirrored shape has the component −aᵢ, so that |Σ ± aᵢ|² = Σᵢⱼ ±ᵢ ±ⱼ aᵢ·aⱼ, and the share |Σ aᵢ|² / (m Σ |aᵢ|²)
     products = scalar_products(components, share)
     total = float(np.trace(products))
     signs = generator(seed).choice([-1.0, 1.0], (n_permutations, m))
@@ -133,24 +116,9 @@ MOST_TRIED = 5  # shapes of which none is certain; further ones hardly are
 
 
 def left_right_map(mesh: Mesh, *, seed: int = 0) -> IntArray:
-    """Find the vertex on the other side that corresponds to each vertex, by matching a shape to its mirror image.
+    """Find the vertex on the other side of each vertex, (n,), by matching a nearly symmetric shape to its mirror image.
 
-    Parameters
-    ----------
-    mesh : Mesh
-        A shape that is nearly symmetric, such as the mean of a model.
-    seed : int
-        Draws the starts of the search.
-
-    Returns
-    -------
-    (n,) array of int
-        For `CorrespondedShapes.mirrored`.
-
-    Raises
-    ------
-    MapError
-        If the match cannot be trusted, or leaves vertices unmatched.
+    The seed draws the starts of the search. `MapError` if the match cannot be trusted, or leaves vertices unmatched.
     """
     result = match(mesh, reflected(mesh), seed=seed)
     if result.outcome is not Outcome.CONVERGED or not result.map.matched.all():
@@ -163,29 +131,9 @@ def left_right_map(mesh: Mesh, *, seed: int = 0) -> IntArray:
 def left_right_of_shapes(shapes: CorrespondedShapes, mean: Mesh, *, seed: int = 0) -> tuple[IntArray, str]:
     """Find the left–right map of shapes in one topology: of their mean, or of one of them if that is not certain.
 
-    Bodies in many poses have a mean with short limbs, which is nearer to its mirror image as it stands than any map from
-    left to right brings it.
-
-    Parameters
-    ----------
-    shapes : CorrespondedShapes
-        The shapes. Of those that are measured everywhere, the five nearest to the mean are tried.
-    mean : Mesh
-        Their mean.
-    seed : int
-        Draws the starts of the searches.
-
-    Returns
-    -------
-    (n,) array of int
-        See `left_right_map`.
-    str
-        Name of the shape that it is the map of; empty for the mean.
-
-    Raises
-    ------
-    MapError
-        If none is certain: for the reason that the mean is not.
+    Returns also the name of the shape that it is the map of; empty for the mean. Bodies in many poses have a mean with
+    short limbs, which is nearer to its mirror image as it stands than any map from left to right brings it. Of the
+    shapes that are measured everywhere, the five nearest to the mean are tried; `MapError` if none is certain.
     """
     try:
         return left_right_map(mean, seed=seed), ""

@@ -13,61 +13,60 @@ from isomatch.statistics.regression import ShapeRegression
 from isomatch.statistics.shape_distances import shape_tree
 from isomatch.statistics.shape_model import ModelCurve, ShapeModel
 from isomatch.storage.files import replaced
-from isomatch.values.arrays import BoolArray, FloatArray
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-    from matplotlib.transforms import Bbox
-from typing import TYPE_CHECKING
-
 from isomatch.surfaces import Mesh
+from isomatch.values.arrays import BoolArray, FloatArray
 from isomatch.view import arranged_panels, camera_of, colour_scale, surface_image
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.transforms import Bbox
 
 PictureFormat = Literal["png", "pdf", "svg"]
 
 BLUE, GREY = "#3f90da", "#717581"  # of Petroff 2021
 COLOURS = (BLUE, "#ffa90e", "#bd1f01", "#94a4a2", "#832db6", "#a96b59", "#e76300", "#b9ac70")
 DPI = 300  # of pictures in print
-SIZE = (5.6, 4.5)  # inches of a scatter plot
+SIZE = (5.6, 4.5)  # inches of a scatter plot; all charts are as wide
 MOST_TICKS = 6  # along x, so that their numbers stay apart
 NAMES = 8  # points of the names of shapes
+WIDTH = 6.5  # inches of a picture
+FILLED = 0.9  # of the width of a panel, that the widest surface takes
+TEXT = 9.0  # points
+BAR = 0.7  # inches that a colour bar takes, with its numbers and its label
+KNOWN = 0.5  # share of the value of a point that is known, from which it is drawn
+DIVERGING, RISING = "RdBu_r", "viridis"  # of displacements, of values from 0
 
 
 def draw_scores(
-    path: str | Path, model: ShapeModel, groups: Sequence[str] | None = None, modes: tuple[int, int] = (0, 1)
+    path: str | Path,
+    model: ShapeModel,
+    groups: Sequence[str] | None = None,
+    modes: tuple[int, int] = (0, 1),
+    *,
+    dpi: int = DPI,
 ) -> None:
     """Draw the shapes of a model as points, by their scores along two modes, with the convex hulls of groups.
 
     Parameters
     ----------
     path : path_like
-        PNG file of 300 dots per inch, or ``.pdf`` or ``.svg``; an existing one is replaced.
+        PNG file, or ``.pdf`` or ``.svg``; an existing one is replaced.
     model : ShapeModel
-        The model; of one with a single mode, that is drawn alone.
+        Of one with a single mode, that is drawn alone.
     groups : sequence of str, optional
         A group of each shape, which gives it its colour; without a group where it is empty.
     modes : (int, int)
         Which modes, counted from 0.
-
-    Raises
-    ------
-    SettingError
-        If the model has no mode, or not these.
+    dpi : int
+        Dots per inch.
     """
-    from matplotlib.figure import Figure
-
     across, up = modes if model.n_modes > 1 else (modes[0], None)
     if not all(0 <= mode < model.n_modes for mode in (across, up) if mode is not None):
         raise SettingError(f"modes {modes} are not among the {model.n_modes} modes, counted from 0")
     along_up = np.zeros(len(model.names)) if up is None else model.scores[:, up]
     points = np.column_stack([model.scores[:, across], along_up])
-    figure = Figure(SIZE, layout="constrained")
-    axes = figure.subplots()
+    figure, (axes,) = _chart()
     axes.axhline(0, color=GREY, linewidth=0.5, zorder=0)
     axes.axvline(0, color=GREY, linewidth=0.5, zorder=0)
     _draw_hulls(axes, points, groups)
@@ -78,7 +77,7 @@ def draw_scores(
     else:
         axes.set_ylabel(_of_mode(model, up))
         axes.set_aspect("equal", adjustable="datalim")
-    _save_scatter(figure, path)
+    _save_scatter(figure, path, dpi)
 
 
 def _of_mode(model: ShapeModel, mode: int) -> str:
@@ -92,28 +91,11 @@ def draw_regression(
     names: Sequence[str],
     label: str,
     groups: Sequence[str] | None = None,
+    *,
+    dpi: int = DPI,
 ) -> None:
-    """Draw the scores of a regression on one variable against the variable, with its line.
-
-    Parameters
-    ----------
-    path : path_like
-        PNG file of 300 dots per inch, or ``.pdf`` or ``.svg``; an existing one is replaced.
-    regression : ShapeRegression
-        What `shape_regression` returns.
-    variable : (m,) array of float
-        Its variable.
-    names : sequence of str
-        Names of the m shapes.
-    label : str
-        What the variable is.
-    groups : sequence of str, optional
-        A group of each shape, which gives it its colour.
-    """
-    from matplotlib.figure import Figure
-
-    figure = Figure(SIZE, layout="constrained")
-    axes = figure.subplots()
+    """Draw the scores of a regression on one variable (m,) against the variable, with its line, as `draw_scores`."""
+    figure, (axes,) = _chart()
     scores = regression.scores[:, 0]
     ends = np.array([variable.min(), variable.max()])
     slope, level = np.polyfit(variable, scores, 1)
@@ -126,23 +108,14 @@ def draw_regression(
         f"({regression.n_permutations} permutations, seed {regression.seed})",
         fontsize="medium",
     )
-    _save_scatter(figure, path)
+    _save_scatter(figure, path, dpi)
 
 
-def draw_quality(path: str | Path, compact: FloatArray, general: ModelCurve, specific: ModelCurve) -> None:
-    """Draw compactness, generalisation and specificity against the number of modes.
-
-    Parameters
-    ----------
-    path : path_like
-        PNG file of 300 dots per inch, or ``.pdf`` or ``.svg``; an existing one is replaced.
-    compact, general, specific
-        What `compactness`, `generalisation` and `specificity` return.
-    """
-    from matplotlib.figure import Figure
-
-    figure = Figure((SIZE[0], 6.6), layout="constrained")
-    panels = figure.subplots(3, 1)
+def draw_quality(
+    path: str | Path, compact: FloatArray, general: ModelCurve, specific: ModelCurve, *, dpi: int = DPI
+) -> None:
+    """Draw `compactness`, `generalisation` and `specificity` against the number of modes, as `draw_scores`."""
+    figure, panels = _chart(3, 6.6)
     panels[0].plot(np.arange(len(compact)), compact, color=BLUE, marker=".")
     panels[0].set(title="compactness: share of the variance", ylim=(0, 1.03))
     for axes, curve, title in (
@@ -157,31 +130,19 @@ def draw_quality(path: str | Path, compact: FloatArray, general: ModelCurve, spe
         axes.set_ylim(bottom=0)
     for axes in panels:
         axes.set_xlabel("modes")
-        axes.xaxis.get_major_locator().set_params(integer=True)
+        axes.locator_params(axis="x", integer=True)
         axes.title.set_fontsize("small")
-    save_figure(figure, path)
+    save_figure(figure, path, dpi)
 
 
-def draw_tree(path: str | Path, distances: FloatArray, names: Sequence[str], label: str) -> None:
-    """Draw the tree of shapes, see `shape_tree`.
-
-    Parameters
-    ----------
-    path : path_like
-        PNG file of 300 dots per inch, or ``.pdf`` or ``.svg``; an existing one is replaced.
-    distances : (m, m) array of float
-        Distances between at least two shapes.
-    names : sequence of str
-        Their names.
-    label : str
-        What the distances are, with their unit.
-    """
-    from matplotlib.figure import Figure
+def draw_tree(
+    path: str | Path, distances: FloatArray, names: Sequence[str], label: str, *, dpi: int = DPI
+) -> None:
+    """Draw the tree of named shapes, see `shape_tree`, as `draw_scores`; the label says what the distances are."""
     from scipy.cluster.hierarchy import dendrogram
 
     tree = dendrogram(shape_tree(distances), no_plot=True)
-    figure = Figure((SIZE[0], 1.0 + 0.2 * len(names)), layout="constrained")
-    axes = figure.subplots()
+    figure, (axes,) = _chart(height=1.0 + 0.2 * len(names))
     for across, along in zip(tree["icoord"], tree["dcoord"]):
         axes.plot(along, across, color=GREY, linewidth=1)
     axes.set_yticks(5 + 10 * np.arange(len(names)))
@@ -189,7 +150,7 @@ def draw_tree(path: str | Path, distances: FloatArray, names: Sequence[str], lab
     axes.set_xlabel(label)
     axes.set_xlim(left=0)
     axes.spines[["top", "right", "left"]].set_visible(False)
-    save_figure(figure, path)
+    save_figure(figure, path, dpi)
 
 
 def draw_embedding(
@@ -198,34 +159,27 @@ def draw_embedding(
     names: Sequence[str],
     label: str,
     groups: Sequence[str] | None = None,
+    *,
+    dpi: int = DPI,
 ) -> None:
-    """Draw shapes as points of the plane, with their names.
-
-    Parameters
-    ----------
-    path : path_like
-        PNG file of 300 dots per inch, or ``.pdf`` or ``.svg``; an existing one is replaced.
-    points : (m, 2) array of float
-        Their places, such as those of `classical_scaling`.
-    names : sequence of str
-        Their names.
-    label : str
-        What the distances are, with their unit.
-    groups : sequence of str, optional
-        A group of each shape, which gives it its colour.
-    """
-    from matplotlib.figure import Figure
-
-    figure = Figure(SIZE, layout="constrained")
-    axes = figure.subplots()
+    """Draw shapes as points (m, 2) with their names, as `draw_scores`; the label says what distances are."""
+    figure, (axes,) = _chart()
     _scatter(axes, points, names, groups)
     axes.set_aspect("equal", adjustable="datalim")
     axes.locator_params(axis="x", nbins=MOST_TICKS)
     axes.set_title(label, fontsize="medium")
-    _save_scatter(figure, path)
+    _save_scatter(figure, path, dpi)
 
 
-def save_figure(figure: Figure, path: str | Path) -> None:
+def _chart(n_panels: int = 1, height: float = SIZE[1]) -> tuple[Figure, list[Axes]]:
+    """Make a figure with panels one below the other."""
+    from matplotlib.figure import Figure
+
+    figure = Figure((SIZE[0], height), layout="constrained")
+    return figure, list(figure.subplots(n_panels, 1, squeeze=False)[:, 0])
+
+
+def save_figure(figure: Figure, path: str | Path, dpi: int) -> None:
     """Write a figure as PNG, PDF or SVG, by the suffix, with nothing cut off and no date."""
     kind = Path(path).suffix.lower().removeprefix(".")
     if kind not in get_args(PictureFormat):
@@ -234,7 +188,7 @@ def save_figure(figure: Figure, path: str | Path) -> None:
 
     undated = {"pdf": {"CreationDate": None}, "svg": {"Date": None}}.get(kind)
     with replaced(Path(path)) as file, rc_context({"svg.hashsalt": "isomatch"}):
-        figure.savefig(file, format=kind, dpi=DPI, bbox_inches="tight", pad_inches=0.08, metadata=undated)
+        figure.savefig(file, format=kind, dpi=dpi, bbox_inches="tight", pad_inches=0.08, metadata=undated)
 
 
 def _scatter(axes: Axes, points: FloatArray, names: Sequence[str], groups: Sequence[str] | None) -> None:
@@ -250,7 +204,7 @@ def _scatter(axes: Axes, points: FloatArray, names: Sequence[str], groups: Seque
         axes.annotate(name, point, (3, 3), textcoords="offset points", fontsize=NAMES, parse_math=False)
 
 
-def _save_scatter(figure: Figure, path: str | Path) -> None:
+def _save_scatter(figure: Figure, path: str | Path, dpi: int) -> None:
     """Write a scatter plot; a name that would cover one before it is left out."""
     figure.draw_without_rendering()
     taken: list[Bbox] = []
@@ -260,7 +214,7 @@ def _save_scatter(figure: Figure, path: str | Path) -> None:
             label.remove()
         else:
             taken.append(box)
-    save_figure(figure, path)
+    save_figure(figure, path, dpi)
 
 
 def _draw_hulls(axes: Axes, points: FloatArray, groups: Sequence[str] | None) -> None:
@@ -288,31 +242,21 @@ def _chosen(groups: Sequence[str] | None, m: int) -> list[tuple[str, str, BoolAr
     return [*((group, colour, of == group) for group, colour in colours.items()), *rest]
 
 
-WIDTH = 6.5  # inches of a picture
-FILLED = 0.9  # of the width of a panel, that the widest surface takes
-TEXT = 9.0  # points
-BAR = 0.7  # inches that a colour bar takes, with its numbers and its label
-KNOWN = 0.5  # share of the value of a point that is known, from which it is drawn
-DIVERGING, RISING = "RdBu_r", "viridis"
-
-
-def draw_modes(path: str | Path, model: ShapeModel, n_modes: int = 3, deviations: float = 2.0) -> None:
+def draw_modes(
+    path: str | Path, model: ShapeModel, n_modes: int = 3, deviations: float = 2.0, *, dpi: int = DPI
+) -> None:
     """Draw the mean, and each mode as the mean moved along it in both directions.
+
+    All shapes are seen from one side and at one scale. The colour is the displacement along the normal of the mean.
 
     Parameters
     ----------
-    path : path_like
-        PNG file of 300 dots per inch, or ``.pdf`` or ``.svg``; an existing one is replaced.
-    model : ShapeModel
-        The model.
+    path, model, dpi
+        As for `draw_scores`.
     n_modes : int
         Number of modes, as far as there are.
     deviations : float
         How far, in standard deviations.
-
-    Notes
-    -----
-    All shapes are seen from one side and at one scale. The colour is the displacement along the normal of the mean.
     """
     mean = model.mesh()
     camera = camera_of(mean)
@@ -325,7 +269,7 @@ def draw_modes(path: str | Path, model: ShapeModel, n_modes: int = 3, deviations
     largest = max((float(np.quantile(np.abs(each), 0.995)) for each in outward.values()), default=0.0) or 1.0
     paint = colour_scale(DIVERGING, -largest, largest)
 
-    density = _density([mean, *moved.values()], camera, per_row=3)
+    density = _density([mean, *moved.values()], camera, dpi, per_row=3)
 
     def image(mesh: Mesh, values: FloatArray) -> FloatArray:
         return surface_image(mesh, values, paint, camera, density * np.sqrt(mesh.area))
@@ -342,20 +286,19 @@ def draw_modes(path: str | Path, model: ShapeModel, n_modes: int = 3, deviations
     figure, axes = arranged_panels(images, titles, min(len(images), 3), WIDTH, TEXT)
     if shown:
         _add_bar(figure, axes, DIVERGING, -largest, largest, "displacement along the normal of the mean")
-    save_figure(figure, path)
+    save_figure(figure, path, dpi)
 
 
-def draw_values(path: str | Path, mesh: Mesh, values: FloatArray, label: str) -> None:
+def draw_values(path: str | Path, mesh: Mesh, values: FloatArray, label: str, *, dpi: int = DPI) -> None:
     """Draw a surface from two sides, coloured by a value of at least 0 at each vertex.
 
     Parameters
     ----------
-    path : path_like
-        PNG file of 300 dots per inch, or ``.pdf`` or ``.svg``; an existing one is replaced.
+    path, dpi
+        As for `draw_scores`.
     mesh : Mesh
-        The surface.
     values : (n,) array of float
-        The values; nan is drawn grey.
+        Nan is drawn grey.
     label : str
         What they are, with their unit; without any value, it is all that is said.
     """
@@ -363,7 +306,7 @@ def draw_values(path: str | Path, mesh: Mesh, values: FloatArray, label: str) ->
     highest = float(np.quantile(values[known], 0.995)) if known.any() else 0.0
     front = camera_of(mesh)
     paint = colour_scale(RISING, 0.0, highest or 1.0)
-    density = _density([mesh], front, per_row=2) * np.sqrt(mesh.area)
+    density = _density([mesh], front, dpi, per_row=2) * np.sqrt(mesh.area)
 
     def paint_known(seen: FloatArray) -> FloatArray:
         share = np.where(seen[:, 1:] < KNOWN, np.nan, seen[:, 1:])
@@ -379,13 +322,13 @@ def draw_values(path: str | Path, mesh: Mesh, values: FloatArray, label: str) ->
         _add_bar(figure, axes, RISING, 0.0, highest or 1.0, label)
     else:
         figure.supxlabel(label, size=TEXT)
-    save_figure(figure, path)
+    save_figure(figure, path, dpi)
 
 
-def _density(meshes: Sequence[Mesh], camera: FloatArray, per_row: int) -> float:
-    """Pixels per unit of length, with which the widest of some surfaces fills a panel."""
+def _density(meshes: Sequence[Mesh], camera: FloatArray, dpi: int, per_row: int) -> float:
+    """Pixels per unit of length, with which the widest surface fills a panel, as seen by the camera."""
     widest = max(float(np.ptp(mesh.vertices[np.unique(mesh.faces)] @ camera[0])) for mesh in meshes)
-    return DPI * FILLED * WIDTH / per_row / (widest or 1.0)
+    return dpi * FILLED * WIDTH / per_row / (widest or 1.0)
 
 
 def _add_bar(figure: Figure, axes: list[Axes], name: str, low: float, high: float, label: str) -> None:

@@ -41,15 +41,12 @@ class Completion:
         points, as far as the modes describe shapes.
     residual : float
         What they do not describe, see `model_noise`, in the units of the points.
-    scores : (k,) array of float
-        Coordinates of the shape along the modes, in the units of the model.
-    score_deviations : (k,) array of float
-        Standard deviation of each score.
+    scores, score_deviations : (k,) array of float
+        Coordinates of the shape along the modes, in the units of the model, and their standard deviations.
     error : float
         Root mean square distance of the given points from where the shape has them, each weighted by one over the square
         of its noise; nan without points.
     scale : float
-        Size of the points over that of the model.
     rotation : (3, 3) array of float
     translation : (3,) array of float
         The motion from the model: ``x ↦ scale · rotation @ x + translation``.
@@ -57,15 +54,6 @@ class Completion:
         How many points the shape rests on.
     notes : tuple of str
         What is in doubt.
-
-    Examples
-    --------
-    >>> from isomatch.statistics import CorrespondedShapes
-    >>> triangle = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
-    >>> shapes = CorrespondedShapes("abc", [triangle * [1, height, 1] for height in (1, 2, 3)], [[0, 1, 2]])
-    >>> model = ShapeModel.fit(shapes)
-    >>> complete(model, Observations.at_vertices([0, 1, 2], model.mean + [0, 0, 5], noise=0.01)).translation.round(3)
-    array([0., 0., 5.])
     """
 
     mesh: Mesh
@@ -97,15 +85,11 @@ def complete(model: ShapeModel, observations: Observations, *, pose: Pose = "fit
     model : ShapeModel
         Scores along its k modes are independent and normally distributed.
     observations : Observations
-        Where some points of the surface are, and how precisely that is known.
+        Where some points of the surface are, and how precisely that is known. With none, and in the given pose, the
+        result is the mean with the deviations of the model.
     pose : {"fitted", "given"}
         Whether the points may be anywhere and turned in any way, and of any size if the model was made without sizes;
         or are where the model is.
-
-    Returns
-    -------
-    Completion
-        Without observations, and in the given pose, it is the mean with the deviations of the model.
 
     Raises
     ------
@@ -113,20 +97,12 @@ def complete(model: ShapeModel, observations: Observations, *, pose: Pose = "fit
         If a pose is to be fitted to fewer than three points, or to points on a line.
     NotConvergedError
         If pose and shape still move after many steps.
-    SettingError
-        If the pose is unknown.
-    MemoryBudgetError
-        If there are too many points for the modes.
 
     Notes
     -----
-    Albrecht, Lüthi, Gerig & Vetter, *Posterior shape models*, Medical Image Analysis 2013: with points x = m + Φ b + e of
-    the model, b ~ N(0, Λ) and e ~ N(0, Σ), the scores are normally distributed with covariance
-    C = (Φᵀ Σ⁻¹ Φ + Λ⁻¹)⁻¹ around C Φᵀ Σ⁻¹ (x − m). A pose that is fitted is six or seven more modes, of turns, shifts and
-    size, without a prior; as a turn is not linear, steps are repeated (Gauss–Newton), and uncertainty is that of the last
-    step. Nearest points on a surface that was matched are renewed until the shape moves by less than 0.001 of its size,
-    30 times at most, after which a note says so. By a decomposition of the (3 q + k, k) matrix of q points: O(q k²) time
-    a step; a few suffice.
+    Albrecht, Lüthi, Gerig & Vetter, *Posterior shape models*, Medical Image Analysis 2013. Nearest points on a surface
+    that was matched are renewed until the shape moves by less than 0.001 of its size, 30 times at most, after which a
+    note says so. O(q k²) time a step for q points; a few suffice.
 
     Examples
     --------
@@ -149,7 +125,7 @@ def complete(model: ShapeModel, observations: Observations, *, pose: Pose = "fit
     if observations.surface:
         found, observations, notes = _settled(model, observations.surface, found, is_free=pose == "fitted")
     motion, shape = found.motion, found.shape(model)
-    columns = model.modes * model.deviations[:, None, None]
+    columns = model.modes * model.deviations[:, None, None]  # (k, n, 3)
     if pose == "fitted":
         columns = np.concatenate([columns, _motions(shape, found.centre, found.size, model.size is not None)])
     apart = observations.positions - motion.done(observations.points.interpolated(shape))
@@ -171,14 +147,11 @@ def complete(model: ShapeModel, observations: Observations, *, pose: Pose = "fit
 
 @dataclass(frozen=True, eq=False)
 class _Fit:
-    """Scores (k,) in standard deviations, and the motion to the points.
+    """Scores (k,) in standard deviations, and the motion to the points."""
 
-    ``root`` is a square root of the covariance of scores, and of small motions about a centre in units of a size.
-    """
-
-    scores: FloatArray
+    scores: FloatArray  # (k,)
     motion: _Motion
-    root: FloatArray
+    root: FloatArray  # of the covariance of the scores, and of small motions about the centre in units of the size
     centre: FloatArray
     size: float
 
@@ -187,7 +160,7 @@ class _Fit:
         return model.vertices(self.scores * model.deviations)
 
     @classmethod
-    def of(cls, model: ShapeModel, observations: Observations, is_free: bool) -> _Fit:
+    def of(cls, model: ShapeModel, observations: Observations, is_free: bool, most: int = MOST_STEPS) -> _Fit:
         """Fit the scores, and also the motion if it is free."""
         size = float(np.sqrt(model.weights @ ((model.mean - model.weights @ model.mean) ** 2).sum(axis=1)))
         mean = observations.points.interpolated(model.mean)
@@ -197,11 +170,16 @@ class _Fit:
         ]
         spread = np.array(modes).reshape(model.n_modes, len(mean), 3)
         motion = _Motion.onto(mean, observations, model.size is not None) if is_free else _Motion()
+        # x = m + Φ b + e of the model, with b ~ N(0, I) in standard deviations and e ~ N(0, Σ). The likeliest b, and
+        # motion of the model, minimise |Σ^(−½) (x − m − Φ b − T t)|² + |b|², where T are small turns about the centre,
+        # shifts and growth, t, without a prior. A turn is not linear: the step t is made part of the motion, and is
+        # repeated from there (Gauss–Newton), with b as a whole; uncertainty is that of the last step
         shape, columns = mean, spread
-        for _ in range(MOST_STEPS):
+        for _ in range(most):
             centre = shape.mean(axis=0) if len(shape) else np.zeros(3)
             if is_free:
                 columns = np.concatenate([spread, _motions(shape, centre, size, model.size is not None)])
+            # the noise is of the whole distance; of each coordinate, it is 1/√3 of that
             noise = np.maximum(observations.noise / motion.scale, LEAST_NOISE * size)[:, None] / np.sqrt(3)
             offsets = motion.undone(observations.positions) - mean
             seen = observations.weighed(np.concatenate([columns, offsets[None]]), motion.rotation) / noise
@@ -214,7 +192,7 @@ class _Fit:
             if not is_free or moved <= TOLERANCE * size:
                 return cls(scores, motion, root, centre, size)
         raise NotConvergedError(
-            f"shape completion: shape and pose still move after {MOST_STEPS} steps; the points may be wrong, or "
+            f"shape completion: shape and pose still move after {most} steps; the points may be wrong, or "
             "their noise too small"
         )
 
@@ -255,7 +233,7 @@ class _Motion:
         return np.asarray((points - self.translation) @ self.rotation / self.scale)
 
     def after(self, step: FloatArray, centre: FloatArray, size: float) -> _Motion:
-        """Put a small motion of the model before this one: turn, shift and perhaps growth, as `_motions` has them."""
+        """Put a small motion of the model before this one, as `_motions` has them."""
         grown = float(np.exp(step[6])) if len(step) > 6 else 1.0
         rotation = self.rotation @ Rotation.from_rotvec(step[:3]).as_matrix()
         scale = self.scale * grown
@@ -290,10 +268,9 @@ def _motions(points: FloatArray, centre: FloatArray, size: float, scaled: bool) 
 
 
 def _solved(matrix: FloatArray, offset: FloatArray, n_modes: int) -> tuple[FloatArray, FloatArray]:
-    """Fit columns (c, q, 3) to offsets (q, 3); the first have a standard normal prior.
-
-    Returns the coefficients (c,) and a square root W of their covariance W Wᵀ.
-    """
+    """Fit columns (c, q, 3), the first with a standard normal prior, to offsets (q, 3): coefficients (c,), and a root."""
+    # with rows A = [M; I of the prior] = Q R, the minimum is at R⁻¹ Qᵀ (d; 0), and the posterior covariance
+    # (Mᵀ M + prior)⁻¹ = (Rᵀ R)⁻¹ = R⁻¹ R⁻ᵀ: with M = Σ^(−½) Φ it is C = (Φᵀ Σ⁻¹ Φ + I)⁻¹ of Albrecht et al. 2013
     n_columns = len(matrix)
     rows = np.concatenate([matrix.reshape(n_columns, -1).T, np.eye(n_columns)[:n_modes]])
     with serial_blas():

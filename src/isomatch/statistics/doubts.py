@@ -30,17 +30,7 @@ Found: TypeAlias = tuple[Kind, int, str]
 
 
 class Doubt(NamedTuple):
-    """Why shapes hardly belong to a sample as they are.
-
-    Parameters
-    ----------
-    kind : {"units", "mirrored", "twice", "far", "unlike"}
-        What is wrong.
-    names : tuple of str
-        Of which shapes.
-    reason : str
-        In words.
-    """
+    """Why shapes hardly belong to a sample as they are: a kind, see `doubtful_shapes`, and a reason in words."""
 
     kind: Kind
     names: tuple[str, ...]
@@ -50,17 +40,12 @@ class Doubt(NamedTuple):
 def doubtful_shapes(shapes: CorrespondedShapes) -> list[Doubt]:
     """Find shapes that hardly belong to a sample as they are; look at them before a model is made.
 
-    Parameters
-    ----------
-    shapes : CorrespondedShapes
-        The sample.
-
     Returns
     -------
     list of Doubt
-        - *units*: the centroid size is more than twice or less than half the median, and farther from it than six
-          standard deviations (robust, of the logarithms); or sizes fall in two groups, one five times as large.
-        - *mirrored*: mirror images are nearer, in Procrustes distance without size, to most of the other shapes. They are
+        - *units*: the size is so different from others that it may be a matter of units, see `size_factors`.
+        - *mirrored*: mirror images are nearer, in Procrustes distance without size, to most of the other shapes. They
+        are
           not found among bodies whose poses differ more than left and right.
         - *twice*: two shapes are the same but for a motion and their size.
         - *far*: of four shapes or more, the centroid lies more than ten median sizes from the middle of all, and is an
@@ -85,20 +70,7 @@ def doubtful_shapes(shapes: CorrespondedShapes) -> list[Doubt]:
 
 
 def doubtful_positions(names: Sequence[str], vertices: FloatArray) -> list[Doubt]:
-    """Find the same by corresponding positions alone, such as those of some of the vertices.
-
-    Parameters
-    ----------
-    names : sequence of str
-        A name for each of the m shapes.
-    vertices : (m, n, 3) array of float
-        Corresponding positions, all finite.
-
-    Returns
-    -------
-    list of Doubt
-        As `doubtful_shapes`.
-    """
+    """Find the same by names and finite corresponding positions (m, n, 3) alone, such as of some of the vertices."""
     sizes = np.sqrt(((vertices - vertices.mean(axis=1, keepdims=True)) ** 2).sum(axis=2).mean(axis=1))
     has_size = (sizes > 0) & np.ptp(vertices, axis=1).any(axis=1)
     if not has_size.all():
@@ -125,11 +97,10 @@ def doubtful_positions(names: Sequence[str], vertices: FloatArray) -> list[Doubt
 
 
 def _mirrored(distances: FloatArray, reflected: FloatArray) -> BoolArray:
-    """(m,) which shapes are mirror images of most.
-
-    Two shapes agree by 1 if their thinnest directions do, and by −1 if these are opposite, so that the mirror image is
-    nearer. Signs of the leading eigenvector of the agreements tell the two sides.
-    """
+    """Tell which shapes, (m,), are mirror images of most."""
+    # two shapes agree by 1 if their thinnest directions do, and by −1 if these are opposite, so that the mirror image is
+    # nearer. Signs of the leading eigenvector of the agreements tell the two sides.
+    # reflected² − distance² = ±4 σ₃, with the least singular value σ₃ of XᵀWY: of a shape and itself, thickness²
     m = len(distances)
     thickness = np.diag(reflected)
     scale = thickness[:, None] * thickness
@@ -199,17 +170,9 @@ USUAL = (
 def size_factors(sizes: FloatArray) -> FloatArray:
     """Find sizes so different from the others that it may be a matter of units.
 
-    Parameters
-    ----------
-    sizes : (m,) array of float
-        Sizes of the shapes of a sample, all positive, such as roots of areas.
-
-    Returns
-    -------
-    (m,) array of float
-        How many times as large as the median of the others each is, where it is more than twice or less than half the
-        median and farther from it than six standard deviations (robust, of the logarithms), or where sizes fall in two
-        groups, one five times as large; 1 for all others.
+    That is more than twice or less than half the median, and farther from it than six standard deviations (robust, of
+    the logarithms), or where sizes (m,) > 0 fall in two groups, one five times as large. Returns how many times as large
+    as the median of the others each of these is, and 1 for all others.
 
     Examples
     --------
@@ -230,16 +193,8 @@ def size_factors(sizes: FloatArray) -> FloatArray:
 
 
 def likely_units(factor: float) -> tuple[str, str] | None:
-    """Name the units that explain why a shape is so many times as large as the others.
+    """Name the units, of the shape and of the others, that explain why it is so many times as large; None if none does.
 
-    Returns
-    -------
-    (str, str) or None
-        That of the shape and that of the others, of `METRES`, whose ratio is nearest; None if none is within a factor
-        of two.
-
-    Examples
-    --------
     >>> likely_units(940), likely_units(1 / 27), likely_units(1.3), likely_units(1e9)
     (('mm', 'm'), ('in', 'mm'), None, None)
     """

@@ -16,22 +16,10 @@ from isomatch.values.arrays import FloatArray
 
 
 def write_shapeworks(folder: str | Path, shapes: CorrespondedShapes, aligned: FloatArray) -> None:
-    """Write a project of ShapeWorks, whose particles are the vertices.
+    """Write a project of ShapeWorks, whose particles are the vertices, local as they are and world as aligned, (m, n, 3).
 
-    Parameters
-    ----------
-    folder : path_like
-        Existing folder for ``project.swproj``, which ShapeWorks Studio opens, and for a mesh and two ``.particles`` files
-        of each shape: text with x y z on each line.
-    shapes : CorrespondedShapes
-        The m shapes; their positions are the local particles.
-    aligned : (m, n, 3) array of float
-        The same after alignment: the world particles.
-
-    Raises
-    ------
-    UnwritableFileError
-        If a file cannot be written.
+    An existing folder gets ``project.swproj``, which ShapeWorks Studio opens, and a mesh and two ``.particles`` files of
+    each shape: text with x y z on each line.
     """
     folder = Path(folder)
     subjects = []
@@ -54,28 +42,10 @@ def _lines(points: FloatArray) -> str:
 
 
 def write_statismo(path: str | Path, model: ShapeModel) -> None:
-    """Write a model as the HDF5 file that Scalismo and Statismo read; needs the extra ``statistics``.
+    """Write a model as the HDF5 file, ``.h5``, that Scalismo and Statismo read; needs the extra ``statistics``.
 
-    Parameters
-    ----------
-    path : path_like
-        File with suffix ``.h5``; an existing one is replaced.
-    model : ShapeModel
-        A model with at least one mode.
-
-    Raises
-    ------
-    InputError
-        If the model has no mode.
-    MissingDependencyError
-        If the package h5py is not installed.
-    UnwritableFileError
-        If the file cannot be written.
-
-    Notes
-    -----
-    Version 0.9 of the format, in single precision. Its modes are orthonormal without weights, so they differ from those
-    of a model with area weights; the distribution of shapes is the same.
+    The model must have a mode. Version 0.9 of the format, in single precision. Its modes are orthonormal without
+    weights, so they differ from those of a model with area weights; the distribution of shapes is the same.
     """
     if not model.n_modes:
         raise InputError(

@@ -34,10 +34,9 @@ class GroupTest:
         Mean of the second group minus that of the first, in the units of the shapes.
     t_squared : (n,) array of float
         Hotelling's T²; ``inf`` if the groups are separated completely.
-    p_values : (n,) array of float
-        Probability of a T² at least as large if both groups have the same distribution.
-    q_values : (n,) array of float
-        The least false discovery rate at which the vertex counts as different (Benjamini & Hochberg 1995).
+    p_values, q_values : (n,) array of float
+        Probability of a T² at least as large if both groups have the same distribution, and the least false discovery
+        rate at which the vertex counts as different (Benjamini & Hochberg 1995).
     """
 
     groups: tuple[str, str]
@@ -68,7 +67,7 @@ def group_test(
     aligned : (m, n, 3) array of float
         Shapes moved onto their mean, such as ``generalised_procrustes(...).aligned``.
     groups : sequence of str
-        The group of each of the m shapes; two different names.
+        The group of each of the m shapes; two different names, of two shapes or more.
     method : {"permutation", "parametric"}
         Whether p-values come from random exchanges of the group labels, which assumes nothing about the distribution, or
         from Hotelling's F distribution, which assumes a normal one and the same covariance in both groups.
@@ -77,27 +76,15 @@ def group_test(
     seed : int
         Draws them.
     measured : (m, n) array of bool, optional
-        Which vertices were measured; by default all. A vertex that fewer than two shapes of a group measured is left out:
-        its p- and q-values are 1. Of others, shapes that lack it stand on the mean of all, see `filled`, which makes no
-        difference larger.
-
-    Returns
-    -------
-    GroupTest
-
-    Raises
-    ------
-    InputError
-        If there are not two groups of two shapes or more, or too few shapes for the parametric test.
-    SettingError
-        If a setting makes no sense.
+        Which vertices were measured; by default all. A vertex that fewer than two shapes of a group measured is left
+        out: its p- and q-values are 1. Of others, shapes that lack it stand on the mean of all, see `filled`, which
+        makes no difference larger.
 
     Notes
     -----
-    With the total scatter S of all shapes about their mean and the difference d of the group means,
-    T² = (m − 2) q / (1 − q) where q = (m₁ m₂ / m) dᵀ S⁻¹ d. S is the same for all labels, so a permutation needs one
-    product with the whitened positions: O(n_permutations m n) time. Where a vertex varies in fewer than three
-    directions, only these are tested.
+    T² = (m − 2) q / (1 − q), where q = (m₁ m₂ / m) dᵀ S⁻¹ d of the difference d of the group means and the total scatter
+    S of all shapes about their mean. O(n_permutations m n) time. Where a vertex varies in fewer than three directions,
+    only these are tested.
 
     Examples
     --------
@@ -113,6 +100,9 @@ def group_test(
     if n_permutations < 1:
         raise SettingError(f"n_permutations = {n_permutations} is not at least 1")
     m = len(aligned)
+    # the total scatter S = L Lᵀ is the same for all labels, so that q = (m₁ m₂ / m) |L⁻¹ d|² needs one product of the
+    # whitened positions with the contrast, 1/m₂ in the second group and −1/m₁ in the first, whose product with shapes
+    # is d
     white, rank = _whitened(aligned)
     contrast = np.where(second, 1 / counts[1], -1 / counts[0])
     share = counts[0] * counts[1] / m

@@ -46,11 +46,6 @@ class Observations:
     notes : tuple of str
         What was left out, or is in doubt.
 
-    Raises
-    ------
-    InputError
-        If the arrays do not fit, or numbers are not finite or negative.
-
     Examples
     --------
     >>> Observations.at_vertices([3, 5], [[0, 0, 0], [1, 0, 0]], noise=0.1)
@@ -110,18 +105,10 @@ class Observations:
 
 @dataclass(frozen=True, eq=False)
 class SeenSurface:
-    """A surface that was seen, without names for its points.
-
-    Parameters
-    ----------
-    mesh : Mesh
-        With n vertices.
-    noise : (n,) array of float
-        Of each, see `Observations.noise`.
-    """
+    """A surface that was seen, without names for its n points; noise (n,) as for `Observations`."""
 
     mesh: Mesh
-    noise: FloatArray
+    noise: FloatArray  # (n,)
 
     def nearest(self, shape: Mesh) -> Observations:
         """Find the points of a shape of the model near it that are nearest to the vertices, and face as they do."""
@@ -141,48 +128,18 @@ class SeenSurface:
 
 
 def model_noise(model: ShapeModel) -> float:
-    """Estimate how far points of further shapes are from what the modes describe: the error of a shape left out.
-
-    Examples
-    --------
-    >>> from isomatch.statistics import CorrespondedShapes
-    >>> triangle = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
-    >>> shapes = CorrespondedShapes("abc", [triangle * [1, height, 1] for height in (1, 2, 3)], [[0, 1, 2]])
-    >>> round(model_noise(ShapeModel.fit(shapes)), 3)
-    0.037
-    """
+    """Estimate how far points of further shapes are from what the modes describe: the error of a shape left out."""
     return float(generalisation(model).mean[-1]) if len(model.names) > 1 else 0.0
 
 
 def observed_vertices(
     model: ShapeModel, mesh: Mesh, known: BoolArray | None = None, noise: float | None = None
 ) -> Observations:
-    """Take the vertices that a mesh in the topology of a model has.
+    """Take the vertices that a mesh in the topology of a model has, without those that have no finite position.
 
-    Parameters
-    ----------
-    model : ShapeModel
-        The model.
-    mesh : Mesh
-        With the faces of the model; vertices without a finite position are missing.
-    known : (n,) array of bool, optional
-        Which of the others were measured; by default all.
-    noise : float, optional
-        Root mean square distance of a vertex from what the modes describe; by default `model_noise`. As errors of
-        neighbours are alike, all vertices within a square of 0.2 √area count as one.
-
-    Raises
-    ------
-    MeshError
-        If the faces are others.
-
-    Examples
-    --------
-    >>> from isomatch.statistics import CorrespondedShapes
-    >>> triangle = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
-    >>> shapes = CorrespondedShapes("abc", [triangle * [1, height, 1] for height in (1, 2, 3)], [[0, 1, 2]])
-    >>> observed_vertices(ShapeModel.fit(shapes), Mesh(triangle * [[1], [1], [np.nan]], [[0, 1, 2]]))
-    Observations(2 points)
+    Of the others, all (n,) were measured by default. The noise is the root mean square distance of a vertex from what
+    the modes describe, by default `model_noise`. As errors of neighbours are alike, all vertices within a square of 0.2
+    √area count as one.
     """
     if not np.array_equal(mesh.faces, model.faces) or mesh.n_vertices != len(model.mean):
         raise MeshError(
@@ -201,33 +158,9 @@ def observed_vertices(
 def observed_landmarks(
     model: ShapeModel, own: Landmarks, found: Landmarks, noise: float | None = None
 ) -> Observations:
-    """Take landmarks of a shape, joined by name with those of the mean of a model.
+    """Take landmarks of a shape, joined by name with the model's own, which are in the coordinates of its mean.
 
-    Parameters
-    ----------
-    model : ShapeModel
-        The model.
-    own : Landmarks
-        In the coordinates of its mean.
-    found : Landmarks
-        Of the shape; their expected errors add to the noise.
-    noise : float, optional
-        Root mean square distance of a landmark from what the modes describe; by default `model_noise`.
-
-    Raises
-    ------
-    LandmarkError
-        If they have no name in common, or a name twice.
-
-    Examples
-    --------
-    >>> from isomatch.statistics import CorrespondedShapes
-    >>> triangle = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
-    >>> shapes = CorrespondedShapes("abc", [triangle * [1, height, 1] for height in (1, 2, 3)], [[0, 1, 2]])
-    >>> model = ShapeModel.fit(shapes)
-    >>> own, found = Landmarks(model.mean, ["a", "b", "c"]), Landmarks([[0, 0, 1], [0, 3, 1]], ["a", "c"])
-    >>> observed_landmarks(model, own, found)
-    Observations(2 points)
+    Their expected errors add to the noise, which is that of `observed_vertices`.
     """
     names = [
         [name for name, placed in zip(marks.names, marks.placed) if placed and name] for marks in (own, found)
@@ -261,34 +194,10 @@ def observed_part(
     expected_error: ArrayLike = 0.0,
     noise: float | None = None,
 ) -> Observations:
-    """Take the vertices of a surface that was matched to the mean of a model.
+    """Take the m vertices of a surface, all of a shape or a part, of which a map to the mean of a model was found.
 
-    Parameters
-    ----------
-    model : ShapeModel
-        The model.
-    part : Mesh, or what `mesh_from` takes
-        A part of a shape, or all of it, with m vertices.
-    found : Correspondence
-        From it to the mean, such as that of ``match(part, model.mesh())``.
-    expected_error : (m,) array_like of float
-        Of its images, in √area, as a `MatchResult` has it; they add to the noise until nearest points take their place.
-    noise : float, optional
-        As for `observed_vertices`.
-
-    Raises
-    ------
-    MapError
-        If the map is one of other surfaces.
-
-    Examples
-    --------
-    >>> from isomatch.statistics import CorrespondedShapes
-    >>> square = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
-    >>> shapes = CorrespondedShapes("abc", [square * [1, height, 1] for height in (1, 2, 3)], [[0, 1, 2], [0, 2, 3]])
-    >>> part = Mesh([[1, 2.5, 0], [0, 0, 0], [1, 0, 0]], [[0, 1, 2]])
-    >>> observed_part(ShapeModel.fit(shapes), part, Correspondence([2, 0, 1], n_target=4))
-    Observations(3 points)
+    That is such as of ``match(part, model.mesh())``. Expected errors (m,) of its images, in √area, as a `MatchResult`
+    has them, add to the noise, which is that of `observed_vertices`, until nearest points take their place.
     """
     part, mean = mesh_from(part), model.mesh()
     found.check_fits(part, mean)
@@ -325,34 +234,12 @@ def read_observations(
         A mesh, whose vertices are taken if it has the faces of the model, without those with ``measured`` = 0; others
         are matched to the mean. Or landmarks, see `Landmarks.read`.
     model : ShapeModel
-        The model.
     landmarks : path_like, optional
         Landmarks of its mean, for those of the shape.
     noise : float, optional
         See `observed_vertices`.
     config, seed, progress
         As for `match`.
-
-    Raises
-    ------
-    FormatError
-        If a file is missing or damaged.
-    LandmarkError
-        If there are no landmarks of the mean, or they do not fit.
-    MapError, NotConvergedError
-        If a part is not matched.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> from isomatch import write_mesh
-    >>> from isomatch.statistics import CorrespondedShapes
-    >>> triangle = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
-    >>> shapes = CorrespondedShapes("abc", [triangle * [1, height, 1] for height in (1, 2, 3)], [[0, 1, 2]])
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     write_mesh(Path(folder) / "part.ply", shapes.mesh(0))
-    ...     read_observations(Path(folder) / "part.ply", ShapeModel.fit(shapes))
-    Observations(3 points)
     """
     path = Path(path)
     if path.suffix.lower() not in FORMATS:

@@ -28,9 +28,7 @@ class ProcrustesAlignment:
     aligned : (m, n, 3) array of float
         The shapes: ``scales[s] * vertices[s] @ rotations[s].T + translations[s]``.
     rotations : (m, 3, 3) array of float
-        Proper rotations.
     translations : (m, 3) array of float
-        In the units of the shapes.
     scales : (m,) array of float
         All 1 if the scale is kept.
     size : float or None
@@ -54,7 +52,11 @@ class ProcrustesAlignment:
 
 
 def generalised_procrustes(
-    vertices: FloatArray, weights: FloatArray | None = None, scale: Scale = "keep"
+    vertices: FloatArray,
+    weights: FloatArray | None = None,
+    scale: Scale = "keep",
+    *,
+    most_iterations: int = MOST_ITERATIONS,
 ) -> ProcrustesAlignment:
     """Move shapes so that the sum of squared distances from their mean is least.
 
@@ -67,6 +69,8 @@ def generalised_procrustes(
     scale : {"keep", "remove"}
         Whether shapes are only moved, or also brought to one size: the root of the mean squared distance from the
         centroid becomes the geometric mean of those of all shapes.
+    most_iterations : int
+        After so many, shapes that still move end in a `NotConvergedError`.
 
     Returns
     -------
@@ -75,20 +79,10 @@ def generalised_procrustes(
         possible to the identity. Up to this common motion, the result does not depend on the order, the places or the
         orientations of the shapes, nor on their sizes if those are removed.
 
-    Raises
-    ------
-    MeshError
-        If the size is to be removed of a shape that has none.
-    NotConvergedError
-        If the shapes still move after many iterations.
-    MemoryBudgetError
-        If there are too many shapes.
-
     Notes
     -----
     Gower, *Generalized Procrustes analysis*, Psychometrika 1975, without reflections, started from the shape whose
-    distances to all others are least. The iterations need only the 3 × 3 products of each pair of shapes: O(m² n) time
-    for these, O(m²) for each iteration, and 216 m² bytes.
+    distances to all others are least. O(m² n) time, O(m²) for each iteration, and 216 m² bytes.
 
     Examples
     --------
@@ -104,8 +98,10 @@ def generalised_procrustes(
     size, scales = _common_size(centred, share, scale)
     centred = centred * scales[:, None, None]
     products = _products(centred, share)
-    rotations, n_iterations = _converged(products)
-    rotations = _nearest_rotations(rotations.sum(axis=0)) @ rotations
+    rotations, n_iterations = _converged(products, most_iterations)
+    rotations = (
+        _nearest_rotations(rotations.sum(axis=0)) @ rotations
+    )  # the common turn that is nearest to none
     translations = centroids.mean(axis=0) - scales[:, None] * np.einsum("sij,sj->si", rotations, centroids)
     aligned = centred @ rotations.transpose(0, 2, 1) + centroids.mean(axis=0)
     return ProcrustesAlignment(aligned, rotations, translations, scales, size, n_iterations)
@@ -118,7 +114,7 @@ def procrustes_distances(
     *,
     mirrored: bool = False,
 ) -> FloatArray:
-    """Compute the distance of each pair of shapes after the best motion of one onto the other.
+    """Compute the distance of each pair of shapes, (m, m), after the best motion of one onto the other.
 
     Parameters
     ----------
@@ -132,19 +128,12 @@ def procrustes_distances(
     (m, m) array of float
         Root mean square distances of corresponding vertices, in the units of the shapes; symmetric.
 
-    Raises
-    ------
-    MeshError, MemoryBudgetError
-        As for `generalised_procrustes`.
-
     Examples
     --------
     >>> corner = np.eye(3)
     >>> distances = procrustes_distances(np.array([corner, corner + 1, 2 * corner]))
-    >>> (distances * 3 / 2**0.5).round(6)
-    array([[0.      , 0.      , 1.732051],
-           [0.      , 0.      , 1.732051],
-           [1.732051, 1.732051, 0.      ]])
+    >>> (distances[0] * 3 / 2**0.5).round(6)
+    array([0.      , 0.      , 1.732051])
     """
     share = shares_of(vertices, weights)
     centred = vertices - np.einsum("i,sij->sj", share, vertices)[:, None]
@@ -223,6 +212,8 @@ def _nearest_rotations(products: FloatArray) -> FloatArray:
 
 def _pair_distances(products: FloatArray, mirrored: bool = False) -> FloatArray:
     """Root mean square distances of each pair, (m, m), after the best rotation, or the best reflection."""
+    # min over R of |X Rᵀ − Y|² = |X|² + |Y|² − 2 (σ₁ + σ₂ ± σ₃) with singular values σ of XᵀWY, and − where its
+    # determinant is negative, for then the best orthogonal matrix is a reflection (Kabsch 1976)
     values = np.linalg.svd(products, compute_uv=False)
     values[..., 2] *= np.where((np.linalg.det(products) < 0) != mirrored, -1.0, 1.0)
     squares = np.einsum("ssii->s", products)
@@ -233,22 +224,25 @@ def _pair_distances(products: FloatArray, mirrored: bool = False) -> FloatArray:
     return symmetric
 
 
-def _converged(products: FloatArray) -> tuple[FloatArray, int]:
+def _converged(products: FloatArray, most: int) -> tuple[FloatArray, int]:
     """Rotations (m, 3, 3) of all shapes onto their mean, and the number of iterations."""
     medoid = int((_pair_distances(products) ** 2).sum(axis=1).argmin())
     rotations = _nearest_rotations(products[:, medoid])
     own = np.einsum("ssij->sij", products)
     size = np.sqrt(max(np.einsum("sii->s", own).mean(), np.finfo(float).tiny))
-    for iteration in range(MOST_ITERATIONS):
+    for iteration in range(most):
+        # Σₜ Xₛᵀ W Xₜ Rₜᵀ / m = Xₛᵀ W (mean): the 3 × 3 products of pairs suffice, and no vertex is touched. The rotation
+        # Rₛ onto the mean is that which maximises the trace of its product with it; then the mean is made anew (Gower)
         to_mean = np.einsum("stij,tkj->sik", products, rotations) / len(products)
         turned = _nearest_rotations(to_mean)
         change = turned - rotations
         rotations = turned
+        # |Xₛ ΔRᵀ|² = tr(ΔR Xₛᵀ W Xₛ ΔRᵀ)
         moved = np.sqrt(np.maximum(np.einsum("sij,sjk,sik->s", change, own, change), 0.0))
         if moved.max() <= TOLERANCE * size:
             return rotations, iteration + 1
     raise NotConvergedError(
-        f"Procrustes analysis: the shapes still move by {moved.max() / size:.1e} of their size after {MOST_ITERATIONS} "
+        f"Procrustes analysis: the shapes still move by {moved.max() / size:.1e} of their size after {most} "
         "iterations; they may be too different for one mean: leave out outliers"
     )
 
@@ -259,7 +253,6 @@ def centroid_sizes(vertices: FloatArray, weights: FloatArray | None = None) -> F
     Parameters
     ----------
     vertices : (m, n, 3) array of float
-        Positions of the vertices of m shapes.
     weights : (n,) array of float, optional
         Weight of each vertex, such as `CorrespondedShapes.area_weights`, so that the size does not depend on where
         vertices are dense: a vertex counts n times its share of the sum. By default all count once.

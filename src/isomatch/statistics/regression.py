@@ -19,18 +19,16 @@ LEAST_SHARE = 1e-9  # of the largest singular value of the variables: one with l
 
 @dataclass(frozen=True, eq=False)
 class ShapeRegression:
-    """Regression of aligned shapes on q variables: shape = mean + Σ (variable − its mean) · coefficient.
+    """Regression of m aligned shapes on q variables: shape = mean + Σ (variable − its mean) · coefficient.
 
     Parameters
     ----------
-    r_squared : float
-        Share of the variance of shape that the variables describe.
-    p_value : float
-        Probability of as large a share if the variables tell nothing about shape, from permutations.
+    r_squared, p_value : float
+        Share of the variance of shape that the variables describe, and the probability of as large a share if they tell
+        nothing about shape, from permutations.
     n_permutations, seed : int
         Their number, and what drew them.
     mean : (n, 3) array of float
-        Mean shape.
     coefficients : (q, n, 3) array of float
         Displacement for one unit of each variable.
     scores : (m, q) array of float
@@ -70,21 +68,9 @@ def shape_regression(
     seed : int
         Draws them.
 
-    Returns
-    -------
-    ShapeRegression
-
-    Raises
-    ------
-    InputError
-        If there are fewer than three shapes, or the variables do not vary, or depend on each other.
-    SettingError
-        If there is no permutation.
-
     Notes
     -----
-    Goodall's Procrustes regression (Goodall 1991; Anderson 2001): sums of squares are over vertices and coordinates, and
-    follow from the m × m scalar products of the shapes, so that a permutation takes O(m² q) time and no vertex.
+    Goodall's Procrustes regression. A permutation takes O(m² q) time.
 
     Examples
     --------
@@ -111,6 +97,9 @@ def shape_regression(
     scale = np.abs(values).max(initial=0.0) * np.sqrt(m)
     if not len(singular) or singular[-1] <= LEAST_SHARE * max(singular[0], scale):
         raise InputError("the variables do not vary, or one depends on the others; leave it out")
+    # sums of squares over vertices and coordinates (Goodall 1991; Anderson 2001): with an orthonormal basis B (m, q) of
+    # the centred variables and the scalar products P (m, m) of shapes, those explained are tr(Bᵀ P B), of all tr P. An
+    # exchange of values permutes the rows of B: O(m² q), and no vertex
     share = shares_of(aligned, weights)
     mean = aligned.mean(axis=0)
     about_mean = aligned - mean

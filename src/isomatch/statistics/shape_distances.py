@@ -25,43 +25,11 @@ def geodesic_distortions(
     engine: str | None = None,
     progress: Callable[[str], None] = lambda name: None,
 ) -> FloatArray:
-    """Compute how much geodesic distances differ between each pair of shapes; a change of pose counts little.
+    """Compute how much geodesic distances differ between each pair of m shapes; a change of pose counts little.
 
-    Parameters
-    ----------
-    shapes : CorrespondedShapes
-        The m shapes.
-    n_samples : int
-        Number of evenly spread vertices between which distances are measured.
-    engine : str, optional
-        How distances are computed, see `distance_engine`.
-    progress : callable
-        Is given the name of each shape before its distances are computed.
-
-    Returns
-    -------
-    (m, m) array of float
-        Root mean square difference of the distances, each divided by √(area of its shape); symmetric.
-
-    Raises
-    ------
-    SettingError
-        If there is no such engine or no sample.
-    MeshError
-        If a shape has no area.
-
-    Notes
-    -----
-    Samples are farthest points of the mean, beginning with the vertex farthest from its centroid. O(m n_samples n log n)
-    time.
-
-    Examples
-    --------
-    >>> triangle = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
-    >>> shapes = CorrespondedShapes(("a", "b"), [triangle, 2 * triangle], [[0, 1, 2]])
-    >>> geodesic_distortions(shapes).round(6)
-    array([[0., 0.],
-           [0., 0.]])
+    Returns root mean square differences (m, m) between distances, each divided by √(area of its shape), of n_samples
+    farthest points of the mean, beginning with the vertex farthest from its centroid. `distance_engine` has the engines;
+    progress is given the name of each shape before its distances are computed. O(m n_samples n log n) time.
     """
     if n_samples < 1:
         raise SettingError(f"n_samples = {n_samples} is not at least 1")
@@ -82,22 +50,9 @@ def geodesic_distortions(
 
 
 def shape_tree(distances: FloatArray) -> FloatArray:
-    """Merge the nearest groups of shapes again and again, by the average distance between them.
+    """Merge the nearest groups of shapes again and again, by the average of their symmetric distances (m, m).
 
-    Parameters
-    ----------
-    distances : (m, m) array_like of float
-        Symmetric distances between at least two shapes.
-
-    Returns
-    -------
-    (m − 1, 4) array of float
-        The tree as a linkage matrix of ``scipy.cluster.hierarchy``.
-
-    Raises
-    ------
-    InputError
-        If these are not distances between two shapes or more.
+    Returns a linkage matrix of ``scipy.cluster.hierarchy``, (m − 1, 4).
     """
     checked = _checked(distances)
     if len(checked) < 2:
@@ -106,28 +61,10 @@ def shape_tree(distances: FloatArray) -> FloatArray:
 
 
 def classical_scaling(distances: FloatArray, dim: int = 2) -> FloatArray:
-    """Place shapes as points whose distances approximate the given ones.
+    """Place shapes as points (m, dim) whose distances approximate symmetric ones (m, m), by classical scaling.
 
-    Parameters
-    ----------
-    distances : (m, m) array_like of float
-        Symmetric distances.
-    dim : int
-        Number of coordinates.
+    Coordinates are centred, in decreasing order of spread; 0 along axes that the distances do not need.
 
-    Returns
-    -------
-    (m, dim) array of float
-        Coordinates by classical multidimensional scaling, centred, in decreasing order of spread; 0 along axes that the
-        distances do not need.
-
-    Raises
-    ------
-    InputError
-        If these are not distances.
-
-    Examples
-    --------
     >>> classical_scaling([[0, 1, 3], [1, 0, 2], [3, 2, 0]], dim=1).round(6).ravel()
     array([-1.333333, -0.333333,  1.666667])
     """

@@ -47,14 +47,10 @@ class ScoredShape:
 
     Parameters
     ----------
-    scores : (k,) array of float
-        Its coordinates along the modes, in the units of the shapes.
-    deviations : (k,) array of float
-        The same in standard deviations of the modes.
-    aligned : (n, 3) array of float
-        The shape moved onto the mean.
-    reconstructed : (n, 3) array of float
-        The shape of the model with these scores.
+    scores, deviations : (k,) array of float
+        Its coordinates along the modes, in the units of the shapes and in standard deviations of the modes.
+    aligned, reconstructed : (n, 3) array of float
+        The shape moved onto the mean, and that of the model with these scores.
     error : float
         Root mean square distance of the two: what the modes do not describe, in the units of the shapes.
     """
@@ -80,9 +76,7 @@ class ShapeModel:
     names : tuple of str
         The shapes.
     mean : (n, 3) array of float
-        The mean shape.
     faces : (f, 3) array of int
-        Its triangles.
     weights : (n,) array of float
         Weight of each vertex in all distances; the sum is 1.
     modes : (k, n, 3) array of float
@@ -132,17 +126,8 @@ class ShapeModel:
         scale : {"keep", "remove"}
             Whether size is part of the shape, see `generalised_procrustes`.
         weights : {"area", "uniform"}
-            Whether a vertex counts by its share of the area, so that the model does not depend on how densely the surface
-            is sampled, or all count alike.
-
-        Raises
-        ------
-        MeshError
-            If a shape has no area, or no size that could be removed.
-        SettingError
-            If a setting is unknown.
-        NotConvergedError, MemoryBudgetError
-            As for `generalised_procrustes`.
+            Whether a vertex counts by its share of the area, so that the model does not depend on how densely the
+            surface is sampled, or all count alike.
 
         Notes
         -----
@@ -158,6 +143,7 @@ class ShapeModel:
         mean = superimposed.mean
         about_mean, about_centre = superimposed.aligned - mean, mean - share @ mean
         with serial_blas():
+            # X √W = U S Vᵀ of displacements X (m, 3 n): the modes are S⁻¹ Uᵀ X, the scores U S
             u, values, _ = np.linalg.svd(
                 (about_mean * np.sqrt(share)[:, None]).reshape(len(shapes), -1), full_matrices=False
             )
@@ -204,13 +190,7 @@ class ShapeModel:
         return np.asarray(self.mean + np.tensordot(self.scores, self.modes, 1))
 
     def vertices(self, scores: ArrayLike) -> FloatArray:
-        """Return the shape (n, 3) with given scores along the first modes; further ones are 0.
-
-        Raises
-        ------
-        SettingError
-            If there are more scores than modes.
-        """
+        """Return the shape (n, 3) with given scores along the first modes; further ones are 0."""
         leading = numbers_of(scores, "scores", SettingError)
         if leading.ndim != 1 or len(leading) > self.n_modes:
             raise SettingError(
@@ -239,15 +219,9 @@ class ShapeModel:
         Parameters
         ----------
         mesh : Mesh
-            The shape.
         measured : (n,) array of bool, optional
             Which of its vertices were measured, such as `read_measured` reads; by default all. The others tell nothing:
             they are taken to be where the mean is, and have no part in the error.
-
-        Raises
-        ------
-        MeshError
-            If its faces are not those of the model, a vertex has no finite position, or nothing was measured.
 
         Notes
         -----
@@ -283,26 +257,14 @@ class ShapeModel:
         return float(np.sqrt(share @ ((self.mean - share @ self.mean) ** 2).sum(axis=1)))
 
     def save(self, path: str | Path) -> None:
-        """Write the model to an ``.npz`` file, which `load` reads.
-
-        Raises
-        ------
-        UnwritableFileError
-            If it cannot be written.
-        """
+        """Write the model to an ``.npz`` file, which `load` reads."""
         arrays = {name: getattr(self, name) for name in FORMAT.arrays if name not in ("names", "size")}
         size = {} if self.size is None else {"size": np.array(self.size)}
         save_arrays(path, FORMAT.version, {"names": np.array(json.dumps(self.names)), **arrays, **size})
 
     @classmethod
     def load(cls, path: str | Path) -> ShapeModel:
-        """Read a model.
-
-        Raises
-        ------
-        FormatError
-            If the file is missing, damaged or too new.
-        """
+        """Read a model."""
         stored = FORMAT.read(path)
         try:
             names = json.loads(stored.pop("names"))
@@ -316,21 +278,13 @@ class ShapeModel:
         return cls(names=tuple(map(str, names)), size=size, **stored)
 
 
-MOST_LEFT_OUT = 100  # shapes that are left out in turn; the standard error of their mean is then small
+MOST_LEFT_OUT = 100
 N_SAMPLES = 1000  # Styner et al. 2003 draw 10 000; with 1000 the mean is known to about 1 %
 
 
 @dataclass(frozen=True, eq=False)
 class ModelCurve:
-    """A measure for each number of modes, in the units of the shapes.
-
-    Parameters
-    ----------
-    mean : (k,) array of float
-        ``mean[j]`` is the mean with j modes.
-    standard_error : (k,) array of float
-        Standard error of these means.
-    """
+    """Means (k,) of a measure, ``mean[j]`` with j modes, and their standard errors, in the units of the shapes."""
 
     mean: FloatArray
     standard_error: FloatArray
@@ -342,19 +296,11 @@ class ModelCurve:
 
 
 def compactness(model: ShapeModel) -> FloatArray:
-    """Compute the share of the total variance that the first j modes have, (k + 1,) for j = 0…k.
-
-    Examples
-    --------
-    >>> from isomatch.statistics import CorrespondedShapes
-    >>> triangle = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
-    >>> compactness(ShapeModel.fit(CorrespondedShapes(("a", "b"), [triangle, 2 * triangle], [[0, 1, 2]])))
-    array([0., 1.])
-    """
+    """Compute the share of the total variance that the first j modes have, (k + 1,) for j = 0…k."""
     return np.concatenate([[0.0], np.cumsum(model.variance_ratios)])
 
 
-def generalisation(model: ShapeModel, *, seed: int = 0) -> ModelCurve:
+def generalisation(model: ShapeModel, *, seed: int = 0, most: int = MOST_LEFT_OUT) -> ModelCurve:
     """Measure how well the model describes shapes that it was not made from, leaving out one at a time.
 
     Parameters
@@ -362,7 +308,9 @@ def generalisation(model: ShapeModel, *, seed: int = 0) -> ModelCurve:
     model : ShapeModel
         A model of m shapes, with all its modes.
     seed : int
-        Draws the shapes that are left out, if there are more than 100.
+        Draws the shapes that are left out, if there are more than the most.
+    most : int
+        How many shapes are left out in turn; the standard error of their mean is then small.
 
     Returns
     -------
@@ -379,8 +327,8 @@ def generalisation(model: ShapeModel, *, seed: int = 0) -> ModelCurve:
     if m < 2:
         return ModelCurve(np.zeros(0), np.zeros(0))
     chosen = np.arange(m)
-    if m > MOST_LEFT_OUT:
-        chosen = np.sort(generator(seed).choice(m, MOST_LEFT_OUT, replace=False))
+    if m > most:
+        chosen = np.sort(generator(seed).choice(m, most, replace=False))
     rows = np.zeros((len(chosen), m - 1))
     number = {name: i for i, name in enumerate(model.names)}
     both = [sorted({i, number.get(_other_side(name), i)}) for name, i in number.items()]
@@ -390,6 +338,8 @@ def generalisation(model: ShapeModel, *, seed: int = 0) -> ModelCurve:
             mean = others.mean(axis=0)
             _, values, axes = np.linalg.svd(others - mean, full_matrices=False)
             missed = model.scores[left_out] - mean
+            # what is left of b − mean without its parts along the first j axes of the others: the scores of all
+            # shapes span the same space as the shapes, with the same distances, as the modes are orthonormal
             row[:] = np.linalg.norm(missed)
             used = axes[: m - 2][values[: m - 2] > 1e-10 * max(values.max(initial=0.0), 1e-300)]
             for j, axis in enumerate(used, start=1):
@@ -419,6 +369,7 @@ def specificity(model: ShapeModel, *, n_samples: int = N_SAMPLES, seed: int = 0)
     -----
     Davies 2002; Styner et al. 2003. O(n_samples m k) time: distances are those of the scores.
     """
+    # |x − xᵢ|² of a shape with scores z and the i-th, with scores b, is Σ (z − b)²: all modes but the first j have z = 0
     draws = generator(seed).standard_normal((n_samples, model.n_modes)) * model.deviations
     squares = np.broadcast_to((model.scores**2).sum(axis=1), (n_samples, len(model.names))).copy()
     rows = [np.sqrt(squares.min(axis=1))]

@@ -35,9 +35,9 @@ class CorrespondedShapes:
     Parameters
     ----------
     names : sequence of str
-        A name for each of the m shapes.
+        A name for each of the m shapes; no two are the same.
     vertices : (m, n, 3) array_like of float
-        Positions of their vertices, in one unit.
+        Positions of their vertices, in one unit, all finite.
     faces : (f, 3) array_like of int
         0-based vertex indices of the triangles that they share.
     left_out : tuple of str
@@ -45,11 +45,6 @@ class CorrespondedShapes:
     measured : (m, n) array_like of bool, optional
         Which vertices have a counterpart on the shape, rather than a place that continues those around them; by default
         all.
-
-    Raises
-    ------
-    MeshError
-        If there is no shape, two have the same name, a position is not finite, or the arrays do not fit.
 
     Examples
     --------
@@ -112,15 +107,10 @@ class CorrespondedShapes:
     ) -> CorrespondedShapes:
         """Collect meshes, by name in alphabetical order; those that are not in correspondence are left out.
 
-        A mesh is left out if its faces are not those of most meshes, or if it has a vertex without a finite position,
-        which is how unmatched vertices are written. ``left_out`` says which and why. The corners of a face may come in
-        another order, as in a mirror image whose faces were turned over. So is one of which less than half of the
-        vertices were ``measured``, an array (n,) for each mesh with vertices that were not.
-
-        Raises
-        ------
-        MeshError
-            If no mesh is left.
+        A mesh is left out if its faces are not those of most meshes, but for the order of corners; if it has a vertex
+        without a finite position, which is how unmatched vertices are written; or if less than half of its vertices were
+        ``measured``, an array (n,) for each mesh with vertices that were not. ``left_out`` says which and why.
+        `MeshError` if none is left.
         """
         ordered = dict(sorted(meshes.items()))
         if not ordered:
@@ -179,17 +169,10 @@ class CorrespondedShapes:
         return replace(self, vertices=vertices)
 
     def mirrored(self, left_right: IntArray) -> CorrespondedShapes:
-        """Return the shapes followed by their mirror images, moved onto them; a left–right map says what corresponds.
+        """Return the shapes followed by their mirror images, moved onto them.
 
-        Parameters
-        ----------
-        left_right : (n,) array of int
-            The vertex on the other side that corresponds to each vertex, such as `left_right_map` finds.
-
-        Raises
-        ------
-        MeshError
-            If it does not name a vertex for each vertex.
+        A left–right map (n,), such as `left_right_map` finds, tells the vertex on the other side that corresponds to
+        each.
         """
         other = np.asarray(left_right)
         if other.shape != (self.n_vertices,) or other.dtype.kind not in "iu":
@@ -232,13 +215,6 @@ def read_shapes(source: str | Path | Iterable[str | Path]) -> CorrespondedShapes
     CorrespondedShapes
         ``left_out`` names files that are not in correspondence with the others. The attribute ``measured`` of PLY files
         tells which vertices were measured.
-
-    Raises
-    ------
-    FormatError
-        If a file is missing or damaged, or two have the same name.
-    MeshError
-        If no shape is left.
     """
     files = _files_of(Path(source)) if isinstance(source, str | Path) else [Path(path) for path in source]
     twice = [name for name, count in Counter(legible(file.stem) for file in files).items() if count > 1]
@@ -290,29 +266,13 @@ def filled(
     Returns
     -------
     CorrespondedShapes
-        So aligned, a missing vertex lies on the mean: it adds no variance, and does not turn or shift its shape. One that
-        no shape measured stays where the surfaces around it were continued.
-
-    Raises
-    ------
-    NotConvergedError
-        If these places still move after many rounds.
+        So aligned, a missing vertex lies on the mean: it adds no variance, and does not turn or shift its shape. One
+        that no shape measured stays where the surfaces around it were continued.
 
     Notes
     -----
     Alignment and means take turns until nothing moves, which is expectation maximisation for one mean and deviations of
     one size everywhere. A round takes the time of `generalised_procrustes`.
-
-    Examples
-    --------
-    >>> square = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]])
-    >>> moved = square + [0, 0, 5]
-    >>> moved[2] += 7
-    >>> measured = np.ones((2, 4), dtype=bool)
-    >>> measured[1, 2] = False
-    >>> shapes = CorrespondedShapes("ab", np.array([square, moved]), [[0, 1, 2], [0, 2, 3]], measured=measured)
-    >>> filled(shapes).vertices[1, 2].round(3).tolist()
-    [1.0, 1.0, 5.0]
     """
     measured = shapes.measured
     if measured is None:

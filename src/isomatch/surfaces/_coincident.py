@@ -8,27 +8,10 @@ from isomatch.values.arrays import AnyArray, IntArray
 
 
 def first_equal(points: AnyArray) -> IntArray:
-    """Find, for each point, the first point at exactly the same position.
+    """Find, for each of the points (n, d), the first one at exactly the same position, (n,): itself if there is none.
 
-    Parameters
-    ----------
-    points : (n, d) array
-        Positions, or rows of any other kind. A row that contains NaN is equal to no other.
-
-    Returns
-    -------
-    (n,) array of int
-        Index of the first equal point; the point's own index if no earlier one is equal.
-
-    Notes
-    -----
-    O(n log n) time, most of it to sort hashes. Equality is exact, because equality up to a tolerance is not transitive,
-    and could merge points that are meant to be different.
-
-    Examples
-    --------
-    >>> first_equal(np.array([[0, 0, 1.0], [0, 0, 2], [0, -0.0, 1]])).tolist()
-    [0, 1, 0]
+    A point with a NaN equals no other. Equality is exact, because equality up to a tolerance is not transitive, and could
+    merge points that are meant to be different. O(n log n) time, most of it to sort hashes.
     """
     first = np.arange(len(points))
     hashes = _hashes(points)
@@ -48,24 +31,9 @@ def first_equal(points: AnyArray) -> IntArray:
 
 
 def welded(points: AnyArray) -> tuple[IntArray, IntArray]:
-    """Make one vertex of the points at exactly the same position.
+    """Make one vertex of the points (n, d) at exactly the same position.
 
-    Parameters
-    ----------
-    points : (n, d) array
-        Positions.
-
-    Returns
-    -------
-    point_of_vertex : (n_vertices,) array of int
-        The first point of each vertex, increasing.
-    vertex_of_point : (n,) array of int
-        The vertex of each point.
-
-    Examples
-    --------
-    >>> [each.tolist() for each in welded(np.array([[0, 0, 1.0], [0, 0, 2], [0, -0.0, 1]]))]
-    [[0, 1], [0, 1, 0]]
+    Returns the first point of each vertex, (n_vertices,), increasing, and the vertex of each point, (n,).
     """
     first = first_equal(points)
     is_first = first == np.arange(len(points))

@@ -7,75 +7,46 @@ from dataclasses import dataclass
 import numpy as np
 
 from isomatch.loading.compiled import compiled
+from isomatch.surfaces._faces import sort_lists
 from isomatch.values.arrays import AnyArray, BoolArray, FloatArray, IntArray, read_only
 
 
 @dataclass(frozen=True)
 class EdgeTable:
-    """The edges of m faces. Side 3 f + i of face f goes from its corner i to its corner i + 1.
+    """The e edges of m faces. Side 3 f + i of face f goes from its corner i to its corner i + 1."""
 
-    Parameters
-    ----------
-    ends : (e, 2) array of int
-        Vertices of each edge, the smaller index first, in lexicographic order.
-    n_faces : (e,) array of int
-        Number of faces that meet at each edge.
-    sides : (3 m,) array of int
-        The sides of all edges, edge after edge; those of an edge in ascending order.
-    opposite : (3 m,) array of int
-        The other side at the edge of each side, −1 where not exactly two faces meet.
-    clash : (e,) array of bool
-        Which edges have exactly two sides, of the same direction, so that their faces are wound inconsistently.
-    """
-
-    ends: IntArray
-    n_faces: AnyArray
-    sides: AnyArray
-    opposite: AnyArray
-    clash: BoolArray
+    ends: IntArray  # (e, 2) vertices of each edge, the smaller first, in lexicographic order
+    n_faces: AnyArray  # (e,) how many faces meet there
+    sides: AnyArray  # (3 m,) of all edges, edge after edge; those of an edge in ascending order
+    opposite: AnyArray  # (3 m,) the other side at the edge of each side, −1 where not exactly two faces meet
+    clash: BoolArray  # (e,) where exactly two sides have the same direction: their faces are wound inconsistently
 
 
 @dataclass(frozen=True)
 class Meetings:
-    """Pairs of faces that meet at an edge. The r sides of an edge form a chain of r - 1 pairs.
+    """Pairs of faces that meet at an edge. The r sides of an edge form a chain of r - 1 pairs, k in all."""
 
-    Parameters
-    ----------
-    sides : (k, 2) array of int
-        Sides on the same edge.
-    edge : (k,) array of int
-        The edge of each pair.
-    is_pair : (k,) array of bool
-        Which are at an edge of exactly two faces.
-    same_direction : (k,) array of bool
-        Whether the two sides have the same direction, so that their faces are wound inconsistently.
-    """
-
-    sides: IntArray
-    edge: IntArray
-    is_pair: BoolArray
-    same_direction: BoolArray
+    sides: IntArray  # (k, 2) on the same edge
+    edge: IntArray  # (k,)
+    is_pair: BoolArray  # (k,) which are at an edge of exactly two faces
+    same_direction: BoolArray  # (k,) as `EdgeTable.clash`
 
 
 def edge_table(faces: IntArray, n_vertices: int) -> EdgeTable:
     """Group the sides of faces with valid indices into edges, in O(n + m) time, but O(k^1.5) for k at one vertex."""
     faces = read_only(faces)
     start, keys = np.zeros(n_vertices + 2, dtype=np.int64), np.empty(faces.size, dtype=np.int64)
-    n_edges = _sort_sides(faces, start, keys)
-    ends, n_faces = np.empty((n_edges, 2), dtype=np.int64), np.zeros(n_edges, dtype=np.int32)
     sides, opposite = np.empty(faces.size, dtype=np.int32), np.empty(faces.size, dtype=np.int32)
+    n_edges = _sort_sides(faces, start, keys, sides)
+    ends, n_faces = np.empty((n_edges, 2), dtype=np.int64), np.zeros(n_edges, dtype=np.int32)
     clash = np.zeros(n_edges, dtype=bool)
-    _group_sides(faces, start, keys, ends, n_faces, sides, opposite, clash)
+    _group_sides(faces, start, keys, sides, ends, n_faces, opposite, clash)
     return EdgeTable(ends, n_faces, sides, opposite, clash)
 
 
 @compiled()
-def _sort_sides(faces: IntArray, start: IntArray, keys: IntArray) -> int:
-    """Sort sides by their smaller vertex by counting, and those of each vertex by the other one and their number.
-
-    ``start`` (n + 2,) is 0 on entry; the keys of vertex v are those from ``start[v]`` to ``start[v + 1]``. Returns the
-    number of edges.
-    """
+def _sort_sides(faces: IntArray, start: IntArray, keys: IntArray, sides: AnyArray) -> int:
+    """Sort sides by their smaller vertex, then by the other one, the key, then by number; and count the edges."""
     n = len(start) - 2
     for f in range(len(faces)):
         for i in range(3):
@@ -85,24 +56,14 @@ def _sort_sides(faces: IntArray, start: IntArray, keys: IntArray) -> int:
     for f in range(len(faces)):
         for i in range(3):
             a, b = faces[f, i], faces[f, (i + 1) % 3]
-            keys[start[min(a, b) + 1]] = max(a, b) << 32 | 3 * f + i
+            at = start[min(a, b) + 1]
+            keys[at], sides[at] = max(a, b), 3 * f + i
             start[min(a, b) + 1] += 1
+    sort_lists(start, keys, sides)
     count = 0
     for v in range(n):
-        first, last = start[v], start[v + 1]
-        gap = 1
-        while gap < (last - first) // 3:
-            gap = 3 * gap + 1
-        while gap > 0:  # Shell's sort: by insertion, but where there are many
-            for here in range(first + gap, last):
-                key, at = keys[here], here
-                while at - gap >= first and keys[at - gap] > key:
-                    keys[at] = keys[at - gap]
-                    at -= gap
-                keys[at] = key
-            gap //= 3
-        for at in range(first, last):
-            count += int(at == first or keys[at] >> 32 != keys[at - 1] >> 32)
+        for at in range(start[v], start[v + 1]):
+            count += int(at == start[v] or keys[at] != keys[at - 1])
     return count
 
 
@@ -111,9 +72,9 @@ def _group_sides(
     faces: IntArray,
     start: IntArray,
     keys: IntArray,
+    sides: AnyArray,
     ends: IntArray,
     n_faces: AnyArray,
-    sides: AnyArray,
     opposite: AnyArray,
     clash: BoolArray,
 ) -> None:
@@ -121,11 +82,11 @@ def _group_sides(
     count = -1
     for v in range(len(start) - 2):
         for at in range(start[v], start[v + 1]):
-            if at == start[v] or keys[at] >> 32 != keys[at - 1] >> 32:
+            if at == start[v] or keys[at] != keys[at - 1]:
                 count += 1
-                ends[count, 0], ends[count, 1] = v, keys[at] >> 32
+                ends[count, 0], ends[count, 1] = v, keys[at]
             n_faces[count] += 1
-            side = sides[at] = keys[at] & 2**32 - 1
+            side = sides[at]
             opposite[side] = -1
             if n_faces[count] == 2:
                 other = sides[at - 1]
@@ -219,6 +180,8 @@ def fans(faces: IntArray, edges: EdgeTable, n_vertices: int) -> IntArray:
 @compiled()
 def _count_fans(faces: IntArray, opposite: AnyArray, count: IntArray) -> None:
     """Walk around each vertex, both ways from a corner, from face to face across the sides that end there."""
+    # opposite sides may run the same way, where faces are wound inconsistently: at_start follows on which end of the
+    # side to be crossed the vertex is
     seen = np.zeros(faces.size, np.bool_)
     for corner in range(faces.size):
         if seen[corner]:
@@ -226,7 +189,7 @@ def _count_fans(faces: IntArray, opposite: AnyArray, count: IntArray) -> None:
         seen[corner] = True
         count[faces[corner // 3, corner % 3]] += 1
         for way in range(2):
-            at_start = way == 0  # of the side to be crossed
+            at_start = way == 0
             side = corner if at_start else _before(corner)
             while opposite[side] >= 0:
                 there = opposite[side]
@@ -255,13 +218,8 @@ def corner_links(
 
     Corner 3 f + i is the start of side 3 f + i and the end of the side before it.
     """
-    after_here, after_there = _next_corner(here), _next_corner(there)
+    after_here, after_there = (side + np.where(side % 3 == 2, -2, 1) for side in (here, there))
     return (
         (here, np.where(same_direction, there, after_there)),
         (after_here, np.where(same_direction, after_there, there)),
     )
-
-
-def _next_corner(corners: IntArray) -> IntArray:
-    following: IntArray = corners + np.where(corners % 3 == 2, -2, 1)
-    return following

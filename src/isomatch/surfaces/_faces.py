@@ -33,21 +33,15 @@ def unsound_faces(vertices: FloatArray, faces: IntArray) -> UnsoundFaces:
 
     A duplicate has the same three vertices as an earlier face, in any order. The earlier face is not a duplicate.
     """
-    kind, start = np.zeros(len(faces), dtype=np.int8), np.zeros(len(vertices) + 2, dtype=np.int64)
-    number = np.empty(len(faces), dtype=np.int32)
-    _classify(read_only(vertices), read_only(faces), start, number, kind)
+    kind = _kinds(read_only(vertices), read_only(faces))
     return UnsoundFaces(*(kind == k for k in (OUT_OF_RANGE, NON_FINITE, REPEATED, DUPLICATE)))
 
 
 @compiled()
-def _classify(
-    vertices: FloatArray, faces: IntArray, start: IntArray, number: AnyArray, kind: AnyArray
-) -> None:
-    """Tell what is wrong with each face, 0 for nothing; sound ones with the same smallest vertex are sorted and compared.
-
-    ``start`` (n + 2,) and ``kind`` are 0 on entry; ``number`` (m,) is room for the sound faces of each vertex.
-    """
+def _kinds(vertices: FloatArray, faces: IntArray) -> AnyArray:
+    """Tell what is wrong with each face, (m,), 0 for nothing."""
     n = len(vertices)
+    kind, start = np.zeros(len(faces), np.int8), np.zeros(n + 2, np.int64)
     for f in range(len(faces)):
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
         if min(a, b, c) < 0 or max(a, b, c) >= n:
@@ -57,7 +51,7 @@ def _classify(
         for i in range(3):
             for x in range(3):
                 total += 0.0 * vertices[faces[f, i], x]
-        if total != 0.0:
+        if total != 0.0:  # 0 × inf and 0 × nan are nan
             kind[f] = NON_FINITE
         elif a == b or b == c or c == a:
             kind[f] = REPEATED
@@ -65,39 +59,38 @@ def _classify(
             start[min(a, b, c) + 2] += 1
     for v in range(n):
         start[v + 2] += start[v + 1]
+    keys, number = np.empty(start[n + 1], np.int64), np.empty(start[n + 1], np.int32)
     for f in range(len(faces)):
         if kind[f] == 0:
-            low = min(faces[f, 0], faces[f, 1], faces[f, 2])
-            number[start[low + 1]] = f
+            low, mid, high = _sorted(faces, f)
+            keys[start[low + 1]], number[start[low + 1]] = mid << 32 | high, f
             start[low + 1] += 1
+    sort_lists(start, keys, number)
     for v in range(n):
+        for at in range(start[v] + 1, start[v + 1]):
+            if keys[at] == keys[at - 1]:
+                kind[number[at]] = DUPLICATE
+    return kind
+
+
+@compiled()
+def sort_lists(start: IntArray, keys: IntArray, numbers: AnyArray) -> None:
+    """Sort each list of keys, from ``start[v]`` to ``start[v + 1]``, and of the numbers that tell equal ones apart."""
+    for v in range(len(start) - 2):
         first, last = start[v], start[v + 1]
         gap = 1
         while gap < (last - first) // 3:
             gap = 3 * gap + 1
-        while gap > 0:  # Shell's sort
+        while gap > 0:  # Shell's sort: by insertion, but where there are many
             for here in range(first + gap, last):
-                face, at = number[here], here
-                while at - gap >= first and _is_before(faces, face, number[at - gap]):
-                    number[at] = number[at - gap]
+                key, number, at = keys[here], numbers[here], here
+                while at - gap >= first and (
+                    keys[at - gap] > key or (keys[at - gap] == key and numbers[at - gap] > number)
+                ):
+                    keys[at], numbers[at] = keys[at - gap], numbers[at - gap]
                     at -= gap
-                number[at] = face
+                keys[at], numbers[at] = key, number
             gap //= 3
-        for at in range(first + 1, last):
-            if _sorted(faces, number[at]) == _sorted(faces, number[at - 1]):
-                kind[number[at]] = DUPLICATE
-
-
-@compiled()
-def _is_before(faces: IntArray, f: int, g: int) -> bool:
-    """Whether the larger vertices of a face come before those of another one, or are the same and its number does."""
-    _, mid, high = _sorted(faces, f)
-    _, other_mid, other_high = _sorted(faces, g)
-    if mid != other_mid:
-        return mid < other_mid
-    if high != other_high:
-        return high < other_high
-    return f < g
 
 
 @compiled()
@@ -117,62 +110,43 @@ def require_vertices(faces: IntArray, n_vertices: int) -> None:
 
 
 def vertex_normals(vertices: FloatArray, faces: IntArray) -> FloatArray:
-    """Compute area-weighted unit normals of the vertices, (n, 3); zero if no face of positive area meets a vertex.
-
-    Raises
-    ------
-    MeshError
-        If a vertex index is out of range.
-    """
+    """Compute area-weighted unit normals of the vertices, (n, 3); zero if no face of positive area meets a vertex."""
     require_vertices(faces, len(vertices))
-    normals = np.zeros((len(vertices), 3))
-    _add_normals(read_only(np.ascontiguousarray(vertices, dtype=np.float64)), read_only(faces), normals)
-    return normals
+    return _normals(read_only(np.ascontiguousarray(vertices, dtype=np.float64)), read_only(faces))
 
 
-def areas_of(points: FloatArray, faces: IntArray) -> FloatArray:
-    """Areas (m,) of faces."""
-    areas = np.zeros(len(faces))
-    _fill_areas(read_only(points), read_only(faces), areas)
-    return areas
-
-
-def thirds_of(face_areas: FloatArray, faces: IntArray, n_vertices: int) -> FloatArray:
-    """Areas (n,) of vertices: a third of each of their faces."""
-    areas = np.zeros(n_vertices)
-    _add_thirds(face_areas, read_only(faces), areas)
-    return areas
-
-
+@compiled()
 def cross_products(points: FloatArray, faces: IntArray) -> FloatArray:
     """Cross product of two edges of each face, (m, 3); beyond the largest float infinite or nan."""
     cross = np.zeros((len(faces), 3))
-    _fill_cross(read_only(points), read_only(faces), cross)
+    for f in range(len(faces)):
+        cross[f, 0], cross[f, 1], cross[f, 2] = _cross(points, faces, f)
     return cross
 
 
 @compiled()
-def _fill_cross(points: FloatArray, faces: IntArray, cross: FloatArray) -> None:
-    for f in range(len(faces)):
-        cross[f, 0], cross[f, 1], cross[f, 2] = _cross(points, faces, f)
-
-
-@compiled()
-def _fill_areas(points: FloatArray, faces: IntArray, areas: FloatArray) -> None:
+def areas_of(points: FloatArray, faces: IntArray) -> FloatArray:
+    """Areas (m,) of faces."""
+    areas = np.zeros(len(faces))
     for f in range(len(faces)):
         x, y, z = _cross(points, faces, f)
         areas[f] = 0.5 * np.sqrt(x * x + y * y + z * z)
+    return areas
 
 
 @compiled()
-def _add_thirds(face_areas: FloatArray, faces: IntArray, areas: FloatArray) -> None:
+def thirds_of(face_areas: FloatArray, faces: IntArray, n_vertices: int) -> FloatArray:
+    """Areas (n,) of vertices: a third of each of their faces."""
+    areas = np.zeros(n_vertices)
     for f in range(len(faces)):
         for corner in range(3):
             areas[faces[f, corner]] += face_areas[f] / 3
+    return areas
 
 
 @compiled()
-def _add_normals(points: FloatArray, faces: IntArray, normals: FloatArray) -> None:
+def _normals(points: FloatArray, faces: IntArray) -> FloatArray:
+    normals = np.zeros((len(points), 3))
     for f in range(len(faces)):
         x, y, z = _cross(points, faces, f)
         for corner in range(3):
@@ -184,6 +158,7 @@ def _add_normals(points: FloatArray, faces: IntArray, normals: FloatArray) -> No
         length = np.sqrt(normals[v, 0] ** 2 + normals[v, 1] ** 2 + normals[v, 2] ** 2)
         for i in range(3):
             normals[v, i] = normals[v, i] / length if length > 0 else 0.0
+    return normals
 
 
 @compiled(inline="always")

@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from numpy.typing import ArrayLike
-
-from isomatch.loading.first_use import Shown, view_room
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 from hashlib import blake2b
 from threading import Lock
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 from weakref import WeakSet
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from isomatch.loading.first_use import Shown, view_room
 from isomatch.values.arrays import AnyArray
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 class Plotted(Shown):
@@ -35,32 +32,7 @@ class Plotted(Shown):
         width: int = 1000,
         view: tuple[float, float] | None = None,
     ) -> Figure:
-        """Draw the surface, coloured by values at its vertices; see `isomatch.view.plot_surface`.
-
-        Parameters
-        ----------
-        values : (n,) or (n, 3) array_like of float, optional
-            Numbers, or colours from 0 to 1; ``nan`` is grey.
-        label : str
-            What the numbers are, with their unit.
-        colour_map : str, optional
-            Name of a colour map of matplotlib.
-        title : str
-            Title above the surface.
-        width : int
-            Width in pixels; notebooks show two of them for each pixel of the page.
-        view : (float, float), optional
-            Where the viewer is, in degrees around the surface and above the horizon: by default (32, 14).
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-
-        Raises
-        ------
-        DescriptorError, MeshError, SettingError
-            If the values do not fit, the surface has no area, or there is no such colour map.
-        """
+        """Draw the surface, coloured by values (n,) or (n, 3) at its vertices, by `isomatch.view.plot_surface`."""
         figure: Figure = view_room().plot_surface(
             self, values, label=label, colour_map=colour_map, title=title, width=width, view=view
         )

@@ -11,33 +11,10 @@ BITS = 10  # of each coordinate
 
 
 def in_spatial_order(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray, AnyArray]:
-    """Put vertices in the order of Morton's curve, and faces in that of their first vertices.
+    """Put vertices (n, 3) of [−1, 1]³ in the order of Morton's curve, and faces (m, 3) in that of their first vertices.
 
-    Parameters
-    ----------
-    vertices : (n, 3) array of float
-        Within the cube [−1, 1]³.
-    faces : (m, 3) array of int
-        Of these vertices.
-
-    Returns
-    -------
-    vertices : (n, 3) array of float
-    faces : (m, 3) array of int
-        Corners keep their order.
-    order : (n,) array of int32
-        The old number of each vertex.
-
-    Notes
-    -----
-    Radix and counting sorts: O(n + m).
-
-    Examples
-    --------
-    >>> points = np.array([[1.0, 1, 1], [-1, -1, -1], [1, 1, 0.9]])
-    >>> vertices, faces, order = in_spatial_order(points, np.array([[0, 1, 2]]))
-    >>> order.tolist(), faces.tolist()
-    ([1, 2, 0], [[2, 0, 1]])
+    Returns both, and the old number of each vertex, (n,) of int32. Corners keep their order. O(n + m), by radix and
+    counting sorts.
     """
     return _ordered(read_only(vertices), read_only(faces))
 

@@ -30,12 +30,6 @@ class Graph:
     weights : (n,) array_like of float, optional
         Positive weight of each vertex, such as an area; by default 1.
 
-    Raises
-    ------
-    MeshError
-        If an end vertex is out of range, an edge joins a vertex to itself, a length is negative or a weight not
-        positive, or a number is not finite.
-
     Examples
     --------
     >>> path = Graph(3, [[0, 1], [1, 2]], [2.0, 0.5])

@@ -11,7 +11,7 @@ from isomatch.errors import MeshError
 from isomatch.surfaces._edges import EdgeTable, edge_table, lengths, linked
 from isomatch.surfaces._faces import areas_of, cross_products, require_vertices, thirds_of, vertex_normals
 from isomatch.surfaces._shared import Plotted, hash_of
-from isomatch.values.arrays import FloatArray, IntArray, array_of, numbers_of
+from isomatch.values.arrays import FloatArray, IntArray, array_of, numbers_of, read_only
 from isomatch.values.cached import cached_property
 
 
@@ -28,11 +28,6 @@ class Mesh(Plotted):
         Positions, in the user's units. Stored as read-only float64.
     faces : (m, 3) array_like of int
         0-based vertex indices of each triangle. Stored as read-only int64.
-
-    Raises
-    ------
-    MeshError
-        If an array has the wrong shape or the faces are not integers.
 
     Examples
     --------
@@ -75,17 +70,17 @@ class Mesh(Plotted):
     @cached_property
     def face_cross(self) -> FloatArray:
         """(m, 3) cross product of two edges of each face: its unit normal times twice its area."""
-        return cross_products(self.vertices, self.sound_faces)
+        return cross_products(read_only(self.vertices), read_only(self.sound_faces))
 
     @cached_property
     def face_areas(self) -> FloatArray:
         """(m,) area of each face, in squared mesh units."""
-        return areas_of(self.vertices, self.sound_faces)
+        return areas_of(read_only(self.vertices), read_only(self.sound_faces))
 
     @cached_property
     def vertex_areas(self) -> FloatArray:
         """(n,) barycentric area of each vertex, a third of the area of its faces; 0 if no face uses it."""
-        return thirds_of(self.face_areas, self.sound_faces, self.n_vertices)
+        return thirds_of(self.face_areas, read_only(self.sound_faces), self.n_vertices)
 
     @cached_property
     def area(self) -> float:
@@ -135,23 +130,7 @@ class Mesh(Plotted):
         return self._connectivity.components
 
     def moved(self, vertices: ArrayLike) -> Mesh:
-        """Return the same faces between vertices at other positions; what depends on the faces alone is shared.
-
-        Parameters
-        ----------
-        vertices : (n, 3) array_like of float
-            New position of each vertex.
-
-        Returns
-        -------
-        Mesh
-            Its edges and components are those of this mesh, found only once for both.
-
-        Raises
-        ------
-        MeshError
-            If the positions have the wrong shape.
-        """
+        """Return the same faces between vertices at other positions (n, 3); what depends on the faces alone is shared."""
         positions = _frozen_vertices(vertices)
         if len(positions) != self.n_vertices:
             raise MeshError(f"{len(positions)} positions for {self.n_vertices} vertices; give one for each")
@@ -165,19 +144,9 @@ class Mesh(Plotted):
         return mesh
 
     def submesh(self, keep: ArrayLike) -> tuple[Mesh, IntArray]:
-        """Return the mesh of some of the vertices and the faces between them.
+        """Return the mesh of the vertices to keep, (n,), and the faces between them; and the old number of each vertex.
 
-        Parameters
-        ----------
-        keep : (n,) array_like of bool
-            Which vertices to keep.
-
-        Returns
-        -------
-        mesh : Mesh
-            The restricted mesh. Vertices and faces keep their order. This mesh, if all vertices are kept.
-        index : (n_kept,) array of int
-            For each vertex of the restricted mesh, its index in this mesh.
+        Vertices and faces keep their order. It is this mesh if all vertices are kept.
         """
         mask = np.asarray(keep, dtype=bool)
         index = np.flatnonzero(mask)

@@ -25,25 +25,17 @@ class PointCloud(Plotted):
     Parameters
     ----------
     vertices : (n, 3) array_like of float
-        Positions, in the user's units. Stored as read-only float64.
+        Positions, in the user's units, of at least 4 points. Stored as read-only float64.
     n_neighbours : int
         Each point is joined to this many of its nearest neighbours, or to all others if there are fewer.
 
-    Raises
-    ------
-    MeshError
-        If there are fewer than 4 points, the array has the wrong shape, or a coordinate is not finite.
-    SettingError
-        If ``n_neighbours`` is not positive.
-
     Notes
     -----
-    Paths along edges zigzag, so distances are too long. This error falls with more neighbours, not with denser
-    sampling: for random points of a sphere it is on average 5 to 8 % with 8 neighbours, 3 % with 12, 1.2 % with 20,
-    0.6 % with 30 and 0.2 % with 50. The time is proportional to the number of neighbours. Too many neighbours have
-    costs as well. Edges cut through the inside of a curved surface, which shortens distances (by 0.3 % for 50
-    neighbours among 1 000 points of a sphere). They may also join parts that are close in space but far apart on the
-    surface: choose fewer neighbours for thin or nearly touching parts. O(n log n) time.
+    Paths along edges zigzag, so distances are too long, on a random sample of a sphere by 5 to 8 % on average with 8
+    neighbours, 3 % with 12, 1.2 % with 20, 0.6 % with 30 and 0.2 % with 50, however dense it is. But with many
+    neighbours, edges cut through the inside of a curved surface, which shortens distances (by 0.3 % for 50 neighbours
+    among 1 000 points of a sphere), and may join parts that are close in space but far apart on the surface: choose
+    fewer neighbours for thin or nearly touching parts. O(n log n) time, proportional to the number of neighbours.
 
     Examples
     --------
@@ -84,10 +76,7 @@ class PointCloud(Plotted):
 
     @cached_property
     def edges(self) -> IntArray:
-        """(e, 2) pairs of points of which one is a nearest neighbour of the other.
-
-        The smaller index comes first; pairs are in lexicographic order.
-        """
+        """(e, 2) pairs of points of which one is a nearest neighbour of the other; sorted, in lexicographic order."""
         n, k = self.n_vertices, self._n_joined
         nearest = scipy.spatial.cKDTree(self._scaled).query(self._scaled, k + 1)[1]
         itself = nearest == np.arange(n)[:, None]
@@ -106,8 +95,7 @@ class PointCloud(Plotted):
     def vertex_areas(self) -> FloatArray:
         """(n,) area of each point, positive: a third of the area of its triangles in its tangent plane.
 
-        They come from the tufted Laplacian of Sharp & Crane 2020 (robust_laplacian). `MeshError` if the points do not
-        allow such triangles, for example if all lie on a line, or many at one place.
+        By the tufted Laplacian of Sharp & Crane 2020. `MeshError` where points lie on a line, or many at one place.
         """
         try:
             mass = robust_laplacian.point_cloud_laplacian(self._scaled, n_neighbors=self._n_joined)[1]

@@ -57,44 +57,27 @@ class PrecisePoints(NamedTuple):
 
 @compiled(inline="always")
 def nearest_in_triangle(uu: float, uv: float, vv: float, up: float, vp: float) -> tuple[float, float, float]:
-    """Find the point of a triangle nearest to another point, from inner products alone.
+    """Find the point s u + t v of a triangle that is nearest to a point p, from inner products alone.
 
-    Parameters
-    ----------
-    uu, uv, vv, up, vp : float
-        Inner products of the edges u = b − a and v = c − a of a triangle (a, b, c), and of p, the point less a. They are
-        those of any space of any dimension.
-
-    Returns
-    -------
-    s, t, gain : float
-        Barycentric weights of b and c, which minimise |s u + t v − p|² over s, t ≥ 0, s + t ≤ 1, and the minimum less
-        |p|²: never positive, and 0 at the corner a.
-
-    Notes
-    -----
-    The minimum is a if p lies behind both edges from there; or inside; or else on one of the edges, which are tried. The
-    inside of a triangle without area is left out.
+    u = b − a, v = c − a and p start at the corner a, in a space of any dimension. Returns s, t ≥ 0 with s + t ≤ 1, and
+    |s u + t v − p|² − |p|²: never positive, and 0 at the corner a.
 
     Examples
     --------
-    In the plane, with u = (1, 0) and v = (0, 1): p = (¼, ¼) lies inside, p = (2, 2) beyond the edge from b to c.
-
-    >>> nearest_in_triangle(1.0, 0.0, 1.0, 0.25, 0.25)
-    (0.25, 0.25, -0.125)
-    >>> nearest_in_triangle(1.0, 0.0, 1.0, 2.0, 2.0)
+    >>> nearest_in_triangle(1.0, 0.0, 1.0, 2.0, 2.0)  # u = (1, 0), v = (0, 1), p = (2, 2): beyond the edge from b to c
     (0.5, 0.5, -3.5)
     """
-    if up <= 0.0 and vp <= 0.0:
+    if up <= 0.0 and vp <= 0.0:  # p lies behind both edges from a
         return 0.0, 0.0, 0.0
+    # inside, the gradient of |s u + t v − p|² vanishes: s uu + t uv = up and s uv + t vv = vp, by Cramer's rule;
+    # otherwise the minimum is on an edge. A triangle without area has no inside
     determinant = uu * vv - uv * uv
     if determinant > 1e-12 * uu * vv:
         s, t = (up * vv - vp * uv) / determinant, (vp * uu - up * uv) / determinant
         if s >= 0.0 and t >= 0.0 and s + t <= 1.0:
             return s, t, -(s * up + t * vp)
     best_s = best_t = best = 0.0
-    # the edges (a, b), (a, c), (b, c)
-    for case in range(3):
+    for case in range(3):  # the edges (a, b), (a, c), (b, c), on each of which p is projected
         s = t = 0.0
         if case == 0 and uu > 0.0:
             s = min(max(up / uu, 0.0), 1.0)
@@ -102,7 +85,7 @@ def nearest_in_triangle(uu: float, uv: float, vv: float, up: float, vp: float) -
             t = min(max(vp / vv, 0.0), 1.0)
         elif case == 2:
             across = uu - 2.0 * uv + vv
-            if across > 0.0:
+            if across > 0.0:  # |v − u|², and (p − u)·(v − u) for the share of the way from b to c
                 t = min(max((uu - uv + vp - up) / across, 0.0), 1.0)
                 s = 1.0 - t
         gain = s * s * uu + 2.0 * s * t * uv + t * t * vv - 2.0 * (s * up + t * vp)

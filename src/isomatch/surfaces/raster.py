@@ -12,21 +12,11 @@ from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 
 @dataclass(frozen=True, eq=False)
 class Raster:
-    """The view of an orthographic camera.
+    """The view of an orthographic camera, (h, w) pixels, row 0 at the top."""
 
-    Parameters
-    ----------
-    face : (h, w) array of int
-        Face visible in each pixel; −1 for the background. Row 0 is at the top.
-    barycentric : (h, w, 3) array
-        Barycentric coordinates of the visible point in that face.
-    depth : (h, w) array
-        Height above the image plane in pixels, towards the viewer; ``-inf`` for the background.
-    """
-
-    face: IntArray
-    barycentric: FloatArray
-    depth: FloatArray
+    face: IntArray  # (h, w) face visible in each pixel; −1 for the background
+    barycentric: FloatArray  # (h, w, 3) of the visible point in that face
+    depth: FloatArray  # (h, w) height above the image plane in pixels, towards the viewer; −inf for the background
 
     @property
     def covered(self) -> BoolArray:
@@ -41,21 +31,10 @@ class Raster:
 
 
 def rasterise(points: FloatArray, faces: IntArray, width: int, height: int) -> Raster:
-    """Find which triangle is visible in each pixel.
+    """Find which triangle is visible in each pixel: the nearest of those that contain its centre.
 
-    Parameters
-    ----------
-    points : (n, 3) array
-        Column, row and height towards the viewer of each vertex, in pixels.
-    faces : (m, 3) array of int
-        Triangles.
-    width, height : int
-        Size of the image in pixels.
-
-    Returns
-    -------
-    Raster
-        A pixel shows the nearest triangle that contains its centre. Time is linear in faces and covered pixels.
+    Points (n, 3) are column, row and height towards the viewer of each vertex, in pixels. Time is linear in faces and
+    covered pixels.
     """
     raster = Raster(
         np.full((height, width), -1, dtype=np.int64),

@@ -20,11 +20,6 @@ def reflected(surface: Surface) -> Surface: ...
 def reflected(surface: Surface) -> Surface:
     """Reflect a surface, x → −x. Vertices and faces keep their numbers, and the outside of a mesh stays outside.
 
-    Raises
-    ------
-    MeshError
-        If the surface is a graph, which has no positions.
-
     Examples
     --------
     >>> reflected(Mesh([[1, 0, 0], [2, 0, 0], [1, 1, 0]], [[0, 1, 2]])).faces.tolist()

@@ -173,10 +173,7 @@ RIDGE = 1e-9  # of the mean diagonal entry; decides where the energy is flat
 
 
 class FunctionalEnergy:
-    """Sum of squares in the entries of F (k_s, k_t), functions of the target to the source.
-
-    Every term is added with its weight; `minimiser` solves the normal equations of all k_s k_t entries at once.
-    """
+    """Sum of weighted squares in the entries of F (k_s, k_t), functions of the target to the source."""
 
     def __init__(self, k_source: int, k_target: int) -> None:
         n = k_source * k_target
@@ -195,10 +192,8 @@ class FunctionalEnergy:
         self._gradient += share * of_source @ of_target.T
 
     def commute(self, of_source: FloatArray, of_target: FloatArray, weight: float) -> None:
-        """Add the mean over q operators of ‖F B − A F‖², with A (q, k_s, k_s) and B (q, k_t, k_t).
-
-        Σ_ab (Σ_j F_aj B_jb − Σ_i A_ai F_ib)²: the mixed part couples F_aj with F_ib by A_ai B_jb.
-        """
+        """Add the mean over q operators of ‖F B − A F‖², with A (q, k_s, k_s) and B (q, k_t, k_t)."""
+        # Σ_ab (Σ_j F_aj B_jb − Σ_i A_ai F_ib)²: the mixed part couples F_aj with F_ib by A_ai B_jb
         share = weight / max(len(of_target), 1)
         size = self._hessian.shape
         mixed = np.tensordot(of_source, of_target, (0, 0)).transpose(0, 2, 1, 3).reshape(size)  # (a, i, j, b)
@@ -229,30 +224,20 @@ class FunctionalEnergy:
 
 
 def products(basis: LaplaceBasis, coefficients: FloatArray) -> FloatArray:
-    """Multiplication by each of q functions (k, q) as an operator on the first k functions: (q, k, k).
-
-    Notes
-    -----
-    Φᵀ A diag(f) Φ of Nogneng & Ovsjanikov, *Informative Descriptor Preservation via Commutativity for Surface Matching*,
-    Eurographics 2017.
-    """
+    """Multiplication by each of q functions (k, q) as an operator on the first k functions: (q, k, k)."""
     phi = basis.vectors[:, : len(coefficients)]
+    # Φᵀ A diag(f) Φ: Nogneng & Ovsjanikov, Informative Descriptor Preservation via Commutativity, Eurographics 2017
     weighted = (phi @ coefficients) * basis.weights[:, None]  # (n, q)
     return np.array([phi.T @ (column[:, None] * phi) for column in weighted.T])
 
 
 def orientations(basis: LaplaceBasis, mesh: Mesh, coefficients: FloatArray) -> FloatArray:
-    """Operators g ↦ ⟨∇f × ∇g, n⟩ of q functions f (k, q): (q, k, k); a reflection changes their sign.
-
-    Notes
-    -----
-    Ren, Poulenard, Wonka & Ovsjanikov, *Continuous and Orientation-Preserving Correspondences via Functional Maps*,
-    SIGGRAPH Asia 2018. On a triangle (a, b, c) the integral of ⟨∇f × ∇g, n⟩ is half of
-    (f_b − f_a)(g_c − g_a) − (f_c − f_a)(g_b − g_a) = g_a (f_c − f_b) + g_b (f_a − f_c) + g_c (f_b − f_a),
-    whatever its shape.
-    """
+    """Operators g ↦ ⟨∇f × ∇g, n⟩ of q functions f (k, q): (q, k, k); a reflection changes their sign."""
     phi = basis.vectors[:, : len(coefficients)]
     functions = phi @ coefficients
+    # Ren, Poulenard, Wonka & Ovsjanikov, Continuous and Orientation-Preserving Correspondences via Functional Maps,
+    # 2018. On a triangle (a, b, c) the integral of ⟨∇f × ∇g, n⟩ is half of (f_b − f_a)(g_c − g_a) − (f_c − f_a)(g_b −
+    # g_a) = g_a (f_c − f_b) + g_b (f_a − f_c) + g_c (f_b − f_a), whatever its shape
     corners = phi[mesh.faces]  # (m, 3, k)
     tested = corners.mean(axis=1).T / 2
     across = np.roll(functions[mesh.faces], 1, axis=1) - np.roll(

@@ -136,21 +136,11 @@ SETTLED = 1e-4  # the descent ends when a sweep lowers the stress by less than t
 
 @dataclass(frozen=True, eq=False)
 class Placement:
-    """Vertices of the source and their places on the target.
+    """Vertices of the source and their places on the target."""
 
-    Parameters
-    ----------
-    vertices : (m,) array of int
-        Source body vertices.
-    corners : (m, 3) array of int
-        Target body vertices of the triangle that holds each place.
-    barycentric : (m, 3) array of float
-        Their weights: not negative, sum 1.
-    """
-
-    vertices: IntArray
-    corners: IntArray
-    barycentric: FloatArray
+    vertices: IntArray  # (m,) source body vertices
+    corners: IntArray  # (m, 3) target body vertices of the triangle that holds each place
+    barycentric: FloatArray  # (m, 3) their weights: not negative, sum 1
 
     @classmethod
     def at_vertices(cls, pairs: IntArray) -> Placement:
@@ -170,10 +160,7 @@ class Placement:
 
 
 def distances_to(pair: ShapePair, points: Placement) -> Embedding:
-    """Distances of all source vertices to the points, (n_s, m), and of all target vertices to the places, (n_t, m).
-
-    Where distances are preserved, the image of a source vertex is the nearest point of the target in these coordinates.
-    """
+    """Distances of all source vertices to the points, (n_s, m), and of all target vertices to the places, (n_t, m)."""
     source, target = pair.source.points, pair.target.points
     return Embedding(
         source.coordinates @ source.signed()[points.vertices].T,
@@ -199,33 +186,11 @@ def relative_stress(pair: ShapePair, points: Placement) -> float:
 def descended(
     pair: ShapePair, points: Placement, n_held: int, n_sweeps: int
 ) -> tuple[Placement, tuple[float, ...]]:
-    """Move one point at a time to where it fits the others best, within its triangle and on across the edges.
-
-    Parameters
-    ----------
-    pair : ShapePair
-        The two shapes.
-    points : Placement
-        First places of m points.
-    n_held : int
-        Number of leading points that do not move.
-    n_sweeps : int
-        Maximum number of sweeps over all points.
-
-    Returns
-    -------
-    points : Placement
-        Final places.
-    stresses : tuple of float
-        Relative stress at the start and after each sweep; it never increases.
-
-    Notes
-    -----
-    Bronstein, Bronstein & Kimmel 2006: with all other points fixed, the stress is a convex quadratic function of the
-    barycentric coordinates in each triangle, so it can be minimised exactly there. The minimum is a nearest point, with
-    the m − 1 distances to the others as coordinates. The triangles around the corner of largest weight are tried, and
-    this is repeated until none is better. O(m² k) for a sweep.
-    """
+    """Move one of m points at a time, but the held first ones, to where it fits best; and the stress after each sweep."""
+    # Bronstein, Bronstein & Kimmel 2006: with all other points fixed, the stress is a convex quadratic function of the
+    # barycentric coordinates in each triangle, so it can be minimised exactly there. The minimum is a nearest point,
+    # with the m − 1 distances to the others as coordinates. The triangles around the corner of largest weight are
+    # tried, and this is repeated until none is better: the stress never increases. O(m² k) for a sweep
     target = pair.target
     start, order = faces_around_vertices(target.faces, target.body.n_vertices)
     corners, barycentric = points.corners.copy(), points.barycentric.copy()

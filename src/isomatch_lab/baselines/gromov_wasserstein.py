@@ -58,21 +58,13 @@ class GromovWassersteinConfig(Settings):
 
 @dataclass(frozen=True, eq=False)
 class Transport:
-    """A transport plan between samples of two shapes.
+    """A transport plan between samples of two shapes."""
 
-    Parameters
-    ----------
-    plan : (m_s, m_t) array of float
-        Area carried from each source sample to each target sample; the sum is 1.
-    rows : two arrays of int
-        The samples: body vertices of source and target, (m_s,) and (m_t,).
-    areas : two arrays of float
-        Share of the area that each sample represents: the sums of the plan's rows and columns.
-    """
-
-    plan: FloatArray
-    rows: tuple[IntArray, IntArray]
-    areas: tuple[FloatArray, FloatArray]
+    plan: FloatArray  # (m_s, m_t) area carried from each source sample to each target sample; the sum is 1
+    rows: tuple[IntArray, IntArray]  # the samples: body vertices of source and target, (m_s,) and (m_t,)
+    areas: tuple[
+        FloatArray, FloatArray
+    ]  # share of the area of each sample: sums of the plan's rows and columns
 
 
 def gromov_wasserstein(

@@ -140,11 +140,9 @@ def coefficient_map(task: Task, config: SpectralGmdsConfig) -> tuple[FloatArray,
 
 
 def spectral_distances(shape: PreparedShape, k: int) -> FloatArray:
-    """D̂ (k, k) with D ≈ Φ D̂ Φᵀ, by spectral MDS from the sampled columns, in units of the average distance.
-
-    The columns F ≈ Φ C are interpolated, D ≈ ½ (Φ M Cᵀ Φᵀ + Φ C Mᵀ Φᵀ), as by `distance_basis` with "smds".
-    """
+    """D̂ (k, k) with D ≈ Φ D̂ Φᵀ, by spectral MDS from the sampled columns, in units of the average distance."""
     columns = shape.laplace.coefficients(shape.columns.T.astype(np.float64), k)  # (k, p)
+    # the columns F ≈ Φ C are interpolated: D ≈ ½ (Φ M Cᵀ Φᵀ + Φ C Mᵀ Φᵀ), as by distance_basis with "smds"
     interpolated: FloatArray = spectral_interpolant(shape.laplace, shape.column_vertices)[:k] @ columns.T
     return (interpolated + interpolated.T) / (2 * shape.intrinsic_scale)
 

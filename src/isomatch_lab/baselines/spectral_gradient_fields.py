@@ -130,22 +130,14 @@ def _start(task: Task, config: GradientFieldsConfig) -> tuple[FloatArray, str]:
 
 @dataclass(frozen=True, eq=False)
 class KernelMaps:
-    """Two shapes in the coordinates in which nearest neighbours are sought.
-
-    Parameters
-    ----------
-    pair : ShapePair
-        The shapes.
-    of_source, of_target : (n, q) arrays of complex
-        Gradients of eigenfunctions from the second on; none if either shape has no triangles.
-    weights : (2,) array of float
-        Weights of scalars and pseudo-scalars; the sign says how the pseudo-scalars of both shapes compare.
-    """
+    """Two shapes in the coordinates in which nearest neighbours are sought."""
 
     pair: ShapePair
-    of_source: ComplexArray
+    of_source: ComplexArray  # (n, q) gradients of eigenfunctions from the second on; none without triangles
     of_target: ComplexArray
-    weights: FloatArray
+    weights: (
+        FloatArray  # (2,) of scalars and pseudo-scalars, whose sign says how those of both shapes compare
+    )
 
     @classmethod
     def of(cls, pair: ShapePair, config: GradientFieldsConfig) -> KernelMaps:
@@ -186,15 +178,11 @@ ComplexArray: TypeAlias = np.ndarray[tuple[int, int], np.dtype[np.complex128]]
 
 
 def gradient_fields(mesh: Mesh, functions: FloatArray) -> ComplexArray:
-    """Gradients of q functions (n, q) at the vertices, as complex numbers in a frame of each tangent plane: (n, q).
-
-    Notes
-    -----
-    On a triangle of area A and normal N, A ∇f = ½ Σ_c f_c N × e_c, where e_c is the edge opposite to corner c. The
-    gradient at a vertex is the mean over its triangles, weighted by area. It is linear in f, and the product
-    z̄_f z_g = ⟨∇f, ∇g⟩ + i ⟨∇f × ∇g, N⟩ does not depend on the frame. Every isometry preserves its real part; its
-    imaginary part changes sign with the orientation.
-    """
+    """Gradients of q functions (n, q) at the vertices, as complex numbers in a frame of each tangent plane: (n, q)."""
+    # on a triangle of area A and normal N, A ∇f = ½ Σ_c f_c N × e_c, where e_c is the edge opposite to corner c. The
+    # gradient at a vertex is the mean over its triangles, weighted by area. It is linear in f, and z̄_f z_g = ⟨∇f, ∇g⟩
+    # + i ⟨∇f × ∇g, N⟩ does not depend on the frame. Every isometry preserves its real part; its imaginary part changes
+    # sign with orientation
     normals = mesh.vertex_normals
     along = np.cross(normals, np.eye(3)[np.abs(normals).argmin(axis=1)])
     along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-300)
@@ -214,10 +202,8 @@ def gradient_fields(mesh: Mesh, functions: FloatArray) -> ComplexArray:
 
 
 def invariants(fields: ComplexArray, values: FloatArray) -> FloatArray:
-    """Products of the gradients of successive functions, divided by the roots of their eigenvalues: (n, 2 (q − 1)).
-
-    First the scalars ⟨∇φ_a, ∇φ_a+1⟩ / √(λ_a λ_a+1), then the pseudo-scalars ⟨∇φ_a × ∇φ_a+1, N⟩ / √(λ_a λ_a+1).
-    """
+    """Products of the gradients of successive functions, divided by the roots of their eigenvalues: (n, 2 (q − 1))."""
     scaled = fields / np.sqrt(values)
+    # first the scalars ⟨∇φ_a, ∇φ_a+1⟩ / √(λ_a λ_a+1), then the pseudo-scalars ⟨∇φ_a × ∇φ_a+1, N⟩ / √(λ_a λ_a+1)
     products = scaled[:, :-1].conj() * scaled[:, 1:]
     return np.hstack([products.real, products.imag])

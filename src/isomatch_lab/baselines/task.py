@@ -34,22 +34,10 @@ AT_FULL_RESOLUTION = Config(resolution="full", n_functions=200)  # as in Melzi e
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """Two prepared shapes, and the priors about their map.
-
-    Parameters
-    ----------
-    pair : ShapePair
-        The shapes.
-    priors : Priors
-        What the user gave, in vertices of the bodies.
-    seed : int
-        Seed of the preparation.
-    timer : StageTimer
-        Times the stages.
-    """
+    """Two prepared shapes, and the priors about their map."""
 
     pair: ShapePair
-    priors: Priors
+    priors: Priors  # what the user gave, in vertices of the bodies
     seed: int
     timer: StageTimer = field(repr=False)
 
@@ -63,17 +51,7 @@ class Task:
         initial_descriptors: tuple[ArrayLike, ArrayLike] | None,
         seed: int,
     ) -> Self:
-        """Prepare the shapes that are not prepared yet, and check the priors as `match` does.
-
-        Raises
-        ------
-        MeshError
-            If a surface cannot be used.
-        LandmarkError, MapError, DescriptorError
-            If a prior does not fit the shapes, or leaves fewer than 3 points on both bodies.
-        SettingError
-            If the shapes were prepared with different settings.
-        """
+        """Prepare the shapes that are not prepared yet, and check the priors as `match` does."""
         timer = StageTimer()
         timer.start("prepare")
         prepared = any(isinstance(shape, PreparedShape) for shape in (source, target))
@@ -113,10 +91,7 @@ class Task:
         return self.result(self.spectra.embedding(functional_map), config, origin)
 
     def result(self, embedding: Embedding, config: MatchSettings, origin: str) -> MatchResult:
-        """Map every source vertex to the nearest point of the target in a common space, and measure the map.
-
-        The outcome depends on residual, stretch and orientation, with the bounds of `match`.
-        """
+        """Map every source vertex to the nearest point of the target in a common space, and measure as `match` does."""
         source, target = self.shapes
         self.timer.start("points")
         points = target.index.points(embedding.target, embedding.source)

@@ -105,11 +105,8 @@ def weld(mesh: Mesh, gap: float = 0.02, *, seed: int = 0) -> Damaged:
 
 
 def _nearest_far_vertex(mesh: Mesh, seed: int) -> IntArray:
-    """Find the nearest vertex in space among those that are far away along the surface, (n,); −1 if there is none.
-
-    Vertices are searched patch by patch: one at distance r from the centre of its patch is at least d − r away from one
-    at distance d.
-    """
+    """Find the nearest vertex in space among those that are far away along the surface, (n,); −1 if there is none."""
+    # patch by patch: a vertex at distance r from the centre of its patch is at least d − r away from one at distance d
     body, index = mesh.submesh(mesh.vertex_areas > 0)
     start = int(np.random.default_rng(seed).integers(body.n_vertices))
     centres = euclidean_farthest_points(body.vertices, min(PATCHES, body.n_vertices), start)

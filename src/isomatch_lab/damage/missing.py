@@ -171,11 +171,7 @@ def view(mesh: Mesh, views: int = 1, *, seed: int = 0) -> Damaged:
 
 
 def _removed(mesh: Mesh, order: FloatArray, share: float) -> Damaged:
-    """Remove faces in the order of the smallest of their corners' values, until a share of the area is gone.
-
-    All but the largest component of the rest is gone as well. What is gone grows with the number of faces removed, so
-    that this number is found by bisection.
-    """
+    """Remove faces in the order of the smallest of their corners' values, until a share of the area is gone."""
     ranked = order[mesh.sound_faces].min(axis=1).argsort(kind="stable")
 
     def left(count: int) -> BoolArray:
@@ -183,6 +179,7 @@ def _removed(mesh: Mesh, order: FloatArray, share: float) -> Damaged:
         keep[ranked[:count]] = False
         return _largest_part(mesh, keep)
 
+    # all but the largest component is gone as well, and what is gone grows with the number of faces removed: bisection
     too_few, enough = 0, mesh.n_faces
     while enough - too_few > 1:
         middle = (too_few + enough) // 2

@@ -39,27 +39,13 @@ Panel = dict[str, tuple[FloatArray, int]]
 
 @dataclass(frozen=True, eq=False)
 class CurvePanel:
-    """The curves of one set, against one kind of truth.
-
-    Parameters
-    ----------
-    title : str
-        The set and the kind.
-    curves : dict
-        Mean curve and number of pairs of each method.
-    published : sequence of PublishedCurve
-        Curves to compare with.
-    colours : dict
-        Colour of each family of methods.
-    continued : bool
-        Whether methods were started from the maps of others.
-    """
+    """The curves of one set, against one kind of truth."""
 
     title: str
-    curves: Panel
+    curves: Panel  # mean curve and number of pairs of each method
     published: Sequence[PublishedCurve]
-    colours: dict[str, str]
-    continued: bool
+    colours: dict[str, str]  # of each family of methods
+    continued: bool  # whether methods were started from the maps of others, and are shown as thin lines
 
     def draw(self, axes: Axes) -> None:
         """Draw the panel, with its legend below it."""
@@ -77,16 +63,13 @@ class CurvePanel:
 
 
 def curve_panels(rows: list[dict[str, Any]], published: Sequence[PublishedCurve]) -> list[CurvePanel]:
-    """Give the panels of benchmark rows.
-
-    Each set, and each damage to it, has a panel of its methods against the direct truth; one against the better of direct
-    and mirrored truth for each pair, if that differs; and one of methods started from the maps of others, shown as thin
-    lines, if there are any.
-    """
+    """Give the panels of benchmark rows: of each set, and of each damage to it."""
     good = [row | {"set": set_label(row)} for row in rows if "curve" in row]
     families = dict.fromkeys(_family(method) for method in _distinct(good, "method") if method != OURS)
     colours = {family: COLOURS[i % len(COLOURS)] for i, family in enumerate(families)}
     panels = []
+    # of each set: against the direct truth, against the better of direct and mirrored truth for each pair, if that
+    # differs, and methods started from the maps of others, if there are any
     for name in _distinct(good, "set"):
         members = [row for row in good if row["set"] == name]
         at_landmarks = any(row.get("judged_at") == "landmarks" for row in members)

@@ -65,15 +65,7 @@ def read_rows(out: str | Path) -> list[Row]:
 
 @contextmanager
 def appending(out: str | Path) -> Iterator[Callable[[Row], None]]:
-    """Open the rows of a folder for writing; gives a function that adds a row in a single write.
-
-    An incomplete last line is cut off first.
-
-    Raises
-    ------
-    UnwritableFileError
-        If another process has opened them for writing, or, by the function, if a row cannot be written wholly.
-    """
+    """Open the rows of a folder for one process to write; gives a function that adds a row in a single write."""
     path = Path(out) / FILE
 
     def append(row: Row) -> None:

@@ -78,10 +78,7 @@ class Method:
 
 
 def methods_of(baselines: Mapping[str, Baseline]) -> dict[str, Method]:
-    """Make the methods of some baselines: without priors, and with true landmarks as "NAME_5pt".
-
-    A baseline that needs priors is given true landmarks under its own name.
-    """
+    """Make the methods of baselines: without priors, and with true landmarks as "NAME_5pt", or NAME if it needs them."""
     methods = {}
     for name, baseline in baselines.items():
         plain = Method(baseline.function, 0, baseline.preparation, baseline.config)
@@ -109,13 +106,7 @@ CONTINUATIONS = {
 
 
 def parts_of(name: str, own: Collection[str] = ()) -> tuple[str, str]:
-    """Split the name of a method into a key of ``METHODS`` or a name of one's own, and one of ``CONTINUATIONS``, or "".
-
-    Raises
-    ------
-    SettingError
-        If there is no such method.
-    """
+    """Split the name of a method into one of ``METHODS`` or of one's own, and one of ``CONTINUATIONS``, or ""."""
     base, plus, ending = name.partition("+")
     if base not in (*METHODS, *own) or (plus and ending not in CONTINUATIONS):
         raise SettingError(
@@ -127,15 +118,7 @@ def parts_of(name: str, own: Collection[str] = ()) -> tuple[str, str]:
 
 
 def settings_digest(name: str) -> str:
-    """Hash the settings of a method, and of the method that it starts from, in 12 hexadecimal digits.
-
-    Equal for equal settings on every machine, and different as soon as one of them changes.
-
-    Examples
-    --------
-    >>> settings_digest("gdd") == settings_digest("gdd_post"), settings_digest("gdd") == settings_digest("phi")
-    (True, False)
-    """
+    """Hash the settings of a method, and of the method that it starts from, in 12 hexadecimal digits."""
     base, ending = parts_of(name)
     return digest_of(METHODS[base].to_dict(), ending)
 
@@ -280,13 +263,7 @@ def _text_of(module: ModuleType) -> bytes:
 
 
 def map_from(found: Any, source: Mesh, target: Mesh, name: str) -> MatchResult | Correspondence:
-    """Take what a function returned as a map of two shapes.
-
-    Raises
-    ------
-    MapError
-        If it is none, or one of other shapes.
-    """
+    """Take what a function returned as a map of two shapes."""
     if isinstance(found, MatchResult):
         given = found.map
     elif isinstance(found, Correspondence):
@@ -313,28 +290,14 @@ def map_from(found: Any, source: Mesh, target: Mesh, name: str) -> MatchResult |
 
 
 class NamedPair(NamedTuple):
-    """Two shapes by name, and the others of their set.
-
-    Parameters
-    ----------
-    source, target : str
-        The names.
-    moved : (n_target,) array of int, or None
-        What became of the target's vertices, if they were relabelled.
-    others : tuple of (str, str)
-        All pairs of the run.
-    n_target_of : callable
-        Number of target vertices of any pair.
-    kept : dict
-        What methods found in the files of all pairs, by method.
-    """
+    """Two shapes by name, and the others of their set."""
 
     source: str
     target: str
-    moved: IntArray | None
-    others: tuple[tuple[str, str], ...]
-    n_target_of: Callable[[str, str], int]
-    kept: dict[Any, Any]
+    moved: IntArray | None  # (n_target,) what became of the target's vertices, if they were relabelled
+    others: tuple[tuple[str, str], ...]  # all pairs of the run
+    n_target_of: Callable[[str, str], int]  # number of target vertices of any pair
+    kept: dict[Any, Any]  # what methods found in the files of all pairs, by method
 
 
 @dataclass(frozen=True, eq=False)

@@ -96,19 +96,7 @@ def write_page(
     panels: Sequence[CurvePanel],
     left_out: int = 0,
 ) -> None:
-    """Write the page of a run.
-
-    Parameters
-    ----------
-    path : Path
-        HTML file to write; an existing one is replaced.
-    summary, gains, rows : list of dict
-        One for each set and method, one for each set and method started from another map, and one for each pair.
-    panels : sequence of CurvePanel
-        The curves.
-    left_out : int
-        Number of rows in the folder that are not shown because they cannot be compared with the others.
-    """
+    """Write the HTML page of a run, which says how many rows are left out as they cannot be compared with the others."""
     summary, rows = told_of_parts(summary), told_of_parts(rows)
     worst = sorted(rows, key=lambda row: -row.get("error", float("inf")))[:MOST_PAIRS]
     sets = ", ".join(dict.fromkeys(row["set"] for row in rows))

@@ -41,24 +41,12 @@ TABLE_SHARE = 4  # a quarter of the points are rows of the table, because column
 
 @dataclass(frozen=True)
 class Found:
-    """The map that a method found, and its cost.
-
-    Parameters
-    ----------
-    map : Correspondence
-        The map.
-    diagnostics : dict
-        What the method reports about it.
-    seconds : float
-        Time without preparation; for a map that was started from another one, that of both.
-    preparations : frozenset of Config
-        Settings of the prepared shapes that were used.
-    """
+    """The map that a method found, and its cost."""
 
     map: Correspondence
-    diagnostics: dict[str, Any]
-    seconds: float
-    preparations: frozenset[Config | None]
+    diagnostics: dict[str, Any]  # what the method reports about the map
+    seconds: float  # without preparation; for a map that was started from another one, that of both
+    preparations: frozenset[Config | None]  # settings of the prepared shapes that were used
 
 
 class Subject:
@@ -141,12 +129,10 @@ class Subject:
         }
 
     def _errors(self, found: Correspondence) -> Row:
-        """Errors × 100 on the whole target, and their curves; a vertex without an image counts as √(target area).
-
-        If the shapes are truly symmetric, one decision is made for the pair between direct and mirrored truth.
-        """
+        """Errors × 100 on the whole target, and their curves; a vertex without an image counts as √(target area)."""
         run, judged = self._run, self._judged.whole
         n_points = run.n_points if run.landmarks is None else None
+        # of truly symmetric shapes, one decision is made for the pair between direct and mirrored truth
         sides = smallest(
             sided_errors(
                 judged.target,
@@ -184,14 +170,12 @@ class Subject:
         }
 
     def _matched(self, found: Correspondence) -> dict[str, float]:
-        """Precision, recall and overlap of the matched vertices, where it is known which have a counterpart.
-
-        The overlap is the area of those that have a counterpart and an image over that of those that have either.
-        """
+        """Precision, recall and overlap of the matched vertices, where it is known which have a counterpart."""
         has, alone = np.unique(self.pair.truth[:, 0]), self.pair.alone
         if alone is None:
             return {}
         areas = self.pair.source.vertex_areas
+        # the overlap is the area of those with a counterpart and an image over that of those with either
         right, wrong = has[found.matched[has]], alone[found.matched[alone]]
         either = areas[has].sum() + areas[wrong].sum()
         return {

@@ -11,15 +11,7 @@ from isomatch_lab.paper.item import Setting
 def benchmark_rows(
     setting: Setting, set_name: str, methods: tuple[str, ...], **options: Any
 ) -> list[dict[str, Any]]:
-    """Run what is not yet in the folder of runs; return all rows, pair by pair in the order of the methods.
-
-    Parameters
-    ----------
-    setting : Setting
-        Data, pairs, points, seed and jobs of the run, and the folder of runs.
-    set_name, methods, **options
-        As for `BenchmarkRun`.
-    """
+    """Run what is not yet in the folder of runs; return all rows, pair by pair in the order of the methods."""
     run = BenchmarkRun(
         set_name,
         methods,

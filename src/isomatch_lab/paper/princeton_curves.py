@@ -26,13 +26,7 @@ def sets_of(setting: Setting) -> tuple[str, ...]:
 
 
 def measured(setting: Setting, methods: tuple[str, ...]) -> tuple[Curves, dict[str, Any]]:
-    """Compute the mean curves of methods, and the facts about them: points, pairs, and pairs without a map.
-
-    Raises
-    ------
-    MissingFileError
-        If a set is not in the folder of the data.
-    """
+    """Compute the mean curves of methods, and the facts about them: points, pairs, and pairs without a map."""
     curves: Curves = {}
     facts: dict[str, Any] = {"points": setting.n_points, "pairs": {}, "without a map": {}}
     for name in sets_of(setting):

@@ -19,31 +19,15 @@ DEUTERANOPIA = np.array([[0.367, 0.861, -0.228], [0.280, 0.673, 0.047], [-0.012,
 
 
 def region_colours(distances: FloatArray, faces: IntArray) -> FloatArray:
-    """Give each region a colour that contrasts with those of its neighbours.
-
-    Parameters
-    ----------
-    distances : (n, regions) array of float
-        Distance of each vertex to the centre of each region; at most twenty regions.
-    faces : (m, 3) array of int
-        Triangles; regions that share one are neighbours.
-
-    Returns
-    -------
-    (regions, 3) array of float
-        Screen colours.
-
-    Notes
-    -----
-    Of seeded random assignments, the one whose least contrast between neighbours is largest. The contrast of two
-    colours is their distance, with lightness counted double, for normal or for red–green blind vision, whichever is
-    smaller.
-    """
+    """Give each region, by distances (n, regions) to its centre, a screen colour that contrasts with its neighbours'."""
     n_regions = distances.shape[1]
     owner = distances.argmin(axis=1)[faces]
     pairs = np.unique(np.sort(np.vstack([owner[:, :2], owner[:, 1:], owner[:, ::2]]), axis=1), axis=0)
     pairs = pairs[pairs[:, 0] != pairs[:, 1]]
     screen = np.array([to_rgb(colour) for colour in PALETTE])
+    # the contrast of two colours is their distance, with lightness counted double, for normal or for red–green blind
+    # vision, whichever is smaller. Of seeded random assignments, that whose least contrast between neighbours is
+    # largest
     contrast = np.minimum(
         _contrasts(screen), _contrasts(np.clip(screen**2.2 @ DEUTERANOPIA.T, 0, 1) ** (1 / 2.2))
     )

@@ -19,22 +19,11 @@ Limits = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
 
 @dataclass(frozen=True)
 class Joint:
-    """A point of a limb about which everything beyond it rotates.
+    """A point of a limb about which everything beyond it rotates."""
 
-    Parameters
-    ----------
-    name : str
-        Name of the joint, unique in the body.
-    node : int
-        Node of the limb; 0 is where the limb grows out of its parent.
-    limits : three pairs of float
-        Natural range in degrees about x (pitch: positive raises what points forward), y (roll) and z (yaw: positive turns
-        it to the left).
-    """
-
-    name: str
-    node: int
-    limits: Limits
+    name: str  # unique in the body
+    node: int  # of the limb; 0 is where the limb grows out of its parent
+    limits: Limits  # degrees about x (pitch: positive raises what points forward), y (roll), z (yaw: positive: left)
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,22 +50,7 @@ class Limb:
 
 
 def body(kind: str, style: int = 0, symmetric: bool = False) -> tuple[Limb, ...]:
-    """Limbs of a body plan, parents before children.
-
-    Parameters
-    ----------
-    kind : {"quadruped", "biped"}
-        Body plan.
-    style : int
-        Seed of the proportions; 0 is the plain design.
-    symmetric : bool
-        Leave out everything by which left and right differ.
-
-    Raises
-    ------
-    SettingError
-        If the body plan is unknown.
-    """
+    """Limbs of a body plan, parents before children."""
     if kind not in PLANS:
         raise SettingError(f"kind = {kind!r} is no body plan; choose one of {', '.join(map(repr, PLANS))}")
     draw = np.random.default_rng(style).uniform(-1, 1, 6) if style else np.zeros(6)

@@ -19,24 +19,13 @@ REACH = 0.05  # width of the transition between a limb and its parent when posed
 
 @dataclass(frozen=True, eq=False)
 class Skin:
-    """A blended implicit surface.
+    """A blended implicit surface."""
 
-    With dᵢ the signed distance to bone i, the field is f = −b log Σᵢ exp(−dᵢ/b): negative inside, smooth,
-    and within b log(number of bones) of the distance to the union.
-
-    Parameters
-    ----------
-    cones : (m, 8) array
-        Start point, end point, start radius and end radius of each bone.
-    owner : (m,) array of int
-        Limb that each bone belongs to.
-    blend : float
-        b, the width of the fillets.
-    """
-
-    cones: FloatArray
-    owner: IntArray
-    blend: float = BLEND
+    # with dᵢ the signed distance to bone i, the field is f = −b log Σᵢ exp(−dᵢ/b): negative inside, smooth, and within
+    # b log(number of bones) of the distance to the union
+    cones: FloatArray  # (m, 8) start point, end point, start radius and end radius of each bone
+    owner: IntArray  # (m,) limb that each bone belongs to
+    blend: float = BLEND  # b, the width of the fillets
 
     @classmethod
     def of(cls, limbs: tuple[Limb, ...]) -> Skin:
@@ -72,12 +61,10 @@ def _chunks(points: FloatArray) -> list[FloatArray]:
 
 @compiled()
 def _to_cone(x: float, y: float, z: float, cone: FloatArray) -> tuple[float, float, float, float]:
-    """Signed distance to a round cone and its gradient.
-
-    The cone is the union of the balls B(a + t u, r(t)) with r(t) = r₀ − s t, 0 ≤ t ≤ l, and the distance is
-    the least |p − a − t u| − r(t). With h and g the coordinates of p along and across the axis, the minimum
-    is at t = h − g s/√(1 − s²), and the gradient is the direction from that ball's centre.
-    """
+    """Signed distance to a round cone and its gradient."""
+    # the union of the balls B(a + t u, r(t)) with r(t) = r₀ − s t, 0 ≤ t ≤ l, so that the distance is the least
+    # |p − a − t u| − r(t). With h and g the coordinates of p along and across the axis, the minimum is at
+    # t = h − g s/√(1 − s²), and the gradient is the direction from that ball's centre
     ux, uy, uz = cone[3] - cone[0], cone[4] - cone[1], cone[5] - cone[2]
     px, py, pz = x - cone[0], y - cone[1], z - cone[2]
     length = math.sqrt(ux * ux + uy * uy + uz * uz)

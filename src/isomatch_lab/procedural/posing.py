@@ -29,38 +29,13 @@ def natural_pose(limbs: tuple[Limb, ...], seed: int) -> dict[str, FloatArray]:
 
 
 def posed(rest: FloatArray, limbs: tuple[Limb, ...], skin: Skin, pose: Pose) -> FloatArray:
-    """Move rest positions (n, 3) into a pose.
-
-    Parameters
-    ----------
-    rest : (n, 3) array
-        Points on the rest surface.
-    limbs : tuple of Limb
-        The body, parents before children.
-    skin : Skin
-        Its surface.
-    pose : mapping of str to (3,) array_like
-        Rotation vector of each joint that rotates, in degrees about the rest axes x, y, z.
-
-    Returns
-    -------
-    (n, 3) array
-        Posed positions.
-
-    Raises
-    ------
-    SettingError
-        If a joint is unknown or its angles are not three finite numbers.
-
-    Notes
-    -----
-    A joint at c moves x to c + R(h θ)(x − c), with a fraction h in [0, 1]. Children are rotated before their parents, so
-    that the rotations compose to forward kinematics. O(n) time and memory for each joint and limb.
-    """
+    """Move rest positions (n, 3) into a pose: a rotation vector in degrees about the rest axes for joints by name."""
     angles = _checked(pose, limbs)
     if not angles:
         return rest.copy()
     membership = skin.membership(rest)
+    # a joint at c moves x to c + R(h θ)(x − c), with a fraction h in [0, 1]. Children are rotated before their parents,
+    # so that the rotations compose to forward kinematics
     points = rest
     for limb in reversed(limbs):
         for joint in reversed(limb.joints):

@@ -21,33 +21,10 @@ logger = logging.getLogger(__name__)
 
 
 def tessellate(skin: Skin, n_vertices: int, seed: int) -> Mesh:
-    """Triangulate a skin.
-
-    Marching cubes on a grid that the seed rotates, shifts and rescales; then rounds of Delaunay edge flips and
-    tangential smoothing; then, for large meshes, midpoint subdivision. After every step, vertices are projected onto
-    the surface. Vertices and faces are in random order.
-
-    Parameters
-    ----------
-    skin : Skin
-        The surface.
-    n_vertices : int
-        Number of vertices wanted; that of the result differs by up to 5 %.
-    seed : int
-        Seed of the triangulation.
-
-    Returns
-    -------
-    Mesh
-        Closed, manifold, oriented outward, connected, of genus 0.
-
-    Raises
-    ------
-    MissingDependencyError
-        Without scikit-image.
-    SettingError
-        If the mesh is too coarse to have the surface's topology.
-    """
+    """Triangulate a skin with about n vertices: closed, manifold, oriented outward, connected, of genus 0."""
+    # marching cubes on a grid that the seed rotates, shifts and rescales; then rounds of Delaunay edge flips and
+    # tangential smoothing; then, for large meshes, midpoint subdivision. After every step, vertices are projected onto
+    # the surface. Vertices and faces are in random order; their number differs from n by up to 5 %
     rng = generator(seed)
     levels = max(0, int(np.ceil(np.log(n_vertices / LARGEST_GRID_MESH) / np.log(4))))
     n_grid_vertices = n_vertices * rng.uniform(0.98, 1.02) / 4**levels

@@ -18,18 +18,12 @@ POSES_PER_DIRECTION = 2
 
 @dataclass(frozen=True, eq=False)
 class CrossSpecies:
-    """Classes of TOSCA and SCAPE, and maps between them.
+    """Classes of TOSCA and SCAPE, and maps between them."""
 
-    Parameters
-    ----------
-    truth : Path
-        Archive with an array "A|B" for each direction: the vertex of class B of each vertex of class A.
-    classes : mapping of str to (ShapeSet, tuple of str)
-        Set of each class, and its poses in it.
-    """
-
-    truth: Path
-    classes: Mapping[str, tuple[ShapeSet, tuple[str, ...]]] = field(repr=False)
+    truth: Path  # arrays "A|B": the vertex of class B of each vertex of class A, counted from 0
+    classes: Mapping[str, tuple[ShapeSet, tuple[str, ...]]] = field(
+        repr=False
+    )  # set of each class, and its poses in it
 
     @property
     def pairs(self) -> tuple[tuple[str, str], ...]:
@@ -43,15 +37,7 @@ class CrossSpecies:
         return tuple(pair for a, b in directions for pair in zip(spread(a), spread(b)))
 
     def pair(self, source: str, target: str) -> BenchmarkPair:
-        """Read two shapes and the truth between them, in the order of the files.
-
-        Raises
-        ------
-        MissingFileError
-            If there is no such shape, or no truth between their classes.
-        FormatError
-            If the truth does not fit the shapes.
-        """
+        """Read two shapes and the truth between them, in the order of the files."""
         (source_class, a), (target_class, b) = self._class_of(source), self._class_of(target)
         key = f"{a}|{b}"
         if key not in arrays(self.truth):
@@ -82,19 +68,7 @@ class CrossSpecies:
 
 
 def cross_species(root: str | Path) -> CrossSpecies:
-    """Open the truth between classes; their shapes are read from the folders ``tosca`` and ``scape`` beside it.
-
-    Parameters
-    ----------
-    root : path_like
-        Folder with ``truth.npz``: arrays "A|B", the vertex of class B of each vertex of class A, counted from 0. Classes
-        are those of `tosca`, and "scape".
-
-    Raises
-    ------
-    MissingFileError
-        If the truth or a set is missing.
-    """
+    """Open the truth between classes; their shapes are read from the folders ``tosca`` and ``scape`` beside it."""
     root = Path(root)
     truth = root / "truth.npz"
     if not truth.exists():

@@ -15,15 +15,7 @@ _MOST_NAMED = 8  # shapes that a message lists
 
 @dataclass(frozen=True)
 class PairList:
-    """Pairs of names, and the group of each.
-
-    Parameters
-    ----------
-    pairs : tuple of (str, str)
-        Source and target of each pair.
-    groups : mapping of (str, str) to str
-        Groups of pairs that are in one.
-    """
+    """Pairs of names, and the group of each."""
 
     pairs: tuple[tuple[str, str], ...]
     groups: Mapping[tuple[str, str], str] = field(default_factory=dict)
@@ -34,15 +26,7 @@ class PairList:
 
     @classmethod
     def read(cls, root: Path, names: Collection[str]) -> PairList | None:
-        """Read the list in a folder, if there is one.
-
-        Raises
-        ------
-        FormatError
-            If a line has neither two nor three words, or a pair is listed twice.
-        MissingFileError
-            If a line names a shape that is not among ``names``.
-        """
+        """Read the list in a folder, if there is one."""
         path = next((root / name for name in FILES if (root / name).is_file()), None)
         if path is None:
             return None

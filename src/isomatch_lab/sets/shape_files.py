@@ -30,24 +30,9 @@ def shapes_in(path: Path) -> list[str]:
 
 
 def read_shape(path: Path, name: str) -> Mesh:
-    """Read one shape of a file.
-
-    Parameters
-    ----------
-    path : Path
-        ``.off``, ``.obj``, ``.ply``; ``.mat`` with a struct ``surface`` of ``X``, ``Y``, ``Z`` and ``TRIV``; ``.vert``
-        with a ``.tri`` in the same folder, both text; ``.npz`` with ``faces`` and ``vertices`` or poses. Indices count
-        from 1 in ``.mat`` and ``.tri``, from 0 in ``.npz``.
-    name : str
-        Name of the shape in the file, see `shapes_in`.
-
-    Raises
-    ------
-    MissingFileError
-        If the file, or the ``.tri`` of a ``.vert``, is missing.
-    FormatError
-        If the contents are not what the suffix says.
-    """
+    """Read one shape of a file, by its name there, see `shapes_in`."""
+    # .off, .obj, .ply; .mat with a struct surface of X, Y, Z and TRIV; .vert with a .tri beside it, both text; .npz
+    # with faces and vertices or poses. Indices count from 1 in .mat and .tri, from 0 in .npz
     if path.suffix == ".npz":
         data = arrays(path)
         return Mesh(data["vertices" if "vertices" in data else name], data["faces"])
@@ -68,20 +53,9 @@ def stored_indices(path: Path, key: str) -> IntArray:
 
 
 def read_landmarks(path: Path) -> tuple[IntArray, IntArray | None]:
-    """Read landmarks and, if they are in the file, their mirror images.
-
-    Parameters
-    ----------
-    path : Path
-        Text with one landmark a line: its vertex and, optionally, the number of the landmark that is its mirror image; or
-        ``.npz`` with ``landmark_vertices`` and, optionally, ``symmetry_perm``. Vertices and numbers count from 0.
-
-    Returns
-    -------
-    vertices : (q,) array of int
-    mirrored : (q,) array of int, or None
-        Vertices of the mirror images.
-    """
+    """Read landmarks (q,) and, if they are in the file, their mirror images."""
+    # text with one landmark a line, its vertex and, optionally, the number of the landmark that is its mirror image; or
+    # .npz with landmark_vertices and, optionally, symmetry_perm. Vertices and numbers count from 0
     if path.suffix == ".npz":
         archive = arrays(path)
         if "landmark_vertices" not in archive:

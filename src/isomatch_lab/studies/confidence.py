@@ -156,11 +156,9 @@ def provoked(kind: str, pair: BenchmarkPair) -> dict[str, Any]:
 
 
 def summary(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """For each kind and in all: how many right maps are flagged, how many wrong ones are not.
-
-    A right map that is reported to contradict the landmarks given is not counted: two of them were exchanged.
-    """
+    """For each kind and in all: how many right maps are flagged, how many wrong ones are not."""
     table = []
+    # a right map that is reported to contradict the landmarks given is not counted: two of them were exchanged
     judged = [row for row in rows if row["kind"] != "either side"]
     groups = {kind: [row for row in rows if row["kind"].startswith(kind)] for kind in KINDS}
     groups |= {

@@ -231,12 +231,10 @@ def shown(row: dict[str, Any]) -> dict[str, Any]:
 
 
 def limits(n: int, share: float, draws: int = 60) -> tuple[float, float]:
-    """Recall and precision among n shapes with one symmetry, where a share of the maps at random is mirrored.
-
-    Two mirrored maps make a right one, so this is the hardest kind of wrong map, and no evidence but cycles is used.
-    """
+    """Recall and precision among n shapes with one symmetry, where a share of the maps at random is mirrored."""
     rng, pairs = np.random.default_rng(1), np.triu_indices(n, 1)
     found = wrong_maps = flagged = 0
+    # two mirrored maps make a right one, so this is the hardest kind of wrong map, and no evidence but cycles is used
     for _ in range(draws):
         drawn = np.triu(rng.random((n, n)) < share, 1)
         wrong = drawn | drawn.T

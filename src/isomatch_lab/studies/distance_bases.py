@@ -7,7 +7,9 @@ multiples of the optimum, ``distance_ratios.csv``; needs ``tosca`` and ``tosca_i
 """
 
 import time
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any, TypeAlias
 
 import matplotlib as mpl
 import numpy as np
@@ -16,14 +18,19 @@ mpl.use("Agg")
 import matplotlib.pyplot as plt
 
 from isomatch import Mesh, distance_basis, geodesic_distances, laplace_basis
+from isomatch.bases import BasisMethod
 from isomatch_lab.paper.basis_error import projected, relative_error
 from isomatch_lab.procedural import creature
 from isomatch_lab.studies.shared import asked_for, write_rows, write_table
 
+Row: TypeAlias = tuple[
+    str, str, int, int, float, Any
+]  # weights, method, k, p, error, processor seconds or ""
 RANKS = (5, 10, 20, 30, 40, 50, 75, 100)
 SHOWN = (5, 10, 20, 30, 50, 100)  # in the table
 COLUMNS = (60, 80, 100, 140, 200, 300, 400)
-METHODS = {"predicted": "C3", "nystrom": "C0", "fmds": "C2", "smds": "C4"}
+METHODS: dict[BasisMethod, str] = {"predicted": "C3", "nystrom": "C0", "fmds": "C2", "smds": "C4"}
+COMPARED: tuple[tuple[BasisMethod, int], ...] = (("predicted", 100), ("predicted", 200), ("nystrom", 100))
 NAMES = {
     "exact": "exact (optimum)",
     "predicted": "predicted columns (default)",
@@ -34,8 +41,8 @@ NAMES = {
 }
 
 
-def measure(mesh, distances):
-    """One row for each basis: weights, method, k, p, error, processor seconds."""
+def measure(mesh: Mesh, distances: np.ndarray) -> Iterator[Row]:
+    """One row for each basis."""
     everywhere = np.arange(mesh.n_vertices)
     smooth = laplace_basis(mesh, max(RANKS)).vectors
     for weights in ("uniform", "area"):
@@ -56,21 +63,21 @@ def measure(mesh, distances):
                 yield weights, method, k, p, error, round(seconds, 3)
 
 
-def draw(rows, path):
+def draw(rows: list[Row], path: Path) -> None:
     """Error against rank at p = 2 k, and against preparation time at k = 50, for both weights."""
     figure, axes = plt.subplots(2, 2, figsize=(11, 8), layout="constrained", sharey=True)
     for (by_rank, by_time), weights in zip(axes, ("uniform", "area")):
         chosen = [row for row in rows if row[0] == weights]
         best = next(row[4] for row in chosen if row[1] == "exact" and row[2] == 50)
-        for method, colour in {"laplace": "0.6", **METHODS, "exact": "k"}.items():
+        for method, colour in (("laplace", "0.6"), *METHODS.items(), ("exact", "k")):
             line = [
                 (r[2], r[4]) for r in chosen if r[1] == method and (r[3] == 2 * r[2] or method not in METHODS)
             ]
             by_rank.plot(*zip(*line), "o-", color=colour, label=NAMES.get(method, method), markersize=4)
         for method, colour in METHODS.items():
-            line = sorted((r[3], r[5], r[4]) for r in chosen if r[1] == method and r[2] == 50)
-            by_time.plot([r[1] for r in line], [r[2] for r in line], "o-", color=colour, markersize=4)
-            for p, seconds, error in line:
+            timed = sorted((r[3], r[5], r[4]) for r in chosen if r[1] == method and r[2] == 50)
+            by_time.plot([r[1] for r in timed], [r[2] for r in timed], "o-", color=colour, markersize=4)
+            for p, seconds, error in timed:
                 if method in ("predicted", "fmds") and p in (100, 200, 400):
                     by_time.annotate(f"{p}", (seconds, error), (2, 4), textcoords="offset points", fontsize=8)
         by_time.axhline(best, color="k")
@@ -86,7 +93,7 @@ def draw(rows, path):
     figure.savefig(path, dpi=110)
 
 
-def ratios(data):
+def ratios(data: Path) -> Iterator[tuple[str, str, str, int, float]]:
     """Give shape, weights, method, p and error / optimum at k = 50, on other shapes."""
     meshes = {"creature": creature(4000).mesh}
     for name in ("centaur0", "cat0"):
@@ -100,7 +107,7 @@ def ratios(data):
             optimum = relative_error(
                 distance_basis(mesh, 50, 50, "exact", weights, held_out=0).row(everywhere), distances, measure
             )
-            for method, p in (("predicted", 100), ("predicted", 200), ("nystrom", 100)):
+            for method, p in COMPARED:
                 basis = distance_basis(mesh, 50, p, method, weights, held_out=0)
                 yield (
                     name,
@@ -111,13 +118,13 @@ def ratios(data):
                 )
 
 
-def all_distances(mesh):
+def all_distances(mesh: Mesh) -> np.ndarray:
     """(n, n) by fast marching, symmetrised."""
     distances = geodesic_distances(mesh, np.arange(mesh.n_vertices))
-    return (distances + distances.T) / 2
+    return np.asarray((distances + distances.T) / 2)
 
 
-def table(rows):
+def table(rows: list[Row]) -> Iterator[dict[str, Any]]:
     """Errors for some ranks, for both weights and every method, from 2 k columns."""
     for weights in ("uniform", "area"):
         for method, name in NAMES.items():
@@ -128,7 +135,7 @@ def table(rows):
             yield line
 
 
-def main():
+def main() -> None:
     """Measure, write, draw."""
     asked = asked_for(__doc__, "tables and curves")
     data = Path(asked.data)
@@ -141,9 +148,9 @@ def main():
     write_rows(asked.output / "distance_bases.csv", columns, (dict(zip(columns, row)) for row in written))
     write_table(asked.output / "distance_bases_table.csv", list(table(rows)))
     draw(rows, asked.output / "distance_bases.png")
-    columns = ("shape", "weights", "method", "p", "error_over_optimum")
+    names = ("shape", "weights", "method", "p", "error_over_optimum")
     others = ((*row[:4], f"{row[4]:.3f}") for row in ratios(data))
-    write_table(asked.output / "distance_ratios.csv", [dict(zip(columns, row)) for row in others])
+    write_table(asked.output / "distance_ratios.csv", [dict(zip(names, row)) for row in others])
 
 
 if __name__ == "__main__":

@@ -72,6 +72,7 @@ def measured(pair: BenchmarkPair) -> dict[str, tuple[float, float]]:
         distortion = metric_distortion(
             pair.source, pair.target, found, pair.truth, n_rows=100, seed=SEED, engines=engines
         )
+        assert distortion.truth is not None
         results[name] = 100 * float(error), distortion.l2 / distortion.truth.l2
         print(pair.name, name, *np.round(results[name], 3), sep="  ", flush=True)
     return results

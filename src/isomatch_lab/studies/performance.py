@@ -122,8 +122,10 @@ def measured(name: str, data: str | None, output: Path, largest_for_pyfm: int) -
     }
     shapes = [prepare(mesh) for mesh in (pair.source, pair.target)]
     stages = {stage: sum(shape.timings[stage] for shape in shapes) for stage in STAGES}
-    later = isomatch.match(*shapes).timings
-    row["further seconds"], row["further cpu seconds"], _ = _median(lambda: isomatch.match(*shapes))
+    later = isomatch.match(shapes[0], shapes[1]).timings
+    row["further seconds"], row["further cpu seconds"], _ = _median(
+        lambda: isomatch.match(shapes[0], shapes[1])
+    )
     row["stages"] = stages | {stage: later.get(stage, 0.0) for stage in LATER}
     finer = shapes[0].finer
     levels = shapes[0].body.n_vertices, finer.surface.n_vertices if finer else 0
@@ -158,7 +160,7 @@ def _pair(name: str, data: str | None, output: Path) -> BenchmarkPair:
 
 def _median(match: Callable[[], Any]) -> tuple[float, float, Any]:
     """Seconds and CPU seconds of a match in the median of some repetitions, and its result."""
-    seconds, cpu = [], []
+    seconds, cpu = list[float](), list[float]()
     while not seconds or len(seconds) < (REPEATS if seconds[0] < SOON else 3):
         before = time.perf_counter(), time.process_time()
         result = match()
@@ -181,11 +183,9 @@ def _peak() -> float:
 
 
 def lower_bounds(n: int, matched: int, polished: int, p: int = 100, k: int = 200) -> dict[str, float]:
-    """Seconds that the bytes and operations of each stage take at the rates of this machine.
-
-    Every array is read and written once; a front reads six entries of 24 bytes for each vertex; a solve reads 40 entries
-    of 12 bytes for each vertex, twice; all other operations are products of matrices. For two shapes.
-    """
+    """Seconds that the bytes and operations of each stage take at the rates of this machine, for two shapes."""
+    # every array is read and written once; a front reads six entries of 24 bytes for each vertex; a solve reads 40
+    # entries of 12 bytes for each vertex, twice; all other operations are products of matrices
     bandwidth, flops = _rates()
     shape, whole = 72 * n, polished or matched
     products = {"functions": 4 * matched * (2.4 * k) ** 2, "polish": 2 * polished * k**2 * 7}

@@ -7,16 +7,13 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Step:
-    """A command of Python, in which {data} and {out} are folders, and what of {out} is kept.
-
-    ``tables`` go to ``docs/results`` and ``files`` to ``docs``: from their names there to those in {out}.
-    """
+    """A command of Python, in which {data} and {out} are folders, and what of {out} is kept."""
 
     name: str
     minutes: int
     command: str
-    tables: dict[str, str]
-    files: dict[str, str]
+    tables: dict[str, str]  # in docs/results, and the names of those in {out}
+    files: dict[str, str]  # in docs, likewise
 
 
 def study(
@@ -28,10 +25,8 @@ def study(
     folder: str = "lab/benchmarks",
     **tables: str,
 ) -> Step:
-    """Make a step of a script of this folder, or of one of its sets; its table is SCRIPT_table.csv if none is named.
-
-    A file that is kept under another name is written NEW=OLD.
-    """
+    """Make a step of a script of this folder, or of one of its sets; its table is SCRIPT_table.csv if none is named."""
+    # a file that is kept under another name is written NEW=OLD
     kept = {f"{folder}/{file.split('=')[0]}": file.split("=")[-1] for file in files}
     command = " ".join(
         filter(None, (f"python -m isomatch_lab.studies.{script} --data {{data}} -o {{out}}", of, options))

@@ -83,11 +83,9 @@ def loaded(job: Job) -> BenchmarkPair:
 
 
 def damaged_creatures(damage: str, seed: int) -> BenchmarkPair:
-    """Make two poses of an asymmetric creature of 5000 vertices, the target relabelled and rotated.
-
-    "noise": Gaussian, of 0.4 edge lengths, on both. "decimation": the target has 1600 vertices. "stretch": its limbs are
-    longer by up to 45 %, the more the farther from the centre.
-    """
+    """Make two poses of an asymmetric creature of 5000 vertices, the target relabelled and rotated."""
+    # "noise": Gaussian, of 0.4 edge lengths, on both. "decimation": the target has 1600 vertices. "stretch": its limbs
+    # are longer by up to 45 %, the more the farther from the centre
     style = int(np.random.default_rng(1000 + seed).integers(5))
     sizes = (5000, 1600) if damage == "decimation" else (5000, 5000)
     made = [
@@ -126,10 +124,7 @@ def drawn(data: str, counts: dict[str, int], seed: int) -> list[Job]:
 def write_rows(
     path: Path, columns: Sequence[str] | None, rows: Iterable[dict[str, Any]]
 ) -> list[dict[str, Any]]:
-    """Write some columns of rows as a table, each as soon as it comes, numbers to four digits; and return the rows.
-
-    By default the columns are those of the first row.
-    """
+    """Write some columns of rows as a table, by default all, each row as soon as it comes; and return the rows."""
     written = []
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, columns or (), extrasaction="ignore")

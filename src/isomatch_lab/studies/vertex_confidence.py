@@ -63,7 +63,7 @@ def measured(job: Job) -> dict[str, Any]:
     rows, errors = rows[known], errors[known]
     expected = found.expected_error[rows[:, 0]]
     measures = {"expected error": expected, "random": None, **ingredients(pair.source, pair.target, found)}
-    row = {"set": name, "pair": "-".join(names), "outcome": found.outcome.name}
+    row: dict[str, Any] = {"set": name, "pair": "-".join(names), "outcome": found.outcome.name}
     row |= {"error": errors.mean(), "expected": expected.mean()}
     for measure, values in measures.items():
         if measure == "expected error":

@@ -11,8 +11,8 @@ and with five true landmarks.
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterator
-from typing import Any
+from collections.abc import Callable, Iterator
+from typing import Any, cast
 
 import numpy as np
 from scipy.ndimage import distance_transform_edt, gaussian_filter
@@ -103,7 +103,8 @@ def fused_pair(
     whole = benchmark_set(name, data).load(source, target)
     if kind == "none":
         return damaged_pair(whole)
-    fuse = {"weld": weld, "stitched": stitched, "remesh": remesh}[kind]
+    ways: dict[str, Callable[..., Damaged]] = {"weld": weld, "stitched": stitched, "remesh": remesh}
+    fuse = ways[kind]
     sides = ("source", "target") if side == "both" else (side,)
     return damaged_pair(whole, **{each: fuse(getattr(whole, each), gap, seed=SEED) for each in sides})
 
@@ -124,17 +125,14 @@ def stitched(mesh: Mesh, gap: float, seed: int) -> Damaged:
 
 
 def remesh(mesh: Mesh, gap: float, seed: int) -> Damaged:
-    """Make one watertight surface around a closed mesh, as of its voxels; that fuses what is nearer than one.
-
-    A vertex of either surface stands for the nearest one of the other whose normal is less than 60° off.
-    """
+    """Make one watertight surface around a closed mesh, as of its voxels; that fuses what is nearer than one."""
     step = VOXEL * np.sqrt(mesh.area)
     origin = mesh.vertices.min(axis=0) - 4 * step
     shape = np.ceil((mesh.vertices.max(axis=0) - origin) / step).astype(int) + 4
     inside = _inside((mesh.vertices - origin) / step, mesh.faces, tuple(shape))
     depth = distance_transform_edt(inside) - distance_transform_edt(~inside)
     field = gaussian_filter(depth, 0.8).astype(np.float32)
-    vertices, faces, _, _ = marching_cubes(field, 0.0, gradient_direction="ascent")
+    vertices, faces, _, _ = cast(Any, marching_cubes)(field, 0.0, gradient_direction="ascent")
     skin = isomatch.repair(Mesh(origin + vertices * step, faces.astype(np.int64))).mesh
     skin = skin.submesh(skin.components == np.bincount(skin.components).argmax())[0]
     skin = decimate(skin, 5000 / skin.n_vertices, seed=seed).mesh
