@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from hashlib import blake2b
 from threading import Lock
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, Unpack
 from weakref import WeakSet
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch.loading.first_use import Shown, view_room
+from isomatch.loading.first_use import PlotOptions, Shown, view_room
 from isomatch.values.arrays import AnyArray
 
 if TYPE_CHECKING:
@@ -22,20 +22,9 @@ class Plotted(Shown):
 
     __slots__ = ()
 
-    def plot(
-        self,
-        values: ArrayLike | None = None,
-        *,
-        label: str = "",
-        colour_map: str | None = None,
-        title: str = "",
-        width: int = 1000,
-        view: tuple[float, float] | None = None,
-    ) -> Figure:
+    def plot(self, values: ArrayLike | None = None, **options: Unpack[PlotOptions]) -> Figure:
         """Draw the surface, coloured by values (n,) or (n, 3) at its vertices, by `isomatch.view.plot_surface`."""
-        figure: Figure = view_room().plot_surface(
-            self, values, label=label, colour_map=colour_map, title=title, width=width, view=view
-        )
+        figure: Figure = view_room().plot_surface(self, values, **options)
         return figure
 
 
