@@ -38,7 +38,7 @@ class Posed:
 
 @cache
 def body(right: str = "out", left: str = "out", triangulation: int = 0) -> Posed:
-    """A body with arms that are "out" or "on thigh"; where a hand is fused with its thigh, the seam is sharp."""
+    """A body with arms that are "out" or "on thigh"; where a hand is fused with its thigh, the cut path is sharp."""
     trunk = np.concatenate([_chain(*part) for part in TRUNK])
     nodes, radii = np.array(LEG[0]), LEG[1]
     limbs = [_chain(nodes, radii), _chain(MIRROR * nodes, radii)]

@@ -13,7 +13,7 @@ from touching import body, carried, cup, ring, without
 
 pytestmark = pytest.mark.usefixtures("prepared_once")
 
-UNCUT = Config(preparation=PreparationSettings(contact_concavity=0))
+UNCUT = Config(preparation=PreparationSettings(self_contact_concavity=0))
 POSES = {
     "clean": {},
     "right": {"right": "on thigh", "triangulation": 1},
@@ -82,7 +82,7 @@ def test_the_names_of_vertices_do_not_matter():
 
 @pytest.mark.long
 def test_holes_do_not_matter():
-    """One of them next to the contact."""
+    """One of them next to the self-contact."""
     source, target = (body(**POSES[pose]) for pose in ("right", "left"))
     source = replace(source, mesh=without(source.mesh, [0.1, 0.09, -0.02], 0.03))
     target = replace(target, mesh=without(target.mesh, [0, 0, 0.82], 0.03))
@@ -106,7 +106,7 @@ def test_a_fused_part_is_cut(source, target):
 @pytest.mark.long
 @pytest.mark.parametrize("shape", [lambda i: ring(7, i), lambda i: cup(i)], ids=["ring", "cup"])
 def test_handles_that_are_meant_stay(shape):
-    """The map is the same to the bit as without a look at contacts."""
+    """The map is the same to the bit as without a look at self-contacts."""
     source, target = shape(0), shape(1)
     found, uncut = match(source, target), match(source, target, config=UNCUT)
     np.testing.assert_array_equal(found.map.vertices, uncut.map.vertices)
@@ -153,6 +153,6 @@ def test_a_body_that_is_cut_knows_where_its_vertices_came_from():
 
 @pytest.mark.long
 def test_shapes_with_more_handles_than_limbs_are_not_cut():
-    few = Config(preparation=PreparationSettings(most_contacts=0))
+    few = Config(preparation=PreparationSettings(most_self_contacts=0))
     assert was_cut(matched("right", "left")[0])
     assert not was_cut(matched("right", "left", few)[0])

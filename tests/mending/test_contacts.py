@@ -1,10 +1,10 @@
-"""Contacts: handles are counted; limbs that are fused come apart along their seams, and handles that are meant stay."""
+"""Self-contacts: handles are counted; fused limbs come apart along their cut paths, and handles that are meant stay."""
 
 import numpy as np
 import pytest
 
 from isomatch import Mesh, check
-from isomatch.mending import cut_contacts, handles
+from isomatch.mending import cut_self_contacts, handles
 from shapes import box, cylinder, disguised, icosphere, two_spheres
 from touching import basket, body, cup, double_ring, pelvis, ring, without
 from zoo import torus
@@ -36,21 +36,23 @@ def smooth(request):
 
 
 def assert_laws(mesh, cut):
-    """What was cut is the same surface, but along the seams."""
+    """What was cut is the same surface, but along the cut paths."""
     n = mesh.n_vertices
     np.testing.assert_array_equal(cut.vertex_index[:n], np.arange(n))
     np.testing.assert_array_equal(cut.mesh.vertices, mesh.vertices[cut.vertex_index])
     np.testing.assert_array_equal(cut.vertex_index[cut.mesh.faces], mesh.faces)
-    assert set(cut.vertex_index[n:]) == {int(v) for seam in cut.seams for v in seam}
+    assert set(cut.vertex_index[n:]) == {int(v) for cut_path in cut.cut_paths for v in cut_path}
     edges = set(map(tuple, mesh.edges))
-    for seam in cut.seams:
-        assert len(np.unique(seam)) == len(seam)
-        assert {tuple(side) for side in np.sort(np.column_stack([seam, np.roll(seam, -1)]), axis=1)} <= edges
+    for cut_path in cut.cut_paths:
+        assert len(np.unique(cut_path)) == len(cut_path)
+        assert {
+            tuple(side) for side in np.sort(np.column_stack([cut_path, np.roll(cut_path, -1)]), axis=1)
+        } <= edges
     assert cut.mesh.components.max() == mesh.components.max()
 
 
-def place(mesh, seam):
-    return mesh.vertices[seam].mean(axis=0)
+def place(mesh, cut_path):
+    return mesh.vertices[cut_path].mean(axis=0)
 
 
 @pytest.mark.parametrize(
@@ -99,106 +101,108 @@ def test_neither_names_nor_places_make_handles(fused, seed):
 
 def test_a_fused_hand_comes_off_its_thigh(fused):
     assert handles(fused) == 1
-    cut = cut_contacts(fused, 1)
+    cut = cut_self_contacts(fused, 1)
     assert_laws(fused, cut)
-    assert len(cut.seams) == 1
-    assert np.linalg.norm(place(fused, cut.seams[0]) - HANDS["right"]) < 0.06
-    assert np.linalg.norm(fused.vertices[cut.seams[0]] - HANDS["right"], axis=1).max() < 0.2
+    assert len(cut.cut_paths) == 1
+    assert np.linalg.norm(place(fused, cut.cut_paths[0]) - HANDS["right"]) < 0.06
+    assert np.linalg.norm(fused.vertices[cut.cut_paths[0]] - HANDS["right"], axis=1).max() < 0.2
     assert handles(cut.mesh) == 0
     report = check(cut.mesh)
     assert len(report.boundary_lengths) == 2  # both rims are open
     assert not report.fatal
-    assert repr(cut) == f"Cut({cut.mesh!r}, 1 seams)"
+    assert repr(cut) == f"Cut({cut.mesh!r}, 1 cut paths)"
 
 
 @pytest.mark.long
 def test_both_hands_come_off(twice_fused):
     assert handles(twice_fused) == 2
-    cut = cut_contacts(twice_fused, 2)
+    cut = cut_self_contacts(twice_fused, 2)
     assert_laws(twice_fused, cut)
     assert handles(cut.mesh) == 0
-    places = sorted((place(twice_fused, seam) for seam in cut.seams), key=lambda at: at[0])
+    places = sorted((place(twice_fused, cut_path) for cut_path in cut.cut_paths), key=lambda at: at[0])
     np.testing.assert_allclose(places, [HANDS["left"], HANDS["right"]], atol=0.06)
 
 
 def test_no_more_are_cut_than_asked_for(twice_fused):
-    assert cut_contacts(twice_fused, 0).seams == ()
-    cut = cut_contacts(twice_fused, 1)
+    assert cut_self_contacts(twice_fused, 0).cut_paths == ()
+    cut = cut_self_contacts(twice_fused, 1)
     assert_laws(twice_fused, cut)
-    assert len(cut.seams) == handles(cut.mesh) == 1
-    assert len(cut_contacts(twice_fused, 9).seams) == 2
+    assert len(cut.cut_paths) == handles(cut.mesh) == 1
+    assert len(cut_self_contacts(twice_fused, 9).cut_paths) == 2
 
 
 def test_one_cut_after_the_other_is_the_same(twice_fused):
-    first = cut_contacts(twice_fused, 1)
-    second = cut_contacts(first.mesh, 1)
-    at_once = cut_contacts(twice_fused, 2)
-    for step, seam in zip([first.seams[0], first.vertex_index[second.seams[0]]], at_once.seams):
-        assert np.linalg.norm(place(twice_fused, step) - place(twice_fused, seam)) < 0.02
+    first = cut_self_contacts(twice_fused, 1)
+    second = cut_self_contacts(first.mesh, 1)
+    at_once = cut_self_contacts(twice_fused, 2)
+    for step, cut_path in zip(
+        [first.cut_paths[0], first.vertex_index[second.cut_paths[0]]], at_once.cut_paths
+    ):
+        assert np.linalg.norm(place(twice_fused, step) - place(twice_fused, cut_path)) < 0.02
     assert handles(second.mesh) == 0
 
 
 @pytest.mark.parametrize(("gap", "pieces"), [(0.02, 2), (0.06, 3), (0.1, 3)])
-def test_a_contact_next_to_a_hole(fused, gap, pieces):
-    """The rim of the hole is about so far from the seam; the nearest one touches it."""
-    seam = fused.vertices[cut_contacts(fused, 1).seams[0]]
-    away = np.linalg.norm(fused.vertices[:, None] - seam, axis=2).min(axis=1)
+def test_a_self_contact_next_to_a_hole(fused, gap, pieces):
+    """The rim of the hole is about so far from the cut path; the nearest one touches it."""
+    cut_path = fused.vertices[cut_self_contacts(fused, 1).cut_paths[0]]
+    away = np.linalg.norm(fused.vertices[:, None] - cut_path, axis=2).min(axis=1)
     pierced = without(fused, fused.vertices[np.argmin(abs(away - gap - 0.05))], 0.05)
     assert len(check(pierced).boundary_lengths) == 1
     assert handles(pierced) == 1
-    cut = cut_contacts(pierced, 1)
+    cut = cut_self_contacts(pierced, 1)
     assert_laws(pierced, cut)
-    assert np.linalg.norm(place(pierced, cut.seams[0]) - HANDS["right"]) < 0.06
+    assert np.linalg.norm(place(pierced, cut.cut_paths[0]) - HANDS["right"]) < 0.06
     assert handles(cut.mesh) == 0
     assert len(check(cut.mesh).boundary_lengths) == pieces
 
 
-def test_the_surface_alone_tells_where_the_seams_are(fused):
-    seam = cut_contacts(fused, 1).seams[0]
+def test_the_surface_alone_tells_where_the_cut_paths_are(fused):
+    cut_path = cut_self_contacts(fused, 1).cut_paths[0]
     other = disguised(fused, 1)
-    found = cut_contacts(other.mesh, 1)
+    found = cut_self_contacts(other.mesh, 1)
     assert_laws(other.mesh, found)
-    there = np.argsort(other.new_vertex)[found.seams[0]]
-    assert np.linalg.norm(place(fused, there) - place(fused, seam)) < 0.02
+    there = np.argsort(other.new_vertex)[found.cut_paths[0]]
+    assert np.linalg.norm(place(fused, there) - place(fused, cut_path)) < 0.02
 
 
 @pytest.mark.parametrize("scale", [1000.0, 0.001])
 def test_units_do_not_matter(fused, scale):
-    scaled = cut_contacts(Mesh(scale * fused.vertices, fused.faces), 1)
-    for seam, other in zip(scaled.seams, cut_contacts(fused, 1).seams, strict=True):
-        assert set(seam) == set(other)
+    scaled = cut_self_contacts(Mesh(scale * fused.vertices, fused.faces), 1)
+    for cut_path, other in zip(scaled.cut_paths, cut_self_contacts(fused, 1).cut_paths, strict=True):
+        assert set(cut_path) == set(other)
 
 
-def test_a_seam_must_be_concave_enough(fused):
-    assert cut_contacts(fused, 1, 0.0).seams == ()
-    assert len(cut_contacts(fused, 1, 0.4).seams) == 1
+def test_a_cut_path_must_be_concave_enough(fused):
+    assert cut_self_contacts(fused, 1, 0.0).cut_paths == ()
+    assert len(cut_self_contacts(fused, 1, 0.4).cut_paths) == 1
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("most", [1, 4])
 def test_handles_that_are_meant_stay(smooth, most):
     assert handles(smooth) > 0
-    cut = cut_contacts(smooth, most)
+    cut = cut_self_contacts(smooth, most)
     assert_laws(smooth, cut)
-    assert cut.seams == ()
+    assert cut.cut_paths == ()
     np.testing.assert_array_equal(cut.mesh.faces, smooth.faces)
 
 
-def test_sharp_corners_are_no_seams():
-    assert cut_contacts(FRAME, 2).seams == ()
+def test_sharp_corners_are_no_cut_paths():
+    assert cut_self_contacts(FRAME, 2).cut_paths == ()
 
 
-def test_a_handle_with_two_seams_is_cut_once():
+def test_a_handle_with_two_cut_paths_is_cut_once():
     """Cut at both of its ends, it would come off."""
     mesh = basket()
     assert handles(mesh) == 1
-    cut = cut_contacts(mesh, 2)
+    cut = cut_self_contacts(mesh, 2)
     assert_laws(mesh, cut)
-    assert len(cut.seams) == 1
+    assert len(cut.cut_paths) == 1
     assert handles(cut.mesh) == 0
 
 
 def test_a_clean_body_has_nothing_to_cut():
     clean = body().mesh
     assert handles(clean) == 0
-    assert cut_contacts(clean, 3).seams == ()
+    assert cut_self_contacts(clean, 3).cut_paths == ()

@@ -24,7 +24,7 @@ def test_smooth_shapes_have_none(mesh):
 
 
 def test_two_prongs_that_touch_have_one_between_them():
-    """On both sides of the contact, and over its top."""
+    """On both sides of the self-contact, and over its top."""
     mesh = pressed_fork()
     edges = creases(mesh)
     at = mesh.vertices[edges].mean(axis=1)

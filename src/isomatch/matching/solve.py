@@ -61,21 +61,22 @@ def solve_touching(relation: Isometry, found: IsometricMatch, timer: StageTimer)
 def fused_limbs_cut(
     relation: Isometry, found: IsometricMatch, pair: ShapePair, priors: Priors, timer: StageTimer
 ) -> ClosedMatch | None:
-    """Match with contacts cut of the shape that has more handles, or of both; None unless that scores better."""
+    """Match with self-contacts cut of the shape that has more handles, or of both; None unless that scores better."""
     stages, complete = relation.stages, relation.pair is pair
-    if not _seeks_contacts(pair, priors, stages):
+    if not _seeks_self_contacts(pair, priors, stages):
         return None
     best, score = None, found.selection.winner.score
     ours, theirs = pair.source.handles, pair.target.handles
     more = max(ours - theirs, 0), max(theirs - ours, 0)
     for counts in dict.fromkeys([more, (ours, theirs)]):
         if max(counts):
-            with timer.within("contacts cut"):
+            with timer.within("self-contacts cut"):
                 cut = match_cut(pair, priors, stages, timer, *counts)
             if cut and cut.score < score:
                 best, score = cut, cut.score
 
-    # If the best map fits badly, the shape is also cut along its creases, if it has contacts to be cut, or clearly longer
+    # If the best map fits badly, the shape is also cut along its creases, if it has self-contacts to be cut, or
+    # clearly longer
     # creases than the other: shapes of two kinds have natural folds of about the same length. With handles, both are.
     def fits_poorly() -> bool:
         measured = (best.found if best else found).measured
@@ -102,25 +103,28 @@ def _one_is_creased(pair: ShapePair) -> bool:
     return abs(source - target) > MORE_CREASES
 
 
-def _seeks_contacts(pair: ShapePair, priors: Priors, stages: Stages) -> bool:
+def _seeks_self_contacts(pair: ShapePair, priors: Priors, stages: Stages) -> bool:
     """Whether limbs may be fused: of meshes whose distances were not given, by a refinement that looks further."""
     settings, shapes = pair.config.preparation, (pair.source, pair.target)
     given = {shape.distances.engine for shape in shapes} & GIVEN
-    wanted = settings.contact_concavity and not priors.functions[0].shape[1]
+    wanted = settings.self_contact_concavity and not priors.functions[0].shape[1]
     if not wanted or not pair.oriented or given or not stages.refinement.searches_further:
         return False
-    return max(shape.handles for shape in shapes) <= settings.most_contacts
+    return max(shape.handles for shape in shapes) <= settings.most_self_contacts
 
 
 def _limbs_apart(solution: Solution, priors: Priors, stages: Stages, timer: StageTimer) -> Solution | None:
-    """Match a source that has more handles with its contacts and creases open, as a part, where a map is poor."""
+    """Match a source that has more handles with its self-contacts and creases open, as a part, where a map is poor."""
     # What limbs hide where they touch is missing, and distances lie between those of fused limbs and of limbs apart. Such
     # a map is taken, no surer than before, if the bodies look more alike under it. Of a target that is a part much of the
     # source would be left without images.
     pair, poor = solution.pair, solution.outcome is Outcome.LOW_CONFIDENCE
     more = pair.source.handles - pair.target.handles
     if not (
-        poor and more > 0 and pair.config.orientation == "preserve" and _seeks_contacts(pair, priors, stages)
+        poor
+        and more > 0
+        and pair.config.orientation == "preserve"
+        and _seeks_self_contacts(pair, priors, stages)
     ):
         return None
     with timer.within("limbs apart"):
@@ -209,7 +213,9 @@ def _solve_part(part: Part, timer: StageTimer) -> Solution:
     pair, priors, stages = part.pair, part.priors, part.stages
     if not pair.config.parts.close:
         return part.solution(timer)
-    touching = _seeks_contacts(pair, priors, stages) and max(pair.source.handles, pair.target.handles) > 0
+    touching = (
+        _seeks_self_contacts(pair, priors, stages) and max(pair.source.handles, pair.target.handles) > 0
+    )
     if not (touching or part.closes_first):
         with suppress(NotConvergedError):
             own = part.solution(timer)

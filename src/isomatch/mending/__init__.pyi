@@ -3,7 +3,7 @@ from isomatch.mending.caps import capped
 from isomatch.mending.check import MeshReport, check
 from isomatch.mending.outer import inner_faces
 from isomatch.mending.repair import Repair, repair, welded_surface, without_seams
-from isomatch.mending.self_contacts import Cut, creases, cut_along, cut_contacts, ends_of, handles
+from isomatch.mending.self_contacts import Cut, creases, cut_along, cut_self_contacts, ends_of, handles
 from isomatch.mending.sheets import Separation, separate_sheets
 from isomatch.mending.walls import double_walled_share
 
@@ -16,7 +16,7 @@ __all__ = [
     "check",
     "creases",
     "cut_along",
-    "cut_contacts",
+    "cut_self_contacts",
     "double_walled_share",
     "ends_of",
     "handles",

@@ -15,30 +15,30 @@ from isomatch.mending.caps import boundary_loops, capped
 from isomatch.surfaces import Mesh, corner_links, joined, linked, meetings
 from isomatch.values.arrays import AnyArray, BoolArray, FloatArray, IntArray
 
-# What a length counts along an edge at which the surface bends by so many degrees, negative where concave: the seam of
-# a contact is sharp and concave, while the other loops around the same handle lie across convex limbs
+# What a length counts along an edge at which the surface bends by so many degrees, negative where concave: the cut
+# path of a self-contact is sharp and concave, while the other loops around the same handle lie across convex limbs
 BENDS = (-60.0, -30.0, 0.0, 40.0)
 COSTS = (0.1, 0.5, 1.0, 2.0)
 
-# no settings: they decide where seams are looked for, ``preparation.contact_concavity`` which loop is one, and the
-# handles of the shapes how many are cut
+# no settings: they decide where cut paths are looked for, ``preparation.self_contact_concavity`` which loop is one,
+# and the handles of the shapes how many are cut
 CONCAVE = -30.0  # degrees, of an edge whose ends are roots of trees
-MOST_ROOTS = 100  # one near each seam is enough
-REACH = 0.4  # cost, in √area, of the longest path from a root: half that of the longest seam
+MOST_ROOTS = 100  # one near each cut path is enough
+REACH = 0.4  # cost, in √area, of the longest path from a root: half that of the longest cut path
 LOOPS_OF_ROOT = 4  # shortest loops that are kept of each root
-TINY = 0.06  # length, in √area, that each seam has at least: the surface need not be concave where contacts are points
+TINY = 0.06  # length, in √area, that each cut path has at least: the surface need not be concave where these are points
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Cut:
-    """A mesh that was cut along the seams of contacts."""
+    """A mesh that was cut along the paths of self-contacts."""
 
     mesh: Mesh  # the vertices of the mesh as it was; copies of some of them, at the same positions, follow
     vertex_index: IntArray  # (n_new,) vertex of the mesh as it was of each vertex
-    seams: tuple[IntArray, ...]  # vertices (s,) around each seam, of the mesh as it was
+    cut_paths: tuple[IntArray, ...]  # vertices (s,) around each cut path, of the mesh as it was
 
     def __repr__(self) -> str:
-        return f"Cut({self.mesh!r}, {len(self.seams)} seams)"
+        return f"Cut({self.mesh!r}, {len(self.cut_paths)} cut paths)"
 
 
 def handles(mesh: Mesh) -> int:
@@ -53,28 +53,30 @@ def handles(mesh: Mesh) -> int:
     return max((2 * pieces - euler) // 2, 0)
 
 
-def cut_contacts(mesh: Mesh, most: int, concavity: float = 0.5) -> Cut:
-    """Cut limbs that are fused with what they touch, along the seams of their contacts, cheapest first, at most so many.
+def cut_self_contacts(mesh: Mesh, most: int, concavity: float = 0.5) -> Cut:
+    """Cut limbs that are fused with what they touch, along the paths of at most so many self-contacts, cheapest first.
 
-    The mesh is one component, wound outward. A seam costs, at most, its length times the concavity: sharp concave edges
+    The mesh is one component, wound outward. A cut path costs, at most, its length times the concavity: sharp concave
+    edges
     cost 0.1 of their length, flat ones 1 and convex ones up to 2. Erickson & Whittlesey, *Greedy Optimal Homotopy and
     Homology Generators*, SODA 2005; O(r n log n) for r = 100 roots at concave edges, of which only the neighbourhoods
-    are searched; about 0.3 s a contact at 10 000 vertices.
+    are searched; about 0.3 s a self-contact at 10 000 vertices.
     """
-    # the seam of a contact is a loop of sharp concave edges that does not separate the surface; the loops around the
+    # the cut path of a self-contact is a loop of sharp concave edges that does not separate the surface; the loops
+    # around the
     # limb are convex. So where concave edges count little, the shortest loop that does not separate the surface is a
-    # seam
-    index, seams = np.arange(mesh.n_vertices), list[IntArray]()
-    for _ in range(most):  # one by one, as the next seam may lie along a rim of the last cut
+    # cut path
+    index, cut_paths = np.arange(mesh.n_vertices), list[IntArray]()
+    for _ in range(most):  # one by one, as the next cut path may lie along a rim of the last cut
         apart, vertex = opened(mesh, mesh.edge_table.n_faces > 2, np.arange(mesh.n_vertices))
-        seam = _seam(capped(apart), apart.n_vertices, concavity)
-        if seam is None:
+        cut_path = _cut_path(capped(apart), apart.n_vertices, concavity)
+        if cut_path is None:
             break
-        loop = vertex[seam]
-        seams.append(index[loop])
+        loop = vertex[cut_path]
+        cut_paths.append(index[loop])
         mesh, copied = opened(mesh, are_among(mesh.edges, _around(loop)), loop)
         index = index[copied]
-    return Cut(mesh, index, tuple(seams))
+    return Cut(mesh, index, tuple(cut_paths))
 
 
 def opened(mesh: Mesh, cut: BoolArray, at: IntArray) -> tuple[Mesh, IntArray]:
@@ -147,7 +149,7 @@ def face_normals(mesh: Mesh) -> FloatArray:
     return np.asarray(cross / np.maximum(np.linalg.norm(cross, axis=1, keepdims=True), np.finfo(float).tiny))
 
 
-def _seam(mesh: Mesh, n_real: int, concavity: float) -> IntArray | None:
+def _cut_path(mesh: Mesh, n_real: int, concavity: float) -> IntArray | None:
     """Find the cheapest concave loop of a closed mesh that does not separate what is real of it."""
     closed = _Closed(mesh, n_real)
     least = TINY * np.sqrt(mesh.area)
@@ -221,7 +223,7 @@ def _closing_edges(
 
 
 # no settings: a crease is a hypothesis only, which the map closes again where it is a fold; and
-# ``preparation.contact_concavity`` = 0 rules all of them out
+# ``preparation.self_contact_concavity`` = 0 rules all of them out
 SHARP = -45.0  # degrees, of the edges that make a crease
 GAP = 0.03  # cost, in √area, of the paths that join pieces of a crease
 LEAST = 0.12  # length, in √area, of a crease

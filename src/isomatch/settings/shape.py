@@ -32,9 +32,9 @@ class PreparationSettings(Settings):
     sheet_distance : float
         Sheets that are glued together, such as limbs that touch in a scan, are separated where they are at least so far
         apart along the surface, in √area; ``inf`` leaves them together.
-    contact_concavity, most_contacts : float, int
-        Limbs that are fused are cut from what they touch along loops whose mean cost, see `cut_contacts`, is at most the
-        first; 0 cuts none. Shapes with more handles than the second are not cut: they are no limbs that touch.
+    self_contact_concavity, most_self_contacts : float, int
+        Limbs that are fused are cut from what they touch along loops whose mean cost, see `cut_self_contacts`, is at
+        most the first; 0 cuts none. Shapes with more handles than the second are not cut: they are no limbs that touch.
     most_components : int
         Most components of a mesh, beside the largest, that are matched by themselves.
     """
@@ -49,8 +49,12 @@ class PreparationSettings(Settings):
     distance_unit: DistanceUnit = setting("average", "docs/lab/paper.md, deviations: distances in mesh units")
     block_diagonal: bool = setting(True, "docs/lab/paper.md, deviations: C not block-diagonal")
     sheet_distance: float = setting(0.1, "docs/lab/robustness.md, touching limbs", least=0)
-    contact_concavity: float = setting(0.5, "docs/lab/robustness.md, touching limbs: 0.16 to 0.36", least=0)
-    most_contacts: int = setting(24, "docs/lab/design_notes.md: limbs make up to 9, skulls have 157", least=0)
+    self_contact_concavity: float = setting(
+        0.5, "docs/lab/robustness.md, touching limbs: 0.16 to 0.36", least=0
+    )
+    most_self_contacts: int = setting(
+        24, "docs/lab/design_notes.md: limbs make up to 9, skulls have 157", least=0
+    )
     most_components: int = setting(12, "chosen: each takes as long as a small match", least=0)
 
 

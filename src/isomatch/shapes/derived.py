@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from isomatch.errors import MeshError, NotConvergedError
-from isomatch.mending import Cut, capped, creases, cut_along, cut_contacts, ends_of
+from isomatch.mending import Cut, capped, creases, cut_along, cut_self_contacts, ends_of
 from isomatch.runtime.stage_timer import StageTimer
 from isomatch.settings import Config
 from isomatch.shapes.body import LEFT_UNMATCHED, sound_body
@@ -68,17 +68,18 @@ def capped_shape(shape: PreparedShape) -> PreparedShape:
 
 @cached_method
 def cut_shape(shape: PreparedShape, most: int) -> PreparedShape | None:
-    """Cut a body along the seams of contacts, and close all holes; its vertices are the first. None without seams."""
+    """Cut a body along the paths of self-contacts, and close all holes; its vertices are the first. None without any."""
     if most == 0 or shape.triangles is None:
         return None
-    cut = _contacts(shape, most)
-    if not cut.seams:
+    cut = _self_contacts(shape, most)
+    if not cut.cut_paths:
         return None
-    longest = max(cut.seams, key=len)
+    longest = max(cut.cut_paths, key=len)
+    count = len(cut.cut_paths)
     note = (
-        f"cut where limbs seem to be fused, along {len(cut.seams)} {'seam' if len(cut.seams) == 1 else 'seams'}; the "
+        f"cut where limbs seem to be fused, along {count} {'path' if count == 1 else 'paths'}; the "
         f"largest has {len(longest)} vertices, one of them vertex {shape.user_vertex[longest[0]]}; if nothing is fused, "
-        "set preparation.contact_concavity = 0"
+        "set preparation.self_contact_concavity = 0"
     )
     return _closed_if_sound(shape, note, cut.mesh, cut.vertex_index)
 
@@ -86,16 +87,16 @@ def cut_shape(shape: PreparedShape, most: int) -> PreparedShape | None:
 def crease_length(shape: PreparedShape) -> float:
     """Length of the creases of a body, in √area."""
     mesh = shape.mesh_body
-    here, there = mesh.vertices[_contacts_and_creases(shape, 0)[1]].transpose(1, 0, 2)
+    here, there = mesh.vertices[_self_contacts_and_creases(shape, 0)[1]].transpose(1, 0, 2)
     return float(np.linalg.norm(here - there, axis=1).sum() / np.sqrt(mesh.area))
 
 
 def creased_shape(shape: PreparedShape, most: int, torn: BoolArray | None = None) -> PreparedShape | None:
-    """Cut a body along the seams of contacts and along its creases, of which either end is torn (n_body,), and close it.
+    """Cut a body along the paths of self-contacts and its creases, of which either end is torn (n_body,), and close it.
 
     None if it has no creases.
     """
-    cut, edges = _contacts_and_creases(shape, most)
+    cut, edges = _self_contacts_and_creases(shape, most)
     if torn is not None:
         edges = edges[torn[cut.vertex_index[edges]].any(axis=1)]
     if not len(edges):
@@ -104,24 +105,24 @@ def creased_shape(shape: PreparedShape, most: int, torn: BoolArray | None = None
     at = shape.user_vertex[cut.vertex_index[edges[0, 0]]]
     note = (
         f"cut along {len(edges)} edges of creases where limbs may be fused, one of them at vertex {at}; if nothing is "
-        "fused, set preparation.contact_concavity = 0"
+        "fused, set preparation.self_contact_concavity = 0"
     )
     return _closed_if_sound(shape, note, mesh, cut.vertex_index[index], ends_of(edges))
 
 
 def opened_shape(shape: PreparedShape, most: int) -> PreparedShape | None:
-    """Cut a body along the seams of contacts and along all its creases, and leave the cuts open; None if there are none.
+    """Cut a body along the paths of self-contacts and along all its creases, and leave the cuts open; None without any.
 
     Its first vertices are those of the body, and the user's shape is the same.
     """
-    cut, edges = _contacts_and_creases(shape, most)
-    if not cut.seams and not len(edges):
+    cut, edges = _self_contacts_and_creases(shape, most)
+    if not cut.cut_paths and not len(edges):
         return None
     mesh, index = cut_along(cut.mesh, edges)
     origin = cut.vertex_index[index]
     note = (
-        "cut open where limbs may be fused, along contacts and creases; if nothing is fused, set "
-        "preparation.contact_concavity = 0"
+        "cut open where limbs may be fused, along self-contacts and creases; if nothing is fused, set "
+        "preparation.self_contact_concavity = 0"
     )
     with suppress(MeshError, NotConvergedError):
         return replace(
@@ -149,15 +150,15 @@ def region_of(shape: PreparedShape, vertices: IntArray, config: Config) -> Prepa
 
 
 @cached_method
-def _contacts(shape: PreparedShape, most: int) -> Cut:
-    """Cut a body along the seams of contacts."""
-    return cut_contacts(shape.mesh_body, most, shape.config.preparation.contact_concavity)
+def _self_contacts(shape: PreparedShape, most: int) -> Cut:
+    """Cut a body along the paths of self-contacts."""
+    return cut_self_contacts(shape.mesh_body, most, shape.config.preparation.self_contact_concavity)
 
 
 @cached_method
-def _contacts_and_creases(shape: PreparedShape, most: int) -> tuple[Cut, IntArray]:
-    """Cut a body along the seams of contacts, and find the edges of its creases."""
-    cut = _contacts(shape, most)
+def _self_contacts_and_creases(shape: PreparedShape, most: int) -> tuple[Cut, IntArray]:
+    """Cut a body along the paths of self-contacts, and find the edges of its creases."""
+    cut = _self_contacts(shape, most)
     return cut, creases(cut.mesh)
 
 

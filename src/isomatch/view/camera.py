@@ -17,7 +17,7 @@ THREE_QUARTER = 32.0, 14.0  # degrees from the broad side, and above the horizon
 FROM_ABOVE = 0.0, 0.0  # of a sheet, whose broad side is its face
 FLAT = 0.1  # thickness over width below which a shape is a sheet, and is seen from above
 UPRIGHT = 1.6  # length over depth above which the long axis of a shape that can stand on it is upright, as of a person
-CONTACT = 0.06  # of the height; vertices this close to the ground support the shape
+SELF_CONTACT = 0.06  # of the height; vertices this close to the ground support the shape
 LEANING = 0.02  # of the height; so far beyond its support may be the centroid of what stands
 LEAN = np.radians(65.0)  # a source rotated by less than this is left as it is; only its pose may differ
 SNAP = np.radians(35.0)  # a rotation within this angle of quarter turns is replaced by them
@@ -81,7 +81,7 @@ def _up_axis(mesh: Mesh) -> int:
     # and on which it can stand (a wolf is long, but would fall on its nose); else the one on which it is more stable.
     used = mesh.vertices[mesh.vertex_areas > 0]
     extent = np.ptp(used, axis=0)
-    on_the_floor = [axis for axis in (1, 2) if abs(used[:, axis].min()) < CONTACT * extent[axis]]
+    on_the_floor = [axis for axis in (1, 2) if abs(used[:, axis].min()) < SELF_CONTACT * extent[axis]]
     if len(on_the_floor) == 1:
         return on_the_floor[0]
     stability = {axis: _stability(mesh, axis) for axis in (1, 2)}
@@ -99,7 +99,7 @@ def _stability(mesh: Mesh, axis: int) -> float:
     ground = np.delete(mesh.vertices, axis, axis=1)
     centroid = np.average(ground, axis=0, weights=mesh.vertex_areas)
     try:
-        rim = ConvexHull(ground[used & (height < low + CONTACT * tall)]).equations
+        rim = ConvexHull(ground[used & (height < low + SELF_CONTACT * tall)]).equations
     except (QhullError, ValueError):
         return -np.inf
     return float(-(rim[:, :2] @ centroid + rim[:, 2]).max() / tall)

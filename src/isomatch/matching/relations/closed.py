@@ -34,7 +34,7 @@ from isomatch.values.cached import cached_method, cached_property
 FLIPPED = 6  # best hypotheses whose flips are tried: the best is more often wrong; mesh018–mesh014 with holes: 30 with 3
 CREASED = 3  # times that a shape is cut along its creases, and matched; docs/lab/design_notes.md
 HOPELESS = 1.3  # score over that of the best map, above which creases are no better cut once more
-TORN = 0.1  # √area between the images of the two sides of a crease, from which it is a contact
+TORN = 0.1  # √area between the images of the two sides of a crease, from which it is a self-contact
 GIVEN = {"matrix", "function"}  # names of engines of distances that were given
 
 
@@ -194,7 +194,7 @@ def match_closed(pair: ShapePair, priors: Priors, stages: Stages, timer: StageTi
 def match_cut(
     pair: ShapePair, priors: Priors, stages: Stages, timer: StageTimer, n_source: int, n_target: int
 ) -> ClosedMatch | None:
-    """Match two shapes, cut along the seams of so many contacts; None if there are no seams, or no map was found."""
+    """Match two shapes, cut along the paths of so many self-contacts; None without cut paths, or if no map was found."""
     timer.start("prepare")
     source, target = cut_shape(pair.source, n_source), cut_shape(pair.target, n_target)
     if source is None and target is None:
@@ -208,12 +208,12 @@ def match_creased(
     priors: Priors,
     stages: Stages,
     timer: StageTimer,
-    handles: tuple[int, int],  # contacts of either shape that are cut besides
+    handles: tuple[int, int],  # self-contacts of either shape that are cut besides
     score: float,  # of the best map so far
-    both: bool = False,  # whether both shapes are cut along creases, or only that with contacts or longer ones
+    both: bool = False,  # whether both shapes are cut along creases, or only that with self-contacts or longer ones
 ) -> Iterator[ClosedMatch]:
     """Match two shapes cut along creases, and again along those that the last map tears."""
-    # natural folds are creases, too; where both sides of one have near images, it is no contact
+    # natural folds are creases, too; where both sides of one have near images, it is no self-contact
     shapes = pair.source, pair.target
     torn: tuple[BoolArray | None, BoolArray | None] = None, None
     one = max(range(2), key=lambda i: (handles[i], crease_length(shapes[i])))
