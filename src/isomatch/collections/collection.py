@@ -34,7 +34,7 @@ KNOWN = ("source_hash", "target_hash", "reflected", "made_with")  # of a pair th
 
 @dataclass(frozen=True)
 class Collection(Plan):
-    """Shapes in a folder with their maps, see `create` and `open`.
+    """Shapes in a folder with their maps, see `Collection.create` and `Collection.open`.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ class Collection(Plan):
     template : str, optional
         Name of the template; None for that in the middle of all, which is found once all are prepared.
     pairs, config, seed, reflect, units
-        See `create`.
+        See `Collection.create`.
 
     Examples
     --------

@@ -76,8 +76,8 @@ def fused_limbs_cut(
                 best, score = cut, cut.score
 
     # If the best map fits badly, the shape is also cut along its creases, if it has self-contacts to be cut, or
-    # clearly longer
-    # creases than the other: shapes of two kinds have natural folds of about the same length. With handles, both are.
+    # clearly longer creases than the other: shapes of two kinds have natural folds of about the same length. With
+    # handles, both are.
     def fits_poorly() -> bool:
         measured = (best.found if best else found).measured
         return measured_evidence(pair, measured.quality, pair.config.orientation).poor

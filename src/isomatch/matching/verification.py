@@ -60,8 +60,7 @@ def measured_evidence(
     """Compare the measures of a map with the bounds of ``pair.config.outcome``; ``wanted`` is its orientation.
 
     Priors may have led to the orientation that was not wanted. Between shapes that are ``far`` from isometric,
-    measures of
-    isometries cannot tell a right map from a wrong one; how much the shapes have to be bent to lie on each other can.
+    measures of isometries cannot tell a right map from a wrong one; how much the shapes have to be bent can.
     """
     bounds = pair.config.outcome
     sign = {"preserve": 1.0, "reverse": -1.0, "any": np.sign(quality.orientation)}[wanted]

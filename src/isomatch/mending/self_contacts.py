@@ -57,15 +57,13 @@ def cut_self_contacts(mesh: Mesh, most: int, concavity: float = 0.5) -> Cut:
     """Cut limbs that are fused with what they touch, along the paths of at most so many self-contacts, cheapest first.
 
     The mesh is one component, wound outward. A cut path costs, at most, its length times the concavity: sharp concave
-    edges
-    cost 0.1 of their length, flat ones 1 and convex ones up to 2. Erickson & Whittlesey, *Greedy Optimal Homotopy and
-    Homology Generators*, SODA 2005; O(r n log n) for r = 100 roots at concave edges, of which only the neighbourhoods
-    are searched; about 0.3 s a self-contact at 10 000 vertices.
+    edges cost 0.1 of their length, flat ones 1 and convex ones up to 2. Erickson & Whittlesey, *Greedy Optimal Homotopy
+    and Homology Generators*, SODA 2005; O(r n log n) for r = 100 roots at concave edges, of which only the
+    neighbourhoods are searched; about 0.3 s a self-contact at 10 000 vertices.
     """
     # the cut path of a self-contact is a loop of sharp concave edges that does not separate the surface; the loops
-    # around the
-    # limb are convex. So where concave edges count little, the shortest loop that does not separate the surface is a
-    # cut path
+    # around the limb are convex. So where concave edges count little, the shortest loop that does not separate the
+    # surface is a cut path
     index, cut_paths = np.arange(mesh.n_vertices), list[IntArray]()
     for _ in range(most):  # one by one, as the next cut path may lie along a rim of the last cut
         apart, vertex = opened(mesh, mesh.edge_table.n_faces > 2, np.arange(mesh.n_vertices))

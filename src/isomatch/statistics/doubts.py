@@ -45,8 +45,7 @@ def doubtful_shapes(shapes: CorrespondedShapes) -> list[Doubt]:
     list of Doubt
         - *units*: the size is so different from others that it may be a matter of units, see `size_factors`.
         - *mirrored*: mirror images are nearer, in Procrustes distance without size, to most of the other shapes. They
-        are
-          not found among bodies whose poses differ more than left and right.
+          are not found among bodies whose poses differ more than left and right.
         - *twice*: two shapes are the same but for a motion and their size.
         - *far*: of four shapes or more, the centroid lies more than ten median sizes from the middle of all, and is an
           outlier of six standard deviations. Alignment removes it.

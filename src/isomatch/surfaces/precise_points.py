@@ -60,7 +60,7 @@ def nearest_in_triangle(uu: float, uv: float, vv: float, up: float, vp: float) -
     """Find the point s u + t v of a triangle that is nearest to a point p, from inner products alone.
 
     u = b − a, v = c − a and p start at the corner a, in a space of any dimension. Returns s, t ≥ 0 with s + t ≤ 1, and
-    |s u + t v − p|² − |p|²: never positive, and 0 at the corner a.
+    ``|s u + t v − p|² − |p|²``: never positive, and 0 at the corner a.
 
     Examples
     --------
