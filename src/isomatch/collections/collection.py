@@ -34,7 +34,7 @@ KNOWN = ("source_hash", "target_hash", "reflected", "made_with")  # of a pair th
 
 @dataclass(frozen=True)
 class Collection(Plan):
-    """Shapes in a folder with their maps, see `Collection.create` and `Collection.open`.
+    """Shapes in a folder with their maps; ``create`` and ``open`` make one.
 
     Parameters
     ----------
