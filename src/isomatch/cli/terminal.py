@@ -100,8 +100,7 @@ class Talk:
 
     Args:
         json: Print one JSON object and nothing else.
-        json_lines: Print one JSON object a line: an event for each stage, with the share that is done and the seconds
-            since the start, and the result as the last one.
+        json_lines: Print one JSON object a line, an event for each stage, and the result as the last one.
         quiet: Print neither progress nor a summary. Complaints are still printed, and what a command writes to no file.
         verbose: Write the log of the library to standard error, instead of progress.
     """

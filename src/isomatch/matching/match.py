@@ -66,7 +66,7 @@ def match(
     ----------
     source, target : Mesh, PointCloud, Graph, PreparedShape, path_like, tuple or object
         The shapes; `prepare` one that is matched more than once. Also the path of a mesh file, a tuple (vertices, faces)
-        or a mesh of trimesh, PyVista, meshio or Open3D; see `isomatch.assets.files`.
+        or a mesh of trimesh, PyVista, meshio or Open3D; see ``isomatch.assets``.
     landmarks : (m, 2) array_like of int, optional
         Rows (source vertex, target vertex), m ≥ 3; see `read_landmarks`. With ``Config.pin`` they hold.
     initial_map : (n_source,) array_like of int, optional
