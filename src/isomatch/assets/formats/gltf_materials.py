@@ -32,10 +32,8 @@ _LISTS = ("images", "samplers", "textures", "materials")
 _WRAPS: dict[int, Wrap] = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
 _CODES = {wrap: code for code, wrap in _WRAPS.items()}
 _NEAREST = 9728
-_TRANSFORM = "KHR_texture_transform"
-_GLOSSY = "KHR_materials_pbrSpecularGlossiness"
-_STRENGTH = "KHR_materials_emissive_strength"
-_VARIANTS = "KHR_materials_variants"
+_TRANSFORM, _VARIANTS = "KHR_texture_transform", "KHR_materials_variants"
+_GLOSSY, _STRENGTH = "KHR_materials_pbrSpecularGlossiness", "KHR_materials_emissive_strength"
 
 
 def materials_of(document: GltfDocument) -> Looks | None:
@@ -52,33 +50,27 @@ def with_materials_of(receiver: Asset, giver: GltfDocument, giver_triangle: IntA
 
     ``giver_triangle`` (m,) is the triangle of the giver whose material each triangle takes; −1 for the most frequent.
     """
-    document, gltf = opened_document(receiver)
+    document, gltf, starts, number_of = _opened(receiver)
     other = copy.deepcopy(giver.json)
-    starts = _starts(document, gltf)
     given = GltfData(other, bytearray(giver.blob))
     views: dict[int, int] = {}
     for image in other.get("images", []):
-        if "bufferView" in image:
-            view = image["bufferView"]
-            if view not in views:
-                views[view] = gltf.add_bytes(given.bytes_of(view))
-            image["bufferView"] = views[view]
-        gltf.append("images", image)
-    for sampler in other.get("samplers", []):
-        gltf.append("samplers", sampler)
+        view = image.get("bufferView", -1)
+        if view >= 0:
+            image["bufferView"] = views[view] if view in views else gltf.add_bytes(given.bytes_of(view))
+            views[view] = image["bufferView"]
     for texture in other.get("textures", []):
         for place in (texture, *texture.get("extensions", {}).values()):
             for key, name in (("source", "images"), ("sampler", "samplers")):
                 if key in place:
                     place[key] += starts[name]
-        gltf.append("textures", texture)
     of_triangle, used = _used(giver)
-    number_of = texcoord_numbers(replace(receiver, document=document))
     numbers = {number: number_of[name] for number, name in giver.uv_names.items() if name in number_of}
-    for material in used:
-        entry = other["materials"][material]
-        _shift_textures(entry, starts["textures"], numbers)
-        gltf.append("materials", entry)
+    other["materials"] = [other["materials"][material] for material in used]
+    _shift_textures(other["materials"], starts["textures"], numbers)
+    for name in _LISTS:
+        for entry in other.get(name, []):
+            gltf.append(name, entry)
     for name in ("extensionsUsed", "extensionsRequired"):
         _use(gltf, name, other.get(name, []))
     return edited(receiver, _painted(document, gltf, seen(of_triangle, giver_triangle), starts), gltf)
@@ -86,9 +78,7 @@ def with_materials_of(receiver: Asset, giver: GltfDocument, giver_triangle: IntA
 
 def with_materials(receiver: Asset, materials: Looks) -> Asset:
     """Return the receiver as a glTF file with materials, one for each of its triangles."""
-    document, gltf = opened_document(receiver)
-    starts = _starts(document, gltf)
-    number_of = texcoord_numbers(replace(receiver, document=document))
+    document, gltf, starts, number_of = _opened(receiver)
     for look in materials.looks:
         base = {"metallicFactor": 0.0, **_written(gltf, look.base, number_of, "baseColor", UNTINTED)}
         entry = {"name": look.name, "pbrMetallicRoughness": base}
@@ -121,17 +111,14 @@ def _used(document: GltfDocument) -> tuple[IntArray, list[int]]:
 def _look(gltf: GltfData, index: int, names: Mapping[int, str]) -> Look:
     material = gltf.json["materials"][index]
     extensions = material.get("extensions", {})
+    words, place = ("baseColorFactor", "baseColorTexture"), material.get("pbrMetallicRoughness", {})
     if _GLOSSY in extensions:
-        glossy = extensions[_GLOSSY]
-        tint, base = glossy.get("diffuseFactor", UNTINTED), glossy.get("diffuseTexture")
-    else:
-        rough = material.get("pbrMetallicRoughness", {})
-        tint, base = rough.get("baseColorFactor", UNTINTED), rough.get("baseColorTexture")
+        words, place = ("diffuseFactor", "diffuseTexture"), extensions[_GLOSSY]
+    base = _layer(gltf, place.get(words[1]), tuple(place.get(words[0], UNTINTED)), names)
     strength = extensions.get(_STRENGTH, {}).get("emissiveStrength", 1.0)
     glow = (*(strength * x for x in material.get("emissiveFactor", (0, 0, 0))), 1.0)
     emitted = _layer(gltf, material.get("emissiveTexture"), glow, names) if max(glow[:3]) > 0 else None
-    name = str(material.get("name", f"material_{index}"))
-    return Look(name, _layer(gltf, base, tuple(tint), names), emitted)
+    return Look(str(material.get("name", f"material_{index}")), base, emitted)
 
 
 def _layer(
@@ -140,28 +127,18 @@ def _layer(
     if info is None:
         return Layer(tint)
     transform = info.get("extensions", {}).get(_TRANSFORM, {})
-    number = transform.get("texCoord", info.get("texCoord", 0))
-    index = info.get("index", -1)
-    texture = _entry(gltf, "textures", index)
-    sampler = _entry(gltf, "samplers", texture.get("sampler", -1))
-    x, y = (_WRAPS.get(sampler.get(key, 0), "repeat") for key in ("wrapS", "wrapT"))
-    return Layer(
-        tint,
-        _picture(gltf, index),
-        names.get(number, f"uv_{number}" if number else "uv"),
-        _matrix(transform),
-        (x, y),
-        sampler.get("magFilter") == _NEAREST,
-    )
-
-
-def _matrix(transform: dict[str, Any]) -> tuple[tuple[float, ...], ...]:
-    """Scale, then turn against the clock as seen in the picture, whose v goes down, then shift."""
-    if not transform:
-        return IN_PLACE
-    (sx, sy), (x, y) = transform.get("scale", (1, 1)), transform.get("offset", (0, 0))
-    c, s = cos(transform.get("rotation", 0)), sin(transform.get("rotation", 0))
-    return (c * sx, s * sy, x), (-s * sx, c * sy, y)
+    number, index = transform.get("texCoord", info.get("texCoord", 0)), info.get("index", -1)
+    sampler = _entry(gltf, "samplers", _entry(gltf, "textures", index).get("sampler", -1))
+    wraps: list[Wrap] = [_WRAPS.get(sampler.get(key, 0), "repeat") for key in ("wrapS", "wrapT")]
+    matrix = IN_PLACE
+    if transform:
+        # scale, then turn against the clock as seen in the picture, whose v goes down, then shift
+        (sx, sy), (x, y) = transform.get("scale", (1, 1)), transform.get("offset", (0, 0))
+        c, s = cos(transform.get("rotation", 0)), sin(transform.get("rotation", 0))
+        matrix = (c * sx, s * sy, x), (-s * sx, c * sy, y)
+    uv = names.get(number, f"uv_{number}" if number else "uv")
+    is_nearest = sampler.get("magFilter") == _NEAREST
+    return Layer(tint, _picture(gltf, index), uv, matrix, (wraps[0], wraps[1]), is_nearest)
 
 
 def _picture(gltf: GltfData, index: int) -> Picture:
@@ -195,17 +172,22 @@ def _entry(gltf: GltfData, name: str, index: int) -> dict[str, Any]:
     return listed[index] if 0 <= index < len(listed) else {}
 
 
-def _starts(document: GltfDocument, gltf: GltfData) -> dict[str, int]:
-    """Count what there is of materials, after those are left out that nothing but the surface uses."""
+def _opened(asset: Asset) -> tuple[GltfDocument, GltfData, dict[str, int], dict[str, int]]:
+    """Open a document without materials that only its surface uses; count those left, and number coordinates."""
+    document, gltf = opened_document(asset)
     places = {place[:2] for place in document.places}
-    primitives = (
-        (mesh, i, p) for mesh, m in enumerate(gltf.json["meshes"]) for i, p in enumerate(m["primitives"])
+    others = (
+        primitive
+        for mesh, each in enumerate(gltf.json["meshes"])
+        for i, primitive in enumerate(each["primitives"])
+        if (mesh, i) not in places
     )
-    if not any("material" in primitive for mesh, i, primitive in primitives if (mesh, i) not in places):
+    if not any("material" in primitive for primitive in others):
         for name in _LISTS:
             gltf.json.pop(name, None)
         gltf.without_unused()
-    return {name: len(gltf.json.get(name, [])) for name in _LISTS}
+    starts = {name: len(gltf.json.get(name, [])) for name in _LISTS}
+    return document, gltf, starts, texcoord_numbers(replace(asset, document=document))
 
 
 def _painted(
@@ -221,12 +203,10 @@ def _painted(
         plain.get("extensions", {}).pop(_VARIANTS, None)
         held = document.place_of_triangle == number
         for k, each in enumerate(np.unique(look[held]).tolist() or [-1]):
-            if k:
-                primitives.append(copy.deepcopy(plain))
-            at = len(primitives) - 1 if k else i
-            primitives[at].pop("material", None)
-            if each >= 0:
-                primitives[at]["material"] = each + starts["materials"]
+            at = len(primitives) if k else i
+            primitives[at : at + 1] = [
+                {**copy.deepcopy(plain), **({"material": each + starts["materials"]} if each >= 0 else {})}
+            ]
             of_triangle[held & (look == each)] = len(places)
             places.append((mesh, at, part))
     return replace(document, places=tuple(places), place_of_triangle=of_triangle)
@@ -236,12 +216,9 @@ def _written(
     gltf: GltfData, layer: Layer, number_of: Mapping[str, int], name: str, default: tuple[float, ...]
 ) -> dict[str, Any]:
     """Add the picture of a layer; return what a material says of it."""
-    found: dict[str, Any] = {}
     tint = tuple(layer.tint)[: len(default)]
-    if tint != default:
-        found[f"{name}Factor"] = list(tint)
-    if layer.picture:
-        picture = layer.picture
+    found: dict[str, Any] = {f"{name}Factor": list(tint)} if tint != default else {}
+    if picture := layer.picture:
         image: dict[str, object] = {"uri": picture.name}
         if not picture.missing:
             data = as_png(picture.data)
@@ -263,22 +240,19 @@ def _written(
 
 
 def _use(gltf: GltfData, name: str, extensions: list[str]) -> None:
-    union = dict.fromkeys([*gltf.json.get(name, []), *extensions])
-    if union:
+    if union := dict.fromkeys([*gltf.json.get(name, []), *extensions]):
         gltf.json[name] = list(union)
 
 
 def _shift_textures(entry: Any, by: int, numbers: Mapping[int, int]) -> None:
     """Raise the index of every texture that a material names, in extensions too, and number its coordinates anew."""
-    if isinstance(entry, list):
-        for each in entry:
-            _shift_textures(each, by, numbers)
-    if isinstance(entry, dict):
-        for key, value in entry.items():
-            if key.lower().endswith("texture") and isinstance(value, dict) and "index" in value:
-                value["index"] += by
-                for place in (value, value.get("extensions", {}).get(_TRANSFORM, {})):
-                    number = place.get("texCoord", 0 if place is value else -1)
-                    if numbers.get(number, number) != number:
-                        place["texCoord"] = numbers[number]
-            _shift_textures(value, by, numbers)
+    for each in entry if isinstance(entry, list) else ():
+        _shift_textures(each, by, numbers)
+    for key, value in entry.items() if isinstance(entry, dict) else ():
+        if key.lower().endswith("texture") and isinstance(value, dict) and "index" in value:
+            value["index"] += by
+            for place in (value, value.get("extensions", {}).get(_TRANSFORM, {})):
+                number = place.get("texCoord", 0 if place is value else -1)
+                if numbers.get(number, number) != number:
+                    place["texCoord"] = numbers[number]
+        _shift_textures(value, by, numbers)

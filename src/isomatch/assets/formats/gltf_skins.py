@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from isomatch.assets.asset import Asset
-from isomatch.assets.formats._gltf_data import GltfData
-from isomatch.assets.formats._gltf_scene import (
-    alike,
+from isomatch.assets.formats._gltf_data import (
+    GltfData,
+    are_alike,
     binding,
     joint_names,
     node_matrices,
@@ -34,20 +34,15 @@ def with_skin_of(receiver: Asset, giver: Asset) -> Asset:
     if not isinstance(given, GltfDocument) or not given.json.get("skins"):
         return receiver
     document, gltf = opened_document(receiver)
-    other = copy.deepcopy(given.json)
-    meshes = {mesh for mesh, *_ in document.places}
-    placed = transforms(gltf)
+    other, nodes = copy.deepcopy(given.json), gltf.json["nodes"]
+    meshes, placed = {mesh for mesh, *_ in document.places}, transforms(gltf)
     bound = [
-        (node, np.array(placed[node["mesh"]][0] or np.eye(4)))
-        for node in gltf.json["nodes"]
-        if node.get("mesh") in meshes
+        (node, np.array(placed[node["mesh"]][0] or np.eye(4))) for node in nodes if node.get("mesh") in meshes
     ]
     for node, _ in bound:
         node.pop("skin", None)
     _without_unused_skins(gltf.json)
-    new = _appended(gltf.json, other)
-    there = node_matrices(other)
-    joints = joint_names(other)
+    new, there, joints = _appended(gltf.json, other), node_matrices(other), joint_names(other)
     for joint, name in joints.items():
         if np.linalg.det(there[joint]) == 0:
             raise DescriptorError(
@@ -55,16 +50,12 @@ def with_skin_of(receiver: Asset, giver: Asset) -> Asset:
                 "all but the weights"
             )
     own = {matrix.tobytes(): matrix for _, matrix in bound}
-    skins = [
-        {
-            "joints": [new[joint] for joint in joints],
-            "inverseBindMatrices": gltf.add_matrices(
-                np.stack([np.linalg.inv(there[joint]) @ matrix for joint in joints])
-            ),
-        }
-        for matrix in own.values()
-    ]
-    for node in gltf.json["nodes"]:  # the new skins come first, so that the names of their joints stay
+    skins = []
+    for matrix in own.values():
+        inverse = np.stack([np.linalg.inv(there[joint]) @ matrix for joint in joints])
+        number = gltf.add_matrices(inverse)
+        skins.append({"joints": [new[joint] for joint in joints], "inverseBindMatrices": number})
+    for node in nodes:  # the new skins come first, so that the names of their joints stay
         if "skin" in node:
             node["skin"] += len(skins)
     gltf.json["skins"] = skins + gltf.json.get("skins", [])
@@ -80,7 +71,7 @@ def is_posed(asset: Asset) -> bool:
         return False
     gltf, there = GltfData(document.json, bytearray(document.blob)), node_matrices(document.json)
     bindings = [binding(gltf, skin, there) for skin in document.json.get("skins", [])]
-    return any(len(each) > 0 and not alike(each, each[0]) for each in bindings)
+    return any(len(each) > 0 and not are_alike(each, each[0]) for each in bindings)
 
 
 def animation_channels(asset: Asset) -> int:
@@ -89,26 +80,32 @@ def animation_channels(asset: Asset) -> int:
     return sum(len(animation["channels"]) for animation in animations)
 
 
+def _with_above(nodes: list[dict[str, Any]], starts: Iterable[int]) -> set[int]:
+    """Return some nodes and all that are above them."""
+    above = {child: i for i, node in enumerate(nodes) for child in node.get("children", [])}
+    found: set[int] = set()
+    for start in starts:
+        at: int | None = start
+        while at is not None and at not in found:
+            found.add(at)
+            at = above.get(at)
+    return found
+
+
 def _appended(document: dict[str, Any], other: dict[str, Any]) -> dict[int, int]:
     """Append the joints of another file and all nodes above them; return the new number of each."""
-    start = len(document["nodes"])
-    above = {child: i for i, node in enumerate(other["nodes"]) for child in node.get("children", [])}
-    kept: set[int] = set()
-    for joint in joint_names(other):
-        at: int | None = joint
-        while at is not None and at not in kept:
-            kept.add(at)
-            at = above.get(at)
-    new = {old: start + i for i, old in enumerate(sorted(kept))}
-    for old in new:
+    kept, start = sorted(_with_above(other["nodes"], joint_names(other))), len(document["nodes"])
+    new = {old: start + i for i, old in enumerate(kept)}
+    below: set[int] = set()
+    for old in kept:
         node = {key: value for key, value in other["nodes"][old].items() if key not in _MESH}
-        node["children"] = [new[child] for child in node.get("children", []) if child in new]
-        if not node["children"]:
-            del node["children"]
+        if children := [new[child] for child in node.pop("children", []) if child in new]:
+            node["children"] = children
+        below.update(children)
         document["nodes"].append(node)
     if document.get("scenes"):
         scene = document["scenes"][document.get("scene", 0)]
-        scene.setdefault("nodes", []).extend(new[old] for old in new if old not in above)
+        scene.setdefault("nodes", []).extend(each for each in new.values() if each not in below)
     return new
 
 
@@ -121,28 +118,27 @@ def _without_unused_skins(document: dict[str, Any]) -> None:
             node["skin"] = used.index(node["skin"])
     if used:
         document["skins"] = [skins[i] for i in used]
-    above = {child: i for i, node in enumerate(nodes) for child in node.get("children", [])}
-
-    def with_above(starts: Iterable[int]) -> set[int]:
-        found: set[int] = set()
-        for at in starts:
-            while at is not None and at not in found:
-                found.add(at)
-                at = above.get(at)  # type: ignore[assignment]
-        return found
-
-    bound = {
-        each for i in used for each in (*skins[i]["joints"], skins[i].get("skeleton", skins[i]["joints"][0]))
-    }
-    held = with_above({i for i, node in enumerate(nodes) if any(key in node for key in _MESH)} | bound)
-    gone = with_above(joint for skin in skins for joint in skin["joints"])
-    gone |= {i for i in range(len(nodes)) if gone & with_above([i]) - held}
+    bound = [
+        i
+        for skin in document.get("skins", [])
+        for i in (*skin["joints"], skin.get("skeleton", skin["joints"][0]))
+    ]
+    held = _with_above(
+        nodes, [*bound, *(i for i, node in enumerate(nodes) if any(key in node for key in _MESH))]
+    )
+    gone = _with_above(nodes, (joint for skin in skins for joint in skin["joints"]))
+    gone -= held
+    waiting = list(gone)
+    while waiting:
+        below = [i for i in nodes[waiting.pop()].get("children", []) if i not in gone]
+        gone.update(below)
+        waiting += below
     for place in (*nodes, *document.get("scenes", [])):
         for key in ("children", "nodes"):
             if key in place:
-                place[key] = [i for i in place[key] if i in held or i not in gone]
+                place[key] = [i for i in place[key] if i not in gone]
                 if not place[key] and key == "children":
                     del place[key]
-    for i in gone - held:
+    for i in gone:
         nodes[i] = {}
-    without_channels(document, lambda target: target.get("node") in gone - held)
+    without_channels(document, lambda target: target.get("node") in gone)

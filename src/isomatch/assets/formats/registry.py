@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -105,8 +106,8 @@ FORMATS: dict[str, MeshFormat] = {
     ),
     ".ply": MeshFormat(ply.read, ply.write, _BINARY, ply.read_asset, ply.keeps, keeps_frame=ply.keeps_frame),
     ".stl": MeshFormat(stl.read, stl.write, _BINARY, stl.read_asset),
-    ".glb": _with_attributes(gltf.read_asset, gltf.write_glb, **_GLTF),
-    ".gltf": _with_attributes(gltf.read_asset, gltf.write_gltf, **_GLTF),
+    ".glb": _with_attributes(gltf.read_asset, partial(gltf.write, is_glb=True), **_GLTF),
+    ".gltf": _with_attributes(gltf.read_asset, partial(gltf.write, is_glb=False), **_GLTF),
     ".vtk": _with_attributes(vtk.read_vtk, vtk.write_vtk, keeps=vtk.keeps, options=_BINARY),
     ".vtp": _with_attributes(vtk.read_vtp, vtk.write_vtp, keeps=vtk.keeps, options=_BINARY),
     ".vtu": _with_attributes(vtk.read_vtu, vtk.write_vtu, keeps=vtk.keeps, options=_BINARY),
