@@ -1,6 +1,5 @@
 """`write_asset` returns what is not in the file; what no file could hold is refused before it is written."""
 
-
 import numpy as np
 import pytest
 from made import ATTRIBUTES, POINTS, POLYGONS
