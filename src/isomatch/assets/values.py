@@ -28,19 +28,11 @@ class ValuesFormat:
     has_names: bool = False  # of labels
 
 
-def _n_points(surface: Asset | None) -> int | None:
-    return None if surface is None else len(surface.points)
-
-
-def _read_table(data: bytes, name: str, surface: Asset | None) -> tuple[Attribute, ...]:
-    return tables.read_table(
-        data, name, () if surface is None else (len(surface.points), len(surface.polygons))
-    )
-
-
 def _gifti(*kinds: Kind) -> ValuesFormat:
     return ValuesFormat(
-        lambda data, name, surface: gifti.read_attributes(data, name, _n_points(surface)),
+        lambda data, name, surface: gifti.read_attributes(
+            data, name, len(surface.points) if surface else None
+        ),
         gifti.write_attributes,
         lambda attribute: gifti.keeps(attribute) and (not kinds or attribute.kind in kinds),
         has_names=True,
@@ -59,7 +51,9 @@ def _freesurfer(kind: Kind) -> ValuesFormat:
 
 def _table(mark: str) -> ValuesFormat:
     return ValuesFormat(
-        _read_table,
+        lambda data, name, surface: tables.read_table(
+            data, name, (len(surface.points), len(surface.polygons)) if surface else ()
+        ),
         lambda attributes: tables.write_table(attributes, mark),
         lambda attribute: attribute.domain != "corner",
     )

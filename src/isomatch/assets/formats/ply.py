@@ -408,12 +408,15 @@ def _polygons(elements: Mapping[str, Element], name: str) -> tuple[IntArray, Int
             f"{', '.join(each.name for each in face.columns) or 'none'}; rename it or export the file again"
         )
     corners, counts = lists[0].values, lists[0].counts
-    of_corner = np.repeat(np.arange(len(counts)), counts)
-    short, broken = (
-        np.flatnonzero(counts < 3),
-        of_corner[~is_whole(corners)] if corners.dtype.kind == "f" else [],
+    broken = (
+        np.repeat(np.arange(len(counts)), counts)[~is_whole(corners)]
+        if corners.dtype.kind == "f"
+        else counts[:0]
     )
-    for rows, expected in ((short, "a face of at least 3 corners"), (broken, "whole vertex indices")):
+    for rows, expected in (
+        (np.flatnonzero(counts < 3), "a face of at least 3 corners"),
+        (broken, "whole vertex indices"),
+    ):
         if len(rows):
             raise FormatError(
                 f"{face.place}: expected {expected}, face {rows[0]} from here on has none; export the file again"
