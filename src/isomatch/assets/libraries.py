@@ -150,8 +150,9 @@ def _trimesh_attributes(given: Any, found: Geometry) -> Iterator[Attribute]:
 def _data_attributes(given: Any, found: Geometry) -> Iterator[Attribute]:
     yield from attributes_of(getattr(given, "point_data", {}), "point")
     cells = getattr(given, "cell_data", {})
-    blocks = {name: np.concatenate(each) if isinstance(each, list) else each for name, each in cells.items()}
-    yield from attributes_of(blocks, "face", found.rows)
+    if _has(given, "cells") and not _has(given, "faces"):  # lists of the values of each block
+        cells = {name: np.concatenate(each) for name, each in cells.items()}
+    yield from attributes_of(cells, "face", found.rows)
 
 
 def _open3d_attributes(given: Any, found: Geometry) -> Iterator[Attribute]:

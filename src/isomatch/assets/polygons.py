@@ -283,7 +283,7 @@ def _with_every_corner(triangles: list[list[int]], n: int) -> list[list[int]]:
 class Renumbering:
     """What the points, corners and polygons of a new asset were in the old one.
 
-    The ``point_index`` (n_new,) is the old point of each new one, ``new_point`` (n_old,) the new point of each old one, −1
+    The ``point_index`` (n_new,) is the old point of each new one, ``new_point`` (n_old,) the new one of each old one, −1
     for none; ``polygon_index`` and ``corner_index`` are the old polygons and corners of the new ``polygons``.
     """
 

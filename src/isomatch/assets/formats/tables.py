@@ -51,10 +51,9 @@ def read_table(data: bytes, name: str, n_rows: Sequence[int] = ()) -> tuple[Attr
     """
     rows, may_have_commas = _rows(decoded(data), name)
     if not rows or any(len(row) != len(rows[0]) for row in rows):
+        found = "rows of different lengths" if rows else "nothing"
         raise FormatError(
-            f"{name}: expected columns of one row for each point, found "
-            + ("rows of different lengths" if rows else "nothing")
-            + "; export it again"
+            f"{name}: expected columns of one row for each point, found {found}; export it again"
         )
     has_header = _has_header(rows, n_rows, may_have_commas)
     titles = rows.pop(0) if has_header else []
@@ -62,17 +61,19 @@ def read_table(data: bytes, name: str, n_rows: Sequence[int] = ()) -> tuple[Attr
     columns = [_column(list(cells), may_have_commas) for cells in zip(*rows)]
     titles = titles or ([stem] if len(columns) == 1 else [f"{stem}_{i}" for i in range(len(columns))])
     index = None
-    if len(columns) > 1 and has_header and titles[0].lower() in _INDEX_NAMES and _is_index(columns[0]):
+    first = columns[0]
+    is_index = first.dtype.kind == "i" and first.min(initial=0) >= 0 and len(np.unique(first)) == len(first)
+    if len(columns) > 1 and has_header and titles[0].lower() in _INDEX_NAMES and is_index:
         index, columns, titles = columns[0], columns[1:], titles[1:]
-    found = [
+    made = [
         Attribute(title or f"{stem}_{i}", "point", guessed_kind(title, column), column)
         for i, (title, column) in enumerate(zip(titles, columns))
     ]
     if index is not None:
         total = int(index.max(initial=-1)) + 1
         n = next((n for n in n_rows if n >= total), total)
-        found = [each.spread(index, n) for each in found]
-    return told_apart(found)
+        made = [each.spread(index, n) for each in made]
+    return told_apart(made)
 
 
 def write_table(attributes: Sequence[Attribute], mark: str = ",") -> bytes:
@@ -87,10 +88,8 @@ def write_table(attributes: Sequence[Attribute], mark: str = ",") -> bytes:
     return joined([names, *zip(*columns)], mark).encode(errors="backslashreplace")
 
 
-def _rows(
-    text: str, name: str
-) -> tuple[list[list[str]], bool]:  # with whether numbers may have decimal commas
-    """Split lines at a mark that is in the first one, or at blanks; lines at the beginning may be comments."""
+def _rows(text: str, name: str) -> tuple[list[list[str]], bool]:
+    """Split lines at a mark of the first one, or at blanks; say whether numbers may have decimal commas."""
     lines = [line for line in text.splitlines() if line.strip()]
     lines = list(dropwhile(lambda line: line.strip() == "#" or line.startswith("# "), lines))
     marks = [each for each in SEPARATORS if lines and each in lines[0]]
@@ -129,7 +128,3 @@ def _column(cells: list[str], may_have_commas: bool) -> AnyArray:
     with suppress(ValueError):
         return np.array([np.nan if cell.lower() in _BLANK else number_of(cell, has_commas) for cell in cells])
     return np.array(cells)
-
-
-def _is_index(column: AnyArray) -> bool:
-    return column.dtype.kind == "i" and column.min(initial=0) >= 0 and len(np.unique(column)) == len(column)
