@@ -132,15 +132,6 @@ def test_what_a_stl_file_has_beside_is_a_note(tmp_path, capsys, data, note):
     assert f"note: {note}" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize(
-    "data",
-    [binary_stl()[:-1], binary_stl(count=3), binary_stl(count=0)[:-1], stl_file().partition(b"endloop")[0]],
-)
-def test_stl_files_that_are_cut_short(data):
-    with pytest.raises(FormatError, match="expected"):
-        stl.read(data, "a.stl")
-
-
 def test_colours_of_binary_stl_files():
     red, half_blue = 0b0_00000_00000_11111, 0b0_01111_00000_00000
     magics = stl.read_asset(binary_stl(words=(red, half_blue + 2**15), header=b"COLOR=\1\2\3\377"), "a.stl")
@@ -206,12 +197,6 @@ def test_colours_of_some_vertices_are_kept_where_they_are(tmp_path):
         np.testing.assert_allclose(found, np.where(np.isnan(expected), missing, expected), atol=1e-6)
 
 
-def test_colours_of_some_vertices_in_comments():
-    asset = obj.read_asset(obj_file() + b"#MRGB ffff0000ff00ff00\n", "a.obj")
-    np.testing.assert_array_equal(asset.attribute("color").values, [*COLOURS[:2], [np.nan] * 3, [np.nan] * 3])
-    assert "2 of 4" in asset.notes[0]
-
-
 @pytest.mark.parametrize(
     ("header", "normals", "colours", "texture"),
     [
@@ -271,15 +256,6 @@ def test_colours_of_faces_of_off_files(tmp_path):
     ]
 
 
-def test_colours_of_some_faces_of_off_files(tmp_path):
-    (tmp_path / "a.off").write_bytes(off_file(faces=[(3, 0, 1, 2), (3, 0, 2, 3, 0.2, 0.4, 0.6)]))
-    for name in "ab":
-        asset = read_asset(tmp_path / f"{name}.off")
-        np.testing.assert_array_equal(asset.attribute("color").values, [[np.nan] * 3, [0.2, 0.4, 0.6]])
-        assert asset.notes == ("1 of 2 faces have no colour; it is nan there",)
-        write_asset(tmp_path / "b.off", asset)
-
-
 @pytest.mark.parametrize(
     ("data", "note"),
     [
@@ -297,12 +273,6 @@ def test_colours_of_some_faces_of_off_files(tmp_path):
 )
 def test_what_an_off_file_has_beside_is_a_note(data, note):
     assert off.read_asset(data, "a.off").notes == (note,)
-
-
-def test_weights_of_obj_files_are_told():
-    asset = obj.read_asset(obj_file([[*point, 1] for point in POINTS]), "a.obj")
-    assert asset.points.tolist() == POINTS
-    assert asset.notes == ("4 vertices have a weight after the position, which is left out",)
 
 
 @pytest.mark.parametrize("names", ["red green blue", "r g b", "diffuse_red diffuse_green diffuse_blue"])
