@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from itertools import chain, count
 from pathlib import Path, PurePosixPath
@@ -11,7 +10,7 @@ import numpy as np
 
 from isomatch.assets.asset import Asset
 from isomatch.assets.attribute import Attribute, unused_name
-from isomatch.assets.formats import gltf_materials, mtl
+from isomatch.assets.formats import gltf_materials, obj
 from isomatch.assets.formats.gltf import GltfDocument
 from isomatch.assets.formats.obj import ObjDocument
 from isomatch.assets.materials import (
@@ -42,7 +41,7 @@ def looks_of(asset: Asset) -> Looks | None:
     labels = [a for a in asset.attributes if (a.name, a.domain) == (_MATERIAL, "face")]
     if not isinstance(asset.document, ObjDocument) or not labels:
         return None
-    known = mtl.materials_of_libraries(asset.document.files, asset.document.libraries)
+    known = obj.materials_of_libraries(asset.document.files, asset.document.libraries)
     coded = labels[0].coded
     codes, place = np.unique(coded.values, return_inverse=True)
     names = [coded.names.get(code, str(code)) for code in codes.tolist()]
@@ -57,23 +56,18 @@ def looks_of(asset: Asset) -> Looks | None:
 def unread_files(asset: Asset) -> tuple[str, ...]:
     """Say of each picture of an asset, and each material and library of an OBJ file, that cannot be read, why not."""
     materials, document = looks_of(asset), asset.document
-    found = [
-        f"{picture.name!r}: {why}" for picture, why in unread(materials.pictures if materials else ()).items()
-    ]
+    pictures = unread(materials.pictures if materials else ())
+    found = [f"{picture.name!r}: {why}" for picture, why in pictures.items()]
     if isinstance(document, ObjDocument):
-        known = mtl.materials_of_libraries(document.files, document.libraries)
+        known = obj.materials_of_libraries(document.files, document.libraries)
         undefined = [look.name for look in materials.looks if look.name not in known] if materials else []
         found += [f"{name!r}: the material is in none of the libraries" for name in undefined]
-        missing = [name for line in document.libraries for name in _missing(line, document.files)]
-        found += [f"{name!r}: there is no such file in the folder of the OBJ file" for name in missing]
+        for line in document.libraries:  # one, whose name may have blanks, or several
+            words = line.split()
+            missing = [] if line in document.files else [word for word in words if word not in document.files]
+            names = missing if len(missing) < len(words) else [line]
+            found += [f"{name!r}: there is no such file in the folder of the OBJ file" for name in names]
     return tuple(found)
-
-
-def _missing(line: str, files: Mapping[str, bytes]) -> list[str]:
-    """Return the libraries of a line that are not there: one, whose name may have blanks, or some of several."""
-    words = line.split()
-    missing = [] if line in files else [word for word in words if word not in files]
-    return missing if len(missing) < len(words) else [line]
 
 
 def with_looks_of(receiver: Asset, giver: Asset, giver_triangle: IntArray) -> Asset:
@@ -138,11 +132,8 @@ def _repeating(asset: Asset, materials: Looks) -> tuple[Asset, tuple[Layer, ...]
     layers = [look.main for look in materials.looks]
     first = [attribute.name for attribute in asset.of_kind("uv")][:1]
     own = Layer(uv=first[0]) if first else Layer()
-    if not first or all(
-        (layer.uv, layer.matrix, layer.wrap) == (own.uv, own.matrix, own.wrap)
-        for layer in layers
-        if layer.picture
-    ):
+    ways = {(layer.uv, layer.matrix, layer.wrap) for layer in layers if layer.picture}
+    if not first or ways <= {(own.uv, own.matrix, own.wrap)}:
         return asset, tuple(layers)
     polygons = asset.polygons
     of_polygon = np.full(len(polygons), -1)
@@ -176,7 +167,7 @@ def _in_obj(asset: Asset, materials: Looks, stem: str) -> Asset:
     words: list[str] = []
     for look in materials.looks:
         words.append(unused_name(look.name, words))
-    files[f"{stem}.mtl"] = mtl.library_of(tuple(words), layers, names, former.encoding)
+    files[f"{stem}.mtl"] = obj.library_of(tuple(words), layers, names, former.encoding)
     document = ObjDocument((f"{stem}.mtl",), former.elements, former.encoding, files)
     return replace(_labelled(shown, materials.of_triangle, tuple(words)), document=document)
 
@@ -223,11 +214,10 @@ def _beside(document: ObjDocument, path: Path) -> tuple[ObjDocument, dict[Path, 
     for name, content in document.files.items():
         if name in libraries:
             changed = {old: new for old, new in names.items() if old != new}
-            put(name, mtl.renamed(content, changed) if changed else content)
-    lines = tuple(
-        " ".join(names.get(name, name) for name in line.split())
-        if line not in names and names.keys() & set(line.split())
-        else names.get(line, line)
-        for line in document.libraries
-    )
-    return replace(document, libraries=lines), files
+            put(name, obj.renamed(content, changed) if changed else content)
+    lines = [
+        names.get(line)
+        or (" ".join(names.get(word, word) for word in words) if names.keys() & set(words) else line)
+        for line, words in ((line, line.split()) for line in document.libraries)
+    ]
+    return replace(document, libraries=tuple(lines)), files
