@@ -92,7 +92,7 @@ def holds_values(path: str | os.PathLike[str]) -> bool:
 
 
 def read_attributes(path: str | os.PathLike[str], surface: Asset | None = None) -> tuple[Attribute, ...]:
-    """Read values on points from a file that holds no surface, or besides one.
+    """Read values on points from a file that holds no surface, or besides one: labels, scalars or vectors.
 
     Parameters
     ----------
@@ -101,20 +101,8 @@ def read_attributes(path: str | os.PathLike[str], surface: Asset | None = None) 
         ``lh.curv``, ``lh.sulc``, ``lh.thickness``), a NumPy array ``.npy``, or columns of text in ``.csv``, ``.tsv`` or
         ``.txt``, with or without a line of names.
     surface : Asset, optional
-        The surface that they belong to. Arrays and tables of one row for each of its polygons are then values on these;
-        values of some points alone are spread over all.
-
-    Returns
-    -------
-    tuple of Attribute
-        Labels with names and colours, scalars or vectors, one row for each point of the surface they belong to.
-
-    Raises
-    ------
-    FormatError, MissingDependencyError
-        As `read_mesh`.
-    DescriptorError
-        If the surface has another number of points.
+        The surface that they belong to; `DescriptorError` if it has another number of points. Arrays and tables of one
+        row for each of its polygons are then values on these; values of some points alone are spread over all.
     """
     path = Path(path)
     values_format = _format_of(path)
@@ -139,33 +127,17 @@ def _on(surface: Asset, attribute: Attribute, path: Path) -> Attribute:
 
 
 def write_attribute(path: str | os.PathLike[str], attribute: Attribute) -> None:
-    """Write values on points to a file of their own, see `read_attributes`; an existing file is replaced.
-
-    Raises
-    ------
-    FormatError
-        If the suffix is unknown, or its format has no place for the attribute: GIFTI has none for skinning weights and
-        for values of corners and faces, FreeSurfer but for labels (``.annot``) and scalars.
-    """
+    """Write values as `write_attributes`; `FormatError` if the format has no place for them."""
     if attribute in write_attributes(path, [attribute]):
         raise FormatError(f"{path}: {attribute!r} has no place in a {Path(path).suffix} file")
 
 
 def write_attributes(path: str | os.PathLike[str], attributes: Sequence[Attribute]) -> tuple[Attribute, ...]:
-    """Write values to a file of their own, if it has a place for at least one; an existing file is replaced.
+    """Write values to a file of their own, if it has a place for at least one; return what is not there, or "names of" one.
 
-    Numbers that seem to be labels are written as such where the format has only labels, and labels as numbers where it
-    has only these.
-
-    Returns
-    -------
-    tuple of Attribute
-        What is not in the file, or the "names of" one.
-
-    Raises
-    ------
-    FormatError
-        If the suffix is unknown.
+    An existing file is replaced. Numbers that seem to be labels are written as such where the format has only labels, and
+    labels as numbers where it has only these. GIFTI has no place for skinning weights and for values of corners and
+    faces, FreeSurfer but for labels (``.annot``) and scalars.
     """
     path = Path(path)
     values_format = _format_of(path)
@@ -173,8 +145,8 @@ def write_attributes(path: str | os.PathLike[str], attributes: Sequence[Attribut
     left: list[Attribute] = []
     for attribute in attributes:
         place = _placed(attribute, values_format)
-        same_rows = not kept or len(kept[0]) == len(attribute)
-        if place is None or not same_rows or (values_format.is_single and kept):
+        is_full = kept and (values_format.is_single or len(kept[0]) != len(attribute))
+        if place is None or is_full:
             left.append(attribute)
             continue
         kept.append(place)
