@@ -10,7 +10,7 @@ import numpy as np
 
 from isomatch.assets.asset import Asset
 from isomatch.assets.attribute import Attribute, unused_name
-from isomatch.assets.formats import gltf_materials, obj
+from isomatch.assets.formats import gltf_carried, obj
 from isomatch.assets.formats.gltf import GltfDocument
 from isomatch.assets.formats.obj import ObjDocument
 from isomatch.assets.materials import (
@@ -37,7 +37,7 @@ def looks_of(asset: Asset) -> Looks | None:
     Materials that are in no library are grey, if others are.
     """
     if isinstance(asset.document, GltfDocument):
-        return gltf_materials.materials_of(asset.document)
+        return gltf_carried.materials_of(asset.document)
     labels = [a for a in asset.attributes if (a.name, a.domain) == (_MATERIAL, "face")]
     if not isinstance(asset.document, ObjDocument) or not labels:
         return None
@@ -79,13 +79,13 @@ def with_looks_of(receiver: Asset, giver: Asset, giver_triangle: IntArray) -> As
     if materials is None or not len(giver_triangle):
         return receiver
     if isinstance(given, GltfDocument):
-        return gltf_materials.with_materials_of(receiver, given, giver_triangle)
-    of_triangle = gltf_materials.seen(materials.of_triangle, giver_triangle)
+        return gltf_carried.with_materials_of(receiver, given, giver_triangle)
+    of_triangle = gltf_carried.seen(materials.of_triangle, giver_triangle)
     if isinstance(given, ObjDocument) and isinstance(receiver.document, ObjDocument):
         document = replace(receiver.document, libraries=given.libraries, files=given.files)
         names = tuple(look.name for look in materials.looks)
         return replace(_labelled(receiver, of_triangle, names), document=document)
-    return gltf_materials.with_materials(receiver, Looks(of_triangle, materials.looks))
+    return gltf_carried.with_materials(receiver, Looks(of_triangle, materials.looks))
 
 
 def with_texture(receiver: Asset, png: bytes, tint: tuple[float, ...] = UNTINTED) -> Asset:
@@ -93,7 +93,7 @@ def with_texture(receiver: Asset, png: bytes, tint: tuple[float, ...] = UNTINTED
     uv = next((attribute.name for attribute in receiver.of_kind("uv")), "uv")
     layer = Layer(tuple(tint), Picture("baked.png", png), uv)
     of_triangle = np.zeros(len(receiver.polygons.corner_of_triangle), dtype=np.int64)
-    return gltf_materials.with_materials(receiver, Looks(of_triangle, (Look("baked", layer),)))
+    return gltf_carried.with_materials(receiver, Looks(of_triangle, (Look("baked", layer),)))
 
 
 def as_written(path: Path, asset: Asset) -> tuple[Asset, dict[Path, bytes]]:
@@ -102,7 +102,7 @@ def as_written(path: Path, asset: Asset) -> tuple[Asset, dict[Path, bytes]]:
     is_gltf = isinstance(document, GltfDocument)
     if suffix in (".glb", ".gltf"):
         materials = None if is_gltf else looks_of(asset)
-        return (gltf_materials.with_materials(asset, materials) if materials else asset), {}
+        return (gltf_carried.with_materials(asset, materials) if materials else asset), {}
     if isinstance(document, GltfDocument):
         materials = looks_of(asset) if suffix == ".obj" else None
         asset = replace(asset, document=document.former)
