@@ -185,11 +185,10 @@ def unpacked(data: bytes, name: str) -> GltfData:
         n, uri = buffer["byteLength"], buffer.get("uri")
         path = _beside(uri, folder)
         if path is not None:
-            if path not in files:
-                room.size += min(n, path.stat().st_size)
-            files.add(path)
-            room.take(2 * n, "a buffer")  # read, and in the one buffer
             with opened(path) as file:
+                room.size += 0 if path in files else min(n, path.stat().st_size)
+                files.add(path)
+                room.take(2 * n, "a buffer")  # read, and in the one buffer
                 content = file.read(n)
         elif uri is None:
             content = binary if i == 0 else b""  # only the first may be inside the file
@@ -404,16 +403,16 @@ def joint_names(document: dict[str, Any]) -> dict[int, str]:
 
 def without_empty_primitives(document: dict[str, Any]) -> None:
     """Remove primitives without points, and meshes that have none left."""
-    kept: list[int] = []
-    for mesh, each in enumerate(document.get("meshes", [])):
+    meshes, number = document.pop("meshes", []), dict[int, int]()
+    for mesh, each in enumerate(meshes):
         each["primitives"] = [primitive for primitive in each["primitives"] if primitive["attributes"]]
-        kept += [mesh] if each["primitives"] else []
-    meshes = document.pop("meshes", [])
-    if kept:
-        document["meshes"] = [meshes[mesh] for mesh in kept]
+        if each["primitives"]:
+            number[mesh] = len(number)
+    if number:
+        document["meshes"] = [meshes[mesh] for mesh in number]
     for node in document.get("nodes", []):
-        if node.get("mesh") in kept:
-            node["mesh"] = kept.index(node.pop("mesh"))
+        if node.get("mesh") in number:
+            node["mesh"] = number[node.pop("mesh")]
         elif "mesh" in node:
             for key in ("mesh", "skin", "weights"):
                 node.pop(key, None)

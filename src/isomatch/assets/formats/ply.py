@@ -82,12 +82,6 @@ class Column:
         return replace(self, values=self.values[index], counts=self.counts[rows])
 
     @property
-    def declaration(self) -> str:
-        """The line of the header."""
-        count = "" if self.count_type is None else f"list {_LETTERS[self.count_type.str[1:]]} "
-        return f"property {count}{_LETTERS[self.type.str[1:]]} {self.name}"
-
-    @property
     def typed(self) -> AnyArray:
         """The values in the type that the header declares, which text need not keep to."""
         if self.type.kind != "f" and self.values.dtype.kind == "f":
@@ -204,7 +198,10 @@ def write(asset: Asset, binary: bool | None = None) -> bytes:
         comments = (*(line for line in comments if line not in _of_place(comments)), *words)
     header = ["ply", f"format {encoding} 1.0", *comments]
     for name, element in elements.items():
-        header += [f"element {name} {element.n_rows}", *(each.declaration for each in element.columns)]
+        header.append(f"element {name} {element.n_rows}")
+        for each in element.columns:
+            count = "" if each.count_type is None else f"list {_LETTERS[each.count_type.str[1:]]} "
+            header.append(f"property {count}{_LETTERS[each.type.str[1:]]} {each.name}")
     body = [_rows(element, byte_order) for element in elements.values()]
     return b"".join(["\n".join([*header, "end_header\n"]).encode("latin-1"), *body])
 
