@@ -5,7 +5,7 @@ import pytest
 from made import POINTS, POLYGONS
 
 from isomatch import Asset, MeshError, read_asset, read_mesh, write_asset
-from isomatch.assets import Attribute, Polygons, asset_from
+from isomatch.assets import Attribute, Polygons
 
 RISING, FALLING = np.arange(7.0), 7 - np.arange(7.0)
 
@@ -31,15 +31,6 @@ def test_ply_keeps_values_of_any_name(tmp_path, name, binary):
     assert len(again.attributes) == 5
     found = {tuple(a.values.ravel().tolist()) for a in again.attributes}
     assert found == {tuple(a.values.ravel().tolist()) for a in asset.attributes}
-
-
-def test_ply_colours_of_another_width_replace_those_of_the_file(tmp_path):
-    write_asset(
-        tmp_path / "a.ply", carrying(Attribute("color", "point", "colour", np.zeros((7, 3), np.uint8)))
-    )
-    color = Attribute("color", "point", "colour", np.full((7, 4), 9, np.uint8))
-    write_asset(tmp_path / "b.ply", read_asset(tmp_path / "a.ply").with_attributes(color))
-    assert np.array_equal(read_asset(tmp_path / "b.ply").attribute("color").values, color.values)
 
 
 def test_gifti_labels_of_several_attributes_keep_their_names(tmp_path):
@@ -82,14 +73,6 @@ def test_standard_names_twice_in_a_file(tmp_path):
     ]
     write_asset(tmp_path / "b.ply", found)
     assert set(body.split("\n")) <= set((tmp_path / "b.ply").read_text().split("\n"))
-
-
-def test_standard_names_twice_in_an_object():
-    pyvista = pytest.importorskip("pyvista")
-    mesh = pyvista.Triangle()
-    mesh.point_data["RGB"] = np.zeros((3, 3), np.uint8)
-    mesh.point_data["color"] = np.ones((3, 3), np.uint8)
-    assert [a.name for a in asset_from(mesh).attributes] == ["color", "color_1"]
 
 
 def test_gltf_keeps_letters_and_numbers_of_names(tmp_path):

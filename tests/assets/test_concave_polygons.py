@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 import isomatch
 from isomatch import Asset, read_asset, read_mesh, write_asset
-from isomatch.assets import Attribute, Polygons, asset_from, surface_from, to_trimesh
+from isomatch.assets import Attribute, Polygons
 from isomatch.cli import main
 from later import some_later
 
@@ -72,15 +72,6 @@ def test_stars_of_random_radii(n, seed, first):
     parts = areas(points, Polygons(np.arange(n), [n], points).triangles) @ normal
     assert parts.min() > -1e-12
     assert parts.sum() == pytest.approx(shoelace(outline), rel=1e-9)
-
-
-def test_triangles_do_not_depend_on_the_first_corner():
-    expected = None
-    for first in range(6):
-        points = np.roll(np.pad(L_SHAPE, ((0, 0), (0, 1))).astype(float), first, axis=0)
-        found = {frozenset(map(tuple, points[t].tolist())) for t in Polygons(range(6), [6], points).triangles}
-        expected = expected or found
-        assert found == expected
 
 
 def test_no_inner_edge_can_be_flipped_to_a_better_one():
@@ -168,25 +159,6 @@ def test_distance_around_the_inner_edge_of_a_prism(engine, first):
     assert distance == pytest.approx(2 * np.sqrt(5), abs=1e-6)
 
 
-def test_a_star_with_ten_points():
-    angle = np.pi / 5 * np.arange(10)
-    radius = np.where(np.arange(10) % 2, 1.0, 0.3)
-    points = np.column_stack([radius * np.sin(angle), radius * np.cos(angle), np.zeros(10)])
-    assert Asset(points, Polygons(range(10), [10])).mesh.area == pytest.approx(
-        1.5 * np.sin(np.pi / 5), abs=1e-12
-    )
-
-
-def test_meshes_of_libraries():
-    pyvista = pytest.importorskip("pyvista")
-    asset = prism(1)
-    cells = np.insert(asset.polygons.corners, asset.polygons.starts, asset.polygons.sizes)
-    given = pyvista.PolyData(asset.points, cells)
-    assert surface_from(given).area == pytest.approx(22)
-    assert asset_from(given).mesh.area == pytest.approx(22)
-    assert to_trimesh(asset).area == pytest.approx(22)
-
-
 def test_values_of_corners_and_polygons_follow_their_triangles(tmp_path):
     asset = prism(2)
     corners = asset.polygons.corners
@@ -207,15 +179,3 @@ def test_a_moved_surface_keeps_its_triangles():
     asset = prism(0)
     bent = asset.mesh.vertices * [1, 1, 1] + np.sin(3 * asset.mesh.vertices[:, [1, 2, 0]])
     np.testing.assert_array_equal(asset.moved(bent).mesh.faces, asset.mesh.faces)
-
-
-def test_other_numbers_of_the_same_corners_are_cut_in_the_same_way():
-    before = prism(2)
-    elsewhere = Asset(np.zeros((12, 3)), before.polygons.between(before.polygons.corners))
-    np.testing.assert_array_equal(elsewhere.polygons.triangles, before.polygons.triangles)
-
-
-def test_an_asset_cuts_polygons_that_were_looked_at_before():
-    polygons = Polygons(prism(2).polygons.corners, prism(2).polygons.sizes)
-    assert len(polygons.triangles) == 20
-    np.testing.assert_array_equal(Asset(prism(2).points, polygons).mesh.faces, prism(2).mesh.faces)

@@ -5,7 +5,6 @@ import pytest
 
 from corresponded import wrapped_as
 from isomatch import Asset, read_asset, read_mesh, write_asset
-from isomatch.assets import Frame
 from isomatch.cli import main
 from isomatch.cli.outputs import write_wrapped
 from shapes import icosphere
@@ -169,50 +168,6 @@ def test_what_a_volume_cannot_tell(tmp_path):
     assert read_asset(tmp_path / "c.surf.gii").frame.to == "mni_152"
 
 
-def test_a_target_that_does_not_say_takes_the_frame_away(tmp_path):
-    source, plain = SHAPES
-    nibabel.freesurfer.write_geometry(
-        tmp_path / "a.pial", source.vertices, source.faces, volume_info=volume(OFFSETS[0])
-    )
-    write_asset(tmp_path / "b.ply", Asset.of_mesh(plain))
-    write_wrapped(
-        tmp_path / "c.pial",
-        read_asset(tmp_path / "a.pial"),
-        read_asset(tmp_path / "b.ply").frame,
-        wrapped_as(plain),
-        np.zeros(plain.n_vertices),
-    )
-    assert read_asset(tmp_path / "c.pial").frame is None
-
-
-def test_what_the_source_says_of_its_surface_stays(tmp_path):
-    """The structure is the source's, the frame the target's; topology keeps its meta data."""
-    meta = {"AnatomicalStructurePrimary": "CortexLeft"}
-    gifti(SHAPES[0], ("SCANNER_ANAT", "SCANNER_ANAT"), np.eye(4), meta).to_filename(tmp_path / "a.surf.gii")
-    nibabel.freesurfer.write_geometry(
-        tmp_path / "b.pial", SHAPES[1].vertices, SHAPES[1].faces, volume_info=volume(OFFSETS[1])
-    )
-    write_wrapped(
-        tmp_path / "c.surf.gii",
-        read_asset(tmp_path / "a.surf.gii"),
-        read_asset(tmp_path / "b.pial").frame,
-        wrapped_as(SHAPES[1]),
-        np.zeros(SHAPES[1].n_vertices),
-    )
-    points, faces = nibabel.load(tmp_path / "c.surf.gii").darrays[:2]
-    assert points.meta["AnatomicalStructurePrimary"] == "CortexLeft"
-    assert float(points.meta["VolGeomC_R"]) == OFFSETS[1][0]
-    assert faces.meta["TopologicalType"] == "Closed"
-    assert (points.coordsys.dataspace, points.coordsys.xformspace) == (0, 1)
-
-
-def test_the_frame_of_a_volume_is_its_centre():
-    frame = Frame.of_volume(volume(OFFSETS[0]))
-    np.testing.assert_allclose(frame.matrix, shift(OFFSETS[0]))
-    assert str(frame) == "c_ras 5 -20 30, the offset to scanner_anat"
-    assert not Frame.of_volume(volume(OFFSETS[0]) | {"valid": "0  # volume info invalid"}).is_told
-
-
 def test_a_unit_in_comments_is_that_of_the_coordinates(tmp_path):
     for name, words in (("a", "comment unit: mm\ncomment SPACE=LPS\n"), ("b", "comment units = metres\n")):
         write_asset(tmp_path / f"{name}.ply", Asset.of_mesh(SHAPES[0]), binary=False)
@@ -230,23 +185,3 @@ def test_a_unit_in_comments_is_that_of_the_coordinates(tmp_path):
     assert record["left_out"] == ["the frame of the coordinates (comment units = metres)"]
     write_asset(tmp_path / "d.ply", read_asset(tmp_path / "a.ply"))
     assert (tmp_path / "d.ply").read_text() == (tmp_path / "a.ply").read_text()
-
-
-def test_nodes_that_move_and_scale(tmp_path):
-    """In glTF the nodes of the source stay, and what they put in place is the target."""
-    for name, scale in (("a", [0.001] * 3), ("b", [1, 2, 1])):
-        write_asset(tmp_path / f"{name}.gltf", Asset.of_mesh(SHAPES[name == "b"]))
-        text = (tmp_path / f"{name}.gltf").read_text()
-        assert text.count('"mesh": 0') == 1
-        (tmp_path / f"{name}.gltf").write_text(
-            text.replace('"mesh": 0', f'"mesh": 0, "scale": {scale}, "translation": [1, 2, 3]')
-        )
-    target = read_mesh(tmp_path / "b.gltf")
-    wrapped = wrapped_as(read_asset(tmp_path / "b.gltf").mesh)
-    asset, frame = (read_asset(tmp_path / "a.gltf"), read_asset(tmp_path / "b.gltf").frame)
-    assert (
-        write_wrapped(tmp_path / "c.gltf", asset, frame, wrapped, np.zeros(target.n_vertices))["left_out"]
-        == []
-    )
-    np.testing.assert_allclose(read_mesh(tmp_path / "c.gltf").vertices, target.vertices, rtol=1e-5, atol=1e-5)
-    assert read_asset(tmp_path / "c.gltf").parts[0].transform[0][0] == 0.001

@@ -7,9 +7,8 @@ import zlib
 import numpy as np
 import pytest
 
-from isomatch import Asset, FormatError, read_asset, write_asset
-from isomatch.assets import Attribute, read_attributes, write_attribute, write_attributes
-from isomatch.assets.formats import gifti
+from isomatch import FormatError, read_asset, write_asset
+from isomatch.assets import Attribute, read_attributes, write_attributes
 from shapes import icosphere
 
 nibabel = pytest.importorskip("nibabel")
@@ -27,22 +26,6 @@ def surface(*arrays):
             *arrays,
         ]
     )
-
-
-def test_intents_are_those_of_nifti():
-    known = nibabel.nifti1.intent_codes.code
-    names = {
-        "_LABEL": "LABEL",
-        "_VECTOR": "VECTOR",
-        "_POINTS": "POINTSET",
-        "_TRIANGLES": "TRIANGLE",
-        "_NODES": "NODE_INDEX",
-        "_RGB": "RGB_VECTOR",
-        "_RGBA": "RGBA_VECTOR",
-        "_SHAPE": "SHAPE",
-    }
-    for constant, name in names.items():
-        assert getattr(gifti, constant) == known[f"NIFTI_INTENT_{name}"]
 
 
 @pytest.mark.parametrize("width", [3, 4])
@@ -64,17 +47,6 @@ def test_colours_are_read(tmp_path, width, kind):
     assert read_asset(tmp_path / "a.ply").attribute("color").kind == "colour"
 
 
-@pytest.mark.parametrize(("width", "intent"), [(3, "RGB"), (4, "RGBA")])
-def test_colours_are_written(tmp_path, width, intent):
-    colours = np.uint8(255 * np.pad(COLOURS, ((0, 0), (0, 1)), constant_values=0.5)[:, :width])
-    write_asset(tmp_path / "a.gii", Asset.of_mesh(MESH, [Attribute("color", "point", "colour", colours)]))
-    write_attribute(tmp_path / "a.func.gii", Attribute("color", "point", "colour", colours))
-    for name in ("a.gii", "a.func.gii"):
-        array = nibabel.load(tmp_path / name).darrays[-1]
-        assert nibabel.nifti1.intent_codes.niistring[array.intent] == f"NIFTI_INTENT_{intent}_VECTOR"
-        np.testing.assert_allclose(array.data, colours / 255, atol=1e-6)
-
-
 def test_values_at_some_nodes(tmp_path):
     nodes = np.int32([7, 3, 30])
     arrays = (
@@ -94,28 +66,6 @@ def test_values_at_some_nodes(tmp_path):
     write_asset(tmp_path / "b.gii", asset)  # where each point has a value, there is no list of nodes
     again = read_asset(tmp_path / "b.gii").attribute("depth").values
     np.testing.assert_array_equal(again, asset.attribute("depth").values)
-
-
-def test_nodes_that_are_not_there(tmp_path):
-    arrays = [
-        GiftiDataArray(np.int32([7, 300]), "NIFTI_INTENT_NODE_INDEX"),
-        GiftiDataArray(np.float32([0.5, 1.5]), "NIFTI_INTENT_SHAPE"),
-    ]
-    surface(*arrays).to_filename(tmp_path / "a.gii")
-    with pytest.raises(FormatError, match=r"a\.gii"):
-        read_asset(tmp_path / "a.gii")
-
-
-@pytest.mark.parametrize("name", ["NONE", "ESTIMATE", "ZSCORE", "TIME_SERIES", "SHAPE"])
-def test_numbers_of_any_intent_are_scalars(tmp_path, name):
-    numbers = np.float32(MESH.vertices[:, 2])
-    series = [GiftiDataArray(numbers * k, f"NIFTI_INTENT_{name}") for k in (1, 2)]
-    surface(*series).to_filename(tmp_path / "a.gii")
-    found = read_asset(tmp_path / "a.gii")
-    assert [a.kind for a in found.attributes] == ["scalar", "scalar"]
-    write_asset(tmp_path / "b.gii", found)
-    again = nibabel.load(tmp_path / "b.gii").darrays[2:]
-    assert {nibabel.nifti1.intent_codes.niistring[a.intent] for a in again} == {f"NIFTI_INTENT_{name}"}
 
 
 def test_several_values_in_one_file(tmp_path):

@@ -95,15 +95,6 @@ def test_attributes_of_some_parts_only(path):
     np.testing.assert_array_equal(weights.dense_weights[4:6], [[0, 1], [0.5, 0.5]])
 
 
-def test_parts_without_colours_are_white(tmp_path):
-    gltf = scene()
-    gltf.json["meshes"][1]["primitives"][0]["attributes"]["COLOR_0"] = gltf.add_array(
-        np.full((4, 4), 10, np.uint8), normalized=True
-    )
-    (tmp_path / "a.glb").write_bytes(packed(gltf, binary=True))
-    assert read_asset(tmp_path / "a.glb").attribute("color").values[[0, 4]].tolist() == [[255] * 4, [10] * 4]
-
-
 def test_a_file_written_again_is_the_same(path, tmp_path):
     """But for its arrays, which are written anew; after that it neither grows nor changes."""
     once, twice = tmp_path / "once.glb", tmp_path / "twice.glb"
@@ -154,17 +145,6 @@ def test_weights_of_more_joints_than_a_point_can_have(tmp_path):
     np.testing.assert_allclose(found.dense_weights[0, [0, 2]], np.array([0.4, 0.2]) / 0.85, atol=1e-6)
 
 
-def test_new_joints_are_bound_where_they_are(tmp_path):
-    """As files may leave unsaid, but then several readers crash."""
-    write_asset(tmp_path / "a.glb", whole())
-    gltf = unpacked((tmp_path / "a.glb").read_bytes(), "a.glb")
-    skin = gltf.json["skins"][0]
-    accessor = gltf.json["accessors"][skin["inverseBindMatrices"]]
-    start = gltf.json["bufferViews"][accessor["bufferView"]]["byteOffset"]
-    matrices = np.frombuffer(gltf.blob, "<f4", 16 * accessor["count"], start).reshape(-1, 4, 4)
-    assert np.array_equal(matrices, np.tile(np.eye(4), (len(skin["joints"]), 1, 1)))
-
-
 def test_a_seam_splits_points_morphs_and_all(path, tmp_path):
     asset = read_asset(path)
     uv = Attribute("uv", "corner", "uv", np.random.default_rng(1).random((12, 2)).astype(np.float32))
@@ -180,13 +160,6 @@ def test_a_seam_splits_points_morphs_and_all(path, tmp_path):
         gltf.array(keys["POSITION"]) for keys in (primitive["targets"][0], primitive["attributes"])
     )
     np.testing.assert_array_equal(morph, rest + np.array([0, 0, 1]))
-
-
-def test_moved_vertices_come_back_where_they_were_put(path, tmp_path):
-    asset = read_asset(path)
-    moved = asset.mesh.vertices @ np.diag([1, 2, 3]) + [0, 0, 1]
-    write_asset(tmp_path / "moved.glb", asset.moved(moved))
-    np.testing.assert_allclose(read_asset(tmp_path / "moved.glb").mesh.vertices, moved, atol=1e-5)
 
 
 def test_trimesh_opens_what_is_written(path, tmp_path):
@@ -225,7 +198,7 @@ def test_buffers_and_images_in_files_of_their_own(path, tmp_path):
     ("change", "message"),
     [
         (lambda j: j.update(extensionsRequired=["KHR_draco_mesh_compression"]), "is compressed by KHR_draco"),
-        (lambda j: j["accessors"][0].update(count=10**9), "an accessor refers to byte"),
+        (lambda j: j["accessors"][0].update(count=10**9), "claims or repeats"),
         (lambda j: j["accessors"][0].update(bufferView=99), "found damaged contents"),
         (lambda j: j["accessors"][0].update(type="MAT9"), "found damaged contents"),
         (lambda j: j["nodes"].append({"children": [0], "matrix": [1]}), "found damaged contents"),

@@ -39,21 +39,6 @@ def test_random_floats_to_the_last_bit(notation):
     assert_read_as_python_does([notation % number for number in numbers.tolist()])
 
 
-def test_numbers_half_way_between_two_floats():
-    powers = 2 ** np.arange(53, 62)
-    whole = [int(power) + i for power in powers for i in range(-40, 40)]
-    odd = [2**53 + 2 * i + 1 for i in range(20)]
-    halves = [f"{i}.{rest}" for i in odd for rest in ("0", "00000001")] + [f"{i - 1}.9999999999" for i in odd]
-    tiny = [
-        f"{word}e-{k}"
-        for k in (1, 22, 23, 40, 199, 200)
-        for word in ("9007199254740993", "1", "123456789012345678")
-    ]
-    assert_read_as_python_does(
-        [*map(str, whole), *halves, *tiny, "inf", "-Infinity", "5e-324", "1e400", "0e999", "-0"]
-    )
-
-
 @pytest.mark.long
 @given(st.lists(NUMBER, min_size=1))
 @settings(max_examples=200, deadline=None)

@@ -11,7 +11,7 @@ from hypothesis.extra.numpy import arrays
 from isomatch.assets import FORMATS, Asset, read_mesh, write_mesh
 from isomatch.errors import DescriptorError, FormatError, MeshError, MissingFileError
 from isomatch.surfaces import Mesh
-from zoo import grid, torus, zoo
+from zoo import grid, zoo
 
 INDEXED = [(".off", {}), (".obj", {}), (".ply", {"binary": True}), (".ply", {"binary": False})]
 SOUP = [(".stl", {"binary": True}), (".stl", {"binary": False})]
@@ -52,14 +52,6 @@ def test_stl_keeps_every_corner(suffix, options, mesh):
     np.testing.assert_array_equal(read.vertices[read.faces], mesh.vertices[mesh.faces])
 
 
-@pytest.mark.parametrize(("suffix", "options"), SOUP)
-def test_stl_numbers_vertices_by_first_appearance(suffix, options):
-    read = round_trip(torus(), suffix, options)
-    _, first = np.unique(read.faces, return_index=True)
-    assert (np.diff(first) > 0).all()
-    assert read.n_vertices == torus().n_vertices
-
-
 @pytest.mark.parametrize(("suffix", "options"), INDEXED + SOUP)
 @pytest.mark.parametrize("specimen", zoo("sound"), ids=repr)
 def test_a_file_on_disk_holds_the_mesh(tmp_path, suffix, options, specimen):
@@ -76,19 +68,6 @@ def test_a_file_on_disk_holds_the_mesh(tmp_path, suffix, options, specimen):
 def test_faces_out_of_range_are_left_to_check(suffix, options):
     mesh = Mesh(np.eye(3), [[0, 1, 3], [-2, 0, 1]])
     assert_same(round_trip(mesh, suffix, options), mesh)
-
-
-@pytest.mark.parametrize(("suffix", "options"), [*INDEXED, (".stl", {"binary": True})])
-def test_no_faces(suffix, options):
-    read = round_trip(Mesh(np.eye(3), []), suffix, options)
-    assert read.faces.shape == (0, 3)
-
-
-@pytest.mark.parametrize(("suffix", "options"), INDEXED[1:])
-def test_colours_do_not_disturb_the_geometry(tmp_path, suffix, options):
-    path = tmp_path / f"map{suffix}"
-    write_mesh(path, grid(3, 4), colors=BLACK_TO_WHITE, **options)
-    assert_same(read_mesh(path), grid(3, 4))
 
 
 def test_colours_are_written_as_the_formats_have_them(tmp_path):
@@ -138,30 +117,6 @@ def test_colours_that_do_not_fit(tmp_path, colors):
 def test_meshes_that_a_format_cannot_hold(tmp_path, suffix, mesh, message):
     with pytest.raises(MeshError, match=message):
         write_mesh(tmp_path / f"a{suffix}", mesh)
-
-
-@pytest.mark.parametrize("suffix", [".ply", ".stl"])
-def test_binary_is_the_default(tmp_path, suffix):
-    written = []
-    for name, options in (("default", {}), ("asked", {"binary": True})):
-        write_mesh(tmp_path / f"{name}{suffix}", torus(), **options)
-        written.append((tmp_path / f"{name}{suffix}").read_bytes())
-    assert written[0] == written[1]
-    assert not written[0].isascii()
-
-
-def test_an_interrupted_write_leaves_the_old_file(tmp_path, monkeypatch):
-    path = tmp_path / "shape.off"
-    write_mesh(path, grid(2, 2))
-
-    def stop(self, target):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("pathlib.Path.replace", stop)
-    with pytest.raises(KeyboardInterrupt):
-        write_mesh(path, grid(3, 3))
-    assert_same(read_mesh(path), grid(2, 2))
-    assert [p.name for p in tmp_path.iterdir()] == ["shape.off"]
 
 
 def test_missing_files_and_folders(tmp_path):

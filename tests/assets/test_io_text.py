@@ -1,9 +1,7 @@
 """OFF, OBJ, text STL: the variants found in the wild, and one test per way a file can be broken."""
 
-import numpy as np
 import pytest
 
-from isomatch.assets import Asset, read_asset
 from isomatch.assets.formats import obj, off, stl
 from isomatch.errors import FormatError
 
@@ -29,43 +27,19 @@ def test_off_variants(text):
     assert mesh.faces.tolist() == HALVES
 
 
-def test_off_polygons_become_fans_in_order():
-    points = "\n".join(f"{i} {i * i} 0" for i in range(5))
-    mesh = off.read(f"OFF\n5 3 0\n{points}\n3 4 3 2\n5 0 1 2 3 4\n3 0 1 2\n".encode(), "a.off")
-    assert mesh.faces.tolist() == [[4, 3, 2], [0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 1, 2]]
-
-
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "a.off:1: expected the header OFF .* found the end of the file; it is cut short"),
-        ("4 2 0\n", "a.off:1: expected the header OFF .* found '4 2 0'; add it"),
-        ("OFF BINARY\n", "a.off:1: expected the number of vertices"),
-        ("OFF\n", "a.off:1: expected the number of vertices, of faces and of edges, found the end"),
-        ("OFF\nfour 2\n", "a.off:2: expected the number of vertices, of faces and of edges, found 'four 2'"),
-        (
-            "OFF\n2 1 0\n0 0 0\n",
-            "a.off:3: expected 2 vertex lines and 1 face lines .* found the end of the file",
-        ),
-        (
-            "OFF\n1 0 0\n0 0 0\n\n1 1 1\n",
-            "a.off:5: expected 1 vertex lines .* found '1 1 1'; correct the counts",
-        ),
-        (
-            "OFF\n2 0 0\n# two\n0 0 0\n1 1\n",
-            "a.off:5: expected at least 3 numbers x y z of a vertex, found '1 1'",
-        ),
-        (
-            "OFF\n2 0 0\n0 0 0\n1 1 z\n",
-            "a.off:4: expected numbers, found '1 1 z'; correct the line or export",
-        ),
-        ("OFF\n1 1 0\n0 0 0\n2 0 0\n", "a.off:4: expected a face of at least 3 corners, found '2 0 0'"),
-        ("OFF\n1 1 0\n0 0 0\n3 0 0\n", "a.off:4: expected the number of corners of a face, then as many"),
-        (
-            "OFF\n1 2 0\n0 0 0\n3 0 0 0\n3 0 0.5 0\n",
-            "a.off:5: expected whole vertex indices, found '3 0 0.5 0'",
-        ),
-        ("OFF\n1 1 0\n0 0 0\nnan 0 0 0\n", "a.off:4: expected the number of corners of a face, found"),
+        ("", "a.off:1: .*end of the file"),
+        ("4 2 0\n", "a.off:1: .*OFF"),
+        ("OFF\nfour 2\n", "a.off:2: .*'four 2'"),
+        ("OFF\n2 1 0\n0 0 0\n", "a.off:3: .*1 face lines"),
+        ("OFF\n1 0 0\n0 0 0\n\n1 1 1\n", "a.off:5: .*'1 1 1'; correct the counts"),
+        ("OFF\n2 0 0\n# two\n0 0 0\n1 1\n", "a.off:5: .*x y z"),
+        ("OFF\n2 0 0\n0 0 0\n1 1 z\n", "a.off:4: .*numbers, found '1 1 z'"),
+        ("OFF\n1 1 0\n0 0 0\n2 0 0\n", "a.off:4: .*3 corners"),
+        ("OFF\n1 1 0\n0 0 0\n3 0 0\n", "a.off:4: .*as many"),
+        ("OFF\n1 2 0\n0 0 0\n3 0 0 0\n3 0 0.5 0\n", "a.off:5: .*whole"),
     ],
 )
 def test_off_broken(text, message):
@@ -103,10 +77,6 @@ def test_lines_are_counted_in_files_of_any_length():
         obj.read((text + "f 1 2\n").encode(), "a.obj")
 
 
-def test_obj_index_zero_is_out_of_range_not_an_error():
-    assert obj.read((VERTICES + "f 0 1 9\n").encode(), "a.obj").faces.tolist() == [[-1, 0, 8]]
-
-
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -141,13 +111,6 @@ def test_stl_text(name):
         assert mesh.faces.tolist() == HALVES
 
 
-@pytest.mark.parametrize("start", [b"solid made by a careless program", b"binary"])
-def test_stl_binary_whatever_its_first_word(start):
-    text = stl.read(f"solid\n{TWO_FACETS}endsolid\n".encode(), "a.stl")
-    data = start.ljust(80) + stl.write(Asset.of_mesh(text))[80:]
-    np.testing.assert_array_equal(stl.read(data, "a.stl").faces, HALVES)
-
-
 @pytest.mark.parametrize(
     ("data", "message"),
     [
@@ -163,8 +126,3 @@ def test_stl_binary_whatever_its_first_word(start):
 def test_stl_broken(data, message):
     with pytest.raises(FormatError, match=message):
         stl.read(data, "a.stl")
-
-
-def test_obj_faces_that_refer_to_no_texture_coordinates_at_all(tmp_path):
-    (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1/1/1 2/2/1 3/3/1\n")
-    assert read_asset(tmp_path / "a.obj").attributes == ()

@@ -77,14 +77,6 @@ def test_any_bytes_come_back(names):
         assert b"usemtl " + name + b"\n" in obj.write(asset)
 
 
-def test_names_that_the_encoding_of_the_file_lacks_are_written_in_utf_8():
-    asset = obj.read_asset(obj_file(["Körper".encode("latin-1")]), "a.obj")
-    material = asset.attribute("material")
-    more = type(material)("group", "face", "label", [1], names={1: "体"})
-    found = obj.read_asset(obj.write(asset.with_attributes(more)), "b.obj")
-    assert (found.attribute("material").names[1], found.attribute("group").names[1]) == ("Körper", "体")
-
-
 def test_comments_end_lines_of_numbers_but_not_names():
     text = b"#v 9 9 9\n  # v 9 9 9\nv 0 0 0 # first\nv 1 0 0\t#second\nv 0 1 0\nusemtl a # b\ns 1 # on\nf 1 2 3 # last\n"
     asset = obj.read_asset(text, "a.obj")

@@ -6,12 +6,10 @@ import pytest
 from isomatch import Correspondence, carry_attributes, read_asset, read_mesh, write_asset
 from isomatch.assets import Attribute
 from isomatch.assets.formats._gltf_data import GltfData, packed
-from isomatch.transfer import bridge
 
 TETRAHEDRON = np.float32([[0, 0, 0], [2, 0, 0], [0, 3, 0], [0, 0, 4]])
 FACES = np.uint16([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])  # outwards
 SLOPE = np.array([6, 4, 3]) / np.sqrt(61)  # normal of the last face
-ASIDE = np.array([1, 0, 0])
 STRETCHED = {"scale": [1, 2, 5], "rotation": [0.6, 0, 0, 0.8], "translation": [7, 8, 9]}
 MIRRORED = {"scale": [-1, 2, 5], "translation": [7, 8, 9]}
 
@@ -81,15 +79,3 @@ def test_normalized_integers_are_fractions(tmp_path):
     points = (TETRAHEDRON / 4 * 32767).astype(np.int16)
     asset = written(tmp_path / "a.glb", {"scale": [4, 4, 4]}, points, normalized=True)
     assert np.allclose(asset.mesh.vertices, TETRAHEDRON, atol=1e-3)
-
-
-def test_a_flat_node_can_be_moved(tmp_path):
-    asset = written(tmp_path / "a.glb", {"scale": [1, 1, 0]})
-    moved = asset.moved(asset.mesh.vertices + ASIDE)
-    assert np.allclose(moved.mesh.vertices, asset.mesh.vertices + ASIDE)
-
-
-def test_what_has_no_weight_is_not_looked_at():
-    places = bridge.Places(None, np.array([0]), np.array([[0.5, 0.5, 0.0]]))
-    values = np.array([[1.0], [2.0], [np.nan]])
-    assert places.interpolated(values, np.array([[0, 1, 2]])).tolist() == [[1.5]]

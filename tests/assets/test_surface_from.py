@@ -76,11 +76,6 @@ def test_polygons_are_split():
         np.testing.assert_array_equal(mesh_from(given).faces, SPLIT)
 
 
-def test_edges_among_the_faces_are_no_faces():
-    given = SimpleNamespace(points=VERTICES, faces=np.array([2, 0, 4, *POLYGONS]))
-    np.testing.assert_array_equal(mesh_from(given).faces, SPLIT)
-
-
 def test_paths(tmp_path):
     write_mesh(tmp_path / "mesh.ply", Mesh(VERTICES, TRIANGLES))
     for path in (tmp_path / "mesh.ply", str(tmp_path / "mesh.ply")):
@@ -101,11 +96,6 @@ def test_without_faces_the_vertices_are_points(tmp_path):
     ):
         assert isinstance(surface_from(given), PointCloud)
         assert mesh_from(given).n_faces == 0
-
-
-def test_surfaces_stay_what_they_are():
-    for surface in (Mesh(VERTICES, []), PointCloud(VERTICES)):
-        assert surface_from(surface) is surface
 
 
 @pytest.mark.parametrize(
@@ -129,11 +119,6 @@ def test_surfaces_stay_what_they_are():
 def test_what_is_no_surface(given, message):
     with pytest.raises(MeshError, match=message):
         surface_from(given)
-
-
-def test_a_point_cloud_is_no_mesh():
-    with pytest.raises(MeshError, match="PointCloud is no mesh"):
-        check(PointCloud(VERTICES))
 
 
 def test_every_entrance_takes_them(made):

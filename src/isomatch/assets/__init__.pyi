@@ -13,7 +13,7 @@ from isomatch.assets.files import (
     write_mesh,
 )
 from isomatch.assets.formats.gltf import with_key_weights_of
-from isomatch.assets.formats.gltf_skins import animation_channels, is_posed, with_skin_of
+from isomatch.assets.formats.gltf_carried import animation_channels, is_posed, with_skin_of
 from isomatch.assets.formats.registry import FORMATS, MeshFormat
 from isomatch.assets.libraries import asset_from, to_meshio, to_open3d, to_pyvista, to_trimesh
 from isomatch.assets.materials import Layer, Look, Looks, Picture, pixels_of, png_of, sampled, unread

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from itertools import chain, count
 from pathlib import Path, PurePosixPath
@@ -11,7 +10,7 @@ import numpy as np
 
 from isomatch.assets.asset import Asset
 from isomatch.assets.attribute import Attribute, unused_name
-from isomatch.assets.formats import gltf_materials, mtl
+from isomatch.assets.formats import gltf_carried, obj
 from isomatch.assets.formats.gltf import GltfDocument
 from isomatch.assets.formats.obj import ObjDocument
 from isomatch.assets.materials import (
@@ -38,11 +37,11 @@ def looks_of(asset: Asset) -> Looks | None:
     Materials that are in no library are grey, if others are.
     """
     if isinstance(asset.document, GltfDocument):
-        return gltf_materials.materials_of(asset.document)
+        return gltf_carried.materials_of(asset.document)
     labels = [a for a in asset.attributes if (a.name, a.domain) == (_MATERIAL, "face")]
     if not isinstance(asset.document, ObjDocument) or not labels:
         return None
-    known = mtl.materials_of_libraries(asset.document.files, asset.document.libraries)
+    known = obj.materials_of_libraries(asset.document.files, asset.document.libraries)
     coded = labels[0].coded
     codes, place = np.unique(coded.values, return_inverse=True)
     names = [coded.names.get(code, str(code)) for code in codes.tolist()]
@@ -57,23 +56,18 @@ def looks_of(asset: Asset) -> Looks | None:
 def unread_files(asset: Asset) -> tuple[str, ...]:
     """Say of each picture of an asset, and each material and library of an OBJ file, that cannot be read, why not."""
     materials, document = looks_of(asset), asset.document
-    found = [
-        f"{picture.name!r}: {why}" for picture, why in unread(materials.pictures if materials else ()).items()
-    ]
+    pictures = unread(materials.pictures if materials else ())
+    found = [f"{picture.name!r}: {why}" for picture, why in pictures.items()]
     if isinstance(document, ObjDocument):
-        known = mtl.materials_of_libraries(document.files, document.libraries)
+        known = obj.materials_of_libraries(document.files, document.libraries)
         undefined = [look.name for look in materials.looks if look.name not in known] if materials else []
         found += [f"{name!r}: the material is in none of the libraries" for name in undefined]
-        missing = [name for line in document.libraries for name in _missing(line, document.files)]
-        found += [f"{name!r}: there is no such file in the folder of the OBJ file" for name in missing]
+        for line in document.libraries:  # one, whose name may have blanks, or several
+            words = line.split()
+            missing = [] if line in document.files else [word for word in words if word not in document.files]
+            names = missing if len(missing) < len(words) else [line]
+            found += [f"{name!r}: there is no such file in the folder of the OBJ file" for name in names]
     return tuple(found)
-
-
-def _missing(line: str, files: Mapping[str, bytes]) -> list[str]:
-    """Return the libraries of a line that are not there: one, whose name may have blanks, or some of several."""
-    words = line.split()
-    missing = [] if line in files else [word for word in words if word not in files]
-    return missing if len(missing) < len(words) else [line]
 
 
 def with_looks_of(receiver: Asset, giver: Asset, giver_triangle: IntArray) -> Asset:
@@ -85,13 +79,13 @@ def with_looks_of(receiver: Asset, giver: Asset, giver_triangle: IntArray) -> As
     if materials is None or not len(giver_triangle):
         return receiver
     if isinstance(given, GltfDocument):
-        return gltf_materials.with_materials_of(receiver, given, giver_triangle)
-    of_triangle = gltf_materials.seen(materials.of_triangle, giver_triangle)
+        return gltf_carried.with_materials_of(receiver, given, giver_triangle)
+    of_triangle = gltf_carried.seen(materials.of_triangle, giver_triangle)
     if isinstance(given, ObjDocument) and isinstance(receiver.document, ObjDocument):
         document = replace(receiver.document, libraries=given.libraries, files=given.files)
         names = tuple(look.name for look in materials.looks)
         return replace(_labelled(receiver, of_triangle, names), document=document)
-    return gltf_materials.with_materials(receiver, Looks(of_triangle, materials.looks))
+    return gltf_carried.with_materials(receiver, Looks(of_triangle, materials.looks))
 
 
 def with_texture(receiver: Asset, png: bytes, tint: tuple[float, ...] = UNTINTED) -> Asset:
@@ -99,7 +93,7 @@ def with_texture(receiver: Asset, png: bytes, tint: tuple[float, ...] = UNTINTED
     uv = next((attribute.name for attribute in receiver.of_kind("uv")), "uv")
     layer = Layer(tuple(tint), Picture("baked.png", png), uv)
     of_triangle = np.zeros(len(receiver.polygons.corner_of_triangle), dtype=np.int64)
-    return gltf_materials.with_materials(receiver, Looks(of_triangle, (Look("baked", layer),)))
+    return gltf_carried.with_materials(receiver, Looks(of_triangle, (Look("baked", layer),)))
 
 
 def as_written(path: Path, asset: Asset) -> tuple[Asset, dict[Path, bytes]]:
@@ -108,7 +102,7 @@ def as_written(path: Path, asset: Asset) -> tuple[Asset, dict[Path, bytes]]:
     is_gltf = isinstance(document, GltfDocument)
     if suffix in (".glb", ".gltf"):
         materials = None if is_gltf else looks_of(asset)
-        return (gltf_materials.with_materials(asset, materials) if materials else asset), {}
+        return (gltf_carried.with_materials(asset, materials) if materials else asset), {}
     if isinstance(document, GltfDocument):
         materials = looks_of(asset) if suffix == ".obj" else None
         asset = replace(asset, document=document.former)
@@ -138,11 +132,8 @@ def _repeating(asset: Asset, materials: Looks) -> tuple[Asset, tuple[Layer, ...]
     layers = [look.main for look in materials.looks]
     first = [attribute.name for attribute in asset.of_kind("uv")][:1]
     own = Layer(uv=first[0]) if first else Layer()
-    if not first or all(
-        (layer.uv, layer.matrix, layer.wrap) == (own.uv, own.matrix, own.wrap)
-        for layer in layers
-        if layer.picture
-    ):
+    ways = {(layer.uv, layer.matrix, layer.wrap) for layer in layers if layer.picture}
+    if not first or ways <= {(own.uv, own.matrix, own.wrap)}:
         return asset, tuple(layers)
     polygons = asset.polygons
     of_polygon = np.full(len(polygons), -1)
@@ -176,7 +167,7 @@ def _in_obj(asset: Asset, materials: Looks, stem: str) -> Asset:
     words: list[str] = []
     for look in materials.looks:
         words.append(unused_name(look.name, words))
-    files[f"{stem}.mtl"] = mtl.library_of(tuple(words), layers, names, former.encoding)
+    files[f"{stem}.mtl"] = obj.library_of(tuple(words), layers, names, former.encoding)
     document = ObjDocument((f"{stem}.mtl",), former.elements, former.encoding, files)
     return replace(_labelled(shown, materials.of_triangle, tuple(words)), document=document)
 
@@ -223,11 +214,10 @@ def _beside(document: ObjDocument, path: Path) -> tuple[ObjDocument, dict[Path, 
     for name, content in document.files.items():
         if name in libraries:
             changed = {old: new for old, new in names.items() if old != new}
-            put(name, mtl.renamed(content, changed) if changed else content)
-    lines = tuple(
-        " ".join(names.get(name, name) for name in line.split())
-        if line not in names and names.keys() & set(line.split())
-        else names.get(line, line)
-        for line in document.libraries
-    )
-    return replace(document, libraries=lines), files
+            put(name, obj.renamed(content, changed) if changed else content)
+    lines = [
+        names.get(line)
+        or (" ".join(names.get(word, word) for word in words) if names.keys() & set(words) else line)
+        for line, words in ((line, line.split()) for line in document.libraries)
+    ]
+    return replace(document, libraries=tuple(lines)), files

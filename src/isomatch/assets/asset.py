@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Protocol, runtime_checkable
 
@@ -13,7 +13,7 @@ from isomatch.assets.attribute import Attribute, Domain, Kind, require_lengths
 from isomatch.assets.polygons import Polygons, Renumbering
 from isomatch.errors import DescriptorError, MeshError, some
 from isomatch.surfaces import Mesh, welded
-from isomatch.values.arrays import AnyArray, FloatArray, IntArray, numbers_of
+from isomatch.values.arrays import FloatArray, IntArray, numbers_of
 from isomatch.values.cached import cached_property
 
 
@@ -21,57 +21,13 @@ from isomatch.values.cached import cached_property
 class Part:
     """One of several meshes in a file, whose points and polygons follow those of the parts before.
 
-    Parameters
-    ----------
-    name : str
-        Its name in the file.
-    n_points, n_polygons : int
-        Numbers of points and polygons of this part.
-    transform : (4, 4) nested tuple of float, optional
-        Where the file puts it: a matrix that is multiplied by columns x, y, z, 1.
+    The ``transform`` is where the file puts it: a matrix that is multiplied by columns x, y, z, 1.
     """
 
     name: str
     n_points: int
     n_polygons: int
     transform: tuple[tuple[float, ...], ...] | None = None
-
-
-Parts = tuple[Part, ...]
-
-
-def placed(points: FloatArray, parts: Parts) -> FloatArray:
-    """Return points where the transforms of the parts put them."""
-    found = np.array(points)
-    for rows, matrix in _transformed(parts):
-        found[rows] = product(points[rows], matrix[:3, :3].T) + matrix[:3, 3]
-    return found
-
-
-def unplaced(positions: FloatArray, parts: Parts) -> FloatArray:
-    """Return the points that are put at these positions."""
-    found = np.array(positions)
-    for rows, matrix in _transformed(parts):
-        back = np.linalg.pinv(matrix)
-        found[rows] = positions[rows] @ back[:3, :3].T + back[:3, 3]
-    return found
-
-
-def turned(
-    values: AnyArray, part_of: IntArray, parts: Parts, *, tangents: bool, back: bool, unit: bool = True
-) -> AnyArray:
-    """Turn normals or tangents as the transforms of their parts do, or ``back``; their length becomes 1 if ``unit``."""
-    found = np.array(values)
-    for i, part in enumerate(parts):
-        if part.transform is not None:
-            matrix = np.array(part.transform)[:3, :3]
-            along, across = matrix.T, np.linalg.pinv(matrix)
-            if back:
-                along, across = across.T, along.T
-            vectors = product(found[part_of == i, :3], along if tangents else across)
-            length = np.linalg.norm(vectors, axis=1, keepdims=True) if unit else np.ones((1, 1))
-            found[part_of == i, :3] = vectors / np.where(length > 0, length, 1)
-    return found
 
 
 def product(a: FloatArray, b: FloatArray) -> FloatArray:
@@ -82,19 +38,9 @@ def product(a: FloatArray, b: FloatArray) -> FloatArray:
     return total
 
 
-def _transformed(parts: Parts) -> Iterator[tuple[slice, FloatArray]]:
-    """Rows of the points of each part that has a transform, and its matrix."""
-    start = 0
-    for part in parts:
-        if part.transform is not None:
-            yield slice(start, start + part.n_points), np.array(part.transform)
-        start += part.n_points
-
-
 UNKNOWN, SCANNER = "unknown", "scanner_anat"
-_AXES = np.array(
-    [[-1.0, 0, 0], [0, 0, 1], [0, -1, 0]]
-)  # right, anterior, superior of FreeSurfer's voxel axes
+# right, anterior, superior of FreeSurfer's voxel axes
+_AXES = np.array([[-1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
 _REAL = [2, 1, 20]  # marks of a footer whose surface is in coordinates of the scanner
 _CLOSE = 1e-4  # millimetres: GIFTI stores six decimals
 
@@ -105,11 +51,9 @@ class Frame:
 
     Parameters
     ----------
-    space : str
-        Space of the coordinates: ``"unknown"``, ``"scanner_anat"``, ``"aligned_anat"``, ``"talairach"``, ``"mni_152"`` or
-        ``"template_other"``, as in NIfTI.
-    to : str
-        Space that the matrix leads to.
+    space, to : str
+        Spaces of the coordinates, and of what the matrix makes of them: ``"unknown"``, ``"scanner_anat"``,
+        ``"aligned_anat"``, ``"talairach"``, ``"mni_152"`` or ``"template_other"``, as in NIfTI.
     matrix : (4, 4) array of float
         It is multiplied by columns x, y, z, 1.
     volume : mapping, optional
@@ -198,7 +142,7 @@ class Frame:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Asset:
-    """A surface with all that its file carries: polygons, attributes, parts and the rest of its document.
+    """A surface with all that its file carries.
 
     Values at the vertices of `mesh` go back to the points with `vertex_of_point`, and to corners with
     `vertex_of_corner`.
@@ -223,8 +167,8 @@ class Asset:
     Raises
     ------
     MeshError
-        If the positions have the wrong shape, or the parts do not add up. Polygons that refer to no point are refused by
-        the mesh and what belongs to it, and `repair` removes them.
+        If the positions have the wrong shape, or the parts do not add up. Polygons that refer to no point are refused
+        when they are used; `repair` removes them.
     DescriptorError
         If an attribute has another number of rows, or two have the same name.
 
@@ -257,10 +201,8 @@ class Asset:
             raise MeshError(
                 f"parts of {sums} points and polygons; there are {len(points)}, {len(self.polygons)}"
             )
-        require_lengths(
-            self.attributes,
-            {"point": len(points), "corner": len(self.polygons.corners), "face": len(self.polygons)},
-        )
+        n = {"point": len(points), "corner": len(self.polygons.corners), "face": len(self.polygons)}
+        require_lengths(self.attributes, n)
 
     def __repr__(self) -> str:
         names = ", ".join(attribute.name for attribute in self.attributes) or "no attributes"
@@ -272,13 +214,7 @@ class Asset:
         return cls(mesh.vertices, Polygons.of_triangles(mesh.faces), tuple(attributes))
 
     def attribute(self, name: str, domain: Domain | None = None) -> Attribute:
-        """Return an attribute by its name, and its domain if several have that name.
-
-        Raises
-        ------
-        DescriptorError
-            If there is none; the message lists those that there are.
-        """
+        """Return an attribute by its name, and domain if several have that name; `DescriptorError` if there is none."""
         for attribute in self.attributes:
             if attribute.name == name and domain in (None, attribute.domain):
                 return attribute
@@ -301,10 +237,9 @@ class Asset:
 
     @cached_property
     def mesh(self) -> Mesh:
-        """The surface for matching: triangles between welded points, where the file puts them.
+        """The surface for matching: ``polygons.triangles`` between welded points, where the file puts them.
 
-        Points at exactly the same position are one vertex, so that seams are closed. Its faces are those of
-        ``polygons.triangles``, in order; vertices are numbered by the first of their points.
+        Points at exactly the same position are one vertex, so that seams are closed, numbered by the first of them.
         """
         return Mesh(self.placed_points[self.point_of_vertex], self.vertex_of_point[self.polygons.triangles])
 
@@ -372,32 +307,38 @@ class Asset:
         return after
 
     def moved(self, vertices: ArrayLike) -> Asset:
-        """Return the same asset with the vertices of its mesh at other positions; all else stays.
-
-        Parameters
-        ----------
-        vertices : (n_vertices, 3) array_like of float
-            New positions of the vertices of `mesh`, where the file puts them.
-
-        Raises
-        ------
-        MeshError
-            If the positions have the wrong shape.
-        """
+        """Return the same with the vertices of its mesh at other positions, (n_vertices, 3), where the file puts them."""
         positions = numbers_of(vertices, "vertices", MeshError)
         if positions.shape != self.mesh.vertices.shape:
             raise MeshError(f"positions have shape {positions.shape}, expected {self.mesh.vertices.shape}")
-        return replace(self, points=unplaced(positions[self.vertex_of_point], self.parts))
+        points = positions[self.vertex_of_point]
+        for rows, matrix in self._transforms():
+            back = np.linalg.pinv(matrix)
+            points[rows] = points[rows] @ back[:3, :3].T + back[:3, 3]
+        return replace(self, points=points)
 
     @cached_property
     def placed_points(self) -> FloatArray:
         """(n, 3) positions after the transforms of the parts: where the surface is."""
-        return placed(self.points, self.parts) if self._is_transformed else self.points
+        transforms = self._transforms()
+        points = np.array(self.points) if transforms else self.points
+        for rows, matrix in transforms:
+            points[rows] = product(points[rows], matrix[:3, :3].T) + matrix[:3, 3]
+        return points
+
+    def _transforms(self) -> list[tuple[slice, FloatArray]]:
+        """Rows of the points of each part that has a transform, and its matrix."""
+        ends = np.cumsum([part.n_points for part in self.parts])
+        return [
+            (slice(end - part.n_points, end), np.array(part.transform))
+            for part, end in zip(self.parts, ends)
+            if part.transform is not None
+        ]
 
     @cached_property
     def placed(self) -> Asset:
         """The same without transforms: points, normals, tangents and shape keys where the surface is."""
-        if not self._is_transformed:
+        if not self._transforms():
             return self
         attributes = tuple(self._turned(attribute) for attribute in self.attributes)
         return replace(self, points=self.placed_points, attributes=attributes, parts=(), document=None)
@@ -406,21 +347,24 @@ class Asset:
         """Turn an attribute of `placed` back, if it is normals, tangents or a shape key, to what it is in the parts."""
         return self._turned(attribute, back=True)
 
-    @property
-    def _is_transformed(self) -> bool:
-        return any(part.transform is not None for part in self.parts)
-
     def _turned(self, attribute: Attribute, back: bool = False) -> Attribute:
+        """Turn normals, tangents and keys as the transforms of their parts do, or back; but for keys, to length 1."""
         if attribute.kind not in ("normal", "key") and not attribute.is_tangent:
             return attribute
-        corners = self.polygons.corners
+        corners, values = self.polygons.corners, np.array(attribute.values)
         points = {"corner": corners, "face": corners[self.polygons.starts]}
         part_of = self.part_of_point[points.get(attribute.domain, slice(None))]
-        is_key = attribute.kind == "key"
-        along = is_key or attribute.is_tangent
-        return attribute.with_values(
-            turned(attribute.values, part_of, self.parts, tangents=along, back=back, unit=not is_key)
-        )
+        for i, part in enumerate(self.parts):
+            if part.transform is not None:
+                matrix = np.array(part.transform)[:3, :3]
+                along, across = matrix.T, np.linalg.pinv(matrix)
+                if back:
+                    along, across = across.T, along.T
+                vectors = product(values[part_of == i, :3], across if attribute.kind == "normal" else along)
+                length = np.linalg.norm(vectors, axis=1, keepdims=True)
+                length = np.ones((1, 1)) if attribute.kind == "key" else length
+                values[part_of == i, :3] = vectors / np.where(length > 0, length, 1)
+        return attribute.with_values(values)
 
     @cached_property
     def part_of_point(self) -> IntArray:

@@ -65,11 +65,10 @@ class Attribute:
     colors: Mapping[int, tuple[float, ...]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        for what, options in (("domain", Domain), ("kind", Kind)):
-            if getattr(self, what) not in get_args(options):
+        for what, options in (("domain", get_args(Domain)), ("kind", get_args(Kind))):
+            if (said := getattr(self, what)) not in options:
                 raise DescriptorError(
-                    f"attribute {self.name!r} has {what} {getattr(self, what)!r}; "
-                    f"use one of {', '.join(get_args(options))}"
+                    f"attribute {self.name!r} has {what} {said!r}; use one of {', '.join(options)}"
                 )
         object.__setattr__(self, "values", _frozen(self.values))
         self._require_kind()
@@ -85,18 +84,12 @@ class Attribute:
         return len(self.values)
 
     def _require_kind(self) -> None:
-        values = self.values
-        if self.kind == "label":
-            if values.ndim != 1 or values.dtype.kind not in "iubU":
-                self._refuse("values", values, "(k,) integers or strings")
-            return
-        if values.dtype.kind not in "fiub":
-            self._refuse("values", values, "numbers")
-        if self.kind == "scalar" and values.ndim != 1:
-            self._refuse("values", values, "(k,) numbers")
-        if self.kind != "scalar" and values.ndim != 2:
-            self._refuse("values", values, "(k, d) numbers")
-        widths = _WIDTHS.get(self.kind)
+        values, widths = self.values, _WIDTHS.get(self.kind)
+        n_axes = 1 if self.kind in ("label", "scalar") else 2
+        if self.kind == "label" and (values.ndim != 1 or values.dtype.kind not in "iubU"):
+            self._refuse("values", values, "(k,) integers or strings")
+        elif self.kind != "label" and (values.ndim != n_axes or values.dtype.kind not in "fiub"):
+            self._refuse("values", values, "(k,) numbers" if n_axes == 1 else "(k, d) numbers")
         if widths and values.shape[1] not in widths:
             self._refuse("values", values, f"{' or '.join(map(str, widths))} columns")
 
@@ -107,10 +100,7 @@ class Attribute:
         )
 
     def with_values(self, values: AnyArray, domain: Domain | None = None) -> Attribute:
-        """Return other values of the same name, kind, joints and label names.
-
-        Skinning weights of other joints are dense: column j is joint j.
-        """
+        """Return other values of the same name, kind and label names; skinning weights are dense: column j is joint j."""
         return replace(self, domain=domain or self.domain, values=values, joints=None)
 
     def at(self, index: IntArray, domain: Domain | None = None) -> Attribute:
@@ -125,24 +115,21 @@ class Attribute:
         """
         values = self.fractions if self.kind == "colour" and len(rows) < n else self.values
         kind, none = values.dtype, 0.0
-        if kind.kind == "U":
-            everywhere = np.full(n, "", dtype=kind)
-        else:
-            if self.kind == "label":
-                kind, none = (kind if kind.kind == "i" else np.dtype(np.int64)), -1
-            elif self.kind in ("scalar", "vector") or (kind.kind == "f" and self.kind in ("colour", "uv")):
-                kind, none = np.result_type(values, np.nan), np.nan
-            everywhere = np.full((n, *values.shape[1:]), none, dtype=kind)
+        if kind.kind != "U" and self.kind == "label":
+            kind, none = (kind if kind.kind == "i" else np.dtype(np.int64)), -1
+        elif self.kind in ("scalar", "vector") or (kind.kind == "f" and self.kind in ("colour", "uv")):
+            kind, none = np.result_type(values, np.nan), np.nan
+        everywhere = np.zeros((n, *values.shape[1:]), dtype=kind)
+        if kind.kind != "U":
+            everywhere[:] = none
         everywhere[rows] = values
         return self.with_values(everywhere)
 
     @property
     def note_of_missing(self) -> str:
         """A sentence about rows that are nan, empty if there are none."""
-        missing = (
-            np.isnan(self.values).reshape(len(self), -1).any(axis=1) if self.values.dtype.kind == "f" else ()
-        )
-        n = np.count_nonzero(missing)
+        is_float = self.values.dtype.kind == "f"
+        n = np.isnan(self.values).reshape(len(self), -1).any(axis=1).sum() if is_float and len(self) else 0
         return f"{n} of {len(self)} {self.domain}s have no {self.kind}; it is nan there" if n else ""
 
     @property

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -13,7 +14,7 @@ from numpy.typing import ArrayLike
 from isomatch.assets.appearance import as_written
 from isomatch.assets.asset import Asset
 from isomatch.assets.attribute import Attribute, told_apart
-from isomatch.assets.formats.registry import FORMATS, checked, format_of
+from isomatch.assets.formats.registry import FORMATS, MeshFormat, checked, format_of
 from isomatch.assets.libraries import geometry_of
 from isomatch.assets.polygons import Polygons, merged_corners
 from isomatch.errors import DescriptorError, FormatError, MeshError
@@ -24,10 +25,8 @@ from isomatch.surfaces import Graph, Mesh, PointCloud, Surface
 def read_mesh(path: str | os.PathLike[str]) -> Mesh:
     r"""Read a triangle mesh from a file.
 
-    The vertices have the same order and number as in the file, so indices into the file remain valid. Polygons are
-    split into triangles, in order: convex ones into fans, others by ear clipping. A file without faces gives a mesh of
-    0 faces. The surface is not examined for defects; see `check`. What the reader left out or supposed is told by the
-    ``notes`` of `read_asset`.
+    Vertices keep their order and number. Polygons are split into triangles, in order. A file without faces gives a mesh
+    of 0 faces. Defects are not sought; see `check`. What the reader left out or supposed, `read_asset` tells.
 
     Parameters
     ----------
@@ -45,14 +44,13 @@ def read_mesh(path: str | os.PathLike[str]) -> Mesh:
     MissingFileError
         If there is no such file.
     FormatError
-        If the suffix is unknown, or the file cannot be opened, is cut short, or is not of that format. A message
-        about its content starts with ``file:line:`` (text) or ``file: byte N:`` (binary).
+        If the suffix is unknown, or the file is damaged or not of that format. The message starts with ``file:line:``
+        (text) or ``file: byte N:`` (binary).
 
     Notes
     -----
-    Linear time: for 655 000 vertices 0.02 s from binary PLY, 0.3 s from OBJ, OFF and text PLY, 0.5 s from binary STL. The
-    file is read into memory. Numbers in text become the nearest floats. STL files do not store connectivity: corners at
-    exactly the same position become one vertex, and vertices are numbered in order of first appearance.
+    Linear time: for 655 000 vertices 0.02 s from binary PLY, 0.3 s from OBJ, OFF and text PLY, 0.5 s from binary STL. STL
+    files have no connectivity: corners at exactly the same position become one vertex, in order of first appearance.
 
     Examples
     --------
@@ -69,26 +67,7 @@ def read_mesh(path: str | os.PathLike[str]) -> Mesh:
 
 
 def read_point_cloud(path: str | os.PathLike[str], n_neighbours: int = 30) -> PointCloud:
-    r"""Read the vertices of a file as a point cloud; faces are ignored.
-
-    Parameters
-    ----------
-    path : path_like
-        File as for `read_mesh`.
-    n_neighbours : int
-        See `PointCloud`.
-
-    Returns
-    -------
-    PointCloud
-        The points, in the units and order of the file.
-
-    Raises
-    ------
-    MissingFileError, FormatError
-        As `read_mesh`.
-    MeshError
-        If the points do not make a point cloud; see `PointCloud`.
+    r"""Read the vertices of a file, as `read_mesh`, as a `PointCloud`; faces are ignored.
 
     Examples
     --------
@@ -102,28 +81,10 @@ def read_point_cloud(path: str | os.PathLike[str], n_neighbours: int = 30) -> Po
 
 
 def read_asset(path: str | os.PathLike[str], *, sound: bool = True) -> Asset:
-    r"""Read a surface file with its attributes and all else that it carries.
+    r"""Read a surface file with its attributes and all else that it carries, in its order; see `read_mesh`.
 
-    Parameters
-    ----------
-    path : path_like
-        File as for `read_mesh`.
-    sound : bool
-        Whether every polygon must refer to points of the file; `repair` removes those that do not.
-
-    Returns
-    -------
-    Asset
-        Points, polygons and attributes in the order of the file.
-
-    Raises
-    ------
-    MissingFileError
-        If there is no such file.
-    FormatError
-        If the suffix is unknown, or the file is damaged or not of that format.
-    MissingDependencyError
-        If the format needs a package that is not installed; the message names the extra.
+    Unless ``sound``, polygons may refer to points that are not there, and `repair` removes them.
+    `MissingDependencyError` names the extra of a format that needs a package.
 
     Examples
     --------
@@ -155,10 +116,9 @@ def write_mesh(
     binary: bool | None = None,
     colors: ArrayLike | None = None,
 ) -> None:
-    """Write a mesh to a file; an existing file is replaced.
+    """Write a mesh to a file.
 
-    The data is written to a temporary file, which is then renamed, so an interrupted write leaves an existing file
-    intact.
+    An existing file is replaced; an interrupted write leaves it intact.
 
     Parameters
     ----------
@@ -201,9 +161,7 @@ def write_mesh(
     if colors is not None:
         color = _vertex_colors(colors, mesh.n_vertices)
         if not format_of(path).keeps(color):
-            raise _no_option(
-                path, "colors", [suffix for suffix, other in FORMATS.items() if other.keeps(color)]
-            )
+            raise _no_option(path, "colors", lambda other: other.keeps(color))
         asset = asset.with_attributes(color)
     write_asset(path, asset, binary=binary)
 
@@ -211,43 +169,22 @@ def write_mesh(
 def write_asset(
     path: str | os.PathLike[str], asset: Asset, *, binary: bool | None = None
 ) -> tuple[Attribute, ...]:
-    """Write an asset; an existing file is replaced, and an interrupted write leaves it intact.
+    """Write an asset as `write_mesh` a mesh; text or binary as it was read, unless ``binary`` is said.
 
     In the format that it was read from, what the file carried beside is written too, as far as the list of formats says:
     of glTF the whole document, of PLY comments and other elements, of OBJ the material libraries. Libraries and their
     pictures are written beside an OBJ file, unless they are there, as are the materials of a glTF file.
-
-    Parameters
-    ----------
-    path : path_like
-        File as for `read_mesh`.
-    asset : Asset
-        The asset.
-    binary : bool, optional
-        For PLY, STL and VTK only: whether to write binary or text; by default as the file was that was read.
 
     Returns
     -------
     tuple of Attribute
         What is not in the file, because the format has no place for it: attributes, "names of" or "opacity of" one, or
         the frame of the coordinates, with its matrix as the values.
-
-    Raises
-    ------
-    FormatError
-        If the suffix is unknown, or the format does not have a requested option.
-    UnwritableFileError
-        If the file cannot be written.
-    MissingDependencyError
-        If the format needs a package that is not installed; the message names the extra.
-    MeshError
-        If the format cannot represent the surface.
     """
     path = Path(path)
     mesh_format = format_of(path)
     if binary is not None and "binary" not in mesh_format.options:
-        able = [suffix for suffix, other in FORMATS.items() if "binary" in other.options]
-        raise _no_option(path, "binary", able)
+        raise _no_option(path, "binary", lambda other: "binary" in other.options)
     asset, beside = as_written(path, asset)
     if not mesh_format.has_parts:
         document = asset.document
@@ -260,15 +197,13 @@ def write_asset(
         place: Attribute | None = attribute
         if attribute.domain == "corner" and not mesh_format.keeps(attribute):
             place = merged_corners(asset.polygons, len(asset.points), attribute)
-        if (
-            place is None
-            or not mesh_format.keeps(place)
-            or (place.kind in mesh_format.single and any(_rival(place, other) for other in kept))
-        ):
-            left.append(attribute)
-        else:
+        # of some kinds, a format keeps one of faces and one of points or corners
+        kinds = [(other.kind, other.domain == "face") for other in kept if other.kind in mesh_format.single]
+        if place and mesh_format.keeps(place) and (place.kind, place.domain == "face") not in kinds:
             kept.append(place)
             left += mesh_format.missing(place)
+        else:
+            left.append(attribute)
     if asset.frame is not None and not mesh_format.keeps_frame(asset.frame):
         lost = f"the frame of the coordinates ({asset.frame})"
         left.append(Attribute(lost, "point", "vector", asset.frame.matrix))
@@ -281,11 +216,6 @@ def write_asset(
     return tuple(left)
 
 
-def _rival(one: Attribute, other: Attribute) -> bool:
-    """Whether attributes are of a kind, and both of faces or neither."""
-    return one.kind == other.kind and (one.domain == "face") == (other.domain == "face")
-
-
 def files_beside(path: str | os.PathLike[str], asset: Asset) -> tuple[Path, ...]:
     """Return the files that `write_asset` writes beside an OBJ file: its library of materials and their pictures.
 
@@ -294,7 +224,8 @@ def files_beside(path: str | os.PathLike[str], asset: Asset) -> tuple[Path, ...]
     return tuple(as_written(Path(path), asset)[1])
 
 
-def _no_option(path: Path, option: str, able: list[str]) -> FormatError:
+def _no_option(path: Path, option: str, is_able: Callable[[MeshFormat], bool]) -> FormatError:
+    able = [suffix for suffix, other in FORMATS.items() if is_able(other)]
     return FormatError(f"{path}: a {path.suffix} file has no option {option!r}; use one of {', '.join(able)}")
 
 
@@ -315,17 +246,16 @@ SurfaceLike: TypeAlias = Any
 def surface_from(given: SurfaceLike) -> Surface:
     """Make a surface of what a user has.
 
-    Vertices keep their order and number, so results refer to those of the user. Polygons are split into triangles, as
-    by `read_mesh`. Without faces, the vertices of a file or an object become a `PointCloud`. An array of points alone
-    is refused, as nothing says what it samples: give ``PointCloud(points)``.
+    Vertices keep their order and number. Polygons are split into triangles. Without faces, the vertices of a file or an
+    object become a `PointCloud`. An array of points alone is refused, as nothing says what it samples: give
+    ``PointCloud(points)``.
 
     Parameters
     ----------
     given : Mesh, PointCloud, Graph, path_like, tuple or object
         A surface, which is returned as it is; the path of a mesh file, see `read_mesh`; a tuple (vertices, faces) of
-        array_likes; or a ``trimesh.Trimesh``, ``pyvista.PolyData``, ``meshio.Mesh``, a ``TriangleMesh`` of Open3D, or
-        anything else with the same attributes; or a ``PointCloud`` of trimesh or Open3D. Of a meshio
-        mesh, triangles, quads and polygons are taken.
+        array_likes; a ``trimesh.Trimesh``, ``pyvista.PolyData``, ``meshio.Mesh``, a ``TriangleMesh`` of Open3D, or
+        anything else with the same attributes; or a ``PointCloud`` of trimesh or Open3D.
 
     Returns
     -------
@@ -350,13 +280,7 @@ def surface_from(given: SurfaceLike) -> Surface:
 
 
 def mesh_from(given: SurfaceLike) -> Mesh:
-    """Make a mesh of what a user has, as `surface_from`; it may have no faces.
-
-    Raises
-    ------
-    MeshError, FormatError
-        As `surface_from`, and for a point cloud or a graph.
-    """
+    """Make a mesh of what a user has, as `surface_from`; it may have no faces. A point cloud or a graph is refused."""
     if isinstance(given, Mesh):
         return given
     if isinstance(given, str | os.PathLike):

@@ -21,14 +21,15 @@ from isomatch.values.arrays import AnyArray, IntArray
 
 @dataclass(frozen=True)
 class Geometry:
-    """Points, corners and sizes of polygons, the row of each polygon among the cells of the object, and other cells."""
+    """Points and polygons of an object, which may have other cells."""
 
     points: AnyArray
     corners: IntArray
     sizes: IntArray
-    rows: IntArray
-    left_out: Mapping[str, int] = field(default_factory=dict)
-    """Number of the cells of each kind that are no polygons."""
+    rows: IntArray  # of each polygon among the cells of the object
+    left_out: Mapping[str, int] = field(
+        default_factory=dict
+    )  # number of the cells of each kind that are no polygons
 
     @property
     def polygons(self) -> Polygons:
@@ -52,18 +53,9 @@ def geometry_of(given: object) -> Geometry:
 def asset_from(given: object, *, sound: bool = True) -> Asset:
     """Make an asset of a mesh of another library, with its attributes, and its texture if it has just one.
 
-    Parameters
-    ----------
-    given : object
-        A ``trimesh.Trimesh``, ``pyvista.PolyData``, ``meshio.Mesh``, or a ``TriangleMesh`` of Open3D; or a
-        ``PointCloud`` of trimesh or Open3D.
-    sound : bool
-        Whether every polygon must refer to points; `repair` removes those that do not.
-
-    Raises
-    ------
-    MeshError
-        If it is none of these, has no polygons but other cells, or a polygon refers to no point.
+    It may be a ``trimesh.Trimesh``, ``pyvista.PolyData``, ``meshio.Mesh``, or a ``TriangleMesh`` of Open3D; or a
+    ``PointCloud`` of trimesh or Open3D. Unless ``sound``, polygons may refer to points that are not there, and `repair`
+    removes them. `MeshError` if it is none of these, or has no polygons but other cells.
     """
     asset, texture = held_by(given), texture_on(given)
     if sound:
@@ -87,11 +79,9 @@ _STANDARD = ("normal", "rgb", "rgba", "color", "colour", "texturecoordinate", "u
 
 def _triangles(given: object, points: Any, faces: Any) -> Geometry:
     array = np.asarray(faces)
-    if array.ndim != 2:
-        array = array.reshape(-1, 3)
-    return Geometry(
-        np.asarray(points), array.ravel(), np.full(len(array), array.shape[1]), np.arange(len(array))
-    )
+    array = array if array.ndim == 2 else array.reshape(-1, 3)
+    sizes, rows = np.full(len(array), array.shape[1]), np.arange(len(array))
+    return Geometry(np.asarray(points), array.ravel(), sizes, rows)
 
 
 def _polydata(given: Any, points: Any, faces: Any) -> Geometry:
@@ -103,20 +93,15 @@ def _polydata(given: Any, points: Any, faces: Any) -> Geometry:
         raise MeshError(f"the {type(given).__name__} has strips of triangles; call its triangulate() first")
     starts = np.arange(0, flat.size, flat[0] + 1) if flat.size else flat
     if flat.size and (flat.size % (flat[0] + 1) or (flat[starts] != flat[0]).any()):
-        starts = np.array(_starts(flat.tolist()))
+        sizes, at = flat.tolist(), [0]
+        while at[-1] + sizes[at[-1]] + 1 < len(sizes):
+            at.append(at[-1] + sizes[at[-1]] + 1)
+        starts = np.array(at)
     corners = np.ones(flat.size, dtype=bool)
     corners[starts] = False
     others = {"vertex": getattr(given, "n_verts", 0), "line": getattr(given, "n_lines", 0)}
-    before = sum(others.values())
-    return polygons_of(points, flat[corners], flat[starts], before + np.arange(len(starts)), others)
-
-
-def _starts(flat: list[int]) -> list[int]:
-    found, at = [], 0
-    while at < len(flat):
-        found.append(at)
-        at += flat[at] + 1
-    return found
+    rows = sum(others.values()) + np.arange(len(starts))
+    return polygons_of(points, flat[corners], flat[starts], rows, others)
 
 
 def _blocks(given: Any, points: Any, cells: Any) -> Geometry:
@@ -162,17 +147,12 @@ def _trimesh_attributes(given: Any, found: Geometry) -> Iterator[Attribute]:
     yield from attributes_of(getattr(given, "face_attributes", {}), "face")
 
 
-def _polydata_attributes(given: Any, found: Geometry) -> Iterator[Attribute]:
+def _data_attributes(given: Any, found: Geometry) -> Iterator[Attribute]:
     yield from attributes_of(getattr(given, "point_data", {}), "point")
-    yield from attributes_of(getattr(given, "cell_data", {}), "face", found.rows)
-
-
-def _blocks_attributes(given: Any, found: Geometry) -> Iterator[Attribute]:
-    yield from attributes_of(getattr(given, "point_data", {}), "point")
-    blocks = getattr(given, "cell_data", {})
-    yield from attributes_of(
-        {name: np.concatenate(values) for name, values in blocks.items()}, "face", found.rows
-    )
+    cells = getattr(given, "cell_data", {})
+    if _has(given, "cells") and not _has(given, "faces"):  # lists of the values of each block
+        cells = {name: np.concatenate(each) for name, each in cells.items()}
+    yield from attributes_of(cells, "face", found.rows)
 
 
 def _open3d_attributes(given: Any, found: Geometry) -> Iterator[Attribute]:
@@ -210,8 +190,8 @@ Reader = tuple[Callable[[Any, Any, Any], Geometry], Callable[[Any, Geometry], It
 _LIBRARIES: dict[tuple[str, str], Reader] = {
     ("vertices", "faces"): (_triangles, _trimesh_attributes),
     ("vertices", "triangles"): (_triangles, _open3d_attributes),
-    ("points", "faces"): (_polydata, _polydata_attributes),
-    ("points", "cells"): (_blocks, _blocks_attributes),
+    ("points", "faces"): (_polydata, _data_attributes),
+    ("points", "cells"): (_blocks, _data_attributes),
 }
 """How the mesh of a library is read that has these two attributes: trimesh, Open3D, PyVista, meshio."""
 
@@ -253,10 +233,7 @@ def _has(given: object, name: str) -> bool:
 def to_trimesh(asset: Asset) -> Any:
     """Make a ``trimesh.Trimesh`` of triangles; points are split where texture coordinates have seams.
 
-    Raises
-    ------
-    MissingDependencyError
-        If the package is not installed; the message names the extra. So do the other conversions.
+    `MissingDependencyError` if the package is not installed, here and of the other conversions.
     """
     trimesh = package("trimesh", "io", "a mesh of trimesh")
     shown, texture = with_one_texture(asset)
@@ -324,16 +301,14 @@ def to_meshio(asset: Asset) -> Any:
     ]
     if not blocks:  # a file without cells cannot be read
         blocks = [("vertex", np.arange(len(split.points))[:, None])]
-    return meshio.Mesh(
-        split.points,
-        blocks,
-        point_data={a.name: a.plain for a in split.attributes if a.domain == "point"},
-        cell_data={
-            a.name: [a.plain[i:j] for i, j in zip(first, stops)]
-            for a in split.attributes
-            if a.domain == "face" and len(sizes)
-        },
-    )
+    values = {(a.name, a.domain): a.plain for a in split.attributes}
+    at_points = {name: each for (name, domain), each in values.items() if domain == "point"}
+    on_faces = {
+        name: [each[i:j] for i, j in zip(first, stops)]
+        for (name, domain), each in values.items()
+        if domain == "face" and len(sizes)
+    }
+    return meshio.Mesh(split.points, blocks, point_data=at_points, cell_data=on_faces)
 
 
 def to_open3d(asset: Asset) -> Any:
@@ -374,8 +349,5 @@ def _at_points(asset: Asset) -> Asset:
     if any(attribute.domain == "corner" for attribute in asset.attributes):
         asset.require_points()
     split = split_at_seams(asset.polygons, len(asset.points), asset.attributes)
-    return Asset(
-        asset.points[split.source],
-        asset.polygons.between(split.corners),
-        told_apart(split.attributes),
-    )
+    polygons = asset.polygons.between(split.corners)
+    return Asset(asset.points[split.source], polygons, told_apart(split.attributes))

@@ -96,13 +96,7 @@ NO_DIFFUSE = (102, 102, 102, 255)  # of a simple material of trimesh for which n
 
 
 def pixels_of(picture: bytes) -> FloatArray:
-    """(height, width, 4) the pixels of a picture file, such as PNG, JPEG or WebP, 0…1; row 0 is at the top.
-
-    Raises
-    ------
-    FormatError
-        If it is damaged, or of a format that Pillow does not know.
-    """
+    """(height, width, 4) the pixels of a picture file, 0…1, row 0 at the top; `FormatError` if Pillow cannot read it."""
     return np.asarray(_loaded(picture)) / 255
 
 
@@ -170,7 +164,12 @@ def png_of(pixels: AnyArray) -> bytes:
     if pixels.dtype.kind in "iu" and pixels.dtype != np.uint8:
         pixels = pixels / np.iinfo(pixels.dtype).max
     file = BytesIO()
-    imsave(file, _four_channels(pixels, 255 if pixels.dtype == np.uint8 else 1.0), format="png")
+    table = pixels.reshape(*pixels.shape[:2], -1)
+    table = np.repeat(table[:, :, :1], 3, axis=2) if table.shape[2] < 3 else table  # grey
+    opaque = np.full(
+        (*table.shape[:2], 4 - table.shape[2]), 255 if pixels.dtype == np.uint8 else 1, table.dtype
+    )
+    imsave(file, np.concatenate([table, opaque], axis=2), format="png")
     return file.getvalue()
 
 
@@ -202,12 +201,10 @@ def unrolled(layer: Layer, uv: FloatArray) -> Layer:
     for axis, wrap in enumerate(layer.wrap):
         seen = uv[:, 0] if axis == 0 else 1 - uv[:, 1]  # down from the top
         seen = seen[np.isfinite(seen)]
-        first, last = {"repeat": (0, 1), "mirror": (0, 2)}.get(wrap, (0, 1))
+        first, last = 0, 2 if wrap == "mirror" else 1
         if wrap == "clamp" and len(seen):
-            first, last = (
-                int(np.floor(seen.min()).clip(-_MOST, 0)),
-                int(np.ceil(seen.max()).clip(1, _MOST)),
-            )
+            first = int(np.floor(seen.min()).clip(-_MOST, 0))
+            last = int(np.ceil(seen.max()).clip(1, _MOST))
         n = pixels.shape[1 - axis]
         pixels = pixels.take(_wrapped(np.arange(first * n, last * n), n, wrap), axis=1 - axis)
         matrix[axis, 2] -= first
@@ -251,11 +248,3 @@ def _tint(material: Any) -> tuple[float, ...]:
     colour = np.asarray(tint)
     channels = colour if colour.dtype.kind == "f" and colour.max() <= 1 else colour / 255
     return (*channels.tolist(), 1.0)[:4]
-
-
-def _four_channels(pixels: AnyArray, opaque: float) -> AnyArray:
-    table = pixels.reshape(*pixels.shape[:2], -1)
-    if table.shape[2] < 3:  # grey
-        table = np.repeat(table[:, :, :1], 3, axis=2)
-    full = np.full((*table.shape[:2], 4 - table.shape[2]), opaque, table.dtype)
-    return np.concatenate([table, full], axis=2)

@@ -117,10 +117,7 @@ class Polygons:
 
     @cached_property
     def corner_of_triangle(self) -> IntArray:
-        """(m, 3) the corners of the polygons that are those of each triangle.
-
-        A convex polygon is a fan around its first corner; of others, ears are clipped, see `uncut`.
-        """
+        """(m, 3) the corners of the polygons that are those of each triangle; only convex polygons are fans."""
         return self._with_ears(np.arange(len(self.corners)))
 
     @property
@@ -173,13 +170,7 @@ class Polygons:
 
 
 def spans(starts: IntArray, counts: IntArray) -> IntArray:
-    """Concatenate the ranges ``start, start + 1, …`` of the given lengths.
-
-    Examples
-    --------
-    >>> spans(np.array([10, 20]), np.array([2, 3])).tolist()
-    [10, 11, 20, 21, 22]
-    """
+    """Concatenate the ranges start, start + 1, … of the given lengths."""
     before = np.cumsum(counts) - counts
     ranges: IntArray = np.repeat(starts - before, counts) + np.arange(counts.sum(), dtype=np.int64)
     return ranges
@@ -199,18 +190,16 @@ def _flattened(points: FloatArray) -> tuple[FloatArray, FloatArray]:
     right = np.cross(np.eye(3)[np.abs(normal).argmin(axis=1)], normal)
     right = right / np.where(length > 0, np.linalg.norm(right, axis=1, keepdims=True), 1)
     up = np.cross(normal, right)
-    return np.stack([(points * axis[:, None]).sum(axis=2) for axis in (right, up)], axis=2), (
-        _ROUNDING / extent[:, 0, 0]
-    )
+    flat = np.stack([(points * axis[:, None]).sum(axis=2) for axis in (right, up)], axis=2)
+    return flat, _ROUNDING / extent[:, 0, 0]
 
 
 def _are_convex(flat: FloatArray, rounding: FloatArray) -> BoolArray:
     """(p,) whether outlines (p, k, 2) turn to the left at every corner, and once around."""
     after = np.roll(flat, -1, axis=1) - flat
     before, size = after.copy(), flat.shape[1]
-    for i in range(
-        -size, 2 * size
-    ):  # the edge before a corner, of corners at one place the one before them all
+    # the edge before a corner, of corners at one place the one before them all
+    for i in range(-size, 2 * size):
         at, last = i % size, (i - 1) % size
         no_edge = np.abs(after[:, last]).max(axis=1) <= rounding
         before[:, at] = np.where(no_edge[:, None], before[:, last], after[:, last])
@@ -234,10 +223,10 @@ def _ears(flat: FloatArray, rounding: float) -> IntArray | None:
     n, area = len(flat), _area(flat)
     if area <= rounding:
         return None
-    triangles = (
+    cut = (
         triangulate_float64(flat.astype(np.float64), np.array([n], np.uint32)).reshape(-1, 3).astype(np.int64)
     )
-    triangles = np.array(_with_every_corner(triangles.tolist(), n)).reshape(-1, 3)
+    triangles = np.array(_with_every_corner(cut.tolist(), n)).reshape(-1, 3)
     parts = _area(flat[triangles])
     if len(triangles) != n - 2 or np.abs(parts).sum() > (1 + _OVERLAP) * area:
         return None
@@ -294,16 +283,8 @@ def _with_every_corner(triangles: list[list[int]], n: int) -> list[list[int]]:
 class Renumbering:
     """What the points, corners and polygons of a new asset were in the old one.
 
-    Parameters
-    ----------
-    point_index : (n_new,) array of int
-        Old point of each new one.
-    new_point : (n_old,) array of int
-        New point of each old one, −1 for none.
-    polygons : Polygons
-        The new ones.
-    polygon_index, corner_index : array of int
-        Old polygon of each new one, and old corner of each new one.
+    The ``point_index`` (n_new,) is the old point of each new one, ``new_point`` (n_old,) the new one of each old one, −1
+    for none; ``polygon_index`` and ``corner_index`` are the old polygons and corners of the new ``polygons``.
     """
 
     point_index: IntArray
@@ -341,14 +322,10 @@ class Renumbering:
 
 @dataclass(frozen=True)
 class Split:
-    """Points of which each has one value of every attribute.
+    """Points of which each has one value of every attribute; there are no more attributes of corners."""
 
-    ``source`` is the former point of each, in order; ``corners`` are the new points of the corners. There are no
-    more attributes of corners.
-    """
-
-    source: IntArray
-    corners: IntArray
+    source: IntArray  # the former point of each, in order
+    corners: IntArray  # the new points of the corners
     attributes: tuple[Attribute, ...]
 
 
@@ -364,18 +341,13 @@ def split_at_seams(polygons: Polygons, n_points: int, attributes: Sequence[Attri
     source = np.concatenate([corners[kept], np.flatnonzero(unused)])
     order = np.argsort(source, kind="stable")
     corner = np.append(kept, np.zeros(unused.sum(), dtype=np.int64))
-    return Split(
-        source[order],
-        np.argsort(order, kind="stable")[place],
-        tuple(
-            _without(a.at(corner[order], "point"), unused[source[order]])
-            if a.domain == "corner"
-            else a.at(source[order])
-            if a.domain == "point"
-            else a
-            for a in attributes
-        ),
-    )
+    made = []
+    for each in attributes:
+        if each.domain == "corner":
+            made.append(_without(each.at(corner[order], "point"), unused[source[order]]))
+        else:
+            made.append(each.at(source[order]) if each.domain == "point" else each)
+    return Split(source[order], np.argsort(order, kind="stable")[place], tuple(made))
 
 
 def merged_corners(polygons: Polygons, n_points: int, attribute: Attribute) -> Attribute | None:

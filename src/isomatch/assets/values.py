@@ -1,19 +1,26 @@
-"""Files of values on points that hold no surface. The suffix of the name determines the format."""
+"""Files of values on points that hold no surface: tables, arrays, and those of GIFTI and FreeSurfer, by their suffix."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from io import BytesIO
+from itertools import dropwhile
 from pathlib import Path
 
 import numpy as np
 
 from isomatch.assets.asset import Asset
-from isomatch.assets.attribute import Attribute, Kind
-from isomatch.assets.formats import freesurfer, gifti, tables
+from isomatch.assets.attribute import Attribute, Kind, guessed_kind, told_apart
+from isomatch.assets.formats import freesurfer, gifti
+from isomatch.assets.formats._reading import reading
+from isomatch.assets.formats._text import number_of
 from isomatch.errors import DescriptorError, FormatError
 from isomatch.storage.files import opened, replaced
+from isomatch.storage.texts import SEPARATORS, decoded, encoding_of, joined, separated
+from isomatch.values.arrays import AnyArray
 
 
 @dataclass(frozen=True)
@@ -26,61 +33,6 @@ class ValuesFormat:
     keeps: Callable[[Attribute], bool]
     is_single: bool = False  # whether it holds only one attribute
     has_names: bool = False  # of labels
-
-
-def _n_points(surface: Asset | None) -> int | None:
-    return None if surface is None else len(surface.points)
-
-
-def _read_table(data: bytes, name: str, surface: Asset | None) -> tuple[Attribute, ...]:
-    return tables.read_table(
-        data, name, () if surface is None else (len(surface.points), len(surface.polygons))
-    )
-
-
-def _gifti(*kinds: Kind) -> ValuesFormat:
-    return ValuesFormat(
-        lambda data, name, surface: gifti.read_attributes(data, name, _n_points(surface)),
-        gifti.write_attributes,
-        lambda attribute: gifti.keeps(attribute) and (not kinds or attribute.kind in kinds),
-        has_names=True,
-    )
-
-
-def _freesurfer(kind: Kind) -> ValuesFormat:
-    return ValuesFormat(
-        lambda data, name, surface: freesurfer.read_attributes(data, name),
-        lambda attributes: freesurfer.write_attribute(*attributes),
-        lambda attribute: (attribute.domain, attribute.kind) == ("point", kind),
-        is_single=True,
-        has_names=True,
-    )
-
-
-def _table(mark: str) -> ValuesFormat:
-    return ValuesFormat(
-        _read_table,
-        lambda attributes: tables.write_table(attributes, mark),
-        lambda attribute: attribute.domain != "corner",
-    )
-
-
-VALUES_FORMATS = {
-    ".gii": _gifti(),
-    ".annot": _freesurfer("label"),
-    ".label.gii": _gifti("label"),
-    ".shape.gii": _gifti("scalar"),
-    **dict.fromkeys(freesurfer.VALUES, _freesurfer("scalar")),
-    ".npy": ValuesFormat(
-        lambda data, name, surface: tables.read_array(data, name),
-        tables.write_array,
-        lambda attribute: attribute.domain != "corner",
-        is_single=True,
-    ),
-    ".csv": _table(","),
-    ".tsv": _table("\t"),
-    ".txt": _table("\t"),
-}
 
 
 def holds_values(path: str | os.PathLike[str]) -> bool:
@@ -98,7 +50,7 @@ def holds_values(path: str | os.PathLike[str]) -> bool:
 
 
 def read_attributes(path: str | os.PathLike[str], surface: Asset | None = None) -> tuple[Attribute, ...]:
-    """Read values on points from a file that holds no surface, or besides one.
+    """Read values on points from a file that holds no surface, or besides one: labels, scalars or vectors.
 
     Parameters
     ----------
@@ -107,20 +59,8 @@ def read_attributes(path: str | os.PathLike[str], surface: Asset | None = None) 
         ``lh.curv``, ``lh.sulc``, ``lh.thickness``), a NumPy array ``.npy``, or columns of text in ``.csv``, ``.tsv`` or
         ``.txt``, with or without a line of names.
     surface : Asset, optional
-        The surface that they belong to. Arrays and tables of one row for each of its polygons are then values on these;
-        values of some points alone are spread over all.
-
-    Returns
-    -------
-    tuple of Attribute
-        Labels with names and colours, scalars or vectors, one row for each point of the surface they belong to.
-
-    Raises
-    ------
-    FormatError, MissingDependencyError
-        As `read_mesh`.
-    DescriptorError
-        If the surface has another number of points.
+        The surface that they belong to; `DescriptorError` if it has another number of points. Arrays and tables of one
+        row for each of its polygons are then values on these; values of some points alone are spread over all.
     """
     path = Path(path)
     values_format = _format_of(path)
@@ -145,33 +85,17 @@ def _on(surface: Asset, attribute: Attribute, path: Path) -> Attribute:
 
 
 def write_attribute(path: str | os.PathLike[str], attribute: Attribute) -> None:
-    """Write values on points to a file of their own, see `read_attributes`; an existing file is replaced.
-
-    Raises
-    ------
-    FormatError
-        If the suffix is unknown, or its format has no place for the attribute: GIFTI has none for skinning weights and
-        for values of corners and faces, FreeSurfer but for labels (``.annot``) and scalars.
-    """
+    """Write values as `write_attributes`; `FormatError` if the format has no place for them."""
     if attribute in write_attributes(path, [attribute]):
         raise FormatError(f"{path}: {attribute!r} has no place in a {Path(path).suffix} file")
 
 
 def write_attributes(path: str | os.PathLike[str], attributes: Sequence[Attribute]) -> tuple[Attribute, ...]:
-    """Write values to a file of their own, if it has a place for at least one; an existing file is replaced.
+    """Write values to a file of their own, if it has a place for one; return what is not there, or "names of" one.
 
-    Numbers that seem to be labels are written as such where the format has only labels, and labels as numbers where it
-    has only these.
-
-    Returns
-    -------
-    tuple of Attribute
-        What is not in the file, or the "names of" one.
-
-    Raises
-    ------
-    FormatError
-        If the suffix is unknown.
+    An existing file is replaced. Numbers that seem to be labels are written as such where the format has only labels, and
+    labels as numbers where it has only these. GIFTI has no place for skinning weights and for values of corners and
+    faces, FreeSurfer but for labels (``.annot``) and scalars.
     """
     path = Path(path)
     values_format = _format_of(path)
@@ -179,8 +103,8 @@ def write_attributes(path: str | os.PathLike[str], attributes: Sequence[Attribut
     left: list[Attribute] = []
     for attribute in attributes:
         place = _placed(attribute, values_format)
-        same_rows = not kept or len(kept[0]) == len(attribute)
-        if place is None or not same_rows or (values_format.is_single and kept):
+        is_full = kept and (values_format.is_single or len(kept[0]) != len(attribute))
+        if place is None or is_full:
             left.append(attribute)
             continue
         kept.append(place)
@@ -213,3 +137,165 @@ def _format_of(path: Path) -> ValuesFormat:
         if name.endswith(suffix):
             return VALUES_FORMATS[suffix]
     raise FormatError(f"{path}: no format of values; use one of {', '.join(VALUES_FORMATS)}")
+
+
+_INDEX_NAMES = ("", "index", "vertex", "vertex_index", "point", "node", "unnamed: 0")
+_BLANK = {"", "nan", "na", "n/a", "#n/a", "none", "null"}
+
+
+def _read_array(data: bytes, name: str) -> tuple[Attribute, ...]:
+    """Read a ``.npy`` file of one row, number or text for each point."""
+    with reading(name, "a .npy file of numbers or texts, without pickled objects"):
+        values = np.load(BytesIO(data), allow_pickle=False)
+    if not isinstance(values, np.ndarray) or values.ndim not in (1, 2) or values.dtype.kind not in "fiubUS":
+        raise FormatError(
+            f"{name}: expected an array (n,) or (n, k) of numbers or texts, a row for each point"
+        )
+    values = np.char.decode(values, encoding_of(values.tobytes())) if values.dtype.kind == "S" else values
+    values = values[:, 0] if values.ndim == 2 and values.shape[1] == 1 else values
+    title = Path(name).stem
+    return (Attribute(title, "point", guessed_kind(title, values), values),)
+
+
+def _write_array(attributes: Sequence[Attribute]) -> bytes:
+    """Write the values of one attribute as a ``.npy`` file."""
+    file = BytesIO()
+    (attribute,) = attributes
+    np.save(file, attribute.values if attribute.kind == "label" else attribute.plain, allow_pickle=False)
+    return file.getvalue()
+
+
+def _read_table(data: bytes, name: str, n_rows: Sequence[int] = ()) -> tuple[Attribute, ...]:
+    """Read columns of a text; those without a header are named by the file.
+
+    A first line of names is told by the number of rows, if that is known, or by numbers that follow it. A column named
+    vertex, index or nothing that has different whole numbers says which point a row is of.
+    """
+    rows, may_have_commas = _rows_of(decoded(data), name)
+    if not rows or any(len(row) != len(rows[0]) for row in rows):
+        found = "rows of different lengths" if rows else "nothing"
+        raise FormatError(
+            f"{name}: expected columns of one row for each point, found {found}; export it again"
+        )
+    has_header = _has_header(rows, n_rows, may_have_commas)
+    titles = rows.pop(0) if has_header else []
+    stem = Path(name).stem
+    columns = [_column(list(cells), may_have_commas) for cells in zip(*rows)]
+    titles = titles or ([stem] if len(columns) == 1 else [f"{stem}_{i}" for i in range(len(columns))])
+    index = None
+    first = columns[0]
+    is_index = first.dtype.kind == "i" and first.min(initial=0) >= 0 and len(np.unique(first)) == len(first)
+    if len(columns) > 1 and has_header and titles[0].lower() in _INDEX_NAMES and is_index:
+        index, columns, titles = columns[0], columns[1:], titles[1:]
+    made = [
+        Attribute(title or f"{stem}_{i}", "point", guessed_kind(title, column), column)
+        for i, (title, column) in enumerate(zip(titles, columns))
+    ]
+    if index is not None:
+        total = int(index.max(initial=-1)) + 1
+        n = next((n for n in n_rows if n >= total), total)
+        made = [each.spread(index, n) for each in made]
+    return told_apart(made)
+
+
+def _write_table(attributes: Sequence[Attribute], mark: str = ",") -> bytes:
+    """Write a line of names, and a row for each point, with a mark between the columns."""
+    names, columns = [], []
+    for attribute in attributes:
+        values = attribute.values if attribute.kind == "label" else attribute.plain
+        table = values.reshape(len(values), -1)
+        single = table.shape[1] == 1
+        names += [attribute.name if single else f"{attribute.name}_{i}" for i in range(table.shape[1])]
+        columns += [column.tolist() for column in table.T]
+    return joined([names, *zip(*columns)], mark).encode(errors="backslashreplace")
+
+
+def _rows_of(text: str, name: str) -> tuple[list[list[str]], bool]:
+    """Split lines at a mark of the first one, or at blanks; say whether numbers may have decimal commas."""
+    lines = [line for line in text.splitlines() if line.strip()]
+    lines = list(dropwhile(lambda line: line.strip() == "#" or line.startswith("# "), lines))
+    marks = [each for each in SEPARATORS if lines and each in lines[0]]
+    if marks:
+        rows, mark = separated("\n".join(lines), name, marks)
+        return [row for _, row in rows], mark != ","
+    words = [line.split() for line in lines]
+    is_table = all(len(row) == len(words[0]) for row in words)
+    return words if is_table else [[line.strip()] for line in lines], True
+
+
+def _has_header(rows: list[list[str]], n_rows: Collection[int], may_have_commas: bool) -> bool:
+    def is_number(cell: str) -> bool:
+        with suppress(ValueError):
+            number_of(cell, may_have_commas)
+            return True
+        return False
+
+    first, *others = rows
+    if any(map(is_number, first)):
+        return False
+    if len(first) > 1 and first[0].lower() in _INDEX_NAMES:
+        return True
+    if (len(rows) in n_rows) != (len(rows) - 1 in n_rows):
+        return len(rows) not in n_rows
+    return bool(others) and (any(map(is_number, others[0])) or not any(row == first for row in others))
+
+
+def _column(cells: list[str], may_have_commas: bool) -> AnyArray:
+    """Return whole numbers, numbers with nan for blanks, or texts; commas are decimal if there are no points."""
+    if any("_" in cell for cell in cells):
+        return np.array(cells)
+    with suppress(ValueError, OverflowError):
+        return np.array([int(cell) for cell in cells], dtype=np.int64)
+    has_commas = may_have_commas and not any("." in cell for cell in cells)
+    with suppress(ValueError):
+        return np.array([np.nan if cell.lower() in _BLANK else number_of(cell, has_commas) for cell in cells])
+    return np.array(cells)
+
+
+def _gifti(*kinds: Kind) -> ValuesFormat:
+    return ValuesFormat(
+        lambda data, name, surface: gifti.read_attributes(
+            data, name, len(surface.points) if surface else None
+        ),
+        gifti.write_attributes,
+        lambda attribute: gifti.keeps(attribute) and (not kinds or attribute.kind in kinds),
+        has_names=True,
+    )
+
+
+def _freesurfer(kind: Kind) -> ValuesFormat:
+    return ValuesFormat(
+        lambda data, name, surface: freesurfer.read_attributes(data, name),
+        lambda attributes: freesurfer.write_attribute(*attributes),
+        lambda attribute: (attribute.domain, attribute.kind) == ("point", kind),
+        is_single=True,
+        has_names=True,
+    )
+
+
+def _table(mark: str) -> ValuesFormat:
+    return ValuesFormat(
+        lambda data, name, surface: _read_table(
+            data, name, (len(surface.points), len(surface.polygons)) if surface else ()
+        ),
+        lambda attributes: _write_table(attributes, mark),
+        lambda attribute: attribute.domain != "corner",
+    )
+
+
+VALUES_FORMATS = {
+    ".gii": _gifti(),
+    ".annot": _freesurfer("label"),
+    ".label.gii": _gifti("label"),
+    ".shape.gii": _gifti("scalar"),
+    **dict.fromkeys(freesurfer.VALUES, _freesurfer("scalar")),
+    ".npy": ValuesFormat(
+        lambda data, name, surface: _read_array(data, name),
+        _write_array,
+        lambda attribute: attribute.domain != "corner",
+        is_single=True,
+    ),
+    ".csv": _table(","),
+    ".tsv": _table("\t"),
+    ".txt": _table("\t"),
+}

@@ -1,12 +1,13 @@
-"""The JSON and the bytes of a glTF file: its container, and the arrays that accessors describe."""
+"""The parts of a glTF file: its container, the arrays that accessors describe, its nodes, joints and shape keys."""
 
 from __future__ import annotations
 
 import base64
+import copy
 import json
 import math
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import cache, partial
 from mimetypes import guess_type
 from pathlib import Path
 from typing import Any
@@ -14,32 +15,37 @@ from urllib.parse import unquote
 
 import numpy as np
 
+from isomatch.assets.asset import product
+from isomatch.assets.attribute import unused_name
 from isomatch.assets.formats._reading import Room
 from isomatch.assets.materials import picture_in
 from isomatch.errors import FormatError, MeshError
 from isomatch.storage.files import opened
-from isomatch.values.arrays import AnyArray, FloatArray
+from isomatch.values.arrays import AnyArray, FloatArray, IntArray
 
 _MAGIC, _JSON, _BINARY = b"glTF", b"JSON", b"BIN\0"
 _COMPONENTS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _CODES = {np.dtype(kind): code for code, kind in _COMPONENTS.items()}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 _TYPES = {width: name for name, width in _WIDTHS.items()}
+VERTICES, INDICES = 34962, 34963  # targets of views
 _COMPRESSED = {"KHR_draco_mesh_compression", "EXT_meshopt_compression"}
 _LARGEST_GLB = 2**32 - 64  # bytes of JSON and data; their sizes have 32 bits
 _ENTRY = 24  # bytes that an entry of an array takes while parts are joined, measured
-_OBJECT, _LIST, _ITEM = 200, 88, 32  # bytes that these take in Python when JSON is read
-
-
+_MARKS = {b"{": 200, b"[": 88, b",": 32}  # bytes that what these begin takes in Python when JSON is read
+_COPIED = 16  # bytes that a letter of JSON takes when it is copied, measured
 _FREE: dict[str, Any] = {  # what may be replaced
     "accessors": {"componentType": 5121, "count": 1, "type": "SCALAR"},
     "bufferViews": {"buffer": 0, "byteLength": 1},
 }
-_REFERENCES = {
-    "accessors": ("indices", "input", "output", "inverseBindMatrices"),
-    "views": ("bufferView",),
+_REFERENCES = {  # keys of numbers of accessors or views, or of what holds nothing but these
+    "accessors": ("indices", "input", "output", "inverseBindMatrices", "attributes", "targets", "extensions"),
+    "bufferViews": ("bufferView", "extensions"),
 }
-_HOLDERS: dict[str, tuple[str, ...]] = {"accessors": ("attributes", "targets"), "views": ()}
+_CUT_SHORT = "it is cut short, copy or export it again"
+Matrix = tuple[tuple[float, ...], ...]
+TRIANGLES, STRIP, FAN = 4, 5, 6
+_POSED = 1e-3  # of the largest entry: more than what rounding does to matrices
 
 
 @dataclass
@@ -48,8 +54,8 @@ class GltfData:
 
     json: dict[str, Any]
     blob: bytearray
+    # memory that arrays and pictures may take, as a small file may refer to the same bytes again and again
     room: Room = None  # type: ignore[assignment]
-    """Memory that arrays and pictures may take, as a small file may refer to the same bytes again and again."""
 
     def __post_init__(self) -> None:
         self.room = self.room or Room(len(self.blob))
@@ -57,16 +63,12 @@ class GltfData:
     def array(self, index: int) -> AnyArray:
         """Return the values of an accessor, (count,) or (count, d), as they are stored; integers stay integers."""
         accessor = self.json["accessors"][index]
-        count, width = accessor["count"], _WIDTHS[accessor["type"]]
-        kind = np.dtype(_COMPONENTS[accessor["componentType"]])
-        values = self._rows(accessor, count, width, kind)
-        if "sparse" in accessor:
-            sparse = accessor["sparse"]
-            index_kind = np.dtype(_COMPONENTS[sparse["indices"]["componentType"]])
-            values = values.copy()
-            values[self._rows(sparse["indices"], sparse["count"], 1, index_kind)[:, 0]] = self._rows(
-                sparse["values"], sparse["count"], width, kind
-            )
+        width, code = _WIDTHS[accessor["type"]], accessor["componentType"]
+        values = self._rows(accessor, accessor["count"], width, code)
+        if sparse := accessor.get("sparse"):
+            n, at = sparse["count"], sparse["indices"]
+            rows = self._rows(at, n, 1, at["componentType"])[:, 0]
+            values[rows] = self._rows(sparse["values"], n, width, code)
         return values[:, 0] if width == 1 else values
 
     def numbers(self, index: int) -> AnyArray:
@@ -76,19 +78,17 @@ class GltfData:
             return values
         return np.maximum(values / np.iinfo(values.dtype).max, -1).astype(np.float32)
 
-    def _rows(self, place: dict[str, Any], count: int, width: int, kind: np.dtype[Any]) -> AnyArray:
-        if "bufferView" not in place:
-            self.room.take(_ENTRY * count * width, f"an accessor of {count * width} entries")
+    def _rows(self, place: dict[str, Any], count: int, width: int, code: int) -> AnyArray:
+        kind = np.dtype(_COMPONENTS[code])
+        self.room.take(_ENTRY * count * width, f"an accessor of {count * width} entries")
+        if "bufferView" not in place or not count:
             return np.zeros((count, width), kind)
         view = self.json["bufferViews"][place["bufferView"]]
         start = view.get("byteOffset", 0) + place.get("byteOffset", 0)
         stride = view.get("byteStride", kind.itemsize * width)
         end = start + stride * (count - 1) + kind.itemsize * width
-        if count < 0 or start < 0 or stride < 1 or (count and end > len(self.blob)):
+        if start < 0 or stride < 1 or end > len(self.blob):
             raise FormatError(f"an accessor refers to byte {end} of {len(self.blob)}")
-        if not count:
-            return np.zeros((0, width), kind)
-        self.room.take(_ENTRY * count * width, f"an accessor of {count * width} entries")
         rows = np.ndarray((count, width), kind, bytes(self.blob[start:end]), 0, (stride, kind.itemsize))
         return np.array(rows)
 
@@ -100,36 +100,27 @@ class GltfData:
         self.room.take(len(content), "a picture")
         return content
 
-    def add_array(self, values: AnyArray, **properties: object) -> int:
+    def add_array(self, values: AnyArray, target: int | None = VERTICES, **properties: object) -> int:
         """Append the values of a new accessor, whose rows start at multiples of 4 bytes; return its index."""
-        kind = values.dtype.newbyteorder("<")
-        rows = np.ascontiguousarray(values.reshape(len(values), math.prod(values.shape[1:])), kind)
-        width = rows.shape[1] if rows.ndim == 2 else 1
+        kind, width = values.dtype.newbyteorder("<"), math.prod(values.shape[1:])
+        rows = np.ascontiguousarray(values.reshape(len(values), width), kind)
         octets = rows.view(np.uint8).reshape(len(rows), width * kind.itemsize)
-        view: dict[str, object] = {}
-        if octets.shape[1] % 4 and "target" not in properties:  # indices are packed
+        view: dict[str, object] = {} if target is None else {"target": target}
+        if octets.shape[1] % 4 and target == VERTICES:  # indices are packed
             octets = np.pad(octets, ((0, 0), (0, -octets.shape[1] % 4)))
             view["byteStride"] = octets.shape[1]
-        target = properties.pop("target", 34962)
+        at = self.add_bytes(octets.tobytes(), **view)
         accessor = {
-            "bufferView": self.add_bytes(octets.tobytes(), target=target, **view),
+            "bufferView": at,
             "componentType": _CODES[kind],
             "count": len(values),
             "type": _TYPES[width],
-            **properties,
         }
-        return self.append("accessors", accessor)
+        return self.append("accessors", accessor | properties)
 
     def add_matrices(self, matrices: FloatArray) -> int:
         """Append a new accessor of (k, 4, 4) matrices; return its index."""
-        columns = np.ascontiguousarray(matrices.transpose(0, 2, 1), "<f4")
-        accessor = {
-            "bufferView": self.add_bytes(columns.tobytes()),
-            "componentType": 5126,
-            "count": len(columns),
-            "type": "MAT4",
-        }
-        return self.append("accessors", accessor)
+        return self.add_array(matrices.transpose(0, 2, 1).reshape(-1, 16).astype(np.float32), target=None)
 
     def add_bytes(self, data: bytes, **properties: object) -> int:
         """Append bytes, at a multiple of 4; return the index of their buffer view."""
@@ -142,25 +133,21 @@ class GltfData:
         """Append an entry to a list of the JSON, or put it where one is free; return its index."""
         listed = self.json.setdefault(name, [])
         free = _FREE.get(name)
-        if free in listed:
-            index: int = listed.index(free)
-            listed[index] = entry
-            return index
-        listed.append(entry)
-        return len(listed) - 1
+        index: int = listed.index(free) if free in listed else len(listed)
+        listed[index : index + 1] = [entry]
+        return index
 
     def without_unused(self) -> None:
         """Free the accessors and views that nothing refers to, and their bytes; what is left keeps its number."""
-        document = self.json
-        rest = {key: value for key, value in document.items() if key != "accessors"}
-        accessors, views = _numbers_in(rest, "accessors"), _numbers_in(rest, "views")
-        listed = document.get("accessors", [])
+        rest = {key: value for key, value in self.json.items() if key != "accessors"}
+        accessors = _numbers_in(rest, _REFERENCES["accessors"])
+        listed = self.json.get("accessors", [])
         listed[:] = [each if i in accessors else _FREE["accessors"] for i, each in enumerate(listed)]
-        views |= _numbers_in(listed, "views")
+        views = _numbers_in([rest, listed], _REFERENCES["bufferViews"])
         blob = bytearray()
-        for i, view in enumerate(document.get("bufferViews", [])):
+        for i, view in enumerate(self.json.get("bufferViews", [])):
             if i not in views:
-                document["bufferViews"][i] = _FREE["bufferViews"]
+                self.json["bufferViews"][i] = _FREE["bufferViews"]
                 continue
             content = self.blob[view["byteOffset"] : view["byteOffset"] + view["byteLength"]]
             self.room.take(len(content), "a buffer view")
@@ -170,35 +157,39 @@ class GltfData:
         self.blob = blob
 
 
+def _numbers_in(entry: Any, keys: tuple[str, ...], inside: bool = False) -> set[int]:
+    """Numbers under some keys; in extensions, of which nothing is known, any number."""
+    if isinstance(entry, int):
+        return {entry} if inside else set()
+    found: set[int] = set()
+    if isinstance(entry, dict):
+        for key, value in entry.items():
+            found |= _numbers_in(value, keys, inside or key in keys)
+    for value in entry if isinstance(entry, list) else ():
+        found |= _numbers_in(value, keys, inside)
+    return found
+
+
 def unpacked(data: bytes, name: str) -> GltfData:
     """Read a ``.glb`` or ``.gltf`` file and the files that it names, as one JSON with one buffer."""
     text, binary = _chunks(data, name) if data[:4] == _MAGIC else (data, b"")
     room = Room(len(data))
-    counts = ((_OBJECT, b"{"), (_LIST, b"["), (_ITEM, b","))
-    room.take(sum(size * text.count(mark) for size, mark in counts), "its JSON")
-    found = json.loads(text)
-    compressed = _COMPRESSED.intersection(found.get("extensionsRequired", ()))
-    if compressed:
+    room.take(sum(size * text.count(mark) for mark, size in _MARKS.items()), "its JSON")
+    gltf, folder = GltfData(json.loads(text), bytearray(), room), Path(name).parent
+    extensions = [each for key in ("extensionsUsed", "extensionsRequired") for each in gltf.json.get(key, [])]
+    if compressed := _COMPRESSED.intersection(extensions):
         raise FormatError(f"{name}: is compressed by {min(compressed)}; export it without compression")
-    folder = Path(name).parent
-    beside = cache(partial(_beside, folder=folder))
-    buffers = found.pop("buffers", [])
-    longest: dict[Path, int] = {}  # of the buffers in the same file, which is read once
-    for buffer in buffers:
-        path = beside(buffer.get("uri", "data:"))
-        if path is not None:
-            longest[path] = max(longest.get(path, 0), buffer["byteLength"])
-    blob, starts, start_of = bytearray(), [], dict[Path, int]()
-    for i, buffer in enumerate(buffers):
+    starts: list[int] = []
+    files: set[Path] = set()
+    for i, buffer in enumerate(gltf.json.pop("buffers", [])):
         n, uri = buffer["byteLength"], buffer.get("uri")
-        path = beside(uri or "data:")
-        if path in start_of:
-            starts.append(start_of[path])
-            continue
+        path = _beside(uri, folder)
         if path is not None:
-            content = _start_of(path, longest[path])
-            n = longest[path]
-            room.size += len(content)
+            with opened(path) as file:
+                room.size += 0 if path in files else min(n, path.stat().st_size)
+                files.add(path)
+                room.take(2 * n, "a buffer")  # read, and in the one buffer
+                content = file.read(n)
         elif uri is None:
             content = binary if i == 0 else b""  # only the first may be inside the file
         elif uri.startswith("data:"):
@@ -209,23 +200,16 @@ def unpacked(data: bytes, name: str) -> GltfData:
                 "copy that file beside this one, or export as .glb"
             )
         if not 0 <= n <= len(content):
-            raise FormatError(
-                f"{name}: byte {len(data)}: expected a buffer of {n} bytes, found {len(content)}; "
-                "it is cut short, copy or export it again"
-            )
-        blob += b"\0" * (-len(blob) % 4)
-        starts.append(len(blob))
-        blob += content[:n]
-        if path is not None:
-            start_of[path] = starts[-1]
-    _without_compression(found)
-    for view in found.get("bufferViews", []):
+            raise FormatError(f"{name}: expected a buffer of {n} bytes, found {len(content)}; {_CUT_SHORT}")
+        gltf.blob += b"\0" * (-len(gltf.blob) % 4)
+        starts.append(len(gltf.blob))
+        gltf.blob += content[:n]
+    for view in gltf.json.get("bufferViews", []):
         view["byteOffset"] = view.get("byteOffset", 0) + starts[view["buffer"]]
         view["buffer"] = 0
-    gltf = GltfData(found, blob, room)
     views: dict[Path, int | None] = {}
-    for image in found.get("images", []):
-        path = beside(image.get("uri", "data:"))
+    for image in gltf.json.get("images", []):
+        path = _beside(image.get("uri"), folder)
         if path is None or not path.is_file():
             continue
         if path not in views:
@@ -239,49 +223,32 @@ def unpacked(data: bytes, name: str) -> GltfData:
     return gltf
 
 
-def _numbers_in(entry: Any, kind: str, all_of_them: bool = False) -> set[int]:
-    """Numbers of accessors or views that are referred to; in extensions, of which nothing is known, any number."""
-    found: set[int] = set()
-    if isinstance(entry, dict):
-        for key, value in entry.items():
-            everything = all_of_them or key in ("extensions", *_HOLDERS[kind])
-            if isinstance(value, int) and (everything or key in _REFERENCES[kind]):
-                found.add(value)
-            elif isinstance(value, dict | list):
-                found |= _numbers_in(value, kind, everything)
-    for value in entry if isinstance(entry, list) else ():
-        found |= {value} if all_of_them and isinstance(value, int) else _numbers_in(value, kind, all_of_them)
-    return found
-
-
-def _without_compression(document: dict[str, Any]) -> None:
-    """Leave out the compressed twins of arrays that are there without compression too, and are read and written."""
-    primitives = [primitive for mesh in document.get("meshes", []) for primitive in mesh["primitives"]]
-    for entry in [*primitives, *document.get("bufferViews", []), *document.get("buffers", [])]:
-        for name in _COMPRESSED:
-            entry.get("extensions", {}).pop(name, None)
-    used = document.get("extensionsUsed", [])
-    used[:] = [name for name in used if name not in _COMPRESSED]
+def _beside(uri: str | None, folder: Path) -> Path | None:
+    """Return the file that a URI names; None unless it lies in the folder or below: no other file may be copied."""
+    if uri is None or uri.startswith("data:"):
+        return None
+    path = (folder / unquote(uri)).resolve()
+    return path if path.is_relative_to(folder.resolve()) else None
 
 
 def packed(gltf: GltfData, binary: bool) -> bytes:
     """Write a ``.glb`` file, or a ``.gltf`` file that contains its buffer."""
-    blob = bytes(gltf.blob)
+    document, blob = gltf.json, bytes(gltf.blob)
     for name, free in _FREE.items():
-        listed = gltf.json.get(name, [])
-        while listed and listed[-1] == free:
-            listed.pop()
-        if not listed:
-            gltf.json.pop(name, None)
-    buffer: dict[str, object] = {"byteLength": len(blob)}
+        while document.get(name, [])[-1:] == [free]:
+            document[name].pop()
+        if not document.get(name, [free]):
+            del document[name]
+    if blob:
+        uri = (
+            {}
+            if binary
+            else {"uri": f"data:application/octet-stream;base64,{base64.b64encode(blob).decode()}"}
+        )
+        document = {**document, "buffers": [{"byteLength": len(blob), **uri}]}
     if not binary:
-        buffer["uri"] = f"data:application/octet-stream;base64,{base64.b64encode(blob).decode()}"
-    document = {**gltf.json, **({"buffers": [buffer]} if blob else {})}
-    text = json.dumps(
-        document, separators=(",", ":") if binary else None, indent=None if binary else 1
-    ).encode()
-    if not binary:
-        return text
+        return json.dumps(document, indent=1).encode()
+    text = json.dumps(document, separators=(",", ":")).encode()
     size = len(text) + len(blob)
     if size > _LARGEST_GLB:
         raise MeshError(f"a .glb file holds 4 GiB, and this one would have {size} bytes; write .ply or .gltf")
@@ -296,37 +263,192 @@ def _chunk(kind: bytes, content: bytes, padding: bytes) -> bytes:
 
 def _chunks(data: bytes, name: str) -> tuple[bytes, bytes]:
     """Return the JSON and the binary chunk of a ``.glb`` file."""
-    if data[4:8] != (2).to_bytes(4, "little"):
-        raise FormatError(
-            f"{name}: byte 4: expected version 2 of glTF, found {int.from_bytes(data[4:8], 'little')}; "
-            "export it as glTF 2.0"
-        )
+    version = int.from_bytes(data[4:8], "little")
+    if version != 2:
+        raise FormatError(f"{name}: byte 4: expected version 2, found {version}; export it as glTF 2.0")
     found: dict[bytes, bytes] = {}
-    position = 12
-    while position + 8 <= len(data):
-        size, kind = (
-            int.from_bytes(data[position : position + 4], "little"),
-            data[position + 4 : position + 8],
-        )
-        content = data[position + 8 : position + 8 + size]
+    at = 12
+    while at + 8 <= len(data):
+        size = int.from_bytes(data[at : at + 4], "little")
+        content = data[at + 8 : at + 8 + size]
         if len(content) < size:
             raise FormatError(
-                f"{name}: byte {len(data)}: expected {size} bytes of a chunk, found {len(content)}; "
-                "it is cut short, copy or export it again"
+                f"{name}: byte {len(data)}: expected {size} bytes of a chunk, found {len(content)}; {_CUT_SHORT}"
             )
-        found.setdefault(kind, content)
-        position += 8 + size
+        found.setdefault(data[at + 4 : at + 8], content)
+        at += 8 + size
     if _JSON not in found:
         raise FormatError(f"{name}: byte 12: expected a chunk of JSON, found none; export the file again")
     return found[_JSON], found.get(_BINARY, b"")
 
 
-def _beside(uri: str, folder: Path) -> Path | None:
-    """Return the file that a URI names; None unless it lies in the folder or below: no other file may be copied."""
-    path = (folder / unquote(uri)).resolve()
-    return path if not uri.startswith("data:") and path.is_relative_to(folder.resolve()) else None
+def separate_instances(gltf: GltfData) -> None:
+    """Give each node a mesh of its own, which shares the arrays of the mesh that several nodes had."""
+    used: set[int] = set()
+    sizes: dict[int, int] = {}
+    for node in gltf.json.get("nodes", []):
+        if (mesh := node.get("mesh")) in used:
+            if mesh not in sizes:
+                sizes[mesh] = _COPIED * len(str(gltf.json["meshes"][mesh]))
+            gltf.room.take(sizes[mesh], f"a node that repeats mesh {mesh}")
+            node["mesh"] = gltf.append("meshes", copy.deepcopy(gltf.json["meshes"][mesh]))
+        elif mesh is not None:
+            used.add(mesh)
 
 
-def _start_of(path: Path, n: int) -> bytes:
-    with opened(path) as file:
-        return file.read(min(n, path.stat().st_size)) if n > 0 else b""
+def surfaces(document: dict[str, Any]) -> Iterator[tuple[int, int]]:
+    """Meshes and primitives that are made of triangles, of the default scene if it has any mesh."""
+    shown, scenes = set[int](), document.get("scenes", [])
+    waiting = list(scenes[document.get("scene", 0)].get("nodes", [])) if scenes else []
+    while waiting:
+        i = waiting.pop()
+        if i not in shown:
+            shown.add(i)
+            waiting += document["nodes"][i].get("children", [])
+    of_scene = {document["nodes"][i]["mesh"] for i in shown if "mesh" in document["nodes"][i]}
+    for mesh, each in enumerate(document.get("meshes", [])):
+        for i, primitive in enumerate(each["primitives"]):
+            is_surface = primitive.get("mode", TRIANGLES) in (TRIANGLES, STRIP, FAN)
+            if (not of_scene or mesh in of_scene) and is_surface and "POSITION" in primitive["attributes"]:
+                yield mesh, i
+
+
+def triangles(gltf: GltfData, primitive: dict[str, Any], n_points: int) -> IntArray:
+    """Return the triangles of a primitive, (m, 3)."""
+    index = np.arange(n_points)
+    if "indices" in primitive:
+        index = gltf.array(primitive["indices"]).astype(np.int64)
+        if index.max(initial=0) >= max(n_points, 1):
+            raise ValueError(f"a triangle refers to point {index.max()} of {n_points}")
+    mode = primitive.get("mode", TRIANGLES)
+    if mode == TRIANGLES:
+        return index[: len(index) // 3 * 3].reshape(-1, 3)
+    later = np.stack([index[1:-1], index[2:]], axis=1)
+    if mode == FAN:
+        return np.column_stack([np.repeat(index[:1], len(later)), later])
+    strip = np.column_stack([index[:-2], later])
+    strip[1::2] = strip[1::2, [1, 0, 2]]
+    return strip
+
+
+def transforms(gltf: GltfData) -> dict[int, tuple[Matrix | None, int | None]]:
+    """Find matrix and skin of the first node of each mesh."""
+    nodes, there = gltf.json.get("nodes", []), node_matrices(gltf.json)
+    found: dict[int, tuple[Matrix | None, int | None]] = {}
+    for i, matrix in there.items():
+        if "mesh" in nodes[i] and nodes[i]["mesh"] not in found:
+            skin, own = nodes[i].get("skin"), matrix
+            if skin is not None:
+                # its joints put the points, not the node; they stay where they are if these are posed
+                bound, own = binding(gltf, gltf.json["skins"][skin], there), np.eye(4)
+                if len(bound) and are_alike(bound, bound[0]) and not are_alike(bound, own):
+                    own = bound[0]
+            is_placed = not np.array_equal(own, np.eye(4))
+            found[nodes[i]["mesh"]] = (tuple(map(tuple, own.tolist())) if is_placed else None), skin
+    return found
+
+
+def binding(gltf: GltfData, skin: dict[str, Any], there: Mapping[int, FloatArray]) -> FloatArray:
+    """(k, 4, 4) where each joint of a skin puts what is bound to it; none if the file does not tell how that is bound."""
+    if "inverseBindMatrices" not in skin:
+        return np.zeros((0, 4, 4))
+    inverse = gltf.array(skin["inverseBindMatrices"]).reshape(-1, 4, 4).transpose(0, 2, 1)
+    placed: FloatArray = np.array([there[joint] for joint in skin["joints"]]).reshape(-1, 4, 4)
+    return placed @ inverse[: len(placed)]
+
+
+def are_alike(matrices: FloatArray, one: FloatArray) -> bool:
+    """Whether matrices are one and the same, but for what rounding does to them."""
+    return bool((np.abs(matrices - one) <= _POSED * np.abs(matrices).max(initial=0)).all())
+
+
+def node_matrices(document: dict[str, Any]) -> dict[int, FloatArray]:
+    """(4, 4) where the scene puts each node, parents before their children."""
+    nodes = document.get("nodes", [])
+    below = {child for node in nodes for child in node.get("children", [])}
+    found: dict[int, FloatArray] = {}
+    top: FloatArray = np.eye(4)
+    waiting = [(i, top) for i in range(len(nodes)) if i not in below][::-1]
+    while waiting:
+        i, above = waiting.pop()
+        if i not in found:
+            found[i] = product(above, _local(nodes[i]))
+            waiting += [(child, found[i]) for child in reversed(nodes[i].get("children", []))]
+    return found
+
+
+def _local(node: dict[str, Any]) -> FloatArray:
+    if "matrix" in node:
+        return np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
+    x, y, z, w = node.get("rotation", (0, 0, 0, 1))
+    matrix = np.eye(4)
+    matrix[:3, :3] = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ]
+    matrix[:3, :3] *= node.get("scale", (1, 1, 1))
+    matrix[:3, 3] = node.get("translation", (0, 0, 0))
+    return matrix
+
+
+def joint_names(document: dict[str, Any]) -> dict[int, str]:
+    """Names of the joints of all skins, by their nodes, in the order of the skins; repeated ones are numbered."""
+    nodes = dict.fromkeys(node for skin in document.get("skins", []) for node in skin["joints"])
+    found: dict[int, str] = {}
+    for i, node in enumerate(nodes):
+        found[node] = unused_name(str(document["nodes"][node].get("name", f"joint_{i}")), found.values())
+    return found
+
+
+def without_empty_primitives(document: dict[str, Any]) -> None:
+    """Remove primitives without points, and meshes that have none left."""
+    meshes, number = document.pop("meshes", []), dict[int, int]()
+    for mesh, each in enumerate(meshes):
+        each["primitives"] = [primitive for primitive in each["primitives"] if primitive["attributes"]]
+        if each["primitives"]:
+            number[mesh] = len(number)
+    if number:
+        document["meshes"] = [meshes[mesh] for mesh in number]
+    for node in document.get("nodes", []):
+        if node.get("mesh") in number:
+            node["mesh"] = number[node.pop("mesh")]
+        elif "mesh" in node:
+            for key in ("mesh", "skin", "weights"):
+                node.pop(key, None)
+
+
+def key_names(mesh: Mapping[str, Any]) -> list[str]:
+    """Names of the shape keys of a mesh, which glTF itself does not have, but most programs write."""
+    said = mesh.get("extras")
+    given = said.get("targetNames", []) if isinstance(said, dict) else []
+    n = max([len(given), *(len(primitive.get("targets", [])) for primitive in mesh["primitives"])])
+    found: list[str] = []
+    for i in range(n):
+        found.append(unused_name(str(given[i]) if i < len(given) else f"key_{i}", found))
+    return found
+
+
+def set_keys(document: dict[str, Any], mesh: int, names: list[str], weights: Mapping[str, float]) -> None:
+    """Set the names of the shape keys of a mesh; they keep their weights, unless there are others."""
+    each = document["meshes"][mesh]
+    had, own = key_names(each), each.get("weights", [])
+    nodes = [node for node in document.get("nodes", []) if node.get("mesh") == mesh and "weights" in node]
+    for place in (*nodes, each):
+        known = {**dict(zip(had, place.pop("weights", own))), **weights}
+        if names:
+            place["weights"] = [known.get(name, 0) for name in names]
+    said = each.pop("extras", None)
+    extras = {key: said[key] for key in said if key != "targetNames"} if isinstance(said, dict) else {}
+    if extras or names:
+        each["extras"] = extras | ({"targetNames": names} if names else {})
+
+
+def without_channels(document: dict[str, Any], is_gone: Callable[[dict[str, Any]], bool]) -> None:
+    """Leave out what moves targets that are gone, and animations that move nothing any more."""
+    moving = []
+    for animation in document.pop("animations", []):
+        animation["channels"] = [each for each in animation["channels"] if not is_gone(each["target"])]
+        moving += [animation] if animation["channels"] else []
+    if moving:
+        document["animations"] = moving

@@ -32,9 +32,7 @@ class TextLines:
     """Some lines of a file, without comments, blank lines and leading blanks."""
 
     name: str
-    # the lines, each closed by a newline; the only other blanks are spaces. An object for each line would take many times
-    # the memory of the file
-    data: AnyArray
+    data: AnyArray  # the lines, each closed by a newline, other blanks are spaces; objects would take much more memory
     numbers: IntArray  # (rows,) the number of each line in the file, from 1
     before: int = 0  # number of the line before the first of these
 
@@ -61,17 +59,13 @@ class TextLines:
 
     def fail(self, row: int, expected: str, remedy: str = EXPORT_AGAIN) -> NoReturn:
         """Raise a `FormatError` that quotes one row; a row past the end means that the file is too short."""
+        number, found = (self.numbers[-1] if len(self) else max(self.before, 1)), "the end of the file"
         if 0 <= row < len(self):
-            found = self.row(row).strip()
+            number, found = self.numbers[row], self.row(row).strip()
             found = repr(found if len(found) <= 40 else found[:40] + "…")
-            raise FormatError(
-                f"{self.name}:{self.numbers[row]}: expected {expected}, found {found}; {remedy}"
-            )
-        last = self.numbers[-1] if len(self) else max(self.before, 1)
-        raise FormatError(
-            f"{self.name}:{last}: expected {expected}, found the end of the file; "
-            "it is cut short, copy or export it again"
-        )
+        else:
+            remedy = "it is cut short, copy or export it again"
+        raise FormatError(f"{self.name}:{number}: expected {expected}, found {found}; {remedy}")
 
     def starting_with(self, keyword: str) -> TextLines:
         """Return the lines whose first word is the keyword, without this word."""
@@ -161,10 +155,7 @@ class NumberRows:
             self.lines.fail(int(np.argmin(good)), expected)
 
     def whole(self, positions: IntArray | None, expected: str) -> IntArray:
-        """Return the values at some positions, by default all, as integers.
-
-        Another value raises a `FormatError` for its row.
-        """
+        """Return the values at some positions, by default all, as integers; `FormatError` for another value."""
         values = self.values if positions is None else self.values[positions]
         good = is_whole(values)
         if not good.all():

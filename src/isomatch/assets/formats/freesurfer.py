@@ -15,19 +15,10 @@ from isomatch.assets.formats._reading import on_disk, reading
 from isomatch.assets.polygons import Polygons
 from isomatch.loading.first_use import package
 from isomatch.storage.texts import encoding_of
-from isomatch.values.arrays import IntArray
 
 SURFACES = (
-    ".pial",
-    ".white",
-    ".inflated",
-    ".sphere",
-    ".reg",
-    ".orig",
-    ".smoothwm",
-    ".midthickness",
-    ".graymid",
-)
+    ".pial", ".white", ".inflated", ".sphere", ".reg", ".orig", ".smoothwm", ".midthickness", ".graymid",
+)  # fmt: skip
 """Ends of the names of surfaces, such as ``lh.pial``."""
 VALUES = (".curv", ".sulc", ".thickness", ".area", ".volume", ".avg_curv")
 """Ends of the names of files with a number for each point."""
@@ -49,12 +40,9 @@ def read_asset(data: bytes, name: str) -> Asset:
         points, faces, volume, stamp = freesurfer.read_geometry(path, read_metadata=True, read_stamp=True)
         if plain != data:
             volume["head"] = np.array([2, 1, 20], dtype=np.int32)
-        return Asset(
-            points,
-            Polygons.of_triangles(np.asarray(faces, dtype=np.int64)),
-            document=FreeSurferDocument(stamp),
-            frame=Frame.of_volume(volume) if volume else None,
-        )
+        polygons = Polygons.of_triangles(np.asarray(faces, dtype=np.int64))
+        frame = Frame.of_volume(volume) if volume else None
+        return Asset(points, polygons, document=FreeSurferDocument(stamp), frame=frame)
 
 
 def read_attributes(data: bytes, name: str) -> tuple[Attribute, ...]:
@@ -66,8 +54,8 @@ def read_attributes(data: bytes, name: str) -> tuple[Attribute, ...]:
             values = np.asarray(freesurfer.read_morph_data(path))
             return (Attribute(title, "point", "scalar", values.astype(values.dtype.newbyteorder("="))),)
         labels, table, words = freesurfer.read_annot(path)
-        colors = {i: tuple((row[:4] / 255).tolist()) for i, row in enumerate(table)}
-        colors = {i: (*color[:3], 1 - color[3]) for i, color in colors.items()}  # which stores transparency
+        shares = (table[:, :4] / 255).tolist()
+        colors = {i: (red, green, blue, 1 - clear) for i, (red, green, blue, clear) in enumerate(shares)}
         encoding = encoding_of(b"\n".join(words))
         names = {i: word.decode(encoding) for i, word in enumerate(words)}
         return (Attribute(title, "point", "label", labels, names=names, colors=colors),)
@@ -99,15 +87,16 @@ def write_attribute(attribute: Attribute) -> bytes:
         used = set(coded.values[coded.values >= 0].tolist())
         keys = sorted(set(coded.names) | used)
         table = np.zeros((len(keys), 5), dtype=np.int64)
+        taken: set[tuple[int, ...]] = set()
         for row, key in enumerate(keys):
             color = coded.colors.get(key, (*_spread(row), 1.0))
-            table[row, :3] = np.rint(255 * np.array(color[:3]))
-            other = row
+            octets, other = _octets(color), row
             # points are told by colours: each label has its own, and black is that of points without a label
-            while _is_taken(table[:row, :3], table[row, :3]) or (key in used and not table[row, :3].any()):
-                table[row, :3] = np.rint(255 * np.array(_spread(other)))
+            while octets in taken or (key in used and not any(octets)):
+                octets = _octets(_spread(other))
                 other += len(keys)
-            table[row, 3] = round(255 * (1 - color[3]))
+            taken.add(octets)
+            table[row, :4] = (*octets, round(255 * (1 - color[3])))
         numbers = np.searchsorted(keys, np.maximum(coded.values, keys[0] if keys else 0))
         numbers = np.where(coded.values < 0, -1, numbers)
         words = [coded.names.get(key, str(key)).encode(errors="backslashreplace") for key in keys]
@@ -115,8 +104,8 @@ def write_attribute(attribute: Attribute) -> bytes:
         return path.read_bytes()
 
 
-def _is_taken(colors: IntArray, color: IntArray) -> bool:
-    return bool((colors == color).all(axis=1).any())
+def _octets(color: tuple[float, ...]) -> tuple[int, ...]:
+    return tuple(round(255 * share) for share in color[:3])
 
 
 def _spread(row: int) -> tuple[float, float, float]:

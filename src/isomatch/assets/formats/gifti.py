@@ -6,7 +6,7 @@ import base64
 import zlib
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 from xml.parsers.expat import ParserCreate
@@ -25,14 +25,8 @@ _LABEL, _VECTOR, _POINTS, _TRIANGLES = 1002, 1007, 1008, 1009
 _NODES, _RGB, _RGBA, _SHAPE = 2002, 2003, 2004, 2005
 VALUES = (".func", ".label", ".rgba", ".shape", ".tensor", ".time", ".vector")
 """What stands before ``.gii`` in the names of files without a surface."""
-_SPACES = (
-    "unknown",
-    "scanner_anat",
-    "aligned_anat",
-    "talairach",
-    "mni_152",
-    "template_other",
-)  # by codes of NIfTI
+# by codes of NIfTI
+_SPACES = ("unknown", "scanner_anat", "aligned_anat", "talairach", "mni_152", "template_other")
 _AXES = {"xras": "X", "yras": "Y", "zras": "Z", "cras": "C"}
 _VOLUME = {
     "volume": ("Width", "Height", "Depth"),
@@ -46,10 +40,10 @@ _VOLUME = {
 class GiftiDocument:
     """The meta data of a file, of its points but for the frame, and of its triangles; the intents of scalars."""
 
-    of_file: Mapping[str, str]
-    of_points: Mapping[str, str]
-    of_triangles: Mapping[str, str]
-    intents: Mapping[str, int]
+    of_file: Mapping[str, str] = field(default_factory=dict)
+    of_points: Mapping[str, str] = field(default_factory=dict)
+    of_triangles: Mapping[str, str] = field(default_factory=dict)
+    intents: Mapping[str, int] = field(default_factory=dict)
 
 
 def read_asset(data: bytes, name: str) -> Asset:
@@ -59,20 +53,15 @@ def read_asset(data: bytes, name: str) -> Asset:
     for intent, what in ((_POINTS, "points"), (_TRIANGLES, "triangles")):
         if intent not in found:
             raise FormatError(
-                f"{name}: expected an array of {what}, found none; give the surface (.surf.gii), and the values on "
-                "it by read_attributes"
+                f"{name}: expected an array of {what}, found none; values alone are for read_attributes"
             )
     with reading(name, "points and triangles of a GIFTI surface"):
         points, triangles = found[_POINTS], found[_TRIANGLES]
         plain = {key: word for key, word in points.meta.items() if "VolGeom" not in key}
         attributes, intents = _values(image, len(points.data), "values")
-        return Asset(
-            points.data,
-            Polygons.of_triangles(triangles.data),
-            attributes,
-            document=GiftiDocument(dict(image.meta), plain, dict(triangles.meta), intents),
-            frame=_frame(points),
-        )
+        document = GiftiDocument(dict(image.meta), plain, dict(triangles.meta), intents)
+        polygons = Polygons.of_triangles(triangles.data)
+        return Asset(points.data, polygons, attributes, document=document, frame=_frame(points))
 
 
 def read_attributes(data: bytes, name: str, n_points: int | None = None) -> tuple[Attribute, ...]:
@@ -86,7 +75,7 @@ def read_attributes(data: bytes, name: str, n_points: int | None = None) -> tupl
 
 def write_attributes(attributes: Sequence[Attribute]) -> bytes:
     """Write values on points without a surface."""
-    return _written(attributes, [], GiftiDocument({}, {}, {}, {}))
+    return _written(attributes, [], GiftiDocument())
 
 
 def keeps(attribute: Attribute) -> bool:
@@ -102,27 +91,25 @@ def keeps_frame(frame: Frame) -> bool:
 def write(asset: Asset) -> bytes:
     """Write a surface in single precision, with the meta data of the file that it was read from."""
     array = _package().GiftiDataArray
-    document = asset.document if isinstance(asset.document, GiftiDocument) else GiftiDocument({}, {}, {}, {})
+    document = asset.document if isinstance(asset.document, GiftiDocument) else GiftiDocument()
     system, volume = _described(asset.frame)
-    points = array(
-        asset.points.astype(np.float32), _POINTS, coordsys=system, meta={**document.of_points, **volume}
-    )
+    of_points = {**document.of_points, **volume}
+    points = array(asset.points.astype(np.float32), _POINTS, coordsys=system, meta=of_points)
     faces = array(asset.polygons.triangles.astype(np.int32), _TRIANGLES, meta=dict(document.of_triangles))
     return _written(asset.attributes, [points, faces], document)
 
 
 def _written(attributes: Sequence[Attribute], arrays: list[Any], document: GiftiDocument) -> bytes:
     gifti, one_table = _package(), _numbered(attributes)
-    image = gifti.GiftiImage(
-        meta=gifti.GiftiMetaData(document.of_file),
-        darrays=arrays + [_array(gifti, each, document.intents) for each in one_table],
-    )
+    values = [_array(gifti, each, document.intents) for each in one_table]
+    image = gifti.GiftiImage(meta=gifti.GiftiMetaData(document.of_file), darrays=arrays + values)
+    labels: dict[int, Any] = {}
     for each in one_table:
         for key, word in each.names.items() if each.kind == "label" else ():
             label = gifti.GiftiLabel(key, *each.colors.get(key, (None,) * 4))
             label.label = word.encode(errors="backslashreplace").decode()  # XML has no halves of letters
-            if key not in (other.key for other in image.labeltable.labels):
-                image.labeltable.labels.append(label)
+            labels.setdefault(key, label)
+    image.labeltable.labels.extend(labels.values())
     return bytes(image.to_xml())
 
 
@@ -169,16 +156,13 @@ def _values(image: Any, n_points: int | None, title: str) -> tuple[tuple[Attribu
     for i, array in enumerate(given):
         values = np.asarray(array.data)
         values = values[:, 0] if values.ndim == 2 and values.shape[1] == 1 else values
-        name = str(array.meta.get("Name") or "")
-        if not name and array.intent in (_RGB, _RGBA):
-            name = "color"
+        is_colour = array.intent in (_RGB, _RGBA)
+        name = str(array.meta.get("Name") or "") or ("color" if is_colour else "")
         name = name or (f"{title}_{i}" if len(given) > 1 else title)
         if array.intent == _LABEL:
             attribute = Attribute(name, "point", "label", values, names=names, colors=colors)
-        elif array.intent in (_RGB, _RGBA):
-            attribute = Attribute(name, "point", "colour", values)
         else:
-            kind = guessed_kind(name, values)
+            kind = "colour" if is_colour else guessed_kind(name, values)
             attribute = Attribute(name, "point", "scalar" if kind == "label" else kind, values)
         if nodes:
             rows = np.ravel(nodes[0].data).astype(np.int64)
@@ -247,11 +231,8 @@ def _numbered(attributes: Sequence[Attribute]) -> list[Attribute]:
             names = {int(code): str(code) for code in np.unique(attribute.values)} if table else {}
             names |= attribute.names
             free = max([*table, *names], default=0) + 1
-            new = {
-                code: free + i
-                for i, code in enumerate(c for c, word in names.items() if table.get(c, word) != word)
-            }
-            if new:
+            others = [code for code, word in names.items() if table.get(code, word) != word]
+            if new := {code: free + i for i, code in enumerate(others)}:
                 values = np.array([new.get(code, code) for code in attribute.values.tolist()], dtype=np.int64)
                 colors = {new.get(code, code): color for code, color in attribute.colors.items()}
                 names = {new.get(code, code): word for code, word in names.items()}

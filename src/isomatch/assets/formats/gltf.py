@@ -12,16 +12,19 @@ import numpy as np
 
 from isomatch.assets.asset import Asset, Part, RenumberedDocument
 from isomatch.assets.attribute import Attribute, Kind, guessed_kind, told_apart, unused_name
-from isomatch.assets.formats._gltf_data import GltfData, packed, unpacked
-from isomatch.assets.formats._gltf_scene import (
+from isomatch.assets.formats._gltf_data import (
+    INDICES,
+    GltfData,
     Matrix,
     joint_names,
     key_names,
+    packed,
     separate_instances,
     set_keys,
     surfaces,
     transforms,
     triangles,
+    unpacked,
     without_channels,
     without_empty_primitives,
 )
@@ -37,11 +40,8 @@ _KINDS: dict[str, tuple[str, Kind]] = {
     "COLOR": ("color", "colour"),
     "TANGENT": ("tangent", "vector"),
 }
-_NONE = {
-    "uv": np.nan,
-    "scalar": np.nan,
-    "label": -1,
-}  # for points of parts without values; 0 and white of others
+# for points of parts without values; 0 and white of others
+_NONE = {"uv": np.nan, "scalar": np.nan, "label": -1}
 
 
 @dataclass(frozen=True)
@@ -50,14 +50,15 @@ class GltfDocument:
 
     json: dict[str, Any]
     blob: bytes
-    places: tuple[tuple[int, int, int], ...]
-    """Mesh and primitive of the document, and part of the asset, of all that the triangles are in."""
+    places: tuple[
+        tuple[int, int, int], ...
+    ]  # mesh, primitive, and part of the asset, of all that triangles are in
     place_of_triangle: IntArray
     polygons: Polygons
-    uv_names: Mapping[int, str] = field(default_factory=dict)
-    """Attributes by the numbers under which materials look them up."""
-    former: object = None
-    """The document of another format that the asset had before."""
+    uv_names: Mapping[int, str] = field(
+        default_factory=dict
+    )  # by the numbers under which materials look them up
+    former: object = None  # the document of another format that the asset had before
 
     def renumbered(self, before: Asset, after: Asset, rows: Renumbering) -> GltfDocument:
         """Keep the places of the triangles that are left, and the parts that have points."""
@@ -74,9 +75,7 @@ class GltfDocument:
         kept = [i for i, place in enumerate(self.places) if has_points[place[2]]]
         places = tuple((mesh, i, int(part[old])) for mesh, i, old in (self.places[each] for each in kept))
         of_triangle = np.searchsorted(kept, of_triangle)
-        return replace(
-            self, places=places, place_of_triangle=of_triangle, polygons=after.polygons, former=former
-        )
+        return GltfDocument(self.json, self.blob, places, of_triangle, after.polygons, self.uv_names, former)
 
 
 def read_asset(data: bytes, name: str) -> Asset:
@@ -97,28 +96,25 @@ def _read(gltf: GltfData) -> Asset:
     places: list[tuple[int, int, int]] = []
     names: dict[int, str] = {}
     start = 0
-    for (mesh, _), same in groupby(
+    for (mesh, keys), same in groupby(
         surfaces(gltf.json), lambda place: (place[0], meshes[place[0]]["primitives"][place[1]]["attributes"])
     ):
-        listed = list(same)
-        primitives = [meshes[mesh]["primitives"][i] for _, i in listed]
+        listed = [i for _, i in same]
+        primitives = [meshes[mesh]["primitives"][i] for i in listed]
         gltf.room.take(_PART + _PRIMITIVE * len(primitives), f"a part of {len(primitives)} primitives")
-        keys = primitives[0]["attributes"]
         points.append(gltf.numbers(keys["POSITION"]))
         n = len(points[-1])
         transform, skin = placed.get(mesh, (None, None))
         of_each = [triangles(gltf, primitive, n) for primitive in primitives]
         faces += [_outwards(each, transform) + start for each in of_each]
-        places += [(mesh, i, len(parts)) for _, i in listed]
+        places += [(mesh, i, len(parts)) for i in listed]
         start += n
         parts.append(Part(str(meshes[mesh].get("name", "")), n, sum(map(len, of_each)), transform))
         found.append(_read_values(gltf, keys, names) | _read_weights(gltf, keys, skin))
+        targets = zip(key_names(meshes[mesh]), primitives[0].get("targets", []))
+        moved = {key: gltf.numbers(each["POSITION"]) for key, each in targets if "POSITION" in each}
         shape_keys.append(
-            {
-                key: Attribute(key, "point", "key", gltf.numbers(target["POSITION"]).astype(np.float32))
-                for key, target in zip(key_names(meshes[mesh]), primitives[0].get("targets", []))
-                if "POSITION" in target
-            }
+            {key: Attribute(key, "point", "key", each.astype(np.float32)) for key, each in moved.items()}
         )
     attributes = told_apart(
         (
@@ -164,18 +160,13 @@ def _read_values(gltf: GltfData, keys: Mapping[str, int], uv_names: dict[int, st
         if kind == "uv":
             uv_names.setdefault(int(key.rpartition("_")[2]), name)
             values = _upside_down(values)
+        words, colors = {}, {}
         if said.get("kind") == "label" and values.ndim == 1:
             kind, values = "label", np.rint(values).astype(np.int64)
-        else:
-            said = {}
-        found[name] = Attribute(
-            name,
-            "point",
-            kind or guessed_kind(name, values),
-            values,
-            names={int(code): word for code, word in said.get("names", {}).items()},
-            colors={int(code): tuple(color) for code, color in said.get("colors", {}).items()},
-        )
+            words = {int(code): word for code, word in said.get("names", {}).items()}
+            colors = {int(code): tuple(color) for code, color in said.get("colors", {}).items()}
+        kind = kind or guessed_kind(name, values)
+        found[name] = Attribute(name, "point", kind, values, names=words, colors=colors)
     return found
 
 
@@ -207,21 +198,27 @@ def _joined(found: Sequence[Attribute | None], parts: Sequence[Part]) -> Attribu
     one = given[0]
     if len(found) == 1:
         return one
-    mixed = len({each.values.dtype for each in given}) > 1
+    is_colour = one.kind == "colour"
+    full = (
+        1.0 if len({each.values.dtype for each in given}) > 1 else _full(one.values)
+    )  # mixed ones are fractions
     width = max(each.values.shape[1] for each in given) if one.values.ndim == 2 else None
     columns, joints = [], []
     for each, part in zip(found, parts):
         shape = (part.n_points,) if width is None else (part.n_points, width)
-        values = each.values if each else np.full(shape, _NONE.get(one.kind, 0), one.values.dtype)
-        full = _full(values) if one.kind == "colour" else 0
-        values = np.full(shape, full, values.dtype) if one.kind == "colour" and each is None else values
-        missing = ((0, 0), (0, (width or 0) - values.shape[1])) if width else ()
-        values = np.pad(values, missing, constant_values=full) if width else values
-        columns.append(values / full if mixed and one.kind == "colour" else values)
-        is_sparse = each is not None and each.joints is not None
-        joints.append(np.pad(each.joints, missing) if is_sparse else np.zeros(shape, dtype=np.int64))  # type: ignore[union-attr, arg-type]
-    of_joints = None if one.joints is None else np.concatenate(joints)
-    return replace(one, values=np.concatenate(columns), joints=of_joints)
+        values = np.full(shape, full if is_colour else _NONE.get(one.kind, 0), one.values.dtype)
+        rows = np.zeros(shape, dtype=np.int64)
+        if each is not None:
+            missing = ((0, 0), (0, (width or 0) - each.values.shape[1])) if width else ()
+            own = _full(each.values) if is_colour else 0
+            values = np.pad(each.values, missing, constant_values=own) if width else each.values
+            values = values / own if is_colour and own != full else values
+            rows = rows if each.joints is None else np.pad(each.joints, missing)
+        columns.append(values)
+        joints.append(rows)
+    return replace(
+        one, values=np.concatenate(columns), joints=None if one.joints is None else np.concatenate(joints)
+    )
 
 
 def _full(colors: AnyArray) -> float:
@@ -239,17 +236,8 @@ def keeps(attribute: Attribute) -> bool:
     return bool(2 <= attribute.values.shape[1] <= 4)
 
 
-def write_glb(asset: Asset) -> bytes:
-    """Write a ``.glb`` file: the one that was read, with the surface as it is now."""
-    return packed(_written(asset), binary=True)
-
-
-def write_gltf(asset: Asset) -> bytes:
-    """Write a ``.gltf`` file that contains its buffer, otherwise like `write_glb`."""
-    return packed(_written(asset), binary=False)
-
-
-def _written(asset: Asset) -> GltfData:
+def write(asset: Asset, *, is_glb: bool) -> bytes:
+    """Write the file that was read, with the surface as it is now; a ``.gltf`` file contains its buffer."""
     asset.require_points()
     document = asset.document
     if not isinstance(document, GltfDocument) or asset.polygons is not document.polygons:
@@ -263,9 +251,8 @@ def _written(asset: Asset) -> GltfData:
     split = split_at_seams(asset.polygons, len(asset.points), attributes)
     faces = split.corners[asset.polygons.corner_of_triangle]
     order = np.argsort(document.place_of_triangle, kind="stable")
-    of_place = np.split(
-        order, np.searchsorted(document.place_of_triangle[order], np.arange(1, len(document.places)))
-    )
+    bounds = np.searchsorted(document.place_of_triangle[order], np.arange(1, len(document.places)))
+    of_place = np.split(order, bounds)
     n_parts = max(len(asset.parts), 1)
     ends = np.searchsorted(asset.part_of_point[split.source], np.arange(n_parts + 1)).tolist()
     of_mesh: dict[int, list[tuple[slice, list[dict[str, Any]]]]] = {}
@@ -279,23 +266,22 @@ def _written(asset: Asset) -> GltfData:
                 _write_values(gltf, keys, here, mesh, numbers)
         shown = [each for each in listed if len(each[1])] or listed[:1]
         transform = asset.parts[part].transform if asset.parts else None
-        for (_, i, _), held in shown:
-            primitive = gltf.json["meshes"][mesh]["primitives"][i]
-            indices = _outwards(faces[held] - rows.start, transform).ravel().astype(np.uint32)
-            primitive |= {"attributes": keys, "indices": gltf.add_array(indices, target=34963)}
         primitives = [gltf.json["meshes"][mesh]["primitives"][i] for (_, i, _), _ in shown]
+        for primitive, (_, held) in zip(primitives, shown):
+            indices = _outwards(faces[held] - rows.start, transform).ravel().astype(np.uint32)
+            primitive |= {"attributes": keys, "indices": gltf.add_array(indices, INDICES)}
         of_mesh.setdefault(mesh, []).append((rows, primitives))
     shape_keys = {each.name: each.values for each in split.attributes if each.kind == "key"}
     for mesh, parts in of_mesh.items():
         _write_keys(gltf, mesh, parts, shape_keys, still=len(of_mesh) == 1)
     without_empty_primitives(gltf.json)
-    return gltf
+    return packed(gltf, is_glb)
 
 
 def _is_missing(attribute: Attribute) -> bool:
     """Whether a part has no values, as `_joined` fills them in."""
-    values, none = attribute.coded.values, _NONE.get(attribute.kind, 0)
-    none = _full(values) if attribute.kind == "colour" else none
+    values = attribute.coded.values
+    none = _full(values) if attribute.kind == "colour" else _NONE.get(attribute.kind, 0)
     return bool((np.isnan(values) if none != none else values == none).all())
 
 
@@ -306,9 +292,8 @@ def _add_positions(gltf: GltfData, points: FloatArray) -> int:
         raise MeshError(
             "glTF files hold no positions of nan or infinity; remove these points with repair(mesh)"
         )
-    if not len(positions):
-        return gltf.add_array(positions)
-    return gltf.add_array(positions, min=positions.min(axis=0).tolist(), max=positions.max(axis=0).tolist())
+    bounds = {"min": positions.min(axis=0), "max": positions.max(axis=0)} if len(positions) else {}
+    return gltf.add_array(positions, **{name: bound.tolist() for name, bound in bounds.items()})
 
 
 def _outwards(faces: IntArray, transform: Matrix | None) -> IntArray:
@@ -321,20 +306,19 @@ def _write_values(
     gltf: GltfData, keys: dict[str, int], attribute: Attribute, mesh: int, numbers: Mapping[str, int]
 ) -> None:
     """Add the accessors of an attribute to the keys of a part."""
-    if attribute.kind == "weights":
-        _write_weights(gltf, keys, attribute, mesh)
-        return
-    values = attribute.coded.values
+    values, kind = attribute.coded.values, attribute.kind
     properties: dict[str, object] = {}
     extras: dict[str, object] = {}
-    if attribute.kind == "colour":
-        if values.dtype.kind not in "u" or values.dtype.itemsize > 2:
-            values = np.nan_to_num(attribute.fractions.astype(np.float32), nan=1.0)  # white is none
-        else:
-            properties["normalized"] = True
-            if values.shape[1] == 3:
-                values = np.pad(values, ((0, 0), (0, 1)), constant_values=np.iinfo(values.dtype).max)
-    elif attribute.kind == "label":
+    if kind == "weights":
+        _write_weights(gltf, keys, attribute, mesh)
+        return
+    if kind == "colour" and values.dtype.kind == "u" and values.dtype.itemsize <= 2:
+        properties["normalized"] = True
+        if values.shape[1] == 3:
+            values = np.pad(values, ((0, 0), (0, 1)), constant_values=np.iinfo(values.dtype).max)
+    elif kind == "colour":
+        values = np.nan_to_num(attribute.fractions.astype(np.float32), nan=1.0)  # white is none
+    elif kind == "label":
         low, high = values.min(initial=0), values.max(initial=0)
         fits = [kind for kind in (np.uint8, np.uint16) if low >= 0 and high <= np.iinfo(kind).max]
         values = values.astype(fits[0] if fits else np.float32)
@@ -343,15 +327,14 @@ def _write_values(
             if of_code:
                 extras[word] = {str(code): each for code, each in of_code.items()}
     else:
-        if attribute.kind == "uv":
-            values = np.nan_to_num(_upside_down(values[:, :2]))
+        values = np.nan_to_num(_upside_down(values[:, :2])) if kind == "uv" else values
         values = values.astype(np.float32)
     key = _key_of(attribute, keys, numbers)
     if _named(key)[0] != attribute.name:
         extras["name"] = attribute.name
     if extras:
         properties["extras"] = extras
-    keys[key] = gltf.add_array(values, **properties)
+    keys[key] = gltf.add_array(values, **properties)  # type: ignore[arg-type]
 
 
 def _key_of(attribute: Attribute, keys: Mapping[str, object], numbers: Mapping[str, int]) -> str:
@@ -378,8 +361,7 @@ def _number(name: str, stem: str) -> int | None:
 
 def texcoord_numbers(asset: Asset) -> dict[str, int]:
     """Return the number that each attribute of texture coordinates has when a glTF file is written."""
-    document = asset.document
-    said = document.uv_names if isinstance(document, GltfDocument) else {}
+    said = asset.document.uv_names if isinstance(asset.document, GltfDocument) else {}
     own = {name: number for number, name in said.items()}
     names = [each.name for each in told_apart(asset.attributes, of_all=True) if each.kind == "uv"]
     found: dict[str, int] = {}
@@ -421,11 +403,8 @@ def _skin_joints(gltf: GltfData, attribute: Attribute, mesh: int, used: IntArray
     for scene in gltf.json.get("scenes", [])[:1]:
         scene.setdefault("nodes", []).extend(joints)
     # identities are also meant without them, but some readers need them
-    skin = {
-        "joints": joints,
-        "inverseBindMatrices": gltf.add_matrices(np.tile(np.eye(4), (len(joints), 1, 1))),
-    }
-    number = gltf.append("skins", skin)
+    inverse = gltf.add_matrices(np.tile(np.eye(4), (len(joints), 1, 1)))
+    number = gltf.append("skins", {"joints": joints, "inverseBindMatrices": inverse})
     for node in users:
         node["skin"] = number
     return np.arange(len(names))
@@ -447,15 +426,15 @@ def _write_keys(
         targets = [{"POSITION": _add_positions(gltf, np.nan_to_num(keys[name][rows]))} for name in names]
         for primitive in primitives if targets else ():
             primitive["targets"] = targets
-    if names != had:
-        _without_animated_weights(gltf.json, mesh)
-    set_keys(gltf.json, mesh, names, {})
+    _set_keys(gltf.json, mesh, names, {})
 
 
-def _without_animated_weights(document: dict[str, Any], mesh: int) -> None:
-    """Leave out what animates the weights of a mesh, as their number is another."""
-    nodes = [i for i, node in enumerate(document["nodes"]) if node.get("mesh") == mesh]
-    without_channels(document, lambda each: each.get("path") == "weights" and each.get("node") in nodes)
+def _set_keys(document: dict[str, Any], mesh: int, names: list[str], weights: Mapping[str, float]) -> None:
+    """Set the keys of a mesh; if they are others, without what animates their weights, of which the number is another."""
+    if names != key_names(document["meshes"][mesh]):
+        nodes = [i for i, node in enumerate(document["nodes"]) if node.get("mesh") == mesh]
+        without_channels(document, lambda each: each.get("path") == "weights" and each.get("node") in nodes)
+    set_keys(document, mesh, names, weights)
 
 
 def opened_document(asset: Asset) -> tuple[GltfDocument, GltfData]:
@@ -482,9 +461,7 @@ def with_key_weights_of(asset: Asset, giver: object) -> Asset:
     document, gltf = opened_document(asset)
     for mesh in {mesh for mesh, *_ in document.places}:
         had = key_names(gltf.json["meshes"][mesh])
-        if names := [name for name in weights if name not in had]:
-            _without_animated_weights(gltf.json, mesh)
-        set_keys(gltf.json, mesh, had + names, weights)
+        _set_keys(gltf.json, mesh, had + [name for name in weights if name not in had], weights)
     return edited(asset, document, gltf)
 
 

@@ -28,12 +28,12 @@ _MAP = "indices into a colour map"
 
 
 class _Tables(NamedTuple):
-    """What a file consists of: the letters before OFF, the numbers of vertices and faces, and the size of each face."""
+    """What a file consists of."""
 
-    letters: str
+    letters: str  # before OFF
     vertices: NumberRows
     faces: NumberRows
-    sizes: IntArray
+    sizes: IntArray  # of each face
     notes: list[str]
 
     @property
@@ -85,9 +85,8 @@ def read_asset(data: bytes, name: str) -> Asset:
         values = tables.faces.columns(1 + tables.sizes, n_left)
         attributes.append(Attribute("color", "face", "colour", bytes_or_floats(values)))
     elif n_left > 0:
-        notes.append(
-            f"{_MAP if n_left == 1 else f'{n_left} numbers after the corners'} of faces are left out"
-        )
+        what = _MAP if n_left == 1 else f"{n_left} numbers after the corners"
+        notes.append(f"{what} of faces are left out")
     kept = [attribute for attribute in attributes if not np.isnan(attribute.values).all()]
     notes += [note for attribute in kept if (note := attribute.note_of_missing)]
     polygons = Polygons(tables.corners, tables.sizes)
@@ -108,11 +107,9 @@ def write(asset: Asset) -> bytes:
         for attribute in asset.of_kind(kind):
             if attribute.domain == "point":
                 letters = letter + letters
-                values, notation = (
-                    _colours(attribute)
-                    if kind == "colour"
-                    else (attribute.values[:, : 2 if kind == "uv" else 3], "%r")
-                )
+                values, notation = attribute.values[:, : 2 if kind == "uv" else 3], "%r"
+                if kind == "colour":
+                    values, notation = _colours(attribute)
                 template += f" {notation}" * values.shape[1]
                 columns.append(values)
     sizes, corners = asset.polygons.sizes, asset.polygons.corners

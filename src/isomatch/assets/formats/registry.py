@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,41 +21,17 @@ def _tells_nothing(frame: Frame) -> bool:
 
 @dataclass(frozen=True)
 class MeshFormat:
-    """How one format is read and written.
+    """How one format is read and written."""
 
-    Parameters
-    ----------
-    read : callable
-        Makes a mesh of the bytes of a file and its name, which is for messages.
-    write : callable
-        Makes bytes of `Asset` and of those options of `write_mesh` that the format has, by keyword.
-    options : frozenset of str
-        Names of these options: ``"binary"``.
-    read_asset : callable, optional
-        Makes `Asset` of the bytes of a file and its name; by default points and triangles alone.
-    keeps : callable, optional
-        Whether the format has a place for an attribute; by default it has none.
-    single : frozenset of str
-        Kinds of attributes of which it has only one.
-    has_parts : bool
-        Whether it stores parts and their transforms.
-    has_names : bool
-        Whether it stores the names of labels.
-    has_opacity : bool
-        Whether its colours may have an opacity.
-    keeps_frame : callable
-        Whether the format can tell a frame of coordinates; by default it tells none.
-    """
-
-    read: Callable[[bytes, str], Mesh]
-    write: Callable[..., bytes]
-    options: frozenset[str] = frozenset()
-    read_asset: Callable[[bytes, str], Asset] | None = None
-    keeps: Callable[[Attribute], bool] = lambda attribute: False
-    single: frozenset[str] = frozenset()
-    has_parts: bool = False
-    has_names: bool = False
-    has_opacity: bool = True
+    read: Callable[[bytes, str], Mesh]  # the bytes of a file and its name, which is for messages
+    write: Callable[..., bytes]  # an asset, and the options that the format has, by keyword
+    options: frozenset[str] = frozenset()  # of `write_mesh` that it has: "binary"
+    read_asset: Callable[[bytes, str], Asset] | None = None  # by default points and triangles alone
+    keeps: Callable[[Attribute], bool] = lambda attribute: False  # whether it has a place for an attribute
+    single: frozenset[str] = frozenset()  # kinds of attributes of which it has only one
+    has_parts: bool = False  # and their transforms
+    has_names: bool = False  # of labels
+    has_opacity: bool = True  # of colours
     keeps_frame: Callable[[Frame], bool] = _tells_nothing
 
     def missing(self, attribute: Attribute) -> list[Attribute]:
@@ -83,30 +60,18 @@ def _with_attributes(
 
 
 _BINARY = frozenset({"binary"})
+_PLAIN: dict[str, Any] = {"single": frozenset({"colour", "normal", "uv"}), "has_opacity": False}
 _GLTF: dict[str, Any] = {"keeps": gltf.keeps, "has_parts": True, "has_names": True}
 
 FORMATS: dict[str, MeshFormat] = {
-    ".off": MeshFormat(
-        off.read,
-        off.write,
-        read_asset=off.read_asset,
-        keeps=off.keeps,
-        single=frozenset({"colour", "normal", "uv"}),
-        has_opacity=False,
-    ),
+    ".off": MeshFormat(off.read, off.write, read_asset=off.read_asset, keeps=off.keeps, **_PLAIN),
     ".obj": MeshFormat(
-        obj.read,
-        obj.write,
-        read_asset=obj.read_asset,
-        keeps=obj.keeps,
-        single=frozenset({"colour", "uv", "normal"}),
-        has_names=True,
-        has_opacity=False,
+        obj.read, obj.write, read_asset=obj.read_asset, keeps=obj.keeps, has_names=True, **_PLAIN
     ),
     ".ply": MeshFormat(ply.read, ply.write, _BINARY, ply.read_asset, ply.keeps, keeps_frame=ply.keeps_frame),
     ".stl": MeshFormat(stl.read, stl.write, _BINARY, stl.read_asset),
-    ".glb": _with_attributes(gltf.read_asset, gltf.write_glb, **_GLTF),
-    ".gltf": _with_attributes(gltf.read_asset, gltf.write_gltf, **_GLTF),
+    ".glb": _with_attributes(gltf.read_asset, partial(gltf.write, is_glb=True), **_GLTF),
+    ".gltf": _with_attributes(gltf.read_asset, partial(gltf.write, is_glb=False), **_GLTF),
     ".vtk": _with_attributes(vtk.read_vtk, vtk.write_vtk, keeps=vtk.keeps, options=_BINARY),
     ".vtp": _with_attributes(vtk.read_vtp, vtk.write_vtp, keeps=vtk.keeps, options=_BINARY),
     ".vtu": _with_attributes(vtk.read_vtu, vtk.write_vtu, keeps=vtk.keeps, options=_BINARY),

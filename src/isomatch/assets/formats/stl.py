@@ -28,7 +28,7 @@ def read_asset(data: bytes, name: str) -> Asset:
     is_text = data.removeprefix(b"\xef\xbb\xbf").lstrip()[:5].lower() in (b"solid", b"facet")
     if (
         is_text and b"\0" not in data[: _HEADER_SIZE + _TRIANGLE.itemsize]
-    ):  # many binary files start with it, too
+    ):  # binary files may start with it, too
         corners, notes = _read_text(read_lines(name, data, lower=True))
         attributes: list[Attribute] = []
     else:
@@ -39,9 +39,8 @@ def read_asset(data: bytes, name: str) -> Asset:
         notes += left
     points = corners.reshape(-1, 3)
     kept, vertex = welded(points)
-    return Asset(
-        points[kept], Polygons.of_triangles(vertex.reshape(-1, 3)), tuple(attributes), notes=tuple(notes)
-    )
+    polygons = Polygons.of_triangles(vertex.reshape(-1, 3))
+    return Asset(points[kept], polygons, tuple(attributes), notes=tuple(notes))
 
 
 def write(asset: Asset, binary: bool = True) -> bytes:
@@ -52,9 +51,8 @@ def write(asset: Asset, binary: bool = True) -> bytes:
     normals = np.divide(mesh.face_cross, lengths, out=np.zeros_like(mesh.face_cross), where=lengths > 0)
     if not binary:
         template = "facet normal %r %r %r\nouter loop\n" + "vertex %r %r %r\n" * 3 + "endloop\nendfacet\n"
-        return (
-            b"solid\n" + format_rows(template, np.hstack([normals, corners.reshape(-1, 9)])) + b"endsolid\n"
-        )
+        table = np.hstack([normals, corners.reshape(-1, 9)])
+        return b"solid\n" + format_rows(template, table) + b"endsolid\n"
     if (np.abs(corners[np.isfinite(corners)]) > np.finfo(np.float32).max).any():
         raise MeshError("coordinates exceed the float32 range of binary STL; write text with binary=False")
     triangles = np.zeros(mesh.n_faces, _TRIANGLE)
@@ -66,8 +64,7 @@ def _triangles(data: bytes, name: str) -> tuple[AnyArray, list[str]]:
     """Read the triangles of a binary file; some programs write 0 or −1 for their number, or bytes after them."""
     if len(data) < _HEADER_SIZE:
         raise FormatError(
-            f"{name}: byte {len(data)}: expected 'solid' or {_HEADER_SIZE} bytes of header, found the end of "
-            "the file; it is cut short or not STL, copy or export it again"
+            f"{name}: byte {len(data)}: expected 'solid' or {_HEADER_SIZE} bytes of header, found the end; copy it again"
         )
     declared = int.from_bytes(data[80:84], "little")
     present, rest = divmod(len(data) - _HEADER_SIZE, _TRIANGLE.itemsize)
