@@ -47,10 +47,11 @@ extras:  # zips for Blender and 3D Slicer
 	$(PYTHON) extras/zipped.py dist/extras
 
 told:
-	@echo 'tests: about 6 minutes on two cores, 5 once all is compiled; `make test-long` runs the others, an hour or more'
+	@echo 'tests: about 4 minutes on two cores; `make test-long` runs the others, half an hour or more'
 
-test: told $(VENV)/dev lint  # types are checked beside the tests, and told in the end
+test: told $(VENV)/dev lint  # types are checked beside the tests and told in the end; no two workers compile the same loops
 	$(BIN)/mypy >$(VENV)/types 2>&1 & checked=$$!; \
+	$(ONE_THREAD) $(BIN)/python -m isomatch.warm; \
 	$(ONE_THREAD) $(BIN)/python -m pytest $(WORKERS); tested=$$?; \
 	wait $$checked; typed=$$?; cat $(VENV)/types; exit $$((tested | typed))
 

@@ -12,7 +12,6 @@ import pytest
 from isomatch import InputError
 from isomatch.collections import Collection
 from isomatch.collections.workers import _n_threads_of
-from later import some_later
 from small_collections import arrays_of, run
 
 distributed = pytest.importorskip("distributed")
@@ -68,8 +67,9 @@ class Deaths(threading.Thread):
                 self.killed += 1
 
 
+@pytest.mark.long
 @pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
-@pytest.mark.parametrize("most", some_later([2, 1000], lambda most: most == 2))
+@pytest.mark.parametrize("most", [2, 1000])
 def test_workers_that_die_at_random_during_a_whole_run(cluster, small, finished, tmp_path, most):
     """A job beside which workers died three times is given up by name; the next run makes it."""
     collection = Collection.create(tmp_path, small.shapes, pairs="all", config=small.config)

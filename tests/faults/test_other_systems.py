@@ -35,6 +35,7 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.long
 @pytest.mark.skipif(sys.platform != "linux", reason="what is simulated is found in /proc")
 def test_commands_where_open_files_stay_and_posix_is_missing(small, finished, tmp_path):
     """Files are made and replaced, some by two spawned workers; the maps are the same."""
