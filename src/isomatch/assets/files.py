@@ -159,7 +159,13 @@ def write_mesh(
     path = Path(path)
     asset = Asset.of_mesh(mesh)
     if colors is not None:
-        color = _vertex_colors(colors, mesh.n_vertices)
+        array, expected = np.asarray(colors), (mesh.n_vertices, 3)
+        if array.shape != expected or array.dtype != np.uint8:
+            raise DescriptorError(
+                f"colors have shape {array.shape} and type {array.dtype}, expected {expected} and uint8: "
+                "red, green and blue from 0 to 255 per vertex"
+            )
+        color = Attribute("color", "point", "colour", array)
         if not format_of(path).keeps(color):
             raise _no_option(path, "colors", lambda other: other.keeps(color))
         asset = asset.with_attributes(color)
@@ -227,16 +233,6 @@ def files_beside(path: str | os.PathLike[str], asset: Asset) -> tuple[Path, ...]
 def _no_option(path: Path, option: str, is_able: Callable[[MeshFormat], bool]) -> FormatError:
     able = [suffix for suffix, other in FORMATS.items() if is_able(other)]
     return FormatError(f"{path}: a {path.suffix} file has no option {option!r}; use one of {', '.join(able)}")
-
-
-def _vertex_colors(colors: ArrayLike, n_vertices: int) -> Attribute:
-    array = np.asarray(colors)
-    if array.shape != (n_vertices, 3) or array.dtype != np.uint8:
-        raise DescriptorError(
-            f"colors have shape {array.shape} and type {array.dtype}, expected ({n_vertices}, 3) and uint8: "
-            "red, green and blue from 0 to 255 per vertex"
-        )
-    return Attribute("color", "point", "colour", array)
 
 
 SurfaceLike: TypeAlias = Any

@@ -57,7 +57,9 @@ def asset_from(given: object, *, sound: bool = True) -> Asset:
     ``PointCloud`` of trimesh or Open3D. Unless ``sound``, polygons may refer to points that are not there, and `repair`
     removes them. `MeshError` if it is none of these, or has no polygons but other cells.
     """
-    asset, texture = held_by(given), texture_on(given)
+    points, cells, (geometry, attributes) = _library(given)
+    found, texture = geometry(given, points, cells), texture_on(given)
+    asset = Asset(found.points, found.polygons, told_apart(attributes(given, found)), notes=found.notes)
     if sound:
         asset.require_points()
     asset = asset.with_note_of_uncut
@@ -65,13 +67,6 @@ def asset_from(given: object, *, sound: bool = True) -> Asset:
         return asset
     picture, tint = texture
     return with_texture(asset, png_of(picture), tint)
-
-
-def held_by(given: object) -> Asset:
-    """Make an asset as `asset_from`, without texture; its polygons may refer to no points."""
-    points, cells, (geometry, attributes) = _library(given)
-    found = geometry(given, points, cells)
-    return Asset(found.points, found.polygons, told_apart(attributes(given, found)), notes=found.notes)
 
 
 _STANDARD = ("normal", "rgb", "rgba", "color", "colour", "texturecoordinate", "uv", "obj:vn")
@@ -211,18 +206,16 @@ def _library(given: object) -> tuple[Any, Any, Reader]:
                     (_triangles, _open3d_attributes),
                 )
     for names, readers in _LIBRARIES.items():
-        if all(_has(given, name) for name in names) and (names[1] != "cells" or _has_blocks(given)):
-            return getattr(given, names[0]), getattr(given, names[1]), readers
+        if all(_has(given, name) for name in names):
+            points, cells = (getattr(given, name) for name in names)
+            if names[1] != "cells" or all(hasattr(block, "type") for block in cells):
+                return points, cells, readers
     remedy = next((text for name, text in _REMEDIES.items() if hasattr(given, name)), "")
     raise MeshError(
         f"a {type(given).__module__}.{type(given).__qualname__} is no mesh{remedy}; give a Mesh, the path of a mesh "
         "file, a tuple (vertices, faces), or a mesh of trimesh, PyVista (PolyData), meshio or Open3D (TriangleMesh); "
         "where points will do, PointCloud(points)"
     )
-
-
-def _has_blocks(given: Any) -> bool:
-    return all(hasattr(block, "type") for block in given.cells)
 
 
 def _has(given: object, name: str) -> bool:

@@ -117,7 +117,12 @@ def write(asset: Asset) -> bytes:
             f"faces {some(asset.polygons.of_corner[outside])} refer to vertices outside "
             f"0…{len(asset.points) - 1}, which OBJ cannot hold; remove them with repair(mesh)"
         )
-    encoding = _encoding(asset, document)
+    encoding = document.encoding
+    names = [name for a in asset.attributes if a.name in _STATEMENTS for name in a.coded.names.values()]
+    try:
+        "".join([*document.libraries, *names]).encode(encoding)
+    except UnicodeEncodeError:  # which has no letters for a name
+        encoding = "utf-8"
     lines = [
         *(f"mtllib {library}\n".encode(encoding, "backslashreplace") for library in document.libraries),
         _vertices(asset),
@@ -130,16 +135,6 @@ def write(asset: Asset) -> bytes:
     lines.append(_faces(asset, indices, sizes, encoding))
     lines += [f"{element}\n".encode() for element in document.elements]
     return b"".join(lines)
-
-
-def _encoding(asset: Asset, document: ObjDocument) -> str:
-    """Return the encoding of the file, or UTF-8 where that has no letters for a name."""
-    names = [name for a in asset.attributes if a.name in _STATEMENTS for name in a.coded.names.values()]
-    try:
-        "".join([*document.libraries, *names]).encode(document.encoding)
-    except UnicodeEncodeError:
-        return "utf-8"
-    return document.encoding
 
 
 def _vertices(asset: Asset) -> bytes:
@@ -272,7 +267,9 @@ def read_colours(vertices: NumberRows, data: bytes) -> tuple[list[Attribute], tu
         values[~coloured] = np.nan
         colours = bytes_or_floats(values)
     else:
-        octets = _in_comments(data)
+        blocks = _BLOCK.finditer(data.replace(b"\r", b"\n")) if b"#MRGB" in data else ()
+        digits = b"".join(block[1] for block in blocks).decode()
+        octets = np.frombuffer(bytes.fromhex(digits), np.uint8).reshape(-1, 4)  # mask, red, green and blue
         if not len(octets):
             return [], tuple(notes)
         coloured = np.arange(n) < len(octets)
@@ -287,15 +284,6 @@ def read_colours(vertices: NumberRows, data: bytes) -> tuple[list[Attribute], tu
     if note := attribute.note_of_missing:
         notes.append(note)
     return [attribute], tuple(notes)
-
-
-def _in_comments(data: bytes) -> AnyArray:
-    """(k, 4) mask, red, green and blue."""
-    if b"#MRGB" not in data:
-        return np.zeros((0, 4), np.uint8)
-    lines = data.replace(b"\r", b"\n")
-    digits = b"".join(block[1] for block in _BLOCK.finditer(lines)).decode()
-    return np.frombuffer(bytes.fromhex(digits), np.uint8).reshape(-1, 4)
 
 
 _NUMBERS = {"-o": 3, "-s": 3, "-t": 3, "-mm": 2}

@@ -73,7 +73,10 @@ def read_asset(data: bytes, name: str) -> Asset:
         start += 3
     n_left = int(rows.counts.max(initial=0)) - start - n_last
     values = rows.columns(start, min(n_left, 4))
-    if n_left in (3, 4) and ("C" in letters or _may_be_colours(values)):
+    given = values[~np.isnan(values)]
+    is_byte = (given == np.rint(given)).all() and (given <= 255).all()
+    may_be_colours = (given >= 0).all() and (is_byte or (given <= 1).all())
+    if n_left in (3, 4) and ("C" in letters or may_be_colours):
         attributes.append(Attribute("color", "point", "colour", bytes_or_floats(values)))
     elif n_left > 0:
         what = _MAP if "C" in letters and n_left == 1 else f"{n_left} numbers after the positions"
@@ -132,13 +135,6 @@ def _colours(attribute: Attribute) -> tuple[FloatArray, str]:
     octets = np.rint(255 * fractions)
     whole = attribute.values.dtype.kind != "f" and octets.max(initial=0) > 1  # if not, read as fractions
     return (octets, "%d") if whole else (fractions, "%r")
-
-
-def _may_be_colours(values: FloatArray) -> bool:
-    """Whether all numbers are fractions, or whole numbers up to 255."""
-    given = values[~np.isnan(values)]
-    is_byte = (given == np.rint(given)).all() and (given <= 255).all()
-    return bool((given >= 0).all() and (is_byte or (given <= 1).all()))
 
 
 def _tables(lines: TextLines) -> _Tables:
