@@ -138,7 +138,7 @@ def test_files_that_are_none(tmp_path, make):
         (
             "a.ply",
             f"ply\nformat ascii 1.0\nelement vertex {'9' * 5000}\nend_header\n",
-            "a.ply:3: expected a line 'element NAME COUNT'",
+            "a.ply:3: expected 'element NAME COUNT'",
         ),
         (
             "a.ply",
@@ -149,7 +149,7 @@ def test_files_that_are_none(tmp_path, make):
         (
             "a.ply",
             "ply\nformat ascii 1.0\nelement vertex 1\nelement vertex 1\nend_header\n",
-            "a.ply:4: expected a line 'element NAME COUNT' with a new name",
+            "a.ply:4: expected 'element NAME COUNT'",
         ),
     ],
 )
