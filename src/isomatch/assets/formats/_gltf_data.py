@@ -8,6 +8,7 @@ import json
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import cache, partial
 from mimetypes import guess_type
 from pathlib import Path
 from typing import Any
@@ -181,9 +182,10 @@ def unpacked(data: bytes, name: str) -> GltfData:
         raise FormatError(f"{name}: is compressed by {min(compressed)}; export it without compression")
     starts: list[int] = []
     files: set[Path] = set()
+    beside = cache(partial(_beside, folder.resolve()))  # one file may be named very often
     for i, buffer in enumerate(gltf.json.pop("buffers", [])):
         n, uri = buffer["byteLength"], buffer.get("uri")
-        path = _beside(uri, folder)
+        path = beside(uri)
         if path is not None:
             with opened(path) as file:
                 room.size += 0 if path in files else min(n, path.stat().st_size)
@@ -209,11 +211,11 @@ def unpacked(data: bytes, name: str) -> GltfData:
         view["buffer"] = 0
     views: dict[Path, int | None] = {}
     for image in gltf.json.get("images", []):
-        path = _beside(image.get("uri"), folder)
-        if path is None or not path.is_file():
+        path = beside(image.get("uri"))
+        if path is None:
             continue
         if path not in views:
-            picture = picture_in(path)
+            picture = picture_in(path) if path.is_file() else None
             views[path] = None if picture is None else gltf.add_bytes(picture)
         if views[path] is not None:
             image.setdefault("name", path.stem)
@@ -223,12 +225,12 @@ def unpacked(data: bytes, name: str) -> GltfData:
     return gltf
 
 
-def _beside(uri: str | None, folder: Path) -> Path | None:
+def _beside(folder: Path, uri: str | None) -> Path | None:
     """Return the file that a URI names; None unless it lies in the folder or below: no other file may be copied."""
     if uri is None or uri.startswith("data:"):
         return None
     path = (folder / unquote(uri)).resolve()
-    return path if path.is_relative_to(folder.resolve()) else None
+    return path if path.is_relative_to(folder) else None
 
 
 def packed(gltf: GltfData, binary: bool) -> bytes:
