@@ -6,9 +6,8 @@
 from __future__ import annotations
 
 import csv
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-
-from isomatch_lab.studies.result_tables import markdown
 
 PUBLISHED = Path(__file__).with_suffix(".csv")
 OURS = {  # contest in published.csv: heading, and our rows of it in contests.csv with what they are of
@@ -68,3 +67,9 @@ def _table(rows: list[Row]) -> str:
     rows = sorted(rows, key=lambda row: -float(row["IoU, %"]) if overlap else float(row["error"]))
     shown = [key for key in rows[0] if any(row[key] for row in rows)]
     return markdown(shown, ([row[key] for key in shown] for row in rows))
+
+
+def markdown(head: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
+    """Render a table."""
+    rows = [f"| {' | '.join(cells)} |\n" for cells in (head, *lines)]
+    return "".join([rows[0], f"|{'---|' * len(head)}\n", *rows[1:]])

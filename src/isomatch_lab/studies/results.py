@@ -18,6 +18,7 @@ In a page, what is between ``<!-- result: NAME -->`` and ``<!-- end of result --
 from __future__ import annotations
 
 import argparse
+import csv
 import hashlib
 import json
 import platform
@@ -34,7 +35,6 @@ from typing import Any
 
 from isomatch_lab.studies import published
 from isomatch_lab.studies.result_steps import STEPS, Step
-from isomatch_lab.studies.result_tables import markdown, read_table
 
 ROOT = Path(__file__).parents[3]
 STUDIES = Path(__file__).parent
@@ -160,12 +160,18 @@ def filled(text: str, known: dict[str, Stamp], results: Path = RESULTS) -> str:
     return MARKED.sub(fill, text)
 
 
+def read_table(path: Path) -> list[list[str]]:
+    """Read all lines, the head first."""
+    with path.open(newline="", encoding="utf-8") as file:
+        return list(csv.reader(file))
+
+
 def rendered(path: Path, columns: str | None) -> str:
     """Give a table, or some of its columns, as Markdown."""
     lines = read_table(path)
     chosen = [lines[0].index(column) for column in columns.split("; ")] if columns else range(len(lines[0]))
     head, *rows = [[line[i] for i in chosen] for line in lines]
-    return markdown(head, rows)
+    return published.markdown(head, rows)
 
 
 def told(shown: dict[str, Stamp]) -> str:
