@@ -41,15 +41,15 @@ def looks_of(asset: Asset) -> Looks | None:
     labels = [a for a in asset.attributes if (a.name, a.domain) == (_MATERIAL, "face")]
     if not isinstance(asset.document, ObjDocument) or not labels:
         return None
-    known = obj.materials_of_libraries(asset.document.files, asset.document.libraries)
+    look_of = obj.materials_of_libraries(asset.document.files, asset.document.libraries)
     coded = labels[0].coded
     codes, place = np.unique(coded.values, return_inverse=True)
     names = [coded.names.get(code, str(code)) for code in codes.tolist()]
-    if not known.keys() & set(names):
+    if not look_of.keys() & set(names):
         return None
     used = [name for name in names if name]
     look = np.array([used.index(name) if name else -1 for name in names], dtype=np.int64)
-    materials = tuple(known.get(name) or Look(name, _UNDEFINED) for name in used)
+    materials = tuple(look_of.get(name) or Look(name, _UNDEFINED) for name in used)
     return Looks(look[place][asset.polygons.of_triangle], materials)
 
 
@@ -57,17 +57,17 @@ def unread_files(asset: Asset) -> tuple[str, ...]:
     """Say of each picture of an asset, and each material and library of an OBJ file, that cannot be read, why not."""
     materials, document = looks_of(asset), asset.document
     pictures = unread(materials.pictures if materials else ())
-    found = [f"{picture.name!r}: {why}" for picture, why in pictures.items()]
+    notes = [f"{picture.name!r}: {why}" for picture, why in pictures.items()]
     if isinstance(document, ObjDocument):
-        known = obj.materials_of_libraries(document.files, document.libraries)
-        undefined = [look.name for look in materials.looks if look.name not in known] if materials else []
-        found += [f"{name!r}: the material is in none of the libraries" for name in undefined]
+        look_of = obj.materials_of_libraries(document.files, document.libraries)
+        undefined = [look.name for look in materials.looks if look.name not in look_of] if materials else []
+        notes += [f"{name!r}: the material is in none of the libraries" for name in undefined]
         for line in document.libraries:  # one, whose name may have blanks, or several
             words = line.split()
             missing = [] if line in document.files else [word for word in words if word not in document.files]
             names = missing if len(missing) < len(words) else [line]
-            found += [f"{name!r}: there is no such file in the folder of the OBJ file" for name in names]
-    return tuple(found)
+            notes += [f"{name!r}: there is no such file in the folder of the OBJ file" for name in names]
+    return tuple(notes)
 
 
 def with_looks_of(receiver: Asset, giver: Asset, giver_triangle: IntArray) -> Asset:
@@ -75,14 +75,14 @@ def with_looks_of(receiver: Asset, giver: Asset, giver_triangle: IntArray) -> As
 
     ``giver_triangle`` (m,) is the triangle whose look each triangle of the receiver takes; −1 for the most frequent.
     """
-    given, materials = giver.document, looks_of(giver)
+    theirs, materials = giver.document, looks_of(giver)
     if materials is None or not len(giver_triangle):
         return receiver
-    if isinstance(given, GltfDocument):
-        return gltf_carried.with_materials_of(receiver, given, giver_triangle)
+    if isinstance(theirs, GltfDocument):
+        return gltf_carried.with_materials_of(receiver, theirs, giver_triangle)
     of_triangle = gltf_carried.seen(materials.of_triangle, giver_triangle)
-    if isinstance(given, ObjDocument) and isinstance(receiver.document, ObjDocument):
-        document = replace(receiver.document, libraries=given.libraries, files=given.files)
+    if isinstance(theirs, ObjDocument) and isinstance(receiver.document, ObjDocument):
+        document = replace(receiver.document, libraries=theirs.libraries, files=theirs.files)
         names = tuple(look.name for look in materials.looks)
         return replace(_labelled(receiver, of_triangle, names), document=document)
     return gltf_carried.with_materials(receiver, Looks(of_triangle, materials.looks))
@@ -99,9 +99,8 @@ def with_texture(receiver: Asset, png: bytes, tint: tuple[float, ...] = UNTINTED
 def as_written(path: Path, asset: Asset) -> tuple[Asset, dict[Path, bytes]]:
     """Return an asset with its materials in the format of a file to be written, and the files to be written beside it."""
     document, suffix = asset.document, path.suffix.lower()
-    is_gltf = isinstance(document, GltfDocument)
     if suffix in (".glb", ".gltf"):
-        materials = None if is_gltf else looks_of(asset)
+        materials = None if isinstance(document, GltfDocument) else looks_of(asset)
         return (gltf_carried.with_materials(asset, materials) if materials else asset), {}
     if isinstance(document, GltfDocument):
         materials = looks_of(asset) if suffix == ".obj" else None
@@ -139,7 +138,7 @@ def _repeating(asset: Asset, materials: Looks) -> tuple[Asset, tuple[Layer, ...]
     of_polygon = np.full(len(polygons), -1)
     of_polygon[polygons.of_triangle] = materials.of_triangle
     of_corner = of_polygon[polygons.of_corner]
-    found = np.full((len(of_corner), 2), np.nan)
+    uv_of_corner = np.full((len(of_corner), 2), np.nan)
     for i, layer in enumerate(layers):
         for attribute in asset.of_kind("uv"):
             if attribute.name == layer.uv and attribute.domain != "face":
@@ -147,9 +146,9 @@ def _repeating(asset: Asset, materials: Looks) -> tuple[Asset, tuple[Layer, ...]
                 rows = here if attribute.domain == "corner" else polygons.corners[here]
                 uv = attribute.values[rows].astype(np.float64)
                 layers[i] = unrolled(layer, layer.looked_up(uv))
-                found[here] = layers[i].looked_up(uv)
+                uv_of_corner[here] = layers[i].looked_up(uv)
     others = tuple(a for a in asset.attributes if a.name not in (*first, "uv"))
-    return replace(asset, attributes=(Attribute("uv", "corner", "uv", found), *others)), tuple(layers)
+    return replace(asset, attributes=(Attribute("uv", "corner", "uv", uv_of_corner), *others)), tuple(layers)
 
 
 def _in_obj(asset: Asset, materials: Looks, stem: str) -> Asset:

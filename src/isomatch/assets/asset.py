@@ -43,6 +43,11 @@ UNKNOWN, SCANNER = "unknown", "scanner_anat"
 _AXES = np.array([[-1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
 _REAL = [2, 1, 20]  # marks of a footer whose surface is in coordinates of the scanner
 _CLOSE = 1e-4  # millimetres: GIFTI stores six decimals
+NEW_VOLUME: Mapping[str, Any] = {  # what nibabel writes before the numbers of a volume
+    "head": np.array([2, 0, 20], dtype=np.int32),
+    "valid": "1  # volume info valid",
+    "filename": "none",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,9 +111,7 @@ class Frame:
         if SCANNER not in (self.space, self.to) or not np.allclose(turn @ turn.T, np.eye(3), atol=_CLOSE):
             return None
         return {
-            "head": np.array([2, 0, 20], dtype=np.int32),
-            "valid": "1  # volume info valid",
-            "filename": "none",
+            **NEW_VOLUME,
             "volume": np.full(3, 256),
             "voxelsize": np.ones(3),
             **dict(zip(("xras", "yras", "zras"), (turn @ _AXES).T)),
@@ -218,8 +221,8 @@ class Asset:
         for attribute in self.attributes:
             if attribute.name == name and domain in (None, attribute.domain):
                 return attribute
-        known = ", ".join(f"{a.name!r} of {a.domain}s" for a in self.attributes) or "none"
-        raise DescriptorError(f"no attribute {name!r}{f' of {domain}s' if domain else ''}; there are {known}")
+        names = ", ".join(f"{a.name!r} of {a.domain}s" for a in self.attributes) or "none"
+        raise DescriptorError(f"no attribute {name!r}{f' of {domain}s' if domain else ''}; there are {names}")
 
     def of_kind(self, kind: Kind) -> tuple[Attribute, ...]:
         """Return the attributes of one kind, in their order."""

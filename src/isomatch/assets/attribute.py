@@ -85,11 +85,12 @@ class Attribute:
 
     def _require_kind(self) -> None:
         values, widths = self.values, _WIDTHS.get(self.kind)
-        n_axes = 1 if self.kind in ("label", "scalar") else 2
-        if self.kind == "label" and (values.ndim != 1 or values.dtype.kind not in "iubU"):
-            self._refuse("values", values, "(k,) integers or strings")
-        elif self.kind != "label" and (values.ndim != n_axes or values.dtype.kind not in "fiub"):
-            self._refuse("values", values, "(k,) numbers" if n_axes == 1 else "(k, d) numbers")
+        types, n_axes, expected = {
+            "label": ("iubU", 1, "(k,) integers or strings"),
+            "scalar": ("fiub", 1, "(k,) numbers"),
+        }.get(self.kind, ("fiub", 2, "(k, d) numbers"))
+        if values.ndim != n_axes or values.dtype.kind not in types:
+            self._refuse("values", values, expected)
         if widths and values.shape[1] not in widths:
             self._refuse("values", values, f"{' or '.join(map(str, widths))} columns")
 
@@ -119,9 +120,7 @@ class Attribute:
             kind, none = (kind if kind.kind == "i" else np.dtype(np.int64)), -1
         elif self.kind in ("scalar", "vector") or (kind.kind == "f" and self.kind in ("colour", "uv")):
             kind, none = np.result_type(values, np.nan), np.nan
-        everywhere = np.zeros((n, *values.shape[1:]), dtype=kind)
-        if kind.kind != "U":
-            everywhere[:] = none
+        everywhere = np.full((n, *values.shape[1:]), "" if kind.kind == "U" else none, dtype=kind)
         everywhere[rows] = values
         return self.with_values(everywhere)
 
@@ -167,10 +166,9 @@ class Attribute:
         if self.kind not in ("scalar", "vector") or self.is_tangent:
             return self.kind == "label"
         none = np.isnan(self.values)
-        known = self.values[~(none.any(axis=1) if none.ndim > 1 else none)]
-        if not (known == np.rint(known)).all():
-            return False
-        return 2 * len(np.unique(known, axis=0 if known.ndim > 1 else None)) <= len(known)
+        rows = self.values[~(none.any(axis=1) if none.ndim > 1 else none)]
+        is_whole = bool((rows == np.rint(rows)).all())
+        return is_whole and 2 * len(np.unique(rows, axis=0 if rows.ndim > 1 else None)) <= len(rows)
 
     @property
     def full(self) -> float:
@@ -272,12 +270,12 @@ def guessed_kind(name: str, values: AnyArray) -> Kind:
 
 def told_apart(attributes: Iterable[Attribute], *, of_all: bool = False) -> tuple[Attribute, ...]:
     """Return the same, numbered if one before of the same domain, or of all, has the name: uv, uv_1, uv_2."""
-    found: list[Attribute] = []
+    numbered: list[Attribute] = []
     for attribute in attributes:
-        taken = [other.name for other in found if of_all or other.domain == attribute.domain]
+        taken = [other.name for other in numbered if of_all or other.domain == attribute.domain]
         name = unused_name(attribute.name, taken)
-        found.append(attribute if name == attribute.name else replace(attribute, name=name))
-    return tuple(found)
+        numbered.append(attribute if name == attribute.name else replace(attribute, name=name))
+    return tuple(numbered)
 
 
 def unused_name(name: str, taken: Container[str]) -> str:

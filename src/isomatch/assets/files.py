@@ -18,7 +18,7 @@ from isomatch.assets.formats.registry import FORMATS, MeshFormat, checked, forma
 from isomatch.assets.libraries import geometry_of
 from isomatch.assets.polygons import Polygons, merged_corners
 from isomatch.errors import DescriptorError, FormatError, MeshError
-from isomatch.storage.files import opened, replaced
+from isomatch.storage.files import contents, replaced
 from isomatch.surfaces import Graph, Mesh, PointCloud, Surface
 
 
@@ -61,9 +61,7 @@ def read_mesh(path: str | os.PathLike[str]) -> Mesh:
     Mesh(3 vertices, 1 faces)
     """
     path = Path(path)
-    mesh_format = format_of(path)
-    with opened(path) as file:
-        return mesh_format.read(file.read(), str(path))
+    return format_of(path).read(contents(path), str(path))
 
 
 def read_point_cloud(path: str | os.PathLike[str], n_neighbours: int = 30) -> PointCloud:
@@ -105,8 +103,7 @@ def read_asset(path: str | os.PathLike[str], *, sound: bool = True) -> Asset:
             asset.require_points()
         return asset.with_note_of_uncut
 
-    with opened(path) as file:
-        return checked(read, file.read(), str(path))
+    return checked(read, contents(path), str(path))
 
 
 def write_mesh(
@@ -193,12 +190,10 @@ def write_asset(
         raise _no_option(path, "binary", lambda other: "binary" in other.options)
     asset, beside = as_written(path, asset)
     if not mesh_format.has_parts:
-        document = asset.document
-        asset = replace(asset.placed, document=document)
+        asset = replace(asset.placed, document=asset.document)
     if any(attribute.domain == "corner" for attribute in asset.attributes):
         asset.require_points()
-    kept: list[Attribute] = []
-    left: list[Attribute] = []
+    kept, left = list[Attribute](), list[Attribute]()
     for attribute in asset.attributes:
         place: Attribute | None = attribute
         if attribute.domain == "corner" and not mesh_format.keeps(attribute):
@@ -285,6 +280,6 @@ def mesh_from(given: SurfaceLike) -> Mesh:
         return Mesh(*given)
     if isinstance(given, PointCloud):
         raise MeshError("a PointCloud is no mesh; give a surface with faces")
-    found = geometry_of(given)
-    points = Mesh(found.points, []).vertices
-    return Mesh(points, Polygons(found.corners, found.sizes, points).triangles)
+    geometry = geometry_of(given)
+    points = Mesh(geometry.points, []).vertices
+    return Mesh(points, Polygons(geometry.corners, geometry.sizes, points).triangles)

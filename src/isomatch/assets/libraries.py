@@ -27,9 +27,7 @@ class Geometry:
     corners: IntArray
     sizes: IntArray
     rows: IntArray  # of each polygon among the cells of the object
-    left_out: Mapping[str, int] = field(
-        default_factory=dict
-    )  # number of the cells of each kind that are no polygons
+    left_out: Mapping[str, int] = field(default_factory=dict)  # how many cells of each kind are no polygons
 
     @property
     def polygons(self) -> Polygons:
@@ -46,8 +44,7 @@ class Geometry:
 
 def geometry_of(given: object) -> Geometry:
     """Return points and polygons of a mesh of trimesh, PyVista, meshio or Open3D."""
-    points, cells, (geometry, _) = _library(given)
-    return geometry(given, points, cells)
+    return _library(given)[0]
 
 
 def asset_from(given: object, *, sound: bool = True) -> Asset:
@@ -57,12 +54,12 @@ def asset_from(given: object, *, sound: bool = True) -> Asset:
     ``PointCloud`` of trimesh or Open3D. Unless ``sound``, polygons may refer to points that are not there, and `repair`
     removes them. `MeshError` if it is none of these, or has no polygons but other cells.
     """
-    points, cells, (geometry, attributes) = _library(given)
-    found, texture = geometry(given, points, cells), texture_on(given)
-    asset = Asset(found.points, found.polygons, told_apart(attributes(given, found)), notes=found.notes)
+    geometry, attributes = _library(given)
+    values = told_apart(attributes(given, geometry))
+    asset = Asset(geometry.points, geometry.polygons, values, notes=geometry.notes)
     if sound:
         asset.require_points()
-    asset = asset.with_note_of_uncut
+    asset, texture = asset.with_note_of_uncut, texture_on(given)
     if texture is None or not asset.of_kind("uv"):
         return asset
     picture, tint = texture
@@ -72,20 +69,20 @@ def asset_from(given: object, *, sound: bool = True) -> Asset:
 _STANDARD = ("normal", "rgb", "rgba", "color", "colour", "texturecoordinate", "uv", "obj:vn")
 
 
-def _triangles(given: object, points: Any, faces: Any) -> Geometry:
+def _triangles(mesh: object, points: Any, faces: Any) -> Geometry:
     array = np.asarray(faces)
     array = array if array.ndim == 2 else array.reshape(-1, 3)
     sizes, rows = np.full(len(array), array.shape[1]), np.arange(len(array))
     return Geometry(np.asarray(points), array.ravel(), sizes, rows)
 
 
-def _polydata(given: Any, points: Any, faces: Any) -> Geometry:
+def _polydata(mesh: Any, points: Any, faces: Any) -> Geometry:
     """Read faces stored one after the other, each as the number of its corners and these."""
     flat = np.asarray(faces, dtype=np.int64)
     if flat.ndim == 2:
-        return _triangles(given, points, flat)
-    if getattr(given, "n_strips", 0):
-        raise MeshError(f"the {type(given).__name__} has strips of triangles; call its triangulate() first")
+        return _triangles(mesh, points, flat)
+    if getattr(mesh, "n_strips", 0):
+        raise MeshError(f"the {type(mesh).__name__} has strips of triangles; call its triangulate() first")
     starts = np.arange(0, flat.size, flat[0] + 1) if flat.size else flat
     if flat.size and (flat.size % (flat[0] + 1) or (flat[starts] != flat[0]).any()):
         sizes, at = flat.tolist(), [0]
@@ -94,14 +91,14 @@ def _polydata(given: Any, points: Any, faces: Any) -> Geometry:
         starts = np.array(at)
     corners = np.ones(flat.size, dtype=bool)
     corners[starts] = False
-    others = {"vertex": getattr(given, "n_verts", 0), "line": getattr(given, "n_lines", 0)}
+    others = {"vertex": getattr(mesh, "n_verts", 0), "line": getattr(mesh, "n_lines", 0)}
     rows = sum(others.values()) + np.arange(len(starts))
     return polygons_of(points, flat[corners], flat[starts], rows, others)
 
 
-def _blocks(given: Any, points: Any, cells: Any) -> Geometry:
+def _blocks(mesh: Any, points: Any, cells: Any) -> Geometry:
     """Read blocks, each of the cells of one type."""
-    corners, sizes, rows, start = [], [], [], 0
+    start, (corners, sizes, rows) = 0, ([np.zeros(0, dtype=np.int64)] for _ in range(3))
     others: Counter[str] = Counter()
     for block in cells:
         if block.type in ("triangle", "quad", "polygon"):
@@ -112,8 +109,7 @@ def _blocks(given: Any, points: Any, cells: Any) -> Geometry:
         else:
             others[block.type] += len(block.data)
         start += len(block.data)
-    none = [np.zeros(0, dtype=np.int64)]
-    flat = [np.concatenate(part or none) for part in (corners, sizes, rows)]
+    flat = [np.concatenate(part) for part in (corners, sizes, rows)]
     return polygons_of(points, flat[0], flat[1], flat[2], others)
 
 
@@ -129,8 +125,8 @@ def polygons_of(
     return Geometry(np.asarray(points), corners[np.repeat(kept, sizes)], sizes[kept], rows[kept], others)
 
 
-def _trimesh_attributes(given: Any, found: Geometry) -> Iterator[Attribute]:
-    visual: Any = getattr(given, "visual", None)
+def _trimesh_attributes(mesh: Any, geometry: Geometry) -> Iterator[Attribute]:
+    visual: Any = getattr(mesh, "visual", None)
     kind = getattr(visual, "kind", None)
     if kind == "vertex":
         yield Attribute("color", "point", "colour", visual.vertex_colors)
@@ -138,19 +134,19 @@ def _trimesh_attributes(given: Any, found: Geometry) -> Iterator[Attribute]:
         yield Attribute("color", "face", "colour", visual.face_colors)
     elif kind == "texture" and getattr(visual, "uv", None) is not None:
         yield Attribute("uv", "point", "uv", visual.uv)
-    yield from attributes_of(getattr(given, "vertex_attributes", {}), "point")
-    yield from attributes_of(getattr(given, "face_attributes", {}), "face")
+    yield from attributes_of(getattr(mesh, "vertex_attributes", {}), "point")
+    yield from attributes_of(getattr(mesh, "face_attributes", {}), "face")
 
 
-def _data_attributes(given: Any, found: Geometry) -> Iterator[Attribute]:
-    yield from attributes_of(getattr(given, "point_data", {}), "point")
-    cells = getattr(given, "cell_data", {})
-    if _has(given, "cells") and not _has(given, "faces"):  # lists of the values of each block
+def _data_attributes(mesh: Any, geometry: Geometry) -> Iterator[Attribute]:
+    yield from attributes_of(getattr(mesh, "point_data", {}), "point")
+    cells = getattr(mesh, "cell_data", {})
+    if _has(mesh, "cells") and not _has(mesh, "faces"):  # lists of the values of each block
         cells = {name: np.concatenate(each) for name, each in cells.items()}
-    yield from attributes_of(cells, "face", found.rows)
+    yield from attributes_of(cells, "face", geometry.rows)
 
 
-def _open3d_attributes(given: Any, found: Geometry) -> Iterator[Attribute]:
+def _open3d_attributes(mesh: Any, geometry: Geometry) -> Iterator[Attribute]:
     places: tuple[tuple[str, str, Domain, Kind], ...] = (
         ("vertex_normals", "normal", "point", "normal"),
         ("vertex_colors", "color", "point", "colour"),
@@ -160,7 +156,7 @@ def _open3d_attributes(given: Any, found: Geometry) -> Iterator[Attribute]:
         ("colors", "color", "point", "colour"),
     )
     for source, name, domain, kind in places:
-        values = np.asarray(getattr(given, source, ()))
+        values = np.asarray(getattr(mesh, source, ()))
         if values.size:
             yield Attribute(name, domain, kind, values)
 
@@ -181,8 +177,8 @@ def attributes_of(
         yield Attribute(standard if is_standard else name, domain, kind, array)
 
 
-Reader = tuple[Callable[[Any, Any, Any], Geometry], Callable[[Any, Geometry], Iterator[Attribute]]]
-_LIBRARIES: dict[tuple[str, str], Reader] = {
+Attributes = Callable[[Any, Geometry], Iterator[Attribute]]  # of a mesh, once its geometry is read
+_LIBRARIES: dict[tuple[str, str], tuple[Callable[[Any, Any, Any], Geometry], Attributes]] = {
     ("vertices", "faces"): (_triangles, _trimesh_attributes),
     ("vertices", "triangles"): (_triangles, _open3d_attributes),
     ("points", "faces"): (_polydata, _data_attributes),
@@ -196,31 +192,28 @@ _REMEDIES = {
 }
 
 
-def _library(given: object) -> tuple[Any, Any, Reader]:
-    if type(given).__name__ == "PointCloud":
+def _library(mesh: object) -> tuple[Geometry, Attributes]:
+    if type(mesh).__name__ == "PointCloud":
         for name in ("vertices", "points"):  # trimesh, Open3D
-            if _has(given, name):
-                return (
-                    getattr(given, name),
-                    np.zeros((0, 3), dtype=np.int64),
-                    (_triangles, _open3d_attributes),
-                )
-    for names, readers in _LIBRARIES.items():
-        if all(_has(given, name) for name in names):
-            points, cells = (getattr(given, name) for name in names)
+            if _has(mesh, name):
+                none = np.zeros((0, 3), dtype=np.int64)
+                return _triangles(mesh, getattr(mesh, name), none), _open3d_attributes
+    for names, (geometry, attributes) in _LIBRARIES.items():
+        if all(_has(mesh, name) for name in names):
+            points, cells = (getattr(mesh, name) for name in names)
             if names[1] != "cells" or all(hasattr(block, "type") for block in cells):
-                return points, cells, readers
-    remedy = next((text for name, text in _REMEDIES.items() if hasattr(given, name)), "")
+                return geometry(mesh, points, cells), attributes
+    remedy = next((text for name, text in _REMEDIES.items() if hasattr(mesh, name)), "")
     raise MeshError(
-        f"a {type(given).__module__}.{type(given).__qualname__} is no mesh{remedy}; give a Mesh, the path of a mesh "
+        f"a {type(mesh).__module__}.{type(mesh).__qualname__} is no mesh{remedy}; give a Mesh, the path of a mesh "
         "file, a tuple (vertices, faces), or a mesh of trimesh, PyVista (PolyData), meshio or Open3D (TriangleMesh); "
         "where points will do, PointCloud(points)"
     )
 
 
-def _has(given: object, name: str) -> bool:
-    found = getattr(given, name, None)
-    return found is not None and not callable(found)
+def _has(mesh: object, name: str) -> bool:
+    value = getattr(mesh, name, None)
+    return value is not None and not callable(value)
 
 
 def to_trimesh(asset: Asset) -> Any:

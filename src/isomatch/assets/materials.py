@@ -12,7 +12,7 @@ from typing import Any, Literal
 import numpy as np
 
 from isomatch.errors import FormatError
-from isomatch.storage.files import opened
+from isomatch.storage.files import contents, opened
 from isomatch.values.arrays import AnyArray, FloatArray, IntArray
 
 Wrap = Literal["repeat", "clamp", "mirror"]
@@ -49,9 +49,9 @@ class Layer:
         """(m, 2) places in the picture of texture coordinates (m, 2 or more), both from its lower left."""
         matrix = np.array(self.matrix)
         down = np.column_stack([uv[:, 0], 1 - uv[:, 1]])
-        found: FloatArray = down @ matrix[:, :2].T + matrix[:, 2]
-        found[:, 1] = 1 - found[:, 1]
-        return found
+        places: FloatArray = down @ matrix[:, :2].T + matrix[:, 2]
+        places[:, 1] = 1 - places[:, 1]
+        return places
 
 
 @dataclass(frozen=True)
@@ -117,16 +117,15 @@ def _loaded(picture: bytes) -> Any:
 
 def unread(pictures: Iterable[Picture]) -> dict[Picture, str]:
     """Say of each picture that cannot be read why not."""
-    found = {}
+    reasons = {}
     for picture in pictures:
-        if picture.missing:
-            found[picture] = picture.missing
-            continue
         try:
+            if picture.missing:
+                raise FormatError(picture.missing)
             _loaded(picture.data)
         except FormatError as error:
-            found[picture] = str(error).removeprefix(_UNREAD)
-    return found
+            reasons[picture] = str(error).removeprefix(_UNREAD)
+    return reasons
 
 
 def is_picture(data: bytes) -> bool:
@@ -147,14 +146,13 @@ def picture_in(path: Path) -> bytes | None:
                     Image.open(file, formats=kinds).verify()
             except Exception:  # the readers of Pillow have no list of their errors
                 return None
-    with opened(path) as file:
-        return file.read()
+    return contents(path)
 
 
 def as_png(picture: bytes) -> bytes:
     """Return a PNG or JPEG file as it is, and another as PNG if it can be read."""
-    known = picture[:4] == b"\x89PNG" or picture[:2] == JPEG
-    return picture if known or not is_picture(picture) else png_of(pixels_of(picture))
+    stays = picture[:4] == b"\x89PNG" or picture[:2] == JPEG or not is_picture(picture)
+    return picture if stays else png_of(pixels_of(picture))
 
 
 def png_of(pixels: AnyArray) -> bytes:
@@ -166,10 +164,9 @@ def png_of(pixels: AnyArray) -> bytes:
     file = BytesIO()
     table = pixels.reshape(*pixels.shape[:2], -1)
     table = np.repeat(table[:, :, :1], 3, axis=2) if table.shape[2] < 3 else table  # grey
-    opaque = np.full(
-        (*table.shape[:2], 4 - table.shape[2]), 255 if pixels.dtype == np.uint8 else 1, table.dtype
-    )
-    imsave(file, np.concatenate([table, opaque], axis=2), format="png")
+    full = 255 if pixels.dtype == np.uint8 else 1
+    opaque = np.pad(table, ((0, 0), (0, 0), (0, 4 - table.shape[2])), constant_values=full)
+    imsave(file, opaque, format="png")
     return file.getvalue()
 
 
@@ -224,17 +221,17 @@ def _wrapped(index: IntArray, n: int, wrap: Wrap) -> IntArray:
     return index % n
 
 
-def texture_on(given: Any) -> tuple[AnyArray, tuple[float, ...]] | None:
+def texture_on(mesh: Any) -> tuple[AnyArray, tuple[float, ...]] | None:
     """Return the texture of a mesh of trimesh or Open3D, and the colour that tints it, 0…1; None unless it has one."""
-    found: list[AnyArray] = []
-    material = getattr(getattr(given, "visual", None), "material", None)  # of trimesh
+    textures: list[AnyArray] = []
+    material = getattr(getattr(mesh, "visual", None), "material", None)  # of trimesh
     for name in ("image", "baseColorTexture"):
         if getattr(material, name, None) is not None:
-            found = [np.asarray(getattr(material, name).convert("RGBA"))]
-    for image in getattr(given, "textures", ()):  # of Open3D, upside down
+            textures = [np.asarray(getattr(material, name).convert("RGBA"))]
+    for image in getattr(mesh, "textures", ()):  # of Open3D, upside down
         if np.asarray(image).size > 1:
-            found.append(np.asarray(image)[::-1])
-    return (found[0], _tint(material)) if len(found) == 1 else None
+            textures.append(np.asarray(image)[::-1])
+    return (textures[0], _tint(material)) if len(textures) == 1 else None
 
 
 def _tint(material: Any) -> tuple[float, ...]:

@@ -91,14 +91,14 @@ class Polygons:
             start, size = int(self.starts[polygon]), len(flat)
             points = self.points[self.corners[start : start + size]]
             first = int(np.lexsort(points.T)[0])  # whichever corner the file begins with
-            found = _ears(np.roll(flat, -first, axis=0), rounding)
-            if found is None:
+            ears = _ears(np.roll(flat, -first, axis=0), rounding)
+            if ears is None:
                 left.append(polygon)
             else:
-                found = (found + first) % size
-                found = np.take_along_axis(found, (found.argmin(axis=1)[:, None] + range(3)) % 3, axis=1)
+                ears = (ears + first) % size
+                ears = np.take_along_axis(ears, (ears.argmin(axis=1)[:, None] + range(3)) % 3, axis=1)
                 rows.append(np.arange(size - 2) + start - 2 * polygon)
-                triangles.append(start + found[np.lexsort(found.T[::-1])])
+                triangles.append(start + ears[np.lexsort(ears.T[::-1])])
         return np.concatenate(rows), np.concatenate(triangles), np.array(left, dtype=np.int64)
 
     def _concave(self) -> list[tuple[int, FloatArray, float]]:
@@ -107,13 +107,13 @@ class Polygons:
         sound = (self.corners >= 0) & (self.corners < len(self.points))
         sound[sound] = np.isfinite(self.points[self.corners[sound]]).all(axis=1)
         n_sound = np.add.reduceat(sound, self.starts) if len(self) else self.sizes
-        found = []
+        polygons = []
         for size in np.unique(self.sizes[self.sizes > 3]).tolist():
             rows = np.flatnonzero((self.sizes == size) & (n_sound == size))
             flat, rounding = _flattened(self.points[self.corners[self.starts[rows, None] + np.arange(size)]])
             concave = np.flatnonzero(~_are_convex(flat, rounding)).tolist()
-            found += [(int(rows[i]), flat[i], float(rounding[i])) for i in concave]
-        return sorted(found, key=lambda each: each[0])
+            polygons += [(int(rows[i]), flat[i], float(rounding[i])) for i in concave]
+        return sorted(polygons, key=lambda each: each[0])
 
     @cached_property
     def corner_of_triangle(self) -> IntArray:
@@ -223,10 +223,8 @@ def _ears(flat: FloatArray, rounding: float) -> IntArray | None:
     n, area = len(flat), _area(flat)
     if area <= rounding:
         return None
-    cut = (
-        triangulate_float64(flat.astype(np.float64), np.array([n], np.uint32)).reshape(-1, 3).astype(np.int64)
-    )
-    triangles = np.array(_with_every_corner(cut.tolist(), n)).reshape(-1, 3)
+    cut = triangulate_float64(flat.astype(np.float64), np.array([n], np.uint32)).reshape(-1, 3).tolist()
+    triangles = np.array(_with_every_corner(cut, n)).reshape(-1, 3)
     parts = _area(flat[triangles])
     if len(triangles) != n - 2 or np.abs(parts).sum() > (1 + _OVERLAP) * area:
         return None

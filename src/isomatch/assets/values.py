@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable, Collection, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from io import BytesIO
 from itertools import dropwhile
 from pathlib import Path
@@ -18,7 +19,7 @@ from isomatch.assets.formats import freesurfer, gifti
 from isomatch.assets.formats._reading import reading
 from isomatch.assets.formats._text import number_of
 from isomatch.errors import DescriptorError, FormatError
-from isomatch.storage.files import opened, replaced
+from isomatch.storage.files import contents, replaced
 from isomatch.storage.texts import SEPARATORS, decoded, encoding_of, joined, separated
 from isomatch.values.arrays import AnyArray
 
@@ -63,10 +64,8 @@ def read_attributes(path: str | os.PathLike[str], surface: Asset | None = None) 
         row for each of its polygons are then values on these; values of some points alone are spread over all.
     """
     path = Path(path)
-    values_format = _format_of(path)
-    with opened(path) as file:
-        found = values_format.read(file.read(), str(path), surface)
-    return found if surface is None else tuple(_on(surface, attribute, path) for attribute in found)
+    attributes = _format_of(path).read(contents(path), str(path), surface)
+    return attributes if surface is None else tuple(_on(surface, each, path) for each in attributes)
 
 
 def _on(surface: Asset, attribute: Attribute, path: Path) -> Attribute:
@@ -99,8 +98,7 @@ def write_attributes(path: str | os.PathLike[str], attributes: Sequence[Attribut
     """
     path = Path(path)
     values_format = _format_of(path)
-    kept: list[Attribute] = []
-    left: list[Attribute] = []
+    kept, left = list[Attribute](), list[Attribute]()
     for attribute in attributes:
         place = _placed(attribute, values_format)
         is_full = kept and (values_format.is_single or len(kept[0]) != len(attribute))
@@ -143,7 +141,7 @@ _INDEX_NAMES = ("", "index", "vertex", "vertex_index", "point", "node", "unnamed
 _BLANK = {"", "nan", "na", "n/a", "#n/a", "none", "null"}
 
 
-def _read_array(data: bytes, name: str) -> tuple[Attribute, ...]:
+def _read_array(data: bytes, name: str, surface: Asset | None) -> tuple[Attribute, ...]:
     """Read a ``.npy`` file of one row, number or text for each point."""
     with reading(name, "a .npy file of numbers or texts, without pickled objects"):
         values = np.load(BytesIO(data), allow_pickle=False)
@@ -160,50 +158,53 @@ def _read_array(data: bytes, name: str) -> tuple[Attribute, ...]:
 def _write_array(attributes: Sequence[Attribute]) -> bytes:
     """Write the values of one attribute as a ``.npy`` file."""
     file = BytesIO()
-    (attribute,) = attributes
-    np.save(file, attribute.values if attribute.kind == "label" else attribute.plain, allow_pickle=False)
+    np.save(file, _words_or_numbers(*attributes), allow_pickle=False)
     return file.getvalue()
 
 
-def _read_table(data: bytes, name: str, n_rows: Sequence[int] = ()) -> tuple[Attribute, ...]:
+def _words_or_numbers(attribute: Attribute) -> AnyArray:
+    return attribute.values if attribute.kind == "label" else attribute.plain
+
+
+def _read_table(data: bytes, name: str, surface: Asset | None) -> tuple[Attribute, ...]:
     """Read columns of a text; those without a header are named by the file.
 
     A first line of names is told by the number of rows, if that is known, or by numbers that follow it. A column named
     vertex, index or nothing that has different whole numbers says which point a row is of.
     """
+    n_rows = (len(surface.points), len(surface.polygons)) if surface else ()
     rows, may_have_commas = _rows_of(decoded(data), name)
     if not rows or any(len(row) != len(rows[0]) for row in rows):
-        found = "rows of different lengths" if rows else "nothing"
+        content = "rows of different lengths" if rows else "nothing"
         raise FormatError(
-            f"{name}: expected columns of one row for each point, found {found}; export it again"
+            f"{name}: expected columns of one row for each point, found {content}; export it again"
         )
     has_header = _has_header(rows, n_rows, may_have_commas)
     titles = rows.pop(0) if has_header else []
     stem = Path(name).stem
     columns = [_column(list(cells), may_have_commas) for cells in zip(*rows)]
     titles = titles or ([stem] if len(columns) == 1 else [f"{stem}_{i}" for i in range(len(columns))])
-    index = None
     first = columns[0]
-    is_index = first.dtype.kind == "i" and first.min(initial=0) >= 0 and len(np.unique(first)) == len(first)
-    if len(columns) > 1 and has_header and titles[0].lower() in _INDEX_NAMES and is_index:
-        index, columns, titles = columns[0], columns[1:], titles[1:]
-    made = [
+    is_index = (
+        len(columns) > 1 and has_header and titles[0].lower() in _INDEX_NAMES and first.dtype.kind == "i"
+    )
+    is_index = is_index and bool(first.min(initial=0) >= 0) and len(np.unique(first)) == len(first)
+    attributes = [
         Attribute(title or f"{stem}_{i}", "point", guessed_kind(title, column), column)
-        for i, (title, column) in enumerate(zip(titles, columns))
+        for i, (title, column) in enumerate(zip(titles[is_index:], columns[is_index:]))
     ]
-    if index is not None:
-        total = int(index.max(initial=-1)) + 1
+    if is_index:
+        total = int(first.max(initial=-1)) + 1
         n = next((n for n in n_rows if n >= total), total)
-        made = [each.spread(index, n) for each in made]
-    return told_apart(made)
+        attributes = [each.spread(first, n) for each in attributes]
+    return told_apart(attributes)
 
 
 def _write_table(attributes: Sequence[Attribute], mark: str = ",") -> bytes:
     """Write a line of names, and a row for each point, with a mark between the columns."""
     names, columns = [], []
     for attribute in attributes:
-        values = attribute.values if attribute.kind == "label" else attribute.plain
-        table = values.reshape(len(values), -1)
+        table = _words_or_numbers(attribute).reshape(len(attribute), -1)
         single = table.shape[1] == 1
         names += [attribute.name if single else f"{attribute.name}_{i}" for i in range(table.shape[1])]
         columns += [column.tolist() for column in table.T]
@@ -254,9 +255,7 @@ def _column(cells: list[str], may_have_commas: bool) -> AnyArray:
 
 def _gifti(*kinds: Kind) -> ValuesFormat:
     return ValuesFormat(
-        lambda data, name, surface: gifti.read_attributes(
-            data, name, len(surface.points) if surface else None
-        ),
+        gifti.read_attributes,
         gifti.write_attributes,
         lambda attribute: gifti.keeps(attribute) and (not kinds or attribute.kind in kinds),
         has_names=True,
@@ -265,22 +264,16 @@ def _gifti(*kinds: Kind) -> ValuesFormat:
 
 def _freesurfer(kind: Kind) -> ValuesFormat:
     return ValuesFormat(
-        lambda data, name, surface: freesurfer.read_attributes(data, name),
-        lambda attributes: freesurfer.write_attribute(*attributes),
+        freesurfer.read_attributes,
+        freesurfer.write_attributes,
         lambda attribute: (attribute.domain, attribute.kind) == ("point", kind),
         is_single=True,
         has_names=True,
     )
 
 
-def _table(mark: str) -> ValuesFormat:
-    return ValuesFormat(
-        lambda data, name, surface: _read_table(
-            data, name, (len(surface.points), len(surface.polygons)) if surface else ()
-        ),
-        lambda attributes: _write_table(attributes, mark),
-        lambda attribute: attribute.domain != "corner",
-    )
+def _is_of_rows(attribute: Attribute) -> bool:
+    return attribute.domain != "corner"
 
 
 VALUES_FORMATS = {
@@ -289,13 +282,9 @@ VALUES_FORMATS = {
     ".label.gii": _gifti("label"),
     ".shape.gii": _gifti("scalar"),
     **dict.fromkeys(freesurfer.VALUES, _freesurfer("scalar")),
-    ".npy": ValuesFormat(
-        lambda data, name, surface: _read_array(data, name),
-        _write_array,
-        lambda attribute: attribute.domain != "corner",
-        is_single=True,
+    ".npy": ValuesFormat(_read_array, _write_array, _is_of_rows, is_single=True),
+    ".csv": ValuesFormat(_read_table, _write_table, _is_of_rows),
+    **dict.fromkeys(
+        (".tsv", ".txt"), ValuesFormat(_read_table, partial(_write_table, mark="\t"), _is_of_rows)
     ),
-    ".csv": _table(","),
-    ".tsv": _table("\t"),
-    ".txt": _table("\t"),
 }

@@ -18,7 +18,7 @@ from numpy.lib import format as npy
 
 from isomatch.errors import FormatError, IsomatchError, MemoryBudgetError, some
 from isomatch.runtime.memory import require_memory, room_for
-from isomatch.storage.files import opened, replaced
+from isomatch.storage.files import contents, opened, replaced
 from isomatch.values.arrays import AnyArray
 
 FIRST_VERSION = 1  # format of files that carry no version, which isomatch 0.1 wrote
@@ -44,11 +44,11 @@ def write_arrays(path: Path, arrays: Mapping[str, object], *, compressed: bool =
         (np.savez_compressed if compressed else np.savez)(file, **arrays)  # type: ignore[arg-type]
 
 
-def require_known_version(path: Path, found: int, known: int) -> None:
+def require_known_version(path: Path, version: int, newest: int) -> None:
     """Raise `FormatError` if a file was written by an isomatch that is too new to be understood."""
-    if found > known:
+    if version > newest:
         raise FormatError(
-            f"{path}: has format version {found}, and this isomatch reads versions up to {known}; upgrade isomatch"
+            f"{path}: has format version {version}, and this isomatch reads versions up to {newest}; upgrade isomatch"
         )
 
 
@@ -59,9 +59,7 @@ def _refusing_damage(refuse: Refuse) -> Iterator[None]:
             yield
     except IsomatchError:
         raise
-    except (
-        Exception
-    ) as error:  # zipfile, zlib, numpy and scipy raise a dozen kinds of errors for damaged files
+    except Exception as error:  # zipfile, zlib, numpy and scipy raise a dozen kinds for damaged files
         refuse(str(error).partition("\n")[0] or type(error).__name__)
 
 
@@ -139,16 +137,16 @@ class ArrayFormat:
         for name, each in wanted.items():
             if name not in stored:
                 stored.refuse(f"it has no array {name!r}")
-            found, dtype = stored.header(name)
-            expected = [lengths.get(size) if isinstance(size, str) else size for size in each.shape]
-            fits = len(found) == len(expected) and all(a in (None, b) for a, b in zip(expected, found))
+            shape, dtype = stored.header(name)
+            sizes = [lengths.get(size) if isinstance(size, str) else size for size in each.shape]
+            fits = len(shape) == len(sizes) and all(a in (None, b) for a, b in zip(sizes, shape))
             kinds, kind = _KINDS[each.kind]
             if not fits or dtype.kind not in kinds:
-                shape = ", ".join("any" if size is None else str(size) for size in expected)
-                stored.refuse(f"{name} has shape {found} and type {dtype}, not {kind} of shape ({shape})")
-            named = {size: n for size, n in zip(each.shape, found) if isinstance(size, str)}
+                expected = ", ".join("any" if size is None else str(size) for size in sizes)
+                stored.refuse(f"{name} has shape {shape} and type {dtype}, not {kind} of shape ({expected})")
+            named = {size: n for size, n in zip(each.shape, shape) if isinstance(size, str)}
             if any(size in self.filled and not n for size, n in named.items()):
-                stored.refuse(f"{name} is empty: it has shape {found}")
+                stored.refuse(f"{name} is empty: it has shape {shape}")
             lengths |= named
         return lengths
 
@@ -203,17 +201,16 @@ class Archive:
     def header(self, name: str) -> Header:
         """Read the shape and type that an array declares; its size agrees with that in the directory."""
         info = self._zip.NameToInfo[f"{name}.npy"]
+        # other methods may claim much memory
         if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-            self.refuse(
-                f"{name} is compressed by a method other than deflate"
-            )  # others may claim much memory
+            self.refuse(f"{name} is compressed by a method other than deflate")
 
         def refuse(problem: str) -> NoReturn:
             self.refuse(f"{name}: {problem}")
 
         with _refusing_damage(refuse), self._zip.open(info) as member:
-            found = _header(member, info.file_size, refuse)
-        return found
+            header = _header(member, info.file_size, refuse)
+        return header
 
     def read(self, name: str) -> AnyArray:
         """Read one array."""
@@ -249,7 +246,7 @@ def read_mat(path: Path, what: str, expected: str) -> dict[str, Any]:
             f"{path}: not {what} ({problem}); expected a MATLAB file before version 7.3 (save -v7) with {expected}"
         )
 
-    stored: dict[str, Any] = {}
-    with opened(path) as file, _refusing_damage(refuse):
-        stored = loadmat(BytesIO(file.read()), squeeze_me=True, struct_as_record=False)
+    data = BytesIO(contents(path))
+    with _refusing_damage(refuse):
+        stored = loadmat(data, squeeze_me=True, struct_as_record=False)
     return {name: value for name, value in stored.items() if not name.startswith("__")}

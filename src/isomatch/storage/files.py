@@ -41,6 +41,12 @@ def opened(path: Path) -> BinaryIO:
         raise FormatError(f"{path}: cannot be opened ({error.strerror}); give a readable file") from None
 
 
+def contents(path: Path) -> bytes:
+    """Read a whole file, see `opened`."""
+    with opened(path) as file:
+        return file.read()
+
+
 @contextmanager
 def replaced(path: Path) -> Iterator[BinaryIO]:
     """Open a new file beside an earlier one, which it replaces when the block ends without an error.
@@ -217,9 +223,8 @@ def writing(path: Path) -> Iterator[None]:
         if isinstance(error, IsomatchError):
             raise
         reason = error.strerror or str(error) or type(error).__name__
-        unwritable = UnwritableFileError(
-            f"{path}: cannot be written ({reason}); give a file in an existing, writable folder with free space"
-        )
+        remedy = "give a file in an existing, writable folder with free space"
+        unwritable = UnwritableFileError(f"{path}: cannot be written ({reason}); {remedy}")
         unwritable.errno = error.errno
         raise unwritable from None
 
@@ -242,7 +247,7 @@ def legible(name: str) -> str:
     """
     if not _HALF_LETTER.search(name):
         return name
-    return _HALF_LETTER_OR_PERCENT.sub(lambda found: f"%{ord(found[0]) & 0xFF:02X}", name)
+    return _HALF_LETTER_OR_PERCENT.sub(lambda match: f"%{ord(match[0]) & 0xFF:02X}", name)
 
 
 def ignores_case(folder: Path) -> bool:

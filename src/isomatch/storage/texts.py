@@ -15,16 +15,14 @@ from typing import NoReturn
 import numpy as np
 
 from isomatch.errors import FormatError
-from isomatch.storage.files import opened, write_text
+from isomatch.storage.files import contents, write_text
 from isomatch.values.arrays import IntArray
 
 # encodings by the bytes that a text begins with
 MARKS = {b"\xef\xbb\xbf": "utf-8-sig", b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16"}
 SEPARATORS = ";\t,"  # of cells; the comma last, as it may be that of decimals
 Rows = list[tuple[int, list[str]]]
-_FORMULA = re.compile(
-    r"'*[=+\-@\t\r]"
-)  # how what a spreadsheet takes for a formula begins, also when it is escaped
+_FORMULA = re.compile(r"'*[=+\-@\t\r]")  # how a formula of a spreadsheet begins, also when it is escaped
 
 
 def text_lines(path: Path, comment: str = r"(?:^|(?<=\s))#") -> Iterator[tuple[int, str]]:
@@ -40,8 +38,7 @@ def text_lines(path: Path, comment: str = r"(?:^|(?<=\s))#") -> Iterator[tuple[i
 
 def read_text(path: Path) -> str:
     """Read a text file, see `decoded`."""
-    with opened(path) as file:
-        return decoded(file.read())
+    return decoded(contents(path))
 
 
 def decoded(text: bytes) -> str:
@@ -69,13 +66,13 @@ def encoding_of(text: bytes) -> str:
 
 def read_integers(path: Path, width: int, refuse: Callable[[int, str], NoReturn]) -> IntArray:
     """Read (rows, width) integers, separated by a comma or blanks; ``refuse`` another line, by its number and text."""
-    found = array("q")
+    integers = array("q")
     for number, line in text_lines(path):
         words = line.replace(",", " ").split()
         if len(words) != width or not all(map(is_whole_number, words)):
             refuse(number, line)
-        found.extend(map(int, words))
-    return np.array(found, dtype=np.int64).reshape(-1, width)
+        integers.extend(map(int, words))
+    return np.array(integers, dtype=np.int64).reshape(-1, width)
 
 
 def is_whole_number(word: str) -> bool:
@@ -140,17 +137,16 @@ def separated(text: str, name: str, separators: Iterable[str] = SEPARATORS) -> t
 
     if text[:4].lower() == "sep=" and text[4:5] in tuple(SEPARATORS):
         return split(text[4])[1:], text[4]
-    return max(((split(each), each) for each in separators), key=lambda found: _rows_alike(found[0]))
 
+    def n_alike(table: tuple[Rows, str]) -> int:
+        return max(Counter(len(row) for _, row in table[0] if len(row) > 1).values(), default=0)
 
-def _rows_alike(rows: Rows) -> int:
-    return max(Counter(len(row) for _, row in rows if len(row) > 1).values(), default=0)
+    return max(((split(each), each) for each in separators), key=n_alike)
 
 
 def read_csv(path: Path) -> list[dict[str, str]]:
     """Read a table whose first line names the columns; a cell that a line lacks is empty; `FormatError` if it is none."""
-    with opened(path) as file:
-        reader = csv.DictReader(StringIO(decoded(file.read()), newline=""), restval="")
+    reader = csv.DictReader(StringIO(read_text(path), newline=""), restval="")
     try:
         reader.fieldnames = [unescaped(name) for name in reader.fieldnames or ()]
         return [  # under None are the further cells of a line, a list

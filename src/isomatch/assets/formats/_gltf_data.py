@@ -72,10 +72,10 @@ class GltfData:
             values[rows] = self._rows(sparse["values"], n, width, code)
         return values[:, 0] if width == 1 else values
 
-    def numbers(self, index: int) -> AnyArray:
+    def numbers(self, index: int, *, normalized: bool = False) -> AnyArray:
         """Return the values of an accessor in the units that they stand for: normalized integers as fractions."""
         values = self.array(index)
-        if values.dtype.kind == "f" or not self.json["accessors"][index].get("normalized"):
+        if values.dtype.kind == "f" or not (normalized or self.json["accessors"][index].get("normalized")):
             return values
         return np.maximum(values / np.iinfo(values.dtype).max, -1).astype(np.float32)
 
@@ -110,14 +110,8 @@ class GltfData:
         if octets.shape[1] % 4 and target == VERTICES:  # indices are packed
             octets = np.pad(octets, ((0, 0), (0, -octets.shape[1] % 4)))
             view["byteStride"] = octets.shape[1]
-        at = self.add_bytes(octets.tobytes(), **view)
-        accessor = {
-            "bufferView": at,
-            "componentType": _CODES[kind],
-            "count": len(values),
-            "type": _TYPES[width],
-        }
-        return self.append("accessors", accessor | properties)
+        accessor = {"bufferView": self.add_bytes(octets.tobytes(), **view), "componentType": _CODES[kind]}
+        return self.append("accessors", accessor | {"count": len(values), "type": _TYPES[width]} | properties)
 
     def add_matrices(self, matrices: FloatArray) -> int:
         """Append a new accessor of (k, 4, 4) matrices; return its index."""
@@ -162,13 +156,13 @@ def _numbers_in(entry: Any, keys: tuple[str, ...], inside: bool = False) -> set[
     """Numbers under some keys; in extensions, of which nothing is known, any number."""
     if isinstance(entry, int):
         return {entry} if inside else set()
-    found: set[int] = set()
+    numbers: set[int] = set()
     if isinstance(entry, dict):
         for key, value in entry.items():
-            found |= _numbers_in(value, keys, inside or key in keys)
+            numbers |= _numbers_in(value, keys, inside or key in keys)
     for value in entry if isinstance(entry, list) else ():
-        found |= _numbers_in(value, keys, inside)
-    return found
+        numbers |= _numbers_in(value, keys, inside)
+    return numbers
 
 
 def unpacked(data: bytes, name: str) -> GltfData:
@@ -242,19 +236,17 @@ def packed(gltf: GltfData, binary: bool) -> bytes:
         if not document.get(name, [free]):
             del document[name]
     if blob:
-        uri = (
-            {}
-            if binary
-            else {"uri": f"data:application/octet-stream;base64,{base64.b64encode(blob).decode()}"}
-        )
-        document = {**document, "buffers": [{"byteLength": len(blob), **uri}]}
+        document = {**document, "buffers": [{"byteLength": len(blob)}]}
+    if blob and not binary:
+        text = base64.b64encode(blob).decode()
+        document["buffers"][0]["uri"] = f"data:application/octet-stream;base64,{text}"
     if not binary:
         return json.dumps(document, indent=1).encode()
-    text = json.dumps(document, separators=(",", ":")).encode()
-    size = len(text) + len(blob)
+    content = json.dumps(document, separators=(",", ":")).encode()
+    size = len(content) + len(blob)
     if size > _LARGEST_GLB:
         raise MeshError(f"a .glb file holds 4 GiB, and this one would have {size} bytes; write .ply or .gltf")
-    chunks = _chunk(_JSON, text, b" ") + (_chunk(_BINARY, blob, b"\0") if blob else b"")
+    chunks = _chunk(_JSON, content, b" ") + (_chunk(_BINARY, blob, b"\0") if blob else b"")
     return _MAGIC + np.array([2, 12 + len(chunks)], "<u4").tobytes() + chunks
 
 
@@ -268,8 +260,7 @@ def _chunks(data: bytes, name: str) -> tuple[bytes, bytes]:
     version = int.from_bytes(data[4:8], "little")
     if version != 2:
         raise FormatError(f"{name}: byte 4: expected version 2, found {version}; export it as glTF 2.0")
-    found: dict[bytes, bytes] = {}
-    at = 12
+    chunks, at = dict[bytes, bytes](), 12
     while at + 8 <= len(data):
         size = int.from_bytes(data[at : at + 4], "little")
         content = data[at + 8 : at + 8 + size]
@@ -277,17 +268,16 @@ def _chunks(data: bytes, name: str) -> tuple[bytes, bytes]:
             raise FormatError(
                 f"{name}: byte {len(data)}: expected {size} bytes of a chunk, found {len(content)}; {_CUT_SHORT}"
             )
-        found.setdefault(data[at + 4 : at + 8], content)
+        chunks.setdefault(data[at + 4 : at + 8], content)
         at += 8 + size
-    if _JSON not in found:
+    if _JSON not in chunks:
         raise FormatError(f"{name}: byte 12: expected a chunk of JSON, found none; export the file again")
-    return found[_JSON], found.get(_BINARY, b"")
+    return chunks[_JSON], chunks.get(_BINARY, b"")
 
 
 def separate_instances(gltf: GltfData) -> None:
     """Give each node a mesh of its own, which shares the arrays of the mesh that several nodes had."""
-    used: set[int] = set()
-    sizes: dict[int, int] = {}
+    used, sizes = set[int](), dict[int, int]()
     for node in gltf.json.get("nodes", []):
         if (mesh := node.get("mesh")) in used:
             if mesh not in sizes:
@@ -336,9 +326,9 @@ def triangles(gltf: GltfData, primitive: dict[str, Any], n_points: int) -> IntAr
 def transforms(gltf: GltfData) -> dict[int, tuple[Matrix | None, int | None]]:
     """Find matrix and skin of the first node of each mesh."""
     nodes, there = gltf.json.get("nodes", []), node_matrices(gltf.json)
-    found: dict[int, tuple[Matrix | None, int | None]] = {}
+    placed: dict[int, tuple[Matrix | None, int | None]] = {}
     for i, matrix in there.items():
-        if "mesh" in nodes[i] and nodes[i]["mesh"] not in found:
+        if "mesh" in nodes[i] and nodes[i]["mesh"] not in placed:
             skin, own = nodes[i].get("skin"), matrix
             if skin is not None:
                 # its joints put the points, not the node; they stay where they are if these are posed
@@ -346,8 +336,8 @@ def transforms(gltf: GltfData) -> dict[int, tuple[Matrix | None, int | None]]:
                 if len(bound) and are_alike(bound, bound[0]) and not are_alike(bound, own):
                     own = bound[0]
             is_placed = not np.array_equal(own, np.eye(4))
-            found[nodes[i]["mesh"]] = (tuple(map(tuple, own.tolist())) if is_placed else None), skin
-    return found
+            placed[nodes[i]["mesh"]] = (tuple(map(tuple, own.tolist())) if is_placed else None), skin
+    return placed
 
 
 def binding(gltf: GltfData, skin: dict[str, Any], there: Mapping[int, FloatArray]) -> FloatArray:
@@ -368,15 +358,15 @@ def node_matrices(document: dict[str, Any]) -> dict[int, FloatArray]:
     """(4, 4) where the scene puts each node, parents before their children."""
     nodes = document.get("nodes", [])
     below = {child for node in nodes for child in node.get("children", [])}
-    found: dict[int, FloatArray] = {}
+    there: dict[int, FloatArray] = {}
     top: FloatArray = np.eye(4)
     waiting = [(i, top) for i in range(len(nodes)) if i not in below][::-1]
     while waiting:
         i, above = waiting.pop()
-        if i not in found:
-            found[i] = product(above, _local(nodes[i]))
-            waiting += [(child, found[i]) for child in reversed(nodes[i].get("children", []))]
-    return found
+        if i not in there:
+            there[i] = product(above, _local(nodes[i]))
+            waiting += [(child, there[i]) for child in reversed(nodes[i].get("children", []))]
+    return there
 
 
 def _local(node: dict[str, Any]) -> FloatArray:
@@ -397,10 +387,10 @@ def _local(node: dict[str, Any]) -> FloatArray:
 def joint_names(document: dict[str, Any]) -> dict[int, str]:
     """Names of the joints of all skins, by their nodes, in the order of the skins; repeated ones are numbered."""
     nodes = dict.fromkeys(node for skin in document.get("skins", []) for node in skin["joints"])
-    found: dict[int, str] = {}
+    names: dict[int, str] = {}
     for i, node in enumerate(nodes):
-        found[node] = unused_name(str(document["nodes"][node].get("name", f"joint_{i}")), found.values())
-    return found
+        names[node] = unused_name(str(document["nodes"][node].get("name", f"joint_{i}")), names.values())
+    return names
 
 
 def without_empty_primitives(document: dict[str, Any]) -> None:
@@ -422,13 +412,13 @@ def without_empty_primitives(document: dict[str, Any]) -> None:
 
 def key_names(mesh: Mapping[str, Any]) -> list[str]:
     """Names of the shape keys of a mesh, which glTF itself does not have, but most programs write."""
-    said = mesh.get("extras")
-    given = said.get("targetNames", []) if isinstance(said, dict) else []
-    n = max([len(given), *(len(primitive.get("targets", [])) for primitive in mesh["primitives"])])
-    found: list[str] = []
+    extras = mesh.get("extras")
+    own = extras.get("targetNames", []) if isinstance(extras, dict) else []
+    n = max([len(own), *(len(primitive.get("targets", [])) for primitive in mesh["primitives"])])
+    names: list[str] = []
     for i in range(n):
-        found.append(unused_name(str(given[i]) if i < len(given) else f"key_{i}", found))
-    return found
+        names.append(unused_name(str(own[i]) if i < len(own) else f"key_{i}", names))
+    return names
 
 
 def set_keys(document: dict[str, Any], mesh: int, names: list[str], weights: Mapping[str, float]) -> None:
@@ -437,9 +427,9 @@ def set_keys(document: dict[str, Any], mesh: int, names: list[str], weights: Map
     had, own = key_names(each), each.get("weights", [])
     nodes = [node for node in document.get("nodes", []) if node.get("mesh") == mesh and "weights" in node]
     for place in (*nodes, each):
-        known = {**dict(zip(had, place.pop("weights", own))), **weights}
+        weight_of = {**dict(zip(had, place.pop("weights", own))), **weights}
         if names:
-            place["weights"] = [known.get(name, 0) for name in names]
+            place["weights"] = [weight_of.get(name, 0) for name in names]
     said = each.pop("extras", None)
     extras = {key: said[key] for key in said if key != "targetNames"} if isinstance(said, dict) else {}
     if extras or names:

@@ -59,13 +59,13 @@ class TextLines:
 
     def fail(self, row: int, expected: str, remedy: str = EXPORT_AGAIN) -> NoReturn:
         """Raise a `FormatError` that quotes one row; a row past the end means that the file is too short."""
-        number, found = (self.numbers[-1] if len(self) else max(self.before, 1)), "the end of the file"
         if 0 <= row < len(self):
-            number, found = self.numbers[row], self.row(row).strip()
-            found = repr(found if len(found) <= 40 else found[:40] + "…")
+            number, text = self.numbers[row], self.row(row).strip()
+            quoted = repr(text if len(text) <= 40 else text[:40] + "…")
         else:
+            number, quoted = (self.numbers[-1] if len(self) else max(self.before, 1)), "the end of the file"
             remedy = "it is cut short, copy or export it again"
-        raise FormatError(f"{self.name}:{number}: expected {expected}, found {found}; {remedy}")
+        raise FormatError(f"{self.name}:{number}: expected {expected}, found {quoted}; {remedy}")
 
     def starting_with(self, keyword: str) -> TextLines:
         """Return the lines whose first word is the keyword, without this word."""
@@ -98,13 +98,11 @@ class TextLines:
         for piece in _pieces(self.data):
             at += len(piece)
             stop = int(np.searchsorted(word_ends, at))
-            found = _plain_numbers(piece, stop - first)
-            if found is None:
-                rows = np.searchsorted(np.cumsum(counts), np.arange(first, stop), side="right")
-                found = np.array(
-                    [self._number(word[0], row) for word, row in zip(_WORD.finditer(piece), rows.tolist())]
-                )
-            values[first:stop] = found
+            numbers = _plain_numbers(piece, stop - first)
+            if numbers is None:
+                rows = np.searchsorted(np.cumsum(counts), np.arange(first, stop), side="right").tolist()
+                numbers = np.array([self._number(*pair) for pair in zip(_WORD.findall(piece), rows)])
+            values[first:stop] = numbers
             first = stop
         return NumberRows(self, values, counts)
 
@@ -293,7 +291,7 @@ def _plain_numbers(text: bytes, n_words: int) -> FloatArray | None:
     for kind in (np.float64,) if b"." in text or b"-0" in text else (np.int64, np.float64):
         # one word more tells whether numpy read on after the last; it warned of words before it refused them
         with suppress(ValueError), warnings.catch_warnings(action="ignore"):
-            found = np.fromstring(text + b" 0", kind, sep=" ")[:-1]
-            if len(found) == n_words and (kind is np.float64 or (np.abs(found) < 2**53).all()):
-                return found.astype(np.float64)
+            numbers = np.fromstring(text + b" 0", kind, sep=" ")[:-1]
+            if len(numbers) == n_words and (kind is np.float64 or (np.abs(numbers) < 2**53).all()):
+                return numbers.astype(np.float64)
     return None

@@ -48,10 +48,10 @@ def _arrays(path: Path) -> dict[str, object]:
     problems = [problem for each in told.GetOutput().split("\n\n") if (problem := _problem(each))]
     if problems:
         raise ValueError(problems[0])
-    found = reader.GetOutput()
-    if not isinstance(found, vtkCommonDataModel.vtkPolyData | vtkCommonDataModel.vtkUnstructuredGrid):
-        raise ValueError(f"it holds a {type(found).__name__.removeprefix('vtk') or 'nothing'}")
-    types, lists = _cells(found)
+    data = reader.GetOutput()
+    if not isinstance(data, vtkCommonDataModel.vtkPolyData | vtkCommonDataModel.vtkUnstructuredGrid):
+        raise ValueError(f"it holds a {type(data).__name__.removeprefix('vtk') or 'nothing'}")
+    types, lists = _cells(data)
     corners = np.concatenate([_values(each.GetConnectivityArray()) for each in lists])
     sizes = np.concatenate([np.diff(_values(each.GetOffsetsArray())) for each in lists])
     if len(sizes) != len(types) or (sizes < 0).any() or sizes.sum() != len(corners):
@@ -59,7 +59,7 @@ def _arrays(path: Path) -> dict[str, object]:
     is_polygon = np.isin(types, (_TRIANGLE, _POLYGON, _QUAD))
     others, counts = np.unique(types[~is_polygon], return_counts=True)
     names = [vtkCommonDataModel.vtkCellTypes.GetClassNameFromTypeId(int(kind)) for kind in others]
-    points = found.GetPoints()
+    points = data.GetPoints()
     return {
         "points": _values(points.GetData()) if points else np.zeros((0, 3)),
         "corners": corners[np.repeat(is_polygon, sizes)],
@@ -67,20 +67,19 @@ def _arrays(path: Path) -> dict[str, object]:
         "rows": np.flatnonzero(is_polygon),
         "others": np.array([name.removeprefix("vtk").lower() for name in names], dtype=str),
         "counts": counts,
-        "is_polygons": isinstance(found, vtkCommonDataModel.vtkPolyData),
-        "fields": _numbered("field", found.GetFieldData())["field_names"],
-        **_numbered("point", found.GetPointData()),
-        **_numbered("cell", found.GetCellData()),
+        "is_polygons": isinstance(data, vtkCommonDataModel.vtkPolyData),
+        "fields": _numbered("field", data.GetFieldData())["field_names"],
+        **_numbered("point", data.GetPointData()),
+        **_numbered("cell", data.GetCellData()),
     }
 
 
-def _cells(found: Any) -> tuple[IntArray, list[Any]]:
+def _cells(data: Any) -> tuple[IntArray, list[Any]]:
     """Return the type of each cell, and the lists of their points."""
-    if isinstance(found, vtkCommonDataModel.vtkUnstructuredGrid):
-        return (_values(found.GetCellTypesArray()) if found.GetNumberOfCells() else np.zeros(0, int)), [
-            found.GetCells()
-        ]
-    lists = [found.GetVerts(), found.GetLines(), found.GetPolys(), found.GetStrips()]
+    if isinstance(data, vtkCommonDataModel.vtkUnstructuredGrid):
+        types = _values(data.GetCellTypesArray()) if data.GetNumberOfCells() else np.zeros(0, int)
+        return types, [data.GetCells()]
+    lists = [data.GetVerts(), data.GetLines(), data.GetPolys(), data.GetStrips()]
     return np.repeat([_VERTEX, _LINE, _POLYGON, _STRIP], [each.GetNumberOfCells() for each in lists]), lists
 
 
@@ -101,12 +100,9 @@ def _values(array: Any) -> AnyArray:
 def _numbered(domain: str, held: Any) -> Mapping[str, object]:
     """Name arrays by numbers, as their own names may be anything."""
     arrays = [held.GetAbstractArray(i) for i in range(held.GetNumberOfArrays())]
-    return {
-        f"{domain}_names": np.array(
-            [each.GetName() or f"Unnamed_{i}" for i, each in enumerate(arrays)], dtype=str
-        ),
-        **{f"{domain}_{i}": _values(each) for i, each in enumerate(arrays)},
-    }
+    names = [each.GetName() or f"Unnamed_{i}" for i, each in enumerate(arrays)]
+    values = {f"{domain}_{i}": _values(each) for i, each in enumerate(arrays)}
+    return {f"{domain}_names": np.array(names, dtype=str), **values}
 
 
 def _limit_memory(room: int) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -45,7 +46,7 @@ def read_asset(data: bytes, name: str) -> Asset:
         return Asset(points, polygons, document=FreeSurferDocument(stamp), frame=frame)
 
 
-def read_attributes(data: bytes, name: str) -> tuple[Attribute, ...]:
+def read_attributes(data: bytes, name: str, surface: Asset | None) -> tuple[Attribute, ...]:
     """Read an annotation, as labels with names and colours, or a curvature, as scalars."""
     freesurfer = _package()
     title = Path(name).suffix[1:].lower()
@@ -71,14 +72,9 @@ def write(asset: Asset) -> bytes:
         return path.read_bytes()
 
 
-def keeps_frame(frame: Frame) -> bool:
-    """Whether a FreeSurfer file can tell all of a frame."""
-    return frame.is_in_volume
-
-
-def write_attribute(attribute: Attribute) -> bytes:
-    """Write labels as an annotation, scalars as a curvature."""
-    freesurfer = _package()
+def write_attributes(attributes: Sequence[Attribute]) -> bytes:
+    """Write the labels of one attribute as an annotation, its scalars as a curvature."""
+    freesurfer, (attribute,) = _package(), attributes
     with on_disk(b"", "") as path:
         if attribute.kind == "scalar":
             freesurfer.write_morph_data(path, attribute.values)

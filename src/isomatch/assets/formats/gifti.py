@@ -13,7 +13,7 @@ from xml.parsers.expat import ParserCreate
 
 import numpy as np
 
-from isomatch.assets.asset import Asset, Frame
+from isomatch.assets.asset import NEW_VOLUME, Asset, Frame
 from isomatch.assets.attribute import Attribute, guessed_kind, told_apart
 from isomatch.assets.formats._reading import Room, reading
 from isomatch.assets.polygons import Polygons
@@ -49,14 +49,14 @@ class GiftiDocument:
 def read_asset(data: bytes, name: str) -> Asset:
     """Read points, triangles and all values on the points."""
     image = _image(data, name)
-    found = {array.intent: array for array in reversed(image.darrays)}
+    arrays = {array.intent: array for array in reversed(image.darrays)}
     for intent, what in ((_POINTS, "points"), (_TRIANGLES, "triangles")):
-        if intent not in found:
+        if intent not in arrays:
             raise FormatError(
                 f"{name}: expected an array of {what}, found none; values alone are for read_attributes"
             )
     with reading(name, "points and triangles of a GIFTI surface"):
-        points, triangles = found[_POINTS], found[_TRIANGLES]
+        points, triangles = arrays[_POINTS], arrays[_TRIANGLES]
         plain = {key: word for key, word in points.meta.items() if "VolGeom" not in key}
         attributes, intents = _values(image, len(points.data), "values")
         document = GiftiDocument(dict(image.meta), plain, dict(triangles.meta), intents)
@@ -64,13 +64,13 @@ def read_asset(data: bytes, name: str) -> Asset:
         return Asset(points.data, polygons, attributes, document=document, frame=_frame(points))
 
 
-def read_attributes(data: bytes, name: str, n_points: int | None = None) -> tuple[Attribute, ...]:
+def read_attributes(data: bytes, name: str, surface: Asset | None) -> tuple[Attribute, ...]:
     """Read the values on points, as in ``.shape.gii``, ``.func.gii`` and ``.label.gii`` files."""
     image = _image(data, name)
     with reading(name, "values of a GIFTI file"):
         title = Path(Path(name).stem)
         title = title.with_suffix("") if title.suffix.lower() in VALUES else title
-        return _values(image, n_points, str(title))[0]
+        return _values(image, len(surface.points) if surface else None, str(title))[0]
 
 
 def write_attributes(attributes: Sequence[Attribute]) -> bytes:
@@ -81,11 +81,6 @@ def write_attributes(attributes: Sequence[Attribute]) -> bytes:
 def keeps(attribute: Attribute) -> bool:
     """Whether GIFTI has a place for an attribute."""
     return attribute.domain == "point" and attribute.kind != "weights"
-
-
-def keeps_frame(frame: Frame) -> bool:
-    """Whether GIFTI can tell all of a frame."""
-    return not frame.words
 
 
 def write(asset: Asset) -> bytes:
@@ -151,14 +146,14 @@ def _values(image: Any, n_points: int | None, title: str) -> tuple[tuple[Attribu
     colors = {key: tuple(label.rgba) for key, label in table.items() if None not in label.rgba}
     arrays = [a for a in image.darrays if a.intent not in (_POINTS, _TRIANGLES)]
     nodes = [a for a in arrays if a.intent == _NODES and np.size(a.data) == len(a.data)]
-    given = [a for a in arrays if a not in nodes]
-    found: list[Attribute] = []
-    for i, array in enumerate(given):
+    arrays = [a for a in arrays if a not in nodes]
+    attributes = []
+    for i, array in enumerate(arrays):
         values = np.asarray(array.data)
         values = values[:, 0] if values.ndim == 2 and values.shape[1] == 1 else values
         is_colour = array.intent in (_RGB, _RGBA)
         name = str(array.meta.get("Name") or "") or ("color" if is_colour else "")
-        name = name or (f"{title}_{i}" if len(given) > 1 else title)
+        name = name or (f"{title}_{i}" if len(arrays) > 1 else title)
         if array.intent == _LABEL:
             attribute = Attribute(name, "point", "label", values, names=names, colors=colors)
         else:
@@ -167,9 +162,9 @@ def _values(image: Any, n_points: int | None, title: str) -> tuple[tuple[Attribu
         if nodes:
             rows = np.ravel(nodes[0].data).astype(np.int64)
             attribute = attribute.spread(rows, n_points or int(rows.max(initial=-1)) + 1)
-        found.append(attribute)
-    attributes = told_apart(found)
-    return attributes, {each.name: array.intent for each, array in zip(attributes, given)}
+        attributes.append(attribute)
+    numbered = told_apart(attributes)
+    return numbered, {each.name: array.intent for each, array in zip(numbered, arrays)}
 
 
 def _frame(points: Any) -> Frame:
@@ -179,8 +174,7 @@ def _frame(points: Any) -> Frame:
     if all(None not in numbers for numbers in said.values()):
         kinds = {key: int if key == "volume" else float for key in said}
         volume = {
-            "head": np.array([2, 0, 20], dtype=np.int32),
-            "valid": "1  # volume info valid",
+            **NEW_VOLUME,
             "filename": str(points.meta.get("VolGeomFname", "none")),
             **{key: np.array(numbers).astype(kinds[key]) for key, numbers in said.items()},
         }
@@ -224,7 +218,7 @@ def _array(gifti: Any, attribute: Attribute, intents: Mapping[str, int]) -> Any:
 def _numbered(attributes: Sequence[Attribute]) -> list[Attribute]:
     """Give new numbers to labels that have the number of another of an attribute before: a file has one table."""
     table: dict[int, str] = {}
-    found = []
+    numbered = []
     for attribute in attributes:
         if attribute.kind == "label":
             attribute = attribute.coded
@@ -238,8 +232,8 @@ def _numbered(attributes: Sequence[Attribute]) -> list[Attribute]:
                 names = {new.get(code, code): word for code, word in names.items()}
                 attribute = replace(attribute, values=values, names=names, colors=colors)
             table |= attribute.names
-        found.append(attribute)
-    return found
+        numbered.append(attribute)
+    return numbered
 
 
 def _package() -> Any:

@@ -50,15 +50,16 @@ class GltfDocument:
 
     json: dict[str, Any]
     blob: bytes
-    places: tuple[
-        tuple[int, int, int], ...
-    ]  # mesh, primitive, and part of the asset, of all that triangles are in
+    places: tuple[tuple[int, int, int], ...]  # mesh, primitive and part of the asset that triangles are in
     place_of_triangle: IntArray
     polygons: Polygons
-    uv_names: Mapping[int, str] = field(
-        default_factory=dict
-    )  # by the numbers under which materials look them up
+    uv_names: Mapping[int, str] = field(default_factory=dict)  # by the numbers that materials look them up by
     former: object = None  # the document of another format that the asset had before
+
+    @property
+    def data(self) -> GltfData:
+        """Its contents, which may be changed."""
+        return GltfData(copy.deepcopy(self.json), bytearray(self.blob))
 
     def renumbered(self, before: Asset, after: Asset, rows: Renumbering) -> GltfDocument:
         """Keep the places of the triangles that are left, and the parts that have points."""
@@ -91,14 +92,16 @@ def _read(gltf: GltfData) -> Asset:
     points: list[AnyArray] = [np.zeros((0, 3), np.float32)]
     faces: list[IntArray] = [np.zeros((0, 3), dtype=np.int64)]
     parts: list[Part] = []
-    found: list[dict[str, Attribute]] = []
+    values: list[dict[str, Attribute]] = []
     shape_keys: list[dict[str, Attribute]] = []
     places: list[tuple[int, int, int]] = []
     names: dict[int, str] = {}
     start = 0
-    for (mesh, keys), same in groupby(
-        surfaces(gltf.json), lambda place: (place[0], meshes[place[0]]["primitives"][place[1]]["attributes"])
-    ):
+
+    def arrays_of(place: tuple[int, int]) -> tuple[int, dict[str, int]]:
+        return place[0], meshes[place[0]]["primitives"][place[1]]["attributes"]
+
+    for (mesh, keys), same in groupby(surfaces(gltf.json), arrays_of):
         listed = [i for _, i in same]
         primitives = [meshes[mesh]["primitives"][i] for i in listed]
         gltf.room.take(_PART + _PRIMITIVE * len(primitives), f"a part of {len(primitives)} primitives")
@@ -110,20 +113,16 @@ def _read(gltf: GltfData) -> Asset:
         places += [(mesh, i, len(parts)) for i in listed]
         start += n
         parts.append(Part(str(meshes[mesh].get("name", "")), n, sum(map(len, of_each)), transform))
-        found.append(_read_values(gltf, keys, names) | _read_weights(gltf, keys, skin))
+        values.append(_read_values(gltf, keys, names) | _read_weights(gltf, keys, skin))
         targets = zip(key_names(meshes[mesh]), primitives[0].get("targets", []))
-        moved = {key: gltf.numbers(each["POSITION"]) for key, each in targets if "POSITION" in each}
-        shape_keys.append(
-            {key: Attribute(key, "point", "key", each.astype(np.float32)) for key, each in moved.items()}
-        )
-    attributes = told_apart(
-        (
-            _joined([each.get(name) for each in of_parts], parts)
-            for of_parts in (found, shape_keys)
-            for name in dict.fromkeys(name for each in of_parts for name in each)
-        ),
-        of_all=True,
-    )
+        moves = {key: gltf.numbers(each["POSITION"]) for key, each in targets if "POSITION" in each}
+        moves = {key: each.astype(np.float32) for key, each in moves.items()}
+        shape_keys.append({key: Attribute(key, "point", "key", each) for key, each in moves.items()})
+    attributes = [
+        _joined([each.get(name) for each in of_parts], parts)
+        for of_parts in (values, shape_keys)
+        for name in dict.fromkeys(name for each in of_parts for name in each)
+    ]
     polygons = Polygons.of_triangles(np.concatenate(faces))
     of_triangle = np.repeat(np.arange(len(places)), [len(each) for each in faces[1:]])
     for mesh in {mesh for mesh, *_ in places}:
@@ -135,7 +134,8 @@ def _read(gltf: GltfData) -> Asset:
             primitive.pop(key, None)
     gltf.without_unused()
     document = GltfDocument(gltf.json, bytes(gltf.blob), tuple(places), of_triangle, polygons, names)
-    return Asset(np.concatenate(points), polygons, attributes, tuple(parts), document)
+    numbered = told_apart(attributes, of_all=True)
+    return Asset(np.concatenate(points), polygons, numbered, tuple(parts), document)
 
 
 def _named(key: str) -> tuple[str, Kind | None]:
@@ -148,14 +148,14 @@ def _named(key: str) -> tuple[str, Kind | None]:
 
 
 def _read_values(gltf: GltfData, keys: Mapping[str, int], uv_names: dict[int, str]) -> dict[str, Attribute]:
-    found: dict[str, Attribute] = {}
+    attributes: dict[str, Attribute] = {}
     for key, index in keys.items():
         if key == "POSITION" or key.startswith(("JOINTS_", "WEIGHTS_")):
             continue
         name, kind = _named(key)
         said = gltf.json["accessors"][index].get("extras")
         said = said if isinstance(said, dict) else {}
-        name = unused_name(str(said.get("name", name)), found)
+        name = unused_name(str(said.get("name", name)), attributes)
         values = gltf.array(index) if kind == "colour" else gltf.numbers(index)
         if kind == "uv":
             uv_names.setdefault(int(key.rpartition("_")[2]), name)
@@ -166,8 +166,8 @@ def _read_values(gltf: GltfData, keys: Mapping[str, int], uv_names: dict[int, st
             words = {int(code): word for code, word in said.get("names", {}).items()}
             colors = {int(code): tuple(color) for code, color in said.get("colors", {}).items()}
         kind = kind or guessed_kind(name, values)
-        found[name] = Attribute(name, "point", kind, values, names=words, colors=colors)
-    return found
+        attributes[name] = Attribute(name, "point", kind, values, names=words, colors=colors)
+    return attributes
 
 
 def _upside_down(uv: AnyArray) -> AnyArray:
@@ -180,10 +180,7 @@ def _read_weights(gltf: GltfData, keys: Mapping[str, int], skin: int | None) -> 
     if not sets:
         return {}
     joints = np.hstack([gltf.array(keys[f"JOINTS_{i}"]) for i in sets]).astype(np.int64)
-    columns = [gltf.array(keys[f"WEIGHTS_{i}"]) for i in sets]
-    weights = np.hstack(
-        [c if c.dtype.kind == "f" else (c / np.iinfo(c.dtype).max).astype(np.float32) for c in columns]
-    )
+    weights = np.hstack([gltf.numbers(keys[f"WEIGHTS_{i}"], normalized=True) for i in sets])
     names = joint_names(gltf.json)
     if skin is not None:
         number = {node: i for i, node in enumerate(names)}
@@ -192,19 +189,17 @@ def _read_weights(gltf: GltfData, keys: Mapping[str, int], skin: int | None) -> 
     return {"weights": Attribute("weights", "point", "weights", weights, joints, named)}
 
 
-def _joined(found: Sequence[Attribute | None], parts: Sequence[Part]) -> Attribute:
+def _joined(of_parts: Sequence[Attribute | None], parts: Sequence[Part]) -> Attribute:
     """Join the values of all parts; parts without them have nan, -1, white or 0."""
-    given = [each for each in found if each is not None]
-    one = given[0]
-    if len(found) == 1:
+    present = [each for each in of_parts if each is not None]
+    one = present[0]
+    if len(of_parts) == 1:
         return one
-    is_colour = one.kind == "colour"
-    full = (
-        1.0 if len({each.values.dtype for each in given}) > 1 else _full(one.values)
-    )  # mixed ones are fractions
-    width = max(each.values.shape[1] for each in given) if one.values.ndim == 2 else None
+    is_colour, is_mixed = one.kind == "colour", len({each.values.dtype for each in present}) > 1
+    full = 1.0 if is_mixed else _full(one.values)  # mixed ones are fractions
+    width = max(each.values.shape[1] for each in present) if one.values.ndim == 2 else None
     columns, joints = [], []
-    for each, part in zip(found, parts):
+    for each, part in zip(of_parts, parts):
         shape = (part.n_points,) if width is None else (part.n_points, width)
         values = np.full(shape, full if is_colour else _NONE.get(one.kind, 0), one.values.dtype)
         rows = np.zeros(shape, dtype=np.int64)
@@ -216,9 +211,8 @@ def _joined(found: Sequence[Attribute | None], parts: Sequence[Part]) -> Attribu
             rows = rows if each.joints is None else np.pad(each.joints, missing)
         columns.append(values)
         joints.append(rows)
-    return replace(
-        one, values=np.concatenate(columns), joints=None if one.joints is None else np.concatenate(joints)
-    )
+    joined = None if one.joints is None else np.concatenate(joints)
+    return replace(one, values=np.concatenate(columns), joints=joined)
 
 
 def _full(colors: AnyArray) -> float:
@@ -245,7 +239,7 @@ def write(asset: Asset, *, is_glb: bool) -> bytes:
         asset = replace(asset.placed, parts=())
         if not len(asset.polygons):
             raise MeshError("glTF files are of triangles, and there is none; write points to a .ply file")
-    gltf = GltfData(copy.deepcopy(document.json), bytearray(document.blob))
+    gltf = document.data
     numbers = texcoord_numbers(replace(asset, document=document))
     attributes = told_apart(asset.attributes, of_all=True)
     split = split_at_seams(asset.polygons, len(asset.points), attributes)
@@ -345,9 +339,8 @@ def _key_of(attribute: Attribute, keys: Mapping[str, object], numbers: Mapping[s
         number = _number(attribute.name, "color")
         own = [] if number is None else [f"COLOR_{number}"]
         return next(key for key in (*own, *(f"COLOR_{i}" for i in range(len(keys) + 1))) if key not in keys)
-    key = {("normal", "normal"): "NORMAL", ("tangent", "vector"): "TANGENT"}.get(
-        (attribute.name, attribute.kind)
-    )
+    meant = (attribute.name, attribute.kind)
+    key = {("normal", "normal"): "NORMAL", ("tangent", "vector"): "TANGENT"}.get(meant)
     return key if key and key not in keys else unused_name(f"_{attribute.name.upper()}", keys)
 
 
@@ -364,13 +357,13 @@ def texcoord_numbers(asset: Asset) -> dict[str, int]:
     said = asset.document.uv_names if isinstance(asset.document, GltfDocument) else {}
     own = {name: number for number, name in said.items()}
     names = [each.name for each in told_apart(asset.attributes, of_all=True) if each.kind == "uv"]
-    found: dict[str, int] = {}
+    numbers: dict[str, int] = {}
     for name in sorted(names, key=lambda name: name not in own):
         number = own.get(name, _number(name, "uv"))
-        if number is None or number in found.values():
-            number = next(i for i in range(len(names) + 1) if i not in found.values())
-        found[name] = number
-    return found
+        if number is None or number in numbers.values():
+            number = next(i for i in range(len(names) + 1) if i not in numbers.values())
+        numbers[name] = number
+    return numbers
 
 
 def _write_weights(gltf: GltfData, keys: dict[str, int], attribute: Attribute, mesh: int) -> None:
@@ -393,9 +386,9 @@ def _skin_joints(gltf: GltfData, attribute: Attribute, mesh: int, used: IntArray
     for node in users:
         if "skin" in node:
             place = {joint: i for i, joint in enumerate(gltf.json["skins"][node["skin"]]["joints"])}
-            found: IntArray = np.array([place.get(node_of.get(name, -1), -1) for name in names])
-            if (found[used] >= 0).all():
-                return np.maximum(found, 0)
+            places: IntArray = np.array([place.get(node_of.get(name, -1), -1) for name in names])
+            if (places[used] >= 0).all():
+                return np.maximum(places, 0)
     placed = transforms(gltf).get(mesh, (None, None))[0]
     matrix = {} if placed is None else {"matrix": np.array(placed).T.ravel().tolist()}
     joints = [len(nodes) + i for i in range(len(names))]
@@ -442,7 +435,7 @@ def opened_document(asset: Asset) -> tuple[GltfDocument, GltfData]:
     document = asset.document
     if not isinstance(document, GltfDocument):
         document = replace(new_document(asset), former=document)
-    return document, GltfData(copy.deepcopy(document.json), bytearray(document.blob))
+    return document, document.data
 
 
 def edited(asset: Asset, document: GltfDocument, gltf: GltfData) -> Asset:

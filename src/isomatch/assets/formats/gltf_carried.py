@@ -60,13 +60,12 @@ def with_materials_of(receiver: Asset, giver: GltfDocument, giver_triangle: IntA
     ``giver_triangle`` (m,) is the triangle of the giver whose material each triangle takes; −1 for the most frequent.
     """
     document, gltf, starts, number_of = _opened(receiver)
-    other = copy.deepcopy(giver.json)
-    given = GltfData(other, bytearray(giver.blob))
-    views: dict[int, int] = {}
+    theirs = giver.data
+    other, views = theirs.json, dict[int, int]()
     for image in other.get("images", []):
         view = image.get("bufferView", -1)
         if view >= 0:
-            image["bufferView"] = views[view] if view in views else gltf.add_bytes(given.bytes_of(view))
+            image["bufferView"] = views[view] if view in views else gltf.add_bytes(theirs.bytes_of(view))
             views[view] = image["bufferView"]
     for texture in other.get("textures", []):
         for place in (texture, *texture.get("extensions", {}).values()):
@@ -108,13 +107,12 @@ def seen(of_triangle: IntArray, giver_triangle: IntArray) -> IntArray:
 
 def _used(document: GltfDocument) -> tuple[IntArray, list[int]]:
     """(m,) which of the materials in use each triangle has, −1 for none; and these materials."""
-    n = len(document.json.get("materials", []))
-    found: dict[int, int] = {}
+    n, number_of = len(document.json.get("materials", [])), dict[int, int]()
     of_place = []
     for mesh, i, _ in document.places:
         material = document.json["meshes"][mesh]["primitives"][i].get("material", -1)
-        of_place.append(found.setdefault(material, len(found)) if 0 <= material < n else -1)
-    return np.array(of_place, dtype=np.int64)[document.place_of_triangle], list(found)
+        of_place.append(number_of.setdefault(material, len(number_of)) if 0 <= material < n else -1)
+    return np.array(of_place, dtype=np.int64)[document.place_of_triangle], list(number_of)
 
 
 def _look(gltf: GltfData, index: int, names: Mapping[int, str]) -> Look:
@@ -154,9 +152,9 @@ def _picture(gltf: GltfData, index: int) -> Picture:
     """Return the picture of a texture: of several kinds, the first that can be read, or the first."""
     texture = _entry(gltf, "textures", index)
     places = [*texture.get("extensions", {}).values(), texture]
-    found = [_image(gltf, place["source"]) for place in places if "source" in place]
-    found = [each for each in found if is_picture(each.data)] or found
-    return found[0] if found else Picture(f"of texture {index}", missing="the texture names no image")
+    pictures = [_image(gltf, place["source"]) for place in places if "source" in place]
+    pictures = [each for each in pictures if is_picture(each.data)] or pictures
+    return pictures[0] if pictures else Picture(f"of texture {index}", missing="the texture names no image")
 
 
 def _image(gltf: GltfData, index: int) -> Picture:
@@ -185,13 +183,12 @@ def _opened(asset: Asset) -> tuple[GltfDocument, GltfData, dict[str, int], dict[
     """Open a document without materials that only its surface uses; count those left, and number coordinates."""
     document, gltf = opened_document(asset)
     places = {place[:2] for place in document.places}
-    others = (
-        primitive
+    has_others = any(
+        "material" in primitive and (mesh, i) not in places
         for mesh, each in enumerate(gltf.json["meshes"])
         for i, primitive in enumerate(each["primitives"])
-        if (mesh, i) not in places
     )
-    if not any("material" in primitive for primitive in others):
+    if not has_others:
         for name in _LISTS:
             gltf.json.pop(name, None)
         gltf.without_unused()
@@ -213,9 +210,8 @@ def _painted(
         held = document.place_of_triangle == number
         for k, each in enumerate(np.unique(look[held]).tolist() or [-1]):
             at = len(primitives) if k else i
-            primitives[at : at + 1] = [
-                {**copy.deepcopy(plain), **({"material": each + starts["materials"]} if each >= 0 else {})}
-            ]
+            material = {"material": each + starts["materials"]} if each >= 0 else {}
+            primitives[at : at + 1] = [{**copy.deepcopy(plain), **material}]
             of_triangle[held & (look == each)] = len(places)
             places.append((mesh, at, part))
     return replace(document, places=tuple(places), place_of_triangle=of_triangle)
@@ -226,7 +222,7 @@ def _written(
 ) -> dict[str, Any]:
     """Add the picture of a layer; return what a material says of it."""
     tint = tuple(layer.tint)[: len(default)]
-    found: dict[str, Any] = {f"{name}Factor": list(tint)} if tint != default else {}
+    material: dict[str, Any] = {f"{name}Factor": list(tint)} if tint != default else {}
     if picture := layer.picture:
         image: dict[str, object] = {"uri": picture.name}
         if not picture.missing:
@@ -244,8 +240,8 @@ def _written(
             (sx, _, x), (_, sy, y) = layer.matrix
             info["extensions"] = {_TRANSFORM: {"scale": [sx, sy], "offset": [x, y]}}
             _use(gltf, "extensionsUsed", [_TRANSFORM])
-        found[f"{name}Texture"] = info
-    return found
+        material[f"{name}Texture"] = info
+    return material
 
 
 def _use(gltf: GltfData, name: str, extensions: list[str]) -> None:
@@ -276,16 +272,15 @@ def with_skin_of(receiver: Asset, giver: Asset) -> Asset:
     Joints that it had before are emptied, and animations that moved them left out, unless another mesh is bound to them.
     `DescriptorError` for a joint that is scaled to nothing.
     """
-    given = giver.document
-    if not isinstance(given, GltfDocument) or not given.json.get("skins"):
+    theirs = giver.document
+    if not isinstance(theirs, GltfDocument) or not theirs.json.get("skins"):
         return receiver
     document, gltf = opened_document(receiver)
-    other, nodes = copy.deepcopy(given.json), gltf.json["nodes"]
+    other, nodes = copy.deepcopy(theirs.json), gltf.json["nodes"]
     meshes, placed = {mesh for mesh, *_ in document.places}, transforms(gltf)
-    bound = [
-        (node, np.array(placed[node["mesh"]][0] or np.eye(4))) for node in nodes if node.get("mesh") in meshes
-    ]
-    for node, _ in bound:
+    users = [node for node in nodes if node.get("mesh") in meshes]
+    bound = [(node, np.array(placed[node["mesh"]][0] or np.eye(4))) for node in users]
+    for node in users:
         node.pop("skin", None)
     _without_unused_skins(gltf.json)
     new, there, joints = _appended(gltf.json, other), node_matrices(other), joint_names(other)
@@ -329,13 +324,13 @@ def animation_channels(asset: Asset) -> int:
 def _with_above(nodes: list[dict[str, Any]], starts: Iterable[int]) -> set[int]:
     """Return some nodes and all that are above them."""
     above = {child: i for i, node in enumerate(nodes) for child in node.get("children", [])}
-    found: set[int] = set()
+    chosen: set[int] = set()
     for start in starts:
         at: int | None = start
-        while at is not None and at not in found:
-            found.add(at)
+        while at is not None and at not in chosen:
+            chosen.add(at)
             at = above.get(at)
-    return found
+    return chosen
 
 
 def _appended(document: dict[str, Any], other: dict[str, Any]) -> dict[int, int]:
@@ -364,16 +359,11 @@ def _without_unused_skins(document: dict[str, Any]) -> None:
             node["skin"] = used.index(node["skin"])
     if used:
         document["skins"] = [skins[i] for i in used]
-    bound = [
-        i
-        for skin in document.get("skins", [])
-        for i in (*skin["joints"], skin.get("skeleton", skin["joints"][0]))
-    ]
-    held = _with_above(
-        nodes, [*bound, *(i for i, node in enumerate(nodes) if any(key in node for key in _MESH))]
-    )
+    needed = [i for i, node in enumerate(nodes) if any(key in node for key in _MESH)]
+    for skin in document.get("skins", []):
+        needed += [*skin["joints"], skin.get("skeleton", skin["joints"][0])]
     gone = _with_above(nodes, (joint for skin in skins for joint in skin["joints"]))
-    gone -= held
+    gone -= _with_above(nodes, needed)
     waiting = list(gone)
     while waiting:
         below = [i for i in nodes[waiting.pop()].get("children", []) if i not in gone]

@@ -24,7 +24,7 @@ from isomatch.assets.formats._text import (
 from isomatch.assets.materials import IN_PLACE, Layer, Look, Picture, Wrap, picture_in
 from isomatch.assets.polygons import Polygons, Renumbering
 from isomatch.errors import FormatError, MeshError, some
-from isomatch.storage.files import opened
+from isomatch.storage.files import contents
 from isomatch.storage.texts import decoded, encoding_of
 from isomatch.surfaces import Mesh, welded
 from isomatch.values.arrays import AnyArray, FloatArray, IntArray
@@ -48,15 +48,15 @@ class ObjDocument:
 
     def renumbered(self, before: Asset, after: Asset, rows: Renumbering) -> ObjDocument:
         """Renumber lines and points, without those that lose a point."""
-        found = []
+        kept = []
         for element in self.elements:
             keyword, *words = element.split()
             numbers = np.array(words, dtype=np.int64) - 1
             inside = (numbers >= 0) & (numbers < len(rows.new_point))
             new = rows.new_point[numbers[inside]] + 1
             if inside.all() and new.all():
-                found.append(" ".join([keyword, *map(str, new.tolist())]))
-        return replace(self, elements=tuple(found))
+                kept.append(" ".join([keyword, *map(str, new.tolist())]))
+        return replace(self, elements=tuple(kept))
 
 
 def read(data: bytes, name: str) -> Mesh:
@@ -143,23 +143,21 @@ def _vertices(asset: Asset) -> bytes:
         return format_rows("v %r %r %r\n", asset.points)
     colors = colours[0].fractions[:, :3]
     template = "v %r %r %r" + (" %r %r %r" if colours[0].values.dtype.kind == "f" else " %.6g %.6g %.6g")
-    rows = np.hstack([asset.points, colors])
-    given = ~np.isnan(colors.sum(axis=1))
+    rows, is_coloured = np.hstack([asset.points, colors]), ~np.isnan(colors.sum(axis=1))
     lines = np.full(len(rows), b"", dtype=object)
-    lines[~given] = format_rows("v %r %r %r\n", asset.points[~given]).splitlines(keepends=True)
-    lines[given] = format_rows(f"{template}\n", rows[given]).splitlines(keepends=True)
+    lines[~is_coloured] = format_rows("v %r %r %r\n", rows[~is_coloured, :3]).splitlines(keepends=True)
+    lines[is_coloured] = format_rows(f"{template}\n", rows[is_coloured]).splitlines(keepends=True)
     return b"".join(lines)
 
 
 def _table(asset: Asset, kind: Kind, width: int) -> tuple[AnyArray, IntArray]:
     """Return the different values of an attribute and the index of that of each corner; -1 where there is none."""
-    corners = asset.polygons.corners
-    found = asset.of_kind(kind)
-    if not found:
+    corners, attributes = asset.polygons.corners, asset.of_kind(kind)
+    if not attributes:
         return np.zeros((0, width)), np.full(len(corners), -1)
-    values = found[0].values[:, :width].astype(np.float64)
+    values = attributes[0].values[:, :width].astype(np.float64)
     rows = np.flatnonzero(~np.isnan(values).any(axis=1))
-    of_points = found[0].domain == "point"
+    of_points = attributes[0].domain == "point"
     kept, place = (np.arange(len(rows)),) * 2 if of_points else welded(values[rows])
     index = np.full(len(values), -1)
     index[rows] = place
@@ -195,14 +193,14 @@ def _indexed(table_lines: TextLines, keyword: str, width: int, words: TextLines,
     table[:-1] = numbers.columns(0, width)
     table[:-1][np.arange(width) >= numbers.counts[:, None]] = 0.0
     rows = words.fields(which).parse()
-    given = rows.whole(None, f"whole indices of {keyword}")
-    index = _from_zero(given, rows, table_lines)
-    inside = (index >= np.where(given == 0, -1, 0)) & (index < len(table_lines))
+    raw = rows.whole(None, f"whole indices of {keyword}")
+    index = _from_zero(raw, rows, table_lines)
+    inside = (index >= np.where(raw == 0, -1, 0)) & (index < len(table_lines))
     if not inside.all():
         row = int(np.searchsorted(np.cumsum(rows.counts), np.argmin(inside), side="right"))
         words.fail(row, f"indices of the {len(table_lines)} {keyword} lines")
-    found: FloatArray = table[index]
-    return found
+    values: FloatArray = table[index]
+    return values
 
 
 def _changes(attribute: Attribute) -> tuple[IntArray, AnyArray]:
@@ -227,10 +225,10 @@ def _labels(name: str, statements: TextLines, face_lines: TextLines, encoding: s
 
 
 def _vertex_lines(lines: TextLines) -> TextLines:
-    found = lines.starting_with("v")
-    if not len(found):
+    vertex_lines = lines.starting_with("v")
+    if not len(vertex_lines):
         lines.fail(len(lines), "vertex lines v x y z")
-    return found
+    return vertex_lines
 
 
 def _polygons(lines: TextLines, vertex_lines: TextLines) -> tuple[IntArray, IntArray]:
@@ -400,12 +398,11 @@ def _options(text: str) -> tuple[dict[str, list[str]], str]:
 def _numbers(text: str, least: int, most: int = 3) -> list[float]:
     """Return the numbers of a text; one alone stands for all; none if there are fewer than least and not one."""
     try:
-        found = [float(word) for word in text.split()[:most]]
+        numbers = [float(word) for word in text.split()[:most]]
     except ValueError:
         return []
-    if len(found) == 1 and least > 1:
-        found *= least
-    return found if len(found) >= least else []
+    numbers *= least if len(numbers) == 1 else 1
+    return numbers if len(numbers) >= least else []
 
 
 def _statements(library: bytes) -> Iterator[tuple[str, str]]:
@@ -419,12 +416,7 @@ def _lines(library: bytes) -> list[str]:
     return decoded(library).replace("\r\n", "\n").replace("\r", "\n").split("\n")
 
 
-def _all_of(path: Path) -> bytes:
-    with opened(path) as file:
-        return file.read()
-
-
-def _content(name: str, folder: Path, read: Callable[[Path], bytes | None] = _all_of) -> bytes | None:
+def _content(name: str, folder: Path, read: Callable[[Path], bytes | None] = contents) -> bytes | None:
     """Read a file of the folder or below, as no other may be copied; None if there is none."""
     clean = name.replace("\\", "/")
     # of a path on the machine of who made the file, the last name is sought here too

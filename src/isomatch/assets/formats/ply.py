@@ -34,6 +34,7 @@ _TYPES = {
     "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4", "uint32": "u4", "float32": "f4",
     "float64": "f8", "int64": "i8", "uint64": "u8",
 }  # fmt: skip
+_COUNT_TYPES = ("i1", "u1", "i2", "u2", "i4", "u4")
 _LETTERS = {kind: letters for letters, kind in reversed(_TYPES.items())}
 _BYTE_ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 _LONGEST_HEADER = 2**18  # bytes
@@ -157,18 +158,13 @@ def read_asset(data: bytes, name: str) -> Asset:
     of_points, point_names, other_of_points = _attributes(vertex, "point", "xyz", sizes)
     of_faces, face_names, other_of_faces = _attributes(face, "face", (index_list,), sizes)
     single = {each.type.str[1:] for each in vertex.columns if each.name == "x"} == {"f4"}
-    names, positions = point_names | face_names, "f4" if single else "f8"
+    names, positions = {**point_names, **face_names}, "f4" if single else "f8"
     document = PlyDocument(
         byte_order, comments, positions, index_list, names, other_of_points, other_of_faces, elements
     )
     words = _of_place(comments)
     frame = Frame(words=words) if words else None
     return Asset(points, Polygons(corners, sizes), of_points + of_faces, document=document, frame=frame)
-
-
-def keeps_frame(frame: Frame) -> bool:
-    """Whether PLY can tell a frame: in words."""
-    return not frame.has_space
 
 
 def keeps(attribute: Attribute) -> bool:
@@ -228,20 +224,15 @@ def _elements(data: bytes, name: str) -> tuple[dict[str, Element], str, tuple[st
                 columns = []
                 declared[element] = int(n_rows), columns
             case ["property", "list", number, kind, column] if (
-                declared
-                and kind in _TYPES
-                and _TYPES.get(number, "f") in ("i1", "u1", "i2", "u2", "i4", "u4")
+                declared and kind in _TYPES and number in _TYPES and _TYPES[number] in _COUNT_TYPES
             ):
-                columns.append(
-                    Column(column, np.dtype(order + _TYPES[kind]), np.dtype(order + _TYPES[number]))
-                )
+                count_type = np.dtype(order + _TYPES[number])
+                columns.append(Column(column, np.dtype(order + _TYPES[kind]), count_type))
             case ["property", kind, column] if declared and kind in _TYPES:
                 columns.append(Column(column, np.dtype(order + _TYPES[kind])))
             case _:
-                lines.fail(
-                    i,
-                    "'element NAME COUNT' of a new name, 'property TYPE NAME' or 'property list TYPE TYPE NAME'",
-                )
+                properties = "'property TYPE NAME' or 'property list TYPE TYPE NAME'"
+                lines.fail(i, f"'element NAME COUNT' of a new name, {properties}")
         if i - len(comments) > _MOST_DECLARED:
             lines.fail(i, f"at most {_MOST_DECLARED} elements and properties", "remove those not needed")
     read_body = _binary if order else _text
@@ -267,9 +258,7 @@ Declared = Mapping[str, tuple[int, list[Column]]]
 
 
 def _text(data: bytes, name: str, n_bytes: int, n_lines: int, declared: Declared) -> dict[str, Element]:
-    lines = read_lines(name, data[n_bytes:], before=n_lines)
-    found: dict[str, Element] = {}
-    start = 0
+    lines, elements, start = read_lines(name, data[n_bytes:], before=n_lines), dict[str, Element](), 0
     for element, (n_rows, columns) in declared.items():
         stop = start + (n_rows if columns else 0)
         if stop > len(lines):
@@ -287,17 +276,16 @@ def _text(data: bytes, name: str, n_bytes: int, n_lines: int, declared: Declared
             held.append(replace(column, values=rows.values[where], counts=counts))
             cursor = cursor + 1 + (0 if counts is None else counts)
         rows.require((cursor == ends) | (not columns), expected)
-        found[element] = Element(tuple(held), n_rows, f"{name}:{lines.numbers[start] if stop > start else 1}")
-        start = stop
+        place = f"{name}:{lines.numbers[start] if stop > start else 1}"
+        elements[element], start = Element(tuple(held), n_rows, place), stop
     if start != len(lines):
-        lines.fail(
-            start, "no line after the elements declared in the header", "correct the counts in the header"
-        )
-    return found
+        expected = "no line after the elements declared in the header"
+        lines.fail(start, expected, "correct the counts in the header")
+    return elements
 
 
 def _binary(data: bytes, name: str, position: int, _: int, declared: Declared) -> dict[str, Element]:
-    found: dict[str, Element] = {}
+    elements = dict[str, Element]()
     for element, (n_rows, columns) in declared.items():
         held, end = _uniform(columns, n_rows, data, position) or _mixed(columns, n_rows, data, position)
         if end > len(data):
@@ -305,14 +293,13 @@ def _binary(data: bytes, name: str, position: int, _: int, declared: Declared) -
                 f"{name}: byte {len(data)}: expected {n_rows} rows of element {element}, found the end of the file; "
                 "it is cut short or damaged, copy or export it again"
             )
-        found[element] = Element(tuple(held), n_rows, f"{name}: byte {position}")
-        position = end
+        elements[element], position = Element(tuple(held), n_rows, f"{name}: byte {position}"), end
     if data[position:].strip():
         raise FormatError(
             f"{name}: byte {position}: expected the end of the file, found {len(data) - position} more "
             "bytes; the counts in the header do not fit the data, export the file again"
         )
-    return found
+    return elements
 
 
 def _uniform(columns: list[Column], n_rows: int, data: bytes, start: int) -> tuple[list[Column], int] | None:
@@ -320,18 +307,17 @@ def _uniform(columns: list[Column], n_rows: int, data: bytes, start: int) -> tup
     fields: list[tuple[object, ...]] = []
     position, counts = start, []
     for i, column in enumerate(columns):
-        counts.append(1)
+        count = 1
         if column.count_type is not None:
-            after = position + column.count_type.itemsize
-            counts[i] = (
-                int(np.frombuffer(data[position:after], column.count_type)[0]) if after <= len(data) else -1
-            )
+            first = data[position : position + column.count_type.itemsize]
+            position += column.count_type.itemsize
+            count = int(np.frombuffer(first, column.count_type)[0]) if position <= len(data) else -1
             fields.append((f"count{i}", column.count_type))
-            position = after
-        position += counts[i] * column.type.itemsize
-        if counts[i] < 0 or position > min(len(data), start + _LONGEST_ROW):
+        position += count * column.type.itemsize
+        if count < 0 or position > min(len(data), start + _LONGEST_ROW):
             return None
-        fields.append((f"{i}", column.type, (counts[i],)))
+        counts.append(count)
+        fields.append((f"{i}", column.type, (count,)))
     if not n_rows or position == start or (end := start + n_rows * (position - start)) > len(data):
         return None
     rows, held = np.frombuffer(data, np.dtype(fields), n_rows, start), []
@@ -384,13 +370,13 @@ def _positions(elements: Mapping[str, Element], name: str) -> FloatArray:
             f"{name}:1: expected triangles in element 'face', found 'tristrips'; export faces instead"
         )
     vertex = elements.get("vertex", Element())
-    found = {each.name: each.values for each in vertex.columns if each.counts is None}
-    if missing := [axis for axis in "xyz" if axis not in found]:
+    column = {each.name: each.values for each in vertex.columns if each.counts is None}
+    if missing := [axis for axis in "xyz" if axis not in column]:
         raise FormatError(
             f"{name}:1: expected an element 'vertex' with numbers x, y, z, found no {', '.join(missing)}; "
             "export the file again with positions"
         )
-    return np.stack([found[axis] for axis in "xyz"], axis=1, dtype=np.float64)
+    return np.stack([column[axis] for axis in "xyz"], axis=1, dtype=np.float64)
 
 
 def _polygons(elements: Mapping[str, Element], name: str) -> tuple[IntArray, IntArray, str]:
@@ -405,15 +391,10 @@ def _polygons(elements: Mapping[str, Element], name: str) -> tuple[IntArray, Int
             f"{', '.join(each.name for each in face.columns) or 'none'}; rename it or export the file again"
         )
     corners, counts = lists[0].values, lists[0].counts
-    broken = (
-        np.repeat(np.arange(len(counts)), counts)[~is_whole(corners)]
-        if corners.dtype.kind == "f"
-        else counts[:0]
-    )
-    for rows, expected in (
-        (np.flatnonzero(counts < 3), "a face of at least 3 corners"),
-        (broken, "whole vertex indices"),
-    ):
+    small, broken = np.flatnonzero(counts < 3), counts[:0]
+    if corners.dtype.kind == "f":
+        broken = np.repeat(np.arange(len(counts)), counts)[~is_whole(corners)]
+    for rows, expected in ((small, "a face of at least 3 corners"), (broken, "whole vertex indices")):
         if len(rows):
             raise FormatError(
                 f"{face.place}: expected {expected}, face {rows[0]} from here on has none; export the file again"
@@ -423,15 +404,15 @@ def _polygons(elements: Mapping[str, Element], name: str) -> tuple[IntArray, Int
 
 def _attributes(
     element: Element, domain: Domain, used: Collection[str], sizes: IntArray
-) -> tuple[tuple[Attribute, ...], dict[tuple[str, Domain], tuple[str, ...]], tuple[Column, ...]]:
+) -> tuple[tuple[Attribute, ...], Names, tuple[Column, ...]]:
     """Make attributes of what is not used otherwise; return also the properties of each, and what makes none."""
     left = {each.name: each for each in element.columns if each.name not in used}
     single = {name: each for name, each in left.items() if each.count_type is None}
-    found: list[tuple[Attribute, tuple[str, ...]]] = []
+    pairs: list[tuple[Attribute, tuple[str, ...]]] = []
 
     def add(name: str, kind: Kind | None, members: tuple[str, ...]) -> None:
         values = np.stack([single.pop(member).typed for member in members], axis=1)
-        found.append((Attribute(name, domain, kind or guessed_kind(name, values), values), members))
+        pairs.append((Attribute(name, domain, kind or guessed_kind(name, values), values), members))
 
     for name, kind, members in _GROUPS:
         types = {single[member].type if member in single else None for member in members}
@@ -443,12 +424,12 @@ def _attributes(
         if len(members) > 1 and len({single[member].type for member in members}) == 1:
             add(stem, None, members)
     for name, column in single.items():
-        found.append((Attribute(name, domain, _kind(column.typed), column.typed), (name,)))
+        pairs.append((Attribute(name, domain, _kind(column.typed), column.typed), (name,)))
     lists = {name: _of_corners(each, sizes) for name, each in left.items() if each.counts is not None}
-    found += [(corner, (name,)) for name, corner in lists.items() if corner is not None and domain == "face"]
-    found.sort(key=lambda pair: list(left).index(pair[1][0]))
-    attributes = told_apart(attribute for attribute, _ in found)
-    names = {(a.name, a.domain): members for a, (_, members) in zip(attributes, found)}
+    pairs += [(corner, (name,)) for name, corner in lists.items() if corner is not None and domain == "face"]
+    pairs.sort(key=lambda pair: list(left).index(pair[1][0]))
+    attributes = told_apart(attribute for attribute, _ in pairs)
+    names = {(a.name, a.domain): members for a, (_, members) in zip(attributes, pairs)}
     made = {member for members in names.values() for member in members}
     return attributes, names, tuple(left[name] for name in lists if name not in made)
 
@@ -462,13 +443,13 @@ def _of_corners(column: Column, sizes: IntArray) -> Attribute | None:
     width = 2 if column.name == _CORNER_UV else 1
     if column.counts is None or len(column.counts) != len(sizes):
         return None
-    given = column.counts == width * sizes
-    if not given.any() or not (given | ((column.counts == 0) & (width == 2))).all():
+    is_full = column.counts == width * sizes
+    if not is_full.any() or not (is_full | ((column.counts == 0) & (width == 2))).all():
         return None
     if width == 1:
         return Attribute(column.name, "corner", _kind(column.typed), column.typed)
     uv = np.full((int(sizes.sum()), 2), np.nan, column.typed.dtype)
-    uv[np.repeat(given, sizes)] = column.typed.reshape(-1, 2)
+    uv[np.repeat(is_full, sizes)] = column.typed.reshape(-1, 2)
     return Attribute("uv", "corner", "uv", uv)
 
 
@@ -478,16 +459,15 @@ def _properties(
     """Return the columns of an element: its own, those of its attributes, of which corners are lists, and its lists."""
     taken = {*_INDEX_LISTS, *(each.name for each in (*own, *lists))}
     here = [a for a in asset.attributes if a.domain == domain or (a.domain, domain) == ("corner", "face")]
-    given: dict[tuple[str, Domain], tuple[str, ...]] = {}
-    for each in here:
-        members = names.get((each.name, each.domain), ())
-        if members and (each.domain == "corner" or len(members) == each.plain.size // max(len(each), 1)):
-            given[each.name, each.domain] = members
-    taken.update(member for members in given.values() for member in members)
+    former = [names.get((each.name, each.domain), ()) for each in here]
+    for i, (each, members) in enumerate(zip(here, former)):
+        if each.domain != "corner" and len(members) != each.plain.size // max(len(each), 1):
+            former[i] = ()
+    taken.update(member for members in former for member in members)
     columns: list[Column] = []
-    for attribute in here:
+    for attribute, members in zip(here, former):
         values = attribute.plain
-        members = given.get((attribute.name, attribute.domain)) or _members(attribute, values, taken)
+        members = members or _members(attribute, values, taken)
         taken.update(members)
         if attribute.domain == "corner":
             columns.append(_list_of_faces(members[0], values, asset.polygons.sizes))
@@ -546,11 +526,8 @@ def _rows(element: Element, byte_order: str) -> bytes:
         words = [(each, numbered(values, formats.get(kind, "%d"))) for each, values, kind in fields]
         return interleaved_lines(words, n_rows)
     if all((each == each[:1]).all() for each, _, _ in fields):
-        sizes = [int(each[0]) if n_rows else 0 for each, _, _ in fields]
-        rows = np.zeros(
-            n_rows,
-            [(f"{i}", byte_order + kind, (n,)) for i, (n, (*_, kind)) in enumerate(zip(sizes, fields))],
-        )
+        row = [(f"{i}", byte_order + kind, (each[:1].sum(),)) for i, (each, _, kind) in enumerate(fields)]
+        rows = np.zeros(n_rows, row)
         for i, (_, values, _) in enumerate(fields):
             rows[f"{i}"] = values.reshape(rows[f"{i}"].shape)
         return rows.tobytes()

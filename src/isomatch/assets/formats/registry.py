@@ -15,10 +15,6 @@ from isomatch.errors import FormatError, InputError
 from isomatch.surfaces import Mesh
 
 
-def _tells_nothing(frame: Frame) -> bool:
-    return not frame.is_told
-
-
 @dataclass(frozen=True)
 class MeshFormat:
     """How one format is read and written."""
@@ -32,19 +28,19 @@ class MeshFormat:
     has_parts: bool = False  # and their transforms
     has_names: bool = False  # of labels
     has_opacity: bool = True  # of colours
-    keeps_frame: Callable[[Frame], bool] = _tells_nothing
+    keeps_frame: Callable[[Frame], bool] = lambda frame: not frame.is_told
 
     def missing(self, attribute: Attribute) -> list[Attribute]:
         """Return what has no place of an attribute that has one."""
-        found = []
+        missing = []
         if attribute.coded.names and not self.has_names:
-            found.append(replace(attribute, name=f"names of {attribute.name}"))
+            missing.append(replace(attribute, name=f"names of {attribute.name}"))
         if attribute.kind == "colour" and not self.has_opacity:
             opacity = attribute.fractions[:, 3:]
             if (opacity < 1).any():
                 name = f"opacity of {attribute.name}"
-                found.append(Attribute(name, attribute.domain, "scalar", opacity[:, 0]))
-        return found
+                missing.append(Attribute(name, attribute.domain, "scalar", opacity[:, 0]))
+        return missing
 
 
 def _with_attributes(
@@ -68,19 +64,35 @@ FORMATS: dict[str, MeshFormat] = {
     ".obj": MeshFormat(
         obj.read, obj.write, read_asset=obj.read_asset, keeps=obj.keeps, has_names=True, **_PLAIN
     ),
-    ".ply": MeshFormat(ply.read, ply.write, _BINARY, ply.read_asset, ply.keeps, keeps_frame=ply.keeps_frame),
+    ".ply": MeshFormat(
+        ply.read,
+        ply.write,
+        _BINARY,
+        ply.read_asset,
+        ply.keeps,
+        keeps_frame=lambda frame: not frame.has_space,  # it tells words alone
+    ),
     ".stl": MeshFormat(stl.read, stl.write, _BINARY, stl.read_asset),
     ".glb": _with_attributes(gltf.read_asset, partial(gltf.write, is_glb=True), **_GLTF),
     ".gltf": _with_attributes(gltf.read_asset, partial(gltf.write, is_glb=False), **_GLTF),
-    ".vtk": _with_attributes(vtk.read_vtk, vtk.write_vtk, keeps=vtk.keeps, options=_BINARY),
-    ".vtp": _with_attributes(vtk.read_vtp, vtk.write_vtp, keeps=vtk.keeps, options=_BINARY),
-    ".vtu": _with_attributes(vtk.read_vtu, vtk.write_vtu, keeps=vtk.keeps, options=_BINARY),
+    **{
+        suffix: _with_attributes(
+            partial(vtk.read, suffix), partial(vtk.write, suffix), keeps=vtk.keeps, options=_BINARY
+        )
+        for suffix in (".vtk", ".vtp", ".vtu")
+    },
     ".gii": _with_attributes(
-        gifti.read_asset, gifti.write, keeps=gifti.keeps, has_names=True, keeps_frame=gifti.keeps_frame
+        gifti.read_asset,
+        gifti.write,
+        keeps=gifti.keeps,
+        has_names=True,
+        keeps_frame=lambda frame: not frame.words,
     ),
     **dict.fromkeys(
         freesurfer.SURFACES,
-        _with_attributes(freesurfer.read_asset, freesurfer.write, keeps_frame=freesurfer.keeps_frame),
+        _with_attributes(
+            freesurfer.read_asset, freesurfer.write, keeps_frame=lambda frame: frame.is_in_volume
+        ),
     ),
 }
 """The format of each suffix, in lower case and with its dot. To add a format, add an entry."""
@@ -91,8 +103,8 @@ def format_of(path: Path) -> MeshFormat:
     try:
         return FORMATS[path.suffix.lower()]
     except KeyError:
-        found = f"suffix {path.suffix!r}" if path.suffix else "no suffix"
-        raise FormatError(f"{path}: {found} is not a mesh format; use one of {', '.join(FORMATS)}") from None
+        suffix = f"suffix {path.suffix!r}" if path.suffix else "no suffix"
+        raise FormatError(f"{path}: {suffix} is not a mesh format; use one of {', '.join(FORMATS)}") from None
 
 
 def checked(read: Callable[[bytes, str], Asset], data: bytes, name: str) -> Asset:

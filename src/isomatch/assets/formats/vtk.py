@@ -10,7 +10,6 @@ import re
 import subprocess
 import sys
 from collections.abc import Mapping
-from functools import partial
 from io import BytesIO
 
 import numpy as np
@@ -30,15 +29,14 @@ _MARK = "isomatch_end"
 # VTK reads on into this after an array of a legacy file that is too short, and does not find it as what it is
 _END = b"\n\nFIELD isomatch 1\n%s 1 1 int\n0000\n" % _MARK.encode()
 _ENDED = "the reader came to an end over it, as where more is declared than the file holds"
-
-
 _DECLARED = {
     ".vtk": re.compile(rb"(?im)^POLYGONS\s+(-?\d+)"),
     ".vtp": re.compile(rb"""\sNumberOfPolys\s*=\s*["'](\d+)"""),
 }
 
 
-def _read(suffix: str, data: bytes, name: str) -> Asset:
+def read(suffix: str, data: bytes, name: str) -> Asset:
+    """Read the polygons of a file of this suffix, with all arrays on them and on their points."""
     what = f"a {suffix} file of polygons"
     package("vtkmodules", "vtk", what)
     if suffix != ".vtk" and b"</VTKFile" not in data:
@@ -53,12 +51,12 @@ def _read(suffix: str, data: bytes, name: str) -> Asset:
     if suffix == ".vtk" and _MARK not in (*stored["point_names"], *stored["cell_names"], *stored["fields"]):
         raise damaged(name, what, "it is cut short, or an array is shorter than declared")
     with reading(name, what):
-        found = polygons_of(stored["points"], stored["corners"], stored["sizes"], stored["rows"], others)
+        cells = polygons_of(stored["points"], stored["corners"], stored["sizes"], stored["rows"], others)
         attributes = [
             *attributes_of(_named(stored, "point"), "point"),
-            *attributes_of(_named(stored, "cell"), "face", found.rows),
+            *attributes_of(_named(stored, "cell"), "face", cells.rows),
         ]
-        return Asset(found.points, found.polygons, told_apart(attributes), notes=found.notes)
+        return Asset(cells.points, cells.polygons, told_apart(attributes), notes=cells.notes)
 
 
 def _stored(data: bytes, name: str, suffix: str, what: str) -> Mapping[str, AnyArray]:
@@ -91,17 +89,14 @@ def _named(stored: Mapping[str, AnyArray], domain: str) -> dict[str, AnyArray]:
     }
 
 
-def _write(suffix: str, asset: Asset, binary: bool = True) -> bytes:
+def write(suffix: str, asset: Asset, binary: bool = True) -> bytes:
+    """Write a file of this suffix, binary or text."""
     if suffix == ".vtu" and not len(asset.points):  # over which VTK ends the process
         raise MeshError("there are no points, and a VTU file without any cannot be read; write a .vtp file")
     mesh = to_pyvista(asset)
     with on_disk(b"", suffix) as path:
         (mesh.cast_to_unstructured_grid() if suffix == ".vtu" else mesh).save(path, binary=binary)
         return path.read_bytes()
-
-
-read_vtk, read_vtp, read_vtu = (partial(_read, suffix) for suffix in (".vtk", ".vtp", ".vtu"))
-write_vtk, write_vtp, write_vtu = (partial(_write, suffix) for suffix in (".vtk", ".vtp", ".vtu"))
 
 
 def keeps(attribute: Attribute) -> bool:
