@@ -133,8 +133,8 @@ def bake_texture(
     for first in range(0, len(faces), CHUNK):
         rows = slice(first, first + CHUNK)
         places = bridge.at(PrecisePoints(faces[rows], weights[rows]))
-        colours[rows] = np.where(places.found[:, None], paint.at(places), UNPAINTED)
-        unmatched += int((~places.found).sum())
+        colours[rows] = np.where(places.has_place[:, None], paint.at(places), UNPAINTED)
+        unmatched += int((~places.has_place).sum())
     picture = np.zeros((size, size, 4))
     picture[covered] = colours
     nearest = distance_transform_edt(~covered, return_distances=False, return_indices=True)
@@ -153,17 +153,15 @@ class _Paint:
 
     @classmethod
     def of(cls, asset: Asset) -> _Paint:
-        looks = looks_of(asset)
-        colours = asset.of_kind("colour")
+        looks, colours, notes = looks_of(asset), asset.of_kind("colour"), unread_files(asset)
         pictures = looks.pictures if looks else ()
         lost = unread(pictures)
-        notes = unread_files(asset)
         if len(lost) == len(pictures) and colours:
             looks = None
         elif not looks or all(lost.keys() & set(look.pictures) for look in looks.looks):
-            none = f"no colour to bake, and no picture can be read ({'; '.join(notes)})"
-            none = none if notes else "neither a texture nor a colour to bake"
-            raise DescriptorError(f"there is {none}; give a file that has one")
+            why = f"no colour to bake, and no picture can be read ({'; '.join(notes)})"
+            why = why if notes else "neither a texture nor a colour to bake"
+            raise DescriptorError(f"there is {why}; give a file that has one")
         pixels = {picture: pixels_of(picture.data) for picture in pictures if picture not in lost}
         instead = "what it would paint is grey" if looks else "colours are painted instead"
         return cls(asset, looks, pixels, tuple(f"{note}; {instead}" for note in notes))
@@ -174,15 +172,15 @@ class _Paint:
             colour = self.asset.of_kind("colour")[0]
             seen = np.nan_to_num(places.interpolated(colour.fractions, places.rows(colour)), nan=UNPAINTED[0])
             return np.column_stack([seen[:, :3], seen[:, 3] if seen.shape[1] == 4 else np.ones(len(seen))])
-        look = np.where(places.found, self.looks.of_triangle[places.triangle], -1)
-        found = np.ones((len(look), 4))
+        look = np.where(places.has_place, self.looks.of_triangle[places.triangle], -1)
+        colours = np.ones((len(look), 4))
         for i, each in enumerate(self.looks.looks):
             here = look == i
             those = Places(places.asset, places.triangle[here], places.barycentric[here])
-            found[here] = self._of_layer(each.base, those)
+            colours[here] = self._of_layer(each.base, those)
             if each.emitted:
-                found[here, :3] += self._of_layer(each.emitted, those)[:, :3]
-        return found
+                colours[here, :3] += self._of_layer(each.emitted, those)[:, :3]
+        return colours
 
     def _of_layer(self, layer: Layer, places: Places) -> FloatArray:
         n = len(places.triangle)

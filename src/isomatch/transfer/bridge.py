@@ -29,7 +29,7 @@ class Places:
     barycentric: FloatArray  # (m, 3)
 
     @property
-    def found(self) -> BoolArray:  # (m,)
+    def has_place(self) -> BoolArray:  # (m,)
         """Which points have a place."""
         return self.triangle >= 0
 
@@ -46,7 +46,7 @@ class Places:
     def interpolated(self, values: FloatArray, rows: IntArray) -> FloatArray:
         """Interpolate rows (m, 3) of values (n, d): (m, d), nan where a point has no place."""
         total = PrecisePoints(rows, self.barycentric).interpolated(values)
-        total[~self.found] = np.nan
+        total[~self.has_place] = np.nan
         return total
 
 
@@ -59,15 +59,16 @@ class Bridge:
     giver: Asset
 
     @classmethod
-    def between(cls, given: Correspondence, source: Asset, target: Asset, *, to_source: bool) -> Bridge:
+    def between(cls, images: Correspondence, source: Asset, target: Asset, *, to_source: bool) -> Bridge:
         """Make the bridge of a map source → target, between the points of the two files or between their meshes."""
         for name, asset in (("source", source), ("target", target)):
             if not len(asset.polygons):
                 raise MeshError(
                     f"{name}: has no polygons, and values are carried between surfaces; give a mesh"
                 )
-        given.check_fits(*(_mapped(asset, n) for asset, n in zip((source, target), given.shape)))
-        welded = welded_map(given, *(_vertices(asset, n) for asset, n in zip((source, target), given.shape)))
+        ends = list(zip((source, target), images.shape))
+        images.check_fits(*(_mapped(asset, n) for asset, n in ends))
+        welded = welded_map(images, *(_vertices(asset, n) for asset, n in ends))
         if to_source:
             return cls(welded, source, target)
         return cls(welded.reversed(source.mesh, target.mesh), target, source)
@@ -132,6 +133,42 @@ class Bridge:
         barycentric[alone, corner % 3] = 1.0
         return Places(self.giver, triangle, barycentric)
 
+    @cached_property
+    def growth(self) -> float:
+        """How many times larger the receiver is: the median around its matched faces; 1 if about one size."""
+        faces = self.receiver.mesh.faces
+        faces = faces[self.map.matched[faces].all(axis=1)]
+        here, there = (
+            np.linalg.norm(x[faces] - x[np.roll(faces, 1, axis=1)], axis=2).sum(axis=1)
+            for x in (self.receiver.mesh.vertices, self.image_positions)
+        )
+        ratios = here[there > 0] / there[there > 0]
+        ratio = float(np.median(ratios)) if len(ratios) else 1.0
+        return 1.0 if 1 / SAME_SIZE < ratio < SAME_SIZE else ratio
+
+    @cached_property
+    def rotations(self) -> FloatArray:
+        """(n_vertices, 3, 3) the rotation from giver to receiver; the identity where no vertex around is matched."""
+        # R_v maximises Σ_f tr(Rᵀ Hᵀ G) over the faces f at v, whose rows are two edges and the normal, scaled as these,
+        # on the receiver (H) and at the images on the giver (G): orthogonal Procrustes (Kabsch 1976) by the SVD of Σ HᵀG.
+        # All are reflections instead if most of the surface is a mirror image: det Σ HᵀG < 0 at most vertices.
+        mesh = self.receiver.mesh
+        normals = self.map.pull_back(self.giver.mesh.vertex_normals)
+        frames = []
+        for x, upright in ((mesh.vertices, mesh.vertex_normals), (self.image_positions, normals)):
+            a, b, c = (x[mesh.faces[:, k]] for k in range(3))
+            size = np.linalg.norm(b - a, axis=1) + np.linalg.norm(c - a, axis=1)
+            normal = upright[mesh.faces].mean(axis=1) * size[:, None]
+            frames.append(np.stack([b - a, c - a, normal], axis=1))  # rows
+        fit = np.nan_to_num(np.einsum("fri,frj->fij", *frames))
+        summed = np.zeros((mesh.n_vertices, 3, 3))
+        for k in range(3):
+            np.add.at(summed, mesh.faces[:, k], fit)
+        is_mirrored = bool(np.sign(np.linalg.det(summed)).sum() < 0)
+        turns = nearest_rotation(summed, mirrored=is_mirrored)
+        turns[(summed == 0).all(axis=(1, 2))] = np.eye(3)
+        return turns
+
 
 @dataclass(frozen=True, eq=False)
 class Patches:
@@ -152,10 +189,9 @@ class Patches:
             "corner": (triangles, np.arange(len(receiver.polygons.corners))),
             "face": (receiver.polygons.of_corner[triangles], np.arange(len(receiver.polygons))),
         }[attribute.domain]
-        places = bridge.at_thirds
-        found = places.found
-        area = np.repeat(receiver.mesh.face_areas, 3)[found] + np.finfo(float).tiny
-        return cls(area, owner[found], places.nearest_rows(attribute)[found], owner_of_row)
+        places, pieces = bridge.at_thirds, np.flatnonzero(bridge.at_thirds.has_place)
+        area = np.repeat(receiver.mesh.face_areas, 3)[pieces] + np.finfo(float).tiny
+        return cls(area, owner[pieces], places.nearest_rows(attribute)[pieces], owner_of_row)
 
     @property
     def n_owners(self) -> int:
@@ -200,42 +236,6 @@ def _first_corners(asset: Asset, attribute: Attribute) -> IntArray:
     values = columns(attribute)[rows_of_corners(asset, attribute)]
     none = np.finfo(np.float64).max  # nan is equal to no other
     return first_equal(np.column_stack([asset.vertex_of_corner, np.where(np.isnan(values), none, values)]))
-
-
-def growth(bridge: Bridge) -> float:
-    """How many times larger the receiver is: the median around its matched faces; 1 if they are of about one size."""
-    faces = bridge.receiver.mesh.faces
-    faces = faces[bridge.map.matched[faces].all(axis=1)]
-    here, there = (
-        np.linalg.norm(x[faces] - x[np.roll(faces, 1, axis=1)], axis=2).sum(axis=1)
-        for x in (bridge.receiver.mesh.vertices, bridge.image_positions)
-    )
-    ratios = here[there > 0] / there[there > 0]
-    found = float(np.median(ratios)) if len(ratios) else 1.0
-    return 1.0 if 1 / SAME_SIZE < found < SAME_SIZE else found
-
-
-def rotations(bridge: Bridge) -> FloatArray:
-    """(n_vertices, 3, 3) the rotation from the giver to the receiver; the identity where no vertex around is matched."""
-    # R_v maximises Σ_f tr(Rᵀ Hᵀ G) over the faces f at v, whose rows are two edges and the normal, scaled as the edges,
-    # on the receiver (H) and at the images on the giver (G): orthogonal Procrustes (Kabsch 1976) by the SVD of Σ HᵀG.
-    # All are reflections instead if most of the surface is a mirror image: det Σ HᵀG < 0 at most vertices.
-    mesh = bridge.receiver.mesh
-    normals = bridge.map.pull_back(bridge.giver.mesh.vertex_normals)
-    frames = []
-    for x, upright in ((mesh.vertices, mesh.vertex_normals), (bridge.image_positions, normals)):
-        a, b, c = (x[mesh.faces[:, k]] for k in range(3))
-        size = np.linalg.norm(b - a, axis=1) + np.linalg.norm(c - a, axis=1)
-        normal = upright[mesh.faces].mean(axis=1) * size[:, None]
-        frames.append(np.stack([b - a, c - a, normal], axis=1))  # rows
-    fit = np.nan_to_num(np.einsum("fri,frj->fij", *frames))
-    summed = np.zeros((mesh.n_vertices, 3, 3))
-    for k in range(3):
-        np.add.at(summed, mesh.faces[:, k], fit)
-    is_mirrored = bool(np.sign(np.linalg.det(summed)).sum() < 0)
-    found = nearest_rotation(summed, mirrored=is_mirrored)
-    found[(summed == 0).all(axis=(1, 2))] = np.eye(3)
-    return found
 
 
 def columns(attribute: Attribute) -> FloatArray:

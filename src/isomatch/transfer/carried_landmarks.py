@@ -79,35 +79,29 @@ def carry_landmarks(
     if curve_points is not None and curve_points < 2:
         raise LandmarkError(f"curve_points = {curve_points} make no curve; give 2 or more")
     way = _Way.of(given, source, target, to, expected_error)
-    placed = landmarks.placed
+    placed, systems = landmarks.placed, landmarks.systems
     every = np.full((len(landmarks), 4), np.nan)
     every[placed] = way.carried(landmarks.positions[placed])
-    along = {
-        curve: way.carried_curve(
-            landmarks.positions[list(curve.rows)], curve, curve_points or len(curve.rows)
-        )
-        for curve in landmarks.curves
-    }
+    along: dict[Curve, FloatArray] = {}
+    for curve in landmarks.curves:
+        points = landmarks.positions[list(curve.rows)]
+        along[curve] = way.carried_curve(points, curve, curve_points or len(curve.rows))
     if curve_points is None:
         for curve, values in along.items():
             every[list(curve.rows)] = values
-        return Landmarks(
-            every[:, :3], landmarks.names, landmarks.curves, every[:, 3], systems=landmarks.systems
-        )
-    names: list[str] = []
-    found: list[FloatArray] = []
-    curves: list[Curve] = []
+        return Landmarks(every[:, :3], landmarks.names, landmarks.curves, every[:, 3], systems=systems)
+    names, images, curves = list[str](), list[FloatArray](), list[Curve]()
     for row, (name, on) in enumerate(zip(landmarks.names, landmarks.curve_of)):
         if on is None:
             names.append(name)
-            found.append(every[row])
+            images.append(every[row])
         elif row == on.rows[0]:
             rows = range(len(names), len(names) + curve_points)
             curves.append(Curve(on.name, tuple(rows), on.closed))
             names += [f"{on.name}-{i + 1}" for i in range(curve_points)]
-            found += list(along[on])
-    values = np.array(found).reshape(-1, 4)
-    return Landmarks(values[:, :3], names, curves, values[:, 3], systems=landmarks.systems)
+            images += list(along[on])
+    values = np.array(images).reshape(-1, 4)
+    return Landmarks(values[:, :3], names, curves, values[:, 3], systems=systems)
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,25 +117,25 @@ class _Way:
     @classmethod
     def of(
         cls,
-        given: MatchResult | Correspondence,
+        result: MatchResult | Correspondence,
         source: SurfaceLike,
         target: SurfaceLike,
         to: Side,
         errors: FloatArray | None,
     ) -> _Way:
-        found = given.map if isinstance(given, MatchResult) else given
+        images = result.map if isinstance(result, MatchResult) else result
         if errors is None:
-            unknown = np.full(found.shape[0], np.nan)
-            errors = given.expected_error if isinstance(given, MatchResult) else unknown
+            unknown = np.full(images.shape[0], np.nan)
+            errors = result.expected_error if isinstance(result, MatchResult) else unknown
         first, second = (_surface(each) for each in (source, target))
         if isinstance(first, Asset) and isinstance(second, Asset):
-            bridge = Bridge.between(found, first, second, to_source=True)
+            bridge = Bridge.between(images, first, second, to_source=True)
             if len(errors) == len(first.points):
                 errors = errors[first.point_of_vertex]
             return cls(bridge.map, first.mesh, second.mesh, errors, to)
         ends = [each.mesh if isinstance(each, Asset) else each for each in (first, second)]
-        found.check_fits(*ends)
-        return cls(found, ends[0], ends[1], errors, to)
+        images.check_fits(*ends)
+        return cls(images, ends[0], ends[1], errors, to)
 
     @property
     def start(self) -> Mesh | PointCloud:
@@ -188,19 +182,19 @@ def _as_map(points: PrecisePoints, n: int) -> Correspondence:
     return Correspondence(nearest, n, *points)
 
 
-def _preimages(found: Correspondence, points: PrecisePoints, source: Mesh, target: Mesh) -> Correspondence:
+def _preimages(images: Correspondence, points: PrecisePoints, source: Mesh, target: Mesh) -> Correspondence:
     """Find the points of the source whose images are nearest to points of the target, on the same sheet."""
-    image = found.vertices
+    image = images.vertices
     vertices = np.full(len(points.corners), UNMATCHED)
-    if not found.matched.any():
+    if not images.matched.any():
         return Correspondence(vertices, source.n_vertices)
-    _, near = distance_along_edges_to_nearest(target, np.unique(image[found.matched]))
+    _, near = distance_along_edges_to_nearest(target, np.unique(image[images.matched]))
     starts = near[points.corners]
     starts = np.where(starts < 0, starts.max(axis=1, keepdims=True), starts)
     rows = np.flatnonzero(starts[:, 0] >= 0)
     positions, _, size = normalised(target.vertices)
     places = np.full((len(image), 3), np.nan)
-    places[found.matched] = found.pull_back(positions)[found.matched]
+    places[images.matched] = images.pull_back(positions)[images.matched]
     wanted = points.interpolated(positions)[rows]
     placed = PlacedMesh(source, places, VertexGroups.of(image, target.n_vertices))
     preimages = placed.inverse(wanted, starts[rows])
@@ -213,10 +207,10 @@ def _preimages(found: Correspondence, points: PrecisePoints, source: Mesh, targe
     return Correspondence(vertices, source.n_vertices, corners, barycentric)
 
 
-def _surface(given: SurfaceLike) -> Asset | PointCloud:
-    if isinstance(given, Asset):
-        return given
-    surface = surface_from(given)
+def _surface(shape: SurfaceLike) -> Asset | PointCloud:
+    if isinstance(shape, Asset):
+        return shape
+    surface = surface_from(shape)
     if isinstance(surface, Mesh):
         return Asset.of_mesh(surface)
     if isinstance(surface, PointCloud):

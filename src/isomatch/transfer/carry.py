@@ -22,15 +22,7 @@ from isomatch.assets import (
 )
 from isomatch.correspondence import Correspondence
 from isomatch.errors import DescriptorError, SettingError
-from isomatch.transfer.bridge import (
-    Bridge,
-    Patches,
-    columns,
-    growth,
-    interpolated_at_corners,
-    is_seamless,
-    rotations,
-)
+from isomatch.transfer.bridge import Bridge, Patches, columns, interpolated_at_corners, is_seamless
 from isomatch.transfer.choices import Labelling, NumbersAs, Side
 from isomatch.values.arrays import AnyArray, BoolArray, FloatArray, IntArray
 
@@ -138,7 +130,6 @@ def carry_attributes(
     chosen = selected(giver.placed, data)
     bridge = Bridge.between(correspondence, source, target, to_source=to == "source")
     asset, across = receiver.without_attributes(*(attribute.name for attribute in chosen)), 0
-    keys = _keys([attribute for attribute in chosen if attribute.kind == "key"], bridge)
     as_labels = [_is_label(attribute, numbers_as) for attribute in chosen]
     for attribute, is_label in zip(chosen, as_labels):
         if is_label:
@@ -148,14 +139,14 @@ def carry_attributes(
         elif attribute.kind == "weights":
             new = _weights(attribute, bridge)
         elif attribute.kind == "key":
-            new = keys[attribute.name]
+            new = _key(attribute, bridge)
         else:
             new, torn = _interpolated(_as_values(attribute), bridge)
             across = max(across, torn)
         asset = asset.with_attributes(receiver.from_placed(new))
-    names = tuple(attribute.name for attribute in chosen)
-    carried_first = sorted(asset.attributes, key=lambda attribute: attribute.name not in names)
+    names = [attribute.name for attribute in chosen]
     # formats that have but one of a kind write the first
+    carried_first = sorted(asset.attributes, key=lambda attribute: attribute.name not in names)
     asset = replace(asset, attributes=tuple(carried_first))
     kinds = {attribute.kind for attribute in chosen}
     notes: list[str] = []
@@ -171,14 +162,15 @@ def carry_attributes(
         asset = with_key_weights_of(asset, giver.document)
     if animation_channels(asset) < animation_channels(receiver):
         notes.append("animations of joints and shape keys that the receiver had before are left out")
-    names = tuple(name for name in names if any(name == attribute.name for attribute in asset.attributes))
+    left = {attribute.name for attribute in asset.attributes}
     taken = tuple(
         attribute.name
         for attribute, is_label in zip(chosen, as_labels)
         if is_label and numbers_as is None and not _is_declared(attribute)
     )
-    unmatched = int((~bridge.at_vertices.found).sum())
-    return Carried(asset, names, unmatched, across, tuple(notes), taken)
+    unmatched = int((~bridge.at_vertices.has_place).sum())
+    kept = tuple(name for name in names if name in left)
+    return Carried(asset, kept, unmatched, across, tuple(notes), taken)
 
 
 def selected(asset: Asset, data: str | Iterable[str]) -> tuple[Attribute, ...]:
@@ -186,22 +178,21 @@ def selected(asset: Asset, data: str | Iterable[str]) -> tuple[Attribute, ...]:
     words = [data] if isinstance(data, str) else list(data)
     if words == ["all"]:
         return asset.attributes
-    by_index: dict[int, Attribute] = {}
+    chosen: set[Attribute] = set()
     for word in words:
         kind = word.lower().removesuffix("s")
         kind = _SYNONYMS.get(kind.replace("_", " ").replace("-", " "), kind)
+        is_label = kind == "label"
         those = [
-            a
-            for a in asset.attributes
-            if word == a.name or kind == a.kind or (kind == "label" and a.seems_labels)
+            a for a in asset.attributes if word == a.name or kind == a.kind or (is_label and a.seems_labels)
         ]
         if not those:
             available = ", ".join(f"{a.name} ({a.kind})" for a in asset.attributes) or "nothing"
             raise DescriptorError(
                 f"nothing to carry is named {word!r} or of that kind ({', '.join(get_args(Kind))}); there is {available}"
             )
-        by_index |= {asset.attributes.index(a): a for a in those}
-    return tuple(by_index[i] for i in sorted(by_index))
+        chosen.update(those)
+    return tuple(a for a in asset.attributes if a in chosen)
 
 
 def _interpolated(attribute: Attribute, bridge: Bridge) -> tuple[Attribute, int]:
@@ -221,32 +212,26 @@ def _interpolated(attribute: Attribute, bridge: Bridge) -> tuple[Attribute, int]
 
 def _turned(bridge: Bridge, normals: FloatArray, vertex: IntArray) -> FloatArray:
     """Turn normals as the surface turns at a vertex of the receiver, whose own are those of the unmatched."""
-    turned = np.einsum("nij,nj->ni", rotations(bridge)[vertex], normals)
+    turned = np.einsum("nij,nj->ni", bridge.rotations[vertex], normals)
     length = np.linalg.norm(turned, axis=1, keepdims=True)
     own = bridge.receiver.mesh.vertex_normals[vertex]
     with np.errstate(invalid="ignore"):
         return np.where(length > 0, turned / length, own)
 
 
-def _keys(attributes: list[Attribute], bridge: Bridge) -> dict[str, Attribute]:
+def _key(attribute: Attribute, bridge: Bridge) -> Attribute:
     """Interpolate displacements, turn them as the surface turns, and scale them as it grows; 0 where unmatched."""
-    if not attributes:
-        return {}
-    places, vertex = bridge.at_vertices, bridge.receiver.vertex_of_point
-    turn = growth(bridge) * rotations(bridge)
-    found = {}
-    for attribute in attributes:
-        carried = np.nan_to_num(places.interpolated(columns(attribute), places.rows(attribute)))
-        moves = np.einsum("nij,nj->ni", turn, carried)[vertex]
-        found[attribute.name] = attribute.with_values(_in_type(moves, attribute), "point")
-    return found
+    places, turn = bridge.at_vertices, bridge.growth * bridge.rotations
+    carried = np.nan_to_num(places.interpolated(columns(attribute), places.rows(attribute)))
+    moves = np.einsum("nij,nj->ni", turn, carried)[bridge.receiver.vertex_of_point]
+    return attribute.with_values(_in_type(moves, attribute), "point")
 
 
 def _weights(attribute: Attribute, bridge: Bridge) -> Attribute:
     """Interpolate skinning weights; the smallest are left out, and the others sum to 1."""
     places = bridge.at_vertices
     dense = places.interpolated(attribute.dense_weights, places.rows(attribute))
-    dense[~places.found, 0] = 1.0
+    dense[~places.has_place, 0] = 1.0
     dense = np.nan_to_num(dense)[bridge.receiver.vertex_of_point]
     dense /= np.maximum(dense.sum(axis=1, keepdims=True), np.finfo(float).tiny)
     if attribute.joints is None:
@@ -276,7 +261,7 @@ def _labels(attribute: Attribute, bridge: Bridge, labels: Labelling) -> Attribut
     receiver = bridge.receiver
     if attribute.domain == "point" and labels == "nearest":
         places = bridge.at_vertices
-        nearest = _or_none(attribute.values[places.nearest_rows(attribute)], places.found)
+        nearest = _or_none(attribute.values[places.nearest_rows(attribute)], places.has_place)
         return attribute.with_values(nearest[receiver.vertex_of_point])
     patches = Patches.of(attribute, bridge)
     rows = attribute.values
@@ -298,14 +283,12 @@ def _means(attribute: Attribute, bridge: Bridge) -> Attribute:
     return attribute.with_values(_in_type(means, attribute)[patches.owner_of_row])
 
 
-def _or_none(labels: AnyArray, known: BoolArray) -> AnyArray:
-    """Put −1, False, nan or an empty text where nothing is known; unsigned integers become signed ones for that."""
-    if known.all():
+def _or_none(labels: AnyArray, has_label: BoolArray) -> AnyArray:
+    """Put −1, False, nan or an empty text where there is no label; unsigned integers become signed ones for that."""
+    if has_label.all():
         return labels
-    if labels.dtype.kind == "u":
-        labels = labels.astype(np.int64)
-    labels = labels.copy()
-    labels[~known] = {"i": -1, "b": False, "f": np.nan, "U": ""}[labels.dtype.kind]
+    labels = labels.astype(np.int64) if labels.dtype.kind == "u" else labels.copy()
+    labels[~has_label] = {"i": -1, "b": False, "f": np.nan, "U": ""}[labels.dtype.kind]
     return labels
 
 

@@ -85,14 +85,14 @@ def write_attributes(attributes: Sequence[Attribute]) -> bytes:
         table = np.zeros((len(keys), 5), dtype=np.int64)
         taken: set[tuple[int, ...]] = set()
         for row, key in enumerate(keys):
-            color = coded.colors.get(key, (*_spread(row), 1.0))
-            octets, other = _octets(color), row
+            *color, opacity = coded.colors.get(key, (*(share / 255 for share in _spread(row)), 1.0))
+            octets, other = tuple(round(255 * share) for share in color), row
             # points are told by colours: each label has its own, and black is that of points without a label
             while octets in taken or (key in used and not any(octets)):
-                octets = _octets(_spread(other))
+                octets = _spread(other)
                 other += len(keys)
             taken.add(octets)
-            table[row, :4] = (*octets, round(255 * (1 - color[3])))
+            table[row, :4] = (*octets, round(255 * (1 - opacity)))
         numbers = np.searchsorted(keys, np.maximum(coded.values, keys[0] if keys else 0))
         numbers = np.where(coded.values < 0, -1, numbers)
         words = [coded.names.get(key, str(key)).encode(errors="backslashreplace") for key in keys]
@@ -100,14 +100,9 @@ def write_attributes(attributes: Sequence[Attribute]) -> bytes:
         return path.read_bytes()
 
 
-def _octets(color: tuple[float, ...]) -> tuple[int, ...]:
-    return tuple(round(255 * share) for share in color[:3])
-
-
-def _spread(row: int) -> tuple[float, float, float]:
+def _spread(row: int) -> tuple[int, ...]:
     """Return a colour that differs from those of all other rows, by which annotations tell labels apart."""
-    code = (row + 1) * 2654435761 % 2**24
-    return (code & 255) / 255, (code >> 8 & 255) / 255, (code >> 16) / 255
+    return tuple(((row + 1) * 2654435761 % 2**24).to_bytes(3, "little"))
 
 
 def _package() -> Any:

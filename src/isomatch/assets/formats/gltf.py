@@ -197,16 +197,16 @@ def _joined(of_parts: Sequence[Attribute | None], parts: Sequence[Part]) -> Attr
         return one
     is_colour, is_mixed = one.kind == "colour", len({each.values.dtype for each in present}) > 1
     full = 1.0 if is_mixed else _full(one.values)  # mixed ones are fractions
-    width = max(each.values.shape[1] for each in present) if one.values.ndim == 2 else None
+    widths = [max(each) for each in zip(*(each.values.shape[1:] for each in present))]
     columns, joints = [], []
     for each, part in zip(of_parts, parts):
-        shape = (part.n_points,) if width is None else (part.n_points, width)
-        values = np.full(shape, full if is_colour else _NONE.get(one.kind, 0), one.values.dtype)
-        rows = np.zeros(shape, dtype=np.int64)
+        none = full if is_colour else _NONE.get(one.kind, 0)
+        values = np.full((part.n_points, *widths), none, one.values.dtype)
+        rows = np.zeros(values.shape, dtype=np.int64)
         if each is not None:
-            missing = ((0, 0), (0, (width or 0) - each.values.shape[1])) if width else ()
+            missing = [(0, 0), *((0, width - n) for width, n in zip(widths, each.values.shape[1:]))]
             own = _full(each.values) if is_colour else 0
-            values = np.pad(each.values, missing, constant_values=own) if width else each.values
+            values = np.pad(each.values, missing, constant_values=own)
             values = values / own if is_colour and own != full else values
             rows = rows if each.joints is None else np.pad(each.joints, missing)
         columns.append(values)

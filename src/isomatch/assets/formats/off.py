@@ -73,9 +73,9 @@ def read_asset(data: bytes, name: str) -> Asset:
         start += 3
     n_left = int(rows.counts.max(initial=0)) - start - n_last
     values = rows.columns(start, min(n_left, 4))
-    given = values[~np.isnan(values)]
-    is_byte = (given == np.rint(given)).all() and (given <= 255).all()
-    may_be_colours = (given >= 0).all() and (is_byte or (given <= 1).all())
+    numbers = values[~np.isnan(values)]
+    is_byte = (numbers == np.rint(numbers)).all() and (numbers <= 255).all()
+    may_be_colours = (numbers >= 0).all() and (is_byte or (numbers <= 1).all())
     if n_left in (3, 4) and ("C" in letters or may_be_colours):
         attributes.append(Attribute("color", "point", "colour", bytes_or_floats(values)))
     elif n_left > 0:
@@ -122,8 +122,8 @@ def write(asset: Asset) -> bytes:
     else:
         words = [(np.ones(len(sizes), dtype=np.int64), numbered(sizes)), (sizes, numbered(corners))]
         for values, notation in map(_colours, colours):
-            given = ~np.isnan(values).any(axis=1)
-            words.append((values.shape[1] * given, numbered(values[given].ravel(), notation)))
+            has_colour = ~np.isnan(values).any(axis=1)
+            words.append((values.shape[1] * has_colour, numbered(values[has_colour].ravel(), notation)))
         faces = interleaved_lines(words, len(sizes))
     head = f"{letters}OFF\n{len(asset.points)} {len(sizes)} 0\n".encode()
     return head + format_rows(f"{template}\n", np.hstack(columns)) + faces
@@ -138,21 +138,7 @@ def _colours(attribute: Attribute) -> tuple[FloatArray, str]:
 
 
 def _tables(lines: TextLines) -> _Tables:
-    letters, n_vertices, n_faces, body, notes = _counts(lines)
-    total = n_vertices + n_faces
-    if len(body) != total:
-        body.fail(
-            total, f"{n_vertices} vertex lines and {n_faces} face lines as declared", "correct the counts"
-        )
-    vertices, faces = body[:n_vertices].parse(), body[n_vertices:].parse()
-    sizes = faces.whole(faces.starts, "the number of corners of a face")
-    faces.require(sizes >= 3, "a face of at least 3 corners")
-    faces.require(faces.counts > sizes, "the number of corners of a face, then as many vertex indices")
-    return _Tables(letters, vertices, faces, sizes, notes)
-
-
-def _counts(lines: TextLines) -> tuple[str, int, int, TextLines, list[str]]:
-    """Read the letters before OFF, the number of vertices, the number of faces, and the lines after the header."""
+    """Read the letters before OFF, the numbers of vertices and faces, on the same line or the next, and their lines."""
     first = lines.row(0).strip() if len(lines) else ""
     words, row, notes = first.split(), 0, []
     header = _HEADER.fullmatch(first)
@@ -162,10 +148,16 @@ def _counts(lines: TextLines) -> tuple[str, int, int, TextLines, list[str]]:
     elif len(words) == 3 and all(map(is_count, words)) and sum(map(int, words[:2])) == len(lines) - 1:
         notes.append("the word OFF is missing in the first line")
     else:
-        lines.fail(
-            0, "the header OFF (or COFF, NOFF, STOFF, 4OFF) of a text file", "add it or export the file again"
-        )
-    letters = header["letters"].upper() if header else ""
+        expected = "the header OFF (or COFF, NOFF, STOFF, 4OFF) of a text file"
+        lines.fail(0, expected, "add it or export the file again")
     if len(words) not in (2, 3) or not all(map(is_count, words)):
         lines.fail(row, "the number of vertices, of faces and of edges")
-    return letters, int(words[0]), int(words[1]), lines[row + 1 :], notes
+    n_vertices, n_faces, body = int(words[0]), int(words[1]), lines[row + 1 :]
+    if len(body) != n_vertices + n_faces:
+        expected = f"{n_vertices} vertex lines and {n_faces} face lines as declared"
+        body.fail(n_vertices + n_faces, expected, "correct the counts")
+    vertices, faces = body[:n_vertices].parse(), body[n_vertices:].parse()
+    sizes = faces.whole(faces.starts, "the number of corners of a face")
+    faces.require(sizes >= 3, "a face of at least 3 corners")
+    faces.require(faces.counts > sizes, "the number of corners of a face, then as many vertex indices")
+    return _Tables(header["letters"].upper() if header else "", vertices, faces, sizes, notes)

@@ -26,11 +26,9 @@ def read(data: bytes, name: str) -> Mesh:
 def read_asset(data: bytes, name: str) -> Asset:
     """Read an STL file with the colours of its triangles, if it is binary and has some."""
     is_text = data.removeprefix(b"\xef\xbb\xbf").lstrip()[:5].lower() in (b"solid", b"facet")
-    if (
-        is_text and b"\0" not in data[: _HEADER_SIZE + _TRIANGLE.itemsize]
-    ):  # binary files may start with it, too
-        corners, notes = _read_text(read_lines(name, data, lower=True))
-        attributes: list[Attribute] = []
+    # binary files may start with it, too
+    if is_text and b"\0" not in data[: _HEADER_SIZE + _TRIANGLE.itemsize]:
+        (corners, notes), attributes = _read_text(read_lines(name, data, lower=True)), list[Attribute]()
     else:
         triangles, notes = _triangles(data, name)
         with np.errstate(invalid="ignore"):  # which a signalling nan sets
@@ -112,9 +110,8 @@ def _read_text(lines: TextLines) -> tuple[FloatArray, list[str]]:
     read = np.searchsorted(corners.numbers, loop_ends)
     wrong = np.flatnonzero(read != 3 * np.arange(1, len(loop_ends) + 1))
     if len(wrong):
-        lines.fail(
-            int(np.searchsorted(lines.numbers, loop_ends[wrong[0]])), "3 vertex lines before each endloop"
-        )
+        row = int(np.searchsorted(lines.numbers, loop_ends[wrong[0]]))
+        lines.fail(row, "3 vertex lines before each endloop")
     if len(corners) != 3 * len(loop_ends):
         lines.fail(len(lines) - 1, "an endloop after every 3 vertex lines")
     return corners.parse().leading(3, "3 numbers x y z after vertex").reshape(-1, 3, 3), notes
