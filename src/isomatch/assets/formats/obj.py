@@ -21,9 +21,9 @@ from isomatch.assets.formats._text import (
     read_lines,
     texts,
 )
-from isomatch.assets.materials import IN_PLACE, Layer, Look, Picture, Wrap, picture_in
+from isomatch.assets.materials import Layer, Look, Picture, Wrap, picture_in
 from isomatch.assets.polygons import Polygons, Renumbering
-from isomatch.errors import FormatError, MeshError, some
+from isomatch.errors import FormatError, MeshError
 from isomatch.storage.files import contents
 from isomatch.storage.texts import decoded, encoding_of
 from isomatch.surfaces import Mesh, welded
@@ -61,24 +61,19 @@ class ObjDocument:
 
 def read(data: bytes, name: str) -> Mesh:
     """Read the faces of an OBJ file. They may be polygons and may have negative indices."""
-    lines = read_lines(name, data, continued=True)
-    vertex_lines, face_lines = _vertex_lines(lines), lines.starting_with("f").fields(0)
-    vertices = vertex_lines.parse().leading(3, "at least 3 numbers x y z of a vertex")
-    return Mesh(vertices, Polygons(*_polygons(face_lines, vertex_lines), vertices).triangles)
+    _, points, corners, sizes = _geometry(read_lines(name, data, continued=True))
+    return Mesh(points, Polygons(corners, sizes, points).triangles)
 
 
 def read_asset(data: bytes, name: str) -> Asset:
     """Read an OBJ file with colours of vertices, texture coordinates and normals of corners, groups and materials."""
     lines = read_lines(name, data, continued=True, named=_NAMED)
-    vertex_lines, face_lines = _vertex_lines(lines), lines.starting_with("f").fields(0)
-    vertices = vertex_lines.parse()
-    points = vertices.leading(3, "at least 3 numbers x y z of a vertex")
-    corners, sizes = _polygons(face_lines, vertex_lines)
+    vertices, points, corners, sizes = _geometry(lines)
     attributes, notes = read_colours(vertices, data)
-    words = lines.starting_with("f")
+    face_lines = lines.starting_with("f")
     for i, (keyword, attribute, kind, width) in enumerate(_INDEXED):
         if len(table_lines := lines.starting_with(keyword)):
-            values = _indexed(table_lines, keyword, width, words, i + 1)
+            values = _indexed(table_lines, keyword, width, face_lines, i + 1)
             attributes += [] if np.isnan(values).all() else [Attribute(attribute, "corner", kind, values)]
     statements = {keyword: lines.starting_with(keyword) for keyword in ("mtllib", *_STATEMENTS.values())}
     encoding = encoding_of(b"".join(statement.data.tobytes() for statement in statements.values()))
@@ -111,12 +106,7 @@ def write(asset: Asset) -> bytes:
     corners, sizes = asset.polygons.corners, asset.polygons.sizes
     if not len(asset.points):
         raise MeshError("there are no points, and an OBJ file without any cannot be read; write a .ply file")
-    outside = np.flatnonzero((corners < 0) | (corners >= len(asset.points)))
-    if len(outside):
-        raise MeshError(
-            f"faces {some(asset.polygons.of_corner[outside])} refer to vertices outside "
-            f"0…{len(asset.points) - 1}, which OBJ cannot hold; remove them with repair(mesh)"
-        )
+    asset.require_points()
     encoding = document.encoding
     names = [name for a in asset.attributes if a.name in _STATEMENTS for name in a.coded.names.values()]
     try:
@@ -224,19 +214,17 @@ def _labels(name: str, statements: TextLines, face_lines: TextLines, encoding: s
     return Attribute(name, "face", "label", values, names={code: word for word, code in codes.items()})
 
 
-def _vertex_lines(lines: TextLines) -> TextLines:
+def _geometry(lines: TextLines) -> tuple[NumberRows, FloatArray, IntArray, IntArray]:
+    """Read the numbers of each vertex, its position, the corners of all faces, concatenated, and their sizes."""
     vertex_lines = lines.starting_with("v")
     if not len(vertex_lines):
         lines.fail(len(lines), "vertex lines v x y z")
-    return vertex_lines
-
-
-def _polygons(lines: TextLines, vertex_lines: TextLines) -> tuple[IntArray, IntArray]:
-    """Read the corners of all faces, concatenated, and the number of corners of each."""
-    rows = lines.parse()
+    vertices = vertex_lines.parse()
+    points = vertices.leading(3, "at least 3 numbers x y z of a vertex")
+    rows = lines.starting_with("f").fields(0).parse()
     rows.require(rows.counts >= 3, "a face of at least 3 corners")
     corners = rows.whole(None, "whole vertex indices")
-    return _from_zero(corners, rows, vertex_lines), rows.counts
+    return vertices, points, _from_zero(corners, rows, vertex_lines), rows.counts
 
 
 def _from_zero(corners: IntArray, rows: NumberRows, vertex_lines: TextLines) -> IntArray:
@@ -270,7 +258,6 @@ def read_colours(vertices: NumberRows, data: bytes) -> tuple[list[Attribute], tu
         octets = np.frombuffer(bytes.fromhex(digits), np.uint8).reshape(-1, 4)  # mask, red, green and blue
         if not len(octets):
             return [], tuple(notes)
-        coloured = np.arange(n) < len(octets)
         if len(octets) > n:
             notes.append(f"{len(octets) - n} colours in comments are left out: there are only {n} vertices")
         if (octets[:, 0] != octets[0, 0]).any():
@@ -279,9 +266,7 @@ def read_colours(vertices: NumberRows, data: bytes) -> tuple[list[Attribute], tu
         if len(octets) < n:
             colours = np.vstack([colours, np.full((n - len(octets), 3), np.nan)])
     attribute = Attribute("color", "point", "colour", colours)
-    if note := attribute.note_of_missing:
-        notes.append(note)
-    return [attribute], tuple(notes)
+    return [attribute], tuple(filter(None, [*notes, attribute.note_of_missing]))
 
 
 _NUMBERS = {"-o": 3, "-s": 3, "-t": 3, "-mm": 2}
@@ -375,8 +360,7 @@ def _layer(text: str, tint: tuple[float, ...], files: Mapping[str, bytes]) -> La
     picture = Picture(name, files[name]) if name in files else Picture(name, missing=_MISSING)
     sx, sy = [*_numbers(" ".join(options.get("-s", [])), 1, 2), 1.0, 1.0][:2]
     x, y = [*_numbers(" ".join(options.get("-o", [])), 1, 2), 0.0, 0.0][:2]
-    is_plain = (sx, sy, x, y) == (1, 1, 0, 0)
-    matrix = IN_PLACE if is_plain else ((sx, 0.0, x), (0.0, sy, 1 - sy - y))  # v of OBJ goes up
+    matrix = (sx, 0.0, x), (0.0, sy, 1 - sy - y)  # v of OBJ goes up
     wrap: Wrap = "clamp" if options.get("-clamp") == ["on"] else "repeat"
     return Layer(tint, picture, matrix=matrix, wrap=(wrap, wrap))
 

@@ -424,7 +424,7 @@ def _attributes(
         if len(members) > 1 and len({single[member].type for member in members}) == 1:
             add(stem, None, members)
     for name, column in single.items():
-        pairs.append((Attribute(name, domain, _kind(column.typed), column.typed), (name,)))
+        pairs.append((Attribute(name, domain, guessed_kind(name, column.typed), column.typed), (name,)))
     lists = {name: _of_corners(each, sizes) for name, each in left.items() if each.counts is not None}
     pairs += [(corner, (name,)) for name, corner in lists.items() if corner is not None and domain == "face"]
     pairs.sort(key=lambda pair: list(left).index(pair[1][0]))
@@ -434,22 +434,18 @@ def _attributes(
     return attributes, names, tuple(left[name] for name in lists if name not in made)
 
 
-def _kind(values: AnyArray) -> Kind:
-    return "label" if values.dtype.kind in "iu" else "scalar"
-
-
 def _of_corners(column: Column, sizes: IntArray) -> Attribute | None:
     """Make an attribute of a list that has as many values as its face has corners, or twice as many, or none."""
-    width = 2 if column.name == _CORNER_UV else 1
+    width, values = 2 if column.name == _CORNER_UV else 1, column.typed
     if column.counts is None or len(column.counts) != len(sizes):
         return None
     is_full = column.counts == width * sizes
     if not is_full.any() or not (is_full | ((column.counts == 0) & (width == 2))).all():
         return None
     if width == 1:
-        return Attribute(column.name, "corner", _kind(column.typed), column.typed)
-    uv = np.full((int(sizes.sum()), 2), np.nan, column.typed.dtype)
-    uv[np.repeat(is_full, sizes)] = column.typed.reshape(-1, 2)
+        return Attribute(column.name, "corner", guessed_kind(column.name, values), values)
+    uv = np.full((int(sizes.sum()), 2), np.nan, values.dtype)
+    uv[np.repeat(is_full, sizes)] = values.reshape(-1, 2)
     return Attribute("uv", "corner", "uv", uv)
 
 

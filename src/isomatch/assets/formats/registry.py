@@ -57,42 +57,32 @@ def _with_attributes(
 
 _BINARY = frozenset({"binary"})
 _PLAIN: dict[str, Any] = {"single": frozenset({"colour", "normal", "uv"}), "has_opacity": False}
+_PLY: dict[str, Any] = {"keeps": ply.keeps, "keeps_frame": lambda frame: not frame.has_space}  # but words
 _GLTF: dict[str, Any] = {"keeps": gltf.keeps, "has_parts": True, "has_names": True}
+_GIFTI: dict[str, Any] = {
+    "keeps": gifti.keeps,
+    "has_names": True,
+    "keeps_frame": lambda frame: not frame.words,
+}
+_VTK: dict[str, Any] = {"keeps": vtk.keeps, "options": _BINARY}
+_FREESURFER: dict[str, Any] = {"keeps_frame": lambda frame: frame.is_in_volume}
 
 FORMATS: dict[str, MeshFormat] = {
     ".off": MeshFormat(off.read, off.write, read_asset=off.read_asset, keeps=off.keeps, **_PLAIN),
     ".obj": MeshFormat(
         obj.read, obj.write, read_asset=obj.read_asset, keeps=obj.keeps, has_names=True, **_PLAIN
     ),
-    ".ply": MeshFormat(
-        ply.read,
-        ply.write,
-        _BINARY,
-        ply.read_asset,
-        ply.keeps,
-        keeps_frame=lambda frame: not frame.has_space,  # it tells words alone
-    ),
+    ".ply": MeshFormat(ply.read, ply.write, _BINARY, ply.read_asset, **_PLY),
     ".stl": MeshFormat(stl.read, stl.write, _BINARY, stl.read_asset),
     ".glb": _with_attributes(gltf.read_asset, partial(gltf.write, is_glb=True), **_GLTF),
     ".gltf": _with_attributes(gltf.read_asset, partial(gltf.write, is_glb=False), **_GLTF),
     **{
-        suffix: _with_attributes(
-            partial(vtk.read, suffix), partial(vtk.write, suffix), keeps=vtk.keeps, options=_BINARY
-        )
+        suffix: _with_attributes(partial(vtk.read, suffix), partial(vtk.write, suffix), **_VTK)
         for suffix in (".vtk", ".vtp", ".vtu")
     },
-    ".gii": _with_attributes(
-        gifti.read_asset,
-        gifti.write,
-        keeps=gifti.keeps,
-        has_names=True,
-        keeps_frame=lambda frame: not frame.words,
-    ),
+    ".gii": _with_attributes(gifti.read_asset, gifti.write, **_GIFTI),
     **dict.fromkeys(
-        freesurfer.SURFACES,
-        _with_attributes(
-            freesurfer.read_asset, freesurfer.write, keeps_frame=lambda frame: frame.is_in_volume
-        ),
+        freesurfer.SURFACES, _with_attributes(freesurfer.read_asset, freesurfer.write, **_FREESURFER)
     ),
 }
 """The format of each suffix, in lower case and with its dot. To add a format, add an entry."""
