@@ -350,14 +350,10 @@ def split_at_seams(polygons: Polygons, n_points: int, attributes: Sequence[Attri
 
 def merged_corners(polygons: Polygons, n_points: int, attribute: Attribute) -> Attribute | None:
     """Return an attribute of corners as one of points; None if the corners of a point differ."""
-    corner = np.zeros(n_points, dtype=np.int64)
-    corner[polygons.corners] = np.arange(len(polygons.corners))
-    codes = _codes(attribute.values)
-    if not len(codes) or (codes[corner[polygons.corners]] != codes).any():
+    if not len(attribute):
         return None
-    unused = np.ones(n_points, dtype=bool)
-    unused[polygons.corners] = False
-    return _without(attribute.at(corner, "point"), unused)
+    split = split_at_seams(polygons, n_points, [attribute])
+    return split.attributes[0] if len(split.source) == n_points else None
 
 
 def _without(attribute: Attribute, rows: BoolArray) -> Attribute:

@@ -422,11 +422,16 @@ def key_names(mesh: Mapping[str, Any]) -> list[str]:
 
 
 def set_keys(document: dict[str, Any], mesh: int, names: list[str], weights: Mapping[str, float]) -> None:
-    """Set the names of the shape keys of a mesh; they keep their weights, unless there are others."""
+    """Set the names of the shape keys of a mesh; they keep their weights, unless there are others.
+
+    If the names are others, what animates the weights is left out, of which the number is another.
+    """
     each = document["meshes"][mesh]
     had, own = key_names(each), each.get("weights", [])
-    nodes = [node for node in document.get("nodes", []) if node.get("mesh") == mesh and "weights" in node]
-    for place in (*nodes, each):
+    nodes = {i: node for i, node in enumerate(document.get("nodes", [])) if node.get("mesh") == mesh}
+    if names != had:
+        without_channels(document, lambda at: at.get("path") == "weights" and at.get("node") in nodes)
+    for place in (*(node for node in nodes.values() if "weights" in node), each):
         weight_of = {**dict(zip(had, place.pop("weights", own))), **weights}
         if names:
             place["weights"] = [weight_of.get(name, 0) for name in names]

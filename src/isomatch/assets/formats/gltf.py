@@ -25,7 +25,6 @@ from isomatch.assets.formats._gltf_data import (
     transforms,
     triangles,
     unpacked,
-    without_channels,
     without_empty_primitives,
 )
 from isomatch.assets.formats._reading import reading
@@ -40,6 +39,9 @@ _KINDS: dict[str, tuple[str, Kind]] = {
     "COLOR": ("color", "colour"),
     "TANGENT": ("tangent", "vector"),
 }
+Written = list[
+    tuple[slice, list[dict[str, Any]]]
+]  # of each part of a mesh, the rows of its points, and primitives
 # for points of parts without values; 0 and white of others
 _NONE = {"uv": np.nan, "scalar": np.nan, "label": -1}
 
@@ -249,7 +251,7 @@ def write(asset: Asset, *, is_glb: bool) -> bytes:
     of_place = np.split(order, bounds)
     n_parts = max(len(asset.parts), 1)
     ends = np.searchsorted(asset.part_of_point[split.source], np.arange(n_parts + 1)).tolist()
-    of_mesh: dict[int, list[tuple[slice, list[dict[str, Any]]]]] = {}
+    of_mesh: dict[int, Written] = {}
     for (part, mesh), group in groupby(zip(document.places, of_place), lambda each: (each[0][2], each[0][0])):
         listed = list(group)
         rows = slice(ends[part], ends[part + 1])
@@ -301,8 +303,7 @@ def _write_values(
 ) -> None:
     """Add the accessors of an attribute to the keys of a part."""
     values, kind = attribute.coded.values, attribute.kind
-    properties: dict[str, object] = {}
-    extras: dict[str, object] = {}
+    properties, extras = dict[str, Any](), dict[str, object]()
     if kind == "weights":
         _write_weights(gltf, keys, attribute, mesh)
         return
@@ -328,7 +329,7 @@ def _write_values(
         extras["name"] = attribute.name
     if extras:
         properties["extras"] = extras
-    keys[key] = gltf.add_array(values, **properties)  # type: ignore[arg-type]
+    keys[key] = gltf.add_array(values, **properties)
 
 
 def _key_of(attribute: Attribute, keys: Mapping[str, object], numbers: Mapping[str, int]) -> str:
@@ -404,12 +405,7 @@ def _skin_joints(gltf: GltfData, attribute: Attribute, mesh: int, used: IntArray
 
 
 def _write_keys(
-    gltf: GltfData,
-    mesh: int,
-    parts: Sequence[tuple[slice, list[dict[str, Any]]]],
-    keys: Mapping[str, AnyArray],
-    *,
-    still: bool,
+    gltf: GltfData, mesh: int, parts: Written, keys: Mapping[str, AnyArray], *, still: bool
 ) -> None:
     """Write the keys of a mesh: those it had, and of others those that move it, or all if ``still``."""
     had = key_names(gltf.json["meshes"][mesh])
@@ -419,15 +415,7 @@ def _write_keys(
         targets = [{"POSITION": _add_positions(gltf, np.nan_to_num(keys[name][rows]))} for name in names]
         for primitive in primitives if targets else ():
             primitive["targets"] = targets
-    _set_keys(gltf.json, mesh, names, {})
-
-
-def _set_keys(document: dict[str, Any], mesh: int, names: list[str], weights: Mapping[str, float]) -> None:
-    """Set the keys of a mesh; if they are others, without what animates their weights, of which the number is another."""
-    if names != key_names(document["meshes"][mesh]):
-        nodes = [i for i, node in enumerate(document["nodes"]) if node.get("mesh") == mesh]
-        without_channels(document, lambda each: each.get("path") == "weights" and each.get("node") in nodes)
-    set_keys(document, mesh, names, weights)
+    set_keys(gltf.json, mesh, names, {})
 
 
 def opened_document(asset: Asset) -> tuple[GltfDocument, GltfData]:
@@ -454,7 +442,7 @@ def with_key_weights_of(asset: Asset, giver: object) -> Asset:
     document, gltf = opened_document(asset)
     for mesh in {mesh for mesh, *_ in document.places}:
         had = key_names(gltf.json["meshes"][mesh])
-        _set_keys(gltf.json, mesh, had + [name for name in weights if name not in had], weights)
+        set_keys(gltf.json, mesh, had + [name for name in weights if name not in had], weights)
     return edited(asset, document, gltf)
 
 
