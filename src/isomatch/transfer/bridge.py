@@ -66,9 +66,9 @@ class Bridge:
                 raise MeshError(
                     f"{name}: has no polygons, and values are carried between surfaces; give a mesh"
                 )
-        ends = list(zip((source, target), images.shape))
-        images.check_fits(*(_mapped(asset, n) for asset, n in ends))
-        welded = welded_map(images, *(_vertices(asset, n) for asset, n in ends))
+        meshes, vertices = zip(*map(_end_of_map, (source, target), images.shape))
+        images.check_fits(*meshes)
+        welded = welded_map(images, *vertices)
         if to_source:
             return cls(welded, source, target)
         return cls(welded.reversed(source.mesh, target.mesh), target, source)
@@ -252,20 +252,11 @@ def rows_of_corners(asset: Asset, attribute: Attribute) -> IntArray:
     return polygons.of_corner if attribute.domain == "face" else np.arange(len(polygons.corners))
 
 
-def _mapped(asset: Asset, n: int) -> Mesh:
-    """Return the mesh that a map of n vertices refers to: a vertex for each point of the file, or the welded one."""
-    if _is_welded(asset, n):
-        return asset.mesh
-    return Mesh(asset.placed_points, asset.polygons.triangles)
-
-
-def _vertices(asset: Asset, n: int) -> IntArray:
-    """Return the vertex of the welded mesh for each of the n vertices of a map."""
-    return np.arange(n) if _is_welded(asset, n) else asset.vertex_of_point
-
-
-def _is_welded(asset: Asset, n: int) -> bool:
-    return n == asset.mesh.n_vertices and n != len(asset.points)
+def _end_of_map(asset: Asset, n: int) -> tuple[Mesh, IntArray]:
+    """Return the mesh of n vertices that a map refers to, of points or welded, and their vertices in the welded one."""
+    if n == asset.mesh.n_vertices and n != len(asset.points):
+        return asset.mesh, np.arange(n)
+    return Mesh(asset.placed_points, asset.polygons.triangles), asset.vertex_of_point
 
 
 def _keys(triples: IntArray, n: int) -> IntArray:

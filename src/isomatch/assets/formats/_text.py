@@ -86,7 +86,7 @@ class TextLines:
         field = re.compile(rb"(?:[^ \n/]*/){%d}([^ \n/]*)[^ \n]*" % which)
         padded = (re.sub(rb"(?<=[^ \n])(?=[ \n]|\Z)", b"/0/0", piece) for piece in _pieces(self.data))
         data = b"".join(field.sub(rb"\1", re.sub(rb"/(?=/)", b"/0", piece)) for piece in padded)
-        return TextLines(self.name, octets_of(data), self.numbers)
+        return TextLines(self.name, np.frombuffer(data, np.uint8), self.numbers)
 
     def parse(self) -> NumberRows:
         """Parse every row as blank-separated numbers, which may have a decimal comma if none has a point."""
@@ -217,7 +217,7 @@ def read_lines(
         text += b"\n"
     numbers = np.arange(before + 1, before + 1 + text.count(b"\n"))
     if continued and b"\\\n" in text:
-        octets = octets_of(text)
+        octets = np.frombuffer(text, np.uint8)
         goes_on = octets[np.flatnonzero(octets == NEWLINE) - 1] == BACKSLASH
         numbers = numbers[~np.append(False, goes_on[:-1])]
         text = text.replace(b"\\\n", b"  ")
@@ -227,7 +227,7 @@ def read_lines(
             pattern, kept = rb"^ *((?:%s) [^\n]*)|%s" % ("|".join(named).encode(), pattern), rb"\1"
         left_out = re.compile(b"(?m)" + pattern)
         text = b"".join(left_out.sub(kept, piece[0]) for piece in _PIECE_OF_LINES.finditer(text))
-    octets = octets_of(text)
+    octets = np.frombuffer(text, np.uint8)
     if b"\n\n" in text or text[:1] == b"\n":
         ends = octets == NEWLINE
         blank = np.append(True, ends[:-1])
@@ -266,11 +266,6 @@ def interleaved(parts: list[tuple[IntArray, AnyArray]], n_rows: int, kind: type)
         joined[spans(start, counts)] = entries
         start = start + counts
     return joined
-
-
-def octets_of(data: bytes) -> AnyArray:
-    """View bytes as an array that cannot be written to."""
-    return np.frombuffer(data, np.uint8)
 
 
 def _is_blank(octets: AnyArray) -> BoolArray:

@@ -7,9 +7,10 @@ import zlib
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from io import BytesIO
 from pathlib import Path
 from typing import Any
-from xml.parsers.expat import ParserCreate
+from xml.etree.ElementTree import iterparse
 
 import numpy as np
 
@@ -116,27 +117,18 @@ def _image(data: bytes, name: str) -> Any:
 
 def _require_room(data: bytes) -> None:
     """Raise `FormatError` if what is compressed is far larger than the file; nothing large is kept."""
-    room, words, encodings = Room(len(data)), list[str](), [""]
-    parser = ParserCreate()
-
-    def start(tag: str, attributes: dict[str, str]) -> None:
-        if tag == "DataArray":
-            encodings[0] = attributes.get("Encoding", "")
-        words.clear()
-
-    def end(tag: str) -> None:
-        if tag == "Data" and "GZip" in encodings[0]:
-            stream, rest = zlib.decompressobj(), base64.b64decode("".join(words))
+    room, encoding = Room(len(data)), ""
+    for event, element in iterparse(BytesIO(data), ("start", "end")):
+        if event == "start":
+            encoding = element.get("Encoding", "") if element.tag == "DataArray" else encoding
+            continue
+        if element.tag == "Data" and "GZip" in encoding:
+            stream, rest = zlib.decompressobj(), base64.b64decode(element.text or "")
             with suppress(zlib.error):  # what is not compressed, and what nibabel will refuse
                 while part := stream.decompress(rest, _PIECE):
                     room.take(len(part), "an array")
                     rest = stream.unconsumed_tail
-        words.clear()
-
-    parser.StartElementHandler = start
-    parser.CharacterDataHandler = words.append
-    parser.EndElementHandler = end
-    parser.Parse(data, True)
+        element.clear()
 
 
 def _values(image: Any, n_points: int | None, title: str) -> tuple[tuple[Attribute, ...], dict[str, int]]:

@@ -21,7 +21,6 @@ from isomatch.assets.formats._text import (
     is_count,
     is_whole,
     numbered,
-    octets_of,
     read_lines,
 )
 from isomatch.assets.polygons import Polygons, Renumbering, spans
@@ -251,7 +250,7 @@ def _header_lines(data: bytes, name: str) -> tuple[TextLines, int]:
     if mark < 0 or end < 0:
         raise FormatError(f"{name}:1: expected 'end_header' within 256 KiB, found none; copy the file again")
     text = data[:end].replace(b"\r\n", b"\n").replace(b"\r", b"\n").rstrip(b"\n") + b"\n"
-    return TextLines(name, octets_of(text), np.arange(1, text.count(b"\n") + 1)), end + 1
+    return TextLines(name, np.frombuffer(text, np.uint8), np.arange(1, text.count(b"\n") + 1)), end + 1
 
 
 Declared = Mapping[str, tuple[int, list[Column]]]
@@ -355,7 +354,7 @@ def _mixed(columns: list[Column], n_rows: int, data: bytes, start: int) -> tuple
     counts = np.array(told, dtype=np.int64).reshape(n_rows, len(columns))
     lengths = counts * sizes + [kind.itemsize for kind in types]
     first = start + np.cumsum(lengths.sum(axis=1)) - lengths.sum(axis=1)
-    octets, held = octets_of(data), []
+    octets, held = np.frombuffer(data, np.uint8), []
     for i, column in enumerate(columns):
         where = spans(first + types[i].itemsize, counts[:, i] * sizes[i])
         each = None if column.count_type is None else counts[:, i].copy()
