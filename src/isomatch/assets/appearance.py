@@ -181,12 +181,13 @@ def _labelled(asset: Asset, of_triangle: IntArray, names: tuple[str, ...]) -> As
 
 def _beside(document: ObjDocument, path: Path) -> tuple[ObjDocument, dict[Path, bytes]]:
     """Find names for the files of a document beside another file."""
-    files: dict[Path, bytes] = {}
-    taken: dict[Path, bytes] = {}
-    names: dict[str, str] = {}
+    files, taken, names = dict[Path, bytes](), dict[Path, bytes](), dict[str, str]()
     folder = path.parent.resolve()
-
-    def put(name: str, content: bytes) -> None:
+    libraries = {name for line in document.libraries for name in (line, *line.split())}
+    # pictures first, as libraries name them
+    for name, content in sorted(document.files.items(), key=lambda item: item[0] in libraries):
+        changed = {old: new for old, new in names.items() if old != new}
+        content = obj.renamed(content, changed) if changed and name in libraries else content
         clean = name.replace("\\", "/")
         last = PurePosixPath(clean)
         inside = [clean] if (folder / clean).resolve().is_relative_to(folder) else []
@@ -205,15 +206,6 @@ def _beside(document: ObjDocument, path: Path) -> tuple[ObjDocument, dict[Path, 
         taken[file] = content
         if not is_there:
             files[file] = content
-
-    libraries = {name for line in document.libraries for name in (line, *line.split())}
-    for name, content in document.files.items():
-        if name not in libraries:
-            put(name, content)
-    for name, content in document.files.items():
-        if name in libraries:
-            changed = {old: new for old, new in names.items() if old != new}
-            put(name, obj.renamed(content, changed) if changed else content)
     lines = [
         names.get(line)
         or (" ".join(names.get(word, word) for word in words) if names.keys() & set(words) else line)

@@ -276,25 +276,19 @@ def to_meshio(asset: Asset) -> Any:
     """
     meshio = package("meshio", "io", "a mesh of meshio")
     split = _at_points(asset)
-    sizes = split.polygons.sizes
-    first = np.flatnonzero(np.diff(sizes, prepend=0))
-    stops = np.append(first[1:], len(sizes))
-    corners = split.polygons.corners
-    at = np.append(0, np.cumsum(sizes))
+    polygons = split.polygons
+    first = np.flatnonzero(np.diff(polygons.sizes, prepend=0))
+    corners = np.split(polygons.corners, polygons.starts[first[1:]])
     blocks = [
-        ({3: "triangle", 4: "quad"}.get(size, "polygon"), corners[at[a] : at[b]].reshape(-1, size))
-        for a, b, size in zip(first, stops, sizes[first].tolist())
+        ({3: "triangle", 4: "quad"}.get(size, "polygon"), each.reshape(-1, size))
+        for each, size in zip(corners, polygons.sizes[first].tolist())
     ]
     if not blocks:  # a file without cells cannot be read
         blocks = [("vertex", np.arange(len(split.points))[:, None])]
-    values = {(a.name, a.domain): a.plain for a in split.attributes}
-    at_points = {name: each for (name, domain), each in values.items() if domain == "point"}
-    on_faces = {
-        name: [each[i:j] for i, j in zip(first, stops)]
-        for (name, domain), each in values.items()
-        if domain == "face" and len(sizes)
-    }
-    return meshio.Mesh(split.points, blocks, point_data=at_points, cell_data=on_faces)
+    at_points = {a.name: a.plain for a in split.attributes if a.domain == "point"}
+    on_faces = [a for a in split.attributes if a.domain == "face" and len(polygons)]
+    of_blocks = {a.name: np.split(a.plain, first[1:]) for a in on_faces}
+    return meshio.Mesh(split.points, blocks, point_data=at_points, cell_data=of_blocks)
 
 
 def to_open3d(asset: Asset) -> Any:

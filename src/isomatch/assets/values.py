@@ -16,7 +16,7 @@ import numpy as np
 from isomatch.assets.asset import Asset
 from isomatch.assets.attribute import Attribute, Kind, guessed_kind, told_apart
 from isomatch.assets.formats import freesurfer, gifti
-from isomatch.assets.formats._reading import reading
+from isomatch.assets.formats._reading import reading, unexpected
 from isomatch.assets.formats._text import number_of
 from isomatch.errors import DescriptorError, FormatError
 from isomatch.storage.files import contents, replaced
@@ -167,24 +167,18 @@ def _words_or_numbers(attribute: Attribute) -> AnyArray:
 
 
 def _read_table(data: bytes, name: str, surface: Asset | None) -> tuple[Attribute, ...]:
-    """Read columns of a text; those without a header are named by the file.
-
-    A first line of names is told by the number of rows, if that is known, or by numbers that follow it. A column named
-    vertex, index or nothing that has different whole numbers says which point a row is of.
-    """
+    """Read columns of a text; those without a header are named by the file."""
     n_rows = (len(surface.points), len(surface.polygons)) if surface else ()
     rows, may_have_commas = _rows_of(decoded(data), name)
     if not rows or any(len(row) != len(rows[0]) for row in rows):
         content = "rows of different lengths" if rows else "nothing"
-        raise FormatError(
-            f"{name}: expected columns of one row for each point, found {content}; export it again"
-        )
+        raise unexpected(name, "columns of one row for each point", content, "export it again")
     has_header = _has_header(rows, n_rows, may_have_commas)
     titles = rows.pop(0) if has_header else []
     stem = Path(name).stem
     columns = [_column(list(cells), may_have_commas) for cells in zip(*rows)]
     titles = titles or ([stem] if len(columns) == 1 else [f"{stem}_{i}" for i in range(len(columns))])
-    first = columns[0]
+    first = columns[0]  # named vertex, index or nothing, different whole numbers say which point a row is of
     is_index = (
         len(columns) > 1 and has_header and titles[0].lower() in _INDEX_NAMES and first.dtype.kind == "i"
     )
@@ -225,6 +219,8 @@ def _rows_of(text: str, name: str) -> tuple[list[list[str]], bool]:
 
 
 def _has_header(rows: list[list[str]], n_rows: Collection[int], may_have_commas: bool) -> bool:
+    """Whether the first line is one of names, by the number of rows, if that is known, or by numbers that follow it."""
+
     def is_number(cell: str) -> bool:
         with suppress(ValueError):
             number_of(cell, may_have_commas)

@@ -63,9 +63,8 @@ class Bridge:
         """Make the bridge of a map source → target, between the points of the two files or between their meshes."""
         for name, asset in (("source", source), ("target", target)):
             if not len(asset.polygons):
-                raise MeshError(
-                    f"{name}: has no polygons, and values are carried between surfaces; give a mesh"
-                )
+                reason = "has no polygons, and values are carried between surfaces"
+                raise MeshError(f"{name}: {reason}; give a mesh")
         meshes, vertices = zip(*map(_end_of_map, (source, target), images.shape))
         images.check_fits(*meshes)
         welded = welded_map(images, *vertices)
@@ -114,11 +113,8 @@ class Bridge:
         order, corner_order = np.argsort(images.faces, axis=1), np.argsort(faces, axis=1)
         triples = np.take_along_axis(images.faces, order, axis=1)
         sorted_faces = np.take_along_axis(faces, corner_order, axis=1)
-        keys = _keys(sorted_faces, n)
-        by_key = np.argsort(keys, kind="stable")
-        at = np.searchsorted(keys, _keys(triples, n), sorter=by_key)
-        triangle = by_key[np.minimum(at, len(keys) - 1)]
-        inside = images.matched & (sorted_faces[triangle] == triples).all(axis=1)
+        triangle = first_equal(np.concatenate([sorted_faces, triples]))[len(faces) :]
+        inside = images.matched & (triangle < len(faces))
         barycentric = np.zeros((len(triples), 3))
         held = np.flatnonzero(inside)
         sorted_weights = np.take_along_axis(images.barycentric, order, axis=1)
@@ -257,9 +253,3 @@ def _end_of_map(asset: Asset, n: int) -> tuple[Mesh, IntArray]:
     if n == asset.mesh.n_vertices and n != len(asset.points):
         return asset.mesh, np.arange(n)
     return Mesh(asset.placed_points, asset.polygons.triangles), asset.vertex_of_point
-
-
-def _keys(triples: IntArray, n: int) -> IntArray:
-    """One integer for each sorted triple of vertices; beyond 2²¹ vertices, the same for a few."""
-    keys: IntArray = (triples[:, 0] * n + triples[:, 1]) * n + triples[:, 2]
-    return keys

@@ -78,7 +78,9 @@ def carry_landmarks(
     """
     if curve_points is not None and curve_points < 2:
         raise LandmarkError(f"curve_points = {curve_points} make no curve; give 2 or more")
-    way = _Way.of(given, source, target, to, expected_error)
+    if isinstance(given, MatchResult):
+        given, expected_error = given.map, given.expected_error if expected_error is None else expected_error
+    way = _Way.of(given, (source, target), to, expected_error)
     placed, systems = landmarks.placed, landmarks.systems
     every = np.full((len(landmarks), 4), np.nan)
     every[placed] = way.carried(landmarks.positions[placed])
@@ -117,17 +119,13 @@ class _Way:
     @classmethod
     def of(
         cls,
-        result: MatchResult | Correspondence,
-        source: SurfaceLike,
-        target: SurfaceLike,
+        images: Correspondence,
+        shapes: tuple[SurfaceLike, SurfaceLike],
         to: Side,
         errors: FloatArray | None,
     ) -> _Way:
-        images = result.map if isinstance(result, MatchResult) else result
-        if errors is None:
-            unknown = np.full(images.shape[0], np.nan)
-            errors = result.expected_error if isinstance(result, MatchResult) else unknown
-        first, second = (_surface(each) for each in (source, target))
+        errors = np.full(images.shape[0], np.nan) if errors is None else errors
+        first, second = map(_surface, shapes)
         if isinstance(first, Asset) and isinstance(second, Asset):
             bridge = Bridge.between(images, first, second, to_source=True)
             if len(errors) == len(first.points):

@@ -18,7 +18,7 @@ import numpy as np
 
 from isomatch.assets.asset import product
 from isomatch.assets.attribute import unused_name
-from isomatch.assets.formats._reading import Room
+from isomatch.assets.formats._reading import Room, unexpected
 from isomatch.assets.materials import picture_in
 from isomatch.errors import FormatError, MeshError
 from isomatch.storage.files import opened
@@ -196,7 +196,7 @@ def unpacked(data: bytes, name: str) -> GltfData:
                 "copy that file beside this one, or export as .glb"
             )
         if not 0 <= n <= len(content):
-            raise FormatError(f"{name}: expected a buffer of {n} bytes, found {len(content)}; {_CUT_SHORT}")
+            raise unexpected(name, f"a buffer of {n} bytes", str(len(content)), _CUT_SHORT)
         gltf.blob += b"\0" * (-len(gltf.blob) % 4)
         starts.append(len(gltf.blob))
         gltf.blob += content[:n]
@@ -265,13 +265,12 @@ def _chunks(data: bytes, name: str) -> tuple[bytes, bytes]:
         size = int.from_bytes(data[at : at + 4], "little")
         content = data[at + 8 : at + 8 + size]
         if len(content) < size:
-            raise FormatError(
-                f"{name}: byte {len(data)}: expected {size} bytes of a chunk, found {len(content)}; {_CUT_SHORT}"
-            )
+            place, expected = f"{name}: byte {len(data)}", f"{size} bytes of a chunk"
+            raise unexpected(place, expected, str(len(content)), _CUT_SHORT)
         chunks.setdefault(data[at + 4 : at + 8], content)
         at += 8 + size
     if _JSON not in chunks:
-        raise FormatError(f"{name}: byte 12: expected a chunk of JSON, found none; export the file again")
+        raise unexpected(f"{name}: byte 12", "a chunk of JSON", "none", "export the file again")
     return chunks[_JSON], chunks.get(_BINARY, b"")
 
 

@@ -30,14 +30,17 @@ def reading(name: str, what: str) -> Iterator[None]:
         ) from None
     except Exception as error:
         lines = str(error).splitlines()
-        raise damaged(
-            name, what, f"{type(error).__name__}: {lines[0]}" if lines else type(error).__name__
-        ) from None
+        raise damaged(name, what, ": ".join([type(error).__name__, *lines[:1]])) from None
 
 
 def damaged(name: str, what: str, reason: str) -> FormatError:
     """Make the error of a file whose contents do not fit together."""
-    return FormatError(f"{name}: expected {what}, found damaged contents ({reason}); copy or export it again")
+    return unexpected(name, what, f"damaged contents ({reason})", "copy or export it again")
+
+
+def unexpected(place: str, expected: str, content: str, remedy: str) -> FormatError:
+    """Make the error of a file that holds something else than expected at a place."""
+    return FormatError(f"{place}: expected {expected}, found {content}; {remedy}")
 
 
 @dataclass

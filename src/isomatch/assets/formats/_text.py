@@ -11,8 +11,8 @@ from typing import NoReturn
 
 import numpy as np
 
+from isomatch.assets.formats._reading import unexpected
 from isomatch.assets.polygons import spans
-from isomatch.errors import FormatError
 from isomatch.storage.texts import MARKS, decoded
 from isomatch.values.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from isomatch.values.cached import cached_property
@@ -65,7 +65,7 @@ class TextLines:
         else:
             number, quoted = (self.numbers[-1] if len(self) else max(self.before, 1)), "the end of the file"
             remedy = "it is cut short, copy or export it again"
-        raise FormatError(f"{self.name}:{number}: expected {expected}, found {quoted}; {remedy}")
+        raise unexpected(f"{self.name}:{number}", expected, quoted, remedy)
 
     def starting_with(self, keyword: str) -> TextLines:
         """Return the lines whose first word is the keyword, without this word."""

@@ -16,9 +16,8 @@ import numpy as np
 
 from isomatch.assets.asset import NEW_VOLUME, Asset, Frame
 from isomatch.assets.attribute import Attribute, guessed_kind, told_apart
-from isomatch.assets.formats._reading import Room, reading
+from isomatch.assets.formats._reading import Room, reading, unexpected
 from isomatch.assets.polygons import Polygons
-from isomatch.errors import FormatError
 from isomatch.loading.first_use import package
 
 _PIECE = 2**20  # bytes that are unpacked at a time
@@ -53,9 +52,7 @@ def read_asset(data: bytes, name: str) -> Asset:
     arrays = {array.intent: array for array in reversed(image.darrays)}
     for intent, what in ((_POINTS, "points"), (_TRIANGLES, "triangles")):
         if intent not in arrays:
-            raise FormatError(
-                f"{name}: expected an array of {what}, found none; values alone are for read_attributes"
-            )
+            raise unexpected(name, f"an array of {what}", "none", "values alone are for read_attributes")
     with reading(name, "points and triangles of a GIFTI surface"):
         points, triangles = arrays[_POINTS], arrays[_TRIANGLES]
         plain = {key: word for key, word in points.meta.items() if "VolGeom" not in key}

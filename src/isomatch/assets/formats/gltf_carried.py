@@ -55,10 +55,7 @@ def materials_of(document: GltfDocument) -> Looks | None:
 
 
 def with_materials_of(receiver: Asset, giver: GltfDocument, giver_triangle: IntArray) -> Asset:
-    """Return the receiver with the materials and textures of another glTF file, whose texture coordinates it has.
-
-    ``giver_triangle`` (m,) is the triangle of the giver whose material each triangle takes; −1 for the most frequent.
-    """
+    """Return the receiver with the materials and textures of a glTF file whose texture coordinates it has, see `seen`."""
     document, gltf, starts, number_of = _opened(receiver)
     theirs = giver.data
     other, views = theirs.json, dict[int, int]()

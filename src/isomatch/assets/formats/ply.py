@@ -14,6 +14,7 @@ import numpy as np
 
 from isomatch.assets.asset import Asset, Frame
 from isomatch.assets.attribute import Attribute, Domain, Kind, guessed_kind, told_apart
+from isomatch.assets.formats._reading import unexpected
 from isomatch.assets.formats._text import (
     TextLines,
     interleaved,
@@ -242,13 +243,11 @@ def _header_lines(data: bytes, name: str) -> tuple[TextLines, int]:
     """Return the lines up to ``end_header``, and their length in bytes."""
     mark = 3 if data.startswith(b"\xef\xbb\xbf") else 0
     if data[mark : mark + 3].lower() != b"ply" or data[mark + 3 : mark + 4] not in (b"\n", b"\r", b" "):
-        raise FormatError(
-            f"{name}:1: expected 'ply', found {data[:10]!r}; give a PLY file, or rename this one"
-        )
+        raise unexpected(f"{name}:1", "'ply'", repr(data[:10]), "give a PLY file, or rename this one")
     mark = data.find(b"end_header", 0, _LONGEST_HEADER)
     end = data.find(b"\r" if b"\n" not in data[:mark] else b"\n", mark)
     if mark < 0 or end < 0:
-        raise FormatError(f"{name}:1: expected 'end_header' within 256 KiB, found none; copy the file again")
+        raise unexpected(f"{name}:1", "'end_header' within 256 KiB", "none", "copy the file again")
     text = data[:end].replace(b"\r\n", b"\n").replace(b"\r", b"\n").rstrip(b"\n") + b"\n"
     return TextLines(name, np.frombuffer(text, np.uint8), np.arange(1, text.count(b"\n") + 1)), end + 1
 
@@ -288,10 +287,11 @@ def _binary(data: bytes, name: str, position: int, _: int, declared: Declared) -
     for element, (n_rows, columns) in declared.items():
         held, end = _uniform(columns, n_rows, data, position) or _mixed(columns, n_rows, data, position)
         if end > len(data):
-            raise FormatError(
-                f"{name}: byte {len(data)}: expected {n_rows} rows of element {element}, found the end of the file; "
-                "it is cut short or damaged, copy or export it again"
+            expected, remedy = (
+                f"{n_rows} rows of element {element}",
+                "it is cut short or damaged, copy or export it again",
             )
+            raise unexpected(f"{name}: byte {len(data)}", expected, "the end of the file", remedy)
         elements[element], position = Element(tuple(held), n_rows, f"{name}: byte {position}"), end
     if data[position:].strip():
         raise FormatError(
@@ -365,16 +365,12 @@ def _mixed(columns: list[Column], n_rows: int, data: bytes, start: int) -> tuple
 
 def _positions(elements: Mapping[str, Element], name: str) -> FloatArray:
     if "tristrips" in elements:
-        raise FormatError(
-            f"{name}:1: expected triangles in element 'face', found 'tristrips'; export faces instead"
-        )
+        raise unexpected(f"{name}:1", "triangles in element 'face'", "'tristrips'", "export faces instead")
     vertex = elements.get("vertex", Element())
     column = {each.name: each.values for each in vertex.columns if each.counts is None}
     if missing := [axis for axis in "xyz" if axis not in column]:
-        raise FormatError(
-            f"{name}:1: expected an element 'vertex' with numbers x, y, z, found no {', '.join(missing)}; "
-            "export the file again with positions"
-        )
+        expected, remedy = "an element 'vertex' with numbers x, y, z", "export the file again with positions"
+        raise unexpected(f"{name}:1", expected, f"no {', '.join(missing)}", remedy)
     return np.stack([column[axis] for axis in "xyz"], axis=1, dtype=np.float64)
 
 
@@ -385,10 +381,9 @@ def _polygons(elements: Mapping[str, Element], name: str) -> tuple[IntArray, Int
     face = elements["face"]
     lists = [each for key in _INDEX_LISTS for each in face.columns if each.name == key]
     if not lists or lists[0].counts is None:
-        raise FormatError(
-            f"{name}:1: expected the list {' or '.join(_INDEX_LISTS)} of the faces, found "
-            f"{', '.join(each.name for each in face.columns) or 'none'}; rename it or export the file again"
-        )
+        names = ", ".join(each.name for each in face.columns) or "none"
+        expected = f"the list {' or '.join(_INDEX_LISTS)} of the faces"
+        raise unexpected(f"{name}:1", expected, names, "rename it or export the file again")
     corners, counts = lists[0].values, lists[0].counts
     small, broken = np.flatnonzero(counts < 3), counts[:0]
     if corners.dtype.kind == "f":

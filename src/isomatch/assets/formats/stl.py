@@ -6,9 +6,10 @@ import numpy as np
 
 from isomatch.assets.asset import Asset
 from isomatch.assets.attribute import Attribute
+from isomatch.assets.formats._reading import unexpected
 from isomatch.assets.formats._text import TextLines, format_rows, read_lines
 from isomatch.assets.polygons import Polygons
-from isomatch.errors import FormatError, MeshError
+from isomatch.errors import MeshError
 from isomatch.surfaces import Mesh, welded
 from isomatch.values.arrays import AnyArray, FloatArray
 
@@ -61,9 +62,8 @@ def write(asset: Asset, binary: bool = True) -> bytes:
 def _triangles(data: bytes, name: str) -> tuple[AnyArray, list[str]]:
     """Read the triangles of a binary file; some programs write 0 or −1 for their number, or bytes after them."""
     if len(data) < _HEADER_SIZE:
-        raise FormatError(
-            f"{name}: byte {len(data)}: expected 'solid' or {_HEADER_SIZE} bytes of header, found the end; copy it again"
-        )
+        expected = f"'solid' or {_HEADER_SIZE} bytes of header"
+        raise unexpected(f"{name}: byte {len(data)}", expected, "the end", "copy it again")
     declared = int.from_bytes(data[80:84], "little")
     present, rest = divmod(len(data) - _HEADER_SIZE, _TRIANGLE.itemsize)
     size = _HEADER_SIZE + _TRIANGLE.itemsize * declared
@@ -74,10 +74,9 @@ def _triangles(data: bytes, name: str) -> tuple[AnyArray, list[str]]:
     elif declared > 0 and size < len(data):
         notes = [f"{len(data) - size} bytes after the triangles are left out"]
     elif len(data) != size:
-        raise FormatError(
-            f"{name}: byte {min(len(data), size)}: expected {size} bytes for the {declared} "
-            f"triangles declared at byte 80, found {len(data)}; the file is damaged, copy or export it again"
-        )
+        place, remedy = f"{name}: byte {min(len(data), size)}", "the file is damaged, copy or export it again"
+        expected = f"{size} bytes for the {declared} triangles declared at byte 80"
+        raise unexpected(place, expected, str(len(data)), remedy)
     return np.frombuffer(data, _TRIANGLE, n, _HEADER_SIZE), notes
 
 
