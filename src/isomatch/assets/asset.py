@@ -199,12 +199,10 @@ class Asset:
         object.__setattr__(self, "points", points)
         object.__setattr__(self, "polygons", self.polygons.at(points))
         object.__setattr__(self, "attributes", tuple(self.attributes))
-        sums = sum(part.n_points for part in self.parts), sum(part.n_polygons for part in self.parts)
-        if self.parts and sums != (len(points), len(self.polygons)):
-            raise MeshError(
-                f"parts of {sums} points and polygons; there are {len(points)}, {len(self.polygons)}"
-            )
         n = {"point": len(points), "corner": len(self.polygons.corners), "face": len(self.polygons)}
+        sums = sum(part.n_points for part in self.parts), sum(part.n_polygons for part in self.parts)
+        if self.parts and sums != (n["point"], n["face"]):
+            raise MeshError(f"parts of {sums} points and polygons; there are {n['point']}, {n['face']}")
         require_lengths(self.attributes, n)
 
     def __repr__(self) -> str:

@@ -79,7 +79,8 @@ def carry_landmarks(
     if curve_points is not None and curve_points < 2:
         raise LandmarkError(f"curve_points = {curve_points} make no curve; give 2 or more")
     if isinstance(given, MatchResult):
-        given, expected_error = given.map, given.expected_error if expected_error is None else expected_error
+        expected_error = given.expected_error if expected_error is None else expected_error
+        given = given.map
     way = _Way.of(given, (source, target), to, expected_error)
     placed, systems = landmarks.placed, landmarks.systems
     every = np.full((len(landmarks), 4), np.nan)

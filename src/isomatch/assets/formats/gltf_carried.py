@@ -134,12 +134,10 @@ def _layer(
     number, index = transform.get("texCoord", info.get("texCoord", 0)), info.get("index", -1)
     sampler = _entry(gltf, "samplers", _entry(gltf, "textures", index).get("sampler", -1))
     wraps: list[Wrap] = [_WRAPS.get(sampler.get(key, 0), "repeat") for key in ("wrapS", "wrapT")]
-    matrix = IN_PLACE
-    if transform:
-        # scale, then turn against the clock as seen in the picture, whose v goes down, then shift
-        (sx, sy), (x, y) = transform.get("scale", (1, 1)), transform.get("offset", (0, 0))
-        c, s = cos(transform.get("rotation", 0)), sin(transform.get("rotation", 0))
-        matrix = (c * sx, s * sy, x), (-s * sx, c * sy, y)
+    # scale, then turn against the clock as seen in the picture, whose v goes down, then shift
+    (sx, sy), (x, y) = transform.get("scale", (1, 1)), transform.get("offset", (0, 0))
+    c, s = cos(transform.get("rotation", 0)), sin(transform.get("rotation", 0))
+    matrix = (c * sx, s * sy, x), (-s * sx, c * sy, y)
     uv = names.get(number, f"uv_{number}" if number else "uv")
     is_nearest = sampler.get("magFilter") == _NEAREST
     return Layer(tint, _picture(gltf, index), uv, matrix, (wraps[0], wraps[1]), is_nearest)
