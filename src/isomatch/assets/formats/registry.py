@@ -15,6 +15,10 @@ from isomatch.errors import FormatError, InputError
 from isomatch.surfaces import Mesh
 
 
+def _tells_nothing(frame: Frame) -> bool:
+    return not frame.is_told
+
+
 @dataclass(frozen=True)
 class MeshFormat:
     """How one format is read and written."""
@@ -28,7 +32,7 @@ class MeshFormat:
     has_parts: bool = False  # and their transforms
     has_names: bool = False  # of labels
     has_opacity: bool = True  # of colours
-    keeps_frame: Callable[[Frame], bool] = lambda frame: not frame.is_told
+    keeps_frame: Callable[[Frame], bool] = _tells_nothing
 
     def missing(self, attribute: Attribute) -> list[Attribute]:
         """Return what has no place of an attribute that has one."""
