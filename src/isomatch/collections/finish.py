@@ -142,8 +142,7 @@ def _planned(collection: Collection, rows: Rows, template: str) -> list[PlannedS
         name = pair[0] if pair[1] == template else pair[1]
         over = [each for each in linked if {each, name} in sure]
         if over:
-            chosen = np.linspace(0, len(over) - 1, MOST_WAYS).astype(int)
-            over = [over[i] for i in np.unique(chosen)]
+            over = [over[i] for i in np.unique(np.linspace(0, len(over) - 1, MOST_WAYS).astype(int))]
         ways: tuple[Entry | None, ...] = tuple(_entry(collection, rows, each) for each in over)
         legs = [frozenset(leg) for each in over for leg in ((template, each), (each, name))]
         if not over or frozenset(pair) in sure:
@@ -251,7 +250,7 @@ class WrapJob:
             if plan.pair is None:
                 template = mesh = reflected(mesh) if plan.entry.reflected else mesh
             else:
-                there = self._map(plan, template, mesh)
+                there = self._map(plan, mesh)
                 turned = self.template.reflected, plan.entry.reflected
                 there, template, mesh = as_matched(there, template, mesh, turned)
                 wrapped = wrap(there, template, mesh)
@@ -269,23 +268,21 @@ class WrapJob:
             line["error"] = f"{type(error).__name__}: {error}"
         return line
 
-    def _map(self, plan: PlannedSurface, template: Mesh, mesh: Mesh) -> Correspondence:
+    def _map(self, plan: PlannedSurface, mesh: Mesh) -> Correspondence:
         """Return the map from the template, between the surfaces in the files: the median of all ways."""
         centre, name = self.template.name, plan.entry.name
         maps = []
         for over in plan.ways:
-            if over is None:
-                maps.append(maps_of_pair(self.layout, centre, name).there)
-                continue
-            first = maps_of_pair(self.layout, centre, over.name).there
-            second = maps_of_pair(self.layout, over.name, name).there
-            maps.append(first.then(second, _mesh(over), mesh))
+            there = maps_of_pair(self.layout, centre, over.name if over else name).there
+            if over:
+                there = there.then(maps_of_pair(self.layout, over.name, name).there, _mesh(over), mesh)
+            maps.append(there)
         return median_map(maps, mesh) if len(maps) > 1 else maps[0]
 
 
 def _draw(template: Mesh, mesh: Mesh, path: Path) -> None:
     """Draw a shape in the colours of the template's positions, turned like the template."""
-    same = Correspondence(np.arange(mesh.n_vertices), mesh.n_vertices)
+    same = Correspondence(range(mesh.n_vertices), mesh.n_vertices)
     turned = camera_of(template) @ turn_to_target(mesh, template, same)
     image = surface_image(mesh, position_colours(template), to_screen, turned, PIXELS_PER_UNIT)
     with replaced(path) as file:
@@ -341,8 +338,8 @@ def export(
     rows, last = collection.rows(), Path(folder) / "pairs.csv"
     if last.parent.resolve() == collection.folder.resolve():
         raise InputError(f"{folder}: is the folder of the collection itself; give another one")
-    folders = {"corresponded": meshes, "maps": maps}
-    require_unchanged(collection.layout, [folder for folder, suffix in folders.items() if suffix])
+    kept = ["corresponded"] * bool(meshes) + ["maps"] * bool(maps)
+    require_unchanged(collection.layout, kept)
     names = surfaces_written(collection) if meshes else []
     pairs = [pair for pair in rows.pairs if rows.is_current(pair)] if maps else []
     if not names and not pairs:

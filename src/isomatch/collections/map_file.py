@@ -154,15 +154,15 @@ def changed_files(layout: Layout, rows: Rows, folders: Iterable[str] = KEPT) -> 
     wanted = set(folders)
     kept = [each for each in _kept(layout, rows) if each.path.parent.name in wanted]
     with ThreadPoolExecutor(n_threads()) as threads:
-        return {each.path: found for each, found in zip(kept, threads.map(_wrong, kept)) if found}
+        return {each.path: what for each, what in zip(kept, threads.map(_wrong, kept)) if what}
 
 
 def require_unchanged(layout: Layout, folders: Iterable[str]) -> None:
     """Raise `FormatError` if files of some folders of a collection are not as they were written."""
-    found = changed_files(layout, read_ledgers(layout.ledgers()), folders)
-    if found:
-        named = [f"{path} {what}" for path, what in list(found.items())[:MOST_NAMED]]
-        more = f" and {len(found) - MOST_NAMED} more" if len(found) > MOST_NAMED else ""
+    changed = changed_files(layout, read_ledgers(layout.ledgers()), folders)
+    if changed:
+        named = [f"{path} {what}" for path, what in list(changed.items())[:MOST_NAMED]]
+        more = f" and {len(changed) - MOST_NAMED} more" if len(changed) > MOST_NAMED else ""
         raise FormatError(
             f"{', '.join(named)}{more}; run isomatch collect again, which makes what is damaged again"
         )
@@ -196,8 +196,5 @@ def _wrong(kept: _Kept) -> str:
 def _was_just_replaced(kept: _Kept) -> bool:
     """Whether a comparison of maps replaced those of a pair, and was killed before it wrote the row."""
     record = PairMaps.load(kept.path).record
-    return bool(
-        record.get("key") == kept.row["key"]
-        and record.get("replaced_by") != kept.row.get("replaced_by")
-        and "replaced_by" in record
-    )
+    is_new = record.get("replaced_by") not in (None, kept.row.get("replaced_by"))
+    return bool(record.get("key") == kept.row["key"] and is_new)

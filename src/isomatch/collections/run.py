@@ -92,17 +92,16 @@ class Run:
         tasks = [Task((entry,), job.prepare_shape) for entry in todo]
         for count, (entry, record) in enumerate(workers.completed(tasks, job.is_late), 1):
             old = ledger.rows.shapes.get(entry.name)
-            file = self.collection.layout.prepared(old.get("key", "")) if old else None
-            why = wrong.get(file) if file else None
+            why = wrong.get(self.collection.layout.prepared(old.get("key", ""))) if old else None
             row = self._explained(_row_of(record), old, {"hash": entry.name}, why, ledger.rows)
             ledger.put_shape(entry.name, row)
             yield Event("shape", entry.name, row, count, len(todo))
 
     def _outliers(self, rows: Rows) -> Iterator[Event]:
         """Tell what the shapes alone tell; of those that are broken it was told."""
-        found = [each for each in outliers(self.collection, Rows(rows.shapes)) if each.kind in OF_SHAPES]
-        for count, (kind, name, reason) in enumerate(found, 1):
-            yield Event("outlier", name, {"state": "done", "kind": kind, "reason": reason}, count, len(found))
+        odd = [each for each in outliers(self.collection, Rows(rows.shapes)) if each.kind in OF_SHAPES]
+        for count, (kind, name, reason) in enumerate(odd, 1):
+            yield Event("outlier", name, {"state": "done", "kind": kind, "reason": reason}, count, len(odd))
 
     def _matched_pairs(self, job: Job, workers: Workers, ledger: Ledger) -> Iterator[Event]:
         """Match the pairs that are not matched yet, in tiles, as far as their shapes could be prepared."""
@@ -133,16 +132,15 @@ class Run:
         """Turn shapes the other way round, as far as the pair of each bears it out."""
         tasks = [Task((reflection,), partial(row_of, job.reflect_shape)) for reflection in reflections]
         for count, ((entry, plan), result) in enumerate(workers.completed(tasks, job.is_late), 1):
-            if isinstance(result, Exception) or "pair" not in result:
-                made = _row_of(result)
-                refused = {entry.name: made.get("refused") or made["error"]}
-                row = {**ledger.rows.pairs[plan.pair], "not_reflected": refused, "time": time.time()}
-            else:  # the shape first: it says whether a pair is still to be matched
-                rows = ledger.rows
-                contents, old = {"hash": entry.name}, rows.shapes[entry.name]
-                ledger.put_shape(entry.name, self._explained(result["shape"], old, contents, None, rows))
-                row = {**_of_plan(plan), **result["pair"]}
-                row = self._explained(row, rows.pairs[plan.pair], _contents(plan), None, rows)
+            rows = ledger.rows
+            old, row = rows.pairs[plan.pair], _row_of(result)
+            if "pair" in row:  # the shape first: it says whether a pair is still to be matched
+                of_shape, contents = rows.shapes[entry.name], {"hash": entry.name}
+                ledger.put_shape(entry.name, self._explained(row["shape"], of_shape, contents, None, rows))
+                row = self._explained({**_of_plan(plan), **row["pair"]}, old, _contents(plan), None, rows)
+            else:
+                refused = {entry.name: row.get("refused") or row["error"]}
+                row = {**old, "not_reflected": refused, "time": time.time()}
             ledger.put_pair(plan.pair, row)
             yield Event("reflection", entry.name, row, count, len(reflections))
 
@@ -209,22 +207,21 @@ class Run:
 
     def _removed_if_changed(self, folder: str, rows: Rows) -> dict[Path, str]:
         """Remove files that are not as they were written, so that no job takes them; return what was wrong."""
-        found = changed_files(self.collection.layout, rows, [folder])
-        for path in found:
+        changed = changed_files(self.collection.layout, rows, [folder])
+        for path in changed:
             with writing(path):
                 path.unlink(missing_ok=True)
-        return found
+        return changed
 
     def _explained(
         self, row: Record, old: Record | None, contents: dict[str, str], wrong: str | None, rows: Rows
     ) -> Record:
         """Return a new row that tells what it was made with and, if it is not the first, ``again``: why it was made."""
         row["made_with"] = made_with(self.collection.config, self.collection.seed)[0]
-        if old is not None:
-            of_file = [f"its file {wrong}"] if wrong else []
-            if reasons := of_file + why_again(old, row, contents, rows.origins):
-                row["again"] = reasons
-                logger.info("%s: again, because %s", " and ".join(contents.values()), "; ".join(reasons))
+        of_file = [f"its file {wrong}"] if wrong else []
+        if old and (reasons := of_file + why_again(old, row, contents, rows.origins)):
+            row["again"] = reasons
+            logger.info("%s: again, because %s", " and ".join(contents.values()), "; ".join(reasons))
         return row
 
     def _key(self, *surfaces: str, attempt: int = 0) -> str:
@@ -329,14 +326,10 @@ class Job:
         if earlier and earlier.record["key"] == plan.key:
             return {**earlier.record, "file": digest_of(file)}
         maps = self._new_maps(plan)
-        if (
-            earlier
-            and plan.attempt
-            and not plan.contradicted
-            and _surfaces_of(earlier.record) == _surfaces_of(maps.record)
-            and _unsureness(earlier.record) <= _unsureness(maps.record)
-        ):
-            maps = replace(earlier, record={**earlier.record, "key": plan.key})
+        if earlier and plan.attempt and not plan.contradicted:
+            old, new = earlier.record, maps.record
+            if _surfaces_of(old) == _surfaces_of(new) and _unsureness(old) <= _unsureness(new):
+                maps = replace(earlier, record={**old, "key": plan.key})
         maps.save(file)
         return {**maps.record, "file": digest_of(file)}
 

@@ -45,15 +45,13 @@ def late_after(time_limit: float | None) -> Callable[[], bool]:
 
 
 class Workers:
-    """Workers that tasks are sent to, for a block.
-
-    ``open`` opens an executor, again where one has broken; ``count`` tells how many workers there are now, and
-    ``threads`` how many threads each of them uses, if it is a process of its own.
-    """
+    """Workers that tasks are sent to, for a block."""
 
     def __init__(
         self, open: Callable[[], AbstractContextManager[Executor]], count: Callable[[], int], threads: int = 1
     ) -> None:
+        # an executor is opened again where one has broken; workers come and go, each with so many threads if it is a
+        # process of its own
         self._open, self.count, self._threads = open, count, threads
         self._opened = ExitStack()
         self._executor: Executor | None = None
