@@ -7,7 +7,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from cyclopts import Group, Parameter
@@ -32,7 +32,7 @@ WHICH = Group("Which distances (one of them)", validator=LimitedChoice(1, 1))
 HOW = Group("How (at most one of them)", validator=LimitedChoice(0, 1))
 
 
-def _require_known(_: object, name: str | None) -> None:
+def _require_engine(_: object, name: str | None) -> None:
     if name is not None and name not in engine_names():
         raise ValueError(f"There is no engine {name!r}; known are {', '.join(engine_names())}.")
 
@@ -40,7 +40,7 @@ def _require_known(_: object, name: str | None) -> None:
 EngineOption = Annotated[
     str | None,
     Parameter(
-        validator=_require_known,
+        validator=_require_engine,
         help=f"How distances are computed: {', '.join(engine_names())}. By default "
         f"{engine_names(isomatch.Mesh)[0]} for meshes, {engine_names(isomatch.PointCloud)[0]} for points.",
     ),
@@ -91,43 +91,45 @@ def distance(
         raise SettingError("--to needs --from, the points to measure from")
     if path is not None and pairs is None and targets is None:
         raise SettingError("--path needs the ends of the paths: --pairs, or --from and --to")
-    words = (
-        word_pairs(pairs)
-        if pairs is not None
-        else (words_of(sources or "", "--from"), None if targets is None else words_of(targets, "--to"))
-    )
+    words: dict[str, list[Any]] = {}
+    if pairs is not None:
+        words["pairs"] = word_pairs(pairs)
+    else:
+        words["sources"] = words_of(sources or "", "--from")
+    if targets is not None:
+        words["targets"] = words_of(targets, "--to")
     with claimed_files(output, path, force=force), talk.progress() as tell:
         tell("reading", 0.0)
         asked = _Asked.of(isomatch.read_mesh(file), words)
-        found = _found(asked, engine, basis, path, weld, part(tell, 0.1, 0.9))
+        measured = _measured(asked, engine, basis, path, weld, part(tell, 0.1, 0.9))
         if output is not None:
             tell("writing", 0.9)
-            _write(output, asked, found.distances)
+            _write(output, asked, measured.distances)
         tell("done", 1.0)
-    record = {"file": str(file), "engine": found.name, "basis": basis and str(basis), **asked.record}
+    record = {"file": str(file), "engine": measured.name, "basis": basis and str(basis), **_plain(words)}
     record["approximate"] = basis is not None
-    record["notes"] = list(found.notes)
-    if found.error is not None:
-        record["estimated_relative_error"] = found.error
+    record["notes"] = list(measured.notes)
+    if measured.error is not None:
+        record["estimated_relative_error"] = measured.error
     if path is not None:
         record["path"] = str(path)
     if output is None:
-        record["distances"] = found.distances.tolist()
+        record["distances"] = measured.distances.tolist()
     else:
         record["output"] = str(output)
-    remark = "" if found.error is None else f", approximate: estimated relative error {found.error:.2%}"
+    remark = "" if measured.error is None else f", approximate: estimated relative error {measured.error:.2%}"
 
     def summary() -> None:
-        for note in found.notes:
+        for note in measured.notes:
             complain(f"{file}: {note}")
         if path is not None:
             complain(f"wrote {path}")
         if output is not None:
-            say(f"wrote {output}: {found.distances.size} distances by {found.name}{remark}")
+            say(f"wrote {output}: {measured.distances.size} distances by {measured.name}{remark}")
             return
-        say("\n".join(asked.lines(found.distances)))
+        say("\n".join(asked.lines(measured.distances)))
         if remark:
-            complain(f"distances by {found.name}{remark}")
+            complain(f"distances by {measured.name}{remark}")
 
     talk.result(record, summary, is_answer=output is None)
 
@@ -137,57 +139,48 @@ class _Asked:
     """Which distances are asked for: numbers of points, as `AskedPoints` gives them, and their words."""
 
     points: AskedPoints
-    pairs: IntArray | None  # (m, 2)
-    sources: IntArray  # (s,), if there are no pairs
-    targets: IntArray | None  # (t,), by default all vertices
-    words: dict[str, list[Any]]  # as they were written, by kind
+    words: dict[
+        str, list[Any]
+    ]  # as they were written: pairs; or sources and perhaps targets, by default all vertices
+    numbers: dict[str, IntArray]  # the same as (m, 2) pairs; or (s,) sources and (t,) targets
 
     @classmethod
-    def of(
-        cls, mesh: isomatch.Mesh, words: list[tuple[str, str]] | tuple[list[str], list[str] | None]
-    ) -> _Asked:
-        """Give numbers to the points of pairs, or of sources and targets."""
-        points, none = AskedPoints(mesh), np.zeros(0, dtype=np.int64)
-        if isinstance(words, list):
-            numbers = points.numbers([word for pair in words for word in pair], "vertices of pairs")
-            return cls(points, numbers.reshape(-1, 2), none, None, {"pairs": list(map(list, words))})
-        sources, targets = points.numbers(words[0], "sources"), None
-        by_kind = {"sources": words[0]}
-        if words[1] is not None:
-            targets, by_kind["targets"] = points.numbers(words[1], "targets"), words[1]
-        return cls(points, None, sources, targets, by_kind)
+    def of(cls, mesh: isomatch.Mesh, words: dict[str, list[Any]]) -> _Asked:
+        """Give numbers to points."""
+        points, numbers = AskedPoints(mesh), dict[str, IntArray]()
+        for kind, each in words.items():
+            if kind == "pairs":
+                numbers[kind] = points.numbers(
+                    [w for pair in each for w in pair], "vertices of pairs"
+                ).reshape(-1, 2)
+            else:
+                numbers[kind] = points.numbers(each, kind)
+        return cls(points, words, numbers)
 
     @property
     def all_pairs(self) -> IntArray:
         """(m, 2) the pairs, or each source with each target in turn."""
-        if self.pairs is not None:
-            return self.pairs
-        targets = np.zeros(0) if self.targets is None else self.targets
-        return np.stack(np.meshgrid(self.sources, targets, indexing="ij"), -1).reshape(-1, 2).astype(np.int64)
+        if "pairs" in self.numbers:
+            return self.numbers["pairs"]
+        return np.stack(np.meshgrid(*self.numbers.values(), indexing="ij"), -1).reshape(-1, 2)
 
     @property
     def shape(self) -> tuple[int, ...]:
         """Shape of the distances of all pairs: a row for each source, if there are targets."""
-        return (-1,) if self.targets is None else (len(self.sources), len(self.targets))
-
-    @property
-    def record(self) -> dict[str, Any]:
-        """The points as plain values: numbers of vertices, and words of points in faces."""
-        return {kind: _plain(words) for kind, words in self.words.items()}
+        return (-1,) if "pairs" in self.numbers else tuple(map(len, self.numbers.values()))
 
     def lines(self, distances: FloatArray) -> list[str]:
         """One distance a line for pairs; else a table with a row for each vertex or target, a column for each source."""
-        if self.pairs is not None:
+        if "pairs" in self.words:
             return [repr(value) for value in distances.tolist()]
         rows = self.words.get("targets", range(distances.shape[1]))
-        name = "vertex" if self.targets is None else "target"
+        name = "target" if "targets" in self.words else "vertex"
         header = [name, *(f"from_{word}" for word in self.words["sources"])]
         return _csv([header, *([row, *map(repr, values)] for row, values in zip(rows, distances.T.tolist()))])
 
 
-@dataclass(frozen=True)
-class _Found:
-    """Distances, (m,) of pairs or a row for each source; what computed them, their error if known, and notes."""
+class _Measured(NamedTuple):
+    """Distances, (m,) of pairs or a row for each source; what computed them, their estimated error, and notes."""
 
     name: str
     distances: FloatArray
@@ -195,9 +188,9 @@ class _Found:
     notes: tuple[str, ...] = ()
 
 
-def _found(
+def _measured(
     asked: _Asked, engine: str | None, basis: Path | None, path: Path | None, weld: bool, tell: Tell
-) -> _Found:
+) -> _Measured:
     tell("distances", 0.0)
     mesh, precise = asked.points.mesh, asked.points.precise
     if path is not None:
@@ -206,18 +199,18 @@ def _found(
         return _from_basis(asked, basis)
     chosen = isomatch.distance_engine(surface_of(mesh), engine, weld=weld, points=precise)
     notes = getattr(chosen, "notes", ())
-    if asked.pairs is not None or asked.targets is not None:
-        found = geodesics.pair_distances(chosen, asked.all_pairs)
-        return _Found(chosen.name, found.reshape(asked.shape), None, notes)
-    rows, count = [], len(asked.sources)
-    for first in range(0, count, AT_ONCE):
-        columns = chosen.distances_from(asked.sources[first : first + AT_ONCE])
+    if "sources" not in asked.numbers or "targets" in asked.numbers:
+        apart = geodesics.pair_distances(chosen, asked.all_pairs)
+        return _Measured(chosen.name, apart.reshape(asked.shape), None, notes)
+    rows, sources = [], asked.numbers["sources"]
+    for first in range(0, len(sources), AT_ONCE):
+        columns = chosen.distances_from(sources[first : first + AT_ONCE])
         rows.append(columns[:, : mesh.n_vertices])
-        tell(f"distances from {min(first + AT_ONCE, count)} of {count}", first / count)
-    return _Found(chosen.name, np.concatenate(rows), None, notes)
+        tell(f"distances from {min(first + AT_ONCE, len(sources))} of {len(sources)}", first / len(sources))
+    return _Measured(chosen.name, np.concatenate(rows), None, notes)
 
 
-def _paths(asked: _Asked, file: Path, weld: bool, tell: Tell) -> _Found:
+def _paths(asked: _Asked, file: Path, weld: bool, tell: Tell) -> _Measured:
     """Write shortest paths, and return their lengths."""
     pairs, mesh, paths = asked.all_pairs, asked.points.mesh, []
     ends = (asked.points.at(column) for column in pairs.T)
@@ -228,10 +221,10 @@ def _paths(asked: _Asked, file: Path, weld: bool, tell: Tell) -> _Found:
     geodesics.write_paths(file, paths)
     lengths = np.array([path.length for path in paths], dtype=np.float64)
     _, seams = mending.without_seams(mesh, weld)
-    return _Found("exact path", lengths.reshape(asked.shape), None, seams.changes if seams else ())
+    return _Measured("exact path", lengths.reshape(asked.shape), None, seams.changes if seams else ())
 
 
-def _from_basis(asked: _Asked, file: Path) -> _Found:
+def _from_basis(asked: _Asked, file: Path) -> _Measured:
     """Approximate distances, with those of a point from itself set to 0."""
     low_rank, n = isomatch.DistanceBasis.load(file), asked.points.mesh.n_vertices
     if len(low_rank.vectors) != n:
@@ -243,17 +236,20 @@ def _from_basis(asked: _Asked, file: Path) -> _Found:
     error, notes = low_rank.error_estimate(), low_rank.notes
     if (precise := asked.points.precise) is not None:
         low_rank = low_rank.with_points(precise)
-    if asked.pairs is not None:
-        first, second = asked.pairs.T
+    if "pairs" in asked.numbers:
+        first, second = asked.numbers["pairs"].T
         apart = low_rank.distance(first, second)
     else:
-        first, second = asked.sources[:, None], np.arange(n) if asked.targets is None else asked.targets
-        apart = low_rank.between(asked.sources, second)
-    return _Found(name, np.maximum(np.where(first == second, 0.0, apart), 0.0), error, notes)
+        sources, second = asked.numbers["sources"], asked.numbers.get("targets", np.arange(n))
+        first, apart = sources[:, None], low_rank.between(sources, second)
+    return _Measured(name, np.maximum(np.where(first == second, 0.0, apart), 0.0), error, notes)
 
 
 def _plain(words: Any) -> Any:
-    if isinstance(words, list):
+    """Points as plain values: numbers of vertices, and words of points in faces."""
+    if isinstance(words, dict):
+        return {kind: _plain(each) for kind, each in words.items()}
+    if isinstance(words, list | tuple):
         return [_plain(word) for word in words]
     return words if words.startswith("f") else int(words)
 
@@ -265,19 +261,13 @@ def _csv(rows: list[list[Any]]) -> list[str]:
 
 def _write(path: Path, asked: _Asked, distances: FloatArray) -> None:
     if path.suffix == ".npz":
-        arrays: dict[str, Any] = {"distances": distances}
-        if asked.pairs is not None:
-            arrays["pairs"] = asked.pairs
-        else:
-            arrays["sources"] = asked.sources
-        if asked.targets is not None:
-            arrays["targets"] = asked.targets
+        arrays: dict[str, Any] = {"distances": distances, **asked.numbers}
         if asked.points.precise is not None:
             arrays["corners"], arrays["weights"] = asked.points.precise
         write_arrays(path, arrays)
         return
     lines = asked.lines(distances)
-    if asked.pairs is not None:
+    if "pairs" in asked.words:
         rows = ([*pair, line] for pair, line in zip(asked.words["pairs"], lines))
         lines = _csv([["source", "target", "distance"], *rows])
     write_text(path, "\n".join([*lines, ""]))
@@ -301,21 +291,19 @@ class AskedPoints:
 
     def numbers(self, words: Sequence[str], what: str) -> IntArray:
         """Numbers of points; ``what`` they are is for the message about those that do not exist."""
-        found = np.array(
-            [self._number(word) if word[0] == "f" else int(word) for word in words], dtype=np.int64
-        )
+        numbers = [self._number(word) if word[0] == "f" else int(word) for word in words]
         n = self.mesh.n_vertices
-        bad = np.array([v for v, word in zip(found, words) if word[0] != "f" and not 0 <= v < n])
-        if len(bad):
-            raise isomatch.MeshError(f"{what} {some(bad)} are outside 0…{n - 1}, the vertices of the surface")
-        return found
+        bad = [v for v, word in zip(numbers, words) if word[0] != "f" and not 0 <= v < n]
+        if bad:
+            raise isomatch.MeshError(
+                f"{what} {some(np.array(bad))} are outside 0…{n - 1}, the vertices of the surface"
+            )
+        return np.array(numbers, dtype=np.int64)
 
     @property
     def precise(self) -> PrecisePoints | None:
         """The points in faces; None if there are none."""
-        if not self.corners:
-            return None
-        return PrecisePoints(np.array(self.corners), np.array(self.weights))
+        return PrecisePoints(np.array(self.corners), np.array(self.weights)) if self.corners else None
 
     def at(self, numbers: IntArray) -> PrecisePoints:
         """Return points by their numbers."""

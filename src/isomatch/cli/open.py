@@ -18,7 +18,7 @@ from cyclopts import Parameter
 import isomatch
 from isomatch import serving, view
 from isomatch.cli.inputs import ConfigFile, Force, Surface, read_config, read_landmarks, read_surface
-from isomatch.cli.results import BACK_REMOVED, Back, Earlier, Given, ResultFolder, match_again
+from isomatch.cli.results import BACK_REMOVED, Back, Earlier, Inputs, ResultFolder, match_again
 from isomatch.cli.terminal import json_text, say
 from isomatch.errors import SettingError
 
@@ -60,26 +60,25 @@ def open(
             "--landmarks": landmarks,
             "--target-landmarks": target_landmarks,
             "--config": config,
-            "--seed": seed,
-            "--force": force or None,
         }
+        own |= {"--seed": seed, "--force": force or None}
         _require_result(source, [option for option, value in own.items() if value is not None])
         earlier = Earlier.read(source)
         surfaces = earlier.surfaces()
         result = earlier.result(*surfaces)
         opened = _Opened(result, earlier, earlier.back(surfaces[0]))
-        keeper, force = _Files(earlier.given, surfaces, earlier.folder, opened), True
+        keeper, force = _Files(earlier.inputs, surfaces, earlier.folder, opened), True
         session: dict[str, Any] = {"result": result, "config": result.config, "seed": result.seed}
     else:
         session = {"config": read_config(config), "seed": seed or 0}
         surfaces = read_surface(source), read_surface(target)
         pairs = read_landmarks(landmarks, target_landmarks, surfaces)
         again = match_again(source, target, output=output or Path("out"), config=config, seed=seed or 0)
-        given = Given(source, target, again, [] if pairs is None else pairs.tolist())
-        keeper = _Files(given, surfaces, ResultFolder(output) if output else None)
-    marks = keeper.given.landmarks
+        inputs = Inputs(source, target, again, [] if pairs is None else pairs.tolist())
+        keeper = _Files(inputs, surfaces, ResultFolder(output) if output else None)
+    marks = keeper.inputs.landmarks
     drawn = view.drawable(surfaces[0]), view.drawable(surfaces[1])
-    page = view.WorkPage(*drawn, names=keeper.given.names, landmarks=marks)
+    page = view.WorkPage(*drawn, names=keeper.inputs.names, landmarks=marks)
     with keeper.claimed(force):
         server = serving.PageServer(serving.Session(surfaces, page, keeper, landmarks=marks, **session), port)
         say(
@@ -116,7 +115,7 @@ class _Opened:
 class _Files:
     """Writes what `isomatch match` writes, see `serving.Keeper`."""
 
-    given: Given
+    inputs: Inputs
     surfaces: tuple[Surface, Surface]
     results: ResultFolder | None
     opened: _Opened | None = None
@@ -161,7 +160,7 @@ class _Files:
         return results.write(
             self.surfaces,
             result,
-            replace(self.given, landmarks=landmarks),
+            replace(self.inputs, landmarks=landmarks),
             more={"as_mesh": as_mesh} if as_mesh else {},
             back=opened.back if opened else None,
         )

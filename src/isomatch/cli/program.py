@@ -54,7 +54,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     print_anything()
     words = sys.argv[1:] if argv is None else list(argv)
     if not words or words[0] not in OWN:
-        others = {each.name: each.value for each in entry_points(group="isomatch.commands")}  # as isomatch_lab has
+        # of other packages, such as isomatch_lab
+        others = {each.name: each.value for each in entry_points(group="isomatch.commands")}
         is_list = not words or words[0] in app.help_flags
         for name, place in {**others, **OWN}.items() if is_list else others.items():
             if name in app:

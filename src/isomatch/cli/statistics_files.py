@@ -21,6 +21,7 @@ from isomatch import view
 from isomatch.assets import Asset, Attribute, write_asset, write_mesh
 from isomatch.cli.terminal import json_text
 from isomatch.errors import MissingDependencyError
+from isomatch.statistics import CorrespondedShapes, GroupTest, ShapeModel, ShapeRegression
 from isomatch.storage.files import claimed, made_folder, staged, write_text
 from isomatch.storage.texts import write_csv
 from isomatch.surfaces import Mesh
@@ -78,8 +79,8 @@ class StatisticsFolder:
 
     def model(
         self,
-        model: shape_statistics.ShapeModel,
-        shapes: shape_statistics.CorrespondedShapes,
+        model: ShapeModel,
+        shapes: CorrespondedShapes,
         n_modes: int,
         groups: list[str] | None,
     ) -> None:
@@ -111,7 +112,7 @@ class StatisticsFolder:
         label = "standard deviation, in units of the shapes"
         shape_statistics.draw_values(self.picture("variance"), model.mesh(), deviations, label)
 
-    def quality(self, model: shape_statistics.ShapeModel, seed: int) -> None:
+    def quality(self, model: ShapeModel, seed: int) -> None:
         """Write compactness, generalisation and specificity."""
         compact = shape_statistics.compactness(model)
         general = shape_statistics.generalisation(model, seed=seed)
@@ -130,9 +131,9 @@ class StatisticsFolder:
 
     def sizes(
         self,
-        shapes: shape_statistics.CorrespondedShapes,
+        shapes: CorrespondedShapes,
         sizes: FloatArray,
-        allometry: shape_statistics.ShapeRegression | None,
+        allometry: ShapeRegression | None,
         groups: list[str] | None,
     ) -> None:
         """Write the sizes of the shapes, and how shape depends on them."""
@@ -142,7 +143,7 @@ class StatisticsFolder:
             centroid_size=sizes.tolist(),
             log_centroid_size=logarithms.tolist(),
             area=[shapes.mesh(i).area for i in range(len(shapes))],
-            **({} if allometry is None else {"regression_score": allometry.scores[:, 0].tolist()}),
+            **({"regression_score": allometry.scores[:, 0].tolist()} if allometry else {}),
         )
         self.table("sizes.csv", rows)
         if allometry is None:
@@ -154,11 +155,11 @@ class StatisticsFolder:
             moved = allometry.mean + (end - logarithms.mean()) * allometry.coefficients[0]
             write_mesh(self.path(f"allometry_{word}.ply"), shapes.mesh(0).moved(moved), binary=True)
 
-    def asymmetry(self, model: shape_statistics.ShapeModel, found: shape_statistics.Asymmetry) -> None:
+    def asymmetry(self, model: ShapeModel, sides: shape_statistics.Asymmetry) -> None:
         """Write how far the shapes are from their mirror images, which follow them in the model."""
-        amounts, own = found.amounts.tolist(), found.fluctuating.tolist()
+        amounts, own = sides.amounts.tolist(), sides.fluctuating.tolist()
         self.table("asymmetry.csv", _rows(name=model.names, asymmetry=amounts, fluctuating=own))
-        length = np.linalg.norm(found.directional, axis=1)
+        length = np.linalg.norm(sides.directional, axis=1)
         highest = float(np.quantile(length, 0.995))
         self.mesh("asymmetry.ply", model.mesh(), {"asymmetry": length}, length, highest)
         label = "asymmetry common to all shapes, in their units"
@@ -166,7 +167,7 @@ class StatisticsFolder:
 
     def distances(
         self,
-        shapes: shape_statistics.CorrespondedShapes,
+        shapes: CorrespondedShapes,
         geodesic: FloatArray,
         procrustes: FloatArray,
         groups: list[str] | None,
@@ -182,15 +183,18 @@ class StatisticsFolder:
         if len(shapes) > 1:
             shape_statistics.draw_tree(self.picture("dendrogram"), geodesic, shapes.names, GEODESIC)
 
-    def groups(self, mean: Mesh, test: shape_statistics.GroupTest) -> None:
+    def groups(self, mean: Mesh, test: GroupTest) -> None:
         """Write the test of two groups."""
         length = np.linalg.norm(test.difference, axis=1)
         values = {"p_value": test.p_values, "q_value": test.q_values, "difference": length}
         shown = np.where(test.significant(), length, np.nan)
         somewhere = bool(test.significant().any())
         self.mesh("groups.ply", mean, values, shown, float(np.nanmax(shown)) if somewhere else 0.0)
-        label = "distance of the group means; grey: not significant"
-        label = label if somewhere else "no difference is significant"
+        label = (
+            "distance of the group means; grey: not significant"
+            if somewhere
+            else "no difference is significant"
+        )
         shape_statistics.draw_values(self.picture("groups"), mean, shown, label)
         columns = np.column_stack([test.t_squared, test.p_values, test.q_values, test.difference]).T.tolist()
         names = ("t_squared", "p_value", "q_value", "dx", "dy", "dz")
@@ -200,9 +204,7 @@ class StatisticsFolder:
         """Write the scores and errors of shapes that are no part of the model."""
         self.table("scored.csv", ({**_score_row(n, s.scores), "error": s.error} for n, s in scored.items()))
 
-    def exports(
-        self, shapes: shape_statistics.CorrespondedShapes, model: shape_statistics.ShapeModel
-    ) -> list[str]:
+    def exports(self, shapes: CorrespondedShapes, model: ShapeModel) -> list[str]:
         """Write aligned meshes and the files of ShapeWorks and Scalismo; return what could not be written, and why."""
         aligned = model.aligned
         for name, vertices in zip(model.names, aligned):
@@ -222,9 +224,8 @@ class StatisticsFolder:
 
     def page(self, folder: str, record: Mapping[str, Any], told: Sequence[str]) -> None:
         """Write the page with all pictures, and what the command tells."""
-        pictures = [name for name in self.written if name.endswith(f".{self.pictures}")]
-        text = page_of(folder, record, told, pictures, self.written)
-        write_text(self.path("index.html"), text)
+        pictures = {Path(name).stem: name for name in self.written if name.endswith(f".{self.pictures}")}
+        write_text(self.path("index.html"), page_of(folder, record, told, pictures, self.written))
 
     def finish(self, record: Mapping[str, object]) -> None:
         """Write ``statistics.json`` last: where it exists, the other files are complete."""
@@ -275,16 +276,17 @@ def page_of(
     folder: str,
     record: Mapping[str, Any],
     told: Sequence[str],
-    pictures: Sequence[str],
+    pictures: Mapping[str, str],
     written: Sequence[str],
 ) -> str:
     """Return the text of the page, whose pictures are beside it."""
-    of = {name.rpartition(".")[0]: name for name in pictures}
-    figures = "".join(_figure(of[name], words) for name, words in PICTURES.items() if name in of)
+    figures = "".join(_figure(pictures[name], words) for name, words in PICTURES.items() if name in pictures)
     tables = [name for name in written if name.endswith((".csv", ".npz")) and "/" not in name]
     doubts = [f"{' and '.join(doubt['names'])} {doubt['reason']}" for doubt in record["doubts"]]
+    n = len(record["shapes"])
+    counted = f"{n} shapes" if record["mirror"] is None else f"{n // 2} shapes and their mirror images"
     return Template((files("isomatch.cli") / "statistics_page.html").read_text(encoding="utf-8")).substitute(
-        title=escape(f"Statistics of {_counted(record)}"),
+        title=escape(f"Statistics of {counted}"),
         folder=escape(folder),
         settings=escape(
             f"{SCALES[record['scale']]}; {WEIGHTS[record['weights']]}. "
@@ -301,17 +303,9 @@ def page_of(
     )
 
 
-def _counted(record: Mapping[str, Any]) -> str:
-    n = len(record["shapes"])
-    return f"{n} shapes" if record["mirror"] is None else f"{n // 2} shapes and their mirror images"
-
-
 def _figure(file: str, words: str) -> str:
-    shown = (
-        f'<a href="{quote(file)}">{escape(file)}</a>'
-        if file.endswith(".pdf")
-        else f'<a href="{quote(file)}"><img src="{quote(file)}" alt="" loading=lazy></a>'
-    )
+    image = f'<img src="{quote(file)}" alt="" loading=lazy>'
+    shown = f'<a href="{quote(file)}">{escape(file) if file.endswith(".pdf") else image}</a>'
     return f"<figure>{shown}<figcaption>{escape(words)}</figcaption></figure>\n"
 
 

@@ -113,9 +113,14 @@ class Talk:
     @contextmanager
     def progress(self) -> Iterator[Tell]:
         """Give a function that shows a stage and the share that is done, on standard error, if that is a terminal."""
-        console = Console(stderr=True)
+        console, since = Console(stderr=True), time.perf_counter()
+
+        def tell_event(stage: str, share: float) -> None:
+            seconds = round(time.perf_counter() - since, 3)
+            _say_line({"event": "stage", "stage": stage, "share": round(share, 4), "seconds": seconds})
+
         if self.json_lines:
-            yield _event_lines()
+            yield tell_event
         elif self.verbose:
             with _log_on(console):
                 yield _silent
@@ -139,16 +144,6 @@ class Talk:
 
 def _silent(stage: str, share: float) -> None:
     """Show nothing."""
-
-
-def _event_lines() -> Tell:
-    since = time.perf_counter()
-
-    def tell(stage: str, share: float) -> None:
-        seconds = round(time.perf_counter() - since, 3)
-        _say_line({"event": "stage", "stage": stage, "share": round(share, 4), "seconds": seconds})
-
-    return tell
 
 
 def _say_line(value: dict[str, Any]) -> None:
