@@ -160,7 +160,7 @@ def _fitness(record: dict[str, Any]) -> str:
 
 def _filled(text: str, indent: str = "") -> str:
     """Break a sentence between words."""
-    indents = {"initial_indent": indent, "subsequent_indent": indent + "  "}
+    indents: dict[str, Any] = {"initial_indent": indent, "subsequent_indent": indent + "  "}
     return fill(text, Console().width, **indents, break_long_words=False, break_on_hyphens=False)
 
 

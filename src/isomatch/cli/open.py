@@ -55,14 +55,9 @@ def open(
     """
     serving.require_server()
     if target is None:
-        own = {
-            "-o": output,
-            "--landmarks": landmarks,
-            "--target-landmarks": target_landmarks,
-            "--config": config,
-        }
-        own |= {"--seed": seed, "--force": force or None}
-        _require_result(source, [option for option, value in own.items() if value is not None])
+        options = "-o", "--landmarks", "--target-landmarks", "--config", "--seed", "--force"
+        values = output, landmarks, target_landmarks, config, seed, force or None
+        _require_result(source, [option for option, value in zip(options, values) if value is not None])
         earlier = Earlier.read(source)
         surfaces = earlier.surfaces()
         result = earlier.result(*surfaces)

@@ -26,7 +26,8 @@ from isomatch.storage.files import opened, write_text
 from isomatch.storage.texts import decoded, read_csv, separated
 from isomatch.values.arrays import FloatArray
 
-Scale, Weights = Literal["keep", "remove"], Literal["area", "uniform"]
+Scale = Literal["keep", "remove"]
+Weights = Literal["area", "uniform"]
 TestMethod = Literal["permutation", "parametric"]
 TRUSTED = {"CONVERGED", "PARTIAL"}  # outcomes of maps that are not in doubt
 

@@ -186,7 +186,9 @@ def _transfer_landmarks(
             raise LandmarkError(f"{error}. They are taken as landmarks of the {side}, see --to") from None
         tell("carrying", 0.3)
         with naming_files(source=ends[0], target=ends[1]):
-            carried = isomatch.carry_landmarks(way, *shapes, own, to=to, curve_points=curve_points)
+            carried = isomatch.carry_landmarks(
+                way, shapes[0], shapes[1], own, to=to, curve_points=curve_points
+            )
         tell("writing", 0.8)
         left = isomatch.write_landmarks(output, carried)
         tell("done", 1.0)

@@ -344,7 +344,7 @@ class CycleJob:
             "replaced_by": [pair[0], over, pair[1]],
         }
         file = self.collection.layout.maps(pair)
-        PairMaps.of(*results, record).save(file)
+        PairMaps.of(results[0], results[1], record).save(file)
         return {**record, "file": digest_of(file)}
 
     def _mapped(self, first: str, last: str, vertices: IntArray) -> IntArray:

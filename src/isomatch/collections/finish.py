@@ -151,7 +151,10 @@ def _planned(collection: Collection, rows: Rows, template: str) -> list[PlannedS
         if over:
             key = blake2b(key.encode(), digest_size=16).hexdigest()
         plans.append(PlannedSurface(_entry(collection, rows, name), pair, key, ways=ways))
-    return [plan.scaled(scales.get(plan.entry.name, 1.0)) for plan in plans]
+    for i, plan in enumerate(plans):
+        if (factor := scales.get(plan.entry.name, 1.0)) != 1:
+            plans[i] = plan._replace(scale=factor, key=f"{plan.key} × {factor:.6g}")
+    return plans
 
 
 def _entry(collection: Collection, rows: Rows, name: str) -> Entry:
@@ -226,10 +229,6 @@ class PlannedSurface(NamedTuple):
     scale: float = 1.0  # what its positions are multiplied by, so that they are in the units of the others
     # how the template's vertices come to it: by the map of the pair (None), and over other shapes; the median of all
     ways: tuple[Entry | None, ...] = (None,)
-
-    def scaled(self, factor: float) -> PlannedSurface:
-        """Return the same surface with positions multiplied by a factor."""
-        return self if factor == 1 else self._replace(scale=factor, key=f"{self.key} × {factor:.6g}")
 
 
 @dataclass(frozen=True)

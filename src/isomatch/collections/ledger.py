@@ -72,10 +72,6 @@ class Rows:
             Outcome[self.pairs[pair][side]["outcome"]].is_doubtful for side in SIDES
         )
 
-    def of_pairs(self, pairs: Iterable[Pair]) -> Rows:
-        """Return the same with some of its pairs."""
-        return replace(self, pairs={pair: self.pairs[pair] for pair in pairs if pair in self.pairs})
-
     def of(self, names: Iterable[str]) -> Rows:
         """Return the rows of some shapes, and of the pairs of these."""
         kept = set(names)

@@ -32,6 +32,7 @@ from isomatch.surfaces import Graph, Mesh, reflected
 MOST_PAIRS = 64  # of a tile, whose rows come when all of it is done
 TILES_PER_WORKER = 4  # so that the last ones end at about the same time
 LOADED = 256 * 2**20  # bytes of files of prepared shapes that a worker keeps; a match itself needs more
+HASHES = ("source_hash", "target_hash")  # in rows of pairs
 REFLECTED = "reflected before it was prepared, x → −x; vertices and faces keep their numbers"
 logger = logging.getLogger(__name__)
 T = TypeVar("T")
@@ -109,7 +110,8 @@ class Run:
         usable = {name for name, record in rows.shapes.items() if record["state"] == "done"}
         pairs = [pair for pair in self.pairs_of_shard(rows) if usable.issuperset(pair)]
         plans = [self._planned(pair, rows) for pair in pairs]
-        wrong = self._removed_if_changed("maps", rows.of_pairs(pairs))
+        own = {pair: rows.pairs[pair] for pair in pairs if pair in rows.pairs}
+        wrong = self._removed_if_changed("maps", replace(rows, pairs=own))
         files = {path.name for path in (self.collection.layout.folder / "maps").iterdir()}
         todo = [plan for plan in plans if not self._is_matched(plan, rows.pairs.get(plan.pair), files)]
         missing = {plan.pair: plan for plan in todo}
@@ -122,7 +124,9 @@ class Run:
             if row["state"] == "failed":  # the map that was there before is judged as before
                 row["contradicted"] = plan.contradicted
             file = self.collection.layout.maps(plan.pair)
-            row = self._explained(row, rows.pairs.get(plan.pair), _contents(plan), wrong.get(file), rows)
+            row = self._explained(
+                row, rows.pairs.get(plan.pair), dict(zip(HASHES, plan.pair)), wrong.get(file), rows
+            )
             ledger.put_pair(plan.pair, row)
             yield Event("pair", plan.pair, row, count, len(missing))
 
@@ -137,7 +141,9 @@ class Run:
             if "pair" in row:  # the shape first: it says whether a pair is still to be matched
                 of_shape, contents = rows.shapes[entry.name], {"hash": entry.name}
                 ledger.put_shape(entry.name, self._explained(row["shape"], of_shape, contents, None, rows))
-                row = self._explained({**_of_plan(plan), **row["pair"]}, old, _contents(plan), None, rows)
+                row = self._explained(
+                    {**_of_plan(plan), **row["pair"]}, old, dict(zip(HASHES, plan.pair)), None, rows
+                )
             else:
                 refused = {entry.name: row.get("refused") or row["error"]}
                 row = {**old, "not_reflected": refused, "time": time.time()}
@@ -200,8 +206,8 @@ class Run:
         source, target = (rows.shapes[name] for name in pair)
         row = rows.pairs.get(pair, {})
         attempt, turned = row.get("attempt", 0), tuple(rows.reflected(pair))
-        keys, hashes = (source["key"], target["key"]), (source["hash"], target["hash"])
-        surfaces = (identity_of(content, name in turned) for name, content in zip(pair, hashes))
+        keys, hashes = (source["key"], target["key"]), dict(zip(HASHES, (source["hash"], target["hash"])))
+        surfaces = (identity_of(content, name in turned) for name, content in zip(pair, hashes.values()))
         key = self._key(*surfaces, attempt=attempt)
         return PlannedPair(pair, key, keys, hashes, turned, attempt, row.get("contradicted", False))
 
@@ -236,12 +242,7 @@ class Run:
 
 def _of_plan(plan: PlannedPair) -> Record:
     """Return what is known of a pair before it is matched."""
-    hashes = dict(zip(("source_hash", "target_hash"), plan.hashes))
-    return {**hashes, "reflected": list(plan.reflected), "attempt": plan.attempt}
-
-
-def _contents(plan: PlannedPair) -> dict[str, str]:
-    return dict(zip(("source_hash", "target_hash"), plan.pair))
+    return {**plan.hashes, "reflected": list(plan.reflected), "attempt": plan.attempt}
 
 
 def _row_of(record: Record | Exception) -> Record:
@@ -258,7 +259,7 @@ class PlannedPair(NamedTuple):
     pair: Pair
     key: str  # of the match
     shapes: tuple[str, str]  # keys of the prepared shapes
-    hashes: tuple[str, str]  # content_hash of the surfaces in the files
+    hashes: dict[str, str]  # content_hash of the surfaces in the files
     reflected: tuple[str, ...]  # which of the shapes are matched as their mirror images
     attempt: int  # added to the seed
     contradicted: bool = False  # whether others contradict the earlier map, so that any new one replaces it
@@ -357,7 +358,7 @@ class Job:
         matches = match_both(source, target, config=self.config, seed=self.seed + plan.attempt)
         record = {
             "key": plan.key,
-            **dict(zip(("source_hash", "target_hash"), plan.hashes)),
+            **plan.hashes,
             "reflected": list(plan.reflected),
             **{side: _summary(result) for side, result in zip(SIDES, matches)},
             "seconds": time.perf_counter() - start,

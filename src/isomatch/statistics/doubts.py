@@ -83,8 +83,10 @@ def doubtful_positions(names: Sequence[str], vertices: FloatArray) -> list[Doubt
     mirrored = _mirrored(distances, reflected)
     opposite = mirrored[:, None] != mirrored
     reasons: dict[Kind, dict[int, str]] = {
-        "units": {i: told_factor(factors[i]) for i in np.flatnonzero(factors != 1)},
-        "mirrored": dict.fromkeys(np.flatnonzero(mirrored), "fits the others better as its mirror image"),
+        "units": {i: told_factor(factors[i]) for i in np.flatnonzero(factors != 1).tolist()},
+        "mirrored": dict.fromkeys(
+            np.flatnonzero(mirrored).tolist(), "fits the others better as its mirror image"
+        ),
         "far": _far(vertices.mean(axis=1), sizes, factors),
         "unlike": _unlike(np.where(opposite, reflected, distances)),
     }
@@ -118,9 +120,8 @@ def _far(centroids: FloatArray, sizes: FloatArray, factors: FloatArray) -> dict[
     away = np.linalg.norm(centroids - np.median(centroids, axis=0), axis=1)
     limit = max(FAR * float(np.median(sizes)), DEVIATIONS * TO_STANDARD * float(np.median(away)))
     is_far = (away > limit) & (factors == 1) & (len(sizes) >= FEWEST)
-    return {
-        i: f"lies {away[i]:.4g} away from the others, which alignment removes" for i in np.flatnonzero(is_far)
-    }
+    rows = np.flatnonzero(is_far).tolist()
+    return {i: f"lies {away[i]:.4g} away from the others, which alignment removes" for i in rows}
 
 
 def _unlike(distances: FloatArray) -> dict[int, str]:
@@ -130,7 +131,7 @@ def _unlike(distances: FloatArray) -> dict[int, str]:
     typical = np.median(distances[~np.eye(m, dtype=bool)].reshape(m, m - 1), axis=1)
     usual = float(np.median(typical))
     spread = TO_STANDARD * float(np.median(np.abs(typical - usual)))
-    rows = np.flatnonzero(typical > max(UNLIKE * usual, usual + DEVIATIONS * spread, SAME))
+    rows = np.flatnonzero(typical > max(UNLIKE * usual, usual + DEVIATIONS * spread, SAME)).tolist()
     ending = f"of its size away from the others, which are {usual:.3g} apart"
     return {i: f"is {typical[i]:.3g} {ending}" for i in rows}
 
