@@ -73,13 +73,6 @@ class Priors:
     initial_map: Path | None = None
     function: list[str] | None = None
 
-    @property
-    def files(self) -> dict[str, str]:
-        """Those that are files, by what they are."""
-        paths = {"landmarks": self.landmarks, "target landmarks": self.target_landmarks}
-        paths["initial map"] = self.initial_map
-        return {what: str(path) for what, path in paths.items() if path is not None}
-
     def read(self, ends: tuple[Path, Path], shapes: tuple[Surface, Surface]) -> dict[str, Any]:
         """Read what `isomatch.match` takes of them."""
         pairs = read_landmarks(self.landmarks, self.target_landmarks, shapes)
@@ -156,7 +149,9 @@ def match(
         shapes = read_surface(source), read_surface(target)
         hints = priors.read(ends, shapes)
         pairs = hints["landmarks"]
-        inputs = Inputs(*ends, again, [] if pairs is None else pairs.tolist(), priors.files)
+        files = {name: getattr(priors, name) for name in ("landmarks", "target_landmarks", "initial_map")}
+        facts = {name.replace("_", " "): str(path) for name, path in files.items() if path is not None}
+        inputs = Inputs(*ends, again, [] if pairs is None else pairs.tolist(), facts)
         assets, beside = _to_wrap(as_mesh, ends, shapes)
         with folder.claimed(force), claimed_files(as_mesh, *beside, force=force):
             run: Callable[..., Any] = isomatch.match_both if both else isomatch.match

@@ -5,8 +5,8 @@ from __future__ import annotations
 import time
 from collections.abc import Container, Iterator
 from concurrent.futures import Executor
-from dataclasses import asdict, dataclass
-from functools import lru_cache
+from dataclasses import asdict
+from functools import lru_cache, partial
 from hashlib import blake2b
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -90,9 +90,9 @@ def finish(
                     (layout.folder / folder).mkdir(exist_ok=True)
             changed = changed_files(layout, rows, ["corresponded"])
             whole = _whole(layout, rows, changed)
-            job = WrapJob(layout, _entry(collection, rows, template))
+            wrapped = partial(_wrapped, layout, _entry(collection, rows, template))
             todo = [plan for plan in plans if not _is_written(plan, lines, whole)]
-            tasks = [Task(tuple(todo[i : i + AT_ONCE]), job.wrapped) for i in range(0, len(todo), AT_ONCE)]
+            tasks = [Task(tuple(todo[i : i + AT_ONCE]), wrapped) for i in range(0, len(todo), AT_ONCE)]
             saved = time.monotonic()
             with workers_of(executor, jobs) as workers:
                 for plan, line in workers.completed(tasks, late):
@@ -231,52 +231,44 @@ class PlannedSurface(NamedTuple):
     ways: tuple[Entry | None, ...] = (None,)
 
 
-@dataclass(frozen=True)
-class WrapJob:
-    """The job of writing surfaces, which worker processes do."""
+def _wrapped(layout: Layout, of: Entry, plan: PlannedSurface) -> Record:
+    """Write a shape with the vertices of the template, and its picture; return a line about it."""
+    name = plan.entry.name
+    line: Record = {"name": name, "key": plan.key, **asdict(WrapQuality(0.0, 1.0, 0.0, 0))}
+    line |= {"scale": plan.scale if plan.scale != 1 else "", "ways": len(plan.ways)}
+    try:
+        template, mesh = map(_mesh, (of, plan.entry))
+        marks: list[Attribute] = []
+        if plan.pair is None:
+            template = mesh = reflected(mesh) if plan.entry.reflected else mesh
+        else:
+            turned = of.reflected, plan.entry.reflected
+            there, template, mesh = as_matched(_map(layout, of, plan, mesh), template, mesh, turned)
+            wrapped = wrap(there, template, mesh)
+            mesh = wrapped.mesh
+            line |= asdict(wrapped.quality)
+            if wrapped.extended.any():
+                marks = [Attribute(MEASURED, "point", "label", (~wrapped.extended).astype(np.uint8))]
+        mesh = mesh.moved(plan.scale * mesh.vertices)
+        write_asset(layout.corresponded(name), Asset.of_mesh(mesh, marks))
+        line["file"] = digest_of(layout.corresponded(name))
+        _draw(template, mesh, layout.thumbnail(name))
+    except (IsomatchError, OSError, ValueError, ArithmeticError) as error:
+        if isinstance(error, UnwritableFileError) and not is_of_one_file(error):
+            raise  # as on a full disk: the shape is not to blame
+        line["error"] = f"{type(error).__name__}: {error}"
+    return line
 
-    layout: Layout
-    template: Entry
 
-    def wrapped(self, plan: PlannedSurface) -> Record:
-        """Write a shape with the vertices of the template, and its picture; return a line about it."""
-        name = plan.entry.name
-        line: Record = {"name": name, "key": plan.key, **asdict(WrapQuality(0.0, 1.0, 0.0, 0))}
-        line |= {"scale": plan.scale if plan.scale != 1 else "", "ways": len(plan.ways)}
-        try:
-            template, mesh = map(_mesh, (self.template, plan.entry))
-            marks: list[Attribute] = []
-            if plan.pair is None:
-                template = mesh = reflected(mesh) if plan.entry.reflected else mesh
-            else:
-                there = self._map(plan, mesh)
-                turned = self.template.reflected, plan.entry.reflected
-                there, template, mesh = as_matched(there, template, mesh, turned)
-                wrapped = wrap(there, template, mesh)
-                mesh = wrapped.mesh
-                line |= asdict(wrapped.quality)
-                if wrapped.extended.any():
-                    marks = [Attribute(MEASURED, "point", "label", (~wrapped.extended).astype(np.uint8))]
-            mesh = mesh.moved(plan.scale * mesh.vertices)
-            write_asset(self.layout.corresponded(name), Asset.of_mesh(mesh, marks))
-            line["file"] = digest_of(self.layout.corresponded(name))
-            _draw(template, mesh, self.layout.thumbnail(name))
-        except (IsomatchError, OSError, ValueError, ArithmeticError) as error:
-            if isinstance(error, UnwritableFileError) and not is_of_one_file(error):
-                raise  # as on a full disk: the shape is not to blame
-            line["error"] = f"{type(error).__name__}: {error}"
-        return line
-
-    def _map(self, plan: PlannedSurface, mesh: Mesh) -> Correspondence:
-        """Return the map from the template, between the surfaces in the files: the median of all ways."""
-        centre, name = self.template.name, plan.entry.name
-        maps = []
-        for over in plan.ways:
-            there = maps_of_pair(self.layout, centre, over.name if over else name).there
-            if over:
-                there = there.then(maps_of_pair(self.layout, over.name, name).there, _mesh(over), mesh)
-            maps.append(there)
-        return median_map(maps, mesh) if len(maps) > 1 else maps[0]
+def _map(layout: Layout, of: Entry, plan: PlannedSurface, mesh: Mesh) -> Correspondence:
+    """Return the map from the template, between the surfaces in the files: the median of all ways."""
+    maps, name = [], plan.entry.name
+    for over in plan.ways:
+        there = maps_of_pair(layout, of.name, over.name if over else name).there
+        if over:
+            there = there.then(maps_of_pair(layout, over.name, name).there, _mesh(over), mesh)
+        maps.append(there)
+    return median_map(maps, mesh) if len(maps) > 1 else maps[0]
 
 
 def _draw(template: Mesh, mesh: Mesh, path: Path) -> None:

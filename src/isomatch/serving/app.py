@@ -52,18 +52,11 @@ def app_of(session: Session, token: str, port: int, once: str = "") -> App:
     )
     text = partial(responses.Response, media_type="text/plain")
 
-    def answers(function: Callable[[], Any]) -> Any:
+    def answers(function: Callable[..., Any], **fields: Callable[[Any], Any]) -> Any:
         async def answer(request: Any) -> Any:
             try:
-                return responses.JSONResponse(function())
-            except IsomatchError as error:
-                return text(str(error), REFUSED)
-
-        return answer
-
-    def does(function: Callable[..., None], **fields: Callable[[Any], Any]) -> Any:
-        async def answer(request: Any) -> Any:
-            try:
+                if request.method == "GET":
+                    return responses.JSONResponse(function())
                 function(**_fields(await request.body(), fields))
                 return text("", 202)
             except IsomatchError as error:
@@ -81,11 +74,11 @@ def app_of(session: Session, token: str, port: int, once: str = "") -> App:
     get = {"/": page, "/packed": packed}
     get |= {"/state": answers(session.state), "/result": answers(session.shown)}
     post = {
-        "/match": does(session.match, **of_match),
-        "/choose": does(session.choose, number=_whole),
-        "/write": does(session.write),
-        "/pack": does(session.pack),
-        "/cancel": does(session.cancel),
+        "/match": answers(session.match, **of_match),
+        "/choose": answers(session.choose, number=_whole),
+        "/write": answers(session.write),
+        "/pack": answers(session.pack),
+        "/cancel": answers(session.cancel),
     }
     routes = [routing.Route(path, answer, methods=["GET"]) for path, answer in get.items()]
     routes += [routing.Route(path, answer, methods=["POST"]) for path, answer in post.items()]
