@@ -155,10 +155,8 @@ def retry(which: Literal["failed", "low"], folder: Path, /, *, talk: Talk = TALK
         folder: The folder of the collection.
     """
     again = collections.Collection.open(folder).retry(which)
-    talk.result(
-        {"pairs": [list(pair) for pair in again]},
-        lambda: say(f"{len(again)} pairs will be matched again; run isomatch collect as before"),
-    )
+    told = f"{len(again)} pairs will be matched again; run isomatch collect as before"
+    talk.result({"pairs": [list(pair) for pair in again]}, lambda: say(told))
 
 
 @collect.command
@@ -312,7 +310,7 @@ def status_of(collection: collections.Collection, folders: Iterable[str] = ()) -
     damaged |= dict.fromkeys(rows.damaged, "is no row of a collection, and was ignored")
     every = [*rows.shapes.items(), *((" and ".join(pair), row) for pair, row in rows.pairs.items())]
     failures = {name: row["error"] for name, row in every if row["state"] == "failed"}
-    mirrored = collections.mirror_images(collection, rows)
+    turned = collections.mirror_images(collection, rows)
     prepared = sum(row["state"] == "done" for row in rows.shapes.values())
     return {
         "folder": str(collection.folder),
@@ -321,9 +319,7 @@ def status_of(collection: collections.Collection, folders: Iterable[str] = ()) -
         "pairs": {"all": len(pairs), **Counter(map(collections.state_of, own))},
         "outcomes": dict(outcomes),
         "reflected": rows.reflected(collection.names),
-        "mirror_images": {
-            name: rows.pairs[pair].get("not_reflected", {}).get(name) for name, pair in mirrored.items()
-        },
+        "mirror_images": {n: rows.pairs[pair].get("not_reflected", {}).get(n) for n, pair in turned.items()},
         "outliers": [outlier._asdict() for outlier in collections.outliers(collection, rows)],
         "agreement": collections.agreement_of(rows)._asdict(),
         "damaged": damaged,

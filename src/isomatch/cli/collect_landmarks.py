@@ -126,9 +126,7 @@ def write_all(
         "shapes": list(points),
         "expected_error": {n: float(np.nanmedian(e)) for n, e in errors.items() if np.isfinite(e).any()},
         "mean_spread": {name: float(np.nanmean(each)) for name, each in spread.items()},
-        "largest_spread": {
-            name: points[name].names[int(np.nanargmax(each))] for name, each in spread.items()
-        },
+        "largest_spread": {name: points[name].names[np.nanargmax(each)] for name, each in spread.items()},
         "left_out_errors": {name: _described(each) for name, each in left_out.items()},
         "not_written": sorted(lost),
         "other_landmarks": [name for name in points if name not in alike],
@@ -150,18 +148,16 @@ def say_landmarks(record: dict[str, Any]) -> None:
             f"{name}, carried from the others: error {error['mean']:.4g} in the mean, at most {error['largest']:.4g} at "
             f"{error['at']}"
         )
-    if record["not_written"]:
-        lost = ", ".join(record["not_written"])
-        say(f"not written, because {record['format']} has no place for them: {lost}")
-    if record["other_landmarks"]:
-        say(f"with other landmarks or curves, so not in the tables: {', '.join(record['other_landmarks'])}")
-    if record["reflected"]:
-        say(f"reflected in the tables, as they were matched: {', '.join(record['reflected'])}")
-    if record["doubtful"]:
-        pairs = ", ".join(" and ".join(pair) for pair in record["doubtful"])
-        say(f"not used, because they are doubtful: the maps of {pairs}", "bold red")
-    if record["left_out"]:
-        say(f"no map that is sure leads to: {', '.join(record['left_out'])}", "bold red")
+    doubtful = [" and ".join(pair) for pair in record["doubtful"]]
+    for told, names, style in (
+        (f"not written, because {record['format']} has no place for them:", record["not_written"], ""),
+        ("with other landmarks or curves, so not in the tables:", record["other_landmarks"], ""),
+        ("reflected in the tables, as they were matched:", record["reflected"], ""),
+        ("not used, because they are doubtful: the maps of", doubtful, "bold red"),
+        ("no map that is sure leads to:", record["left_out"], "bold red"),
+    ):
+        if names:
+            say(f"{told} {', '.join(names)}", style)
 
 
 def _in_table(landmarks: isomatch.Landmarks, scale: float, reflected: bool) -> isomatch.Landmarks:

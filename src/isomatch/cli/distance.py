@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import re
 import time
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
@@ -100,7 +99,7 @@ def distance(
         words["targets"] = words_of(targets, "--to")
     with claimed_files(output, path, force=force), talk.progress() as tell:
         tell("reading", 0.0)
-        asked = _Asked.of(isomatch.read_mesh(file), words)
+        asked = _Asked(isomatch.read_mesh(file), words)
         measured = _measured(asked, engine, basis, path, weld, part(tell, 0.1, 0.9))
         if output is not None:
             tell("writing", 0.9)
@@ -134,28 +133,48 @@ def distance(
     talk.result(record, summary, is_answer=output is None)
 
 
-@dataclass(frozen=True)
 class _Asked:
-    """Which distances are asked for: numbers of points, as `AskedPoints` gives them, and their words."""
+    """Points between which distances are asked for, by number: a vertex by its own, a point in a face by a higher one."""
 
-    points: AskedPoints
-    words: dict[
-        str, list[Any]
-    ]  # as they were written: pairs; or sources and perhaps targets, by default all vertices
-    numbers: dict[str, IntArray]  # the same as (m, 2) pairs; or (s,) sources and (t,) targets
+    def __init__(self, mesh: isomatch.Mesh, words: dict[str, list[Any]]) -> None:
+        self.mesh, self.words = mesh, words  # as they were written: pairs; or sources and perhaps targets
+        self._corners: list[IntArray] = []
+        self._weights: list[list[float]] = []
+        # (m, 2) pairs; or (s,) sources and (t,) targets, by default all vertices
+        self.numbers = {kind: self._numbers(kind, each) for kind, each in words.items()}
 
-    @classmethod
-    def of(cls, mesh: isomatch.Mesh, words: dict[str, list[Any]]) -> _Asked:
-        """Give numbers to points."""
-        points, numbers = AskedPoints(mesh), dict[str, IntArray]()
-        for kind, each in words.items():
-            if kind == "pairs":
-                numbers[kind] = points.numbers(
-                    [w for pair in each for w in pair], "vertices of pairs"
-                ).reshape(-1, 2)
-            else:
-                numbers[kind] = points.numbers(each, kind)
-        return cls(points, words, numbers)
+    def _numbers(self, kind: str, words: list[Any]) -> IntArray:
+        if kind == "pairs":
+            return self._numbers("vertices of pairs", [*chain(*words)]).reshape(-1, 2)
+        numbers = [self._number(word) if word[0] == "f" else int(word) for word in words]
+        n = self.mesh.n_vertices
+        bad = np.array([v for v, word in zip(numbers, words) if word[0] != "f" and not 0 <= v < n])
+        if len(bad):
+            raise isomatch.MeshError(f"{kind} {some(bad)} are outside 0…{n - 1}, the vertices of the surface")
+        return np.array(numbers, dtype=np.int64)
+
+    def _number(self, word: str) -> int:
+        face, _, weights = word[1:].partition(":")
+        parts = np.array(weights.split(","), dtype=np.float64)
+        if int(face) >= self.mesh.n_faces:
+            raise isomatch.MeshError(f"{word}: there is no such face; faces are 0…{self.mesh.n_faces - 1}")
+        if not abs(parts.sum() - 1) <= SUM:
+            raise isomatch.MeshError(f"{word}: the weights add up to {parts.sum():g}, not to 1")
+        self._corners.append(self.mesh.faces[int(face)])
+        self._weights.append((parts / parts.sum()).tolist())
+        return self.mesh.n_vertices + len(self._corners) - 1
+
+    @property
+    def precise(self) -> PrecisePoints | None:
+        """The points in faces; None if there are none."""
+        return PrecisePoints(np.array(self._corners), np.array(self._weights)) if self._corners else None
+
+    def at(self, numbers: IntArray) -> PrecisePoints:
+        """Return points by their numbers."""
+        n = self.mesh.n_vertices
+        corners = [[v] * 3 if v < n else self._corners[v - n] for v in numbers]
+        weights = [[1.0, 0.0, 0.0] if v < n else self._weights[v - n] for v in numbers]
+        return PrecisePoints(np.array(corners).reshape(-1, 3), np.array(weights).reshape(-1, 3))
 
     @property
     def all_pairs(self) -> IntArray:
@@ -192,7 +211,7 @@ def _measured(
     asked: _Asked, engine: str | None, basis: Path | None, path: Path | None, weld: bool, tell: Tell
 ) -> _Measured:
     tell("distances", 0.0)
-    mesh, precise = asked.points.mesh, asked.points.precise
+    mesh, precise = asked.mesh, asked.precise
     if path is not None:
         return _paths(asked, path, weld, tell)
     if basis is not None:
@@ -212,8 +231,8 @@ def _measured(
 
 def _paths(asked: _Asked, file: Path, weld: bool, tell: Tell) -> _Measured:
     """Write shortest paths, and return their lengths."""
-    pairs, mesh, paths = asked.all_pairs, asked.points.mesh, []
-    ends = (asked.points.at(column) for column in pairs.T)
+    pairs, mesh, paths = asked.all_pairs, asked.mesh, []
+    ends = (asked.at(column) for column in pairs.T)
     ways = geodesics.geodesic_paths(mesh, *ends, weld=weld)
     for number, path in enumerate(ways, start=1):
         paths.append(path)
@@ -226,7 +245,7 @@ def _paths(asked: _Asked, file: Path, weld: bool, tell: Tell) -> _Measured:
 
 def _from_basis(asked: _Asked, file: Path) -> _Measured:
     """Approximate distances, with those of a point from itself set to 0."""
-    low_rank, n = isomatch.DistanceBasis.load(file), asked.points.mesh.n_vertices
+    low_rank, n = isomatch.DistanceBasis.load(file), asked.mesh.n_vertices
     if len(low_rank.vectors) != n:
         raise isomatch.MeshError(
             f"{file}: a basis of {len(low_rank.vectors)} points, but the surface has {n} vertices; "
@@ -234,7 +253,7 @@ def _from_basis(asked: _Asked, file: Path) -> _Measured:
         )
     name = f"{low_rank.method} basis of rank {low_rank.rank} by {low_rank.engine}"
     error, notes = low_rank.error_estimate(), low_rank.notes
-    if (precise := asked.points.precise) is not None:
+    if (precise := asked.precise) is not None:
         low_rank = low_rank.with_points(precise)
     if "pairs" in asked.numbers:
         first, second = asked.numbers["pairs"].T
@@ -262,8 +281,8 @@ def _csv(rows: list[list[Any]]) -> list[str]:
 def _write(path: Path, asked: _Asked, distances: FloatArray) -> None:
     if path.suffix == ".npz":
         arrays: dict[str, Any] = {"distances": distances, **asked.numbers}
-        if asked.points.precise is not None:
-            arrays["corners"], arrays["weights"] = asked.points.precise
+        if asked.precise is not None:
+            arrays["corners"], arrays["weights"] = asked.precise
         write_arrays(path, arrays)
         return
     lines = asked.lines(distances)
@@ -279,49 +298,6 @@ _WORD = re.compile(_POINT, re.ASCII)
 _WORDS = re.compile(rf"(?:{_POINT})(?:(?:\s*,\s*|\s+)(?:{_POINT}))*", re.ASCII)
 SUM = 0.01  # by which weights written with few digits may differ from 1 together
 NOTATION = "a vertex, such as 12, or a point in a face, such as f12:0.2,0.3,0.5"
-
-
-@dataclass
-class AskedPoints:
-    """Points that were asked for, by number: a vertex by its own, a point in a face by one after all vertices."""
-
-    mesh: isomatch.Mesh
-    corners: list[IntArray] = field(default_factory=list)
-    weights: list[list[float]] = field(default_factory=list)
-
-    def numbers(self, words: Sequence[str], what: str) -> IntArray:
-        """Numbers of points; ``what`` they are is for the message about those that do not exist."""
-        numbers = [self._number(word) if word[0] == "f" else int(word) for word in words]
-        n = self.mesh.n_vertices
-        bad = [v for v, word in zip(numbers, words) if word[0] != "f" and not 0 <= v < n]
-        if bad:
-            raise isomatch.MeshError(
-                f"{what} {some(np.array(bad))} are outside 0…{n - 1}, the vertices of the surface"
-            )
-        return np.array(numbers, dtype=np.int64)
-
-    @property
-    def precise(self) -> PrecisePoints | None:
-        """The points in faces; None if there are none."""
-        return PrecisePoints(np.array(self.corners), np.array(self.weights)) if self.corners else None
-
-    def at(self, numbers: IntArray) -> PrecisePoints:
-        """Return points by their numbers."""
-        n = self.mesh.n_vertices
-        corners = [[v] * 3 if v < n else self.corners[v - n] for v in numbers]
-        weights = [[1.0, 0.0, 0.0] if v < n else self.weights[v - n] for v in numbers]
-        return PrecisePoints(np.array(corners).reshape(-1, 3), np.array(weights).reshape(-1, 3))
-
-    def _number(self, word: str) -> int:
-        face, _, weights = word[1:].partition(":")
-        parts = np.array(weights.split(","), dtype=np.float64)
-        if int(face) >= self.mesh.n_faces:
-            raise isomatch.MeshError(f"{word}: there is no such face; faces are 0…{self.mesh.n_faces - 1}")
-        if not abs(parts.sum() - 1) <= SUM:
-            raise isomatch.MeshError(f"{word}: the weights add up to {parts.sum():g}, not to 1")
-        self.corners.append(self.mesh.faces[int(face)])
-        self.weights.append((parts / parts.sum()).tolist())
-        return self.mesh.n_vertices + len(self.corners) - 1
 
 
 def _words(line: str) -> list[str]:
@@ -422,8 +398,5 @@ def basis(
             isomatch.write_mesh(canonical, isomatch.Mesh(form.points, mesh.faces))
             record |= {"canonical_form": str(canonical), "stress": form.stress}
         tell("done", 1.0)
-    rows = (
-        (name.replace("_", " "), f"{value:.4g}" if isinstance(value, float) else str(value), "")
-        for name, value in record.items()
-    )
-    talk.result(record, lambda: say_table(rows))
+    texts = {name: f"{x:.4g}" if isinstance(x, float) else str(x) for name, x in record.items()}
+    talk.result(record, lambda: say_table((name.replace("_", " "), text, "") for name, text in texts.items()))

@@ -112,11 +112,8 @@ class ResultFolder:
         more: Mapping[str, Any] | None = None,
         back: Back | None = None,
     ) -> dict[str, Any]:
-        """Write all files, and let them replace earlier ones at once when they are complete, ``result.json`` last.
-
-        The picture has ``titles`` below the shapes. What cannot be drawn is left out, and named under ``undrawn``.
-        Returns the contents of ``result.json``, which begin with what was given and ``more``.
-        """
+        """Write all files, which replace earlier ones at once when they are complete; return the contents of the last."""
+        # titles are below the shapes of the picture; what cannot be drawn is left out, and named under "undrawn"
         drawn = view.drawable(surfaces[0]), view.drawable(surfaces[1])
         own = replace(self, both=back is not None)
         others = dict(zip(self.alternatives, result.alternatives))
@@ -189,12 +186,8 @@ def described(result: isomatch.MatchResult) -> dict[str, Any]:
     return {**result.to_dict(), "bounds": view.quality_bounds(result)}
 
 
-_NEEDED: dict[type, tuple[str, ...]] = {
-    str: ("source", "target", "match_again", "origin"),
-    list: ("landmarks", "alternatives"),
-    dict: ("config", "files"),
-    int: ("seed",),
-}
+_NEEDED: dict[str, type] = dict.fromkeys(("source", "target", "match_again", "origin"), str)
+_NEEDED |= {"landmarks": list, "alternatives": list, "config": dict, "files": dict, "seed": int}
 
 
 @dataclass(frozen=True)
@@ -216,8 +209,7 @@ class Earlier:
         except ValueError:
             record = None
         fields = record if isinstance(record, dict) else {}
-        needed = ((name, kind) for kind, names in _NEEDED.items() for name in names)
-        missing = [name for name, kind in needed if not isinstance(fields.get(name), kind)]
+        missing = [name for name, kind in _NEEDED.items() if not isinstance(fields.get(name), kind)]
         if missing:
             raise FormatError(
                 f"{path}: lacks {', '.join(missing)}; give the folder of a result of isomatch match"

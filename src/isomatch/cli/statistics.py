@@ -206,10 +206,8 @@ def _tested(
     """Test where two groups differ, and whether they do as a whole; with plain values about it."""
     rows = [i for i, name in enumerate(model.names) if name in labels]
     listed = [labels[model.names[i]] for i in rows]
-    measured = None if shapes.measured is None else shapes.measured[rows]
-    test = shape_statistics.group_test(
-        model.aligned[rows], listed, method=method, seed=seed, measured=measured
-    )
+    own = None if shapes.measured is None else shapes.measured[rows]
+    test = shape_statistics.group_test(model.aligned[rows], listed, method=method, seed=seed, measured=own)
     is_second = np.array([group == test.groups[1] for group in listed], dtype=np.float64)
     whole = shape_statistics.shape_regression(model.aligned[rows], is_second, model.weights, seed=seed)
     return test, {

@@ -96,13 +96,10 @@ class StatisticsFolder:
         ratios = shape_statistics.compactness(model)
         if model.n_modes:
             shape_statistics.draw_scores(self.picture("scores"), model, groups)
-            rows = _rows(
-                mode=range(1, model.n_modes + 1),
-                variance=model.variances.tolist(),
-                share=model.variance_ratios.tolist(),
-                share_so_far=ratios[1:].tolist(),
-            )
-            self.table("variance.csv", rows)
+            names = "mode", "variance", "share", "share_so_far"
+            columns = model.variances, model.variance_ratios, ratios[1:]
+            numbered = range(1, model.n_modes + 1), *(column.tolist() for column in columns)
+            self.table("variance.csv", _rows(**dict(zip(names, numbered))))
         variances = shape_statistics.measured_variances(model.aligned, shapes)
         deviations = np.sqrt(variances)
         values = {"variance": variances, "standard_deviation": deviations}
@@ -117,13 +114,9 @@ class StatisticsFolder:
         compact = shape_statistics.compactness(model)
         general = shape_statistics.generalisation(model, seed=seed)
         specific = shape_statistics.specificity(model, seed=seed)
-        columns = {
-            "compactness": compact,
-            "generalisation": general.mean,
-            "generalisation_standard_error": general.standard_error,
-            "specificity": specific.mean,
-            "specificity_standard_error": specific.standard_error,
-        }
+        columns = {"compactness": compact}
+        for name, curve in {"generalisation": general, "specificity": specific}.items():
+            columns |= {name: curve.mean, f"{name}_standard_error": curve.standard_error}
         every = range(len(compact))
         listed = {name: [float(of[j]) if j < len(of) else "" for j in every] for name, of in columns.items()}
         self.table("quality.csv", _rows(modes=every, **listed))
@@ -176,9 +169,8 @@ class StatisticsFolder:
         for name, distances in (("distances.csv", geodesic), ("procrustes_distances.csv", procrustes)):
             self.table(name, _rows(name=shapes.names, **dict(zip(shapes.names, distances.T.tolist()))))
         points = shape_statistics.classical_scaling(geodesic)
-        self.table(
-            "embedding.csv", _rows(name=shapes.names, x=points[:, 0].tolist(), y=points[:, 1].tolist())
-        )
+        x, y = points.T.tolist()
+        self.table("embedding.csv", _rows(name=shapes.names, x=x, y=y))
         shape_statistics.draw_embedding(self.picture("embedding"), points, shapes.names, GEODESIC, groups)
         if len(shapes) > 1:
             shape_statistics.draw_tree(self.picture("dendrogram"), geodesic, shapes.names, GEODESIC)
@@ -190,11 +182,9 @@ class StatisticsFolder:
         shown = np.where(test.significant(), length, np.nan)
         somewhere = bool(test.significant().any())
         self.mesh("groups.ply", mean, values, shown, float(np.nanmax(shown)) if somewhere else 0.0)
-        label = (
-            "distance of the group means; grey: not significant"
-            if somewhere
-            else "no difference is significant"
-        )
+        label = "no difference is significant"
+        if somewhere:
+            label = "distance of the group means; grey: not significant"
         shape_statistics.draw_values(self.picture("groups"), mean, shown, label)
         columns = np.column_stack([test.t_squared, test.p_values, test.q_values, test.difference]).T.tolist()
         names = ("t_squared", "p_value", "q_value", "dx", "dy", "dz")
@@ -225,7 +215,26 @@ class StatisticsFolder:
     def page(self, folder: str, record: Mapping[str, Any], told: Sequence[str]) -> None:
         """Write the page with all pictures, and what the command tells."""
         pictures = {Path(name).stem: name for name in self.written if name.endswith(f".{self.pictures}")}
-        write_text(self.path("index.html"), page_of(folder, record, told, pictures, self.written))
+        figures = [_figure(pictures[name], words) for name, words in PICTURES.items() if name in pictures]
+        tables = [name for name in self.written if name.endswith((".csv", ".npz")) and "/" not in name]
+        doubts = [f"{' and '.join(doubt['names'])} {doubt['reason']}" for doubt in record["doubts"]]
+        n, scale, weights = len(record["shapes"]), SCALES[record["scale"]], WEIGHTS[record["weights"]]
+        counted = f"{n} shapes" if record["mirror"] is None else f"{n // 2} shapes and their mirror images"
+        modes = enumerate(zip(record["shares"][:10], accumulate(record["shares"])), 1)
+        template = Template((files("isomatch.cli") / "statistics_page.html").read_text(encoding="utf-8"))
+        text = template.substitute(
+            title=escape(f"Statistics of {counted}"),
+            folder=escape(folder),
+            settings=escape(f"{scale}; {weights}. Seed {record['seed']}, isomatch {record['isomatch']}."),
+            first=f"<h2>To look at first</h2>{_listed(doubts)}" if doubts else "",
+            told=_listed(told),
+            modes="".join(
+                f"<tr><td>{i}</td><td>{x:.1%}</td><td>{sum_:.1%}</td></tr>" for i, (x, sum_) in modes
+            ),
+            figures="".join(figures),
+            tables=", ".join(f'<a href="{quote(name)}">{escape(name)}</a>' for name in tables),
+        )
+        write_text(self.path("index.html"), text)
 
     def finish(self, record: Mapping[str, object]) -> None:
         """Write ``statistics.json`` last: where it exists, the other files are complete."""
@@ -270,37 +279,6 @@ WEIGHTS = {
     "area": "a vertex counts by its share of the area (weights area)",
     "uniform": "all vertices count alike (weights uniform)",
 }
-
-
-def page_of(
-    folder: str,
-    record: Mapping[str, Any],
-    told: Sequence[str],
-    pictures: Mapping[str, str],
-    written: Sequence[str],
-) -> str:
-    """Return the text of the page, whose pictures are beside it."""
-    figures = "".join(_figure(pictures[name], words) for name, words in PICTURES.items() if name in pictures)
-    tables = [name for name in written if name.endswith((".csv", ".npz")) and "/" not in name]
-    doubts = [f"{' and '.join(doubt['names'])} {doubt['reason']}" for doubt in record["doubts"]]
-    n = len(record["shapes"])
-    counted = f"{n} shapes" if record["mirror"] is None else f"{n // 2} shapes and their mirror images"
-    return Template((files("isomatch.cli") / "statistics_page.html").read_text(encoding="utf-8")).substitute(
-        title=escape(f"Statistics of {counted}"),
-        folder=escape(folder),
-        settings=escape(
-            f"{SCALES[record['scale']]}; {WEIGHTS[record['weights']]}. "
-            f"Seed {record['seed']}, isomatch {record['isomatch']}."
-        ),
-        first=f"<h2>To look at first</h2>{_listed(doubts)}" if doubts else "",
-        told=_listed(told),
-        modes="".join(
-            f"<tr><td>{i}</td><td>{share:.1%}</td><td>{sum_:.1%}</td></tr>"
-            for i, (share, sum_) in enumerate(zip(record["shares"][:10], accumulate(record["shares"])), 1)
-        ),
-        figures=figures,
-        tables=", ".join(f'<a href="{quote(name)}">{escape(name)}</a>' for name in tables),
-    )
 
 
 def _figure(file: str, words: str) -> str:

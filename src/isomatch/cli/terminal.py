@@ -123,9 +123,9 @@ class Talk:
             yield tell_event
         elif self.verbose:
             with _log_on(console):
-                yield _silent
+                yield lambda stage, share: None
         elif self.quiet or not console.is_terminal:
-            yield _silent
+            yield lambda stage, share: None
         else:
             columns = TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn()
             with Progress(*columns, console=console, transient=True) as bar:
@@ -140,10 +140,6 @@ class Talk:
             _say_line({"event": "result", **record})
         elif is_answer or not self.quiet:
             summary()
-
-
-def _silent(stage: str, share: float) -> None:
-    """Show nothing."""
 
 
 def _say_line(value: dict[str, Any]) -> None:

@@ -172,9 +172,9 @@ def _transfer_landmarks(
     with talk.progress() as tell, claimed_files(output, force=force):
         tell("reading", 0.0)
         assets = isomatch.read_asset(ends[0]), isomatch.read_asset(ends[1])
-        shapes = [each if len(each.polygons) else isomatch.PointCloud(each.placed_points) for each in assets]
-        way = _read_map(map_file, shapes[1])
-        marked, shape = assets[to == "source"], shapes[to == "source"]
+        first, second = (x if len(x.polygons) else isomatch.PointCloud(x.placed_points) for x in assets)
+        way = _read_map(map_file, second)
+        marked, shape = assets[to == "source"], (first, second)[to == "source"]
         # with the points of the file, whose numbers a file of landmarks may have
         surface = (
             isomatch.Mesh(marked.placed_points, marked.polygons.triangles) if len(marked.polygons) else shape
@@ -186,9 +186,7 @@ def _transfer_landmarks(
             raise LandmarkError(f"{error}. They are taken as landmarks of the {side}, see --to") from None
         tell("carrying", 0.3)
         with naming_files(source=ends[0], target=ends[1]):
-            carried = isomatch.carry_landmarks(
-                way, shapes[0], shapes[1], own, to=to, curve_points=curve_points
-            )
+            carried = isomatch.carry_landmarks(way, first, second, own, to=to, curve_points=curve_points)
         tell("writing", 0.8)
         left = isomatch.write_landmarks(output, carried)
         tell("done", 1.0)

@@ -322,9 +322,7 @@ class CycleJob:
             refused = "changes when it is refined"
         elif any(side * result.quality.orientation < 0 for result in rematched):
             refused = f"does not {config.orientation} the orientation"
-        elif (
-            worst := np.nanmax([0.0, *(1 / each.quality.runner_up for each in rematched)])
-        ) > config.outcome.tie:
+        elif (worst := np.nanmax([0.0, *(1 / x.quality.runner_up for x in rematched)])) > config.outcome.tie:
             refused = f"fits worse than another map, by a factor {worst:.2f}"
         if refused:
             return {"refused": f"the composition over {over} {refused}"}
@@ -333,10 +331,7 @@ class CycleJob:
             f"{over}, refined, and its outcome is at most as sure as theirs"
         )
         least = Evidence.of(Outcome[repair.outcomes[best]])
-        results = [
-            replace(each, outcome=lowered(each.outcome, least), notes=(note, *each.notes))
-            for each in rematched
-        ]
+        results = [replace(x, outcome=lowered(x.outcome, least), notes=(note, *x.notes)) for x in rematched]
         record = {
             **old.record,
             **{side: result.to_dict() for side, result in zip(SIDES, results)},
@@ -368,9 +363,8 @@ class CycleJob:
 
 def _mean_distances(shape: PreparedShape, first: IntArray, second: IntArray) -> FloatArray:
     """Mean distance (q,) between vertices of a surface in rows (q, m) that broadcast; nan where few are matched."""
-    a, b = (
-        np.where(rows >= 0, shape.body_vertex[rows], UNMATCHED) for rows in np.broadcast_arrays(first, second)
-    )
+    both = np.broadcast_arrays(first, second)
+    a, b = (np.where(rows >= 0, shape.body_vertex[rows], UNMATCHED) for rows in both)
     matched = (a >= 0) & (b >= 0)
     apart = np.zeros(a.shape)
     apart[matched] = shape.distance(a[matched], b[matched])

@@ -127,11 +127,8 @@ def surfaces_written(collection: Collection) -> list[str]:
 
 def _planned(collection: Collection, rows: Rows, template: str) -> list[PlannedSurface]:
     scales = scales_of(collection.units, rows)
-    keys = {
-        frozenset(pair): " > ".join((row["key"], *row.get("replaced_by", ())))
-        for pair, row in rows.pairs.items()
-        if rows.is_current(pair)
-    }
+    current = {frozenset(pair): row for pair, row in rows.pairs.items() if rows.is_current(pair)}
+    keys = {ends: " > ".join((row["key"], *row.get("replaced_by", ()))) for ends, row in current.items()}
     sure = {frozenset(pair) for pair in rows.pairs if frozenset(pair) in keys and not rows.is_doubtful(pair)}
     linked = [name for name in collection.names if {template, name} in sure]
     own = rows.shapes.get(template, {}).get("key", "")

@@ -131,13 +131,13 @@ class _Templates:
 
     def carried(self, name: str, templates: Iterable[str]) -> Landmarks | None:
         """Return the median of what some templates give for a shape; None if no sure map leads to it."""
-        several, points = [], self._curve_points
+        several, n_points = [], self._curve_points
         for template in templates:
             there, error = self._map(template, name)
             if there is not None:
-                ends, marks = (self._read(template), self._read(name)), self._marks[template]
+                ends, own = (self._read(template), self._read(name)), self._marks[template]
                 several.append(
-                    carry_landmarks(there, *ends, marks, curve_points=points, expected_error=error)
+                    carry_landmarks(there, *ends, own, curve_points=n_points, expected_error=error)
                 )
         return median_landmarks(several, self._read(name)) if several else None
 

@@ -195,15 +195,13 @@ def write_reports(
     late = late_after(time_limit)
     rows = collection.rows()
     chosen = _chosen(table_of(rows), which)
-    todo = [
-        (pair, row) for pair in chosen if not has_report(collection.layout, pair, row := rows.pairs[pair])
-    ]
-    if not todo:
+    due = [(pair, row) for pair in chosen if not has_report(collection.layout, pair, row := rows.pairs[pair])]
+    if not due:
         return
     folder = collection.layout.folder / "reports"
     with writing(folder):
         folder.mkdir(exist_ok=True)
-    tasks = [Task((each,), partial(row_of, partial(_written, collection.of(each[0])))) for each in todo]
+    tasks = [Task((each,), partial(row_of, partial(_written, collection.of(each[0])))) for each in due]
     with workers_of(executor, jobs) as workers:
         for (pair, _), row in workers.completed(tasks, late):
             yield pair, row if isinstance(row, dict) else {"state": "failed", "error": str(row)}

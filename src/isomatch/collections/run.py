@@ -123,10 +123,8 @@ class Run:
             row = {**_of_plan(plan), **_row_of(record), "key": plan.key}
             if row["state"] == "failed":  # the map that was there before is judged as before
                 row["contradicted"] = plan.contradicted
-            file = self.collection.layout.maps(plan.pair)
-            row = self._explained(
-                row, rows.pairs.get(plan.pair), dict(zip(HASHES, plan.pair)), wrong.get(file), rows
-            )
+            why, contents = wrong.get(self.collection.layout.maps(plan.pair)), dict(zip(HASHES, plan.pair))
+            row = self._explained(row, rows.pairs.get(plan.pair), contents, why, rows)
             ledger.put_pair(plan.pair, row)
             yield Event("pair", plan.pair, row, count, len(missing))
 
@@ -137,13 +135,11 @@ class Run:
         tasks = [Task((reflection,), partial(row_of, job.reflect_shape)) for reflection in reflections]
         for count, ((entry, plan), result) in enumerate(workers.completed(tasks, job.is_late), 1):
             rows = ledger.rows
-            old, row = rows.pairs[plan.pair], _row_of(result)
+            old, row, contents = rows.pairs[plan.pair], _row_of(result), dict(zip(HASHES, plan.pair))
             if "pair" in row:  # the shape first: it says whether a pair is still to be matched
-                of_shape, contents = rows.shapes[entry.name], {"hash": entry.name}
-                ledger.put_shape(entry.name, self._explained(row["shape"], of_shape, contents, None, rows))
-                row = self._explained(
-                    {**_of_plan(plan), **row["pair"]}, old, dict(zip(HASHES, plan.pair)), None, rows
-                )
+                of_shape, own = rows.shapes[entry.name], {"hash": entry.name}
+                ledger.put_shape(entry.name, self._explained(row["shape"], of_shape, own, None, rows))
+                row = self._explained({**_of_plan(plan), **row["pair"]}, old, contents, None, rows)
             else:
                 refused = {entry.name: row.get("refused") or row["error"]}
                 row = {**old, "not_reflected": refused, "time": time.time()}

@@ -195,12 +195,8 @@ class Session:
         def work(tell: Tell) -> tuple[MatchResult, Pairs, dict[str, Any]]:
             shapes = self._preparation.wait()
             tell("match", 0.0)
-            options: dict[str, Any] = {
-                "config": config,
-                "seed": self._seed,
-                "progress": _before_drawing(tell),
-            }
-            result = match(*shapes, landmarks=landmarks or None, **options)
+            told, marks = _before_drawing(tell), landmarks or None
+            result = match(*shapes, landmarks=marks, config=config, seed=self._seed, progress=told)
             tell("drawing", DRAWING)
             return result, landmarks, self._page.result(result, before, landmarks)
 

@@ -115,15 +115,13 @@ class CorrespondedShapes:
         ordered = dict(sorted(meshes.items()))
         if not ordered:
             raise MeshError("no shapes; give at least one")
-        topologies = {
-            n: (mesh.n_vertices, _digest(np.sort(mesh.faces, axis=1))) for n, mesh in ordered.items()
-        }
-        common = _most_common(topologies.values())
+        forms = {n: (mesh.n_vertices, _digest(np.sort(mesh.faces, axis=1))) for n, mesh in ordered.items()}
+        common = _most_common(forms.values())
         masks = dict(measured or {})
         kept, left_out = {}, []
         for name, mesh in ordered.items():
             unplaced = np.flatnonzero(~np.isfinite(mesh.vertices).all(axis=1))
-            if topologies[name] != common:
+            if forms[name] != common:
                 left_out.append(f"{name}: other faces than most shapes ({mesh!r})")
             elif len(unplaced):
                 left_out.append(f"{name}: vertices without a position, {some(unplaced)}")

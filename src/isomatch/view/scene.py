@@ -258,11 +258,9 @@ def stretch(source: Mesh, target: Mesh, correspondence: Correspondence) -> Layer
     after = ((images[a] - images[b]) ** 2).sum(axis=1)
     mapped = np.isfinite(after)
     corners = np.concatenate([a[mapped], b[mapped]])
-    longer, shorter = (
-        np.bincount(corners, np.tile(x[mapped], 2), source.n_vertices) for x in (after, before)
-    )
+    long, short = (np.bincount(corners, np.tile(x[mapped], 2), source.n_vertices) for x in (after, before))
     with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = np.sqrt(longer / shorter)
+        ratio = np.sqrt(long / short)
     ratio = np.where(np.isfinite(ratio), np.maximum(ratio, 1e-9), np.nan)
     middle = float(np.nanmedian(ratio)) if np.isfinite(ratio).any() else 1.0
     return Layer(ratio / middle, 0.5, 2.0, "lengths under the map; × 1 is the median", ratio=True)
