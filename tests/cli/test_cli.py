@@ -195,7 +195,9 @@ def test_an_initial_map_is_read_from_plain_text_and_from_npz(matched, tmp_path):
     found = isomatch.Correspondence.load(matched[0] / "map.npz")
     np.savetxt(tmp_path / "plain.txt", found.vertices, fmt="%d")
     for path in (tmp_path / "plain.txt", matched[0] / "map.txt", matched[0] / "map.npz"):
-        np.testing.assert_array_equal(isomatch.Correspondence.load(path, found.n_target).vertices, found.vertices)
+        np.testing.assert_array_equal(
+            isomatch.Correspondence.load(path, found.n_target).vertices, found.vertices
+        )
 
 
 def run_with(shapes, out, option, file):

@@ -193,10 +193,10 @@ class Session:
         before = None if self._result is None else self._result.map
 
         def work(tell: Tell) -> tuple[MatchResult, Pairs, dict[str, Any]]:
-            shapes = self._preparation.wait()
+            source, target = self._preparation.wait()
             tell("match", 0.0)
-            told, marks = _before_drawing(tell), landmarks or None
-            result = match(*shapes, landmarks=marks, config=config, seed=self._seed, progress=told)
+            told, marks, seed = _before_drawing(tell), landmarks or None, self._seed
+            result = match(source, target, landmarks=marks, config=config, seed=seed, progress=told)
             tell("drawing", DRAWING)
             return result, landmarks, self._page.result(result, before, landmarks)
 
@@ -207,8 +207,8 @@ class Session:
         result, landmarks = self._matched(), self._landmarks
 
         def work(tell: Tell) -> tuple[MatchResult, Pairs, dict[str, Any]]:
-            shapes = self._preparation.wait()
-            chosen = continue_with(result, number, *shapes, landmarks or None, _before_drawing(tell))
+            source, target = self._preparation.wait()
+            chosen = continue_with(result, number, source, target, landmarks or None, _before_drawing(tell))
             return chosen, landmarks, self._page.result(chosen, None, landmarks)
 
         self._begin("choose", work)
