@@ -141,7 +141,7 @@ def match(
     folder, ends = ResultFolder(output, report=report, both=both), (source, target)
     options: dict[str, Any] = {**vars(way), "pin": priors.pin, "hypotheses": priors.hypotheses}
     chosen = {name: value for name, value in options.items() if value is not None and name != "config"}
-    settings = replace(read_config(way.config) or isomatch.Config(), **chosen)
+    config = replace(read_config(way.config) or isomatch.Config(), **chosen)
     options |= {"output": output, "initial_map": priors.initial_map, "function": priors.function}
     again = match_again(*ends, **options, seed=seed, both=both, as_mesh=as_mesh)
     with talk.progress() as tell:
@@ -157,9 +157,7 @@ def match(
             run: Callable[..., Any] = isomatch.match_both if both else isomatch.match
             try:
                 with naming_files(source=source, target=target):
-                    results = run(
-                        *shapes, **hints, config=settings, seed=seed, progress=part(tell, 0.05, 0.85)
-                    )
+                    results = run(*shapes, **hints, config=config, seed=seed, progress=part(tell, 0.05, 0.85))
             except (LandmarkError, MapError, NotConvergedError) as error:
                 raise folder.write_picker(shapes, error, inputs) from error
             result, back = results if both else (results, None)

@@ -228,9 +228,7 @@ class StatisticsFolder:
             settings=escape(f"{scale}; {weights}. Seed {record['seed']}, isomatch {record['isomatch']}."),
             first=f"<h2>To look at first</h2>{_listed(doubts)}" if doubts else "",
             told=_listed(told),
-            modes="".join(
-                f"<tr><td>{i}</td><td>{x:.1%}</td><td>{sum_:.1%}</td></tr>" for i, (x, sum_) in modes
-            ),
+            modes="".join(f"<tr><td>{i}</td><td>{x:.1%}</td><td>{y:.1%}</td></tr>" for i, (x, y) in modes),
             figures="".join(figures),
             tables=", ".join(f'<a href="{quote(name)}">{escape(name)}</a>' for name in tables),
         )

@@ -140,15 +140,9 @@ class Collection(Plan):
                 "allows both; leave the orientation at 'preserve', or name the shapes"
             )
         layout.folder.mkdir(parents=True, exist_ok=True)
-        plan = {
-            "shapes": {entry.name: str(entry.path) for entry in entries},
-            "pairs": pairs,
-            "template": template,
-            "config": new.config.to_dict(),
-            "seed": seed,
-            "reflect": new.reflect,
-            "units": new.units,
-        }
+        files = {entry.name: str(entry.path) for entry in entries}
+        plan = {"shapes": files, "pairs": pairs, "template": template, "config": new.config.to_dict()}
+        plan |= {"seed": seed, "reflect": new.reflect, "units": new.units}
         text = json.dumps(plan, indent=2) + "\n"
         if not layout.plan.exists() or layout.plan.read_text(encoding="utf-8") != text:
             write_text(layout.plan, text)

@@ -133,12 +133,10 @@ class _Templates:
         """Return the median of what some templates give for a shape; None if no sure map leads to it."""
         several, n_points = [], self._curve_points
         for template in templates:
-            there, error = self._map(template, name)
+            there, far = self._map(template, name)
             if there is not None:
                 ends, own = (self._read(template), self._read(name)), self._marks[template]
-                several.append(
-                    carry_landmarks(there, *ends, own, curve_points=n_points, expected_error=error)
-                )
+                several.append(carry_landmarks(there, *ends, own, curve_points=n_points, expected_error=far))
         return median_landmarks(several, self._read(name)) if several else None
 
     def _map(self, source: str, target: str) -> tuple[Correspondence | None, FloatArray | None]:

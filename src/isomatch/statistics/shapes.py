@@ -86,14 +86,9 @@ class CorrespondedShapes:
             raise MeshError(
                 f"measured has shape {measured.shape}, expected {vertices.shape[:2]}: a row for each shape"
             )
-        for name, value in (
-            ("names", tuple(self.names)),
-            ("vertices", vertices),
-            ("faces", mesh.sound_faces),
-            ("left_out", tuple(self.left_out)),
-            ("measured", None if measured is None or measured.all() else measured),
-        ):
-            object.__setattr__(self, name, value)
+        measured = None if measured is None or measured.all() else measured
+        vars(self).update(names=tuple(self.names), vertices=vertices, faces=mesh.sound_faces)
+        vars(self).update(left_out=tuple(self.left_out), measured=measured)
 
     def __repr__(self) -> str:
         return f"CorrespondedShapes({len(self)} shapes of {self.n_vertices} vertices)"

@@ -54,7 +54,9 @@ def position_colours(mesh: Mesh) -> FloatArray:
     chroma = np.column_stack([0.12 * across - 0.02 * along, 0.15 * along - 0.01])
     vividness = np.linalg.norm(chroma, axis=1, keepdims=True)
     chroma *= (MOST_VIVID / np.maximum(vividness, 1e-3)) ** LESS_GREY
-    return linear_rgb(np.column_stack([lightness, chroma]))
+    oklab = np.column_stack([lightness, chroma])
+    # to linear light, clipped to the gamut of sRGB
+    return np.asarray(np.clip((oklab @ _OKLAB_TO_LMS.T) ** 3 @ _LMS_TO_RGB.T, 0.0, 1.0))
 
 
 def principal_coordinates(mesh: Mesh) -> FloatArray:
@@ -76,11 +78,6 @@ def _evenly(values: FloatArray, areas: FloatArray) -> FloatArray:
     extent = max(float(np.ptp(used)), 1e-300)
     scaled = np.clip(2.0 * (values - used.min()) / extent - 1.0, -1.0, 1.0)
     return np.asarray(0.5 * scaled + 0.5 * (2.0 * share - 1.0))
-
-
-def linear_rgb(oklab: FloatArray) -> FloatArray:
-    """Convert (n, 3) Oklab colours to linear light, clipped to the gamut of sRGB."""
-    return np.asarray(np.clip((oklab @ _OKLAB_TO_LMS.T) ** 3 @ _LMS_TO_RGB.T, 0.0, 1.0))
 
 
 def from_screen(rgb: FloatArray) -> FloatArray:

@@ -162,9 +162,8 @@ def _basis(basis: DistanceBasis | LaplaceBasis, rows: Mapping[str, object], **mo
     n, size = len(basis.vectors), basis.vectors.nbytes
     told = f"{size / 2**20:,.1f} MiB, where the matrix of all would take {8 * n * n / 2**20:,.0f}"
     notes = "; ".join(basis.notes)
-    return _card(
-        type(basis).__name__, _told({"points": f"{n:,}", **rows, "size": told, **more, "notes": notes})
-    )
+    rows = {"points": f"{n:,}", **rows, "size": told, **more, "notes": notes}
+    return _card(type(basis).__name__, _told(rows))
 
 
 @html_of.register

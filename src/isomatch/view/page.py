@@ -110,11 +110,9 @@ def pairs_on(landmarks: ArrayLike | None, source: Mesh, target: Mesh) -> IntArra
 
 def _lights() -> dict[str, str]:
     """Give the shader the same lights as the still pictures."""
-    directions = {"key": KEY_LIGHT, "fill": FILL_LIGHT}
-    strengths = {"ambient": AMBIENT, "key_strength": KEY, "fill_strength": FILL}
-    strengths |= {"gloss": GLOSS, "sharpness": SHARPNESS}
-    lights = {name: ", ".join(map(str, direction)) for name, direction in directions.items()}
-    return lights | {name: str(strength) for name, strength in strengths.items()}
+    lights = {"key": KEY_LIGHT, "fill": FILL_LIGHT, "ambient": AMBIENT, "key_strength": KEY}
+    lights |= {"fill_strength": FILL, "gloss": GLOSS, "sharpness": SHARPNESS}
+    return {name: ", ".join(map(str, np.atleast_1d(light))) for name, light in lights.items()}
 
 
 def _remarks_on(scene: Mapping[str, Any], result: MatchResult) -> list[str]:

@@ -98,6 +98,9 @@ class WorkPage:
         others = result.alternatives[:MOST_ALTERNATIVES]
         origins = [result.origin, *(other.origin for other in others), ""]
         moved = 0.0 if before is None else share_elsewhere(self._source, self._target, result.map, before)
+        since = f"Against the map before, {moved:.1%} of the source has another image."
+        if moved < LEAST_SHARE:
+            since = "" if before is None else "It is the same map as before."
         about = [
             "",
             *(told_of_alternative(self._source, self._target, result, other) for other in others),
@@ -111,7 +114,7 @@ class WorkPage:
             "advice": summary.advice_in_python,
             "colour": outcome_colour(result.outcome),
             "sure": summary.sureness,
-            "since": "" if before is None else _since(moved),
+            "since": since,
             "regions": [self._region(region, result.map) for region in result.regions],
             "runners_up": [dict(zip(("name", "origin", "about"), row)) for row in zip(maps, origins, about)],
             "landmarks": [{"pair": pair, "off": off} for pair, off in zip(pairs.tolist(), apart)],
@@ -136,9 +139,3 @@ class WorkPage:
         images = shown.pull_back(self._target.vertices)[pairs[:, 0]]
         off = np.linalg.norm(images - self._target.vertices[pairs[:, 1]], axis=1) / np.sqrt(self._target.area)
         return [-1.0 if np.isnan(far) else float(far) for far in off]
-
-
-def _since(moved: float) -> str:
-    if moved < LEAST_SHARE:
-        return "It is the same map as before."
-    return f"Against the map before, {moved:.1%} of the source has another image."
