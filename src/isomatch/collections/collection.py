@@ -141,8 +141,8 @@ class Collection(Plan):
             )
         layout.folder.mkdir(parents=True, exist_ok=True)
         files = {entry.name: str(entry.path) for entry in entries}
-        plan = {"shapes": files, "pairs": pairs, "template": template, "config": new.config.to_dict()}
-        plan |= {"seed": seed, "reflect": new.reflect, "units": new.units}
+        plan: dict[str, object] = {"shapes": files, "pairs": pairs, "template": template}
+        plan |= {"config": new.config.to_dict(), "seed": seed, "reflect": new.reflect, "units": new.units}
         text = json.dumps(plan, indent=2) + "\n"
         if not layout.plan.exists() or layout.plan.read_text(encoding="utf-8") != text:
             write_text(layout.plan, text)

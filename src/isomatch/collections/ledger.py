@@ -219,13 +219,9 @@ Kinds = Mapping[str, Mapping[str, Kind]]
 NUMBER = int | float
 
 
-def _texts(value: Any) -> bool:
-    return isinstance(value, list) and all(isinstance(each, str) for each in value)
-
-
-def _numbers(count: int) -> Callable[[Any], bool]:
+def _list_of(kind: Kind, count: int | None = None) -> Callable[[Any], bool]:
     return lambda value: (
-        isinstance(value, list) and len(value) == count and all(isinstance(each, NUMBER) for each in value)
+        isinstance(value, list) and count in (None, len(value)) and all(_is(each, kind) for each in value)
     )
 
 
@@ -239,7 +235,7 @@ def _result(value: Any) -> bool:
     )
 
 
-_FEATURES, _holes = _numbers(N_EIGENVALUES + N_QUANTILES), _numbers(2)
+_FEATURES, _holes, _texts = _list_of(NUMBER, N_EIGENVALUES + N_QUANTILES), _list_of(NUMBER, 2), _list_of(str)
 _OF_SHAPES: Kinds = {
     "done": {"key": str, "hash": str, "bytes": int, "area": NUMBER, "features": _FEATURES, "notes": _texts},
     "failed": {"error": str},
@@ -273,7 +269,7 @@ _OPTIONAL: Mapping[str, Kind] = {  # what other values must be, where a row has 
     "not_reflected": lambda value: isinstance(value, dict) and _texts(list(value.values())),
     "n_points": int,
     "spread": NUMBER,
-    "ranks": _numbers(N_RANKS),
+    "ranks": _list_of(NUMBER, N_RANKS),
     "handedness": NUMBER,
     "holes": lambda value: value is None or _holes(value),
 }

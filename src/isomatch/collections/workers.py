@@ -78,9 +78,8 @@ class Workers:
                     if task.lost == 2:
                         yield item, outcome
                     else:
-                        (suspects if task.lost else waiting).append(
-                            replace(task, items=(item,), lost=task.lost + 1)
-                        )
+                        part = replace(task, items=(item,), lost=task.lost + 1)
+                        (suspects if task.lost else waiting).append(part)
 
     def _renew(self) -> None:
         """Replace an executor that has broken."""

@@ -110,7 +110,12 @@ def pairs_on(landmarks: ArrayLike | None, source: Mesh, target: Mesh) -> IntArra
 
 def _lights() -> dict[str, str]:
     """Give the shader the same lights as the still pictures."""
-    lights = {"key": KEY_LIGHT, "fill": FILL_LIGHT, "ambient": AMBIENT, "key_strength": KEY}
+    lights: dict[str, ArrayLike] = {
+        "key": KEY_LIGHT,
+        "fill": FILL_LIGHT,
+        "ambient": AMBIENT,
+        "key_strength": KEY,
+    }
     lights |= {"fill_strength": FILL, "gloss": GLOSS, "sharpness": SHARPNESS}
     return {name: ", ".join(map(str, np.atleast_1d(light))) for name, light in lights.items()}
 

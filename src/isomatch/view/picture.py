@@ -64,12 +64,7 @@ class Picture(Figure):
 
 
 def pictured(
-    panels: Sequence[SurfaceView],
-    width: int,
-    *,
-    values: ValuePanel | None = None,
-    title: str = "",
-    seen: str = "",
+    panels: Sequence[SurfaceView], width: int, *, values: ValuePanel | None = None, title: str, seen: str
 ) -> Picture:
     """Place panels in a row, all at the same scale, beside a bar that explains the colours of values."""
     if int(width) != width or width < LEAST_WIDTH:
