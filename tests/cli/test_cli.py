@@ -14,7 +14,6 @@ import pytest
 
 import isomatch
 from isomatch.cli import main
-from isomatch.cli.inputs import read_initial_map
 from isomatch.cli.terminal import json_text
 from isomatch.datasets import example_pair, ground_truth
 from shapes import flat_grid, icosphere
@@ -196,7 +195,9 @@ def test_an_initial_map_is_read_from_plain_text_and_from_npz(matched, tmp_path):
     found = isomatch.Correspondence.load(matched[0] / "map.npz")
     np.savetxt(tmp_path / "plain.txt", found.vertices, fmt="%d")
     for path in (tmp_path / "plain.txt", matched[0] / "map.txt", matched[0] / "map.npz"):
-        np.testing.assert_array_equal(read_initial_map(path, found.n_target), found.vertices)
+        np.testing.assert_array_equal(
+            isomatch.Correspondence.load(path, found.n_target).vertices, found.vertices
+        )
 
 
 def run_with(shapes, out, option, file):

@@ -152,6 +152,18 @@ def test_hypotheses_may_come_from_priors_alone(matching, capsys):
     assert json.loads(capsys.readouterr().out)["origin"] == "initial map"
 
 
+def test_other_packages_are_looked_for_only_for_other_commands(monkeypatch, capsys):
+    asked = []
+    monkeypatch.setattr("isomatch.cli.program.entry_points", lambda group: asked.append(group) or [])
+    assert main(["info", "--json"]) == 0
+    assert main(["match", "--help"]) == 0
+    assert not asked
+    for words in ([], ["--help"], ["no-such-command"]):
+        main(words)
+    assert asked == 3 * ["isomatch.commands"]
+    capsys.readouterr()
+
+
 def test_completion_knows_the_commands():
     script = app.generate_completion(shell="bash")
     assert all(word in script for word in ("match", "evaluate", "--fail-on"))

@@ -61,7 +61,7 @@ def unpacked(text, dtype):
 def test_maps_that_come_later_are_drawn_as_those_of_a_report(shape):
     lying = shape.moved(shape.vertices @ QUARTER)
     at_once, drawn = scene_of(lying, shape, {"map": identity(shape)}), DrawnPair(lying, shape)
-    before, later = drawn.shapes(), drawn.maps({"map": identity(shape)})
+    before, later = drawn.shapes(), drawn.maps({"map": identity(shape)}, {})
     for name in ("images", "points", "normals", "colours"):
         assert later["maps"][0][name] == at_once["maps"][0][name]
     assert later["filed"] == at_once["filed"]

@@ -127,9 +127,8 @@ def run(
         if part[1] == 1:
             _write(collection, reports, executor, jobs, end, tell)
             if marks:
-                carried = write_all(
-                    collection, marks, collection.layout.landmarks, tell, curve_points=curve_points
-                )
+                to = collection.layout.landmarks
+                carried = write_all(collection, marks, to, tell, curve_points=curve_points)
     tell_status(collection, talk, carried)
     if carried and not (talk.quiet or talk.json or talk.json_lines):
         say_landmarks(carried)
@@ -156,10 +155,8 @@ def retry(which: Literal["failed", "low"], folder: Path, /, *, talk: Talk = TALK
         folder: The folder of the collection.
     """
     again = collections.Collection.open(folder).retry(which)
-    talk.result(
-        {"pairs": [list(pair) for pair in again]},
-        lambda: say(f"{len(again)} pairs will be matched again; run isomatch collect as before"),
-    )
+    told = f"{len(again)} pairs will be matched again; run isomatch collect as before"
+    talk.result({"pairs": [list(pair) for pair in again]}, lambda: say(told))
 
 
 @collect.command
@@ -253,8 +250,8 @@ def _units_of(units: str | None) -> dict[str, str] | None:
     """Read what ``--units`` says."""
     if units is None or units == "none":
         return None if units is None else {}
-    given = [each.strip().rpartition("=") for each in units.split(",")]
-    return {name.strip() or "*": unit.strip() for name, _, unit in given}
+    pairs = [each.strip().rpartition("=") for each in units.split(",")]
+    return {name.strip() or "*": unit.strip() for name, _, unit in pairs}
 
 
 def _until(end: float | None) -> float | None:
@@ -282,13 +279,8 @@ def _write(
             complain(f"the surface of {line['name']} done again, because {line['again']}")
 
 
-_DONE = {
-    "shape": "prepared",
-    "outlier": "looked at",
-    "pair": "matched",
-    "reflection": "reflected",
-    "agreement": "compared",
-}
+_DONE = {"shape": "prepared", "outlier": "looked at", "pair": "matched"}
+_DONE |= {"reflection": "reflected", "agreement": "compared"}
 OUTCOMES = 26  # columns of a number of pairs with their outcome
 
 
@@ -311,30 +303,23 @@ def status_of(collection: collections.Collection, folders: Iterable[str] = ()) -
     """Sum up how far a collection is, from the ledgers of all shards, with the damaged files of some folders."""
     rows = collection.rows()
     pairs = collection.wanted_pairs(rows)
-    states = Counter(collections.state_of(rows.pairs.get(pair, {"state": "todo"})) for pair in pairs)
-    outcomes = Counter(
-        rows.pairs[pair]["there"]["outcome"]
-        for pair in pairs
-        if rows.pairs.get(pair, {}).get("state") == "done"
-    )
+    own = [rows.pairs.get(pair, {"state": "todo"}) for pair in pairs]
+    outcomes = Counter(row["there"]["outcome"] for row in own if row["state"] == "done")
     changed = collections.changed_files(collection.layout, rows, folders)
     damaged = {str(path.relative_to(collection.folder)): what for path, what in changed.items()}
     damaged |= dict.fromkeys(rows.damaged, "is no row of a collection, and was ignored")
-    failures = {name: row["error"] for name, row in rows.shapes.items() if row["state"] == "failed"}
-    failed = {pair: row for pair, row in rows.pairs.items() if row["state"] == "failed"}
-    failures |= {" and ".join(pair): row["error"] for pair, row in failed.items()}
-    mirrored = collections.mirror_images(collection, rows)
+    every = [*rows.shapes.items(), *((" and ".join(pair), row) for pair, row in rows.pairs.items())]
+    failures = {name: row["error"] for name, row in every if row["state"] == "failed"}
+    turned = collections.mirror_images(collection, rows)
     prepared = sum(row["state"] == "done" for row in rows.shapes.values())
     return {
         "folder": str(collection.folder),
         "shapes": {"all": len(collection.shapes), "prepared": prepared},
         "template": collection.chosen_template(rows),
-        "pairs": {"all": len(pairs), **states},
+        "pairs": {"all": len(pairs), **Counter(map(collections.state_of, own))},
         "outcomes": dict(outcomes),
         "reflected": rows.reflected(collection.names),
-        "mirror_images": {
-            name: rows.pairs[pair].get("not_reflected", {}).get(name) for name, pair in mirrored.items()
-        },
+        "mirror_images": {n: rows.pairs[pair].get("not_reflected", {}).get(n) for n, pair in turned.items()},
         "outliers": [outlier._asdict() for outlier in collections.outliers(collection, rows)],
         "agreement": collections.agreement_of(rows)._asdict(),
         "damaged": damaged,
@@ -357,11 +342,8 @@ def _say_status(status: dict[str, Any], layout: collections.Layout) -> None:
             f"{agreement['compared']} pairs compared with compositions: {len(agreement['contradicted'])} contradicted, "
             f"{len(agreement['replaced'])} replaced"
         )
-    if agreement["turned"]:
-        say(
-            f"maps to {', '.join(agreement['turned'])} mostly reverse the orientation: perhaps mirrored together",
-            "bold red",
-        )
+    if turned := ", ".join(agreement["turned"]):
+        say(f"maps to {turned} mostly reverse the orientation: perhaps mirrored together", "bold red")
     _say_sides(status)
     for outlier in status["outliers"]:
         if outlier["kind"] != "broken" and outlier["name"] not in status["mirror_images"]:
@@ -379,11 +361,8 @@ def _say_sides(status: dict[str, Any]) -> None:
         say(f"reflected before they were matched: {', '.join(status['reflected'])}")
     untried = [name for name, reason in status["mirror_images"].items() if reason is None]
     if untried:
-        say(
-            f"seem to be mirror images of the others: {', '.join(untried)}; run again with --reflect auto, "
-            "or with the names of those to reflect",
-            "bold red",
-        )
+        remedy = "run again with --reflect auto, or with the names of those to reflect"
+        say(f"seem to be mirror images of the others: {', '.join(untried)}; {remedy}", "bold red")
     for name, reason in status["mirror_images"].items():
         if reason is not None:
             say(f"seems to be a mirror image, but not reflected: {name}: {reason}", "bold red")
@@ -394,10 +373,8 @@ def told(event: collections.Event) -> tuple[str, float]:
     name = event.name if isinstance(event.name, str) else " and ".join(event.name)
     reasons = reasons_of(event)
     again = f"; again, because {'; '.join(reasons)}" if reasons else ""
-    return (
-        f"{_DONE[event.what]} {event.done} of {event.of}: {name}, {_ending(event.record)}{again}",
-        event.done / event.of,
-    )
+    step = f"{_DONE[event.what]} {event.done} of {event.of}"
+    return f"{step}: {name}, {_ending(event.record)}{again}", event.done / event.of
 
 
 def reasons_of(event: collections.Event) -> list[str]:

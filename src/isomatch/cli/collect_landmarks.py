@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from math import nan
 from os.path import isfile
 from pathlib import Path
 from typing import Annotated, Any
@@ -64,11 +65,8 @@ def landmark_files(marks: Path, collection: collections.Collection, template: st
     """Find the file of landmarks of each shape that has one, in the order of the shapes; `InputError` for none."""
     names = collection.names
     present = {legible(path.name): path for path in (marks.iterdir() if marks.is_dir() else [marks])}
-    files = {
-        name: next(present[name + suffix] for suffix in SUFFIXES if name + suffix in present)
-        for name in names
-        if any(name + suffix in present for suffix in SUFFIXES)
-    }
+    of = {name: [present[name + suffix] for suffix in SUFFIXES if name + suffix in present] for name in names}
+    files = {name: paths[0] for name, paths in of.items() if paths}
     if not files and isfile(marks):
         if template is None:
             raise InputError(
@@ -94,7 +92,7 @@ def write_all(
     """Write the landmarks of all shapes and their tables; return what was written, as plain values."""
     rows = collection.rows()
     ends = {*files, collection.chosen_template(rows)}
-    found: dict[str, isomatch.Landmarks] = {}
+    points: dict[str, isomatch.Landmarks] = {}
     lost: set[str] = set()
     last = to / "landmarks.tps"
     tables = [to / "landmarks.csv", last]
@@ -102,43 +100,39 @@ def write_all(
     with made_folder(to), claimed(last, [] if force else earlier):
         for name, carried in collections.collected_landmarks(collection, files, curve_points):
             lost |= {*isomatch.write_landmarks(to / f"{name}{suffix}", carried)}
-            found[name] = carried
-            tell(f"landmarks of {name}", len(found) / len(collection.names))
+            points[name] = carried
+            tell(f"landmarks of {name}", len(points) / len(collection.names))
         left_out = {x.name: x for x in collections.landmarks_left_out(collection, files, curve_points)}
-        write_csv(to / "landmarks_errors.csv", _errors(found, left_out), ERRORS)
-        first = next(iter(found.values()))
-        turned = rows.reflected(found)
+        write_csv(to / "landmarks_errors.csv", _errors(points, left_out), ERRORS)
+        first = next(iter(points.values()))
+        turned = rows.reflected(points)
         scales = collections.scales_of(collection.units, rows)
         alike = {
             name: _in_table(each, scales.get(name, 1.0), name in turned)
-            for name, each in found.items()
+            for name, each in points.items()
             if (each.names, each.curves) == (first.names, first.curves)
         }
-        collections.draw_landmarks(to / "landmarks.png", collection, found)
+        collections.draw_landmarks(to / "landmarks.png", collection, points)
         for table in tables:
             shape_landmarks.write_specimens(table, alike)
         if to.resolve() == collection.layout.landmarks.resolve():
             collections.keep_files(collection.layout, (path for path in earlier if path.exists()))
-    spread = {name: each.spread for name, each in found.items() if np.isfinite(each.spread).any()}
-    expected = {
-        name: float(np.nanmedian(each.expected_error))
-        for name, each in found.items()
-        if np.isfinite(each.expected_error).any()
-    }
+    spread = {name: each.spread for name, each in points.items() if np.isfinite(each.spread).any()}
+    errors = {name: each.expected_error for name, each in points.items()}
     return {
         "folder": str(to),
         "format": suffix,
         "templates": sorted(files),
-        "shapes": list(found),
-        "expected_error": expected,
+        "shapes": list(points),
+        "expected_error": {n: float(np.nanmedian(e)) for n, e in errors.items() if np.isfinite(e).any()},
         "mean_spread": {name: float(np.nanmean(each)) for name, each in spread.items()},
-        "largest_spread": {name: found[name].names[int(np.nanargmax(each))] for name, each in spread.items()},
+        "largest_spread": {name: points[name].names[np.nanargmax(each)] for name, each in spread.items()},
         "left_out_errors": {name: _described(each) for name, each in left_out.items()},
         "not_written": sorted(lost),
-        "other_landmarks": [name for name in found if name not in alike],
+        "other_landmarks": [name for name in points if name not in alike],
         "reflected": turned,
         "doubtful": [pair for pair in rows.pairs if rows.is_doubtful(pair) and not ends.isdisjoint(pair)],
-        "left_out": [name for name in collection.names if name not in found],
+        "left_out": [name for name in collection.names if name not in points],
     }
 
 
@@ -154,18 +148,16 @@ def say_landmarks(record: dict[str, Any]) -> None:
             f"{name}, carried from the others: error {error['mean']:.4g} in the mean, at most {error['largest']:.4g} at "
             f"{error['at']}"
         )
-    if record["not_written"]:
-        lost = ", ".join(record["not_written"])
-        say(f"not written, because {record['format']} has no place for them: {lost}")
-    if record["other_landmarks"]:
-        say(f"with other landmarks or curves, so not in the tables: {', '.join(record['other_landmarks'])}")
-    if record["reflected"]:
-        say(f"reflected in the tables, as they were matched: {', '.join(record['reflected'])}")
-    if record["doubtful"]:
-        pairs = ", ".join(" and ".join(pair) for pair in record["doubtful"])
-        say(f"not used, because they are doubtful: the maps of {pairs}", "bold red")
-    if record["left_out"]:
-        say(f"no map that is sure leads to: {', '.join(record['left_out'])}", "bold red")
+    doubtful = [" and ".join(pair) for pair in record["doubtful"]]
+    for told, names, style in (
+        (f"not written, because {record['format']} has no place for them:", record["not_written"], ""),
+        ("with other landmarks or curves, so not in the tables:", record["other_landmarks"], ""),
+        ("reflected in the tables, as they were matched:", record["reflected"], ""),
+        ("not used, because they are doubtful: the maps of", doubtful, "bold red"),
+        ("no map that is sure leads to:", record["left_out"], "bold red"),
+    ):
+        if names:
+            say(f"{told} {', '.join(names)}", style)
 
 
 def _in_table(landmarks: isomatch.Landmarks, scale: float, reflected: bool) -> isomatch.Landmarks:
@@ -175,10 +167,10 @@ def _in_table(landmarks: isomatch.Landmarks, scale: float, reflected: bool) -> i
 
 
 def _errors(
-    found: dict[str, isomatch.Landmarks], left_out: dict[str, collections.LeftOut]
+    points: dict[str, isomatch.Landmarks], left_out: dict[str, collections.LeftOut]
 ) -> Iterator[dict[str, object]]:
     """Make a line for each landmark of each shape; of those marked by hand, of what the others give."""
-    for name, own in found.items():
+    for name, own in points.items():
         marks = left_out[name].carried if name in left_out else own
         errors = left_out[name].error if name in left_out else np.full(len(marks), np.nan)
         columns = marks.expected_error, marks.spread, errors
@@ -189,12 +181,9 @@ def _errors(
 
 def _described(left_out: collections.LeftOut) -> dict[str, Any]:
     """Sum up the errors of a shape that was left out; of none, if nothing has a place."""
-    error, known = left_out.error, np.isfinite(left_out.error)
-    if not known.any():
-        return {"mean": float("nan"), "median": float("nan"), "largest": float("nan"), "at": ""}
-    return {
-        "mean": float(error[known].mean()),
-        "median": float(np.median(error[known])),
-        "largest": float(error[known].max()),
-        "at": left_out.carried.names[int(np.nanargmax(error))],
-    }
+    errors = left_out.error[np.isfinite(left_out.error)]
+    if not len(errors):
+        return {"mean": nan, "median": nan, "largest": nan, "at": ""}
+    largest = float(errors.max())
+    worst = left_out.carried.names[int(np.nanargmax(left_out.error))]
+    return {"mean": float(errors.mean()), "median": float(np.median(errors)), "largest": largest, "at": worst}

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import re
 import time
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from cyclopts import Group, Parameter
@@ -32,7 +31,7 @@ WHICH = Group("Which distances (one of them)", validator=LimitedChoice(1, 1))
 HOW = Group("How (at most one of them)", validator=LimitedChoice(0, 1))
 
 
-def _require_known(_: object, name: str | None) -> None:
+def _require_engine(_: object, name: str | None) -> None:
     if name is not None and name not in engine_names():
         raise ValueError(f"There is no engine {name!r}; known are {', '.join(engine_names())}.")
 
@@ -40,7 +39,7 @@ def _require_known(_: object, name: str | None) -> None:
 EngineOption = Annotated[
     str | None,
     Parameter(
-        validator=_require_known,
+        validator=_require_engine,
         help=f"How distances are computed: {', '.join(engine_names())}. By default "
         f"{engine_names(isomatch.Mesh)[0]} for meshes, {engine_names(isomatch.PointCloud)[0]} for points.",
     ),
@@ -91,103 +90,116 @@ def distance(
         raise SettingError("--to needs --from, the points to measure from")
     if path is not None and pairs is None and targets is None:
         raise SettingError("--path needs the ends of the paths: --pairs, or --from and --to")
-    words = (
-        word_pairs(pairs)
-        if pairs is not None
-        else (words_of(sources or "", "--from"), None if targets is None else words_of(targets, "--to"))
-    )
+    words: dict[str, list[Any]] = {}
+    if pairs is not None:
+        words["pairs"] = word_pairs(pairs)
+    else:
+        words["sources"] = words_of(sources or "", "--from")
+    if targets is not None:
+        words["targets"] = words_of(targets, "--to")
     with claimed_files(output, path, force=force), talk.progress() as tell:
         tell("reading", 0.0)
-        asked = _Asked.of(isomatch.read_mesh(file), words)
-        found = _found(asked, engine, basis, path, weld, part(tell, 0.1, 0.9))
+        asked = _Asked(isomatch.read_mesh(file), words)
+        measured = _measured(asked, engine, basis, path, weld, part(tell, 0.1, 0.9))
         if output is not None:
             tell("writing", 0.9)
-            _write(output, asked, found.distances)
+            _write(output, asked, measured.distances)
         tell("done", 1.0)
-    record = {"file": str(file), "engine": found.name, "basis": basis and str(basis), **asked.record}
+    record = {"file": str(file), "engine": measured.name, "basis": basis and str(basis), **_plain(words)}
     record["approximate"] = basis is not None
-    record["notes"] = list(found.notes)
-    if found.error is not None:
-        record["estimated_relative_error"] = found.error
+    record["notes"] = list(measured.notes)
+    if measured.error is not None:
+        record["estimated_relative_error"] = measured.error
     if path is not None:
         record["path"] = str(path)
     if output is None:
-        record["distances"] = found.distances.tolist()
+        record["distances"] = measured.distances.tolist()
     else:
         record["output"] = str(output)
-    remark = "" if found.error is None else f", approximate: estimated relative error {found.error:.2%}"
+    remark = "" if measured.error is None else f", approximate: estimated relative error {measured.error:.2%}"
 
     def summary() -> None:
-        for note in found.notes:
+        for note in measured.notes:
             complain(f"{file}: {note}")
         if path is not None:
             complain(f"wrote {path}")
         if output is not None:
-            say(f"wrote {output}: {found.distances.size} distances by {found.name}{remark}")
+            say(f"wrote {output}: {measured.distances.size} distances by {measured.name}{remark}")
             return
-        say("\n".join(asked.lines(found.distances)))
+        say("\n".join(asked.lines(measured.distances)))
         if remark:
-            complain(f"distances by {found.name}{remark}")
+            complain(f"distances by {measured.name}{remark}")
 
     talk.result(record, summary, is_answer=output is None)
 
 
-@dataclass(frozen=True)
 class _Asked:
-    """Which distances are asked for: numbers of points, as `AskedPoints` gives them, and their words."""
+    """Points between which distances are asked for, by number: a vertex by its own, a point in a face by a higher one."""
 
-    points: AskedPoints
-    pairs: IntArray | None  # (m, 2)
-    sources: IntArray  # (s,), if there are no pairs
-    targets: IntArray | None  # (t,), by default all vertices
-    words: dict[str, list[Any]]  # as they were written, by kind
+    def __init__(self, mesh: isomatch.Mesh, words: dict[str, list[Any]]) -> None:
+        self.mesh, self.words = mesh, words  # as they were written: pairs; or sources and perhaps targets
+        self._corners: list[IntArray] = []
+        self._weights: list[list[float]] = []
+        # (m, 2) pairs; or (s,) sources and (t,) targets, by default all vertices
+        self.numbers = {kind: self._numbers(kind, each) for kind, each in words.items()}
 
-    @classmethod
-    def of(
-        cls, mesh: isomatch.Mesh, words: list[tuple[str, str]] | tuple[list[str], list[str] | None]
-    ) -> _Asked:
-        """Give numbers to the points of pairs, or of sources and targets."""
-        points, none = AskedPoints(mesh), np.zeros(0, dtype=np.int64)
-        if isinstance(words, list):
-            numbers = points.numbers([word for pair in words for word in pair], "vertices of pairs")
-            return cls(points, numbers.reshape(-1, 2), none, None, {"pairs": list(map(list, words))})
-        sources, targets = points.numbers(words[0], "sources"), None
-        by_kind = {"sources": words[0]}
-        if words[1] is not None:
-            targets, by_kind["targets"] = points.numbers(words[1], "targets"), words[1]
-        return cls(points, None, sources, targets, by_kind)
+    def _numbers(self, kind: str, words: list[Any]) -> IntArray:
+        if kind == "pairs":
+            return self._numbers("vertices of pairs", [*chain(*words)]).reshape(-1, 2)
+        numbers = [self._number(word) if word[0] == "f" else int(word) for word in words]
+        n = self.mesh.n_vertices
+        bad = np.array([v for v, word in zip(numbers, words) if word[0] != "f" and not 0 <= v < n])
+        if len(bad):
+            raise isomatch.MeshError(f"{kind} {some(bad)} are outside 0…{n - 1}, the vertices of the surface")
+        return np.array(numbers, dtype=np.int64)
+
+    def _number(self, word: str) -> int:
+        face, _, weights = word[1:].partition(":")
+        parts = np.array(weights.split(","), dtype=np.float64)
+        if int(face) >= self.mesh.n_faces:
+            raise isomatch.MeshError(f"{word}: there is no such face; faces are 0…{self.mesh.n_faces - 1}")
+        if not abs(parts.sum() - 1) <= SUM:
+            raise isomatch.MeshError(f"{word}: the weights add up to {parts.sum():g}, not to 1")
+        self._corners.append(self.mesh.faces[int(face)])
+        self._weights.append((parts / parts.sum()).tolist())
+        return self.mesh.n_vertices + len(self._corners) - 1
+
+    @property
+    def precise(self) -> PrecisePoints | None:
+        """The points in faces; None if there are none."""
+        return PrecisePoints(np.array(self._corners), np.array(self._weights)) if self._corners else None
+
+    def at(self, numbers: IntArray) -> PrecisePoints:
+        """Return points by their numbers."""
+        n = self.mesh.n_vertices
+        corners = [[v] * 3 if v < n else self._corners[v - n] for v in numbers]
+        weights = [[1.0, 0.0, 0.0] if v < n else self._weights[v - n] for v in numbers]
+        return PrecisePoints(np.array(corners).reshape(-1, 3), np.array(weights).reshape(-1, 3))
 
     @property
     def all_pairs(self) -> IntArray:
         """(m, 2) the pairs, or each source with each target in turn."""
-        if self.pairs is not None:
-            return self.pairs
-        targets = np.zeros(0) if self.targets is None else self.targets
-        return np.stack(np.meshgrid(self.sources, targets, indexing="ij"), -1).reshape(-1, 2).astype(np.int64)
+        if "pairs" in self.numbers:
+            return self.numbers["pairs"]
+        return np.stack(np.meshgrid(*self.numbers.values(), indexing="ij"), -1).reshape(-1, 2)
 
     @property
     def shape(self) -> tuple[int, ...]:
         """Shape of the distances of all pairs: a row for each source, if there are targets."""
-        return (-1,) if self.targets is None else (len(self.sources), len(self.targets))
-
-    @property
-    def record(self) -> dict[str, Any]:
-        """The points as plain values: numbers of vertices, and words of points in faces."""
-        return {kind: _plain(words) for kind, words in self.words.items()}
+        return (-1,) if "pairs" in self.numbers else tuple(map(len, self.numbers.values()))
 
     def lines(self, distances: FloatArray) -> list[str]:
         """One distance a line for pairs; else a table with a row for each vertex or target, a column for each source."""
-        if self.pairs is not None:
+        if "pairs" in self.words:
             return [repr(value) for value in distances.tolist()]
         rows = self.words.get("targets", range(distances.shape[1]))
-        name = "vertex" if self.targets is None else "target"
+        name = "target" if "targets" in self.words else "vertex"
         header = [name, *(f"from_{word}" for word in self.words["sources"])]
         return _csv([header, *([row, *map(repr, values)] for row, values in zip(rows, distances.T.tolist()))])
 
 
-@dataclass(frozen=True)
-class _Found:
-    """Distances, (m,) of pairs or a row for each source; what computed them, their error if known, and notes."""
+class _Measured(NamedTuple):
+    """Distances, (m,) of pairs or a row for each source; what computed them, their estimated error, and notes."""
 
     name: str
     distances: FloatArray
@@ -195,32 +207,32 @@ class _Found:
     notes: tuple[str, ...] = ()
 
 
-def _found(
+def _measured(
     asked: _Asked, engine: str | None, basis: Path | None, path: Path | None, weld: bool, tell: Tell
-) -> _Found:
+) -> _Measured:
     tell("distances", 0.0)
-    mesh, precise = asked.points.mesh, asked.points.precise
+    mesh, precise = asked.mesh, asked.precise
     if path is not None:
         return _paths(asked, path, weld, tell)
     if basis is not None:
         return _from_basis(asked, basis)
     chosen = isomatch.distance_engine(surface_of(mesh), engine, weld=weld, points=precise)
     notes = getattr(chosen, "notes", ())
-    if asked.pairs is not None or asked.targets is not None:
-        found = geodesics.pair_distances(chosen, asked.all_pairs)
-        return _Found(chosen.name, found.reshape(asked.shape), None, notes)
-    rows, count = [], len(asked.sources)
-    for first in range(0, count, AT_ONCE):
-        columns = chosen.distances_from(asked.sources[first : first + AT_ONCE])
+    if "sources" not in asked.numbers or "targets" in asked.numbers:
+        apart = geodesics.pair_distances(chosen, asked.all_pairs)
+        return _Measured(chosen.name, apart.reshape(asked.shape), None, notes)
+    rows, sources = [], asked.numbers["sources"]
+    for first in range(0, len(sources), AT_ONCE):
+        columns = chosen.distances_from(sources[first : first + AT_ONCE])
         rows.append(columns[:, : mesh.n_vertices])
-        tell(f"distances from {min(first + AT_ONCE, count)} of {count}", first / count)
-    return _Found(chosen.name, np.concatenate(rows), None, notes)
+        tell(f"distances from {min(first + AT_ONCE, len(sources))} of {len(sources)}", first / len(sources))
+    return _Measured(chosen.name, np.concatenate(rows), None, notes)
 
 
-def _paths(asked: _Asked, file: Path, weld: bool, tell: Tell) -> _Found:
+def _paths(asked: _Asked, file: Path, weld: bool, tell: Tell) -> _Measured:
     """Write shortest paths, and return their lengths."""
-    pairs, mesh, paths = asked.all_pairs, asked.points.mesh, []
-    ends = (asked.points.at(column) for column in pairs.T)
+    pairs, mesh, paths = asked.all_pairs, asked.mesh, []
+    ends = (asked.at(column) for column in pairs.T)
     ways = geodesics.geodesic_paths(mesh, *ends, weld=weld)
     for number, path in enumerate(ways, start=1):
         paths.append(path)
@@ -228,12 +240,12 @@ def _paths(asked: _Asked, file: Path, weld: bool, tell: Tell) -> _Found:
     geodesics.write_paths(file, paths)
     lengths = np.array([path.length for path in paths], dtype=np.float64)
     _, seams = mending.without_seams(mesh, weld)
-    return _Found("exact path", lengths.reshape(asked.shape), None, seams.changes if seams else ())
+    return _Measured("exact path", lengths.reshape(asked.shape), None, seams.changes if seams else ())
 
 
-def _from_basis(asked: _Asked, file: Path) -> _Found:
+def _from_basis(asked: _Asked, file: Path) -> _Measured:
     """Approximate distances, with those of a point from itself set to 0."""
-    low_rank, n = isomatch.DistanceBasis.load(file), asked.points.mesh.n_vertices
+    low_rank, n = isomatch.DistanceBasis.load(file), asked.mesh.n_vertices
     if len(low_rank.vectors) != n:
         raise isomatch.MeshError(
             f"{file}: a basis of {len(low_rank.vectors)} points, but the surface has {n} vertices; "
@@ -241,19 +253,22 @@ def _from_basis(asked: _Asked, file: Path) -> _Found:
         )
     name = f"{low_rank.method} basis of rank {low_rank.rank} by {low_rank.engine}"
     error, notes = low_rank.error_estimate(), low_rank.notes
-    if (precise := asked.points.precise) is not None:
+    if (precise := asked.precise) is not None:
         low_rank = low_rank.with_points(precise)
-    if asked.pairs is not None:
-        first, second = asked.pairs.T
+    if "pairs" in asked.numbers:
+        first, second = asked.numbers["pairs"].T
         apart = low_rank.distance(first, second)
     else:
-        first, second = asked.sources[:, None], np.arange(n) if asked.targets is None else asked.targets
-        apart = low_rank.between(asked.sources, second)
-    return _Found(name, np.maximum(np.where(first == second, 0.0, apart), 0.0), error, notes)
+        sources, second = asked.numbers["sources"], asked.numbers.get("targets", np.arange(n))
+        first, apart = sources[:, None], low_rank.between(sources, second)
+    return _Measured(name, np.maximum(np.where(first == second, 0.0, apart), 0.0), error, notes)
 
 
 def _plain(words: Any) -> Any:
-    if isinstance(words, list):
+    """Points as plain values: numbers of vertices, and words of points in faces."""
+    if isinstance(words, dict):
+        return {kind: _plain(each) for kind, each in words.items()}
+    if isinstance(words, list | tuple):
         return [_plain(word) for word in words]
     return words if words.startswith("f") else int(words)
 
@@ -265,19 +280,13 @@ def _csv(rows: list[list[Any]]) -> list[str]:
 
 def _write(path: Path, asked: _Asked, distances: FloatArray) -> None:
     if path.suffix == ".npz":
-        arrays: dict[str, Any] = {"distances": distances}
-        if asked.pairs is not None:
-            arrays["pairs"] = asked.pairs
-        else:
-            arrays["sources"] = asked.sources
-        if asked.targets is not None:
-            arrays["targets"] = asked.targets
-        if asked.points.precise is not None:
-            arrays["corners"], arrays["weights"] = asked.points.precise
+        arrays: dict[str, Any] = {"distances": distances, **asked.numbers}
+        if asked.precise is not None:
+            arrays["corners"], arrays["weights"] = asked.precise
         write_arrays(path, arrays)
         return
     lines = asked.lines(distances)
-    if asked.pairs is not None:
+    if "pairs" in asked.words:
         rows = ([*pair, line] for pair, line in zip(asked.words["pairs"], lines))
         lines = _csv([["source", "target", "distance"], *rows])
     write_text(path, "\n".join([*lines, ""]))
@@ -289,51 +298,6 @@ _WORD = re.compile(_POINT, re.ASCII)
 _WORDS = re.compile(rf"(?:{_POINT})(?:(?:\s*,\s*|\s+)(?:{_POINT}))*", re.ASCII)
 SUM = 0.01  # by which weights written with few digits may differ from 1 together
 NOTATION = "a vertex, such as 12, or a point in a face, such as f12:0.2,0.3,0.5"
-
-
-@dataclass
-class AskedPoints:
-    """Points that were asked for, by number: a vertex by its own, a point in a face by one after all vertices."""
-
-    mesh: isomatch.Mesh
-    corners: list[IntArray] = field(default_factory=list)
-    weights: list[list[float]] = field(default_factory=list)
-
-    def numbers(self, words: Sequence[str], what: str) -> IntArray:
-        """Numbers of points; ``what`` they are is for the message about those that do not exist."""
-        found = np.array(
-            [self._number(word) if word[0] == "f" else int(word) for word in words], dtype=np.int64
-        )
-        n = self.mesh.n_vertices
-        bad = np.array([v for v, word in zip(found, words) if word[0] != "f" and not 0 <= v < n])
-        if len(bad):
-            raise isomatch.MeshError(f"{what} {some(bad)} are outside 0…{n - 1}, the vertices of the surface")
-        return found
-
-    @property
-    def precise(self) -> PrecisePoints | None:
-        """The points in faces; None if there are none."""
-        if not self.corners:
-            return None
-        return PrecisePoints(np.array(self.corners), np.array(self.weights))
-
-    def at(self, numbers: IntArray) -> PrecisePoints:
-        """Return points by their numbers."""
-        n = self.mesh.n_vertices
-        corners = [[v] * 3 if v < n else self.corners[v - n] for v in numbers]
-        weights = [[1.0, 0.0, 0.0] if v < n else self.weights[v - n] for v in numbers]
-        return PrecisePoints(np.array(corners).reshape(-1, 3), np.array(weights).reshape(-1, 3))
-
-    def _number(self, word: str) -> int:
-        face, _, weights = word[1:].partition(":")
-        parts = np.array(weights.split(","), dtype=np.float64)
-        if int(face) >= self.mesh.n_faces:
-            raise isomatch.MeshError(f"{word}: there is no such face; faces are 0…{self.mesh.n_faces - 1}")
-        if not abs(parts.sum() - 1) <= SUM:
-            raise isomatch.MeshError(f"{word}: the weights add up to {parts.sum():g}, not to 1")
-        self.corners.append(self.mesh.faces[int(face)])
-        self.weights.append((parts / parts.sum()).tolist())
-        return self.mesh.n_vertices + len(self.corners) - 1
 
 
 def _words(line: str) -> list[str]:
@@ -434,8 +398,5 @@ def basis(
             isomatch.write_mesh(canonical, isomatch.Mesh(form.points, mesh.faces))
             record |= {"canonical_form": str(canonical), "stress": form.stress}
         tell("done", 1.0)
-    rows = (
-        (name.replace("_", " "), f"{value:.4g}" if isinstance(value, float) else str(value), "")
-        for name, value in record.items()
-    )
-    talk.result(record, lambda: say_table(rows))
+    texts = {name: f"{x:.4g}" if isinstance(x, float) else str(x) for name, x in record.items()}
+    talk.result(record, lambda: say_table((name.replace("_", " "), text, "") for name, text in texts.items()))

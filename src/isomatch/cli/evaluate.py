@@ -62,23 +62,17 @@ def evaluate(
         judged.check_fits(*shapes)
         points_there = None
         if target_marks is None:
-            known = evaluation.read_truth(truth, *shapes, truth_counts_from)
-            pairs, points_there = known.rows, known.points
-            notes.append(known.base.note)
-            if truth.suffix.lower() == ".mat" and not known.base.is_likely:
+            table = evaluation.read_truth(truth, *shapes, truth_counts_from)
+            pairs, points_there = table.rows, table.points
+            notes.append(table.base.note)
+            if truth.suffix.lower() == ".mat" and not table.base.is_likely:
                 raise FormatError(f"{truth}: can count from 0 or from 1; say which by --truth-counts-from")
         else:
             pairs = _of_marks(truth, target_marks)
             _require_within(truth, pairs, sizes)
         tell("geodesic distances", 0.1)
-        errors = evaluation.geodesic_errors(
-            shapes[1],
-            judged,
-            pairs,
-            None if points is None else min(points, len(pairs)),
-            seed,
-            points=points_there,
-        )
+        most = None if points is None else min(points, len(pairs))
+        errors = evaluation.geodesic_errors(shapes[1], judged, pairs, most, seed, points=points_there)
         coverage = evaluation.coverage(shapes[1], judged)
         tell("done", 1.0)
     counted = evaluation.counted(errors)
@@ -92,9 +86,7 @@ def evaluate(
         "p95": float(np.quantile(counted, 0.95)),
         "max": float(counted.max()),
         "auc": evaluation.area_under_curve(counted),
-        "within": {
-            str(at): float(share) for at, share in zip(CURVE, evaluation.cumulative_curve(errors, CURVE))
-        },
+        "within": dict(zip(map(str, CURVE), map(float, evaluation.cumulative_curve(errors, CURVE)))),
         "coverage": coverage,
         "notes": [note for note in notes if note],
     }

@@ -75,8 +75,8 @@ def read_functions(path: Path, names: list[str], n: int) -> FloatArray:
             raise FormatError(
                 f"{path}: {name!r} is a {attribute.kind}; --function takes scalars and colours of points"
             )
-        given = attribute.fractions[:, :3] if attribute.kind == "colour" else attribute.plain
-        columns.append(given.astype(np.float64).reshape(len(given), -1))
+        values = attribute.fractions[:, :3] if attribute.kind == "colour" else attribute.plain
+        columns.append(values.astype(np.float64).reshape(len(values), -1))
     values = np.hstack(columns)
     if len(values) != n:
         raise FormatError(f"{path}: {len(values)} points have values, but the surface has {n} vertices")
@@ -94,11 +94,6 @@ def read_landmarks(
     return isomatch.read_landmarks(landmarks, *shapes, of_target)
 
 
-def read_initial_map(path: Path, n_target: int) -> IntArray:
-    """Read the target vertex of each source vertex from text or ``.npz``; −1 if unknown."""
-    return isomatch.Correspondence.load(path, n_target).vertices
-
-
 def read_config(path: Path | None) -> isomatch.Config | None:
     """Read settings from a TOML file; None if there is no file."""
     if path is None:
@@ -111,11 +106,11 @@ def read_config(path: Path | None) -> isomatch.Config | None:
 
 def read_outcomes(names: str | None) -> tuple[isomatch.Outcome, ...]:
     """Read a list of outcomes, such as "low-confidence,ambiguous", where one word of a name will do."""
-    known = {outcome.value.replace(" ", "-"): outcome for outcome in isomatch.Outcome}
+    by_name = {outcome.value.replace(" ", "-"): outcome for outcome in isomatch.Outcome}
     outcomes = []
     for word in filter(None, map(str.strip, (names or "").split(","))):
-        named = [outcome for name, outcome in known.items() if word in (name, *name.split("-"))]
+        named = [outcome for name, outcome in by_name.items() if word in (name, *name.split("-"))]
         if not named:
-            raise SettingError(f"--fail-on {word!r} is not an outcome; known are {', '.join(known)}")
+            raise SettingError(f"--fail-on {word!r} is not an outcome; known are {', '.join(by_name)}")
         outcomes += named
     return tuple(outcomes)

@@ -31,7 +31,7 @@ from isomatch.cli.outputs import claimed_files, notes_on, require_writable, say_
 from isomatch.cli.results import (
     BACK_REMOVED,
     Earlier,
-    Given,
+    Inputs,
     ResultFolder,
     described,
     match_again,
@@ -73,25 +73,13 @@ class Priors:
     initial_map: Path | None = None
     function: list[str] | None = None
 
-    @property
-    def files(self) -> dict[str, str]:
-        """Those that are files, by what they are."""
-        paths = {
-            "landmarks": self.landmarks,
-            "target landmarks": self.target_landmarks,
-            "initial map": self.initial_map,
-        }
-        return {what: str(path) for what, path in paths.items() if path is not None}
-
     def read(self, ends: tuple[Path, Path], shapes: tuple[Surface, Surface]) -> dict[str, Any]:
         """Read what `isomatch.match` takes of them."""
         pairs = read_landmarks(self.landmarks, self.target_landmarks, shapes)
-        n_target, first, functions = shapes[1].n_vertices, self.initial_map, None
-        if self.function:
-            columns = zip(ends, shapes)
-            functions = tuple(read_functions(path, self.function, x.n_vertices) for path, x in columns)
-        start = None if first is None else isomatch.Correspondence.load(first, n_target)
-        return {"landmarks": pairs, "initial_map": start, "functions": functions}
+        counts, names, start = [shape.n_vertices for shape in shapes], self.function, self.initial_map
+        functions = tuple(map(read_functions, ends, (names, names), counts)) if names else None
+        first = None if start is None else isomatch.Correspondence.load(start, counts[1])
+        return {"landmarks": pairs, "initial_map": first, "functions": functions}
 
 
 @Parameter(name="*")
@@ -153,26 +141,28 @@ def match(
     folder, ends = ResultFolder(output, report=report, both=both), (source, target)
     options: dict[str, Any] = {**vars(way), "pin": priors.pin, "hypotheses": priors.hypotheses}
     chosen = {name: value for name, value in options.items() if value is not None and name != "config"}
-    settings = replace(read_config(way.config) or isomatch.Config(), **chosen)
+    config = replace(read_config(way.config) or isomatch.Config(), **chosen)
     options |= {"output": output, "initial_map": priors.initial_map, "function": priors.function}
     again = match_again(*ends, **options, seed=seed, both=both, as_mesh=as_mesh)
     with talk.progress() as tell:
         tell("reading", 0.0)
         shapes = read_surface(source), read_surface(target)
-        known = priors.read(ends, shapes)
-        pairs = known["landmarks"]
-        given = Given(*ends, again, [] if pairs is None else pairs.tolist(), priors.files)
+        hints = priors.read(ends, shapes)
+        pairs = hints["landmarks"]
+        files = {name: getattr(priors, name) for name in ("landmarks", "target_landmarks", "initial_map")}
+        facts = {name.replace("_", " "): str(path) for name, path in files.items() if path is not None}
+        inputs = Inputs(*ends, again, [] if pairs is None else pairs.tolist(), facts)
         assets, beside = _to_wrap(as_mesh, ends, shapes)
         with folder.claimed(force), claimed_files(as_mesh, *beside, force=force):
             run: Callable[..., Any] = isomatch.match_both if both else isomatch.match
             try:
                 with naming_files(source=source, target=target):
-                    found = run(*shapes, **known, config=settings, seed=seed, progress=part(tell, 0.05, 0.85))
+                    results = run(*shapes, **hints, config=config, seed=seed, progress=part(tell, 0.05, 0.85))
             except (LandmarkError, MapError, NotConvergedError) as error:
-                raise folder.write_picker(shapes, error, given) from error
-            result, back = found if both else (found, None)
+                raise folder.write_picker(shapes, error, inputs) from error
+            result, back = results if both else (results, None)
             tell("writing", 0.85)
-            record = folder.write(shapes, result, given, back=(back.map, described(back)) if back else None)
+            record = folder.write(shapes, result, inputs, back=(back.map, described(back)) if back else None)
             if as_mesh is not None:
                 wrapped = isomatch.wrap(result.map, *shapes)
                 record["as_mesh"] = {
@@ -225,16 +215,16 @@ def choose(folder: Path, number: int, /, *, details: Details = False, talk: Talk
         number: Number of the alternative in the report, from 1.
     """
     earlier = Earlier.read(folder)
-    given, landmarks = earlier.given, earlier.given.landmarks or None
+    inputs, landmarks = earlier.inputs, earlier.inputs.landmarks or None
     with talk.progress() as tell, earlier.folder.claimed(force=True):
         tell("reading", 0.0)
         shapes = earlier.surfaces()
-        with naming_files(source=given.source, target=given.target):
+        with naming_files(source=inputs.source, target=inputs.target):
             before = earlier.result(*shapes)
             result = matching.continue_with(before, number, *shapes, landmarks, part(tell, 0.05, 0.85))
         tell("writing", 0.85)
         had_back = earlier.folder.has_back
-        record = earlier.folder.write(shapes, result, replace(given, facts={"chosen": result.notes[0]}))
+        record = earlier.folder.write(shapes, result, replace(inputs, facts={"chosen": result.notes[0]}))
 
     def summary() -> None:
         say_result(result, details)
@@ -267,7 +257,7 @@ def demo(*, output: Output = Path("demo"), details: Details = False, talk: Talk 
         record = folder.write(
             shapes,
             result,
-            Given(*ends, match_again(*ends, output=output), facts=facts),
+            Inputs(*ends, match_again(*ends, output=output), facts=facts),
             titles=(
                 f"source, {source.mesh.n_vertices} vertices, coloured by their images",
                 f"target, {target.mesh.n_vertices} vertices",

@@ -71,13 +71,13 @@ def check(
         raise isomatch.MeshError(f"{name}: {reason}")
 
 
-def _meshes(given: Path) -> list[Path]:
+def _meshes(place: Path) -> list[Path]:
     """Meshes in a folder and the folders in it, by name; or the file itself."""
-    if not given.is_dir():
-        return [given]
-    paths = sorted(path for path in given.rglob("*") if path.suffix.lower() in FORMATS and path.is_file())
+    if not place.is_dir():
+        return [place]
+    paths = sorted(path for path in place.rglob("*") if path.suffix.lower() in FORMATS and path.is_file())
     if not paths:
-        raise isomatch.MissingFileError(f"{given}: no mesh in this folder; known are {', '.join(FORMATS)}")
+        raise isomatch.MissingFileError(f"{place}: no mesh in this folder; known are {', '.join(FORMATS)}")
     return paths
 
 
@@ -90,14 +90,15 @@ def _examined(path: Path, wall: float, in_table: bool) -> dict[str, Any]:
             raise
         return {"file": str(path), "ok": False, "unreadable": str(error)}
     report = isomatch.check(mesh, wall=wall)
-    refusals = {verb: _refusal(verb, mesh) for verb in get_args(Verb)}
+    finite = mesh.vertices[np.isfinite(mesh.vertices).all(axis=1)]
     return {
         "file": str(path),
         **report.to_dict(),
-        "size": _size(mesh),
+        # longest side of the box around the finite vertices, in the units of the file
+        "size": float(np.ptp(finite, axis=0).max()) if len(finite) else None,
         "notes": notes,
         "report": str(report),
-        "refused_by": refusals,
+        "refused_by": {verb: _refusal(verb, mesh) for verb in get_args(Verb)},
     }
 
 
@@ -108,12 +109,6 @@ def _read(path: Path) -> tuple[isomatch.Mesh, list[str]]:
     except isomatch.IsomatchError as error:
         return isomatch.read_mesh(path), [str(error)]
     return isomatch.Mesh(asset.placed_points, asset.polygons.triangles), list(asset.notes)
-
-
-def _size(mesh: isomatch.Mesh) -> float | None:
-    """Longest side of the box around the finite vertices, in the units of the file."""
-    finite = mesh.vertices[np.isfinite(mesh.vertices).all(axis=1)]
-    return float(np.ptp(finite, axis=0).max()) if len(finite) else None
 
 
 def _reason(record: dict[str, Any], verb: Verb | None) -> str | None:
@@ -130,7 +125,7 @@ def _say_one(record: dict[str, Any]) -> None:
     for line in record["report"].splitlines():
         told = line.replace("repair(mesh, outer=True)", "isomatch repair --outer")
         told = told.replace("repair(mesh)", "isomatch repair")
-        say(told if len(told) <= _width() else _filled(told))
+        say(told if len(told) <= Console().width else _filled(told))
     for note in record["notes"]:
         say(_filled(f"note: {note}"))
     say(f"fit for {_fitness(record)}")
@@ -142,7 +137,7 @@ def _say_one(record: dict[str, Any]) -> None:
 def _say_several(records: list[dict[str, Any]]) -> None:
     """Print a row for each mesh, and below it a line for each defect, no wider than the terminal."""
     names = _short([record["file"] for record in records])
-    wide = min(max(map(len, (*names, "file"))), max(_width() - NUMBERS, LEAST_NAME))
+    wide = min(max(map(len, (*names, "file"))), max(Console().width - NUMBERS, LEAST_NAME))
     say(f"{'file':<{wide}}  {'vertices':>10} {'faces':>10} {'size':>9}  fit for")
     for name, record in zip(names, records):
         vertices, faces = (f"{record[key]:,}" if key in record else "–" for key in ("n_vertices", "n_faces"))
@@ -163,20 +158,10 @@ def _fitness(record: dict[str, Any]) -> str:
     return "everything" if len(fit) == len(_BEGINNINGS) else ", ".join(fit) or "nothing"
 
 
-def _width() -> int:
-    return Console().width
-
-
 def _filled(text: str, indent: str = "") -> str:
     """Break a sentence between words."""
-    return fill(
-        text,
-        _width(),
-        initial_indent=indent,
-        subsequent_indent=indent + "  ",
-        break_long_words=False,
-        break_on_hyphens=False,
-    )
+    indents: dict[str, Any] = {"initial_indent": indent, "subsequent_indent": indent + "  "}
+    return fill(text, Console().width, **indents, break_long_words=False, break_on_hyphens=False)
 
 
 def _defects(record: dict[str, Any]) -> list[str]:

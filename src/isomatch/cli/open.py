@@ -18,7 +18,7 @@ from cyclopts import Parameter
 import isomatch
 from isomatch import serving, view
 from isomatch.cli.inputs import ConfigFile, Force, Surface, read_config, read_landmarks, read_surface
-from isomatch.cli.results import BACK_REMOVED, Back, Earlier, Given, ResultFolder, match_again
+from isomatch.cli.results import BACK_REMOVED, Back, Earlier, Inputs, ResultFolder, match_again
 from isomatch.cli.terminal import json_text, say
 from isomatch.errors import SettingError
 
@@ -55,31 +55,25 @@ def open(
     """
     serving.require_server()
     if target is None:
-        own = {
-            "-o": output,
-            "--landmarks": landmarks,
-            "--target-landmarks": target_landmarks,
-            "--config": config,
-            "--seed": seed,
-            "--force": force or None,
-        }
-        _require_result(source, [option for option, value in own.items() if value is not None])
+        options = "-o", "--landmarks", "--target-landmarks", "--config", "--seed", "--force"
+        values = output, landmarks, target_landmarks, config, seed, force or None
+        _require_result(source, [option for option, value in zip(options, values) if value is not None])
         earlier = Earlier.read(source)
         surfaces = earlier.surfaces()
         result = earlier.result(*surfaces)
-        opened = _Opened(result, earlier, earlier.back(surfaces[0]))
-        keeper, force = _Files(earlier.given, surfaces, earlier.folder, opened), True
+        back = earlier.back(surfaces[0])
+        keeper, force = _Files(earlier.inputs, surfaces, earlier.folder, earlier, result, back), True
         session: dict[str, Any] = {"result": result, "config": result.config, "seed": result.seed}
     else:
         session = {"config": read_config(config), "seed": seed or 0}
         surfaces = read_surface(source), read_surface(target)
         pairs = read_landmarks(landmarks, target_landmarks, surfaces)
         again = match_again(source, target, output=output or Path("out"), config=config, seed=seed or 0)
-        given = Given(source, target, again, [] if pairs is None else pairs.tolist())
-        keeper = _Files(given, surfaces, ResultFolder(output) if output else None)
-    marks = keeper.given.landmarks
+        inputs = Inputs(source, target, again, [] if pairs is None else pairs.tolist())
+        keeper = _Files(inputs, surfaces, ResultFolder(output) if output else None)
+    marks = keeper.inputs.landmarks
     drawn = view.drawable(surfaces[0]), view.drawable(surfaces[1])
-    page = view.WorkPage(*drawn, names=keeper.given.names, landmarks=marks)
+    page = view.WorkPage(*drawn, names=keeper.inputs.names, landmarks=marks)
     with keeper.claimed(force):
         server = serving.PageServer(serving.Session(surfaces, page, keeper, landmarks=marks, **session), port)
         say(
@@ -104,22 +98,15 @@ def _require_result(folder: Path, options: list[str]) -> None:
 
 
 @dataclass(frozen=True)
-class _Opened:
-    """A result that was opened: its map back and its mesh file are kept with no other map."""
-
-    result: isomatch.MatchResult
-    earlier: Earlier
-    back: Back | None
-
-
-@dataclass(frozen=True)
 class _Files:
     """Writes what `isomatch match` writes, see `serving.Keeper`."""
 
-    given: Given
+    inputs: Inputs
     surfaces: tuple[Surface, Surface]
     results: ResultFolder | None
-    opened: _Opened | None = None
+    earlier: Earlier | None = None  # what was opened, whose map back and mesh file are kept with no other map
+    opened: isomatch.MatchResult | None = None
+    back: Back | None = None
 
     @property
     def folder(self) -> str:
@@ -137,8 +124,8 @@ class _Files:
         had_back = self.results.has_back
         record = self._write(self.results, result, landmarks)
         told = [*record["undrawn"], *([BACK_REMOVED] if had_back and not self.results.has_back else [])]
-        if self.opened and result is not self.opened.result:
-            told += self.opened.earlier.mesh_left
+        if self.earlier and result is not self.opened:
+            told += self.earlier.mesh_left
         names = ", ".join(Path(path).name for path in record["files"].values())
         return f"Saved {names} in {self.folder}{''.join(f'; {what}' for what in told)}."
 
@@ -156,12 +143,7 @@ class _Files:
     def _write(
         self, results: ResultFolder, result: isomatch.MatchResult, landmarks: serving.Pairs
     ) -> dict[str, Any]:
-        opened = self.opened if self.opened and result is self.opened.result else None
-        as_mesh = opened.earlier.as_mesh if opened else {}
-        return results.write(
-            self.surfaces,
-            result,
-            replace(self.given, landmarks=landmarks),
-            more={"as_mesh": as_mesh} if as_mesh else {},
-            back=opened.back if opened else None,
-        )
+        is_opened, inputs = result is self.opened, replace(self.inputs, landmarks=landmarks)
+        as_mesh = self.earlier.as_mesh if self.earlier and is_opened else {}
+        more, back = {"as_mesh": as_mesh} if as_mesh else {}, self.back if is_opened else None
+        return results.write(self.surfaces, result, inputs, more=more, back=back)

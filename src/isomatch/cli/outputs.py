@@ -39,19 +39,15 @@ def write_wrapped(
     wrapped: isomatch.Wrapped,
     expected_error: FloatArray,  # (n_source,)
 ) -> dict[str, Any]:
-    """Write the asset of the source in the shape of the target, and say how good it is.
-
-    Shape keys turn with the surface, normals and tangents are left out, and the frame of the coordinates is that of the
-    target. Where the format takes scalars, each vertex has its expected error, and whether it is extended.
-    """
+    """Write the asset of the source in the shape of the target, and say how good it is."""
+    # shape keys turn with the surface, normals and tangents are left out, and the frame is that of the target
     moved = replace(asset.moved(wrapped.mesh.vertices[asset.point_of_vertex]), frame=frame)
     if asset.of_kind("key"):
         unmoved = isomatch.Correspondence(range(len(asset.points)), len(asset.points))
         moved = isomatch.carry_attributes(unmoved, moved, asset, "keys").asset
     turned = [each.name for each in moved.attributes if each.kind == "normal" or each.is_tangent]
-    errors = Attribute("expected_error", "point", "scalar", expected_error)
-    extended = Attribute("extended", "point", "scalar", wrapped.extended.astype(float))
-    own = (errors, extended)
+    scalars = {"expected_error": expected_error, "extended": wrapped.extended.astype(float)}
+    own = [Attribute(name, "point", "scalar", values) for name, values in scalars.items()]
     left = isomatch.write_asset(path, moved.without_attributes(*turned).with_attributes(*own))
     names = [attribute.name for attribute in left if all(attribute is not each for each in own)]
     return {"file": str(path), **asdict(wrapped.quality), "left_out": names}

@@ -38,10 +38,8 @@ _BY_FILE = {
     "evaluate": ("evaluate",),
     "machine": ("info", "warm"),
 }
-COMMANDS = {name: f"isomatch.cli.{file}:{name}" for file, names in _BY_FILE.items() for name in names}
-for entry in entry_points(group="isomatch.commands"):  # of other packages, such as isomatch_lab
-    COMMANDS[entry.name] = entry.value
-for name, place in COMMANDS.items():  # each is imported when it is called
+OWN = {name: f"isomatch.cli.{file}:{name}" for file, names in _BY_FILE.items() for name in names}
+for name, place in OWN.items():  # each is imported when it is called
     app.command(place, name=name)
 app.register_install_completion_command(
     help="Complete commands and options in the shell: writes a script and adds a line to the shell's start-up file."
@@ -55,10 +53,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     print_anything()
     words = sys.argv[1:] if argv is None else list(argv)
-    if not words or words[0] in app.help_flags:
-        for name, place in COMMANDS.items():
-            del app[name]
-            app.command(place, name=name, help=_first_line(place))
+    if not words or words[0] not in OWN:
+        # of other packages, such as isomatch_lab
+        others = {each.name: each.value for each in entry_points(group="isomatch.commands")}
+        is_list = not words or words[0] in app.help_flags
+        for name, place in {**others, **OWN}.items() if is_list else others.items():
+            if name in app:
+                del app[name]
+            app.command(place, name=name, help=_first_line(place) if is_list else None)
     try:
         command, bound, _ = app.parse_args(words, exit_on_error=False, print_error=False)
     except CycloptsError as error:
@@ -72,9 +74,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         where = f"{error.filename}: " if error.filename else ""
         return _complain(f"{where}{reason}; check the name, the folder and its permissions", BAD)
     except MemoryError as error:
+        what = str(error) or "no more is given"
         return _complain(
-            f"memory does not suffice ({str(error) or 'no more is given'}); close other programs, or give smaller shapes",
-            BAD,
+            f"memory does not suffice ({what}); close other programs, or give smaller shapes", BAD
         )
     except KeyboardInterrupt:
         return _complain("interrupted", INTERRUPTED)

@@ -39,7 +39,7 @@ def match_again(source: Path, target: Path, **options: Any) -> str:
 
 
 @dataclass(frozen=True)
-class Given:
+class Inputs:
     """What a match was given, as its files tell it."""
 
     source: Path
@@ -56,12 +56,8 @@ class Given:
     def shown(self, **first: object) -> dict[str, Any]:
         """Give what a report shows of it, see `view.write_report`; some facts come first."""
         facts = {**first, "source": str(self.source), "target": str(self.target), **self.facts}
-        return {
-            "names": self.names,
-            "facts": facts,
-            "landmarks": self.landmarks or None,
-            "command": self.again,
-        }
+        marks = self.landmarks or None
+        return {"names": self.names, "facts": facts, "landmarks": marks, "command": self.again}
 
 
 @dataclass(frozen=True)
@@ -85,9 +81,10 @@ class ResultFolder:
         """Path of ``result.json``."""
         return self.folder / RESULT
 
-    def alternative(self, number: int) -> Path:
-        """Path of the map of an alternative, from 1."""
-        return self.folder / f"alternative_{number}.npz"
+    @property
+    def alternatives(self) -> list[Path]:
+        """Paths of the maps of alternatives, as many as are kept."""
+        return [self.folder / f"alternative_{number}.npz" for number in range(1, view.MOST_ALTERNATIVES + 1)]
 
     @property
     def has_back(self) -> bool:
@@ -97,7 +94,7 @@ class ResultFolder:
     @contextmanager
     def claimed(self, force: bool) -> Iterator[None]:
         """Create the folder and claim its files (`storage.files.claimed`); an earlier result has to be forced."""
-        new = [] if force else [*map(Path, self.files.values()), *self._alternatives]
+        new = [] if force else [*map(Path, self.files.values()), *self.alternatives]
         with made_folder(self.folder), claimed(self.result, new):
             yield
 
@@ -105,34 +102,27 @@ class ResultFolder:
     def _picker(self) -> str:
         return str(self.folder / "picker.html")
 
-    @property
-    def _alternatives(self) -> list[Path]:
-        return [self.alternative(number) for number in range(1, view.MOST_ALTERNATIVES + 1)]
-
     def write(
         self,
         surfaces: tuple[Surface, Surface],
         result: isomatch.MatchResult,
-        given: Given,
+        inputs: Inputs,
         *,
         titles: tuple[str, str] | None = None,
         more: Mapping[str, Any] | None = None,
         back: Back | None = None,
     ) -> dict[str, Any]:
-        """Write all files, and let them replace earlier ones at once when they are complete, ``result.json`` last.
-
-        The picture has ``titles`` below the shapes. What cannot be drawn is left out, and named under ``undrawn``.
-        Returns the contents of ``result.json``, which begin with what was given and ``more``.
-        """
+        """Write all files, which replace earlier ones at once when they are complete; return the contents of the last."""
+        # titles are below the shapes of the picture; what cannot be drawn is left out, and named under "undrawn"
         drawn = view.drawable(surfaces[0]), view.drawable(surfaces[1])
         own = replace(self, both=back is not None)
-        others = dict(zip(self._alternatives, result.alternatives))
+        others = dict(zip(self.alternatives, result.alternatives))
         record: dict[str, Any] = {
             "isomatch": isomatch.__version__,
-            "source": str(given.source),
-            "target": str(given.target),
-            "match_again": given.again,
-            "landmarks": [list(pair) for pair in given.landmarks],
+            "source": str(inputs.source),
+            "target": str(inputs.target),
+            "match_again": inputs.again,
+            "landmarks": [list(pair) for pair in inputs.landmarks],
             **(more or {}),
             **described(result),
         }
@@ -146,37 +136,34 @@ class ResultFolder:
                 other.map.save(folder / path.name)
             picture, undrawn = files["picture"], list[str]()
             with _noted("picture", undrawn):
-                below = titles or (f"source: {given.names[0]}", f"target: {given.names[1]}")
+                below = titles or (f"source: {inputs.names[0]}", f"target: {inputs.names[1]}")
                 view.draw_map(*drawn, result.map, picture, titles=below)
             if self.report:
-                shown = given.shown(isomatch=isomatch.__version__) | {"picture": "" if undrawn else picture}
+                shown = inputs.shown(isomatch=isomatch.__version__) | {"picture": "" if undrawn else picture}
                 with _noted("report", undrawn):
                     view.write_report(files["report"], *drawn, result, **shown)
             if back:
                 back[0].save(files["map back"])
             written = own.files | {path.stem: str(path) for path in others}
+            there = {RESULT, *(path.name for path in folder.iterdir())}
             record["undrawn"] = undrawn
-            record["files"] = {
-                what: path
-                for what, path in written.items()
-                if path == str(self.result) or (folder / Path(path).name).exists()
-            }
+            record["files"] = {what: path for what, path in written.items() if Path(path).name in there}
             write_text(folder / RESULT, json_text(record))
         every = ResultFolder(self.folder, both=True).files.values()
-        for name in (*every, *map(str, self._alternatives), self._picker):
+        for name in (*every, *map(str, self.alternatives), self._picker):
             if name not in record["files"].values():
                 Path(name).unlink(missing_ok=True)
         return record
 
     def write_picker(
-        self, surfaces: tuple[Surface, Surface], error: isomatch.IsomatchError, given: Given
+        self, surfaces: tuple[Surface, Surface], error: isomatch.IsomatchError, inputs: Inputs
     ) -> isomatch.IsomatchError:
         """Write a page for landmarks beside any earlier result; return the error that no map was found, with its name."""
         undrawn: list[str] = []
         if self.report:
             with _noted("page to pick landmarks", undrawn):
                 drawn = view.drawable(surfaces[0]), view.drawable(surfaces[1])
-                view.write_landmark_picker(self._picker, *drawn, str(error), **given.shown())
+                view.write_landmark_picker(self._picker, *drawn, str(error), **inputs.shown())
         if undrawn or not self.report:
             return error
         return type(error)(f"{error}. Both shapes are in {self._picker}, where you can pick landmarks")
@@ -199,12 +186,8 @@ def described(result: isomatch.MatchResult) -> dict[str, Any]:
     return {**result.to_dict(), "bounds": view.quality_bounds(result)}
 
 
-_NEEDED: dict[type, tuple[str, ...]] = {
-    str: ("source", "target", "match_again", "origin"),
-    list: ("landmarks", "alternatives"),
-    dict: ("config", "files"),
-    int: ("seed",),
-}
+_NEEDED: dict[str, type] = dict.fromkeys(("source", "target", "match_again", "origin"), str)
+_NEEDED |= {"landmarks": list, "alternatives": list, "config": dict, "files": dict, "seed": int}
 
 
 @dataclass(frozen=True)
@@ -213,7 +196,7 @@ class Earlier:
 
     folder: ResultFolder
     record: dict[str, Any]  # contents of result.json
-    given: Given
+    inputs: Inputs
 
     @classmethod
     def read(cls, folder: Path) -> Earlier:
@@ -226,31 +209,27 @@ class Earlier:
         except ValueError:
             record = None
         fields = record if isinstance(record, dict) else {}
-        needed = ((name, kind) for kind, names in _NEEDED.items() for name in names)
-        missing = [name for name, kind in needed if not isinstance(fields.get(name), kind)]
+        missing = [name for name, kind in _NEEDED.items() if not isinstance(fields.get(name), kind)]
         if missing:
             raise FormatError(
                 f"{path}: lacks {', '.join(missing)}; give the folder of a result of isomatch match"
             )
         ends = Path(fields["source"]), Path(fields["target"])
-        given = Given(*ends, fields["match_again"], fields["landmarks"])
-        return cls(ResultFolder(folder, report="report" in fields["files"]), fields, given)
+        inputs = Inputs(*ends, fields["match_again"], fields["landmarks"])
+        return cls(ResultFolder(folder, report="report" in fields["files"]), fields, inputs)
 
     def surfaces(self) -> tuple[Surface, Surface]:
         """Read both shapes."""
-        return read_surface(self.given.source), read_surface(self.given.target)
+        return read_surface(self.inputs.source), read_surface(self.inputs.target)
 
     def result(self, *surfaces: Surface) -> isomatch.MatchResult:
         """Read the map with all alternatives that were saved; `MapError` if it is of other surfaces."""
         n_saved = sum(name.startswith("alternative") for name in self.record["files"])
         result = isomatch.MatchResult.load(self.folder.files["map"])
         result.map.check_fits(*surfaces)
-        maps = [
-            isomatch.Correspondence.load(self.folder.alternative(i), surfaces[1].n_vertices)
-            for i in range(1, n_saved + 1)
-        ]
-        others = map(_alternative, self.record["alternatives"], maps)
-        return replace(result, alternatives=tuple(others))
+        n = surfaces[1].n_vertices
+        maps = [isomatch.Correspondence.load(path, n) for path in self.folder.alternatives[:n_saved]]
+        return replace(result, alternatives=tuple(map(_alternative, self.record["alternatives"], maps)))
 
     def back(self, source: Surface) -> Back | None:
         """Read the map of the other direction, if there is one."""
@@ -274,11 +253,10 @@ class Earlier:
         return [f"{self.as_mesh['file']} {left}"] if self.as_mesh else []
 
 
-def _alternative(evidence: Mapping[str, Any], found: isomatch.Correspondence) -> matching.Alternative:
-    energy, orientation = (
-        nan if evidence.get(name) is None else evidence[name] for name in ("energy", "orientation")
-    )
-    return matching.Alternative(lambda: found, energy, orientation, evidence["origin"])
+def _alternative(evidence: Mapping[str, Any], other: isomatch.Correspondence) -> matching.Alternative:
+    numbers = (evidence.get(name) for name in ("energy", "orientation"))
+    energy, orientation = (nan if number is None else number for number in numbers)
+    return matching.Alternative(lambda: other, energy, orientation, evidence["origin"])
 
 
 _STYLES = {"CONVERGED": "bold green", "LOW_CONFIDENCE": "bold red", "MIRROR_IMAGE": "bold red"}

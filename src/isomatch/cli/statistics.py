@@ -16,15 +16,19 @@ import isomatch
 import isomatch.statistics as shape_statistics
 from isomatch import assets, collections
 from isomatch.assets import Asset, Attribute
-from isomatch.cli.inputs import ConfigFile, Force, Output, Seed, read_config, read_initial_map
+from isomatch.cli.inputs import ConfigFile, Force, Output, Seed, read_config
 from isomatch.cli.outputs import claimed_files, require_writable, say_left_out
 from isomatch.cli.statistics_files import StatisticsFolder
 from isomatch.cli.terminal import INDENT, TALK, Talk, complain, json_text, part, say, say_rows, say_table
 from isomatch.errors import FormatError, IsomatchError
+from isomatch.statistics import CorrespondedShapes, GroupTest, ShapeModel, ShapeRegression
 from isomatch.storage.files import opened, write_text
-from isomatch.storage.texts import Rows, decoded, read_csv, separated
+from isomatch.storage.texts import decoded, read_csv, separated
 from isomatch.values.arrays import FloatArray
 
+Scale = Literal["keep", "remove"]
+Weights = Literal["area", "uniform"]
+TestMethod = Literal["permutation", "parametric"]
 TRUSTED = {"CONVERGED", "PARTIAL"}  # outcomes of maps that are not in doubt
 
 statistics = App(name="statistics", default_parameter=Parameter(negative=()))
@@ -36,11 +40,11 @@ def run(
     /,
     *,
     output: Output,
-    scale: Literal["keep", "remove"] = "keep",
-    weights: Literal["area", "uniform"] = "area",
+    scale: Scale = "keep",
+    weights: Weights = "area",
     modes: int = 3,
     groups: Path | None = None,
-    test: Literal["permutation", "parametric"] = "permutation",
+    test: TestMethod = "permutation",
     score: Annotated[tuple[Path, ...], Parameter(consume_multiple=True)] = (),
     mirror: str | None = None,
     pictures: Literal["png", "pdf", "svg"] = "png",
@@ -83,9 +87,9 @@ def run(
             f"{name}: {lacks:.1%} of the vertices were not measured, and count as the mean of the others"
             for name, lacks in missing.items()
         ]
-        model = shape_statistics.ShapeModel.fit(shapes, scale, weights)
+        model = ShapeModel.fit(shapes, scale, weights)
         scored = {name: _scored(model, name, mesh) for name, mesh in extra.items()}
-        tested = _tested(model, shapes, labels, test, seed) if groups else None
+        tested, of_groups = _tested(model, shapes, labels, test, seed) if groups else (None, None)
         groups_of = [labels.get(name, "") for name in model.names] if groups else None
         own = shapes if mirror is None else _first_half(shapes)
         sizes = shape_statistics.centroid_sizes(own.vertices, share)
@@ -128,7 +132,7 @@ def run(
             "scored": {name: each.error for name, each in scored.items()},
             "allometry": _of_test(allometry, "r_squared") if allometry else None,
             "asymmetry": _of_test(turned, "share") if turned else None,
-            "groups": _summary(tested, model, labels, test, seed) if tested else None,
+            "groups": of_groups,
             "doubts": [{**doubt._asdict(), "names": list(doubt.names)} for doubt in doubts],
             "notes": notes,
         }
@@ -145,7 +149,7 @@ def run(
 
 def _read(
     folder: Path, groups: Path | None
-) -> tuple[shape_statistics.CorrespondedShapes, dict[str, str], list[shape_statistics.Doubt], list[str]]:
+) -> tuple[CorrespondedShapes, dict[str, str], list[shape_statistics.Doubt], list[str]]:
     """Read shapes, their groups, which of them seem wrong, and notes."""
     collections.require_unchanged(collections.Layout(folder), ["corresponded"])
     shapes = shape_statistics.read_shapes(folder)
@@ -159,24 +163,18 @@ def _read(
 
 
 def _mirrored(
-    shapes: shape_statistics.CorrespondedShapes,
-    mirror: str,
-    scale: Literal["keep", "remove"],
-    weights: Literal["area", "uniform"],
-    seed: int,
-) -> tuple[shape_statistics.CorrespondedShapes, list[str]]:
+    shapes: CorrespondedShapes, mirror: str, scale: Scale, weights: Weights, seed: int
+) -> tuple[CorrespondedShapes, list[str]]:
     """Add the mirror images by a left–right map, found or read; note of which shape it is, if not of the mean."""
     if mirror != "auto":
-        return shapes.mirrored(read_initial_map(Path(mirror), shapes.n_vertices)), []
-    mean = shape_statistics.ShapeModel.fit(shapes, scale, weights).mesh()
+        return shapes.mirrored(isomatch.Correspondence.load(Path(mirror), shapes.n_vertices).vertices), []
+    mean = ShapeModel.fit(shapes, scale, weights).mesh()
     left_right, of = shape_statistics.left_right_of_shapes(shapes, mean, seed=seed)
     note = f"left and right are told by {of}, since the left–right map of the mean is not certain"
     return shapes.mirrored(left_right), [note] if of else []
 
 
-def _scored(
-    model: shape_statistics.ShapeModel, name: str, mesh: isomatch.Mesh
-) -> shape_statistics.ScoredShape:
+def _scored(model: ShapeModel, name: str, mesh: isomatch.Mesh) -> shape_statistics.ScoredShape:
     try:
         return model.score(mesh, shape_statistics.read_measured(name))
     except IsomatchError as error:
@@ -187,14 +185,12 @@ def _doubts(pairs: Path, names: tuple[str, ...]) -> list[str]:
     """Say which shapes of a collection rest on a map that may be wrong."""
     if not pairs.is_file():
         return []
-    outcomes: dict[str, set[str]] = {}
+    outcomes: dict[str, set[str]] = {name: set() for name in names}
     for row in read_csv(pairs):
         for end in ("source", "target"):
-            outcomes.setdefault(row.get(end) or "", set()).add(row.get("outcome") or "FAILED")
-    doubtful = {name: doubts for name in names if (doubts := outcomes.get(name)) and not doubts & TRUSTED}
-    return [
-        f"{name} may be matched wrongly: {', '.join(sorted(doubts))}" for name, doubts in doubtful.items()
-    ]
+            outcomes.get(row.get(end) or "", set()).add(row.get("outcome") or "FAILED")
+    doubtful = {name: ", ".join(sorted(own)) for name, own in outcomes.items() if own and not own & TRUSTED}
+    return [f"{name} may be matched wrongly: {doubts}" for name, doubts in doubtful.items()]
 
 
 def _reflected(table: Path, names: tuple[str, ...]) -> list[str]:
@@ -205,67 +201,16 @@ def _reflected(table: Path, names: tuple[str, ...]) -> list[str]:
 
 
 def _tested(
-    model: shape_statistics.ShapeModel,
-    shapes: shape_statistics.CorrespondedShapes,
-    labels: dict[str, str],
-    method: Literal["permutation", "parametric"],
-    seed: int,
-) -> shape_statistics.GroupTest:
+    model: ShapeModel, shapes: CorrespondedShapes, labels: dict[str, str], method: TestMethod, seed: int
+) -> tuple[GroupTest, dict[str, Any]]:
+    """Test where two groups differ, and whether they do as a whole; with plain values about it."""
     rows = [i for i, name in enumerate(model.names) if name in labels]
     listed = [labels[model.names[i]] for i in rows]
-    known = None if shapes.measured is None else shapes.measured[rows]
-    return shape_statistics.group_test(model.aligned[rows], listed, method=method, seed=seed, measured=known)
-
-
-def _first_half(shapes: shape_statistics.CorrespondedShapes) -> shape_statistics.CorrespondedShapes:
-    """Return shapes without their mirror images, which are no further specimens."""
-    m = len(shapes) // 2
-    known = None if shapes.measured is None else shapes.measured[:m]
-    return replace(shapes, names=shapes.names[:m], vertices=shapes.vertices[:m], measured=known)
-
-
-def _allometry(
-    shapes: shape_statistics.CorrespondedShapes, sizes: FloatArray, weights: FloatArray | None, seed: int
-) -> tuple[shape_statistics.ShapeRegression | None, list[str]]:
-    """Regress shape, without size, on the logarithm of size; or say why not."""
-    try:
-        aligned = shape_statistics.generalised_procrustes(shapes.vertices, weights, "remove").aligned
-        return shape_statistics.shape_regression(aligned, np.log(sizes), weights, seed=seed), []
-    except IsomatchError as error:
-        return None, [f"shape was not regressed on size: {error}"]
-
-
-def _asymmetry(model: shape_statistics.ShapeModel, seed: int) -> shape_statistics.Asymmetry | None:
-    """Compare the shapes of a model, its first half, with their mirror images; of one shape there is no test."""
-    aligned, m = model.aligned, len(model.names) // 2
-    return shape_statistics.asymmetry(aligned[:m], aligned[m:], model.weights, seed=seed) if m > 1 else None
-
-
-def _of_test(
-    test: shape_statistics.ShapeRegression | shape_statistics.Asymmetry, share: str
-) -> dict[str, Any]:
-    return {name: getattr(test, name) for name in (share, "p_value", "n_permutations", "seed")}
-
-
-def _missing(shapes: shape_statistics.CorrespondedShapes) -> dict[str, float]:
-    """Share of the vertices that each shape lacks, of those that lack any."""
-    if shapes.measured is None:
-        return {}
-    lacks = (~shapes.measured).mean(axis=1).tolist()
-    return {name: share for name, share in zip(shapes.names, lacks) if share}
-
-
-def _summary(
-    test: shape_statistics.GroupTest,
-    model: shape_statistics.ShapeModel,
-    labels: dict[str, str],
-    method: str,
-    seed: int,
-) -> dict[str, Any]:
-    rows = [i for i, name in enumerate(model.names) if name in labels]
-    is_second = np.array([labels[model.names[i]] == test.groups[1] for i in rows], dtype=np.float64)
+    own = None if shapes.measured is None else shapes.measured[rows]
+    test = shape_statistics.group_test(model.aligned[rows], listed, method=method, seed=seed, measured=own)
+    is_second = np.array([group == test.groups[1] for group in listed], dtype=np.float64)
     whole = shape_statistics.shape_regression(model.aligned[rows], is_second, model.weights, seed=seed)
-    return {
+    return test, {
         **_of_test(whole, "r_squared"),
         "names": list(test.groups),
         "counts": list(test.counts),
@@ -274,6 +219,42 @@ def _summary(
         "least_p_value": float(test.p_values.min()),
         "least_q_value": float(test.q_values.min()),
     }
+
+
+def _first_half(shapes: CorrespondedShapes) -> CorrespondedShapes:
+    """Return shapes without their mirror images, which are no further specimens."""
+    m = len(shapes) // 2
+    measured = None if shapes.measured is None else shapes.measured[:m]
+    return replace(shapes, names=shapes.names[:m], vertices=shapes.vertices[:m], measured=measured)
+
+
+def _allometry(
+    shapes: CorrespondedShapes, sizes: FloatArray, weights: FloatArray | None, seed: int
+) -> tuple[ShapeRegression | None, list[str]]:
+    """Regress shape, without size, on the logarithm of size; or say why not."""
+    try:
+        aligned = shape_statistics.generalised_procrustes(shapes.vertices, weights, "remove").aligned
+        return shape_statistics.shape_regression(aligned, np.log(sizes), weights, seed=seed), []
+    except IsomatchError as error:
+        return None, [f"shape was not regressed on size: {error}"]
+
+
+def _asymmetry(model: ShapeModel, seed: int) -> shape_statistics.Asymmetry | None:
+    """Compare the shapes of a model, its first half, with their mirror images; of one shape there is no test."""
+    aligned, m = model.aligned, len(model.names) // 2
+    return shape_statistics.asymmetry(aligned[:m], aligned[m:], model.weights, seed=seed) if m > 1 else None
+
+
+def _of_test(test: ShapeRegression | shape_statistics.Asymmetry, share: str) -> dict[str, Any]:
+    return {name: getattr(test, name) for name in (share, "p_value", "n_permutations", "seed")}
+
+
+def _missing(shapes: CorrespondedShapes) -> dict[str, float]:
+    """Share of the vertices that each shape lacks, of those that lack any."""
+    if shapes.measured is None:
+        return {}
+    lacks = (~shapes.measured).mean(axis=1).tolist()
+    return {name: share for name, share in zip(shapes.names, lacks) if share}
 
 
 def _told(test: dict[str, Any], share: str = "r_squared", of: str = "variance of shape") -> str:
@@ -302,7 +283,7 @@ def _lines(record: dict[str, Any]) -> list[str]:
     return [*lines, *(f"note: {note}" for note in record["notes"])]
 
 
-def _say(model: shape_statistics.ShapeModel, record: dict[str, Any]) -> None:
+def _say(model: ShapeModel, record: dict[str, Any]) -> None:
     size = f"{len(model.names)} shapes of {len(model.mean):,} vertices"
     say(f"{size} vary in {model.n_modes} mode{'s' * (model.n_modes != 1)}", "bold")
     modes = zip(record["shares"][:10], accumulate(record["shares"]), model.deviations.tolist())
@@ -318,12 +299,16 @@ def read_groups(path: Path, names: Collection[str], left_out: Collection[str] = 
     """Read the group of each shape from a table, as spreadsheets write them; shapes whose cell is empty have none."""
     # Columns name and group, among others, or these two without a header; names may be those of files. A line that begins
     # with # is a comment, unless a shape has that name. Rows of shapes that were left out, with reasons, are passed over.
-    known = {normalize("NFC", name): name for name in names}
+    names_of = {normalize("NFC", name): name for name in names}
     labels: dict[str, str] = {}
     columns: tuple[int, int] | None = None
-    for number, row in _rows(path):
+    with opened(path) as file:
+        rows, _ = separated(decoded(file.read()), str(path))
+    for number, row in rows:
+        if not any(row):
+            continue
         where, shown = f"{path}:{number}", ",".join(row)[:80]
-        if row[0].startswith("#") and normalize("NFC", row[0]) not in known:
+        if row[0].startswith("#") and normalize("NFC", row[0]) not in names_of:
             continue
         if columns is None:
             lower = [cell.lower() for cell in row]
@@ -338,7 +323,7 @@ def read_groups(path: Path, names: Collection[str], left_out: Collection[str] = 
         if len(row) <= max(columns):
             raise FormatError(f"{where}: {shown!r} is not a shape and its group; write name,group")
         name, group = (row[column] for column in columns)
-        shape = known.get(normalize("NFC", name)) or known.get(normalize("NFC", _stem(name)))
+        shape = names_of.get(normalize("NFC", name)) or names_of.get(normalize("NFC", _stem(name)))
         if shape is None:
             if any(reason.startswith(f"{each}: ") for reason in left_out for each in (name, _stem(name))):
                 continue
@@ -348,12 +333,6 @@ def read_groups(path: Path, names: Collection[str], left_out: Collection[str] = 
                 f"{where}: {name!r} is in group {group!r} and in {labels[shape]!r}; give each shape one group"
             )
     return {name: group for name, group in labels.items() if group}
-
-
-def _rows(path: Path) -> Rows:
-    with opened(path) as file:
-        rows, _ = separated(decoded(file.read()), str(path))
-    return [(number, row) for number, row in rows if any(row)]
 
 
 def _stem(name: str) -> str:
@@ -366,7 +345,7 @@ def _stem(name: str) -> str:
 @statistics.command
 def complete(
     model: Path,
-    given: Annotated[Path, Parameter(name="PART")],
+    shape: Annotated[Path, Parameter(name="PART")],
     /,
     *,
     output: Output,
@@ -384,7 +363,7 @@ def complete(
 
     Args:
         model: model.npz of isomatch statistics.
-        given: A mesh in the topology of the model, of which vertices are missing (not finite, or measured = 0); any other
+        shape: A mesh in the topology of the model, of which vertices are missing (not finite, or measured = 0); any other
             mesh, which is matched to the mean of the model; or landmarks: .mrk.json or .fcsv of 3D Slicer, .pp of
             MeshLab, or a table name,x,y,z.
         output: Surface file for the completed shape, with the scalars standard_deviation and expected_error at its
@@ -399,10 +378,10 @@ def complete(
     about = output.with_suffix(".json")
     with talk.progress() as tell, claimed_files(output, about, force=force):
         tell("reading", 0.0)
-        known = shape_statistics.ShapeModel.load(model)
+        prior = ShapeModel.load(model)
         observed = shape_statistics.read_observations(
-            given,
-            known,
+            shape,
+            prior,
             landmarks,
             noise=noise,
             config=read_config(config),
@@ -410,19 +389,19 @@ def complete(
             progress=part(tell, 0.1, 0.8),
         )
         tell("completing", 0.8)
-        completed = shape_statistics.complete(known, observed, pose=pose)
+        completed = shape_statistics.complete(prior, observed, pose=pose)
         values = {name: getattr(completed, name) for name in ("standard_deviation", "expected_error")}
         scalars = [Attribute(name, "point", "scalar", np.asarray(each)) for name, each in values.items()]
         left = isomatch.write_asset(output, Asset.of_mesh(completed.mesh, scalars))
         record = {
             "isomatch": isomatch.__version__,
             "model": str(model),
-            "part": str(given),
+            "part": str(shape),
             "file": str(output),
             "n_points": completed.n_points,
             "error": completed.error,
             "residual": completed.residual,
-            "mean_standard_deviation": float(completed.standard_deviation @ known.weights),
+            "mean_standard_deviation": float(completed.standard_deviation @ prior.weights),
             "largest_standard_deviation": float(completed.standard_deviation.max()),
             "scores": completed.scores.tolist(),
             "score_deviations": completed.score_deviations.tolist(),

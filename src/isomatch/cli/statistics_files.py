@@ -21,6 +21,7 @@ from isomatch import view
 from isomatch.assets import Asset, Attribute, write_asset, write_mesh
 from isomatch.cli.terminal import json_text
 from isomatch.errors import MissingDependencyError
+from isomatch.statistics import CorrespondedShapes, GroupTest, ShapeModel, ShapeRegression
 from isomatch.storage.files import claimed, made_folder, staged, write_text
 from isomatch.storage.texts import write_csv
 from isomatch.surfaces import Mesh
@@ -78,8 +79,8 @@ class StatisticsFolder:
 
     def model(
         self,
-        model: shape_statistics.ShapeModel,
-        shapes: shape_statistics.CorrespondedShapes,
+        model: ShapeModel,
+        shapes: CorrespondedShapes,
         n_modes: int,
         groups: list[str] | None,
     ) -> None:
@@ -95,13 +96,10 @@ class StatisticsFolder:
         ratios = shape_statistics.compactness(model)
         if model.n_modes:
             shape_statistics.draw_scores(self.picture("scores"), model, groups)
-            rows = _rows(
-                mode=range(1, model.n_modes + 1),
-                variance=model.variances.tolist(),
-                share=model.variance_ratios.tolist(),
-                share_so_far=ratios[1:].tolist(),
-            )
-            self.table("variance.csv", rows)
+            names = "mode", "variance", "share", "share_so_far"
+            columns = model.variances, model.variance_ratios, ratios[1:]
+            numbered = range(1, model.n_modes + 1), *(column.tolist() for column in columns)
+            self.table("variance.csv", _rows(**dict(zip(names, numbered))))
         variances = shape_statistics.measured_variances(model.aligned, shapes)
         deviations = np.sqrt(variances)
         values = {"variance": variances, "standard_deviation": deviations}
@@ -111,18 +109,14 @@ class StatisticsFolder:
         label = "standard deviation, in units of the shapes"
         shape_statistics.draw_values(self.picture("variance"), model.mesh(), deviations, label)
 
-    def quality(self, model: shape_statistics.ShapeModel, seed: int) -> None:
+    def quality(self, model: ShapeModel, seed: int) -> None:
         """Write compactness, generalisation and specificity."""
         compact = shape_statistics.compactness(model)
         general = shape_statistics.generalisation(model, seed=seed)
         specific = shape_statistics.specificity(model, seed=seed)
-        columns = {
-            "compactness": compact,
-            "generalisation": general.mean,
-            "generalisation_standard_error": general.standard_error,
-            "specificity": specific.mean,
-            "specificity_standard_error": specific.standard_error,
-        }
+        columns = {"compactness": compact}
+        for name, curve in {"generalisation": general, "specificity": specific}.items():
+            columns |= {name: curve.mean, f"{name}_standard_error": curve.standard_error}
         every = range(len(compact))
         listed = {name: [float(of[j]) if j < len(of) else "" for j in every] for name, of in columns.items()}
         self.table("quality.csv", _rows(modes=every, **listed))
@@ -130,9 +124,9 @@ class StatisticsFolder:
 
     def sizes(
         self,
-        shapes: shape_statistics.CorrespondedShapes,
+        shapes: CorrespondedShapes,
         sizes: FloatArray,
-        allometry: shape_statistics.ShapeRegression | None,
+        allometry: ShapeRegression | None,
         groups: list[str] | None,
     ) -> None:
         """Write the sizes of the shapes, and how shape depends on them."""
@@ -142,7 +136,7 @@ class StatisticsFolder:
             centroid_size=sizes.tolist(),
             log_centroid_size=logarithms.tolist(),
             area=[shapes.mesh(i).area for i in range(len(shapes))],
-            **({} if allometry is None else {"regression_score": allometry.scores[:, 0].tolist()}),
+            **({"regression_score": allometry.scores[:, 0].tolist()} if allometry else {}),
         )
         self.table("sizes.csv", rows)
         if allometry is None:
@@ -154,11 +148,11 @@ class StatisticsFolder:
             moved = allometry.mean + (end - logarithms.mean()) * allometry.coefficients[0]
             write_mesh(self.path(f"allometry_{word}.ply"), shapes.mesh(0).moved(moved), binary=True)
 
-    def asymmetry(self, model: shape_statistics.ShapeModel, found: shape_statistics.Asymmetry) -> None:
+    def asymmetry(self, model: ShapeModel, sides: shape_statistics.Asymmetry) -> None:
         """Write how far the shapes are from their mirror images, which follow them in the model."""
-        amounts, own = found.amounts.tolist(), found.fluctuating.tolist()
+        amounts, own = sides.amounts.tolist(), sides.fluctuating.tolist()
         self.table("asymmetry.csv", _rows(name=model.names, asymmetry=amounts, fluctuating=own))
-        length = np.linalg.norm(found.directional, axis=1)
+        length = np.linalg.norm(sides.directional, axis=1)
         highest = float(np.quantile(length, 0.995))
         self.mesh("asymmetry.ply", model.mesh(), {"asymmetry": length}, length, highest)
         label = "asymmetry common to all shapes, in their units"
@@ -166,7 +160,7 @@ class StatisticsFolder:
 
     def distances(
         self,
-        shapes: shape_statistics.CorrespondedShapes,
+        shapes: CorrespondedShapes,
         geodesic: FloatArray,
         procrustes: FloatArray,
         groups: list[str] | None,
@@ -175,22 +169,22 @@ class StatisticsFolder:
         for name, distances in (("distances.csv", geodesic), ("procrustes_distances.csv", procrustes)):
             self.table(name, _rows(name=shapes.names, **dict(zip(shapes.names, distances.T.tolist()))))
         points = shape_statistics.classical_scaling(geodesic)
-        self.table(
-            "embedding.csv", _rows(name=shapes.names, x=points[:, 0].tolist(), y=points[:, 1].tolist())
-        )
+        x, y = points.T.tolist()
+        self.table("embedding.csv", _rows(name=shapes.names, x=x, y=y))
         shape_statistics.draw_embedding(self.picture("embedding"), points, shapes.names, GEODESIC, groups)
         if len(shapes) > 1:
             shape_statistics.draw_tree(self.picture("dendrogram"), geodesic, shapes.names, GEODESIC)
 
-    def groups(self, mean: Mesh, test: shape_statistics.GroupTest) -> None:
+    def groups(self, mean: Mesh, test: GroupTest) -> None:
         """Write the test of two groups."""
         length = np.linalg.norm(test.difference, axis=1)
         values = {"p_value": test.p_values, "q_value": test.q_values, "difference": length}
         shown = np.where(test.significant(), length, np.nan)
         somewhere = bool(test.significant().any())
         self.mesh("groups.ply", mean, values, shown, float(np.nanmax(shown)) if somewhere else 0.0)
-        label = "distance of the group means; grey: not significant"
-        label = label if somewhere else "no difference is significant"
+        label = "no difference is significant"
+        if somewhere:
+            label = "distance of the group means; grey: not significant"
         shape_statistics.draw_values(self.picture("groups"), mean, shown, label)
         columns = np.column_stack([test.t_squared, test.p_values, test.q_values, test.difference]).T.tolist()
         names = ("t_squared", "p_value", "q_value", "dx", "dy", "dz")
@@ -200,9 +194,7 @@ class StatisticsFolder:
         """Write the scores and errors of shapes that are no part of the model."""
         self.table("scored.csv", ({**_score_row(n, s.scores), "error": s.error} for n, s in scored.items()))
 
-    def exports(
-        self, shapes: shape_statistics.CorrespondedShapes, model: shape_statistics.ShapeModel
-    ) -> list[str]:
+    def exports(self, shapes: CorrespondedShapes, model: ShapeModel) -> list[str]:
         """Write aligned meshes and the files of ShapeWorks and Scalismo; return what could not be written, and why."""
         aligned = model.aligned
         for name, vertices in zip(model.names, aligned):
@@ -222,8 +214,24 @@ class StatisticsFolder:
 
     def page(self, folder: str, record: Mapping[str, Any], told: Sequence[str]) -> None:
         """Write the page with all pictures, and what the command tells."""
-        pictures = [name for name in self.written if name.endswith(f".{self.pictures}")]
-        text = page_of(folder, record, told, pictures, self.written)
+        pictures = {Path(name).stem: name for name in self.written if name.endswith(f".{self.pictures}")}
+        figures = [_figure(pictures[name], words) for name, words in PICTURES.items() if name in pictures]
+        tables = [name for name in self.written if name.endswith((".csv", ".npz")) and "/" not in name]
+        doubts = [f"{' and '.join(doubt['names'])} {doubt['reason']}" for doubt in record["doubts"]]
+        n, scale, weights = len(record["shapes"]), SCALES[record["scale"]], WEIGHTS[record["weights"]]
+        counted = f"{n} shapes" if record["mirror"] is None else f"{n // 2} shapes and their mirror images"
+        modes = enumerate(zip(record["shares"][:10], accumulate(record["shares"])), 1)
+        template = Template((files("isomatch.cli") / "statistics_page.html").read_text(encoding="utf-8"))
+        text = template.substitute(
+            title=escape(f"Statistics of {counted}"),
+            folder=escape(folder),
+            settings=escape(f"{scale}; {weights}. Seed {record['seed']}, isomatch {record['isomatch']}."),
+            first=f"<h2>To look at first</h2>{_listed(doubts)}" if doubts else "",
+            told=_listed(told),
+            modes="".join(f"<tr><td>{i}</td><td>{x:.1%}</td><td>{y:.1%}</td></tr>" for i, (x, y) in modes),
+            figures="".join(figures),
+            tables=", ".join(f'<a href="{quote(name)}">{escape(name)}</a>' for name in tables),
+        )
         write_text(self.path("index.html"), text)
 
     def finish(self, record: Mapping[str, object]) -> None:
@@ -271,47 +279,9 @@ WEIGHTS = {
 }
 
 
-def page_of(
-    folder: str,
-    record: Mapping[str, Any],
-    told: Sequence[str],
-    pictures: Sequence[str],
-    written: Sequence[str],
-) -> str:
-    """Return the text of the page, whose pictures are beside it."""
-    of = {name.rpartition(".")[0]: name for name in pictures}
-    figures = "".join(_figure(of[name], words) for name, words in PICTURES.items() if name in of)
-    tables = [name for name in written if name.endswith((".csv", ".npz")) and "/" not in name]
-    doubts = [f"{' and '.join(doubt['names'])} {doubt['reason']}" for doubt in record["doubts"]]
-    return Template((files("isomatch.cli") / "statistics_page.html").read_text(encoding="utf-8")).substitute(
-        title=escape(f"Statistics of {_counted(record)}"),
-        folder=escape(folder),
-        settings=escape(
-            f"{SCALES[record['scale']]}; {WEIGHTS[record['weights']]}. "
-            f"Seed {record['seed']}, isomatch {record['isomatch']}."
-        ),
-        first=f"<h2>To look at first</h2>{_listed(doubts)}" if doubts else "",
-        told=_listed(told),
-        modes="".join(
-            f"<tr><td>{i}</td><td>{share:.1%}</td><td>{sum_:.1%}</td></tr>"
-            for i, (share, sum_) in enumerate(zip(record["shares"][:10], accumulate(record["shares"])), 1)
-        ),
-        figures=figures,
-        tables=", ".join(f'<a href="{quote(name)}">{escape(name)}</a>' for name in tables),
-    )
-
-
-def _counted(record: Mapping[str, Any]) -> str:
-    n = len(record["shapes"])
-    return f"{n} shapes" if record["mirror"] is None else f"{n // 2} shapes and their mirror images"
-
-
 def _figure(file: str, words: str) -> str:
-    shown = (
-        f'<a href="{quote(file)}">{escape(file)}</a>'
-        if file.endswith(".pdf")
-        else f'<a href="{quote(file)}"><img src="{quote(file)}" alt="" loading=lazy></a>'
-    )
+    image = f'<img src="{quote(file)}" alt="" loading=lazy>'
+    shown = f'<a href="{quote(file)}">{escape(file) if file.endswith(".pdf") else image}</a>'
     return f"<figure>{shown}<figcaption>{escape(words)}</figcaption></figure>\n"
 
 

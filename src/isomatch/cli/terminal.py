@@ -113,14 +113,19 @@ class Talk:
     @contextmanager
     def progress(self) -> Iterator[Tell]:
         """Give a function that shows a stage and the share that is done, on standard error, if that is a terminal."""
-        console = Console(stderr=True)
+        console, since = Console(stderr=True), time.perf_counter()
+
+        def tell_event(stage: str, share: float) -> None:
+            seconds = round(time.perf_counter() - since, 3)
+            _say_line({"event": "stage", "stage": stage, "share": round(share, 4), "seconds": seconds})
+
         if self.json_lines:
-            yield _event_lines()
+            yield tell_event
         elif self.verbose:
             with _log_on(console):
-                yield _silent
+                yield lambda stage, share: None
         elif self.quiet or not console.is_terminal:
-            yield _silent
+            yield lambda stage, share: None
         else:
             columns = TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn()
             with Progress(*columns, console=console, transient=True) as bar:
@@ -135,20 +140,6 @@ class Talk:
             _say_line({"event": "result", **record})
         elif is_answer or not self.quiet:
             summary()
-
-
-def _silent(stage: str, share: float) -> None:
-    """Show nothing."""
-
-
-def _event_lines() -> Tell:
-    since = time.perf_counter()
-
-    def tell(stage: str, share: float) -> None:
-        seconds = round(time.perf_counter() - since, 3)
-        _say_line({"event": "stage", "stage": stage, "share": round(share, 4), "seconds": seconds})
-
-    return tell
 
 
 def _say_line(value: dict[str, Any]) -> None:

@@ -81,10 +81,10 @@ def transfer(
         tell("reading", 0.0)
         assets = isomatch.read_asset(source), isomatch.read_asset(target)
         giver = assets[to == "source"]
-        given = told_apart(each for path in values or () for each in read_attributes(path, giver))
-        giver = giver.with_attributes(*given)
+        brought = told_apart(each for path in values or () for each in read_attributes(path, giver))
+        giver = giver.with_attributes(*brought)
         assets = (assets[0], giver) if to == "source" else (giver, assets[1])
-        words = [each.name for each in given] or ["all"]
+        words = [each.name for each in brought] or ["all"]
         if data:
             words = [word.strip() for word in data.split(",")]
         n_target = None if map_file.suffix == ".npz" else len(assets[1].points)
@@ -172,44 +172,34 @@ def _transfer_landmarks(
     with talk.progress() as tell, claimed_files(output, force=force):
         tell("reading", 0.0)
         assets = isomatch.read_asset(ends[0]), isomatch.read_asset(ends[1])
-        shapes = _surface(assets[0]), _surface(assets[1])
-        given = _read_map(map_file, shapes[1])
+        first, second = (x if len(x.polygons) else isomatch.PointCloud(x.placed_points) for x in assets)
+        way = _read_map(map_file, second)
+        marked, shape = assets[to == "source"], (first, second)[to == "source"]
+        # with the points of the file, whose numbers a file of landmarks may have
+        surface = (
+            isomatch.Mesh(marked.placed_points, marked.polygons.triangles) if len(marked.polygons) else shape
+        )
         try:
-            own = isomatch.Landmarks.read(landmarks, _points_of(shapes[to == "source"]))
+            own = isomatch.Landmarks.read(landmarks, surface)
         except LandmarkError as error:
-            marked = "source" if to == "target" else "target"
-            raise LandmarkError(f"{error}. They are taken as landmarks of the {marked}, see --to") from None
+            side = "source" if to == "target" else "target"
+            raise LandmarkError(f"{error}. They are taken as landmarks of the {side}, see --to") from None
         tell("carrying", 0.3)
         with naming_files(source=ends[0], target=ends[1]):
-            carried = isomatch.carry_landmarks(given, *shapes, own, to=to, curve_points=curve_points)
+            carried = isomatch.carry_landmarks(way, first, second, own, to=to, curve_points=curve_points)
         tell("writing", 0.8)
         left = isomatch.write_landmarks(output, carried)
         tell("done", 1.0)
+    columns = zip(carried.names, carried.positions.tolist(), carried.expected_error.tolist())
     record = {
         "files": [str(output)],
         "to": to,
-        "landmarks": [
-            {"name": name, "position": place, "expected_error": error}
-            for name, place, error in zip(
-                carried.names, carried.positions.tolist(), carried.expected_error.tolist()
-            )
-        ],
+        "landmarks": [dict(zip(("name", "position", "expected_error"), each)) for each in columns],
         "n_unmatched": int((~carried.placed).sum()),
         "left_out": list(left),
         "notes": notes_on(dict(zip(ends, assets))),
     }
     talk.result(record, lambda: _say_landmarks(record, carried, output))
-
-
-def _surface(asset: isomatch.Asset) -> isomatch.Asset | isomatch.PointCloud:
-    return asset if len(asset.polygons) else isomatch.PointCloud(asset.placed_points)
-
-
-def _points_of(shape: isomatch.Asset | isomatch.PointCloud) -> isomatch.Mesh | isomatch.PointCloud:
-    """Return the surface with the points of the file, whose numbers a file of landmarks may have."""
-    if isinstance(shape, isomatch.PointCloud):
-        return shape
-    return isomatch.Mesh(shape.placed_points, shape.polygons.triangles)
 
 
 def _read_map(path: Path, target: isomatch.Asset | isomatch.PointCloud) -> Any:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
@@ -30,7 +30,7 @@ from isomatch.collections.run import Event, loaded_shape, row_of
 from isomatch.collections.shapes import Pair, tiles_of
 from isomatch.collections.workers import Task, Workers, late_after, workers_of
 from isomatch.correspondence import UNMATCHED
-from isomatch.matching import Evidence, MatchResult, Outcome, lowered, match_both, outcome_of
+from isomatch.matching import Evidence, Outcome, lowered, match_both, outcome_of
 from isomatch.runtime.memory import peak_memory, require_memory
 from isomatch.settings import Config
 from isomatch.shapes import PreparedShape
@@ -43,7 +43,7 @@ UNSURE = 0.25  # weight of a map that its own match does not trust
 BYTES = 48  # of memory for a triangle, measured with 150 shapes: its reading, and five times that to weigh it
 MOST_PATHS = 8  # compositions that are compared; more hardly change which is in their middle
 N_SAMPLES = 100  # spacing 0.1 √area: enough for a mean distance
-LEAST_KNOWN = 0.5  # share of the samples that two maps must both match to be compared
+LEAST_SHARED = 0.5  # share of the samples that two maps must both match to be compared
 ORIENTATIONS = {"preserve": 1, "reverse": -1, "any": 0}
 SHARPNESS = 1.3 ** np.arange(15)  # 1 to 39, in 1/√area
 
@@ -203,14 +203,12 @@ def _write(ledger: Ledger, job: CycleJob, inconsistencies: FloatArray) -> None:
         value = round(float(inconsistencies[i, j]), 4)
         pair = _as_matched(ledger.rows, names[i], names[j])
         row = ledger.rows.pairs[pair]
-        known = {"before": value, **row.get("agreement", {})}
-        own = known.get("outcomes") or [row[side]["outcome"] for side in SIDES]
-        agreement = {**known, "inconsistency": value, "outcomes": own}
-        sides = {}
+        earlier = {"before": value, **row.get("agreement", {})}
+        own = earlier.get("outcomes") or [row[side]["outcome"] for side in SIDES]
+        new = {**row, "agreement": {**earlier, "inconsistency": value, "outcomes": own}}
         for side, outcome in zip(SIDES, own):
             held = lowered(Outcome[outcome], Evidence(poor=value > CONTRADICTED))
-            sides[side] = {**row[side], "outcome": held.name, "advice": held.advice}
-        new = {**row, **sides, "agreement": agreement}
+            new[side] = {**row[side], "outcome": held.name, "advice": held.advice}
         if new != row:
             ledger.put_pair(pair, {**new, "time": time.time()})
 
@@ -303,8 +301,8 @@ class CycleJob:
         apart = np.array([_mean_distances(target, end[None], ends) for end in ends])
         best = int(np.nan_to_num(apart, nan=1.0).dot(trust).argmin())
         config = self.collection.config
-        given = replace(config, hypotheses="given")
-        rematched = match_both(source, target, initial_map=paths[best], config=given, seed=repair.seed)
+        alone = replace(config, hypotheses="given")
+        rematched = match_both(source, target, initial_map=paths[best], config=alone, seed=repair.seed)
 
         def disagreement(there: IntArray, back: IntArray) -> float:
             forth = _mean_distances(target, ends, there[None, samples])
@@ -324,7 +322,7 @@ class CycleJob:
             refused = "changes when it is refined"
         elif any(side * result.quality.orientation < 0 for result in rematched):
             refused = f"does not {config.orientation} the orientation"
-        elif (worst := _against_runners_up(rematched)) > config.outcome.tie:
+        elif (worst := np.nanmax([0.0, *(1 / x.quality.runner_up for x in rematched)])) > config.outcome.tie:
             refused = f"fits worse than another map, by a factor {worst:.2f}"
         if refused:
             return {"refused": f"the composition over {over} {refused}"}
@@ -332,11 +330,8 @@ class CycleJob:
             f"other maps contradict the map that was matched, by {before:.2f} √area; this one is their composition over "
             f"{over}, refined, and its outcome is at most as sure as theirs"
         )
-        of_composition = Evidence.of(Outcome[repair.outcomes[best]])
-        results = [
-            replace(each, outcome=lowered(each.outcome, of_composition), notes=(note, *each.notes))
-            for each in rematched
-        ]
+        least = Evidence.of(Outcome[repair.outcomes[best]])
+        results = [replace(x, outcome=lowered(x.outcome, least), notes=(note, *x.notes)) for x in rematched]
         record = {
             **old.record,
             **{side: result.to_dict() for side, result in zip(SIDES, results)},
@@ -366,20 +361,15 @@ class CycleJob:
         return np.resize(shape.user_vertex[shape.sample_vertices[:N_SAMPLES]], N_SAMPLES)
 
 
-def _against_runners_up(results: Iterable[MatchResult]) -> float:
-    return float(np.nanmax([0.0, *(1 / result.quality.runner_up for result in results)]))
-
-
 def _mean_distances(shape: PreparedShape, first: IntArray, second: IntArray) -> FloatArray:
     """Mean distance (q,) between vertices of a surface in rows (q, m) that broadcast; nan where few are matched."""
-    a, b = (
-        np.where(rows >= 0, shape.body_vertex[rows], UNMATCHED) for rows in np.broadcast_arrays(first, second)
-    )
+    both = np.broadcast_arrays(first, second)
+    a, b = (np.where(rows >= 0, shape.body_vertex[rows], UNMATCHED) for rows in both)
     matched = (a >= 0) & (b >= 0)
     apart = np.zeros(a.shape)
     apart[matched] = shape.distance(a[matched], b[matched])
     count = matched.sum(axis=1)
-    enough = count >= LEAST_KNOWN * a.shape[1]
+    enough = count >= LEAST_SHARED * a.shape[1]
     return np.where(enough, apart.sum(axis=1) / np.maximum(count, 1), np.nan)
 
 
@@ -408,22 +398,17 @@ def inconsistency(readings: FloatArray, prior: FloatArray | None = None) -> Floa
         with np.errstate(invalid="ignore"):
             inconsistencies = (weights * errors).sum(axis=1) / total
         trust = prior_trust * trust_in(np.nan_to_num(inconsistencies, nan=np.inf), sharpness)
-    symmetric: FloatArray = (inconsistencies + inconsistencies.T) / 2  # up to rounding it was
-    return symmetric
+    return np.asarray((inconsistencies + inconsistencies.T) / 2)  # symmetric, as up to rounding it was
 
 
 def trust_in(inconsistencies: FloatArray, sharpness: float = SHARPNESS[-1]) -> FloatArray:
     """Weight exp(−sharpness × inconsistency) of maps, from 1 down to 0."""
-    weights: FloatArray = np.exp(-sharpness * inconsistencies)
-    return weights
+    return np.asarray(np.exp(-sharpness * inconsistencies))
 
 
 def turned_shapes(orientations: FloatArray) -> IntArray:
-    """Find the shapes that are mirrored against the others, the smaller group of each connected set.
-
-    ``orientations`` (n, n) of the maps of pairs are near 1 or −1, and nan where not known.
-    """
-    links = np.nan_to_num(orientations)
+    """Find the shapes that are mirrored against the others, the smaller group of each connected set."""
+    links = np.nan_to_num(orientations)  # (n, n) of the maps of pairs: near 1 or −1, nan where it is unclear
     np.fill_diagonal(links, 1.0)
     count, group = connected_components(links != 0, directed=False)
     sides = [_smaller_side(links, np.flatnonzero(group == i)) for i in range(count)]

@@ -66,11 +66,11 @@ def outliers(collection: Plan, rows: Rows) -> list[Outlier]:
         - *unlike*: in the topology of the template it is far from all others, see
           `isomatch.statistics.doubtful_shapes`.
     """
-    known = {name: rows.shapes[name] for name in collection.names if name in rows.shapes}
-    done = {name: row for name, row in known.items() if row["state"] == "done"}
-    failed = {name: row["error"] for name, row in known.items() if row["state"] == "failed"}
-    found = [Outlier("broken", name, f"cannot be used: {error}") for name, error in failed.items()]
-    found += _in_other_units(collection, Rows(done))
+    own = {name: rows.shapes[name] for name in collection.names if name in rows.shapes}
+    done = {name: row for name, row in own.items() if row["state"] == "done"}
+    failed = {name: row["error"] for name, row in own.items() if row["state"] == "failed"}
+    odd = [Outlier("broken", name, f"cannot be used: {error}") for name, error in failed.items()]
+    odd += _in_other_units(collection, Rows(done))
     mirrored = dict(_mirrored(collection, rows))
     for alike in alike_shapes(done):
         if alike.kind == "mirror image":
@@ -78,24 +78,21 @@ def outliers(collection: Plan, rows: Rows) -> list[Outlier]:
             continue
         how = "the same file as" if alike.is_equal else "the same shape as"
         larger = f", {alike.factor:.4g} times as large" if abs(np.log(alike.factor)) > RESCALED else ""
-        found.append(Outlier("twice", alike.name, f"is {how} {alike.other}{larger}; take one of them out"))
-    found += [Outlier("mirrored", name, reason) for name, reason in mirrored.items()]
-    found += _with_holes(Rows(done))
+        odd.append(Outlier("twice", alike.name, f"is {how} {alike.other}{larger}; take one of them out"))
+    odd += [Outlier("mirrored", name, reason) for name, reason in mirrored.items()]
+    odd += _with_holes(Rows(done))
     unlike = {name: reason for name, reason in _unlike(collection) if name in done.keys() - mirrored}
-    return found + [Outlier("unlike", name, reason) for name, reason in unlike.items()]
+    return odd + [Outlier("unlike", name, reason) for name, reason in unlike.items()]
 
 
 def _in_other_units(collection: Plan, rows: Rows) -> Iterator[Outlier]:
     scales = scales_of(collection.units, rows)
-    sizes = {
-        name: row["area"] ** 0.5 * scales.get(name, 1.0)
-        for name, row in rows.shapes.items()
-        if 0 < row["area"] < np.inf
-    }
-    given = {name for name in collection.units if name in sizes}
-    is_unclear = bool(given) and common_unit(collection.units, rows) is None
+    areas = {name: row["area"] for name, row in rows.shapes.items() if 0 < row["area"] < np.inf}
+    sizes = {name: area**0.5 * scales.get(name, 1.0) for name, area in areas.items()}
+    named = {name for name in collection.units if name in sizes}
+    is_unclear = bool(named) and common_unit(collection.units, rows) is None
     for name, factor in zip(sizes, size_factors(np.array(list(sizes.values()))).tolist()):
-        if is_unclear and name in given:
+        if is_unclear and name in named:
             remedy = f"is said to be in {collection.units[name]}, which fits no unit of the others; give theirs, too"
         elif factor != 1:
             units = likely_units(factor)
@@ -117,10 +114,10 @@ def _with_holes(rows: Rows) -> Iterator[Outlier]:
     is_open = {name: length > WIDEST_SEAM for name, (_, length) in holes.items()}
     if not 0 < sum(is_open.values()) < len(is_open) / 2:
         return
-    for name in (name for name, has_hole in is_open.items() if has_hole):
-        count, length = holes[name]
-        what = "a hole" if count == 1 else f"{count} holes"
-        yield Outlier("holes", name, f"has {what}, {length:.3g} √area around, and most others are closed")
+    for name, (count, length) in holes.items():
+        if is_open[name]:
+            what = "a hole" if count == 1 else f"{count} holes"
+            yield Outlier("holes", name, f"has {what}, {length:.3g} √area around, and most others are closed")
 
 
 def _unlike(collection: Plan) -> Iterator[tuple[str, str]]:
@@ -144,13 +141,13 @@ def mirror_images(collection: Plan, rows: Rows) -> dict[str, Pair]:
         turned = {name for pair in shown for name in pair} - {collection.chosen_template(rows)}
     else:
         turned = set(_turned(collection, rows, pairs))
-    found: dict[str, Pair] = {}
+    clearest: dict[str, Pair] = {}
     scores = {pair: rows.pairs[pair]["there"]["quality"]["mirrored"] for pair in shown}  # lower is clearer
     for pair in sorted(shown, key=lambda pair: math.inf if scores[pair] is None else float(scores[pair])):
         for name, other in (pair, pair[::-1]):
             if name in turned and other not in turned:
-                found.setdefault(name, pair)
-    return {name: found[name] for name in collection.names if name in found}
+                clearest.setdefault(name, pair)
+    return {name: clearest[name] for name in collection.names if name in clearest}
 
 
 def _turned(collection: Plan, rows: Rows, pairs: Iterable[Pair]) -> Iterator[str]:
@@ -213,12 +210,12 @@ def common_unit(units: Mapping[str, str], rows: Rows) -> str | None:
         return units.get(OTHERS)
     sizes = {name: row["area"] ** 0.5 for name, row in rows.shapes.items() if row.get("area")}
     others = [size for name, size in sizes.items() if name not in named]
-    known = [sizes[name] * METRES[unit] for name, unit in named.items() if name in sizes]
+    in_metres = [sizes[name] * METRES[unit] for name, unit in named.items() if name in sizes]
     if not others:
         return Counter(named.values()).most_common(1)[0][0]
-    if not known:
+    if not in_metres:
         return None
-    ratio = float(np.median(known)) / float(np.median(others))  # metres in the unit of the others
+    ratio = float(np.median(in_metres)) / float(np.median(others))  # metres in the unit of the others
     nearest = min(METRES, key=lambda unit: abs(np.log(ratio / METRES[unit])))
     return nearest if abs(np.log(ratio / METRES[nearest])) < np.log(FARTHEST) else None
 
@@ -274,18 +271,16 @@ def alike_shapes(shapes: dict[str, Record]) -> list[Alike]:
     for name, row in shapes.items():
         if row.get("ranks"):
             groups.setdefault(row["n_points"], []).append(name)
-    found = []
+    alike = []
     for names in groups.values():
         ranks = np.array([shapes[name]["ranks"] for name in names])
         for i, name in enumerate(names[1:], 1):
             near = np.flatnonzero(np.abs(ranks[:i] - ranks[i]).max(axis=1) <= SAME)
             if len(near):
-                found.append(_alike(name, shapes[name], names[near[0]], shapes[names[near[0]]]))
-    return found
-
-
-def _alike(name: str, one: Record, other: str, two: Record) -> Alike:
-    hands = one["handedness"], two["handedness"]
-    is_turned = abs(sum(hands)) < abs(hands[0] - hands[1]) > SYMMETRIC
-    factor, is_equal = one["spread"] / two["spread"], one["hash"] == two["hash"]
-    return Alike(name, other, "mirror image" if is_turned else "copy", factor, is_equal)
+                other = names[near[0]]
+                one, two = shapes[name], shapes[other]
+                hands = one["handedness"], two["handedness"]
+                is_turned = abs(sum(hands)) < abs(hands[0] - hands[1]) > SYMMETRIC
+                factor, is_equal = one["spread"] / two["spread"], one["hash"] == two["hash"]
+                alike.append(Alike(name, other, "mirror image" if is_turned else "copy", factor, is_equal))
+    return alike

@@ -29,7 +29,7 @@ from isomatch.settings import Config
 from isomatch.storage.files import write_text
 from isomatch.values.settings import generator
 
-KNOWN = ("source_hash", "target_hash", "reflected", "made_with")  # of a pair that is to be matched again
+STAYS = ("source_hash", "target_hash", "reflected", "made_with")  # of a pair that is to be matched again
 
 
 @dataclass(frozen=True)
@@ -116,10 +116,9 @@ class Collection(Plan):
         require_files_of_their_own(names, layout.folder)
         if template is not None and template not in names:
             by_file = {entry.path: entry.name for entry in entries}
-            named = by_file.get(Path(template).resolve())
-            if named is None:
+            if Path(template).resolve() not in by_file:
                 raise InputError(f"template {template!r} is no shape of this collection; give name or file")
-            template = named
+            template = by_file[Path(template).resolve()]
         if pairs not in PATTERNS:
             pairs = str(Path(pairs).resolve())
             pairs_of(names, pairs, template)
@@ -141,15 +140,9 @@ class Collection(Plan):
                 "allows both; leave the orientation at 'preserve', or name the shapes"
             )
         layout.folder.mkdir(parents=True, exist_ok=True)
-        plan = {
-            "shapes": {entry.name: str(entry.path) for entry in entries},
-            "pairs": pairs,
-            "template": template,
-            "config": new.config.to_dict(),
-            "seed": seed,
-            "reflect": new.reflect,
-            "units": new.units,
-        }
+        files = {entry.name: str(entry.path) for entry in entries}
+        plan: dict[str, object] = {"shapes": files, "pairs": pairs, "template": template}
+        plan |= {"config": new.config.to_dict(), "seed": seed, "reflect": new.reflect, "units": new.units}
         text = json.dumps(plan, indent=2) + "\n"
         if not layout.plan.exists() or layout.plan.read_text(encoding="utf-8") != text:
             write_text(layout.plan, text)
@@ -235,7 +228,7 @@ class Collection(Plan):
         """
         again = {
             pair: {
-                **{name: record[name] for name in KNOWN if name in record},
+                **{name: record[name] for name in STAYS if name in record},
                 "state": "todo",
                 "time": time.time(),
                 "attempt": record["attempt"] + (which == "low"),
@@ -271,8 +264,6 @@ def _checked(reflect: str | Iterable[str] | None, names: Sequence[str]) -> Liter
     if reflect == "auto":
         return "auto"
     wanted = {reflect} if isinstance(reflect, str) else set(reflect or ())
-    if strangers := sorted(wanted - set(names)):
-        raise InputError(
-            f"{', '.join(strangers)} cannot be reflected: no shapes of this collection; give their names"
-        )
+    if strangers := ", ".join(sorted(wanted - set(names))):
+        raise InputError(f"{strangers} cannot be reflected: no shapes of this collection; give their names")
     return tuple(name for name in names if name in wanted)

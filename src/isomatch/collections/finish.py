@@ -5,8 +5,8 @@ from __future__ import annotations
 import time
 from collections.abc import Container, Iterator
 from concurrent.futures import Executor
-from dataclasses import asdict, dataclass
-from functools import lru_cache
+from dataclasses import asdict
+from functools import lru_cache, partial
 from hashlib import blake2b
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -90,9 +90,9 @@ def finish(
                     (layout.folder / folder).mkdir(exist_ok=True)
             changed = changed_files(layout, rows, ["corresponded"])
             whole = _whole(layout, rows, changed)
-            job = WrapJob(layout, _entry(collection, rows, template))
+            wrapped = partial(_wrapped, layout, _entry(collection, rows, template))
             todo = [plan for plan in plans if not _is_written(plan, lines, whole)]
-            tasks = [Task(tuple(todo[i : i + AT_ONCE]), job.wrapped) for i in range(0, len(todo), AT_ONCE)]
+            tasks = [Task(tuple(todo[i : i + AT_ONCE]), wrapped) for i in range(0, len(todo), AT_ONCE)]
             saved = time.monotonic()
             with workers_of(executor, jobs) as workers:
                 for plan, line in workers.completed(tasks, late):
@@ -127,11 +127,8 @@ def surfaces_written(collection: Collection) -> list[str]:
 
 def _planned(collection: Collection, rows: Rows, template: str) -> list[PlannedSurface]:
     scales = scales_of(collection.units, rows)
-    keys = {
-        frozenset(pair): " > ".join((row["key"], *row.get("replaced_by", ())))
-        for pair, row in rows.pairs.items()
-        if rows.is_current(pair)
-    }
+    current = {frozenset(pair): row for pair, row in rows.pairs.items() if rows.is_current(pair)}
+    keys = {ends: " > ".join((row["key"], *row.get("replaced_by", ()))) for ends, row in current.items()}
     sure = {frozenset(pair) for pair in rows.pairs if frozenset(pair) in keys and not rows.is_doubtful(pair)}
     linked = [name for name in collection.names if {template, name} in sure]
     own = rows.shapes.get(template, {}).get("key", "")
@@ -142,8 +139,7 @@ def _planned(collection: Collection, rows: Rows, template: str) -> list[PlannedS
         name = pair[0] if pair[1] == template else pair[1]
         over = [each for each in linked if {each, name} in sure]
         if over:
-            chosen = np.linspace(0, len(over) - 1, MOST_WAYS).astype(int)
-            over = [over[i] for i in np.unique(chosen)]
+            over = [over[i] for i in np.unique(np.linspace(0, len(over) - 1, MOST_WAYS).astype(int))]
         ways: tuple[Entry | None, ...] = tuple(_entry(collection, rows, each) for each in over)
         legs = [frozenset(leg) for each in over for leg in ((template, each), (each, name))]
         if not over or frozenset(pair) in sure:
@@ -152,7 +148,10 @@ def _planned(collection: Collection, rows: Rows, template: str) -> list[PlannedS
         if over:
             key = blake2b(key.encode(), digest_size=16).hexdigest()
         plans.append(PlannedSurface(_entry(collection, rows, name), pair, key, ways=ways))
-    return [plan.scaled(scales.get(plan.entry.name, 1.0)) for plan in plans]
+    for i, plan in enumerate(plans):
+        if (factor := scales.get(plan.entry.name, 1.0)) != 1:
+            plans[i] = plan._replace(scale=factor, key=f"{plan.key} × {factor:.6g}")
+    return plans
 
 
 def _entry(collection: Collection, rows: Rows, name: str) -> Entry:
@@ -228,64 +227,50 @@ class PlannedSurface(NamedTuple):
     # how the template's vertices come to it: by the map of the pair (None), and over other shapes; the median of all
     ways: tuple[Entry | None, ...] = (None,)
 
-    def scaled(self, factor: float) -> PlannedSurface:
-        """Return the same surface with positions multiplied by a factor."""
-        return self if factor == 1 else self._replace(scale=factor, key=f"{self.key} × {factor:.6g}")
+
+def _wrapped(layout: Layout, of: Entry, plan: PlannedSurface) -> Record:
+    """Write a shape with the vertices of the template, and its picture; return a line about it."""
+    name = plan.entry.name
+    line: Record = {"name": name, "key": plan.key, **asdict(WrapQuality(0.0, 1.0, 0.0, 0))}
+    line |= {"scale": plan.scale if plan.scale != 1 else "", "ways": len(plan.ways)}
+    try:
+        template, mesh = map(_mesh, (of, plan.entry))
+        marks: list[Attribute] = []
+        if plan.pair is None:
+            template = mesh = reflected(mesh) if plan.entry.reflected else mesh
+        else:
+            turned = of.reflected, plan.entry.reflected
+            there, template, mesh = as_matched(_map(layout, of, plan, mesh), template, mesh, turned)
+            wrapped = wrap(there, template, mesh)
+            mesh = wrapped.mesh
+            line |= asdict(wrapped.quality)
+            if wrapped.extended.any():
+                marks = [Attribute(MEASURED, "point", "label", (~wrapped.extended).astype(np.uint8))]
+        mesh = mesh.moved(plan.scale * mesh.vertices)
+        write_asset(layout.corresponded(name), Asset.of_mesh(mesh, marks))
+        line["file"] = digest_of(layout.corresponded(name))
+        _draw(template, mesh, layout.thumbnail(name))
+    except (IsomatchError, OSError, ValueError, ArithmeticError) as error:
+        if isinstance(error, UnwritableFileError) and not is_of_one_file(error):
+            raise  # as on a full disk: the shape is not to blame
+        line["error"] = f"{type(error).__name__}: {error}"
+    return line
 
 
-@dataclass(frozen=True)
-class WrapJob:
-    """The job of writing surfaces, which worker processes do."""
-
-    layout: Layout
-    template: Entry
-
-    def wrapped(self, plan: PlannedSurface) -> Record:
-        """Write a shape with the vertices of the template, and its picture; return a line about it."""
-        name = plan.entry.name
-        line: Record = {"name": name, "key": plan.key, **asdict(WrapQuality(0.0, 1.0, 0.0, 0))}
-        line |= {"scale": plan.scale if plan.scale != 1 else "", "ways": len(plan.ways)}
-        try:
-            template, mesh = map(_mesh, (self.template, plan.entry))
-            marks: list[Attribute] = []
-            if plan.pair is None:
-                template = mesh = reflected(mesh) if plan.entry.reflected else mesh
-            else:
-                there = self._map(plan, template, mesh)
-                turned = self.template.reflected, plan.entry.reflected
-                there, template, mesh = as_matched(there, template, mesh, turned)
-                wrapped = wrap(there, template, mesh)
-                mesh = wrapped.mesh
-                line |= asdict(wrapped.quality)
-                if wrapped.extended.any():
-                    marks = [Attribute(MEASURED, "point", "label", (~wrapped.extended).astype(np.uint8))]
-            mesh = mesh.moved(plan.scale * mesh.vertices)
-            write_asset(self.layout.corresponded(name), Asset.of_mesh(mesh, marks))
-            line["file"] = digest_of(self.layout.corresponded(name))
-            _draw(template, mesh, self.layout.thumbnail(name))
-        except (IsomatchError, OSError, ValueError, ArithmeticError) as error:
-            if isinstance(error, UnwritableFileError) and not is_of_one_file(error):
-                raise  # as on a full disk: the shape is not to blame
-            line["error"] = f"{type(error).__name__}: {error}"
-        return line
-
-    def _map(self, plan: PlannedSurface, template: Mesh, mesh: Mesh) -> Correspondence:
-        """Return the map from the template, between the surfaces in the files: the median of all ways."""
-        centre, name = self.template.name, plan.entry.name
-        maps = []
-        for over in plan.ways:
-            if over is None:
-                maps.append(maps_of_pair(self.layout, centre, name).there)
-                continue
-            first = maps_of_pair(self.layout, centre, over.name).there
-            second = maps_of_pair(self.layout, over.name, name).there
-            maps.append(first.then(second, _mesh(over), mesh))
-        return median_map(maps, mesh) if len(maps) > 1 else maps[0]
+def _map(layout: Layout, of: Entry, plan: PlannedSurface, mesh: Mesh) -> Correspondence:
+    """Return the map from the template, between the surfaces in the files: the median of all ways."""
+    maps, name = [], plan.entry.name
+    for over in plan.ways:
+        there = maps_of_pair(layout, of.name, over.name if over else name).there
+        if over:
+            there = there.then(maps_of_pair(layout, over.name, name).there, _mesh(over), mesh)
+        maps.append(there)
+    return median_map(maps, mesh) if len(maps) > 1 else maps[0]
 
 
 def _draw(template: Mesh, mesh: Mesh, path: Path) -> None:
     """Draw a shape in the colours of the template's positions, turned like the template."""
-    same = Correspondence(np.arange(mesh.n_vertices), mesh.n_vertices)
+    same = Correspondence(range(mesh.n_vertices), mesh.n_vertices)
     turned = camera_of(template) @ turn_to_target(mesh, template, same)
     image = surface_image(mesh, position_colours(template), to_screen, turned, PIXELS_PER_UNIT)
     with replaced(path) as file:
@@ -341,8 +326,8 @@ def export(
     rows, last = collection.rows(), Path(folder) / "pairs.csv"
     if last.parent.resolve() == collection.folder.resolve():
         raise InputError(f"{folder}: is the folder of the collection itself; give another one")
-    folders = {"corresponded": meshes, "maps": maps}
-    require_unchanged(collection.layout, [folder for folder, suffix in folders.items() if suffix])
+    kept = ["corresponded"] * bool(meshes) + ["maps"] * bool(maps)
+    require_unchanged(collection.layout, kept)
     names = surfaces_written(collection) if meshes else []
     pairs = [pair for pair in rows.pairs if rows.is_current(pair)] if maps else []
     if not names and not pairs:

@@ -73,9 +73,9 @@ def collected_landmarks(
     """
     templates = _Templates(collection, files, curve_points)
     for name in collection.names:
-        found = templates.own(name) if name in files else templates.carried(name, files)
-        if found is not None:
-            yield name, found
+        marks = templates.own(name) if name in files else templates.carried(name, files)
+        if marks is not None:
+            yield name, marks
 
 
 def landmarks_left_out(
@@ -131,24 +131,22 @@ class _Templates:
 
     def carried(self, name: str, templates: Iterable[str]) -> Landmarks | None:
         """Return the median of what some templates give for a shape; None if no sure map leads to it."""
-        several, points = [], self._curve_points
+        several, n_points = [], self._curve_points
         for template in templates:
-            if (found := self._map(template, name)) is not None:
-                ends, marks = (self._read(template), self._read(name)), self._marks[template]
-                carried = carry_landmarks(
-                    found[0], *ends, marks, curve_points=points, expected_error=found[1]
-                )
-                several.append(carried)
+            there, far = self._map(template, name)
+            if there is not None:
+                ends, own = (self._read(template), self._read(name)), self._marks[template]
+                several.append(carry_landmarks(there, *ends, own, curve_points=n_points, expected_error=far))
         return median_landmarks(several, self._read(name)) if several else None
 
-    def _map(self, source: str, target: str) -> tuple[Correspondence, FloatArray | None] | None:
+    def _map(self, source: str, target: str) -> tuple[Correspondence | None, FloatArray | None]:
         """Return the map between two shapes with its expected error, directly or over the template, or None."""
         if self._is_sure(source, target):
             maps = self._collection.maps(source, target)
             return maps.there, maps.there_error
         centre = self._centre
         if centre is None or not (self._is_sure(source, centre) and self._is_sure(centre, target)):
-            return None
+            return None, None
         first, second = self._collection.maps(source, centre), self._collection.maps(centre, target)
         joined = first.there.then(second.there, self._read(centre), self._read(target))
         if first.there_error is None or second.there_error is None:
@@ -156,10 +154,8 @@ class _Templates:
         return joined, np.hypot(first.there_error, first.there.pull_back(second.there_error))
 
     def _is_sure(self, one: str, other: str) -> bool:
-        return any(
-            self._rows.is_current(pair) and not self._rows.is_doubtful(pair)
-            for pair in ((one, other), (other, one))
-        )
+        pairs = [pair for pair in ((one, other), (other, one)) if self._rows.is_current(pair)]
+        return any(not self._rows.is_doubtful(pair) for pair in pairs)
 
 
 def draw_landmarks(path: str | Path, collection: Collection, found: Mapping[str, Landmarks]) -> None:

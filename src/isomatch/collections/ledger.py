@@ -10,7 +10,7 @@ from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import UnionType
-from typing import Any, TypeVar
+from typing import Any
 
 from isomatch.collections.shapes import Pair
 from isomatch.errors import FormatError, UnwritableFileError
@@ -46,9 +46,11 @@ class Rows:
 
     def merge(self, other: Rows) -> None:
         """Add rows; of two for one name, one that is done counts, else, or if the file of a shape changed, the later."""
-        _merge(self.shapes, other.shapes)
-        _merge(self.pairs, other.pairs)
-        _merge(self.files, other.files)
+        for table in ("shapes", "pairs", "files"):
+            mine = getattr(self, table)
+            for name, record in getattr(other, table).items():
+                if name not in mine or _counts_more(record, mine[name]):
+                    mine[name] = record
         self.origins |= other.origins
         self.damaged += other.damaged
 
@@ -70,29 +72,12 @@ class Rows:
             Outcome[self.pairs[pair][side]["outcome"]].is_doubtful for side in SIDES
         )
 
-    def of_pairs(self, pairs: Iterable[Pair]) -> Rows:
-        """Return the same with some of its pairs."""
-        return replace(self, pairs={pair: self.pairs[pair] for pair in pairs if pair in self.pairs})
-
     def of(self, names: Iterable[str]) -> Rows:
         """Return the rows of some shapes, and of the pairs of these."""
         kept = set(names)
-        return Rows(
-            {name: row for name, row in self.shapes.items() if name in kept},
-            {pair: row for pair, row in self.pairs.items() if kept.issuperset(pair)},
-            self.files,
-            self.origins,
-            self.damaged,
-        )
-
-
-K = TypeVar("K")
-
-
-def _merge(mine: dict[K, Record], theirs: dict[K, Record]) -> None:
-    for name, record in theirs.items():
-        if name not in mine or _counts_more(record, mine[name]):
-            mine[name] = record
+        shapes = {name: row for name, row in self.shapes.items() if name in kept}
+        pairs = {pair: row for pair, row in self.pairs.items() if kept.issuperset(pair)}
+        return replace(self, shapes=shapes, pairs=pairs)
 
 
 def _counts_more(one: Record, other: Record) -> bool:
@@ -110,18 +95,15 @@ class Ledger:
 
     def put_shape(self, name: str, record: Record) -> None:
         """Write the row of a shape."""
-        self.rows.shapes[name] = record
-        self._put("INSERT OR REPLACE INTO shapes VALUES (?, ?)", name, record)
+        self._put("shapes", name, record)
 
     def put_pair(self, pair: Pair, record: Record) -> None:
         """Write the row of a pair."""
-        self.rows.pairs[pair] = record
-        self._put("INSERT OR REPLACE INTO pairs VALUES (?, ?, ?)", *pair, record)
+        self._put("pairs", pair, record)
 
     def put_file(self, name: str, record: Record) -> None:
         """Write the row of a file, by its path in the folder."""
-        self.rows.files[name] = record
-        self._put("INSERT OR REPLACE INTO files VALUES (?, ?)", name, record)
+        self._put("files", name, record)
 
     def forget_file(self, name: str) -> None:
         """Remove the row of a file, if there is one."""
@@ -131,8 +113,7 @@ class Ledger:
     def put_origin(self, name: str, made_with: Record) -> None:
         """Write a version and settings, by the name that rows have for them."""
         if name not in self.rows.origins:
-            self.rows.origins[name] = {"state": "done", "time": time.time(), "made_with": made_with}
-            self._put("INSERT OR REPLACE INTO origins VALUES (?, ?)", name, self.rows.origins[name])
+            self._put("origins", name, {"state": "done", "time": time.time(), "made_with": made_with})
 
     def forget_failed_shapes(self) -> None:
         """Remove the rows of shapes that could not be prepared."""
@@ -140,9 +121,10 @@ class Ledger:
             del self.rows.shapes[name]
             self._execute("DELETE FROM shapes WHERE name = ?", name)
 
-    def _put(self, command: str, *values: str | Record) -> None:
-        *names, record = values
-        self._execute(command, *names, json.dumps(record))
+    def _put(self, table: str, name: str | Pair, record: Record) -> None:
+        getattr(self.rows, table)[name] = record
+        values = *([name] if isinstance(name, str) else name), json.dumps(record)
+        self._execute(f"INSERT OR REPLACE INTO {table} VALUES ({', '.join('?' * len(values))})", *values)
 
     def _execute(self, command: str, *values: Any) -> None:
         try:
@@ -177,9 +159,8 @@ def _connected(path: Path, one_host: bool) -> sqlite3.Connection:
     try:
         with _named(path, "not a ledger"):
             connection.execute(f"PRAGMA journal_mode = {'WAL' if one_host else 'DELETE'}")
-            if (
-                one_host
-            ):  # a power failure may take the last rows; the files of maps, which have them too, stay
+            if one_host:
+                # a power failure may take the last rows; the files of maps, which have them too, stay
                 connection.execute("PRAGMA synchronous = NORMAL")
             connection.executescript(_TABLES)
     except BaseException:
@@ -194,10 +175,8 @@ def _named(path: Path, problem: str) -> Iterator[None]:
     try:
         yield
     except sqlite3.Error as error:
-        damaged = (
-            not isinstance(error, sqlite3.OperationalError) or error.sqlite_errorcode == sqlite3.SQLITE_ERROR
-        )
-        if damaged:
+        is_usual = isinstance(error, sqlite3.OperationalError)
+        if not is_usual or error.sqlite_errorcode == sqlite3.SQLITE_ERROR:
             raise FormatError(f"{path}: {problem} ({error}); move it away, and run again") from None
         raise UnwritableFileError(
             f"{path}: cannot be used ({error}); wait until nobody else uses it, or make room, and run again"
@@ -240,16 +219,10 @@ Kinds = Mapping[str, Mapping[str, Kind]]
 NUMBER = int | float
 
 
-def _texts(value: Any) -> bool:
-    return isinstance(value, list) and all(isinstance(each, str) for each in value)
-
-
-def _numbers(count: int) -> Callable[[Any], bool]:
-    def are(value: Any) -> bool:
-        are_all = isinstance(value, list) and all(isinstance(each, NUMBER) for each in value)
-        return are_all and len(value) == count
-
-    return are
+def _list_of(kind: Kind, count: int | None = None) -> Callable[[Any], bool]:
+    return lambda value: (
+        isinstance(value, list) and count in (None, len(value)) and all(_is(each, kind) for each in value)
+    )
 
 
 def _result(value: Any) -> bool:
@@ -262,7 +235,7 @@ def _result(value: Any) -> bool:
     )
 
 
-_FEATURES, _holes = _numbers(N_EIGENVALUES + N_QUANTILES), _numbers(2)
+_FEATURES, _holes, _texts = _list_of(NUMBER, N_EIGENVALUES + N_QUANTILES), _list_of(NUMBER, 2), _list_of(str)
 _OF_SHAPES: Kinds = {
     "done": {"key": str, "hash": str, "bytes": int, "area": NUMBER, "features": _FEATURES, "notes": _texts},
     "failed": {"error": str},
@@ -296,7 +269,7 @@ _OPTIONAL: Mapping[str, Kind] = {  # what other values must be, where a row has 
     "not_reflected": lambda value: isinstance(value, dict) and _texts(list(value.values())),
     "n_points": int,
     "spread": NUMBER,
-    "ranks": _numbers(N_RANKS),
+    "ranks": _list_of(NUMBER, N_RANKS),
     "handedness": NUMBER,
     "holes": lambda value: value is None or _holes(value),
 }
@@ -326,9 +299,8 @@ def state_of(record: Record) -> str:
 
 def is_mirrored(record: Record) -> bool:
     """Whether the mirror image of one of its shapes fits clearly better than the map of a pair."""
-    return record["state"] == "done" and any(
-        record[side]["outcome"] == Outcome.MIRROR_IMAGE.name for side in SIDES
-    )
+    outcomes = [record[side]["outcome"] for side in SIDES] if record["state"] == "done" else []
+    return Outcome.MIRROR_IMAGE.name in outcomes
 
 
 def is_contradicted(record: Record) -> bool:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import partial
 from hashlib import blake2b, file_digest
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -152,52 +152,48 @@ def changed_files(layout: Layout, rows: Rows, folders: Iterable[str] = KEPT) -> 
     Maps of pairs that are to be matched again are not looked at.
     """
     wanted = set(folders)
-    kept = [each for each in _kept(layout, rows) if each.path.parent.name in wanted]
+    kept = [each for each in _kept(layout, rows) if each[0].parent.name in wanted]
     with ThreadPoolExecutor(n_threads()) as threads:
-        return {each.path: found for each, found in zip(kept, threads.map(_wrong, kept)) if found}
+        return {path: what for (path, *_), what in zip(kept, threads.map(_wrong, kept)) if what}
 
 
 def require_unchanged(layout: Layout, folders: Iterable[str]) -> None:
     """Raise `FormatError` if files of some folders of a collection are not as they were written."""
-    found = changed_files(layout, read_ledgers(layout.ledgers()), folders)
-    if found:
-        named = [f"{path} {what}" for path, what in list(found.items())[:MOST_NAMED]]
-        more = f" and {len(found) - MOST_NAMED} more" if len(found) > MOST_NAMED else ""
+    changed = changed_files(layout, read_ledgers(layout.ledgers()), folders)
+    if changed:
+        named = [f"{path} {what}" for path, what in list(changed.items())[:MOST_NAMED]]
+        more = f" and {len(changed) - MOST_NAMED} more" if len(changed) > MOST_NAMED else ""
         raise FormatError(
             f"{', '.join(named)}{more}; run isomatch collect again, which makes what is damaged again"
         )
 
 
-class _Kept(NamedTuple):
-    path: Path
-    row: Record
-    pair: Pair | None = None  # whose maps it holds
+# a file, the row that has its digest, and the pair whose maps it holds
+_Kept = tuple[Path, Record, Pair | None]
 
 
 def _kept(layout: Layout, rows: Rows) -> Iterator[_Kept]:
     for row in rows.shapes.values():
         if "file" in row:
-            yield _Kept(layout.prepared(row["key"]), row)
+            yield layout.prepared(row["key"]), row, None
     for pair, row in rows.pairs.items():
         if "file" in row and rows.is_current(pair):
-            yield _Kept(layout.maps(pair), row, pair)
+            yield layout.maps(pair), row, pair
     for name, row in rows.files.items():
-        yield _Kept(layout.folder / name, row)
+        yield layout.folder / name, row, None
 
 
 def _wrong(kept: _Kept) -> str:
     # all bytes are read, since neither time nor size of a file tells that a disk lost some
+    path, row, pair = kept
     with suppress(FormatError, OSError):  # the second: the disk does not give it
-        if digest_of(kept.path) == kept.row["file"] or (kept.pair and _was_just_replaced(kept)):
+        if digest_of(path) == row["file"] or (pair and _was_just_replaced(path, row)):
             return ""
-    return CHANGED if kept.path.exists() else MISSING
+    return CHANGED if path.exists() else MISSING
 
 
-def _was_just_replaced(kept: _Kept) -> bool:
+def _was_just_replaced(path: Path, row: Record) -> bool:
     """Whether a comparison of maps replaced those of a pair, and was killed before it wrote the row."""
-    record = PairMaps.load(kept.path).record
-    return bool(
-        record.get("key") == kept.row["key"]
-        and record.get("replaced_by") != kept.row.get("replaced_by")
-        and "replaced_by" in record
-    )
+    record = PairMaps.load(path).record
+    is_new = record.get("replaced_by") not in (None, row.get("replaced_by"))
+    return bool(record.get("key") == row["key"] and is_new)

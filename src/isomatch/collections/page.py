@@ -24,12 +24,10 @@ from isomatch.collections.plan import Layout
 from isomatch.collections.run import row_of
 from isomatch.collections.shapes import Pair
 from isomatch.collections.workers import Task, late_after, workers_of
-from isomatch.correspondence import Correspondence
 from isomatch.errors import SettingError
 from isomatch.matching import MatchResult, Outcome, Quality
 from isomatch.storage.files import replaced, write_text, writing
 from isomatch.storage.texts import write_csv
-from isomatch.values.arrays import FloatArray
 from isomatch.view import write_report
 
 SHOWN = {  # columns of the table of pairs on the page, and how their numbers are written
@@ -41,10 +39,8 @@ SHOWN = {  # columns of the table of pairs on the page, and how their numbers ar
     "runner_up": "{:.2f}",
     "seconds": "{:.1f}",
 }
-HEADS = {
-    "runner_up": "best alternative",
-    "distortion_mean": "distortion",
-}  # where they say more than in pairs.csv
+# where they say more than in pairs.csv
+HEADS = {"runner_up": "best alternative", "distortion_mean": "distortion"}
 MOST_TURNED = 0.01  # share of faces that are turned over, which is not worth a word
 MOST_SHOWN = 200  # pairs on the page
 MEASURES = tuple(each.name for each in fields(Quality))
@@ -67,10 +63,7 @@ ALSO = 3  # the worst of the pairs that are not in doubt
 def write_page(
     collection: Collection, rows: Rows, template: str | None, lines: Mapping[str, Mapping[str, Any]]
 ) -> None:
-    """Write ``index.html``, with links to the pictures, reports and maps in the folder.
-
-    ``lines`` are what is known of the surfaces in the topology of the template, by name.
-    """
+    """Write ``index.html``, with links to the files of the folder; lines tell of the surfaces written, by name."""
     layout = collection.layout
     pairs = table_of(rows)
     outcomes = Counter(pair.get("outcome") or pair["state"] for pair in pairs)
@@ -84,20 +77,18 @@ def write_page(
         shapes="".join(_figure(collection, name, rows, lines) for name in collection.names),
         count=f"{min(len(pairs), MOST_SHOWN)} of {len(pairs)}, worst first.",
         pairs="".join(_shown(collection, pair, rows) for pair in pairs[:MOST_SHOWN]),
-        columns="".join(
-            f"<th scope=col>{escape(HEADS.get(name, name.replace('_', ' ')))}</th>" for name in SHOWN
-        ),
+        columns="".join(f"<th scope=col>{HEADS.get(name, name.replace('_', ' '))}</th>" for name in SHOWN),
     )
     write_text(layout.page, page)
 
 
-def _first(found: Sequence[Outlier]) -> str:
+def _first(odd: Sequence[Outlier]) -> str:
     """List what does not fit, if anything does not."""
     items = "".join(
         f"<li><b>{escape(name)}</b> <small>{escape(kind)}</small> {escape(reason)}</li>\n"
-        for kind, name, reason in found
+        for kind, name, reason in odd
     )
-    return f"<h2>To look at first</h2>\n<ul class=first>{items}</ul>" if found else ""
+    return f"<h2>To look at first</h2>\n<ul class=first>{items}</ul>" if odd else ""
 
 
 def _figure(collection: Collection, name: str, rows: Rows, lines: Mapping[str, Mapping[str, Any]]) -> str:
@@ -143,10 +134,9 @@ def _link(collection: Collection, path: Any) -> str:
 def _in_doubt(pair: Mapping[str, Any]) -> float | None:
     """Share of the surface in the regions of doubt of a pair; None without a map, or if all of it may be wrong."""
     result = pair.get("there") or {}
-    regions = result.get("regions", [])
-    if not result or (Outcome[result["outcome"]].is_doubtful and not regions):
-        return None
-    return float(sum(region["area"] for region in regions))
+    areas = [region["area"] for region in result.get("regions", [])]
+    is_unclear = not result or (Outcome[result["outcome"]].is_doubtful and not areas)
+    return None if is_unclear else float(sum(areas))
 
 
 def table_of(rows: Rows) -> list[dict[str, Any]]:
@@ -184,12 +174,8 @@ def _line(pair: Pair, record: Record) -> dict[str, Any]:
 
 
 def _goodness(line: dict[str, Any]) -> tuple[bool, int, float]:
-    outcome = line.get("outcome")
-    return (
-        line["state"] == "done",
-        Outcome[outcome].sureness if outcome else -1,
-        -(line.get("spectral_residual") or 0.0),
-    )
+    sureness = Outcome[line["outcome"]].sureness if line.get("outcome") else -1
+    return line["state"] == "done", sureness, -(line.get("spectral_residual") or 0.0)
 
 
 def write_reports(
@@ -208,14 +194,14 @@ def write_reports(
         raise SettingError(f"{which} reports cannot be written; give a number, or doubtful, all or none")
     late = late_after(time_limit)
     rows = collection.rows()
-    chosen = [(pair, rows.pairs[pair]) for pair in _chosen(table_of(rows), which)]
-    todo = [(pair, row) for pair, row in chosen if not has_report(collection.layout, pair, row)]
-    if not todo:
+    chosen = _chosen(table_of(rows), which)
+    due = [(pair, row) for pair in chosen if not has_report(collection.layout, pair, row := rows.pairs[pair])]
+    if not due:
         return
     folder = collection.layout.folder / "reports"
     with writing(folder):
         folder.mkdir(exist_ok=True)
-    tasks = [Task((each,), partial(row_of, partial(_written, collection.of(each[0])))) for each in todo]
+    tasks = [Task((each,), partial(row_of, partial(_written, collection.of(each[0])))) for each in due]
     with workers_of(executor, jobs) as workers:
         for (pair, _), row in workers.completed(tasks, late):
             yield pair, row if isinstance(row, dict) else {"state": "failed", "error": str(row)}
@@ -248,15 +234,7 @@ def _written(collection: Collection, item: tuple[Pair, Record]) -> Record:
         command += " --orientation any"
     command += " -o DIR --landmarks landmarks.txt"
     path = collection.layout.report(pair)
-    result = _result(collection, record, there, maps.there_error)
-    write_report(path, source, target, result, names=pair, command=command)
-    return {"bytes": path.stat().st_size}
-
-
-def _result(
-    collection: Collection, record: Record, there: Correspondence, errors: FloatArray | None
-) -> MatchResult:
-    """Restore the result of a match from its saved parts, and say what is not in them."""
+    # the result of a match, restored from its saved parts; notes say what is not in them
     summary = record["there"]
     notes = list(summary["notes"])
     if summary["alternatives"]:
@@ -264,4 +242,7 @@ def _result(
     if is_contradicted(record):
         notes.insert(0, f"other maps contradict it by {record['agreement']['inconsistency']:.2f} √area")
     result = replace(MatchResult.from_dict(summary, there, collection.config), notes=tuple(notes))
-    return result if errors is None else replace(result, expected_error=errors)
+    if maps.there_error is not None:
+        result = replace(result, expected_error=maps.there_error)
+    write_report(path, source, target, result, names=pair, command=command)
+    return {"bytes": path.stat().st_size}

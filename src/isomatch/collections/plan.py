@@ -28,31 +28,16 @@ UNTOLD = "—"  # a setting that there was not
 N_OTHERS = 1000  # shapes with which each is compared, to find the medoid
 
 
-@dataclass(frozen=True)
 class Layout:
     """Where each file in the folder of a collection is."""
 
-    folder: Path
-
-    @property
-    def plan(self) -> Path:
-        """The shapes and the settings of the collection."""
-        return self.folder / "collection.json"
-
-    @property
-    def table(self) -> Path:
-        """One line for each pair."""
-        return self.folder / "pairs.csv"
-
-    @property
-    def shapes_table(self) -> Path:
-        """One line for each shape in the topology of the template."""
-        return self.folder / "shapes.csv"
-
-    @property
-    def page(self) -> Path:
-        """The page to look at."""
-        return self.folder / "index.html"
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.plan = folder / "collection.json"  # the shapes and the settings
+        self.table = folder / "pairs.csv"  # one line for each pair
+        self.shapes_table = folder / "shapes.csv"  # one for each shape in the topology of the template
+        self.page = folder / "index.html"  # to look at
+        self.landmarks = folder / "landmarks"  # those of all shapes
 
     def prepared(self, key: str) -> Path:
         """Return the path of the prepared shape with a key."""
@@ -73,11 +58,6 @@ class Layout:
     def thumbnail(self, name: str) -> Path:
         """Return the path of a small picture of a shape."""
         return self.folder / "thumbnails" / f"{name}.png"
-
-    @property
-    def landmarks(self) -> Path:
-        """The folder of the landmarks of all shapes."""
-        return self.folder / "landmarks"
 
     def ledger(self, shard: tuple[int, int] = (0, 1)) -> Path:
         """Return the path of the ledger of a shard (index from 0, count)."""
@@ -114,19 +94,14 @@ def _settings(config: Config) -> str:
 
 def made_with(config: Config, seed: int) -> tuple[str, Record]:
     """Return what a key depends on beside the surfaces, as plain values, with their digest, by which rows name it."""
-    found = {"isomatch": version("isomatch"), "seed": seed, **config.to_dict()}
-    text = json.dumps(found, sort_keys=True)
+    text = json.dumps({"isomatch": version("isomatch"), "seed": seed, **config.to_dict()}, sort_keys=True)
     return blake2b(text.encode(), digest_size=8).hexdigest(), json.loads(text)
 
 
 def why_again(
     old: Record, new: Record, contents: Mapping[str, str], origins: Mapping[str, Record]
 ) -> list[str]:
-    """Say what differs between two rows of a shape or a pair.
-
-    ``contents`` names the shape whose hash is in a field, such as ``source_hash``; ``origins`` are the versions and
-    settings that rows were ``made_with``.
-    """
+    """Say what differs between two rows; contents name the shape whose hash is in a field, such as ``source_hash``."""
     reasons = list(old.get("again", [])) if old["state"] == "todo" else []
     for key, name in contents.items():
         if key in old and key in new and old[key] != new[key]:
@@ -135,9 +110,9 @@ def why_again(
     before, now = (set(contents.values() if side is True else side) for side in sides)
     reasons += [f"{name} is matched as its mirror image" for name in sorted(now - before)]
     reasons += [f"{name} is not matched as its mirror image any more" for name in sorted(before - now)]
-    known = [origins.get(row.get("made_with", "")) for row in (old, new)]
-    if None not in known:
-        a, b = (dict(_flat(origin["made_with"])) for origin in known if origin)
+    ways = [origins.get(row.get("made_with", "")) for row in (old, new)]
+    if None not in ways:
+        a, b = (dict(_flat(way["made_with"])) for way in ways if way)
         pairs = {name: (a.get(name, UNTOLD), b.get(name, UNTOLD)) for name in (*a, *b)}
         reasons += [f"{name} {was} → {now}" for name, (was, now) in pairs.items() if was != now]
     return reasons
@@ -216,13 +191,13 @@ class Plan:
         """
         if self.template is not None:
             return self.template
-        known = [name for name in self.names if name in rows.shapes]
-        usable = [name for name in known if rows.shapes[name]["state"] == "done"]
+        tried = [name for name in self.names if name in rows.shapes]
+        usable = [name for name in tried if rows.shapes[name]["state"] == "done"]
         possible = set(usable)
         centres = Counter(source for source, _ in rows.pairs if source in possible)
         if self.pairs == "star" and centres:
             return centres.most_common(1)[0][0]
-        if not usable or len(known) < len(self.names):
+        if not usable or len(tried) < len(self.names):
             return None
         return usable[medoid(np.array([rows.shapes[name]["features"] for name in usable]))]
 

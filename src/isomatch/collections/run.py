@@ -32,6 +32,7 @@ from isomatch.surfaces import Graph, Mesh, reflected
 MOST_PAIRS = 64  # of a tile, whose rows come when all of it is done
 TILES_PER_WORKER = 4  # so that the last ones end at about the same time
 LOADED = 256 * 2**20  # bytes of files of prepared shapes that a worker keeps; a match itself needs more
+HASHES = ("source_hash", "target_hash")  # in rows of pairs
 REFLECTED = "reflected before it was prepared, x → −x; vertices and faces keep their numbers"
 logger = logging.getLogger(__name__)
 T = TypeVar("T")
@@ -92,17 +93,16 @@ class Run:
         tasks = [Task((entry,), job.prepare_shape) for entry in todo]
         for count, (entry, record) in enumerate(workers.completed(tasks, job.is_late), 1):
             old = ledger.rows.shapes.get(entry.name)
-            file = self.collection.layout.prepared(old.get("key", "")) if old else None
-            why = wrong.get(file) if file else None
+            why = wrong.get(self.collection.layout.prepared(old.get("key", ""))) if old else None
             row = self._explained(_row_of(record), old, {"hash": entry.name}, why, ledger.rows)
             ledger.put_shape(entry.name, row)
             yield Event("shape", entry.name, row, count, len(todo))
 
     def _outliers(self, rows: Rows) -> Iterator[Event]:
         """Tell what the shapes alone tell; of those that are broken it was told."""
-        found = [each for each in outliers(self.collection, Rows(rows.shapes)) if each.kind in OF_SHAPES]
-        for count, (kind, name, reason) in enumerate(found, 1):
-            yield Event("outlier", name, {"state": "done", "kind": kind, "reason": reason}, count, len(found))
+        odd = [each for each in outliers(self.collection, Rows(rows.shapes)) if each.kind in OF_SHAPES]
+        for count, (kind, name, reason) in enumerate(odd, 1):
+            yield Event("outlier", name, {"state": "done", "kind": kind, "reason": reason}, count, len(odd))
 
     def _matched_pairs(self, job: Job, workers: Workers, ledger: Ledger) -> Iterator[Event]:
         """Match the pairs that are not matched yet, in tiles, as far as their shapes could be prepared."""
@@ -110,7 +110,8 @@ class Run:
         usable = {name for name, record in rows.shapes.items() if record["state"] == "done"}
         pairs = [pair for pair in self.pairs_of_shard(rows) if usable.issuperset(pair)]
         plans = [self._planned(pair, rows) for pair in pairs]
-        wrong = self._removed_if_changed("maps", rows.of_pairs(pairs))
+        own = {pair: rows.pairs[pair] for pair in pairs if pair in rows.pairs}
+        wrong = self._removed_if_changed("maps", replace(rows, pairs=own))
         files = {path.name for path in (self.collection.layout.folder / "maps").iterdir()}
         todo = [plan for plan in plans if not self._is_matched(plan, rows.pairs.get(plan.pair), files)]
         missing = {plan.pair: plan for plan in todo}
@@ -122,8 +123,8 @@ class Run:
             row = {**_of_plan(plan), **_row_of(record), "key": plan.key}
             if row["state"] == "failed":  # the map that was there before is judged as before
                 row["contradicted"] = plan.contradicted
-            file = self.collection.layout.maps(plan.pair)
-            row = self._explained(row, rows.pairs.get(plan.pair), _contents(plan), wrong.get(file), rows)
+            why, contents = wrong.get(self.collection.layout.maps(plan.pair)), dict(zip(HASHES, plan.pair))
+            row = self._explained(row, rows.pairs.get(plan.pair), contents, why, rows)
             ledger.put_pair(plan.pair, row)
             yield Event("pair", plan.pair, row, count, len(missing))
 
@@ -133,16 +134,15 @@ class Run:
         """Turn shapes the other way round, as far as the pair of each bears it out."""
         tasks = [Task((reflection,), partial(row_of, job.reflect_shape)) for reflection in reflections]
         for count, ((entry, plan), result) in enumerate(workers.completed(tasks, job.is_late), 1):
-            if isinstance(result, Exception) or "pair" not in result:
-                made = _row_of(result)
-                refused = {entry.name: made.get("refused") or made["error"]}
-                row = {**ledger.rows.pairs[plan.pair], "not_reflected": refused, "time": time.time()}
-            else:  # the shape first: it says whether a pair is still to be matched
-                rows = ledger.rows
-                contents, old = {"hash": entry.name}, rows.shapes[entry.name]
-                ledger.put_shape(entry.name, self._explained(result["shape"], old, contents, None, rows))
-                row = {**_of_plan(plan), **result["pair"]}
-                row = self._explained(row, rows.pairs[plan.pair], _contents(plan), None, rows)
+            rows = ledger.rows
+            old, row, contents = rows.pairs[plan.pair], _row_of(result), dict(zip(HASHES, plan.pair))
+            if "pair" in row:  # the shape first: it says whether a pair is still to be matched
+                of_shape, own = rows.shapes[entry.name], {"hash": entry.name}
+                ledger.put_shape(entry.name, self._explained(row["shape"], of_shape, own, None, rows))
+                row = self._explained({**_of_plan(plan), **row["pair"]}, old, contents, None, rows)
+            else:
+                refused = {entry.name: row.get("refused") or row["error"]}
+                row = {**old, "not_reflected": refused, "time": time.time()}
             ledger.put_pair(plan.pair, row)
             yield Event("reflection", entry.name, row, count, len(reflections))
 
@@ -202,29 +202,28 @@ class Run:
         source, target = (rows.shapes[name] for name in pair)
         row = rows.pairs.get(pair, {})
         attempt, turned = row.get("attempt", 0), tuple(rows.reflected(pair))
-        keys, hashes = (source["key"], target["key"]), (source["hash"], target["hash"])
-        surfaces = (identity_of(content, name in turned) for name, content in zip(pair, hashes))
+        keys, hashes = (source["key"], target["key"]), dict(zip(HASHES, (source["hash"], target["hash"])))
+        surfaces = (identity_of(content, name in turned) for name, content in zip(pair, hashes.values()))
         key = self._key(*surfaces, attempt=attempt)
         return PlannedPair(pair, key, keys, hashes, turned, attempt, row.get("contradicted", False))
 
     def _removed_if_changed(self, folder: str, rows: Rows) -> dict[Path, str]:
         """Remove files that are not as they were written, so that no job takes them; return what was wrong."""
-        found = changed_files(self.collection.layout, rows, [folder])
-        for path in found:
+        changed = changed_files(self.collection.layout, rows, [folder])
+        for path in changed:
             with writing(path):
                 path.unlink(missing_ok=True)
-        return found
+        return changed
 
     def _explained(
         self, row: Record, old: Record | None, contents: dict[str, str], wrong: str | None, rows: Rows
     ) -> Record:
         """Return a new row that tells what it was made with and, if it is not the first, ``again``: why it was made."""
         row["made_with"] = made_with(self.collection.config, self.collection.seed)[0]
-        if old is not None:
-            of_file = [f"its file {wrong}"] if wrong else []
-            if reasons := of_file + why_again(old, row, contents, rows.origins):
-                row["again"] = reasons
-                logger.info("%s: again, because %s", " and ".join(contents.values()), "; ".join(reasons))
+        of_file = [f"its file {wrong}"] if wrong else []
+        if old and (reasons := of_file + why_again(old, row, contents, rows.origins)):
+            row["again"] = reasons
+            logger.info("%s: again, because %s", " and ".join(contents.values()), "; ".join(reasons))
         return row
 
     def _key(self, *surfaces: str, attempt: int = 0) -> str:
@@ -239,12 +238,7 @@ class Run:
 
 def _of_plan(plan: PlannedPair) -> Record:
     """Return what is known of a pair before it is matched."""
-    hashes = dict(zip(("source_hash", "target_hash"), plan.hashes))
-    return {**hashes, "reflected": list(plan.reflected), "attempt": plan.attempt}
-
-
-def _contents(plan: PlannedPair) -> dict[str, str]:
-    return dict(zip(("source_hash", "target_hash"), plan.pair))
+    return {**plan.hashes, "reflected": list(plan.reflected), "attempt": plan.attempt}
 
 
 def _row_of(record: Record | Exception) -> Record:
@@ -261,7 +255,7 @@ class PlannedPair(NamedTuple):
     pair: Pair
     key: str  # of the match
     shapes: tuple[str, str]  # keys of the prepared shapes
-    hashes: tuple[str, str]  # content_hash of the surfaces in the files
+    hashes: dict[str, str]  # content_hash of the surfaces in the files
     reflected: tuple[str, ...]  # which of the shapes are matched as their mirror images
     attempt: int  # added to the seed
     contradicted: bool = False  # whether others contradict the earlier map, so that any new one replaces it
@@ -329,14 +323,10 @@ class Job:
         if earlier and earlier.record["key"] == plan.key:
             return {**earlier.record, "file": digest_of(file)}
         maps = self._new_maps(plan)
-        if (
-            earlier
-            and plan.attempt
-            and not plan.contradicted
-            and _surfaces_of(earlier.record) == _surfaces_of(maps.record)
-            and _unsureness(earlier.record) <= _unsureness(maps.record)
-        ):
-            maps = replace(earlier, record={**earlier.record, "key": plan.key})
+        if earlier and plan.attempt and not plan.contradicted:
+            old, new = earlier.record, maps.record
+            if _surfaces_of(old) == _surfaces_of(new) and _unsureness(old) <= _unsureness(new):
+                maps = replace(earlier, record={**old, "key": plan.key})
         maps.save(file)
         return {**maps.record, "file": digest_of(file)}
 
@@ -364,7 +354,7 @@ class Job:
         matches = match_both(source, target, config=self.config, seed=self.seed + plan.attempt)
         record = {
             "key": plan.key,
-            **dict(zip(("source_hash", "target_hash"), plan.hashes)),
+            **plan.hashes,
             "reflected": list(plan.reflected),
             **{side: _summary(result) for side, result in zip(SIDES, matches)},
             "seconds": time.perf_counter() - start,

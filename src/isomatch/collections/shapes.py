@@ -19,9 +19,8 @@ from isomatch.storage.texts import read_csv
 BETWEEN = "__"  # of two names, in the name of the file of their maps
 PATTERNS = ("star", "all", "chain")
 SIDE = 8  # shapes at either side of the tiles that shards are cut from
-_OF_DEVICES = re.compile(
-    r"(con|prn|aux|nul|(com|lpt)[0-9])(\..*)?", re.IGNORECASE
-)  # on Windows, whatever the suffix
+# on Windows, whatever the suffix
+_OF_DEVICES = re.compile(r"(con|prn|aux|nul|(com|lpt)[0-9])(\..*)?", re.IGNORECASE)
 _NAMED = "give a list.csv with columns name and path"
 Pair = tuple[str, str]
 """Names of two shapes; both directions are matched."""

@@ -33,10 +33,6 @@ class Task:
     function: Callable[[Any], Any]  # makes the row of an item, None if it is too late for it
     lost: int = 0  # how often a worker died while this task was running, on it or on another worker
 
-    def alone(self) -> list[Task]:
-        """Make a task for each item."""
-        return [replace(self, items=(item,), lost=self.lost + 1) for item in self.items]
-
 
 def late_after(time_limit: float | None) -> Callable[[], bool]:
     """Make a function that tells whether a time limit, in seconds from now, is over; without a limit it never is."""
@@ -45,15 +41,13 @@ def late_after(time_limit: float | None) -> Callable[[], bool]:
 
 
 class Workers:
-    """Workers that tasks are sent to, for a block.
-
-    ``open`` opens an executor, again where one has broken; ``count`` tells how many workers there are now, and
-    ``threads`` how many threads each of them uses, if it is a process of its own.
-    """
+    """Workers that tasks are sent to, for a block."""
 
     def __init__(
         self, open: Callable[[], AbstractContextManager[Executor]], count: Callable[[], int], threads: int = 1
     ) -> None:
+        # an executor is opened again where one has broken; workers come and go, each with so many threads if it is a
+        # process of its own
         self._open, self.count, self._threads = open, count, threads
         self._opened = ExitStack()
         self._executor: Executor | None = None
@@ -80,11 +74,12 @@ class Workers:
                 if not isinstance(outcome, Exception):
                     yield from zip(task.items, outcome)
                     continue
-                for part in task.alone():
-                    if part.lost > 2:
-                        yield part.items[0], outcome
+                for item in task.items:
+                    if task.lost == 2:
+                        yield item, outcome
                     else:
-                        (suspects if part.lost == 2 else waiting).append(part)
+                        part = replace(task, items=(item,), lost=task.lost + 1)
+                        (suspects if task.lost else waiting).append(part)
 
     def _renew(self) -> None:
         """Replace an executor that has broken."""

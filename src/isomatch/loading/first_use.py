@@ -21,9 +21,9 @@ class _Package(ModuleType):
     def __getattr__(self, name: str) -> Any:
         homes, full = vars(self)["_homes"], f"{self.__name__}.{name}"
         if name in homes:
-            found = getattr(import_module(homes[name]), name)
-            super().__setattr__(name, found)
-            return found
+            public = getattr(import_module(homes[name]), name)
+            super().__setattr__(name, public)
+            return public
         if full in homes.values():
             return import_module(full)
         raise AttributeError(f"module {self.__name__!r} has no attribute {name!r}")

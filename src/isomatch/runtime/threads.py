@@ -214,34 +214,39 @@ def row_product(a: FloatArray, b: FloatArray) -> FloatArray:
     return product
 
 
-class _SerialBlas:
-    """A context that several threads may be in at once: the first one limits BLAS, the last one lifts the limit."""
+class _Limit:
+    """The limit that `serial_blas` sets."""
 
-    def __init__(self) -> None:
-        self._lock = Lock()
-        self._depth = 0
-        self._controller: ThreadpoolController | None = None
-        self._limiter: Any = None
+    lock = Lock()
+    depth = 0
+    controller: ThreadpoolController | None = None
+    limiter: Any = None
 
-    @contextmanager
-    def __call__(self) -> Iterator[None]:
-        with self._lock:
-            if self._controller is None:
-                import scipy.linalg  # noqa: F401 - the controller sees only libraries that are loaded
 
-                self._controller = ThreadpoolController()
-            self._depth += 1
-            if self._depth == 1:
+@contextmanager
+def serial_blas() -> Iterator[None]:
+    """Make matrix products use one thread in a block, so that `parallel_map` can use all of them for its items.
+
+    The results then do not depend on the number of threads, and nested thread pools do not stall one another. Several
+    threads may be in it at once: the first one limits BLAS, the last one lifts the limit.
+    """
+    with _Limit.lock:
+        if _Limit.controller is None:
+            import scipy.linalg  # noqa: F401 - the controller sees only libraries that are loaded
+
+            _Limit.controller = ThreadpoolController()
+        _Limit.depth += 1
+        if _Limit.depth == 1:
+            with _any_thread_may_limit():
+                _Limit.limiter = _Limit.controller.limit(limits=1, user_api="blas")
+    try:
+        yield
+    finally:
+        with _Limit.lock:
+            _Limit.depth -= 1
+            if _Limit.depth == 0:
                 with _any_thread_may_limit():
-                    self._limiter = self._controller.limit(limits=1, user_api="blas")
-        try:
-            yield
-        finally:
-            with self._lock:
-                self._depth -= 1
-                if self._depth == 0:
-                    with _any_thread_may_limit():
-                        self._limiter.restore_original_limits()
+                    _Limit.limiter.restore_original_limits()
 
 
 @contextmanager
@@ -251,10 +256,3 @@ def _any_thread_may_limit() -> Iterator[None]:
     release(force=True)
     yield
     release(force=True)
-
-
-serial_blas = _SerialBlas()
-"""Context in which matrix products use one thread, so that `parallel_map` can use all of them for its items.
-
-The results then do not depend on the number of threads, and nested thread pools do not stall one another.
-"""

@@ -45,8 +45,8 @@ class _Spawning(SpawnContext):
             if process.is_alive():
                 process.kill()
 
-    def Process(self, *given: Any, **options: Any) -> SpawnProcess:  # type: ignore[override]
-        self.started.append(SpawnProcess(*given, **options))
+    def Process(self, *arguments: Any, **options: Any) -> SpawnProcess:  # type: ignore[override]
+        self.started.append(SpawnProcess(*arguments, **options))
         return self.started[-1]
 
 

@@ -52,18 +52,11 @@ def app_of(session: Session, token: str, port: int, once: str = "") -> App:
     )
     text = partial(responses.Response, media_type="text/plain")
 
-    def answers(function: Callable[[], Any]) -> Any:
+    def answers(function: Callable[..., Any], **fields: Callable[[Any], Any]) -> Any:
         async def answer(request: Any) -> Any:
             try:
-                return responses.JSONResponse(function())
-            except IsomatchError as error:
-                return text(str(error), REFUSED)
-
-        return answer
-
-    def does(function: Callable[..., None], **fields: Callable[[Any], Any]) -> Any:
-        async def answer(request: Any) -> Any:
-            try:
+                if request.method == "GET":
+                    return responses.JSONResponse(function())
                 function(**_fields(await request.body(), fields))
                 return text("", 202)
             except IsomatchError as error:
@@ -81,11 +74,11 @@ def app_of(session: Session, token: str, port: int, once: str = "") -> App:
     get = {"/": page, "/packed": packed}
     get |= {"/state": answers(session.state), "/result": answers(session.shown)}
     post = {
-        "/match": does(session.match, **of_match),
-        "/choose": does(session.choose, number=_whole),
-        "/write": does(session.write),
-        "/pack": does(session.pack),
-        "/cancel": does(session.cancel),
+        "/match": answers(session.match, **of_match),
+        "/choose": answers(session.choose, number=_whole),
+        "/write": answers(session.write),
+        "/pack": answers(session.pack),
+        "/cancel": answers(session.cancel),
     }
     routes = [routing.Route(path, answer, methods=["GET"]) for path, answer in get.items()]
     routes += [routing.Route(path, answer, methods=["POST"]) for path, answer in post.items()]
@@ -144,10 +137,10 @@ def _bound(port: int) -> socket.socket:
 def _fields(body: bytes, fields: Mapping[str, Callable[[object], object]]) -> dict[str, Any]:
     """Read the fields of a JSON object, all of which have to be there, and no others."""
     try:
-        given = json.loads(body)
-        if not isinstance(given, dict) or given.keys() != fields.keys():
+        values = json.loads(body)
+        if not isinstance(values, dict) or values.keys() != fields.keys():
             raise ValueError
-        return {name: read(given[name]) for name, read in fields.items()}
+        return {name: read(values[name]) for name, read in fields.items()}
     except (ValueError, RecursionError):
         raise SettingError("the page asked for something that is not understood; load it again") from None
 
@@ -175,13 +168,12 @@ def _pairs(value: object) -> list[tuple[int, int]]:
 
 
 class Guard:
-    """An ASGI application that lets through what has the token and comes from the page, in a browser on this machine.
+    """An ASGI application that lets through what has the token and comes from the page, in a browser on this machine."""
 
-    The token has to be in the query of the page's address, and in a header of all other requests: without cookies
-    there is nothing that a browser would send along for another page. ``Host`` and, of a POST, ``Origin`` must name
-    this machine and the port, so that no foreign name that leads here passes. ``once``, in the query, leads to the
-    page's address a single time.
-    """
+    # The token has to be in the query of the page's address, and in a header of all other requests: without cookies
+    # there is nothing that a browser would send along for another page. Host and, of a POST, Origin must name this
+    # machine and the port, so that no foreign name that leads here passes. once, in the query, leads to the page's
+    # address a single time.
 
     def __init__(self, app: App, token: str, port: int, once: str = "") -> None:
         self._app, self._token, self._once = app, token.encode(), once.encode()
@@ -225,13 +217,13 @@ class Guard:
             return 403, "Only the page of isomatch may ask."
         if scope["method"] == "GET" and scope["path"] == PAGE:
             query = parse_qs(scope["query_string"].decode("latin-1"))
-            given, key = ([word.encode() for word in query.get(name, [])] for name in ("token", "once"))
+            tokens, key = ([word.encode() for word in query.get(name, [])] for name in ("token", "once"))
             if self._once and len(key) == 1 and compare_digest(key[0], self._once):
                 self._once = b""
                 return 303, "", (b"location", b"/?token=" + self._token)
         else:
-            given = headers.get(TOKEN_HEADER, [])
-        if len(given) != 1 or not compare_digest(given[0], self._token):
+            tokens = headers.get(TOKEN_HEADER, [])
+        if len(tokens) != 1 or not compare_digest(tokens[0], self._token):
             return 403, "The token is missing or wrong. Open the address that isomatch open printed."
         return None
 

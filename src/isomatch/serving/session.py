@@ -34,7 +34,7 @@ class Job:
         self.succeeded = False  # whether it has come to a result, even if it was given up before
         self._now = ("", 0.0)  # the stage, and the share of the work that is done
         self._since = time.perf_counter()
-        self._seconds: float | None = None
+        self._end: float | None = None
         self._call = Call()
 
         def run() -> None:
@@ -46,7 +46,7 @@ class Job:
             except Exception as error:
                 self._error = error
             finally:
-                self._seconds = time.perf_counter() - self._since
+                self._end = time.perf_counter()
 
         self._thread = self._call.thread(run)
         self._thread.start()
@@ -66,7 +66,7 @@ class Job:
     @property
     def seconds(self) -> float:
         """How long it has run."""
-        return time.perf_counter() - self._since if self._seconds is None else self._seconds
+        return (self._end or time.perf_counter()) - self._since
 
     def join(self) -> None:
         """Wait until it is over, however it ended; a wait within a job ends with that job."""
@@ -195,10 +195,8 @@ class Session:
         def work(tell: Tell) -> tuple[MatchResult, Pairs, dict[str, Any]]:
             source, target = self._preparation.wait()
             tell("match", 0.0)
-            told = _before_drawing(tell)
-            result = match(
-                source, target, landmarks=landmarks or None, config=config, seed=self._seed, progress=told
-            )
+            told, marks, seed = _before_drawing(tell), landmarks or None, self._seed
+            result = match(source, target, landmarks=marks, config=config, seed=seed, progress=told)
             tell("drawing", DRAWING)
             return result, landmarks, self._page.result(result, before, landmarks)
 
@@ -217,13 +215,15 @@ class Session:
 
     def write(self) -> None:
         """Begin to write the files of the result into the folder that was named at the start."""
-        result, landmarks, revision = self._matched(), self._landmarks, self._revision
-        self._begin("save", lambda tell: (revision, self._keeper.write(result, landmarks)))
+        self._keep("save", self._keeper.write)
 
     def pack(self) -> None:
         """Begin to make an archive of the same files."""
+        self._keep("download", self._keeper.packed)
+
+    def _keep(self, name: str, work: Callable[[MatchResult, Pairs], Any]) -> None:
         result, landmarks, revision = self._matched(), self._landmarks, self._revision
-        self._begin("download", lambda tell: (revision, self._keeper.packed(result, landmarks)))
+        self._begin(name, lambda tell: (revision, work(result, landmarks)))
 
     def cancel(self) -> None:
         """Give up what is done now; what it has computed so far is dropped, but not files that it has saved."""
@@ -282,12 +282,12 @@ class Session:
             self._packed = self._packed[0] + 1, archive
 
     def _prepare(self, tell: Tell) -> list[PreparedShape]:
-        shares = {0: 0.0, 1: 0.0}
+        shares = [0.0, 0.0]
 
         def prepared(side: int) -> PreparedShape:
             def told(stage: str, share: float) -> None:
                 shares[side] = share
-                tell("both shapes are prepared, once", sum(shares.values()) / 2)
+                tell("both shapes are prepared, once", sum(shares) / 2)
 
             return prepare(self._surfaces[side], self._config, self._seed, progress=told)
 

@@ -139,10 +139,8 @@ def left_right_of_shapes(shapes: CorrespondedShapes, mean: Mesh, *, seed: int = 
         return left_right_map(mean, seed=seed), ""
     except MapError as error:
         uncertain = error
-    uniform = np.full(shapes.n_vertices, 1 / shapes.n_vertices)
-    apart = [
-        np.linalg.norm(aligned_to(mean.vertices, shape, uniform) - mean.vertices) for shape in shapes.vertices
-    ]
+    uniform, centre = np.full(shapes.n_vertices, 1 / shapes.n_vertices), mean.vertices
+    apart = [np.linalg.norm(aligned_to(centre, shape, uniform) - centre) for shape in shapes.vertices]
     lacks = np.zeros((len(shapes), 1), dtype=bool) if shapes.measured is None else ~shapes.measured
     nearest = [int(i) for i in np.argsort(apart, kind="stable") if not lacks[i].any()]
     for i in nearest[:MOST_TRIED]:

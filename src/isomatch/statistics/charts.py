@@ -34,7 +34,7 @@ WIDTH = 6.5  # inches of a picture
 FILLED = 0.9  # of the width of a panel, that the widest surface takes
 TEXT = 9.0  # points
 BAR = 0.7  # inches that a colour bar takes, with its numbers and its label
-KNOWN = 0.5  # share of the value of a point that is known, from which it is drawn
+LEAST_SHARE = 0.5  # share of the value of a point that is known, from which it is drawn
 DIVERGING, RISING = "RdBu_r", "viridis"  # of displacements, of values from 0
 
 
@@ -196,8 +196,7 @@ def _scatter(axes: Axes, points: FloatArray, names: Sequence[str], groups: Seque
     for group, colour, chosen in _chosen(groups, len(names)):
         axes.scatter(points[chosen, 0], points[chosen, 1], 18, color=colour, label=group or "no group")
     if groups:
-        legend = axes.legend(fontsize="small")
-        for text in legend.get_texts():
+        for text in axes.legend(fontsize="small").get_texts():
             text.set_parse_math(False)
     axes.margins(0.1)
     for point, name in zip(points, names):
@@ -262,10 +261,8 @@ def draw_modes(
     camera = camera_of(mean)
     shown = range(min(n_modes, model.n_modes))
     moved = {(mode, sign): model.mode_mesh(mode, sign * deviations) for mode in shown for sign in (-1, 1)}
-    outward = {
-        (mode, sign): np.einsum("ij,ij->i", mesh.vertices - mean.vertices, mean.vertex_normals)
-        for (mode, sign), mesh in moved.items()
-    }
+    normals = mean.vertex_normals
+    outward = {at: np.einsum("ij,ij->i", m.vertices - mean.vertices, normals) for at, m in moved.items()}
     largest = max((float(np.quantile(np.abs(each), 0.995)) for each in outward.values()), default=0.0) or 1.0
     paint = colour_scale(DIVERGING, -largest, largest)
 
@@ -302,23 +299,21 @@ def draw_values(path: str | Path, mesh: Mesh, values: FloatArray, label: str, *,
     label : str
         What they are, with their unit; without any value, it is all that is said.
     """
-    known = np.isfinite(values)
-    highest = float(np.quantile(values[known], 0.995)) if known.any() else 0.0
+    has_value = np.isfinite(values)
+    highest = float(np.quantile(values[has_value], 0.995)) if has_value.any() else 0.0
     front = camera_of(mesh)
     paint = colour_scale(RISING, 0.0, highest or 1.0)
     density = _density([mesh], front, dpi, per_row=2) * np.sqrt(mesh.area)
 
     def paint_known(seen: FloatArray) -> FloatArray:
-        share = np.where(seen[:, 1:] < KNOWN, np.nan, seen[:, 1:])
+        share = np.where(seen[:, 1:] < LEAST_SHARE, np.nan, seen[:, 1:])
         return paint(seen[:, :1] / share)
 
-    columns = np.column_stack([np.where(known, values, 0.0), known])
-    images = [
-        surface_image(mesh, columns, paint_known, view, density)
-        for view in (front, front * [[-1], [1], [-1]])
-    ]
+    columns = np.column_stack([np.where(has_value, values, 0.0), has_value])
+    views = front, front * [[-1], [1], [-1]]
+    images = [surface_image(mesh, columns, paint_known, view, density) for view in views]
     figure, axes = arranged_panels(images, ["", ""], 2, WIDTH, TEXT)
-    if known.any():
+    if has_value.any():
         _add_bar(figure, axes, RISING, 0.0, highest or 1.0, label)
     else:
         figure.supxlabel(label, size=TEXT)
@@ -338,8 +333,7 @@ def _add_bar(figure: Figure, axes: list[Axes], name: str, low: float, high: floa
 
     scale = ScalarMappable(Normalize(low, high), name)
     figure.set_figheight(figure.get_figheight() + BAR)
-    bar = figure.colorbar(
-        scale, ax=axes, location="bottom", shrink=0.6, aspect=40, extend="both" if low else "max"
-    )
+    beyond = "both" if low else "max"
+    bar = figure.colorbar(scale, ax=axes, location="bottom", shrink=0.6, aspect=40, extend=beyond)
     bar.set_label(label, size=TEXT)
     bar.ax.tick_params(labelsize=TEXT)

@@ -120,22 +120,22 @@ def complete(model: ShapeModel, observations: Observations, *, pose: Pose = "fit
     observations.check_fits(len(model.mean))
     n_values = 3.0 * (model.n_modes + 7) * (len(observations) + len(model.mean))
     require_memory(8 * 3 * n_values, "shape completion", "use a model of fewer vertices, or fewer points")
-    found = _Fit.of(model, observations, is_free=pose == "fitted")
+    fit = _Fit.of(model, observations, is_free=pose == "fitted")
     notes: tuple[str, ...] = ()
     if observations.surface:
-        found, observations, notes = _settled(model, observations.surface, found, is_free=pose == "fitted")
-    motion, shape = found.motion, found.shape(model)
+        fit, observations, notes = _settled(model, observations.surface, fit, is_free=pose == "fitted")
+    motion, shape = fit.motion, fit.shape(model)
     columns = model.modes * model.deviations[:, None, None]  # (k, n, 3)
     if pose == "fitted":
-        columns = np.concatenate([columns, _motions(shape, found.centre, found.size, model.size is not None)])
+        columns = np.concatenate([columns, _motions(shape, fit.centre, fit.size, model.size is not None)])
     apart = observations.positions - motion.done(observations.points.interpolated(shape))
-    precision = 1 / np.maximum(observations.noise, LEAST_NOISE * found.size * motion.scale) ** 2
+    precision = 1 / np.maximum(observations.noise, LEAST_NOISE * fit.size * motion.scale) ** 2
     return Completion(
         model.mesh().moved(motion.done(shape)),
-        motion.scale * _deviations(columns, found.root),
+        motion.scale * _deviations(columns, fit.root),
         motion.scale * model_noise(model),
-        found.scores * model.deviations,
-        np.linalg.norm(found.root[: model.n_modes], axis=1) * model.deviations,
+        fit.scores * model.deviations,
+        np.linalg.norm(fit.root[: model.n_modes], axis=1) * model.deviations,
         float(np.sqrt(precision @ (apart**2).sum(axis=1) / precision.sum())) if len(apart) else float("nan"),
         motion.scale,
         motion.rotation,
@@ -164,11 +164,8 @@ class _Fit:
         """Fit the scores, and also the motion if it is free."""
         size = float(np.sqrt(model.weights @ ((model.mean - model.weights @ model.mean) ** 2).sum(axis=1)))
         mean = observations.points.interpolated(model.mean)
-        modes = [
-            deviation * observations.points.interpolated(mode)
-            for deviation, mode in zip(model.deviations, model.modes)
-        ]
-        spread = np.array(modes).reshape(model.n_modes, len(mean), 3)
+        modes = [observations.points.interpolated(mode) for mode in model.modes]
+        spread = np.array(modes).reshape(model.n_modes, len(mean), 3) * model.deviations[:, None, None]
         motion = _Motion.onto(mean, observations, model.size is not None) if is_free else _Motion()
         # x = m + Φ b + e of the model, with b ~ N(0, I) in standard deviations and e ~ N(0, Σ). The likeliest b, and
         # motion of the model, minimise |Σ^(−½) (x − m − Φ b − T t)|² + |b|², where T are small turns about the centre,
@@ -183,8 +180,8 @@ class _Fit:
             noise = np.maximum(observations.noise / motion.scale, LEAST_NOISE * size)[:, None] / np.sqrt(3)
             offsets = motion.undone(observations.positions) - mean
             seen = observations.weighed(np.concatenate([columns, offsets[None]]), motion.rotation) / noise
-            found, root = _solved(seen[:-1], seen[-1], model.n_modes)
-            scores, step = found[: model.n_modes], found[model.n_modes :]
+            solution, root = _solved(seen[:-1], seen[-1], model.n_modes)
+            scores, step = solution[: model.n_modes], solution[model.n_modes :]
             before, shape = shape, mean + np.tensordot(scores, spread, 1)
             if is_free:
                 motion = motion.after(step, centre, size)
@@ -237,26 +234,25 @@ class _Motion:
         grown = float(np.exp(step[6])) if len(step) > 6 else 1.0
         rotation = self.rotation @ Rotation.from_rotvec(step[:3]).as_matrix()
         scale = self.scale * grown
-        return _Motion(
-            scale, rotation, self.done((centre + size * step[3:6])[None])[0] - scale * rotation @ centre
-        )
+        shifted = self.done((centre + size * step[3:6])[None])[0]
+        return _Motion(scale, rotation, shifted - scale * rotation @ centre)
 
 
 def _settled(
-    model: ShapeModel, surface: SeenSurface, found: _Fit, is_free: bool
+    model: ShapeModel, surface: SeenSurface, fit: _Fit, is_free: bool
 ) -> tuple[_Fit, Observations, tuple[str, ...]]:
     """Let nearest points on the shape take the place of the images of a map, until it does not move; and notes."""
-    before = found.motion.done(found.shape(model))
+    before = fit.motion.done(fit.shape(model))
     for _ in range(MOST_ROUNDS):
         observations = surface.nearest(model.mesh().moved(before))
-        found = _Fit.of(model, observations, is_free)
-        after = found.motion.done(found.shape(model))
+        fit = _Fit.of(model, observations, is_free)
+        after = fit.motion.done(fit.shape(model))
         moved = float(np.sqrt(model.weights @ ((after - before) ** 2).sum(axis=1)))
         before = after
-        if moved <= SETTLED * found.size * found.motion.scale:
-            return found, observations, ()
+        if moved <= SETTLED * fit.size * fit.motion.scale:
+            return fit, observations, ()
     note = f"nearest points still move after {MOST_ROUNDS} rounds, in the last one by {moved:.3g}: the shape is in doubt"
-    return found, observations, (note,)
+    return fit, observations, (note,)
 
 
 def _motions(points: FloatArray, centre: FloatArray, size: float, scaled: bool) -> FloatArray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from itertools import compress, permutations
 from typing import Literal, NamedTuple, TypeAlias
 
@@ -24,9 +24,7 @@ FAR = 10.0  # sizes from the middle of all centroids
 UNLIKE = 2.0  # times the usual distance from the others
 FEWEST = 4  # shapes that tell what is usual
 
-
 Kind: TypeAlias = Literal["units", "mirrored", "twice", "far", "unlike"]
-Found: TypeAlias = tuple[Kind, int, str]
 
 
 class Doubt(NamedTuple):
@@ -76,9 +74,7 @@ def doubtful_positions(names: Sequence[str], vertices: FloatArray) -> list[Doubt
         points, kept = (tuple(compress(names, which)) for which in (~has_size, has_size))
         reason = "has no size: all its vertices are at one position"
         told = [Doubt("unlike", (name,), reason) for name in points]
-        if kept:
-            told += doubtful_positions(kept, vertices[has_size])
-        return told
+        return told + (doubtful_positions(kept, vertices[has_size]) if kept else [])
     if len(names) < 2:
         return []
     distances = procrustes_distances(vertices / sizes[:, None, None], scale="remove")
@@ -86,13 +82,19 @@ def doubtful_positions(names: Sequence[str], vertices: FloatArray) -> list[Doubt
     factors = size_factors(sizes)
     mirrored = _mirrored(distances, reflected)
     opposite = mirrored[:, None] != mirrored
-    found: list[Found] = [
-        *(("units", i, told_factor(factors[i])) for i in _rows(factors != 1)),
-        *(("mirrored", i, "fits the others better as its mirror image") for i in _rows(mirrored)),
-        *_far(vertices.mean(axis=1), sizes, factors),
-        *_unlike(np.where(opposite, reflected, distances)),
-    ]  # fmt: skip
-    return [Doubt(kind, (names[i],), reason) for kind, i, reason in found] + _twice(names, distances)
+    reasons: dict[Kind, dict[int, str]] = {
+        "units": {i: told_factor(factors[i]) for i in np.flatnonzero(factors != 1).tolist()},
+        "mirrored": dict.fromkeys(
+            np.flatnonzero(mirrored).tolist(), "fits the others better as its mirror image"
+        ),
+        "far": _far(vertices.mean(axis=1), sizes, factors),
+        "unlike": _unlike(np.where(opposite, reflected, distances)),
+    }
+    doubts = [Doubt(kind, (names[i],), told[i]) for kind, told in reasons.items() for i in told]
+    n_groups, group = connected_components(distances <= SAME, directed=False)
+    alike = [tuple(compress(names, group == each)) for each in range(n_groups)]
+    reason = "are the same shape, but for a motion and their size"
+    return doubts + [Doubt("twice", each, reason) for each in alike if len(each) > 1]
 
 
 def _mirrored(distances: FloatArray, reflected: FloatArray) -> BoolArray:
@@ -114,42 +116,24 @@ def _mirrored(distances: FloatArray, reflected: FloatArray) -> BoolArray:
     return np.asarray((side < 0) & is_clear & (np.median(others) > SAMPLE_AGREES))
 
 
-def _rows(which: BoolArray) -> list[int]:
-    rows: list[int] = np.flatnonzero(which).tolist()
-    return rows
-
-
-def _far(centroids: FloatArray, sizes: FloatArray, factors: FloatArray) -> Iterable[Found]:
+def _far(centroids: FloatArray, sizes: FloatArray, factors: FloatArray) -> dict[int, str]:
     away = np.linalg.norm(centroids - np.median(centroids, axis=0), axis=1)
     limit = max(FAR * float(np.median(sizes)), DEVIATIONS * TO_STANDARD * float(np.median(away)))
     is_far = (away > limit) & (factors == 1) & (len(sizes) >= FEWEST)
-    for i in _rows(is_far):
-        yield "far", i, f"lies {away[i]:.4g} away from the others, which alignment removes"
+    rows = np.flatnonzero(is_far).tolist()
+    return {i: f"lies {away[i]:.4g} away from the others, which alignment removes" for i in rows}
 
 
-def _unlike(distances: FloatArray) -> Iterable[Found]:
+def _unlike(distances: FloatArray) -> dict[int, str]:
     m = len(distances)
     if m < FEWEST:
-        return
+        return {}
     typical = np.median(distances[~np.eye(m, dtype=bool)].reshape(m, m - 1), axis=1)
     usual = float(np.median(typical))
     spread = TO_STANDARD * float(np.median(np.abs(typical - usual)))
-    for i in _rows(typical > max(UNLIKE * usual, usual + DEVIATIONS * spread, SAME)):
-        yield (
-            "unlike",
-            i,
-            f"is {typical[i]:.3g} of its size away from the others, which are {usual:.3g} apart",
-        )
-
-
-def _twice(names: Sequence[str], distances: FloatArray) -> list[Doubt]:
-    n, group = connected_components(distances <= SAME, directed=False)
-    alike = [tuple(names[i] for i in _rows(group == each)) for each in range(n)]
-    return [
-        Doubt("twice", each, "are the same shape, but for a motion and their size")
-        for each in alike
-        if len(each) > 1
-    ]
+    rows = np.flatnonzero(typical > max(UNLIKE * usual, usual + DEVIATIONS * spread, SAME)).tolist()
+    ending = f"of its size away from the others, which are {usual:.3g} apart"
+    return {i: f"is {typical[i]:.3g} {ending}" for i in rows}
 
 
 METRES = {"um": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254}

@@ -112,8 +112,8 @@ def group_test(
     with np.errstate(divide="ignore"):
         t_squared = (m - 2) * q / np.where(q > 1 - 1e-12, 0.0, 1 - q)
     difference: FloatArray = np.tensordot(contrast, aligned, 1)
-    known = np.ones(white.shape[:2], dtype=bool) if measured is None else measured
-    tested = np.minimum(known[second].sum(axis=0), known[~second].sum(axis=0)) > 1
+    held = np.ones(white.shape[:2], dtype=bool) if measured is None else measured
+    tested = np.minimum(held[second].sum(axis=0), held[~second].sum(axis=0)) > 1
     p_values, q_values = np.ones((2, len(p)))
     p_values[tested] = p[tested]
     q_values[tested] = false_discovery_control(p[tested])
@@ -159,9 +159,9 @@ def _permuted(
 
 
 def _parametric(q: FloatArray, rank: IntArray, m: int) -> FloatArray:
-    if m - 1 - rank.max() < 1:
-        raise InputError(f"{m} shapes are too few for the parametric test; use method='permutation'")
     free = m - 1 - rank
+    if free.min() < 1:
+        raise InputError(f"{m} shapes are too few for the parametric test; use method='permutation'")
     with np.errstate(divide="ignore"):
         ratio = q / (1 - q) * free / np.maximum(rank, 1)
     return np.where(rank > 0, f.sf(ratio, np.maximum(rank, 1), free), 1.0)

@@ -162,9 +162,8 @@ def observed_landmarks(
 
     Their expected errors add to the noise, which is that of `observed_vertices`.
     """
-    names = [
-        [name for name, placed in zip(marks.names, marks.placed) if placed and name] for marks in (own, found)
-    ]
+    # of the mean, and of the shape
+    names = [[name for name, is_there in zip(x.names, x.placed) if is_there and name] for x in (own, found)]
     shared = [name for name in names[0] if name in set(names[1])]
     if not shared:
         raise LandmarkError(
@@ -174,10 +173,10 @@ def observed_landmarks(
     twice = [name for name in shared if names[0].count(name) + names[1].count(name) > 2]
     if twice:
         raise LandmarkError(f"several landmarks are named {', '.join(twice)}; give each a name of its own")
-    rows = [
-        [next(i for i in np.flatnonzero(marks.placed) if marks.names[i] == name) for name in shared]
-        for marks in (own, found)
-    ]
+    rows = []
+    for marks in (own, found):
+        row_of = {marks.names[i]: i for i in np.flatnonzero(marks.placed)}
+        rows.append([row_of[name] for name in shared])
     points = nearest_on_surface(model.mesh(), own.positions[rows[0]])
     positions = found.positions[rows[1]]
     errors = np.nan_to_num(found.expected_error[rows[1]])
@@ -208,8 +207,8 @@ def observed_part(
     with np.errstate(divide="ignore"):
         alone = _noise(noise, model, points, positions) / _counted(part.vertex_areas / area)
     errors = np.broadcast_to(np.asarray(expected_error, dtype=np.float64), part.n_vertices)[rows]
-    known = np.isfinite(errors)
-    errors = np.where(known, errors, np.median(errors[known]) if known.any() else 0.0)
+    finite = errors[np.isfinite(errors)]
+    errors = np.where(np.isfinite(errors), errors, np.median(finite) if len(finite) else 0.0)
     mapped = np.sqrt(area) * errors / _counted(part.vertex_areas[rows] / area)
     notes = (f"{len(rows)} of {part.n_vertices} vertices were matched to the mean",)
     surface = SeenSurface(part, alone)
@@ -267,13 +266,13 @@ def _counted(shares: FloatArray) -> FloatArray:
     return np.minimum(np.sqrt(shares) / PATCH, 1.0)
 
 
-def _noise(given: float | None, model: ShapeModel, points: PrecisePoints, positions: FloatArray) -> float:
+def _noise(noise: float | None, model: ShapeModel, points: PrecisePoints, positions: FloatArray) -> float:
     """Noise of one point, in the units of the positions."""
-    if given is None:
+    if noise is None:
         return model_noise(model) * _scale(model, points, positions)
-    if not 0 <= given < np.inf:
-        raise SettingError(f"noise = {given!r} is not a distance; give 0 or more, in the units of the shape")
-    return given
+    if not 0 <= noise < np.inf:
+        raise SettingError(f"noise = {noise!r} is not a distance; give 0 or more, in the units of the shape")
+    return noise
 
 
 def _scale(model: ShapeModel, points: PrecisePoints, positions: FloatArray) -> float:

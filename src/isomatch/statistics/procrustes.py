@@ -47,8 +47,7 @@ class ProcrustesAlignment:
     @property
     def mean(self) -> FloatArray:
         """(n, 3) mean of the aligned shapes."""
-        mean: FloatArray = self.aligned.mean(axis=0)
-        return mean
+        return np.asarray(self.aligned.mean(axis=0))
 
 
 def generalised_procrustes(
@@ -99,9 +98,8 @@ def generalised_procrustes(
     centred = centred * scales[:, None, None]
     products = _products(centred, share)
     rotations, n_iterations = _converged(products, most_iterations)
-    rotations = (
-        _nearest_rotations(rotations.sum(axis=0)) @ rotations
-    )  # the common turn that is nearest to none
+    # the common turn that is nearest to none
+    rotations = _nearest_rotations(rotations.sum(axis=0)) @ rotations
     translations = centroids.mean(axis=0) - scales[:, None] * np.einsum("sij,sj->si", rotations, centroids)
     aligned = centred @ rotations.transpose(0, 2, 1) + centroids.mean(axis=0)
     return ProcrustesAlignment(aligned, rotations, translations, scales, size, n_iterations)
@@ -151,8 +149,7 @@ def aligned_to(
     if size is not None:
         centred = centred * (size / _positive_sizes(centred, share))
     rotation = _nearest_rotations(centred[0].T @ (share[:, None] * (target - centre)))
-    moved: FloatArray = centred[0] @ rotation.T + centre
-    return moved
+    return np.asarray(centred[0] @ rotation.T + centre)
 
 
 def shares_of(vertices: FloatArray, weights: FloatArray | None) -> FloatArray:
@@ -164,8 +161,7 @@ def shares_of(vertices: FloatArray, weights: FloatArray | None) -> FloatArray:
         raise SettingError(
             f"weights have shape {weights.shape}; give {n} finite ones of at least 0, not all 0"
         )
-    share: FloatArray = weights / weights.sum()
-    return share
+    return np.asarray(weights / weights.sum())
 
 
 def _common_size(centred: FloatArray, share: FloatArray, scale: Scale) -> tuple[float | None, FloatArray]:
@@ -181,12 +177,12 @@ def _common_size(centred: FloatArray, share: FloatArray, scale: Scale) -> tuple[
 
 def _positive_sizes(centred: FloatArray, share: FloatArray) -> FloatArray:
     """Root mean square distance from the centroid of each shape, (m,)."""
-    sizes = np.sqrt(np.einsum("i,sij,sij->s", share, centred, centred))
+    sizes = np.asarray(np.sqrt(np.einsum("i,sij,sij->s", share, centred, centred)))
     if not (sizes > 0).all():
         raise MeshError(
-            f"shape {int(sizes.argmin())} is a single point, whose size cannot be removed; leave it out"
+            f"shape {sizes.argmin()} is a single point, whose size cannot be removed; leave it out"
         )
-    return np.asarray(sizes)
+    return sizes
 
 
 def scalar_products(parts: FloatArray, share: FloatArray) -> FloatArray:
@@ -220,8 +216,7 @@ def _pair_distances(products: FloatArray, mirrored: bool = False) -> FloatArray:
     distances = np.sqrt(np.maximum(squares[:, None] + squares - 2 * values.sum(axis=-1), 0.0))
     if not mirrored:
         np.fill_diagonal(distances, 0.0)
-    symmetric: FloatArray = (distances + distances.T) / 2
-    return symmetric
+    return np.asarray((distances + distances.T) / 2)
 
 
 def _converged(products: FloatArray, most: int) -> tuple[FloatArray, int]:

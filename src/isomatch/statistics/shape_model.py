@@ -196,8 +196,7 @@ class ShapeModel:
             raise SettingError(
                 f"scores have shape {leading.shape}; give at most {self.n_modes}, one for each mode"
             )
-        shape: FloatArray = self.mean + np.tensordot(leading, self.modes[: len(leading)], 1)
-        return shape
+        return np.asarray(self.mean + np.tensordot(leading, self.modes[: len(leading)], 1))
 
     def mesh(self, scores: ArrayLike = ()) -> Mesh:
         """Return the shape with given scores as a mesh; by default the mean."""
@@ -237,13 +236,13 @@ class ShapeModel:
             raise MeshError(
                 "some vertices have no position; only a shape that is matched completely can be scored"
             )
-        known = np.ones(len(self.mean), dtype=bool) if measured is None else np.asarray(measured, dtype=bool)
-        if known.shape != self.weights.shape or not self.weights[known].any():
+        seen = np.ones(len(self.mean), dtype=bool) if measured is None else np.asarray(measured, dtype=bool)
+        if seen.shape != self.weights.shape or not self.weights[seen].any():
             raise MeshError(
-                f"measured has shape {known.shape} and {int(known.sum())} true values; give one for each of the "
+                f"measured has shape {seen.shape} and {int(seen.sum())} true values; give one for each of the "
                 f"{len(self.mean)} vertices, some of them true"
             )
-        weights = np.where(known, self.weights, 0.0)
+        weights = np.where(seen, self.weights, 0.0)
         size = None if self.size is None else self.size * self._spread(weights) / self._spread(self.weights)
         aligned = aligned_to(self.mean, mesh.vertices, weights, size)
         scores = np.einsum("kij,i,ij->k", self.modes, weights, aligned - self.mean)
@@ -326,9 +325,7 @@ def generalisation(model: ShapeModel, *, seed: int = 0, most: int = MOST_LEFT_OU
     m = len(model.names)
     if m < 2:
         return ModelCurve(np.zeros(0), np.zeros(0))
-    chosen = np.arange(m)
-    if m > most:
-        chosen = np.sort(generator(seed).choice(m, most, replace=False))
+    chosen = np.sort(generator(seed).choice(m, most, replace=False)) if m > most else np.arange(m)
     rows = np.zeros((len(chosen), m - 1))
     number = {name: i for i, name in enumerate(model.names)}
     both = [sorted({i, number.get(_other_side(name), i)}) for name, i in number.items()]

@@ -86,14 +86,9 @@ class CorrespondedShapes:
             raise MeshError(
                 f"measured has shape {measured.shape}, expected {vertices.shape[:2]}: a row for each shape"
             )
-        for name, value in (
-            ("names", tuple(self.names)),
-            ("vertices", vertices),
-            ("faces", mesh.sound_faces),
-            ("left_out", tuple(self.left_out)),
-            ("measured", None if measured is None or measured.all() else measured),
-        ):
-            object.__setattr__(self, name, value)
+        measured = None if measured is None or measured.all() else measured
+        vars(self).update(names=tuple(self.names), vertices=vertices, faces=mesh.sound_faces)
+        vars(self).update(left_out=tuple(self.left_out), measured=measured)
 
     def __repr__(self) -> str:
         return f"CorrespondedShapes({len(self)} shapes of {self.n_vertices} vertices)"
@@ -115,15 +110,13 @@ class CorrespondedShapes:
         ordered = dict(sorted(meshes.items()))
         if not ordered:
             raise MeshError("no shapes; give at least one")
-        topologies = {
-            name: (mesh.n_vertices, _digest(np.sort(mesh.faces, axis=1))) for name, mesh in ordered.items()
-        }
-        common = _most_common(topologies.values())
+        forms = {n: (mesh.n_vertices, _digest(np.sort(mesh.faces, axis=1))) for n, mesh in ordered.items()}
+        common = _most_common(forms.values())
         masks = dict(measured or {})
         kept, left_out = {}, []
         for name, mesh in ordered.items():
             unplaced = np.flatnonzero(~np.isfinite(mesh.vertices).all(axis=1))
-            if topologies[name] != common:
+            if forms[name] != common:
                 left_out.append(f"{name}: other faces than most shapes ({mesh!r})")
             elif len(unplaced):
                 left_out.append(f"{name}: vertices without a position, {some(unplaced)}")
@@ -137,8 +130,8 @@ class CorrespondedShapes:
         faces = {_digest(mesh.faces): mesh.faces for mesh in kept.values()}
         usual = _most_common(_digest(mesh.faces) for mesh in kept.values())
         everything = np.ones(positions.shape[1], dtype=bool)
-        known = np.array([masks.get(name, everything) for name in kept])
-        return cls(tuple(kept), positions, faces[usual], tuple(left_out), known)
+        own = np.array([masks.get(name, everything) for name in kept])
+        return cls(tuple(kept), positions, faces[usual], tuple(left_out), own)
 
     @property
     def n_vertices(self) -> int:
@@ -174,22 +167,17 @@ class CorrespondedShapes:
         A left–right map (n,), such as `left_right_map` finds, tells the vertex on the other side that corresponds to
         each.
         """
-        other = np.asarray(left_right)
-        if other.shape != (self.n_vertices,) or other.dtype.kind not in "iu":
-            raise MeshError(
-                f"left_right has shape {other.shape} and type {other.dtype}, expected ({self.n_vertices},)"
-            )
-        if other.min() < 0 or other.max() >= self.n_vertices:
-            raise MeshError(
-                f"left_right has entries outside 0…{self.n_vertices - 1}; give a vertex for each vertex"
-            )
-        uniform = np.full(self.n_vertices, 1 / self.n_vertices)
+        other, n = np.asarray(left_right), self.n_vertices
+        if other.shape != (n,) or other.dtype.kind not in "iu":
+            raise MeshError(f"left_right has shape {other.shape} and type {other.dtype}, expected ({n},)")
+        if other.min() < 0 or other.max() >= n:
+            raise MeshError(f"left_right has entries outside 0…{n - 1}; give a vertex for each vertex")
+        uniform = np.full(n, 1 / n)
         images = [aligned_to(shape, shape[other] * [-1.0, 1.0, 1.0], uniform) for shape in self.vertices]
         names = (*self.names, *(name + MIRRORED for name in self.names))
-        known = None if self.measured is None else np.concatenate([self.measured, self.measured[:, other]])
-        return CorrespondedShapes(
-            names, np.concatenate([self.vertices, images]), self.faces, self.left_out, known
-        )
+        vertices, own = np.concatenate([self.vertices, images]), self.measured
+        measured = None if own is None else np.concatenate([own, own[:, other]])
+        return replace(self, names=names, vertices=vertices, measured=measured)
 
 
 def _digest(faces: IntArray) -> bytes:
@@ -220,7 +208,7 @@ def read_shapes(source: str | Path | Iterable[str | Path]) -> CorrespondedShapes
     twice = [name for name, count in Counter(legible(file.stem) for file in files).items() if count > 1]
     if twice:
         raise FormatError(f"{source}: several files are named {', '.join(twice)}; keep one of each")
-    measured = {legible(file.stem): known for file in files if (known := read_measured(file)) is not None}
+    measured = {legible(file.stem): own for file in files if (own := read_measured(file)) is not None}
     return CorrespondedShapes.of_meshes({legible(file.stem): read_mesh(file) for file in files}, measured)
 
 
@@ -232,8 +220,8 @@ def read_measured(file: str | Path) -> BoolArray | None:
     with opened(file) as stream:
         if MEASURED.encode() not in stream.read(HEADER):
             return None
-    found = [each for each in read_asset(file).attributes if (each.name, each.domain) == (MEASURED, "point")]
-    return np.asarray(found[0].values != 0) if found and found[0].values.ndim == 1 else None
+    own = [each for each in read_asset(file).attributes if (each.name, each.domain) == (MEASURED, "point")]
+    return np.asarray(own[0].values != 0) if own and own[0].values.ndim == 1 else None
 
 
 def _files_of(folder: Path) -> list[Path]:
@@ -277,15 +265,15 @@ def filled(
     measured = shapes.measured
     if measured is None:
         return shapes
-    known = measured | ~measured.any(axis=0)
-    count = known.sum(axis=0)[:, None]
+    stays = measured | ~measured.any(axis=0)  # what no shape measured stays, too
+    count = stays.sum(axis=0)[:, None]
     vertices = shapes.vertices.copy()
     for _ in range(MOST_ROUNDS):
-        found = generalised_procrustes(vertices, weights, scale)
-        mean = np.einsum("sn,sni->ni", known, found.aligned) / count
-        back = (mean - found.translations[:, None]) @ found.rotations / found.scales[:, None, None]
-        apart = np.abs(np.where(known[:, :, None], 0.0, back - vertices)).max(axis=(1, 2)) * found.scales
-        vertices = np.where(known[:, :, None], vertices, back)
+        now = generalised_procrustes(vertices, weights, scale)
+        mean = np.einsum("sn,sni->ni", stays, now.aligned) / count
+        back = (mean - now.translations[:, None]) @ now.rotations / now.scales[:, None, None]
+        apart = np.abs(np.where(stays[:, :, None], 0.0, back - vertices)).max(axis=(1, 2)) * now.scales
+        vertices = np.where(stays[:, :, None], vertices, back)
         if apart.max() <= TOLERANCE * np.sqrt(((mean - mean.mean(axis=0)) ** 2).sum(axis=1).mean()):
             return replace(shapes, vertices=vertices)
     raise NotConvergedError(
@@ -296,11 +284,11 @@ def filled(
 
 def measured_variances(aligned: FloatArray, shapes: CorrespondedShapes) -> FloatArray:
     """(n,) variance of each vertex of aligned shapes (m, n, 3), among those that measured it; nan of fewer than two."""
-    known = shapes.measured
-    if known is None:
+    measured = shapes.measured
+    if measured is None:
         return np.asarray(((aligned - aligned.mean(axis=0)) ** 2).sum(axis=(0, 2)) / max(len(aligned) - 1, 1))
-    count = known.sum(axis=0)
+    count = measured.sum(axis=0)
     with np.errstate(invalid="ignore", divide="ignore"):
-        mean = np.einsum("sn,sni->ni", known, aligned) / count[:, None]
-        squares = np.where(known, ((aligned - mean) ** 2).sum(axis=2), 0.0).sum(axis=0)
+        mean = np.einsum("sn,sni->ni", measured, aligned) / count[:, None]
+        squares = np.where(measured, ((aligned - mean) ** 2).sum(axis=2), 0.0).sum(axis=0)
         return np.asarray(np.where(count > 1, squares / (count - 1), np.nan))

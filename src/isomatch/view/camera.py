@@ -122,8 +122,7 @@ def seen_from(camera: FloatArray, mesh: Mesh) -> FloatArray:
     """Vertices in camera coordinates (right, up, towards the viewer), (n, 3): unit area, the middle of the drawn at 0."""
     points = mesh.vertices @ camera.T / np.sqrt(mesh.area)
     drawn = points[used_vertices(mesh)]
-    middled: FloatArray = points - (drawn.min(axis=0) + drawn.max(axis=0)) / 2
-    return middled
+    return np.asarray(points - (drawn.min(axis=0) + drawn.max(axis=0)) / 2)
 
 
 def turn_to_target(source: Mesh, target: Mesh, correspondence: Correspondence) -> FloatArray:

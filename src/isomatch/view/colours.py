@@ -54,7 +54,9 @@ def position_colours(mesh: Mesh) -> FloatArray:
     chroma = np.column_stack([0.12 * across - 0.02 * along, 0.15 * along - 0.01])
     vividness = np.linalg.norm(chroma, axis=1, keepdims=True)
     chroma *= (MOST_VIVID / np.maximum(vividness, 1e-3)) ** LESS_GREY
-    return linear_rgb(np.column_stack([lightness, chroma]))
+    oklab = np.column_stack([lightness, chroma])
+    # to linear light, clipped to the gamut of sRGB
+    return np.asarray(np.clip((oklab @ _OKLAB_TO_LMS.T) ** 3 @ _LMS_TO_RGB.T, 0.0, 1.0))
 
 
 def principal_coordinates(mesh: Mesh) -> FloatArray:
@@ -75,20 +77,12 @@ def _evenly(values: FloatArray, areas: FloatArray) -> FloatArray:
     used = values[areas > 0]  # a vertex that no face uses may be far away
     extent = max(float(np.ptp(used)), 1e-300)
     scaled = np.clip(2.0 * (values - used.min()) / extent - 1.0, -1.0, 1.0)
-    even: FloatArray = 0.5 * scaled + 0.5 * (2.0 * share - 1.0)
-    return even
-
-
-def linear_rgb(oklab: FloatArray) -> FloatArray:
-    """Convert (n, 3) Oklab colours to linear light, clipped to the gamut of sRGB."""
-    rgb: FloatArray = np.clip((oklab @ _OKLAB_TO_LMS.T) ** 3 @ _LMS_TO_RGB.T, 0.0, 1.0)
-    return rgb
+    return np.asarray(0.5 * scaled + 0.5 * (2.0 * share - 1.0))
 
 
 def from_screen(rgb: FloatArray) -> FloatArray:
     """Decode sRGB values to linear light."""
-    linear: FloatArray = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
-    return linear
+    return np.asarray(np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4))
 
 
 def to_screen(linear: FloatArray) -> FloatArray:

@@ -26,7 +26,7 @@ from isomatch.view.measures import MEASURES, quality_measures
 from isomatch.view.page import maps_of, page_of, pairs_on, parts_of, template, text_of
 from isomatch.view.picture import SHARPNESS
 from isomatch.view.plots import draw_map, drawable, paintable, plot_surface
-from isomatch.view.scene import known_layers, scene_of
+from isomatch.view.scene import layers_of, scene_of
 from isomatch.view.summary import HEADLINES, outcome_colour, summary_of
 
 PAIR_WIDTH, ALONE_WIDTH = 880, 380  # pixels of the page
@@ -83,7 +83,7 @@ def _(result: MatchResult) -> str:
         **{f"region of doubt {number}": str(region) for number, region in enumerate(result.regions, 1)},
         "notes": "; ".join(result.notes),
     }
-    found = {
+    origin = {
         "first map from": result.origin,
         "chosen by": result.reason,
         "geodesic engine": result.engine,
@@ -102,14 +102,11 @@ def _(result: MatchResult) -> str:
         _folded(
             f"{len(measures)} measures of quality, {told}",
             _table(
-                [
-                    (m.name, m.value(x), m.bound + " (violated)" * violated, m.unit)
-                    for m, x, violated in measures
-                ],
+                [(m.name, m.value(x), m.bound + " (violated)" * is_bad, m.unit) for m, x, is_bad in measures],
                 ("measure", "value", "bound", "to compare with"),
             ),
         ),
-        _folded("How it was found", _told(found)),
+        _folded("How it was found", _told(origin)),
     )
 
 
@@ -147,33 +144,26 @@ def _(shape: PreparedShape) -> str:
 
 @html_of.register
 def _(basis: DistanceBasis) -> str:
-    n, k = basis.vectors.shape
-    rows: dict[str, object] = {
-        "points": f"{n:,}",
-        "rank": k,
-        "method": f"{basis.method}, from {len(basis.samples)} columns by {basis.engine}",
-        "size": _size(basis.vectors.nbytes, n),
-        "error": "not known: no columns were held out",
-        "notes": "; ".join(basis.notes),
-    }
+    error = "not known: no columns were held out"
     if basis.held_out:
-        rows["error"] = (
-            f"{basis.error_estimate():.2%} of the distances, on {len(basis.held_out.vertices)} columns held out"
-        )
-    return _card("DistanceBasis", _told(rows))
+        n_columns = len(basis.held_out.vertices)
+        error = f"{basis.error_estimate():.2%} of the distances, on {n_columns} columns held out"
+    method = f"{basis.method}, from {len(basis.samples)} columns by {basis.engine}"
+    return _basis(basis, {"rank": basis.rank, "method": method}, error=error)
 
 
 @html_of.register
 def _(basis: LaplaceBasis) -> str:
-    n, k = basis.vectors.shape
-    rows: dict[str, object] = {
-        "points": f"{n:,}",
-        "functions": k,
-        "eigenvalues": f"up to {basis.values[-1]:.3g} / squared mesh units",
-        "size": _size(basis.vectors.nbytes, n),
-        "notes": "; ".join(basis.notes),
-    }
-    return _card("LaplaceBasis", _told(rows))
+    values = f"up to {basis.values[-1]:.3g} / squared mesh units"
+    return _basis(basis, {"functions": basis.vectors.shape[1], "eigenvalues": values})
+
+
+def _basis(basis: DistanceBasis | LaplaceBasis, rows: Mapping[str, object], **more: str) -> str:
+    n, size = len(basis.vectors), basis.vectors.nbytes
+    told = f"{size / 2**20:,.1f} MiB, where the matrix of all would take {8 * n * n / 2**20:,.0f}"
+    notes = "; ".join(basis.notes)
+    rows = {"points": f"{n:,}", **rows, "size": told, **more, "notes": notes}
+    return _card(type(basis).__name__, _told(rows))
 
 
 @html_of.register
@@ -182,11 +172,9 @@ def _(config: Config) -> str:
     changed = [(name, value, attrgetter(name)(default)) for name, value in config.changed().items()]
     stages = {name: settings.pop(name) for name in list(settings) if isinstance(settings[name], Mapping)}
     every = {**settings, **{f"{stage}.{name}": x for stage, own in stages.items() for name, x in own.items()}}
-    told = (
-        _table(changed, ("changed", "value", "default"))
-        if changed
-        else "<p>All settings have their defaults.</p>"
-    )
+    told = "<p>All settings have their defaults.</p>"
+    if changed:
+        told = _table(changed, ("changed", "value", "default"))
     return _card("Config", told, _folded("All settings", _table(every.items())))
 
 
@@ -214,16 +202,13 @@ def _pair_picture(correspondence: Correspondence) -> str:
         return ""
     drawn = draw_map(source, target, correspondence, titles=("", ""), width=SHARPNESS * PAIR_WIDTH)
     below = "".join(f'<span style="width:50%">{side}</span>' for side in ("source", "target"))
-    return (
-        f'{drawn.html(transparent=True)}<div style="display:flex;text-align:center;opacity:.75">{below}</div>'
-    )
+    image = drawn.html(transparent=True)
+    return f'{image}<div style="display:flex;text-align:center;opacity:.75">{below}</div>'
 
 
 def _alone_picture(surface: Surface) -> str:
     mesh = _sound(surface)
-    if mesh is None:
-        return ""
-    return plot_surface(mesh, width=SHARPNESS * ALONE_WIDTH).html(transparent=True)
+    return plot_surface(mesh, width=SHARPNESS * ALONE_WIDTH).html(transparent=True) if mesh else ""
 
 
 def _sound(surface: Surface) -> Mesh | None:
@@ -267,10 +252,6 @@ def _folded(title: str, content: str) -> str:
 
 def _listed(settings: Mapping[str, Any]) -> str:
     return ", ".join(f"{name} = {value!r}" for name, value in settings.items())
-
-
-def _size(n_bytes: int, n: int) -> str:
-    return f"{n_bytes / 2**20:,.1f} MiB, where the matrix of all would take {8 * n * n / 2**20:,.0f}"
 
 
 SANDBOX = "allow-scripts allow-downloads"  # the page reaches neither the notebook nor anything else
@@ -331,7 +312,7 @@ def show_result(
     """Make the view of a result for a notebook, see `MatchResult.show`."""
     source, target = drawable(source), drawable(target)
     pairs = pairs_on(landmarks, source, target)
-    scene = scene_of(source, target, maps_of(result), layers=known_layers(result), landmarks=pairs)
+    scene = scene_of(source, target, maps_of(result), layers=layers_of(result), landmarks=pairs)
     told, command = (FETCHED, MATCH_AGAIN) if clicks_return() else (STATIC, MATCH_SAVED)
     panel = template("inline_landmarks.html").substitute(told=told, command=escape(command))
     page = page_of(

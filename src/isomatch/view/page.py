@@ -17,7 +17,6 @@ from numpy.typing import ArrayLike
 from isomatch.correspondence import Correspondence
 from isomatch.errors import LandmarkError
 from isomatch.matching import MatchResult
-from isomatch.settings import MatchSettings
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import IntArray, array_of
 from isomatch.view.measures import quality_measures
@@ -46,7 +45,7 @@ def page_of(
 ) -> str:
     """Fill the template with the contents of every page, and with parts as HTML; those that are not given are empty."""
     # the list of landmarks, which begins with the pairs, is kept for these shapes and landmarks
-    given = {"shapes": [mesh.content_hash for mesh in shapes], "landmarks": pairs.tolist()}
+    kept = {"shapes": [mesh.content_hash for mesh in shapes], "landmarks": pairs.tolist()}
     inlined = {name: text_of(file) for name, file in _INLINED.items()}
     return template("report.html").substitute(
         **(dict.fromkeys(_PARTS, "") | parts),
@@ -55,7 +54,7 @@ def page_of(
         pair=escape(" → ".join(f"{n} ({m.n_vertices:,} vertices)" for n, m in zip(names, shapes))),
         source_name=escape(title_of("source", names[0])),
         target_name=escape(title_of("target", names[1])),
-        given=_json(given),
+        given=_json(kept),
         scene=_json(scene),
         **_lights(),
         **{**inlined, "style": inlined["style"] + style},
@@ -111,17 +110,14 @@ def pairs_on(landmarks: ArrayLike | None, source: Mesh, target: Mesh) -> IntArra
 
 def _lights() -> dict[str, str]:
     """Give the shader the same lights as the still pictures."""
-    directions = {"key": KEY_LIGHT, "fill": FILL_LIGHT}
-    numbers = {
+    lights: dict[str, ArrayLike] = {
+        "key": KEY_LIGHT,
+        "fill": FILL_LIGHT,
         "ambient": AMBIENT,
         "key_strength": KEY,
-        "fill_strength": FILL,
-        "gloss": GLOSS,
-        "sharpness": SHARPNESS,
     }
-    return {name: ", ".join(map(str, direction)) for name, direction in directions.items()} | {
-        name: str(number) for name, number in numbers.items()
-    }
+    lights |= {"fill_strength": FILL, "gloss": GLOSS, "sharpness": SHARPNESS}
+    return {name: ", ".join(map(str, np.atleast_1d(light))) for name, light in lights.items()}
 
 
 def _remarks_on(scene: Mapping[str, Any], result: MatchResult) -> list[str]:
@@ -163,6 +159,17 @@ _OF_MEASURES = ("measure", "value", "bound", "meaning")
 LIBRARIES = ("numpy", "scipy", "numba", "robust_laplacian", "matplotlib")
 
 
+def details_of(source: Mesh, target: Mesh, result: MatchResult) -> str:
+    """Make the sections below the view: what speaks against the map, other maps, all measures, and notes."""
+    return template("details.html").substitute(
+        against=table_against(result),
+        regions=table_of_regions(result),
+        alternatives=pictures_of_alternatives(source, target, result),
+        quality=table_of_quality(result),
+        notes=notes_of(result),
+    )
+
+
 def quality_rows(result: MatchResult, *, only_against: bool = False) -> str:
     """Make a row for each measure, with its bound; or only for those that speak against the map."""
     rows = []
@@ -199,19 +206,14 @@ def table_of_regions(result: MatchResult) -> str:
 def table_against(result: MatchResult) -> str:
     """Make a table of the measures that speak against the map; nothing if there are none."""
     rows = quality_rows(result, only_against=True)
-    return (
-        f"<section><h2>What speaks against it</h2>{_headed_table(rows, *_OF_MEASURES)}</section>"
-        if rows
-        else ""
-    )
+    measures = _headed_table(rows, *_OF_MEASURES)
+    return f"<section><h2>What speaks against it</h2>{measures}</section>" if rows else ""
 
 
 def table_of_quality(result: MatchResult) -> str:
     """Make a table of all measures."""
-    return (
-        "<p>Computed without ground truth. A violated bound is evidence against the map.</p>"
-        + _headed_table(quality_rows(result), *_OF_MEASURES)
-    )
+    told = "<p>Computed without ground truth. A violated bound is evidence against the map.</p>"
+    return told + _headed_table(quality_rows(result), *_OF_MEASURES)
 
 
 def _headed_table(rows: str, *columns: str) -> str:
@@ -224,11 +226,12 @@ def pictures_of_alternatives(source: Mesh, target: Mesh, result: MatchResult) ->
     others = result.alternatives[:MOST_ALTERNATIVES]
     if not others:
         return ""
+    stills = [draw_map(source, target, x.map, titles=("", ""), width=STILL_WIDTH).png() for x in others]
     figures = "".join(
-        f'<figure><img src="{png(drawn(source, target, other.map, ("", ""), STILL_WIDTH))}" '
-        f'alt="Alternative {i}"><figcaption title="found by {escape(other.origin)}"><strong>Alternative {i}</strong> '
-        f"{escape(told_of_alternative(source, target, result, other))}</figcaption></figure>"
-        for i, other in enumerate(others, 1)
+        f'<figure><img src="{png(still)}" alt="Alternative {i}"><figcaption title="found by {escape(other.origin)}">'
+        f"<strong>Alternative {i}</strong> {escape(told_of_alternative(source, target, result, other))}"
+        "</figcaption></figure>"
+        for i, (other, still) in enumerate(zip(others, stills), 1)
     )
     return (
         f"<section><h2>Alternatives</h2><p>{escape(told_of_all(result))} {_HOW_TO_CHOOSE}</p>"
@@ -249,11 +252,11 @@ def tables_of_run(result: MatchResult, facts: Mapping[str, object]) -> str:
         **versions(),
     }
     seconds = {stage: f"{spent:.2f}" for stage, spent in result.timings.items()}
-    return (
-        table("Run", run)
-        + table("Seconds", seconds)
-        + table("Settings", _everyday(result.config) | result.config.changed())
-    )
+    # the settings that are not those of a single stage, and not left open
+    every = result.config.to_dict().items()
+    everyday = {name: x for name, x in every if x is not None and not isinstance(x, dict)}
+    settings = everyday | result.config.changed()
+    return table("Run", run) + table("Seconds", seconds) + table("Settings", settings)
 
 
 def notes_of(result: MatchResult) -> str:
@@ -280,11 +283,6 @@ def sentence(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-def drawn(source: Mesh, target: Mesh, shown: Correspondence, titles: tuple[str, str], width: int) -> bytes:
-    """Draw a map as PNG."""
-    return draw_map(source, target, shown, titles=titles, width=width).png()
-
-
 def versions() -> dict[str, str]:
     """Versions of Python and of the libraries that decide numbers."""
     return {"python": python_version(), **{name: _version(name) for name in LIBRARIES}}
@@ -295,9 +293,3 @@ def _version(distribution: str) -> str:
         return version(distribution)
     except PackageNotFoundError:
         return "not installed"
-
-
-def _everyday(settings: MatchSettings) -> dict[str, Any]:
-    """Select the settings that are not those of a single stage, and not left open."""
-    everyday = settings.to_dict().items()
-    return {name: value for name, value in everyday if value is not None and not isinstance(value, dict)}

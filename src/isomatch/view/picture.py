@@ -63,22 +63,14 @@ class Picture(Figure):
         return self.html()
 
 
-@dataclass(frozen=True, eq=False)
-class Panel:
-    """A surface in a picture, and the title below it."""
-
-    view: SurfaceView
-    title: str = ""
-
-
 def pictured(
-    panels: Sequence[Panel], width: int, *, values: ValuePanel | None = None, title: str = "", seen: str = ""
+    panels: Sequence[SurfaceView], width: int, *, values: ValuePanel | None = None, title: str, seen: str
 ) -> Picture:
     """Place panels in a row, all at the same scale, beside a bar that explains the colours of values."""
     if int(width) != width or width < LEAST_WIDTH:
         raise SettingError(f"width = {width} is not an integer of at least {LEAST_WIDTH} pixels")
     above, below = (TITLE if any(texts) else 0 for texts in ([title], [panel.title for panel in panels]))
-    extents = np.array([panel.view.extent() for panel in panels])  # (panels, 2)
+    extents = np.array([panel.extent() for panel in panels])  # (panels, 2)
     right, least = (0, 1) if values is None else (COLOUR_BAR, BESIDE_BAR)
     room, scale, height = _fitted(extents, width - right, least)
     # a wider bar leaves less height for its label, and that may take more lines
@@ -86,13 +78,11 @@ def pictured(
         right = needed
         room, scale, height = _fitted(extents, width - right, least)
     widths = np.ceil(scale * extents[:, 0]).astype(int)
-    spare = (room - int(widths.sum())) // len(panels)
-    widths = np.maximum(widths + spare, 1)
+    widths = np.maximum(widths + (room - int(widths.sum())) // len(panels), 1)
     picture = Picture(width, height + 2 * MARGIN + above + below, seen)
     bottom, left = below + MARGIN, MARGIN
     for panel, panel_width in zip(panels, widths.tolist()):
-        image = panel.view.pixels(panel_width, height, scale)
-        _add_image(picture, image, left, bottom)
+        _add_image(picture, panel.pixels(panel_width, height, scale), left, bottom)
         _add_text(picture, panel.title, left + panel_width / 2, bottom / 2)
         left += panel_width + MARGIN
     _add_text(picture, title, width / 2, bottom + height + MARGIN + above / 2, size=TEXT + 2)
@@ -127,10 +117,7 @@ def _add_text(picture: Picture, text: str, x: float, y: float, size: int = TEXT)
 def _drawable(text: str) -> str:
     """Replace the characters that the font lacks, such as line ends and bytes that are no text."""
     font = get_font(findfont(FontProperties()))
-    return "".join(
-        character if font.get_char_index(ord(character)) else "\N{REPLACEMENT CHARACTER}"
-        for character in text
-    )
+    return "".join(c if font.get_char_index(ord(c)) else "\N{REPLACEMENT CHARACTER}" for c in text)
 
 
 def _add_colour_bar(picture: Picture, values: ValuePanel, left: int, bottom: int, height: int) -> Axes:

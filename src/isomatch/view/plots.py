@@ -20,7 +20,7 @@ from isomatch.surfaces import Graph, Mesh, Surface
 from isomatch.values.arrays import FloatArray, numbers_of
 from isomatch.view.camera import camera_of, of_ordinary_size, turn_to_target
 from isomatch.view.colours import from_screen, position_colours
-from isomatch.view.picture import TEXT, Panel, Picture, ValuePanel, pictured
+from isomatch.view.picture import TEXT, Picture, ValuePanel, pictured
 from isomatch.view.surface_image import SurfaceView
 
 WIDTH = 1800
@@ -77,12 +77,12 @@ def draw_map(
     turned = camera @ turn_to_target(source, target, correspondence)
     colours = position_colours(target)
     panels = [
-        Panel(SurfaceView(source, turned, correspondence.pull_back(colours), as_is), titles[0]),
-        Panel(SurfaceView(target, camera, colours, as_is), titles[1]),
+        SurfaceView(source, turned, correspondence.pull_back(colours), title=titles[0]),
+        SurfaceView(target, camera, colours, title=titles[1]),
     ]
     seen = SEEN.format(titles[0] or "source", titles[1] or "target")
     if values is not None:
-        panels.append(Panel(painted(source, turned, values), titles[0]))
+        panels.append(painted(source, turned, values, title=titles[0]))
         seen += f" On the far right, the first once more, coloured by {values.label or 'values'}."
     picture = pictured(panels, width, values=values, title=title, seen=seen)
     if path is not None:
@@ -104,16 +104,11 @@ def paintable(mesh: Mesh, name: str) -> Mesh:
 
 
 def painted(
-    mesh: Mesh, camera: FloatArray, values: ValuePanel, rows: FloatArray | None = None
+    mesh: Mesh, camera: FloatArray, values: ValuePanel, rows: FloatArray | None = None, title: str = ""
 ) -> SurfaceView:
     """Show a mesh in the colours of values at its vertices; of others (n,), if they are given, at the same scale."""
     rows = values.rows(mesh.n_vertices) if rows is None else rows
-    return SurfaceView(mesh, camera, rows[:, None], lambda seen: from_screen(values.paint(seen)))
-
-
-def as_is(colours: FloatArray) -> FloatArray:
-    """Take colours in linear light as they are."""
-    return colours
+    return SurfaceView(mesh, camera, rows[:, None], lambda seen: from_screen(values.paint(seen)), title)
 
 
 CLAY = from_screen(np.array([200, 200, 196]) / 255)  # as in the report
@@ -181,18 +176,16 @@ def plot_surface(
     camera, seen = camera_of(mesh, view=view), title or repr(surface)
     rows = None if values is None else numbers_of(values, "values", DescriptorError)
     if rows is None or rows.ndim == 2:
-        colours = (
-            np.tile(CLAY, (mesh.n_vertices, 1)) if rows is None else from_screen(np.clip(rows, 0.0, 1.0))
-        )
+        clay = np.tile(CLAY, (mesh.n_vertices, 1))
+        colours = clay if rows is None else from_screen(np.clip(rows, 0.0, 1.0))
         if colours.shape != (mesh.n_vertices, 3):
             raise DescriptorError(
                 f"values have shape {colours.shape}; expected ({mesh.n_vertices},) numbers, or 3 columns of colours"
             )
-        return pictured([Panel(SurfaceView(mesh, camera, colours, as_is))], width, title=title, seen=seen)
+        return pictured([SurfaceView(mesh, camera, colours)], width, title=title, seen=seen)
     panel = ValuePanel(rows, label, colour_map=colour_map)
-    shown = painted(mesh, camera, panel)
     seen += f", coloured by {label or 'values'}"
-    return pictured([Panel(shown)], width, values=panel, title=title, seen=seen)
+    return pictured([painted(mesh, camera, panel)], width, values=panel, title=title, seen=seen)
 
 
 def plot_basis(
@@ -229,7 +222,7 @@ def plot_basis(
         most = float(np.abs(column).max()) or 1.0
         even = ValuePanel([-most, most], colour_map=colour_map)
         name = f"vector {k}, eigenvalue {value:.3g}".replace("-", "−")
-        panels.append(Panel(painted(mesh, camera, even, column), name))
+        panels.append(painted(mesh, camera, even, column, name))
     return pictured(panels, width, title=title, seen=f"The first {len(panels)} vectors of {basis!r}")
 
 

@@ -13,28 +13,23 @@ from isomatch.storage.files import write_text
 from isomatch.surfaces import Mesh
 from isomatch.view.page import (
     SIDES,
-    drawn,
+    details_of,
     maps_of,
-    notes_of,
     page_of,
     pairs_on,
     paragraphs,
     parts_of,
-    pictures_of_alternatives,
     sentence,
     simplified,
     table,
-    table_against,
-    table_of_quality,
-    table_of_regions,
     tables_of_run,
     template,
     title_of,
     versions,
 )
 from isomatch.view.picture import png
-from isomatch.view.plots import SEEN, WIDTH
-from isomatch.view.scene import known_layers, scene_of, user_layers
+from isomatch.view.plots import SEEN, WIDTH, draw_map
+from isomatch.view.scene import layers_of, scene_of, user_layers
 from isomatch.view.summary import outcome_colour
 
 COMMAND = "isomatch match SOURCE TARGET -o DIR --landmarks landmarks.txt"
@@ -96,28 +91,15 @@ def write_report(
     3D view, and the report says so; pictures and numbers are those of the full shape. The size is about 75 bytes per
     shown vertex and 30 for each alternative, plus the pictures.
     """
-    maps = maps_of(result)
     pairs = pairs_on(landmarks, source, target)
-    scene = scene_of(
-        source,
-        target,
-        maps,
-        layers=known_layers(result) | user_layers(layers or {}, source.n_vertices),
-        landmarks=pairs,
-    )
+    every = layers_of(result) | user_layers(layers or {}, source.n_vertices)
+    scene = scene_of(source, target, maps_of(result), layers=every, landmarks=pairs)
     titles = title_of("source", names[0]), title_of("target", names[1])
     if picture is None:
-        still = png(drawn(source, target, result.map, titles, WIDTH))
+        still = png(draw_map(source, target, result.map, titles=titles, width=WIDTH).png())
     else:
         still = png(Path(picture).read_bytes()) if picture else ""
     helped = result.outcome in _HELPED_BY_LANDMARKS
-    details = template("details.html").substitute(
-        against=table_against(result),
-        regions=table_of_regions(result),
-        alternatives=pictures_of_alternatives(source, target, result),
-        quality=table_of_quality(result),
-        notes=notes_of(result),
-    )
     page = page_of(
         (source, target),
         names,
@@ -127,7 +109,7 @@ def write_report(
         picture=f'<img src="{still}" alt="{SEEN.format("Source", "target")}">' if still else "",
         picking=" checked" if helped else "",
         landmarks=_list(command, shown=helped or bool(len(pairs))),
-        details=details,
+        details=details_of(source, target, result),
         run=tables_of_run(result, facts or {}),
     )
     write_text(Path(path), page)

@@ -43,7 +43,7 @@ def scene_of(
     #   and normals of the precise images, colours, and layers by name, see Layer.packed
     first = next(iter(maps.values()), None)
     drawn = DrawnPair(source, target, first, landmarks=landmarks, most=most)
-    return {**drawn.shapes(), **drawn.maps(maps, layers)}
+    return {**drawn.shapes(), **drawn.maps(maps, layers or {})}
 
 
 class DrawnPair:
@@ -78,18 +78,29 @@ class DrawnPair:
             "filed": self._filed(self._turn).ravel().tolist(),
         }
 
-    def maps(
-        self, maps: Mapping[str, Correspondence], layers: Mapping[str, Layer] | None = None
-    ) -> dict[str, Any]:
+    def maps(self, maps: Mapping[str, Correspondence], layers: Mapping[str, Layer]) -> dict[str, Any]:
         """Return ``maps`` of `scene_of`, and the ``filed`` of the first; ``layers`` are values under that."""
         packed: list[dict[str, Any]] = []
         for name, correspondence in maps.items():
             own = {"stretch": stretch(self._source, self._target, correspondence)}
-            own |= {} if packed else dict(layers or {})
-            ready = _packed_map(self._from_source, self._from_target, self._colours, correspondence, own)
-            packed.append({"name": name, **ready})
+            own |= {} if packed else dict(layers)
+            packed.append({"name": name, **self._packed_map(correspondence, own)})
         turn = self._turn_of(next(iter(maps.values()), None))
         return {"filed": self._filed(turn).ravel().tolist(), "maps": packed}
+
+    def _packed_map(self, correspondence: Correspondence, layers: Mapping[str, Layer]) -> dict[str, Any]:
+        index, target = self._from_source.index, self._from_target
+        columns = target.points, target.normals, self._colours
+        points, normals, colours = (correspondence.pull_back(each)[index] for each in columns)
+        unmatched = ~correspondence.matched[index]
+        points[unmatched], normals[unmatched], colours[unmatched] = 0.0, 0.0, UNMATCHED_GREY
+        return {
+            "images": _packed(correspondence.vertices[index], "<i4"),
+            "points": _packed(points, "<f4"),
+            "normals": _normals(normals),
+            "colours": _colours(colours),
+            "layers": {name: layer.packed(index) for name, layer in layers.items()},
+        }
 
     def shown_near(self, side: Side, vertex: int) -> int:
         """Return a vertex if it is shown, or else the nearest one that is; user's indices."""
@@ -99,8 +110,8 @@ class DrawnPair:
         apart = np.linalg.norm(shape.points[shape.index] - shape.points[vertex], axis=1)
         return int(shape.index[apart.argmin()])
 
-    def _turn_of(self, found: Correspondence | None) -> FloatArray:
-        return np.eye(3) if found is None else turn_to_target(self._source, self._target, found)
+    def _turn_of(self, facing: Correspondence | None) -> FloatArray:
+        return np.eye(3) if facing is None else turn_to_target(self._source, self._target, facing)
 
     def _filed(self, turn: FloatArray) -> FloatArray:
         """In camera coordinates, the rotation that takes back a turn of the source."""
@@ -132,27 +143,6 @@ class _Shown:
         }
 
 
-def _packed_map(
-    source: _Shown,
-    target: _Shown,
-    colours: FloatArray,
-    correspondence: Correspondence,
-    layers: Mapping[str, Layer],
-) -> dict[str, Any]:
-    points, normals, pulled = (
-        correspondence.pull_back(values)[source.index] for values in (target.points, target.normals, colours)
-    )
-    unmatched = ~correspondence.matched[source.index]
-    points[unmatched], normals[unmatched], pulled[unmatched] = 0.0, 0.0, UNMATCHED_GREY
-    return {
-        "images": _packed(correspondence.vertices[source.index], "<i4"),
-        "points": _packed(points, "<f4"),
-        "normals": _normals(normals),
-        "colours": _colours(pulled),
-        "layers": {name: layer.packed(source.index) for name, layer in layers.items()},
-    }
-
-
 def _simplified(points: FloatArray, faces: IntArray, used: IntArray, most: int) -> tuple[IntArray, IntArray]:
     """Choose at most ``most`` of the used vertices to show; return them, and the faces between them in new indices."""
     # the vertex nearest to the middle of each cell of a cubic grid is kept; corners of faces move to that of their cell
@@ -171,8 +161,7 @@ def _simplified(points: FloatArray, faces: IntArray, used: IntArray, most: int) 
     a, b, c = corners.T
     corners = corners[(a != b) & (b != c) & (c != a)]
     if len(shown) < len(used):
-        _, once = np.unique(np.sort(corners, axis=1), axis=0, return_index=True)
-        corners = corners[once]
+        corners = corners[np.unique(np.sort(corners, axis=1), axis=0, return_index=True)[1]]
     return shown, corners
 
 
@@ -224,7 +213,7 @@ class Layer:
         }
 
 
-def known_layers(result: MatchResult) -> dict[str, Layer]:
+def layers_of(result: MatchResult) -> dict[str, Layer]:
     """Layers of all that a result knows of its map: the regions of doubt, the expected error, the descriptor distance."""
     layers = {}
     if result.regions:
@@ -234,9 +223,8 @@ def known_layers(result: MatchResult) -> dict[str, Layer]:
     errors, descriptor_distance = result.expected_error, result.descriptor_distance
     if np.isfinite(errors).any():
         high = max(LARGE_ERROR, float(np.nanquantile(errors, 1 - OUTLIERS)))
-        layers["expected error"] = Layer(
-            errors, 0.0, high, "distance of an image from the right one, in √area"
-        )
+        meaning = "distance of an image from the right one, in √area"
+        layers["expected error"] = Layer(errors, 0.0, high, meaning)
     if descriptor_distance is not None and np.isfinite(descriptor_distance).any():
         meaning = "how differently the shapes look here, in standard deviations"
         layers["descriptor distance"] = Layer(descriptor_distance, 0.0, DESCRIPTORS, meaning)
@@ -270,11 +258,9 @@ def stretch(source: Mesh, target: Mesh, correspondence: Correspondence) -> Layer
     after = ((images[a] - images[b]) ** 2).sum(axis=1)
     mapped = np.isfinite(after)
     corners = np.concatenate([a[mapped], b[mapped]])
-    sums = [
-        np.bincount(corners, np.tile(squares[mapped], 2), source.n_vertices) for squares in (after, before)
-    ]
+    long, short = (np.bincount(corners, np.tile(x[mapped], 2), source.n_vertices) for x in (after, before))
     with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = np.sqrt(sums[0] / sums[1])
+        ratio = np.sqrt(long / short)
     ratio = np.where(np.isfinite(ratio), np.maximum(ratio, 1e-9), np.nan)
     middle = float(np.nanmedian(ratio)) if np.isfinite(ratio).any() else 1.0
     return Layer(ratio / middle, 0.5, 2.0, "lengths under the map; × 1 is the median", ratio=True)

@@ -102,10 +102,8 @@ def summary_of(result: MatchResult) -> Summary:
             headline = MOSTLY_RIGHT
         elif not result.regions:
             parts.append("No single place stands out: it may be wrong altogether.")
-    if result.outcome in (
-        Outcome.PARTIAL,
-        Outcome.CONVERGED,
-    ):  # the estimate is for maps that are right as a whole
+    if result.outcome in (Outcome.PARTIAL, Outcome.CONVERGED):
+        # the estimate is for maps that are right as a whole
         parts.append(_expected_error(result))
     return Summary(headline, " ".join(filter(None, parts)), _TOLD[result.outcome][1])
 
@@ -132,11 +130,11 @@ def _doubt(result: MatchResult) -> str:
 
 def _expected_error(result: MatchResult) -> str:
     """Say how far images may be from the right ones."""
-    known = np.isfinite(result.expected_error)
-    if not known.any():
+    finite = np.isfinite(result.expected_error)
+    if not finite.any():
         return ""
-    mean = float(result.expected_error[known].mean())
-    far = float((result.confidence[known] < LITTLE_CONFIDENCE).mean())
+    mean = float(result.expected_error[finite].mean())
+    far = float((result.confidence[finite] < LITTLE_CONFIDENCE).mean())
     more = f", more than 5% at {_per_cent(far)} of the points" if far > WORTH_TELLING else ""
     return f"Expected error: {_per_cent(mean)} of the size (√area){more}."
 
@@ -178,9 +176,8 @@ def told_of_all(result: MatchResult) -> str:
     if not near and not isnan(runner_up):
         near.append("No other map came near this one.")
     when = "Choose one if its picture looks right where the map above looks wrong, or has the sides that you want."
-    return " ".join(
-        [*near, when, "Those that were only searched are shown before refinement, with rough borders."]
-    )
+    rough = "Those that were only searched are shown before refinement, with rough borders."
+    return " ".join([*near, when, rough])
 
 
 def _sides(result: MatchResult, other: Alternative) -> str:

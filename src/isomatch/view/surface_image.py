@@ -26,9 +26,9 @@ class SurfaceView:
     mesh: Mesh
     camera: FloatArray  # (3, 3), see `camera_of`
     values: FloatArray  # (n, q)
-    paint: Callable[
-        [FloatArray], FloatArray
-    ]  # values in pixels (m, q) to linear light (m, 3); nan is drawn grey
+    # values in pixels (m, q) to linear light (m, 3); nan is drawn grey
+    paint: Callable[[FloatArray], FloatArray] = lambda colours: colours
+    title: str = ""  # below it
 
     @cached_property
     def _finer(self) -> tuple[Mesh, FloatArray, FloatArray]:
@@ -103,9 +103,8 @@ def surface_image(
     """
     mesh = of_ordinary_size(mesh)
     columns = np.asarray(values, dtype=np.float64).reshape(mesh.n_vertices, -1)
-    view = SurfaceView(
-        mesh, camera_of(mesh) if camera is None else camera, columns, lambda seen: from_screen(paint(seen))
-    )
+    camera = camera_of(mesh) if camera is None else camera
+    view = SurfaceView(mesh, camera, columns, lambda seen: from_screen(paint(seen)))
     width, height = (int(side) + 2 for side in np.ceil(resolution * view.extent()))
     return view.pixels(width, height, resolution)
 
@@ -142,10 +141,8 @@ def _cut(mesh: Mesh, normals: FloatArray, columns: FloatArray) -> tuple[Mesh, Fl
     (a, b, c), (ab, bc, ca) = mesh.faces.T, new.reshape(-1, 3).T
     cut = (a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)
     faces = np.concatenate([np.column_stack(corners) for corners in cut])
-    return (
-        Mesh(np.concatenate([mesh.vertices, middle]), faces),
-        np.concatenate([columns, (columns[i] + columns[j]) / 2]),
-    )
+    vertices = np.concatenate([mesh.vertices, middle])
+    return Mesh(vertices, faces), np.concatenate([columns, (columns[i] + columns[j]) / 2])
 
 
 KEY_LIGHT = np.array([-0.45, 0.65, 0.62])  # right, up, towards the viewer

@@ -26,7 +26,7 @@ from isomatch.view.page import (
     template,
     text_of,
 )
-from isomatch.view.scene import DrawnPair, known_layers
+from isomatch.view.scene import DrawnPair, layers_of
 from isomatch.view.summary import outcome_colour, share_elsewhere, summary_of, told_of_alternative
 
 LEAST_SHARE = 0.001  # of the surface worth telling
@@ -56,8 +56,8 @@ class WorkPage:
             hold=" checked" * (config.pin is not None),
             pose=" checked" * (config.start == "pose"),
             orientations="".join(
-                f"<option{' selected' * (name == config.orientation)}>{name}</option>"
-                for name in get_args(Orientation)
+                f"<option{' selected' * (x == config.orientation)}>{x}</option>"
+                for x in get_args(Orientation)
             ),
             unwritable="" if folder else " hidden",
             keeps=escape(
@@ -98,58 +98,44 @@ class WorkPage:
         others = result.alternatives[:MOST_ALTERNATIVES]
         origins = [result.origin, *(other.origin for other in others), ""]
         moved = 0.0 if before is None else share_elsewhere(self._source, self._target, result.map, before)
+        since = f"Against the map before, {moved:.1%} of the source has another image."
+        if moved < LEAST_SHARE:
+            since = "" if before is None else "It is the same map as before."
         about = [
             "",
             *(told_of_alternative(self._source, self._target, result, other) for other in others),
             f"The map that this one replaced. Sends {moved:.0%} of the surface elsewhere.",
         ]
         pairs = pairs_on(landmarks or None, self._source, self._target)
-        summary = summary_of(result)
+        apart, summary = self._off(result.map, pairs), summary_of(result)
         return {
             "outcome": result.outcome.name,
             "headline": summary.headline,
             "advice": summary.advice_in_python,
             "colour": outcome_colour(result.outcome),
             "sure": summary.sureness,
-            "since": "" if before is None else _since(moved),
+            "since": since,
             "regions": [self._region(region, result.map) for region in result.regions],
-            "runners_up": [
-                {"name": name, "origin": origin, "about": words}
-                for name, origin, words in zip(maps, origins, about)
-            ],
-            "landmarks": [
-                {"pair": pair, "off": off} for pair, off in zip(pairs.tolist(), self._off(result.map, pairs))
-            ],
+            "runners_up": [dict(zip(("name", "origin", "about"), row)) for row in zip(maps, origins, about)],
+            "landmarks": [{"pair": pair, "off": off} for pair, off in zip(pairs.tolist(), apart)],
             "details": template("work_details.html").substitute(
                 quality=table_of_quality(result), notes=notes_of(result), run=tables_of_run(result, {})
             ),
-            "scene": self._drawn.maps(maps, known_layers(result)),
+            "scene": self._drawn.maps(maps, layers_of(result)),
         }
 
-    def _region(self, region: DoubtfulRegion, found: Correspondence) -> dict[str, Any]:
+    def _region(self, region: DoubtfulRegion, shown: Correspondence) -> dict[str, Any]:
         """Tell of a region its share, its most doubtful vertex with the images by both maps, and the reason."""
         vertex = self._drawn.shown_near("source", int(region.vertices[0]))
-        image, runner_up = found.vertices[vertex], None if region.runner_up is None else region.runner_up[0]
-        goals = [
-            None if goal is None or goal == UNMATCHED else self._drawn.shown_near("target", int(goal))
-            for goal in (image, runner_up)
-        ]
-        return {
-            "area": f"{region.area:.1%}",
-            "vertex": vertex,
-            "image": goals[0],
-            "runner_up": goals[1],
-            "reason": region.reason,
-        }
+        told = {"area": f"{region.area:.1%}", "vertex": vertex, "reason": region.reason}
+        other = None if region.runner_up is None else region.runner_up[0]
+        for kind, goal in {"image": shown.vertices[vertex], "runner_up": other}.items():
+            is_none = goal is None or goal == UNMATCHED
+            told[kind] = None if is_none else self._drawn.shown_near("target", int(goal))
+        return told
 
-    def _off(self, found: Correspondence, pairs: IntArray) -> list[float]:
+    def _off(self, shown: Correspondence, pairs: IntArray) -> list[float]:
         """Distance of each landmark on the target from its image, in √area; −1 where it has none."""
-        images = found.pull_back(self._target.vertices)[pairs[:, 0]]
+        images = shown.pull_back(self._target.vertices)[pairs[:, 0]]
         off = np.linalg.norm(images - self._target.vertices[pairs[:, 1]], axis=1) / np.sqrt(self._target.area)
         return [-1.0 if np.isnan(far) else float(far) for far in off]
-
-
-def _since(moved: float) -> str:
-    if moved < LEAST_SHARE:
-        return "It is the same map as before."
-    return f"Against the map before, {moved:.1%} of the source has another image."
