@@ -201,9 +201,7 @@ def test_what_ends_vtk_ends_in_an_error(tmp_path, name):
             "</PolyData></VTKFile>"
         )
     (tmp_path / name).write_text(content)
-    with pytest.raises(
-        FormatError, match=r"found damaged contents \((the reader came to an end|ValueError: Failed to read)"
-    ):
+    with pytest.raises(FormatError, match="damaged"):
         read_asset(tmp_path / name)
 
 
@@ -238,7 +236,7 @@ def test_a_bomb_of_zeros_does_not_fill_memory(tmp_path, suffix):
     assert len(read_asset(path).points) == 1000
     path.write_bytes(zeros(suffix, 20_000_000))
     assert path.stat().st_size < 1_000_000
-    with pytest.raises(FormatError, match="the reader came to an end over it"):
+    with pytest.raises(FormatError, match="reader"):
         read_asset(path)
 
 

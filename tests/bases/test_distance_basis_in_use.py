@@ -50,7 +50,7 @@ def test_many_pairs_are_those_of_the_rows(basis, threads, monkeypatch):
 @pytest.mark.parametrize("bad", [-2000, 1_000_000])
 def test_pairs_outside_the_surface(basis, bad):
     """They are checked before the compiled loop, which does not check."""
-    with pytest.raises(MeshError, match=f"vertices {bad} are outside 0…"):
+    with pytest.raises(MeshError, match="outside"):
         basis.distance(0, bad)
 
 

@@ -293,7 +293,7 @@ def test_a_folder_with_other_settings_is_refused(small, copied):
         ({"template": "s1"}, "template"),
     ):
         given = {"config": small.config, "pairs": "all", **options}
-        with pytest.raises(SettingError, match=f"holds a collection with other {name}; continue it"):
+        with pytest.raises(SettingError, match=f"other {name}"):
             Collection.create(copied.folder, small.shapes, **given)
 
 

@@ -82,9 +82,7 @@ def test_a_file_is_whole_or_what_it_was_before(name, disk, tmp_path):
     read(path)
     for room in {0, 1, size - 1, *np.random.default_rng(1).integers(size, size=40).tolist()}:
         disk.room = room
-        with pytest.raises(
-            UnwritableFileError, match=rf"{name}: cannot be written \(No space left on device\)"
-        ):
+        with pytest.raises(UnwritableFileError, match=f"{name}.*No space"):
             write(path)
         assert path.read_bytes() == before
         assert [one.name for one in tmp_path.iterdir()] == [name]

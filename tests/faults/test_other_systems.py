@@ -126,5 +126,5 @@ def test_whether_case_is_ignored(tmp_path, monkeypatch):
 def test_names_of_devices(small, tmp_path, name):
     path = tmp_path / f"{name}.ply"
     path.write_bytes((small.shapes / "s0.ply").read_bytes())
-    with pytest.raises(isomatch.InputError, match=f"{name} cannot be names of shapes"):
+    with pytest.raises(isomatch.InputError, match=name):
         Collection.create(tmp_path / "all", [path, small.shapes / "s1.ply"])

@@ -264,7 +264,7 @@ def test_not_finite_coordinates(name):
 
 @pytest.mark.parametrize("defect", ["out_of_range", "wild"])
 def test_faces_out_of_range(defect, name):
-    with pytest.raises(MeshError, match=r"faces .* (refer to vertices outside 0…11|out of range)"):
+    with pytest.raises(MeshError, match=r"outside|range"):
         geodesic_distances(specimen(defect).mesh, [0], name)
 
 

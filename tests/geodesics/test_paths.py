@@ -299,7 +299,7 @@ def test_one_path_at_a_time(ends):
 @pytest.mark.parametrize("corners", [[0, 1, 8], [0, 8, 8]])
 def test_points_between_corners_of_no_face(engine, corners):
     point = PrecisePoints(np.array([corners]), np.full((1, 3), 1 / 3))
-    with pytest.raises(MeshError, match=r"8\], between which there is no (face|edge)"):
+    with pytest.raises(MeshError, match="between"):
         geodesic_distances(flat_grid(3, 3), 0, engine, targets=point)
 
 

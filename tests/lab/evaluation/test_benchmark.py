@@ -420,7 +420,7 @@ def test_nothing_run_yet(tmp_path):
 def test_settings_of_a_run_are_checked():
     for bad in ({"n_pairs": 0}, {"n_points": 0}, {"jobs": 0}, {"seed": -1}):
         name, value = next(iter(bad.items()))
-        with pytest.raises(SettingError, match=f"{name} = {value} is not an integer of at least"):
+        with pytest.raises(SettingError, match=f"{name} = {value}"):
             BenchmarkRun("example", **bad)
 
 
