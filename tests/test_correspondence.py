@@ -276,23 +276,6 @@ def test_missing_file(tmp_path, suffix):
         Correspondence.load(tmp_path / f"folder{suffix}")
 
 
-@pytest.mark.parametrize("name", ["map.txt", "map.npz"])
-def test_an_interrupted_save_leaves_the_earlier_file(tmp_path, precise, monkeypatch, name):
-    precise.save(tmp_path / name)
-    before = (tmp_path / name).read_bytes()
-
-    def stop(file, *args, **kwargs):
-        file.write(b"half")
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(np, "savetxt", stop)
-    monkeypatch.setattr(np, "savez_compressed", stop)
-    with pytest.raises(KeyboardInterrupt):
-        Correspondence([0], 1).save(tmp_path / name)
-    assert (tmp_path / name).read_bytes() == before
-    assert [path.name for path in tmp_path.iterdir()] == [name]
-
-
 @pytest.mark.parametrize(
     ("image", "message"),
     [

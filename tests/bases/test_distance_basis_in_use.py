@@ -148,21 +148,6 @@ def test_saving_and_loading_changes_nothing(basis, tmp_path):
     assert back.error_estimate() == basis.error_estimate()
 
 
-def test_a_failed_save_leaves_the_earlier_file(basis, tmp_path, monkeypatch):
-    path = tmp_path / "basis.npz"
-    basis.save(path)
-    before = path.read_bytes()
-
-    def fail(*args, **kwargs):
-        raise OSError("disk full")
-
-    monkeypatch.setattr(np, "savez", fail)
-    with pytest.raises(OSError, match="disk full"):
-        basis.truncated(3).save(path)
-    assert path.read_bytes() == before
-    assert [file.name for file in tmp_path.iterdir()] == ["basis.npz"]
-
-
 @pytest.mark.parametrize("content", [b"", b"nonsense", None])
 def test_files_that_hold_no_basis(content, tmp_path):
     path = tmp_path / "basis.npz"
