@@ -67,7 +67,7 @@ def test_great_circles(name, tolerance, level, size):
 
 
 def test_symmetry_and_triangle_inequality(name, tolerance, example):
-    sources = np.arange(0, 2900, 60)
+    sources = np.arange(0, 2900, 120)
     among = geodesic_distances(example[0].mesh, sources, name)[:, sources]
     slack = tolerance.metric
     assert np.abs(among - among.T).max() <= slack * among.max()
