@@ -128,16 +128,16 @@ def decimations(
     if not sizes:
         return small
     rounds = _Rounds.of(mesh, in_place, weights)
-    found = []
+    coarse = []
     for size in sizes:
         shared = None
         while rounds.n > size and not rounds.is_over:
             if size > sizes[-1] and not rounds.is_far_from(size):
                 shared = shared or deepcopy(rounds)  # before a round that may end at this size
             rounds.collapse(size)
-        found.append(rounds.decimated(mesh, size))
+        coarse.append(rounds.decimated(mesh, size))
         rounds = shared or rounds
-    return small + found
+    return small + coarse
 
 
 @dataclass(eq=False)

@@ -100,7 +100,7 @@ def _inverse_image(
     members: AnyArray,
     marks: AnyArray,
     linked: AnyArray,
-    found: IntArray,
+    preimage: IntArray,
     weights: FloatArray,
 ) -> None:
     """Find the points of the fine mesh whose places are nearest to queries near the coarse mesh."""
@@ -125,9 +125,9 @@ def _inverse_image(
                     if squared < least:
                         nearest, least = v, squared
                 corner = linked[corner, 1]
-        found[i, 0] = found[i, 1] = found[i, 2] = nearest
+        preimage[i, 0] = preimage[i, 1] = preimage[i, 2] = nearest
         for k in range(3):  # around the nearest vertex, then around the other corners of the face found
-            a = found[i, k]
+            a = preimage[i, k]
             px, py, pz = qx - places[a, 0], qy - places[a, 1], qz - places[a, 2]
             corner = marks[a, 0]
             while corner >= 0:
@@ -137,11 +137,11 @@ def _inverse_image(
                 squared = px * px + py * py + pz * pz + gain
                 if squared < least:
                     least = squared
-                    found[i, 0], found[i, 1], found[i, 2] = a, b, c
+                    preimage[i, 0], preimage[i, 1], preimage[i, 2] = a, b, c
                     weights[i, 0], weights[i, 1], weights[i, 2] = 1.0 - s - t, s, t
             if least <= ON_A_FACE and min(weights[i, 0], weights[i, 1], weights[i, 2]) > INSIDE_A_FACE:
                 break
-        sort_corners(found, weights, i)
+        sort_corners(preimage, weights, i)
 
 
 @compiled(error_model="numpy")
