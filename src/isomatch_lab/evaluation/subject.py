@@ -187,7 +187,7 @@ class Subject:
     def _lifted(self, image: Correspondence) -> list[Correspondence]:
         """Carry a map between the damaged shapes to the whole ones."""
         n_target = self._dense.whole.target.n_vertices
-        return [Correspondence(image, n_target) for image in self._dense.lifted(image.vertices)]
+        return [Correspondence(each, n_target) for each in self._dense.lifted(image.vertices)]
 
     def _distortion(self, name: str, image: Correspondence, **draw: Any) -> dict[str, float]:
         """Mean square distortion of a map and of the truth, over random points of the whole shapes."""

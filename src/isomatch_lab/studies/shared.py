@@ -39,8 +39,8 @@ def mean_error(pair: BenchmarkPair, image: Correspondence, either_side: bool = F
 def error_after(damaged: DamagedPair, image: Correspondence) -> float:
     """Mean error × 100 / √area of a map of damaged shapes, on the whole target."""
     target = damaged.whole.target
-    lifted = [Correspondence(image, target.n_vertices) for image in damaged.lifted(image.vertices)]
-    errors = [geodesic_errors(target, image, damaged.whole.truth, 400) for image in lifted]
+    lifted = [Correspondence(each, target.n_vertices) for each in damaged.lifted(image.vertices)]
+    errors = [geodesic_errors(target, each, damaged.whole.truth, 400) for each in lifted]
     return float(100 * counted(np.min(errors, axis=0)).mean())
 
 
