@@ -335,7 +335,7 @@ def _advance(
     heap: AnyArray,
 ) -> None:
     # Dijkstra's order with an indexed binary heap: heap[:size] holds tentative vertices, slot[v] the place of v in it, −1
-    # if it was never reached; settled[v] is the final distance, inf while tentative, −1 where an earlier source is nearer.
+    # if it was never reached; settled[v] the final distance, inf while tentative, −1 where an earlier source is nearer.
     size = 1
     heap[0] = source
     slot[source] = 0

@@ -19,7 +19,6 @@ from isomatch.resolution._collapse import (
     costs_of_edges,
     describe_vertices,
     link_corners,
-    number_by_first,
     remove_gaps,
 )
 from isomatch.surfaces import Mesh, in_spatial_order
@@ -207,11 +206,14 @@ class _Rounds:
     def decimated(self, mesh: Mesh, wanted: int) -> Decimated:
         """Return what is left."""
         _, centre, size = normalised(mesh.vertices)
-        owner, order = np.empty(len(self.owner), dtype=np.int64), np.empty(self.n, dtype=np.int64)
-        number = np.full(self.n, -1, dtype=np.int64)
-        number_by_first(self.owner, number, order, owner)
+        first = np.empty(
+            self.n, dtype=np.int64
+        )  # of the vertices merged into each; of equal indices the last counts
+        first[self.owner[::-1]] = np.arange(len(self.owner))[::-1]
+        order, number = np.argsort(first), np.empty(self.n, dtype=np.int64)
+        number[order] = np.arange(self.n)
         faces = number[self.corners[:, 0]].reshape(-1, 3)
-        return Decimated(Mesh(self.vertices[order, :3] * size + centre, faces), owner, wanted)
+        return Decimated(Mesh(self.vertices[order, :3] * size + centre, faces), number[self.owner], wanted)
 
 
 def _describe_by_distances(vertices: FloatArray, weights: FloatArray) -> None:

@@ -29,9 +29,9 @@ class VertexGroups(NamedTuple):
     @classmethod
     def of(cls, group: IntArray, n_groups: int) -> VertexGroups:
         """Sort vertices by their group (n,), −1 for none."""
-        start, members = np.zeros(n_groups + 1, dtype=np.int64), np.empty(len(group), dtype=np.int32)
-        _sort_into_groups(np.ascontiguousarray(group, dtype=np.int64), start, members)
-        return cls(start, members[: start[-1]])
+        order = np.argsort(group, kind="stable")
+        start = np.searchsorted(group, np.arange(n_groups + 1), sorter=order)
+        return cls(start - start[0], order[start[0] :].astype(np.int32))
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,21 +73,6 @@ def linked_corners(mesh: Mesh) -> tuple[AnyArray, AnyArray]:
     corners[:, 0] = mesh.sound_faces.ravel()
     link_corners(marks, corners)
     return marks, corners
-
-
-@compiled()
-def _sort_into_groups(group: IntArray, start: IntArray, members: AnyArray) -> None:
-    """Sort vertices by their group, by counting."""
-    for v in range(len(group)):
-        if group[v] >= 0:
-            start[group[v] + 1] += 1
-    for a in range(1, len(start)):
-        start[a] += start[a - 1]
-    end = start[:-1].copy()
-    for v in range(len(group)):
-        if group[v] >= 0:
-            members[end[group[v]]] = v
-            end[group[v]] += 1
 
 
 @compiled(error_model="numpy")

@@ -63,6 +63,6 @@ if __name__ == "__main__":
     parser.add_argument("-o", "--output", type=Path, default=PAGES, help="folder of the pictures")
     parser.add_argument("--count", type=int, default=3, help="how many of the worst pairs")
     asked = parser.parse_args()
-    for picture, *place in pairs(asked.data, asked.count):
+    for picture, name, folder, pair_name in pairs(asked.data, asked.count):
         (asked.output / picture).parent.mkdir(parents=True, exist_ok=True)
-        draw(asked.output / picture, *place)
+        draw(asked.output / picture, name, folder, pair_name)
