@@ -38,4 +38,4 @@ def closest_points(points: FloatArray, mesh: Mesh) -> Truth:
     at = first[np.searchsorted(used, corners[alone, 0])]
     faces[alone], barycentric[alone] = at // 3, np.eye(3)[at % 3]
     nearest: IntArray = KDTree(mesh.vertices).query(points)[1].astype(np.int64)
-    return Truth(nearest, faces, barycentric)
+    return Truth(nearest, faces, np.maximum(barycentric, 0.0))  # −1e-17 by rounding

@@ -28,4 +28,5 @@ def _spread(cells: AnyArray) -> AnyArray:
     cells = (cells | cells << 16) & 0x030000FF
     cells = (cells | cells << 8) & 0x0300F00F
     cells = (cells | cells << 4) & 0x030C30C3
-    return (cells | cells << 2) & 0x09249249
+    cells = (cells | cells << 2) & 0x09249249
+    return cells
