@@ -15,7 +15,7 @@ from isomatch import Mesh, PointCloud, prepare
 from isomatch.datasets import example_pair, ground_truth
 from isomatch.matching import pair
 from isomatch.view import draw_map
-from small_collections import copied, finished, small  # noqa: F401 - fixtures
+from small_collections import copied, finished, in_threads, small  # noqa: F401 - fixtures
 
 LONGEST = (  # files in the order in which they are handed to workers, before all others
     "collections/test_dask.py",

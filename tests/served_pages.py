@@ -91,12 +91,22 @@ class Page:
         return self.words("POST", "/match", {"landmarks": landmarks, **asked})
 
 
+class HookedPage(WorkPage):
+    """Calls a function at the end of each match, before its result is drawn."""
+
+    at_the_end = staticmethod(lambda: None)
+
+    def result(self, *parts):
+        self.at_the_end()
+        return super().result(*parts)
+
+
 @contextmanager
-def serving(surfaces, config=QUICK, **options):
+def serving(surfaces, config=QUICK, at_the_end=HookedPage.at_the_end, **options):
     keeper = Kept()
-    session = Session(
-        surfaces, WorkPage(*surfaces, names=("a<b>.ply", "c.ply")), keeper, config=config, **options
-    )
+    work_page = HookedPage(*surfaces, names=("a<b>.ply", "c.ply"))
+    work_page.at_the_end = at_the_end
+    session = Session(surfaces, work_page, keeper, config=config, **options)
     server = PageServer(session)
     thread = Thread(target=server.run, daemon=True)
     thread.start()

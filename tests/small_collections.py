@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import isomatch
-from isomatch.collections import Collection, PairMaps
+from isomatch.collections import Collection, PairMaps, workers
 from isomatch.datasets import example_pair
 from isomatch.resolution import decimate
 from shapes import icosphere
@@ -47,6 +47,12 @@ def finished(small, tmp_path_factory):
 def copied(finished, tmp_path):
     """A copy of the finished collection."""
     return Collection.open(shutil.copytree(finished, tmp_path / "all"))
+
+
+@pytest.fixture
+def in_threads(monkeypatch):
+    """Local workers that need not be started."""
+    monkeypatch.setattr(workers, "worker_processes", lambda _: ThreadPoolExecutor(1))
 
 
 def lopsided_blob(level, seed=0, spread=0.01):

@@ -68,16 +68,21 @@ FILES = sorted([*PACKAGE.rglob("*.py"), *PACKAGE.rglob("*.pyi")])
 LAB_FILES = sorted([*STUDY.rglob("*.py"), *STUDY.rglob("*.pyi")])
 
 
-@cache
-def parsed(path):
-    return ast.parse(path.read_text(encoding="utf-8"))
-
-
 def room_of(path):
     """Room of a file: the first folder below its package, or the file itself."""
     package = STUDY if path.is_relative_to(STUDY) else PACKAGE
     parts = [part for part in path.relative_to(package).with_suffix("").parts if part != "__init__"]
     return parts[0] if parts else "__init__"
+
+
+@cache
+def parsed(path):
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
+@cache
+def imports_of(path):
+    return list(imports(parsed(path)))
 
 
 def imports(tree):
@@ -96,7 +101,7 @@ def imports(tree):
 def imported_rooms(path, package="isomatch"):
     """Rooms of a package that a file imports; the package itself counts as ``__init__``."""
     folder = {"isomatch": PACKAGE, "isomatch_lab": STUDY}[package]
-    for module, _, line in imports(parsed(path)):
+    for module, _, line in imports_of(path):
         top, *rest = module.split(".")
         if top == package:
             known = rest and ((folder / rest[0]).exists() or (folder / f"{rest[0]}.py").exists())
@@ -126,9 +131,9 @@ def test_isomatch_never_imports_the_lab():
         assert not list(imported_rooms(path, "isomatch_lab")), path
 
 
-def side_doors(room, source):
+def side_doors(room, imports):
     """Imports of a file that reach into another room of isomatch, past the names in its ``__all__``."""
-    for module, names, line in imports(ast.parse(source)):
+    for module, names, line in imports:
         package, *rest = module.split(".")
         if package != "isomatch" or not rest or rest[0] == room or rest[0] in FOUNDATION:
             continue
@@ -142,7 +147,7 @@ def side_doors(room, source):
 def test_a_room_is_entered_by_its_front_door():
     for path in [*FILES, *LAB_FILES]:
         room = "of the lab" if path in LAB_FILES else room_of(path)
-        doors = list(side_doors(room, path.read_text(encoding="utf-8")))
+        doors = list(side_doors(room, imports_of(path)))
         assert not doors, f"{path}: import public names from `isomatch.<room>`; export what is missing there"
 
 
@@ -151,7 +156,8 @@ def test_the_checker_sees_side_doors():
         "from isomatch.surfaces.mesh import Mesh\nfrom isomatch.surfaces import Mesh\n"
         "import isomatch.bases.build\nfrom isomatch.bases import signs\nfrom isomatch.view.camera import camera_of\n"
     )
-    assert [line.split(":")[0] for line in side_doors("view", source)] == ["line 1", "line 3", "line 4"]
+    doors = side_doors("view", imports(ast.parse(source)))
+    assert [line.split(":")[0] for line in doors] == ["line 1", "line 3", "line 4"]
 
 
 def test_the_checker_sees_imports():
@@ -160,7 +166,7 @@ def test_the_checker_sees_imports():
 
 def imported_modules(path):
     """Modules of the package that a file imports, anywhere in it, also for types only."""
-    for module, names, _ in imports(parsed(path)):
+    for module, names, _ in imports_of(path):
         for name in [f"{module}.{name}" for name in names] or [module]:
             while name and name not in MODULES:
                 name = name.rpartition(".")[0]

@@ -116,9 +116,7 @@ def test_files_that_are_none(tmp_path, make):
         "pairs.txt": lambda path: read_integers(path, 2, lambda number, line: None),
     }
     for name, reader in readers.items():
-        with pytest.raises(
-            FormatError, match=rf"{name}: cannot be opened \(not a regular file\); write its contents"
-        ):
+        with pytest.raises(FormatError, match="regular"):
             reader(make(tmp_path / name))
 
 

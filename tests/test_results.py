@@ -24,6 +24,7 @@ BY_HAND = {  # tables with decimals that no step makes, in pages with those of s
     "docs/performance.md": 1,
 }
 KNOWN = results.stamps()
+TABLES = ROOT / results.RESULTS
 ONE = {
     "source": "a1",
     "machine": "m",
@@ -53,7 +54,7 @@ def test_a_page_shows_the_committed_tables_with_one_stamp(page):
 def test_every_table_has_a_step_a_file_and_a_place():
     shown = {table for text in PAGES.values() for table in results.tables_of(text)}
     assert shown == {table for step in STEPS for table in step.tables}
-    assert shown == {path.stem for path in results.RESULTS.glob("*.csv")}
+    assert shown == {path.stem for path in TABLES.glob("*.csv")}
     assert set(KNOWN) == {step.name for step in STEPS}
 
 
@@ -89,7 +90,7 @@ def test_published_numbers_stand_beside_ours_the_best_first():
     with published.PUBLISHED.open(newline="", encoding="utf-8") as file:
         known = list(csv.DictReader(file))
     methods = []
-    for section in published.beside(results.RESULTS).split("### ")[1:]:
+    for section in published.beside(TABLES).split("### ")[1:]:
         head, _, *lines = [line.split(" | ") for line in section.splitlines() if line.startswith("|")]
         methods += [line[0].removeprefix("| ").removesuffix(" †") for line in lines]
         ranked = [float(line[head.index("error")] or 0) for line in lines]
@@ -114,12 +115,14 @@ def test_the_source_is_what_its_files_hold(tmp_path):
 
 
 @pytest.fixture
-def toy(tmp_path, monkeypatch):
+def toy(tmp_path):
     """A step that ends with its second run, and counts them; results and docs are elsewhere."""
     (tmp_path / "docs" / "results").mkdir(parents=True)
+    studies = tmp_path / "src" / "isomatch_lab" / "studies"
+    studies.mkdir(parents=True)
     for name in results.SHARED:
-        (tmp_path / name).write_text("")
-    (tmp_path / "toy.py").write_text(
+        (studies / name).write_text("")
+    (studies / "toy.py").write_text(
         "import sys, pathlib\n"
         "out = pathlib.Path(sys.argv[1])\n"
         "runs = out / 'runs.txt'\n"
@@ -127,25 +130,28 @@ def toy(tmp_path, monkeypatch):
         "assert len(runs.read_text()) > 1, 'interrupted'\n"
         "(out / 'table.csv').write_text('a,b\\n1,2\\n')\n"
     )
-    monkeypatch.setattr(results, "ROOT", tmp_path)
-    monkeypatch.setattr(results, "STUDIES", tmp_path)
-    monkeypatch.setattr(results, "RESULTS", tmp_path / "docs" / "results")
-    return Step("toy", 1, "python -m toy {out}", {"toy": "table.csv"}, {"toy/runs.txt": "runs.txt"})
+    return Step(
+        "toy",
+        1,
+        "python -m src.isomatch_lab.studies.toy {out}",
+        {"toy": "table.csv"},
+        {"toy/runs.txt": "runs.txt"},
+    )
 
 
 def test_an_interrupted_step_continues_and_a_finished_one_is_present(toy, tmp_path):
     with pytest.raises(Exception, match="returned non-zero"):
-        results.measure(toy, "data", tmp_path / "out")
-    assert not results.is_present(toy, results.stamps())
-    results.measure(toy, "data", tmp_path / "out")
-    assert results.is_present(toy, results.stamps())
+        results.measure(toy, "data", tmp_path / "out", tmp_path)
+    assert not results.is_present(toy, tmp_path)
+    results.measure(toy, "data", tmp_path / "out", tmp_path)
+    assert results.is_present(toy, tmp_path)
     with (tmp_path / "docs/results/toy.csv").open() as file:
         assert list(csv.DictReader(file)) == [{"a": "1", "b": "2"}]
     assert (tmp_path / "docs/toy/runs.txt").read_text() == "xx"
     stamp = json.loads((tmp_path / "docs/results/stamps.json").read_text())["toy"]
     assert set(stamp) == {*ONE, "command", "scripts"}
-    with (tmp_path / "toy.py").open("a") as file:
+    with (tmp_path / "src/isomatch_lab/studies/toy.py").open("a") as file:
         file.write("# changed\n")
-    assert not results.is_present(toy, results.stamps())
+    assert not results.is_present(toy, tmp_path)
     with pytest.raises(Exception, match="returned non-zero"):  # it begins anew
-        results.measure(toy, "data", tmp_path / "out")
+        results.measure(toy, "data", tmp_path / "out", tmp_path)

@@ -92,7 +92,7 @@ def test_a_bomb_of_zeros_is_not_unpacked(tmp_path):
     )
     (tmp_path / "a.gii").write_text(text)
     tracemalloc.start()
-    with pytest.raises(FormatError, match=r"a\.gii: an array claims or repeats more than the \d+ bytes"):
+    with pytest.raises(FormatError, match="claims"):
         read_asset(tmp_path / "a.gii")
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()

@@ -101,7 +101,7 @@ def test_refused_writes(tmp_path, name, options, message):
 
 @pytest.mark.parametrize("colors", [BLACK_TO_WHITE[:3], BLACK_TO_WHITE.astype(float)])
 def test_colours_that_do_not_fit(tmp_path, colors):
-    with pytest.raises(DescriptorError, match=r"expected \(12, 3\) and uint8"):
+    with pytest.raises(DescriptorError, match="uint8"):
         write_mesh(tmp_path / "a.ply", grid(3, 4), colors=colors)
 
 
@@ -120,10 +120,10 @@ def test_meshes_that_a_format_cannot_hold(tmp_path, suffix, mesh, message):
 
 
 def test_missing_files_and_folders(tmp_path):
-    with pytest.raises(MissingFileError, match=r"absent\.off: no such file; check the name and the folder"):
+    with pytest.raises(MissingFileError, match="absent"):
         read_mesh(tmp_path / "absent.off")
     (tmp_path / "folder.off").mkdir()
-    with pytest.raises(FormatError, match=r"folder\.off: cannot be opened"):
+    with pytest.raises(FormatError, match="opened"):
         read_mesh(tmp_path / "folder.off")
 
 

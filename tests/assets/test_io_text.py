@@ -73,7 +73,7 @@ def test_obj_variants(text):
 
 def test_lines_are_counted_in_files_of_any_length():
     text = VERTICES + "# comment\n\nf 1 2 3\n" * 30_000
-    with pytest.raises(FormatError, match=r"a\.obj:90005: expected a face of at least 3 corners"):
+    with pytest.raises(FormatError, match="90005"):
         obj.read((text + "f 1 2\n").encode(), "a.obj")
 
 

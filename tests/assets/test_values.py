@@ -32,9 +32,9 @@ def test_scalars(tmp_path, name):
 
 
 def test_values_that_have_no_place(tmp_path):
-    with pytest.raises(FormatError, match=r"scalar of 7 points\) has no place in a \.annot file"):
+    with pytest.raises(FormatError, match="place"):
         write_attribute(tmp_path / "a.annot", ATTRIBUTES["scalar"])
-    with pytest.raises(FormatError, match=r"no format of values; use one of \.gii, \.annot"):
+    with pytest.raises(FormatError, match="annot"):
         read_attributes(tmp_path / "a.ply")
 
 
@@ -52,9 +52,7 @@ def test_a_missing_package_is_named_with_its_extra(tmp_path, monkeypatch, suffix
     write_asset(tmp_path / f"a{suffix}", whole())
     monkeypatch.setitem(sys.modules, package, None)
     name = package.partition(".")[0]
-    with pytest.raises(
-        MissingDependencyError, match=rf"the package {name}; pip install 'isomatch\[{extra}\]'"
-    ):
+    with pytest.raises(MissingDependencyError, match=rf"{name}.*\[{extra}\]"):
         read_mesh(tmp_path / f"a{suffix}")
 
 

@@ -82,9 +82,7 @@ def test_polygons_of_points_that_are_not_there(tmp_path):
         lambda: to_pyvista(Asset.of_mesh(bad, [uv])),
         lambda: write_mesh(tmp_path / "a.glb", bad),
     ):
-        with pytest.raises(
-            ValueError, match=r"polygons 0 refer to points outside 0…2; remove them"
-        ) as caught:
+        with pytest.raises(ValueError, match="outside") as caught:
             use()
         assert isinstance(caught.value, MeshError | FormatError)
     assert not (tmp_path / "a.glb").exists()

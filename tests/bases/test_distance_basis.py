@@ -195,13 +195,13 @@ def test_exact_basis_over_the_memory_budget(mesh, monkeypatch):
 
 @pytest.mark.parametrize("k", [0, -1, 41])
 def test_rank_outside_the_number_of_columns(mesh, k):
-    with pytest.raises(ValueError, match=f"k = {k} must lie in 1…p = 40"):
+    with pytest.raises(ValueError, match=f"k = {k}"):
         distance_basis(mesh, k, 40)
 
 
 @pytest.mark.parametrize("method", METHODS)
 def test_two_components(method):
-    with pytest.raises(MeshError, match=r"one connected component|pass one component"):
+    with pytest.raises(MeshError, match="component"):
         distance_basis(two_spheres(2, 0.5), 10, 20, method=method)
 
 

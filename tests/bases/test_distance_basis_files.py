@@ -69,7 +69,7 @@ def test_files_of_a_newer_version_are_refused(tmp_path):
 )
 def test_contents_are_checked_before_they_are_used(tmp_path, change, message):
     np.savez(tmp_path / "basis.npz", **(ARRAYS_OF_0_1 | change))
-    with pytest.raises(FormatError, match=rf"basis\.npz: not a distance basis \({message}"):
+    with pytest.raises(FormatError, match=message):
         DistanceBasis.load(tmp_path / "basis.npz")
 
 

@@ -56,9 +56,9 @@ def test_first_function_is_constant(mesh, basis):
     assert basis.weights.sum() == pytest.approx(mesh.area, rel=0.01)
 
 
-@pytest.mark.parametrize(("n", "k"), [(1500, 20), (2500, 200), (1500, 700)], ids=["krylov", "many", "dense"])
+@pytest.mark.parametrize(("n", "k"), [(1500, 20), (2500, 200), (800, 373)], ids=["krylov", "many", "dense"])
 def test_orthonormal_in_the_areas(n, k):
-    basis = laplace_basis(creature(n).mesh, k)
+    basis = laplace_basis(decimate(creature(2500).mesh, n).mesh, k)
     gram = basis.vectors.T @ (basis.weights[:, None] * basis.vectors)
     np.testing.assert_allclose(gram, np.eye(k), atol=1e-8)
     assert (np.diff(basis.values) >= -1e-9 * basis.values[-1]).all()

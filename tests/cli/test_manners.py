@@ -135,12 +135,11 @@ def test_files_of_an_earlier_result_do_not_stay(matching, tmp_path):
 
 
 @pytest.mark.parametrize("name", ["b.unknown", "b"])
-def test_a_mesh_that_cannot_be_written_is_refused_before_the_work(
-    name, matching, tmp_path, monkeypatch, capsys
-):
-    monkeypatch.setattr(isomatch, "match", None)
-    assert matching(f"--as-mesh {tmp_path}/{name}") == 1
-    assert "b" in capsys.readouterr().err
+def test_a_mesh_that_cannot_be_written_is_refused_before_the_work(name, matching, tmp_path, capsys):
+    assert matching(f"--json-lines --as-mesh {tmp_path}/{name}") == 1
+    said = capsys.readouterr()
+    assert "b" in said.err
+    assert [event["stage"] for event in events_of(said.out)] == ["reading"]
     assert not (tmp_path / "out").exists()
 
 

@@ -17,12 +17,12 @@ from isomatch_lab.evaluation import (
     METHODS,
     BenchmarkRun,
     Method,
-    benchmark_run,
     run_benchmark,
     write_tables,
 )
 from isomatch_lab.evaluation.curves import PublishedCurve
 from isomatch_lab.sets import BenchmarkPair, BenchmarkSet
+from isomatch_lab.sets.benchmarks import MADE
 from shapes import icosphere
 
 pytestmark = pytest.mark.usefixtures("prepared_once", "small_pictures")
@@ -112,7 +112,7 @@ def test_tables_of_a_benchmark(tmp_path, monkeypatch):
     ends = ("".join(NAMES.values()), NAMES["formula"])
     pair = BenchmarkPair("-".join(ends), mesh, mesh, np.column_stack([every, every]))
     chosen = BenchmarkSet("odd", (ends,), lambda *_: pair)
-    monkeypatch.setattr(benchmark_run, "benchmark_set", lambda *_: chosen)
+    monkeypatch.setitem(MADE, "odd", lambda: chosen)
     method = Method(lambda *_: isomatch.Correspondence(every, len(every)), preparation=None)
     monkeypatch.setitem(METHODS, "right", method)
     run = BenchmarkRun("odd", ("right",), n_points=20, jobs=1)

@@ -3,14 +3,13 @@
 import json
 import logging
 import shutil
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import pytest
 
 import isomatch
 from isomatch.cli import main
-from isomatch.collections import Collection, plan, workers
+from isomatch.collections import Collection, plan
 from isomatch.datasets import example_pair
 from isomatch.resolution import decimate
 from small_collections import run
@@ -81,8 +80,7 @@ def test_what_is_new_is_not_done_again(small, copied, tmp_path):
 
 
 @pytest.mark.long
-def test_the_command_tells_each_reason_once(small, copied, other_version, monkeypatch, capsys):
-    monkeypatch.setattr(workers, "worker_processes", lambda _: ThreadPoolExecutor(1))
+def test_the_command_tells_each_reason_once(small, copied, other_version, in_threads, capsys):
     copied.layout.maps(("s0", "s1")).unlink()
     options = f"--pairs all --config {small.settings} --jobs 1 --reports none --no-agree --json-lines".split()
     assert main(["collect", str(small.shapes), "-o", str(copied.folder), *options]) == 0

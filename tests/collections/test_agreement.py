@@ -4,9 +4,7 @@ import csv
 import json
 import shutil
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import nullcontext
 from dataclasses import replace
-from importlib import import_module
 
 import numpy as np
 import pytest
@@ -15,12 +13,9 @@ from isomatch import write_mesh
 from isomatch.cli.collect import collect
 from isomatch.collections import Collection, PairMaps, Rows, agree, agreement_of
 from isomatch.collections import agreement as agreement_module
-from isomatch.collections import page as reports_module
-from isomatch.collections import run as run_module
 from isomatch.collections.agreement import CONTRADICTED, CycleJob
 from isomatch.collections.ledger import state_of, writing_ledger
 from isomatch.collections.map_file import digest_of
-from isomatch.collections.workers import Workers
 from isomatch.datasets import ground_truth
 from isomatch.errors import InputError, MemoryBudgetError, UnwritableFileError
 from isomatch.matching import match_both
@@ -29,7 +24,7 @@ from isomatch.shapes import PreparedShape
 from isomatch_lab.procedural import creature
 
 pytest.importorskip("skimage")
-finish_module = import_module("isomatch.collections.finish")  # the room's public name is the function
+pytestmark = pytest.mark.usefixtures("small_pictures")
 NAMES = ("w", "x", "y", "z")
 WRONG = ("w", "y")
 
@@ -281,15 +276,6 @@ def test_shapes_that_are_mirrored_together_are_named():
     rows = Rows(pairs={(a, b): row((a, b)) for i, a in enumerate(names) for b in names[i + 1 :]})
     assert agreement_of(rows).turned == ["m"]
     assert agreement_of(rows).contradicted == []
-
-
-@pytest.fixture
-def in_threads(monkeypatch, small_pictures):
-    """Local workers that need not be started."""
-    for module in (agreement_module, run_module, finish_module, reports_module):
-        monkeypatch.setattr(
-            module, "workers_of", lambda *_: nullcontext(Workers(lambda: ThreadPoolExecutor(1), lambda: 1))
-        )
 
 
 @pytest.mark.long

@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 
 from isomatch import Correspondence, FormatError, UnwritableFileError
-from isomatch.collections import PairMaps, plan
+from isomatch.collections import PairMaps
 from isomatch.collections import ledger as ledger_module
-from isomatch.collections import run as run_module
 from isomatch.collections.ledger import Rows, read_ledgers, writing_ledger
 from isomatch.collections.plan import OLD, Layout, key_of, medoid
+from isomatch.collections.run import loaded_shape
 from isomatch.settings import Config
 from isomatch.storage.files import claimed
 
@@ -60,7 +60,7 @@ def test_damaged_maps_are_refused(tmp_path, finished):
             PairMaps.load(path)
 
 
-def test_a_key_tells_contents_settings_seed_and_version(monkeypatch):
+def test_a_key_tells_contents_settings_and_seed():
     key = key_of(Config(), 0, "a", "b")
     assert key == key_of(Config(), 0, "a", "b")
     others = {
@@ -68,11 +68,7 @@ def test_a_key_tells_contents_settings_seed_and_version(monkeypatch):
         key_of(Config(n_search=300), 0, "a", "b"),
         key_of(Config(), 1, "a", "b"),
     }
-    monkeypatch.setattr(plan, "version", lambda name: "99")
-    plan._settings.cache_clear()
-    others.add(key_of(Config(), 0, "a", "b"))
-    plan._settings.cache_clear()
-    assert len(others | {key}) == 5
+    assert len(others | {key}) == 4
 
 
 def test_of_rows_in_several_ledgers_what_is_done_counts_and_then_the_later():
@@ -248,22 +244,19 @@ def test_what_killed_runs_left_is_removed_but_nothing_that_a_shard_may_be_writin
     assert left_by((0, 2), ["ledger_1_of_2.sqlite"]) == {new}
 
 
-def test_prepared_shapes_stay_in_memory_up_to_so_many_bytes(finished, monkeypatch):
+def test_prepared_shapes_stay_in_memory_up_to_so_many_bytes(finished):
     files = sorted((finished / "prepared").iterdir())
     config = Config.from_dict(json.loads((finished / "collection.json").read_text())["config"])
-    reads = []
-    load = run_module.PreparedShape.load
-    monkeypatch.setattr(
-        run_module.PreparedShape, "load", lambda *given: reads.append(given[0]) or load(*given)
+    room = 3 * max(file.stat().st_size for file in files)
+    zero, one, two, *again, _, one_again, two_again = (
+        loaded_shape(files[i], config, room) for i in (0, 1, 2, 1, 0, 3, 1, 2)
     )
-    monkeypatch.setattr(run_module, "_shapes", type(run_module._shapes)())
-    monkeypatch.setattr(run_module, "LOADED", 3 * max(file.stat().st_size for file in files))
-    for i in (0, 1, 2, 1, 0, 3, 1, 2):  # room for three of them: 2 was not used for longest when 3 came
-        run_module.loaded_shape(files[i], config)
-    assert [files.index(file) for file in reads] == [0, 1, 2, 3, 2]
-    monkeypatch.setattr(run_module, "LOADED", 1)
-    run_module.loaded_shape(files[0], config)
-    assert len(run_module._shapes) == 2  # those of a pair
+    assert again == [one, zero]
+    assert one_again is one
+    assert two_again is not two  # it was not used for longest when three came
+    assert loaded_shape(files[0], config, 1) is not zero
+    assert loaded_shape(files[2], config, 1) is two_again  # those of a pair stay
+    assert loaded_shape(files[1], config, 1) is not one
 
 
 def test_the_medoid_is_the_nearest_to_all_and_does_not_need_their_matrix():

@@ -221,9 +221,9 @@ def test_what_it_refuses(make, options, message):
 @pytest.mark.parametrize("mesh", [icosphere(1), soup(icosphere(1))], ids=["sphere", "soup"])
 def test_samples_and_normals_of_other_surfaces(mesh):
     for samples in ([-1], [mesh.n_vertices], [0.5]):
-        with pytest.raises(MeshError, match=r"outside 0…|one-dimensional array of vertex indices"):
+        with pytest.raises(MeshError, match=r"outside|indices"):
             ball_signature(mesh, samples=samples)
-    with pytest.raises(DescriptorError, match=rf"expected \({mesh.n_vertices}, 3\)"):
+    with pytest.raises(DescriptorError, match="expected"):
         ball_signature(mesh, normals=np.zeros((3, 3)))
 
 

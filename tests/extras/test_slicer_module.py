@@ -248,7 +248,7 @@ def test_slicer_goes_on_during_a_job_and_can_give_it_up(module):
         module.Job(lambda tell: 1 / 0).result(lambda what, share: None)
 
 
-def test_the_panel_matches_and_carries(module, models, result, monkeypatch):
+def test_the_panel_matches_and_carries(module, models, result):
     """The widgets are mocks: this finds what is wired to nothing, not what Qt would refuse."""
     import slicer
 
@@ -263,7 +263,7 @@ def test_the_panel_matches_and_carries(module, models, result, monkeypatch):
     ):
         box.currentNode.return_value = node
     widget.either.checked = False
-    monkeypatch.setattr(module.IsomatchModuleLogic, "planned", lambda *given: lambda tell: result)
+    widget.logic.planned = lambda *_: lambda tell: result
     with module.told():
         widget.on_match()
         widget.on_carry("target")

@@ -18,7 +18,7 @@ import pytest
 import isomatch
 from isomatch.assets import Asset, Attribute, write_asset
 from isomatch.cli import main
-from isomatch.collections import Collection, changed_files, workers
+from isomatch.collections import Collection, changed_files
 from isomatch.collections import ledger as ledger_module
 from later import some_later
 from small_collections import QUICK, arrays_of
@@ -203,9 +203,8 @@ def test_old_or_new(command, kind, growth, prepared, faults, tmp_path, monkeypat
 
 @pytest.mark.parametrize("growth", GROWTH)
 @pytest.mark.parametrize("kind", some_later([*KINDS, "row", "allocation"], lambda kind: kind == "row"))
-def test_collect(kind, growth, prepared, small, faults, tmp_path, monkeypatch, capsys):
+def test_collect(kind, growth, prepared, small, in_threads, faults, tmp_path, capsys):
     """Of a collection in which a shape, a map and a surface have to be made again."""
-    monkeypatch.setattr(workers, "worker_processes", lambda _: ThreadPoolExecutor(1))
     expected = arrays_of(prepared / "all")
     argv = (
         f"collect {small.shapes} -o {tmp_path}/all --pairs all --config {small.settings} --jobs 1 --no-agree"

@@ -5,7 +5,6 @@ import io
 import json
 import os
 import subprocess
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +12,7 @@ import pytest
 
 from isomatch import Correspondence, DistanceBasis, UnwritableFileError, read_mesh, write_mesh
 from isomatch.cli import main
-from isomatch.collections import Collection, workers
+from isomatch.collections import Collection
 from isomatch.geodesics import Sampling
 from isomatch.storage.array_file import write_arrays
 from isomatch.storage.texts import write_csv
@@ -82,9 +81,7 @@ def test_a_file_is_whole_or_what_it_was_before(name, disk, tmp_path):
     read(path)
     for room in {0, 1, size - 1, *np.random.default_rng(1).integers(size, size=40).tolist()}:
         disk.room = room
-        with pytest.raises(
-            UnwritableFileError, match=rf"{name}: cannot be written \(No space left on device\)"
-        ):
+        with pytest.raises(UnwritableFileError, match=f"{name}.*No space"):
             write(path)
         assert path.read_bytes() == before
         assert [one.name for one in tmp_path.iterdir()] == [name]
@@ -114,9 +111,8 @@ ROOMS = {20_000: "ENOSPC", 150_000: "EDQUOT", 700_000: "EIO", 600_000: "ENOSPC",
 
 
 @pytest.mark.long
-def test_a_full_disk_is_no_failure_of_a_shape(small, finished, disk, tmp_path, monkeypatch, capsys):
+def test_a_full_disk_is_no_failure_of_a_shape(small, finished, in_threads, disk, tmp_path, capsys):
     """Whatever there is room for, nothing is called failed, and the last run completes what the others began."""
-    monkeypatch.setattr(workers, "worker_processes", lambda _: ThreadPoolExecutor(1))
     argv = f"collect {small.shapes} -o {tmp_path} --pairs all --config {small.settings} --jobs 1 --reports 1"
     for disk.room, name in ROOMS.items():
         disk.number = getattr(errno, name)

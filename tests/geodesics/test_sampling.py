@@ -126,5 +126,5 @@ def test_coincident_points_are_chosen_last_and_once():
 
 @pytest.mark.parametrize(("n_samples", "start"), [(0, 0), (13, 0), (3, -1), (3, 12)])
 def test_euclidean_farthest_points_out_of_range(n_samples, start):
-    with pytest.raises(SettingError, match=r"(n_samples|start) = -?\d+ must lie in"):
+    with pytest.raises(SettingError, match=r"n_samples|start"):
         euclidean_farthest_points(icosphere(0).vertices, n_samples, start)

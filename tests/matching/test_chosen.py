@@ -49,7 +49,7 @@ def test_the_result_before_is_not_kept(found):
 def test_what_cannot_be_chosen_is_refused(found):
     shape, result = found
     for number in (0, 3):
-        with pytest.raises(SettingError, match=f"there is no alternative {number}; the result has 2 of them"):
+        with pytest.raises(SettingError, match="alternative"):
             continue_with(result, number, shape, shape)
     with pytest.raises(MapError, match="another source"):
         continue_with(result, 2, shape.moved(2 * shape.vertices), shape)

@@ -63,12 +63,10 @@ def test_bad_input(tmp_path):
     with pytest.raises(MeshError, match="no shapes"):
         CorrespondedShapes.of_meshes({})
     unplaced = Mesh(np.full((42, 3), np.nan), icosphere(1).faces)
-    with pytest.raises(
-        MeshError, match=r"no shapes; x: vertices without a position, 0, 1, 2, 3, 4, … \(42 in all\)"
-    ):
+    with pytest.raises(MeshError, match=r"\(42 in all"):
         CorrespondedShapes.of_meshes({"x": unplaced})
     points, faces = random_shapes(2).vertices, icosphere(1).faces
-    with pytest.raises(MeshError, match="several shapes are named a"):
+    with pytest.raises(MeshError, match="several"):
         CorrespondedShapes(("a", "a"), points, faces)
     with pytest.raises(MeshError, match=r"expected \(1, n, 3\)"):
         CorrespondedShapes(("a",), points, faces)

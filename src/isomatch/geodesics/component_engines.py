@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable
-from typing import Any, NamedTuple
 
 import numpy as np
 
 from isomatch import mending
-from isomatch.errors import MeshError, MissingDependencyError
+from isomatch.errors import MeshError
 from isomatch.geodesics.dijkstra import Dijkstra
 from isomatch.geodesics.protocol import ColumnEngine, ordinary_unit, require_finite
 from isomatch.geodesics.windows import UnfoldedFaces, windows_from
+from isomatch.loading.first_use import package
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import FloatArray, IntArray
 
@@ -35,33 +35,26 @@ class ComponentEngine(ColumnEngine):
         self.n_points = mesh.n_vertices
         self._unit = ordinary_unit(mesh)
         self._mesh = mesh.moved(mesh.vertices / self._unit)
-        self._components: dict[int, _Component] = {}
+        self._solvers: dict[
+            int, tuple[IntArray, Solver]
+        ] = {}  # of components, and their vertices, increasing
 
     def _columns(self, sources: IntArray) -> FloatArray:
         distances = np.full((len(sources), self.n_points), np.inf)
         for row, source in zip(distances, sources):
             label = self._mesh.components[source]
             if np.count_nonzero(self._mesh.components == label) > 1:  # not a vertex that no face uses
-                component = self._component(int(label))
-                place = int(np.searchsorted(component.vertices, source))
-                row[component.vertices] = self._unit * component.distances_from(place)
+                if label not in self._solvers:
+                    mesh, vertices = self._mesh.submesh(self._mesh.components == label)
+                    self._solvers[label] = vertices, self._solver(mesh)
+                vertices, distances_from = self._solvers[label]
+                row[vertices] = self._unit * distances_from(int(np.searchsorted(vertices, source)))
             row[source] = 0.0
         return distances
-
-    def _component(self, label: int) -> _Component:
-        if label not in self._components:
-            mesh, vertices = self._mesh.submesh(self._mesh.components == label)
-            self._components[label] = _Component(vertices, self._solver(mesh))
-        return self._components[label]
 
     @abstractmethod
     def _solver(self, component: Mesh) -> Solver:
         """Set up the solver of one connected mesh, of size between 1e-10 and 1e10."""
-
-
-class _Component(NamedTuple):
-    vertices: IntArray  # indices in the whole mesh, increasing
-    distances_from: Solver
 
 
 class Exact(ComponentEngine):
@@ -74,7 +67,7 @@ class Exact(ComponentEngine):
     name = "exact"
 
     def __init__(self, mesh: Mesh) -> None:
-        self._algorithm = _pygeodesic()
+        self._algorithm = package("pygeodesic.geodesic", "exact", "engine 'exact'").PyGeodesicAlgorithmExact
         super().__init__(mesh)
 
     def _solver(self, component: Mesh) -> Solver:
@@ -100,16 +93,6 @@ def _by_windows(mesh: Mesh) -> Solver:
     return distances_from
 
 
-def _pygeodesic() -> Any:
-    try:
-        from pygeodesic.geodesic import PyGeodesicAlgorithmExact
-    except ImportError:
-        raise MissingDependencyError(
-            "engine 'exact' needs the package pygeodesic; pip install 'isomatch[exact]'"
-        ) from None
-    return PyGeodesicAlgorithmExact
-
-
 class Heat(ComponentEngine):
     """Smooth approximate distances: heat diffuses for a short time, and the directions of its gradient are integrated."""
 
@@ -120,7 +103,7 @@ class Heat(ComponentEngine):
     name = "heat"
 
     def __init__(self, mesh: Mesh) -> None:
-        self._method = _potpourri3d()
+        self._method = package("potpourri3d", "heat", "engine 'heat'").MeshHeatMethodDistanceSolver
         super().__init__(mesh)
 
     def _solver(self, component: Mesh) -> Solver:
@@ -143,13 +126,3 @@ def _unsolvable(component: Mesh) -> MeshError:
         f"the heat method cannot be solved on a component of {component.n_vertices} vertices and area "
         f"{component.area:.3g}; look at check(mesh), or use another engine"
     )
-
-
-def _potpourri3d() -> Any:
-    try:
-        from potpourri3d import MeshHeatMethodDistanceSolver
-    except ImportError:
-        raise MissingDependencyError(
-            "engine 'heat' needs the package potpourri3d; pip install 'isomatch[heat]'"
-        ) from None
-    return MeshHeatMethodDistanceSolver

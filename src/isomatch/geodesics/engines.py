@@ -136,8 +136,8 @@ def _with_points(surface: MetricSpace, points: PrecisePoints, name: str | None, 
     points = points._replace(corners=vertex[points.corners])
     engine: DistanceEngine
     if name in DIVIDING:
-        found = inserted(mesh, points)
-        engine, further = distance_engine(found.mesh, name, weld=False), found.vertex
+        divided = inserted(mesh, points)
+        engine, further = distance_engine(divided.mesh, name, weld=False), divided.vertex
     else:
         engine = PointsInFaces(distance_engine(mesh, name, weld=False), mesh, points)
         further = np.arange(mesh.n_vertices, engine.n_points)
@@ -202,16 +202,16 @@ def geodesic_distances(
            [0.5]]))
     """
     surface = metric_space(surface)
-    inside = [given for given in (sources, targets) if isinstance(given, PrecisePoints)]
+    inside = [places for places in (sources, targets) if isinstance(places, PrecisePoints)]
     points = joined(*inside) if inside else None
     chosen = distance_engine(surface, engine, weld=weld, points=points)
     n = chosen.n_points - (len(points.corners) if points else 0)
     more = iter(range(n, chosen.n_points))
 
-    def numbers(given: ArrayLike | PrecisePoints) -> AnyArray:
-        if isinstance(given, PrecisePoints):
-            return np.array([next(more) for _ in given.corners], dtype=np.int64)
-        return vertices_of(given, n)
+    def numbers(places: ArrayLike | PrecisePoints) -> AnyArray:
+        if isinstance(places, PrecisePoints):
+            return np.array([next(more) for _ in places.corners], dtype=np.int64)
+        return vertices_of(places, n)
 
     origins = numbers(sources)
     if targets is None:

@@ -96,7 +96,7 @@ class FastMarching(ColumnEngine):
         # A vertex no nearer than its bound (n,) stays at inf, and the front does not go on from it. The front ends at the
         # distance ``farthest``, or as soon as all ``targets`` are known, if there are any; entries beyond mean nothing.
         n = self.n_points
-        distance, known = np.full(n, np.inf), np.full(n, np.inf)
+        distance, settled = np.full(n, np.inf), np.full(n, np.inf)
         awaited = np.zeros(n if len(targets) else 0, dtype=bool)
         awaited[targets] = True
         slot, heap = np.full(n, -1, dtype=np.int32), np.empty(n, dtype=np.int32)
@@ -109,7 +109,7 @@ class FastMarching(ColumnEngine):
             awaited,
             missing,
             farthest,
-            known,
+            settled,
             np.zeros(n),
             slot,
             heap,
@@ -205,13 +205,9 @@ def _group(corners: IntArray, shape: FloatArray, curvature: FloatArray) -> Stenc
 
 def _opposite_corners(mesh: Mesh) -> IntArray:
     """Corner across the edge opposite to each corner h = 3 face + i, (3 m,); −1 at boundary and non-manifold edges."""
-    edges = mesh.edge_table
-    pair = (np.cumsum(edges.n_faces) - edges.n_faces)[edges.n_faces == 2]  # edges of exactly two faces
-    corner = edges.sides + np.where(edges.sides % 3 == 0, 2, -1)  # opposite to each side
-    opposite = np.full(mesh.faces.size, -1, dtype=np.int64)
-    opposite[corner[pair]] = corner[pair + 1]
-    opposite[corner[pair + 1]] = corner[pair]
-    return opposite
+    side = np.arange(mesh.faces.size).reshape(-1, 3)[:, [1, 2, 0]].ravel()  # opposite to each corner
+    across = mesh.edge_table.opposite[side].astype(np.int64)
+    return np.where(across < 0, -1, across + np.where(across % 3 == 0, 2, -1))
 
 
 @compiled()
@@ -333,13 +329,13 @@ def _advance(
     awaited: BoolArray,
     missing: int,
     farthest: float,
-    known: FloatArray,
+    settled: FloatArray,
     excess: FloatArray,
     slot: AnyArray,
     heap: AnyArray,
 ) -> None:
     # Dijkstra's order with an indexed binary heap: heap[:size] holds tentative vertices, slot[v] the place of v in it, −1
-    # if it was never reached; known[v] is the final distance, inf while tentative, −1 where an earlier source is nearer.
+    # if it was never reached; settled[v] the final distance, inf while tentative, −1 where an earlier source is nearer.
     size = 1
     heap[0] = source
     slot[source] = 0
@@ -369,23 +365,23 @@ def _advance(
             slot[moved] = hole
         if len(bound) and dv >= bound[v]:  # an earlier source is nearer: the front ends here
             distance[v] = np.inf
-            known[v] = -1.0
+            settled[v] = -1.0
             continue
-        known[v] = dv
+        settled[v] = dv
         if missing > 0 and awaited[v]:
             missing -= 1
             if missing == 0:
                 return
         for e in range(start[v], start[v + 1]):
             c = target[e]
-            if known[c] != np.inf:
+            if settled[c] != np.inf:
                 continue
             step = np.float64(shape[e, 3])
             candidate = radius = dv + step  # along the edge from v
             bent = excess[v]
             gauss = curvature[v]
             w = other[e]
-            dw = known[w]
+            dw = settled[w]
             if dw != np.inf and dw >= 0.0 and shape[e, 0] > 0.0:
                 length, x, y = np.float64(shape[e, 0]), np.float64(shape[e, 1]), np.float64(shape[e, 2])
                 # The update of Kimmel & Sethian, for spherical instead of plane fronts (Novotni & Klein 2002): the

@@ -40,7 +40,8 @@ class GivenMatrix(ColumnEngine):
             largest = max(largest, float(np.max(rows, initial=0.0, where=np.isfinite(rows))))
         for first, rows in self._blocks():
             columns = matrix[:, first : first + len(rows)].T
-            near = (rows == columns) | (np.abs(_difference(rows, columns)) <= ASYMMETRY * largest)
+            with np.errstate(invalid="ignore"):  # inf − inf is NaN; equal entries are compared before
+                near = (rows == columns) | (np.abs(rows - columns) <= ASYMMETRY * largest)
             _require_all(near, first, "the distance matrix is not symmetric")
             own = rows[np.arange(len(rows)), first + np.arange(len(rows))]
             _require_all(
@@ -88,11 +89,6 @@ class GivenFunction(ColumnEngine):
             raise MeshError(f"the distance function is not 0 from sources {some(bad)} to themselves")
         distances[np.arange(len(sources)), sources] = 0.0
         return distances
-
-
-def _difference(a: FloatArray, b: AnyArray) -> FloatArray:
-    with np.errstate(invalid="ignore"):  # inf − inf is NaN; equal entries are compared before
-        return np.asarray(a - b)
 
 
 def _require_distances(rows: FloatArray, labels: IntArray, what: str) -> None:

@@ -54,9 +54,9 @@ def points_of(given: ArrayLike | PrecisePoints, n_vertices: int) -> PrecisePoint
     return PrecisePoints(corners.astype(np.int64), weights)
 
 
-def vertices_of(given: ArrayLike, n_vertices: int) -> IntArray:
+def vertices_of(points: ArrayLike, n_vertices: int) -> IntArray:
     """Return (m,) indices of vertices; `MeshError` if they are none or out of range."""
-    vertices = np.atleast_1d(np.asarray(given))
+    vertices = np.atleast_1d(np.asarray(points))
     if vertices.ndim != 1 or (vertices.size and vertices.dtype.kind not in "iu"):
         raise MeshError("points must be a one-dimensional array of vertex indices, or PrecisePoints")
     _require_in_range(vertices, n_vertices)
@@ -240,12 +240,12 @@ class PointsInFaces(ColumnEngine):
         inside = sources >= self._n
         wanted = np.concatenate([sources[~inside], self._corners[sources[inside] - self._n].ravel()])
         vertices, row = np.unique(wanted, return_inverse=True)
-        known = self._engine.distances_from(vertices)
+        of_vertices = self._engine.distances_from(vertices)
         columns = np.zeros((len(sources), self.n_points))
-        columns[~inside, : self._n] = known[row[: (~inside).sum()]]
+        columns[~inside, : self._n] = of_vertices[row[: (~inside).sum()]]
         of_corners = row[(~inside).sum() :].reshape(-1, 3)
         for at, source, corners in zip(np.flatnonzero(inside), sources[inside] - self._n, of_corners):
-            columns[at, : self._n] = self._across(source, known[corners])
+            columns[at, : self._n] = self._across(source, of_vertices[corners])
         for point, corners in enumerate(self._corners):
             columns[:, self._n + point] = self._across(point, columns[:, corners].T)
         for at, source in zip(np.flatnonzero(inside), sources[inside] - self._n):

@@ -61,19 +61,6 @@ def remove_gaps(vertices: FloatArray, marks: AnyArray, corners: AnyArray, owner:
     return n_corners
 
 
-@compiled()
-def number_by_first(owner: AnyArray, number: IntArray, order: IntArray, numbered: IntArray) -> None:
-    """Give vertices numbers in the order in which they are first met as owners."""
-    count = 0
-    for v in range(len(owner)):
-        w = owner[v]
-        if number[w] < 0:
-            number[w] = count
-            order[count] = w
-            count += 1
-        numbered[v] = number[w]
-
-
 @compiled(error_model="numpy")
 def describe_vertices(
     vertices: FloatArray, marks: AnyArray, corners: AnyArray, link: AnyArray, point_weight: float

@@ -19,7 +19,6 @@ from isomatch.resolution._collapse import (
     costs_of_edges,
     describe_vertices,
     link_corners,
-    number_by_first,
     remove_gaps,
 )
 from isomatch.surfaces import Mesh, in_spatial_order
@@ -128,16 +127,16 @@ def decimations(
     if not sizes:
         return small
     rounds = _Rounds.of(mesh, in_place, weights)
-    found = []
+    coarse = []
     for size in sizes:
         shared = None
         while rounds.n > size and not rounds.is_over:
             if size > sizes[-1] and not rounds.is_far_from(size):
                 shared = shared or deepcopy(rounds)  # before a round that may end at this size
             rounds.collapse(size)
-        found.append(rounds.decimated(mesh, size))
+        coarse.append(rounds.decimated(mesh, size))
         rounds = shared or rounds
-    return small + found
+    return small + coarse
 
 
 @dataclass(eq=False)
@@ -207,11 +206,14 @@ class _Rounds:
     def decimated(self, mesh: Mesh, wanted: int) -> Decimated:
         """Return what is left."""
         _, centre, size = normalised(mesh.vertices)
-        owner, order = np.empty(len(self.owner), dtype=np.int64), np.empty(self.n, dtype=np.int64)
-        number = np.full(self.n, -1, dtype=np.int64)
-        number_by_first(self.owner, number, order, owner)
+        first = np.empty(
+            self.n, dtype=np.int64
+        )  # of the vertices merged into each; of equal indices the last counts
+        first[self.owner[::-1]] = np.arange(len(self.owner))[::-1]
+        order, number = np.argsort(first), np.empty(self.n, dtype=np.int64)
+        number[order] = np.arange(self.n)
         faces = number[self.corners[:, 0]].reshape(-1, 3)
-        return Decimated(Mesh(self.vertices[order, :3] * size + centre, faces), owner, wanted)
+        return Decimated(Mesh(self.vertices[order, :3] * size + centre, faces), number[self.owner], wanted)
 
 
 def _describe_by_distances(vertices: FloatArray, weights: FloatArray) -> None:

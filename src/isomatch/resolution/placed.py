@@ -29,9 +29,9 @@ class VertexGroups(NamedTuple):
     @classmethod
     def of(cls, group: IntArray, n_groups: int) -> VertexGroups:
         """Sort vertices by their group (n,), −1 for none."""
-        start, members = np.zeros(n_groups + 1, dtype=np.int64), np.empty(len(group), dtype=np.int32)
-        _sort_into_groups(np.ascontiguousarray(group, dtype=np.int64), start, members)
-        return cls(start, members[: start[-1]])
+        order = np.argsort(group, kind="stable")
+        start = np.searchsorted(group, np.arange(n_groups + 1), sorter=order)
+        return cls(start - start[0], order[start[0] :].astype(np.int32))
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,21 +75,6 @@ def linked_corners(mesh: Mesh) -> tuple[AnyArray, AnyArray]:
     return marks, corners
 
 
-@compiled()
-def _sort_into_groups(group: IntArray, start: IntArray, members: AnyArray) -> None:
-    """Sort vertices by their group, by counting."""
-    for v in range(len(group)):
-        if group[v] >= 0:
-            start[group[v] + 1] += 1
-    for a in range(1, len(start)):
-        start[a] += start[a - 1]
-    end = start[:-1].copy()
-    for v in range(len(group)):
-        if group[v] >= 0:
-            members[end[group[v]]] = v
-            end[group[v]] += 1
-
-
 @compiled(error_model="numpy")
 def _inverse_image(
     rows: AnyArray,
@@ -100,7 +85,7 @@ def _inverse_image(
     members: AnyArray,
     marks: AnyArray,
     linked: AnyArray,
-    found: IntArray,
+    preimage: IntArray,
     weights: FloatArray,
 ) -> None:
     """Find the points of the fine mesh whose places are nearest to queries near the coarse mesh."""
@@ -125,9 +110,9 @@ def _inverse_image(
                     if squared < least:
                         nearest, least = v, squared
                 corner = linked[corner, 1]
-        found[i, 0] = found[i, 1] = found[i, 2] = nearest
+        preimage[i, 0] = preimage[i, 1] = preimage[i, 2] = nearest
         for k in range(3):  # around the nearest vertex, then around the other corners of the face found
-            a = found[i, k]
+            a = preimage[i, k]
             px, py, pz = qx - places[a, 0], qy - places[a, 1], qz - places[a, 2]
             corner = marks[a, 0]
             while corner >= 0:
@@ -137,11 +122,11 @@ def _inverse_image(
                 squared = px * px + py * py + pz * pz + gain
                 if squared < least:
                     least = squared
-                    found[i, 0], found[i, 1], found[i, 2] = a, b, c
+                    preimage[i, 0], preimage[i, 1], preimage[i, 2] = a, b, c
                     weights[i, 0], weights[i, 1], weights[i, 2] = 1.0 - s - t, s, t
             if least <= ON_A_FACE and min(weights[i, 0], weights[i, 1], weights[i, 2]) > INSIDE_A_FACE:
                 break
-        sort_corners(found, weights, i)
+        sort_corners(preimage, weights, i)
 
 
 @compiled(error_model="numpy")

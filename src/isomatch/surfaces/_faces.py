@@ -135,16 +135,6 @@ def areas_of(points: FloatArray, faces: IntArray) -> FloatArray:
 
 
 @compiled()
-def thirds_of(face_areas: FloatArray, faces: IntArray, n_vertices: int) -> FloatArray:
-    """Areas (n,) of vertices: a third of each of their faces."""
-    areas = np.zeros(n_vertices)
-    for f in range(len(faces)):
-        for corner in range(3):
-            areas[faces[f, corner]] += face_areas[f] / 3
-    return areas
-
-
-@compiled()
 def _normals(points: FloatArray, faces: IntArray) -> FloatArray:
     normals = np.zeros((len(points), 3))
     for f in range(len(faces)):

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from isomatch.errors import MeshError
 from isomatch.surfaces._edges import EdgeTable, edge_table, lengths, linked
-from isomatch.surfaces._faces import areas_of, cross_products, require_vertices, thirds_of, vertex_normals
+from isomatch.surfaces._faces import areas_of, cross_products, require_vertices, vertex_normals
 from isomatch.surfaces._shared import Plotted, hash_of
 from isomatch.values.arrays import FloatArray, IntArray, array_of, numbers_of, read_only
 from isomatch.values.cached import cached_property
@@ -80,7 +80,9 @@ class Mesh(Plotted):
     @cached_property
     def vertex_areas(self) -> FloatArray:
         """(n,) barycentric area of each vertex, a third of the area of its faces; 0 if no face uses it."""
-        return thirds_of(self.face_areas, read_only(self.sound_faces), self.n_vertices)
+        thirds = np.repeat(self.face_areas / 3, 3)
+        areas = np.bincount(self.sound_faces.ravel(), thirds, self.n_vertices)
+        return areas.astype(np.float64, copy=False)  # integers without faces
 
     @cached_property
     def area(self) -> float:

@@ -43,11 +43,11 @@ def cached_method(method: Callable[Concatenate[S, P], R]) -> Callable[Concatenat
 
     @wraps(method)
     def remembered(self: S, /, *args: P.args, **kwargs: P.kwargs) -> R:
-        known = self.__dict__.setdefault(name, {})
+        results = self.__dict__.setdefault(name, {})
         key = (args, *kwargs.items())
-        if key not in known:
-            known[key] = method(self, *args, **kwargs)
-        result: R = known[key]
+        if key not in results:
+            results[key] = method(self, *args, **kwargs)
+        result: R = results[key]
         return result
 
     return remembered

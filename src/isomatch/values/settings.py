@@ -59,10 +59,10 @@ class Settings:
         `SettingError` if one is unknown, or its value is not allowed.
         """
         hints = get_type_hints(cls)
-        known = [each.name for each in fields(cls)]
-        unknown = sorted(set(values) - set(known))
+        names = [each.name for each in fields(cls)]
+        unknown = sorted(set(values) - set(names))
         if unknown:
-            raise SettingError(f"unknown setting {', '.join(unknown)}; known are {', '.join(known)}")
+            raise SettingError(f"unknown setting {', '.join(unknown)}; known are {', '.join(names)}")
         return cls(**{name: _typed(value, hints[name], name) for name, value in values.items()})
 
 

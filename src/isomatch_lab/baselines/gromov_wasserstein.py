@@ -86,15 +86,7 @@ def gromov_wasserstein(
     config : GromovWassersteinConfig, optional
         Settings.
 
-    Returns
-    -------
-    MatchResult
-        ``.map`` is the `Correspondence` source → target; the outcome depends on residual, stretch and orientation.
-
-    Raises
-    ------
-    MeshError, LandmarkError, MapError, DescriptorError, SettingError
-        As `match` does.
+    The result and the errors are those of `functional_maps`.
     MissingDependencyError
         If the package POT is not installed.
 

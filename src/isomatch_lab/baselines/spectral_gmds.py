@@ -82,15 +82,7 @@ def spectral_gmds(
     config : SpectralGmdsConfig, optional
         Settings.
 
-    Returns
-    -------
-    MatchResult
-        ``.map`` is the `Correspondence` source → target; the outcome depends on residual, stretch and orientation.
-
-    Raises
-    ------
-    MeshError, LandmarkError, MapError, DescriptorError, SettingError
-        As `match` does.
+    The result and the errors are those of `functional_maps`.
 
     Notes
     -----

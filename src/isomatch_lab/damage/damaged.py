@@ -193,19 +193,19 @@ def damaged_pair(
             f"{pair.name}: nothing of the truth remains after the damage; damage less of the shapes"
         )
     whole = [rows[left] for rows in truths]
-    given = [moved(rows) for rows in whole]
+    remaining = [moved(rows) for rows in whole]
     points = pair.points and PrecisePoints(pair.points.corners[left], pair.points.barycentric[left])
     on_source, on_target = moved(pair.truth).T
     merged = np.isin(pair.truth[:, 1], target.merged)
     gone = on_source[(on_source >= 0) & (on_target < 0) & ~merged]
     before = np.zeros(0, dtype=np.int64) if pair.alone is None else became[0][pair.alone]
-    alone = np.setdiff1d(np.concatenate([gone, before[before >= 0]]), given[0][:, 0])
+    alone = np.setdiff1d(np.concatenate([gone, before[before >= 0]]), remaining[0][:, 0])
     damaged = replace(
         pair,
         source=source.mesh,
         target=target.mesh,
-        truth=given[0],
-        mirrored=(*given, None)[1],
+        truth=remaining[0],
+        mirrored=(*remaining, None)[1],
         alone=alone if len(alone) or pair.alone is not None else None,
         points=None,
         moved=None,

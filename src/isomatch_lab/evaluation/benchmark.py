@@ -100,14 +100,14 @@ class _Worker:
             return [row | _problem(problem) for row in rows]
         for row, ending in zip(rows, endings):
             try:
-                found = starts
+                answers = starts
                 if ending:
                     continuation = CONTINUATIONS[ending]
-                    found = [
+                    answers = [
                         subject.match(continuation, start, backwards)
                         for start, backwards in zip(starts, directions)
                     ]
-                row |= subject.measures(*found)
+                row |= subject.measures(*answers)
             except (Exception, SystemExit) as problem:
                 row |= _problem(problem)
         return rows

@@ -64,8 +64,8 @@ class Method:
         settings = {} if self.config is None else {"config": self.config}
         result = self.function(source, target, **priors, **settings)
         if self.reads_maps:
-            found, note = result
-            return found, {"read": note} if note else {}
+            image, note = result
+            return image, {"read": note} if note else {}
         return (result.map, result.to_dict()) if isinstance(result, MatchResult) else (result, {})
 
     def to_dict(self) -> dict[str, Any]:
@@ -111,7 +111,7 @@ def parts_of(name: str, own: Collection[str] = ()) -> tuple[str, str]:
     if base not in (*METHODS, *own) or (plus and ending not in CONTINUATIONS):
         raise SettingError(
             f"unknown method {name}; choose from {', '.join([*METHODS, *own])}, and any of them followed by "
-            + " or ".join(f"+{known}" for known in CONTINUATIONS)
+            + " or ".join(f"+{each}" for each in CONTINUATIONS)
             + "; a function of your own is MODULE:FUNCTION"
         )
     return base, ending
@@ -179,8 +179,8 @@ class OwnFunction:
     def __call__(self, source: Mesh, target: Mesh, **priors: IntArray) -> MatchResult | Correspondence:
         """Match; what is returned has to be a map of these shapes. What the function prints goes to standard error."""
         with redirect_stdout(sys.stderr):
-            found = (self.function or _found(self.name, self.digest))(source, target, **priors)
-        return map_from(found, source, target, self.name)
+            answer = (self.function or _found(self.name, self.digest))(source, target, **priors)
+        return map_from(answer, source, target, self.name)
 
     def to_dict(self) -> dict[str, Any]:
         """Return what identifies the rows of this method, as plain values."""
@@ -248,10 +248,10 @@ def _current_module(place: str) -> ModuleType:
     is_new = place not in sys.modules
     module = import_module(place)
     text = _text_of(module)
-    known = _TEXTS.get(place)
-    if known is None and not is_new and text and Path(str(module.__file__)).stat().st_mtime > _BEGAN:
-        known = b""  # that of its import is not known
-    if known not in (None, text):
+    before = _TEXTS.get(place)
+    if before is None and not is_new and text and Path(str(module.__file__)).stat().st_mtime > _BEGAN:
+        before = b""  # that of its import is not known
+    if before not in (None, text):
         exec(compile(text, str(module.__file__), "exec"), module.__dict__)
     _TEXTS[place] = text
     return module
@@ -262,31 +262,31 @@ def _text_of(module: ModuleType) -> bytes:
     return Path(file).read_bytes() if file else b""
 
 
-def map_from(found: Any, source: Mesh, target: Mesh, name: str) -> MatchResult | Correspondence:
+def map_from(answer: Any, source: Mesh, target: Mesh, name: str) -> MatchResult | Correspondence:
     """Take what a function returned as a map of two shapes."""
-    if isinstance(found, MatchResult):
-        given = found.map
-    elif isinstance(found, Correspondence):
-        given = found
-    elif isinstance(found, PrecisePoints):
-        corners, weights = np.asarray(found.corners), np.asarray(found.barycentric)
+    if isinstance(answer, MatchResult):
+        image = answer.map
+    elif isinstance(answer, Correspondence):
+        image = answer
+    elif isinstance(answer, PrecisePoints):
+        corners, weights = np.asarray(answer.corners), np.asarray(answer.barycentric)
         if corners.shape != weights.shape or corners.ndim != 2 or corners.shape[1] != 3:
             raise MapError(f"{name} returned points whose corners and weights are not both (n_source, 3)")
         nearest = corners[np.arange(len(corners)), weights.argmax(axis=1)]
-        found = given = Correspondence(nearest, target.n_vertices, corners, weights)
+        answer = image = Correspondence(nearest, target.n_vertices, corners, weights)
     else:
-        array = np.asarray(found)
+        array = np.asarray(answer)
         if array.ndim != 1 or array.dtype.kind not in "iu":
             raise MapError(
-                f"{name} returned {type(found).__name__} of shape {array.shape} and type {array.dtype}; {EXPECTED}"
+                f"{name} returned {type(answer).__name__} of shape {array.shape} and type {array.dtype}; {EXPECTED}"
             )
-        found = given = Correspondence(array, target.n_vertices)
-    if given.shape != (source.n_vertices, target.n_vertices):
+        answer = image = Correspondence(array, target.n_vertices)
+    if image.shape != (source.n_vertices, target.n_vertices):
         raise MapError(
-            f"{name} returned a map of {given.shape[0]} vertices onto {given.shape[1]}, but the source has "
+            f"{name} returned a map of {image.shape[0]} vertices onto {image.shape[1]}, but the source has "
             f"{source.n_vertices} and the target {target.n_vertices}"
         )
-    return found  # type: ignore[no-any-return]
+    return answer  # type: ignore[no-any-return]
 
 
 class NamedPair(NamedTuple):
@@ -329,38 +329,38 @@ class MapsInFolder:
         """Read the map of a pair, and what was decided about it."""
         path = self.file_of(pair.source, pair.target)
         sizes = target.n_vertices, source.n_vertices
-        found = read_map(path, *sizes, counts_from=self.counts_from, allow_doubt=True)
-        note = found.note
-        if not found.is_certain:
+        reading = read_map(path, *sizes, counts_from=self.counts_from, allow_doubt=True)
+        note = reading.note
+        if not reading.is_certain:
             first = self._shown_to_count_from(pair)
-            if first is not None and (first, True) != (found.counts_from, found.is_likely):
-                found = read_map(path, *sizes, counts_from=first)
+            if first is not None and (first, True) != (reading.counts_from, reading.is_likely):
+                reading = read_map(path, *sizes, counts_from=first)
                 note = f"{path.name}: counts from {first}, as other maps of its folder do"
-            elif first is None and not found.is_likely:
+            elif first is None and not reading.is_likely:
                 raise FormatError(
                     f"{self.folder}: all maps of these pairs can count from 0 or from 1; say which, by --maps-from or "
                     "counts_from"
                 )
-        image, faces = found.map.vertices, found.map.faces
+        image, faces = reading.map.vertices, reading.map.faces
         if pair.moved is not None:
             new = np.append(pair.moved, -1)
             image, faces = new[image], new[faces]
-        return Correspondence(image, target.n_vertices, faces, found.map.barycentric), note
+        return Correspondence(image, target.n_vertices, faces, reading.map.barycentric), note
 
     def file_of(self, source: str, target: str) -> Path:
         """File of the map of a pair; an error if there is none, or several."""
         stems = [f"{source}{between}{target}" for between in BETWEEN]
         names = [f"{stem}{suffix}" for stem in stems for suffix in MAP_SUFFIXES]
-        found = [self.folder / name for name in names if (self.folder / name).is_file()]
-        if not found:
+        paths = [self.folder / name for name in names if (self.folder / name).is_file()]
+        if not paths:
             raise MissingFileError(
                 f"{self.folder}: no map of {source} to {target}; expected {names[0]}, or another name or suffix"
             )
-        if len(found) > 1:
+        if len(paths) > 1:
             raise FormatError(
-                f"{self.folder}: {' and '.join(path.name for path in found)} could both be the map; keep one"
+                f"{self.folder}: {' and '.join(path.name for path in paths)} could both be the map; keep one"
             )
-        return found[0]
+        return paths[0]
 
     def _shown_to_count_from(self, pair: NamedPair) -> int | None:
         """Find what the first map counts from that allows one reading only; None if there is none."""
@@ -373,13 +373,13 @@ class MapsInFolder:
         for source, target in pair.others:
             try:
                 path = self.file_of(source, target)
-                found = read_map(path, allow_doubt=True)
-                if not (found.is_certain or (found.map.vertices == 0).any()):
-                    found = read_map(path, pair.n_target_of(source, target), allow_doubt=True)
+                reading = read_map(path, allow_doubt=True)
+                if not (reading.is_certain or (reading.map.vertices == 0).any()):
+                    reading = read_map(path, pair.n_target_of(source, target), allow_doubt=True)
             except IsomatchError:  # is reported with its own pair
                 continue
-            if found.is_certain:
-                yield found.counts_from
+            if reading.is_certain:
+                yield reading.counts_from
 
     @cached_property
     def _files(self) -> list[Path]:

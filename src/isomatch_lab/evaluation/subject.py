@@ -40,7 +40,7 @@ TABLE_SHARE = 4  # a quarter of the points are rows of the table, because column
 
 
 @dataclass(frozen=True)
-class Found:
+class Answer:
     """The map that a method found, and its cost."""
 
     map: Correspondence
@@ -78,7 +78,7 @@ class Subject:
         """Choose true landmarks (count, 2)."""
         return true_landmarks(self.pair, count, self._run.seed, self._engines)
 
-    def match(self, method: Method, start: Found | None = None, backwards: bool = False) -> Found:
+    def match(self, method: Method, start: Answer | None = None, backwards: bool = False) -> Answer:
         """Match source to target, or backwards, from another map or from true landmarks if the method needs them."""
         (source, target), _ = self._prepared(method.preparation)
         priors: dict[str, Any] = {} if start is None else {"initial_map": start.map.vertices}
@@ -90,7 +90,7 @@ class Subject:
         if backwards:
             source, target = target, source
         try:
-            found, diagnostics = method(source, target, priors)
+            image, diagnostics = method(source, target, priors)
         except Exception as problem:
             if backwards:
                 problem.add_note("(target to source, for the cycle error)")
@@ -98,37 +98,37 @@ class Subject:
         seconds, preparations = time.perf_counter() - started, frozenset([method.preparation])
         if start is not None:
             seconds, preparations = seconds + start.seconds, preparations | start.preparations
-        return Found(found, diagnostics, seconds, preparations)
+        return Answer(image, diagnostics, seconds, preparations)
 
-    def measures(self, found: Found, back: Found | None = None) -> Row:
+    def measures(self, answer: Answer, back: Answer | None = None) -> Row:
         """Measure a map, and its cycle error with a map back; the seconds count each preparation once."""
         run, pair = self._run, self.pair
         numbers = {
-            "image_area": coverage(pair.target, found.map, reach=0.0),
-            "smoothness": dirichlet_energy(pair.source, pair.target, found.map),
+            "image_area": coverage(pair.target, answer.map, reach=0.0),
+            "smoothness": dirichlet_energy(pair.source, pair.target, answer.map),
         }
         if run.distortion:
-            numbers |= self._distortion("distortion_l2", found.map, n_rows=DISTORTION_ROWS)
+            numbers |= self._distortion("distortion_l2", answer.map, n_rows=DISTORTION_ROWS)
         if run.table_distortion:
             n_points = min(run.n_points, len(pair.truth))
             draw = {"n_rows": n_points // TABLE_SHARE, "n_columns": n_points, "same_points": True}
-            numbers |= self._distortion("distortion_table", found.map, **draw)
+            numbers |= self._distortion("distortion_table", answer.map, **draw)
         if back is not None:
-            cycle = cycle_errors(pair.source, found.map, back.map, run.n_points, run.seed, self._engines[0])
+            cycle = cycle_errors(pair.source, answer.map, back.map, run.n_points, run.seed, self._engines[0])
             numbers["cycle"] = 100 * counted(cycle).mean()
         return {
             "n_source": pair.source.n_vertices,
             "n_target": pair.target.n_vertices,
-            "seconds": found.seconds + sum(self._prepared(config)[1] for config in found.preparations),
+            "seconds": answer.seconds + sum(self._prepared(config)[1] for config in answer.preparations),
             "group": pair.group,
-            "outcome": found.diagnostics.get("outcome", ""),
-            "notes": "; ".join(filter(None, (*pair.notes, found.diagnostics.get("read")))),
-            "details": found.diagnostics,
-            **self._errors(found.map),
-            **_plain(numbers | self._matched(found.map)),
+            "outcome": answer.diagnostics.get("outcome", ""),
+            "notes": "; ".join(filter(None, (*pair.notes, answer.diagnostics.get("read")))),
+            "details": answer.diagnostics,
+            **self._errors(answer.map),
+            **_plain(numbers | self._matched(answer.map)),
         }
 
-    def _errors(self, found: Correspondence) -> Row:
+    def _errors(self, image: Correspondence) -> Row:
         """Errors × 100 on the whole target, and their curves; a vertex without an image counts as √(target area)."""
         run, judged = self._run, self._judged.whole
         n_points = run.n_points if run.landmarks is None else None
@@ -145,7 +145,7 @@ class Subject:
                 points=judged.points,
                 unit=judged.unit,
             )
-            for lift in self._lifted(found)
+            for lift in self._lifted(image)
         )
         direct, better = counted(sides.direct), counted(sides.better)
         errors = better if judged.symmetric else direct
@@ -169,14 +169,14 @@ class Subject:
             for name, values in curves.items()
         }
 
-    def _matched(self, found: Correspondence) -> dict[str, float]:
+    def _matched(self, image: Correspondence) -> dict[str, float]:
         """Precision, recall and overlap of the matched vertices, where it is known which have a counterpart."""
         has, alone = np.unique(self.pair.truth[:, 0]), self.pair.alone
         if alone is None:
             return {}
         areas = self.pair.source.vertex_areas
         # the overlap is the area of those with a counterpart and an image over that of those with either
-        right, wrong = has[found.matched[has]], alone[found.matched[alone]]
+        right, wrong = has[image.matched[has]], alone[image.matched[alone]]
         either = areas[has].sum() + areas[wrong].sum()
         return {
             "precision": len(right) / max(len(right) + len(wrong), 1),
@@ -184,18 +184,18 @@ class Subject:
             "iou": areas[right].sum() / either if either > 0 else np.nan,
         }
 
-    def _lifted(self, found: Correspondence) -> list[Correspondence]:
+    def _lifted(self, image: Correspondence) -> list[Correspondence]:
         """Carry a map between the damaged shapes to the whole ones."""
         n_target = self._dense.whole.target.n_vertices
-        return [Correspondence(image, n_target) for image in self._dense.lifted(found.vertices)]
+        return [Correspondence(each, n_target) for each in self._dense.lifted(image.vertices)]
 
-    def _distortion(self, name: str, found: Correspondence, **draw: Any) -> dict[str, float]:
+    def _distortion(self, name: str, image: Correspondence, **draw: Any) -> dict[str, float]:
         """Mean square distortion of a map and of the truth, over random points of the whole shapes."""
         whole = self._dense.whole
         distortion = metric_distortion(
             whole.source,
             whole.target,
-            self._lifted(found)[0],
+            self._lifted(image)[0],
             whole.truth,
             seed=self._run.seed,
             engines=self._whole_engines,

@@ -73,7 +73,7 @@ def poses_of(chosen: BenchmarkSet, setting: Setting) -> list[tuple[str, str]]:
 
 def measured(
     pair: BenchmarkPair,
-    found: Correspondence,
+    image: Correspondence,
     transferred: FloatArray,
     distances: FloatArray,
     setting: Setting,
@@ -82,7 +82,7 @@ def measured(
 
     def against(truth: IntArray) -> dict[str, Any]:
         right = distances[truth[:, 0]].argmin(axis=1) == transferred[truth[:, 1]].argmin(axis=1)
-        errors = geodesic_errors(pair.source, found, truth[:, ::-1], setting.n_points, setting.seed)
+        errors = geodesic_errors(pair.source, image, truth[:, ::-1], setting.n_points, setting.seed)
         return {
             "right_share": float(np.average(right, weights=pair.target.vertex_areas[truth[:, 1]])),
             "mean_error": float(counted(errors).mean()),

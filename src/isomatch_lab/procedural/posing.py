@@ -46,11 +46,11 @@ def posed(rest: FloatArray, limbs: tuple[Limb, ...], skin: Skin, pose: Pose) -> 
 
 
 def _checked(pose: Pose, limbs: tuple[Limb, ...]) -> dict[str, FloatArray]:
-    known = [joint.name for limb in limbs for joint in limb.joints]
+    joints = [joint.name for limb in limbs for joint in limb.joints]
     angles = {name: np.radians(np.asarray(value, dtype=float)) for name, value in pose.items()}
     for name, value in angles.items():
-        if name not in known:
-            raise SettingError(f"pose rotates {name!r}, which is no joint; choose from {', '.join(known)}")
+        if name not in joints:
+            raise SettingError(f"pose rotates {name!r}, which is no joint; choose from {', '.join(joints)}")
         if value.shape != (3,) or not np.isfinite(value).all():
             raise SettingError(
                 f"pose of {name!r} is {pose[name]!r}; give three finite angles, in degrees about x, y, z"

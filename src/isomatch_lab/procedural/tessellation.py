@@ -113,7 +113,7 @@ def _flipped(vertices: FloatArray, faces: IntArray) -> IntArray:
     a, b, c, d = tail[one], head[one], opposite[one], opposite[two]
     fresh = np.minimum(c, d) * n + np.maximum(c, d)
     sorted_keys = keys[one]
-    known = sorted_keys[np.minimum(np.searchsorted(sorted_keys, fresh), len(sorted_keys) - 1)] == fresh
+    is_edge = sorted_keys[np.minimum(np.searchsorted(sorted_keys, fresh), len(sorted_keys) - 1)] == fresh
     normal = cross[one] + cross[two]
     flat = np.ones(len(one), dtype=bool)
     for triangle in ((a, d, c), (d, b, c)):
@@ -121,7 +121,7 @@ def _flipped(vertices: FloatArray, faces: IntArray) -> IntArray:
         new = np.cross(q - p, r - p)
         cosine = np.einsum("ij,ij->i", new, normal) / np.maximum(np.linalg.norm(new, axis=1), 1e-300)
         flat &= cosine > 0.8 * np.linalg.norm(normal, axis=1)
-    wanted = np.flatnonzero((badness > 1e-6) & ~known & flat)
+    wanted = np.flatnonzero((badness > 1e-6) & ~is_edge & flat)
     wanted = wanted[np.argsort(-badness[wanted], kind="stable")]
     wanted = wanted[np.sort(np.unique(fresh[wanted], return_index=True)[1])]
 

@@ -75,22 +75,22 @@ class FolderSettings:
         if not path.is_file():
             return cls()
         try:
-            given = tomllib.loads(read_text(path))
+            values = tomllib.loads(read_text(path))
         except tomllib.TOMLDecodeError as error:
             raise FormatError(f"{path}: not TOML ({error})") from None
         kinds: dict[str, Any] = {
             "truth": str, "counts_from": int, "symmetric": bool, "target": str, "shapes": (str, list),
         }  # fmt: skip
-        for name, value in given.items():
+        for name, each in values.items():
             if name not in kinds:
                 raise FormatError(f"{path}: unknown setting {name!r}; known are {', '.join(kinds)}")
-            if not isinstance(value, kinds[name]) or (name == "counts_from" and value not in (0, 1)):
-                raise FormatError(f"{path}: {name} = {value!r} is no value of this setting")
-        folders = given.pop("shapes", ())
+            if not isinstance(each, kinds[name]) or (name == "counts_from" and each not in (0, 1)):
+                raise FormatError(f"{path}: {name} = {each!r} is no value of this setting")
+        folders = values.pop("shapes", ())
         folders = (folders,) if isinstance(folders, str) else tuple(map(str, folders))
-        if given.get("truth") not in (None, *KINDS):
-            raise FormatError(f"{path}: truth = {given['truth']!r} is not known; {_WRITE_KIND}")
-        return cls(**given, shapes=folders)
+        if values.get("truth") not in (None, *KINDS):
+            raise FormatError(f"{path}: truth = {values['truth']!r} is not known; {_WRITE_KIND}")
+        return cls(**values, shapes=folders)
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,8 +126,8 @@ class FolderSet:
     def files(self) -> tuple[Path, ...]:
         """Its files."""
         others = (self.root / name for name in (SETTINGS, *FILES))
-        found = (*self.shapes.values(), *self.truths.values(), *others)
-        return tuple(dict.fromkeys(path for path in found if path.is_file()))
+        every = (*self.shapes.values(), *self.truths.values(), *others)
+        return tuple(dict.fromkeys(path for path in every if path.is_file()))
 
     def mesh(self, name: str) -> Mesh:
         """Read a shape; `FormatError` if it has no triangles."""
@@ -259,12 +259,12 @@ class FolderSet:
 
     def _truth_of(self, source: str, target: str) -> Path:
         stems = self._stems(source, target)
-        found = [self.truths[stem] for stem in stems if stem in self.truths]
-        if not found:
+        truths = [self.truths[stem] for stem in stems if stem in self.truths]
+        if not truths:
             raise MissingFileError(
                 f"{self.root}: no truth of {source} and {target}; expected {TRUTH_FOLDERS[0]}/{stems[0]}.txt"
             )
-        return found[0]
+        return truths[0]
 
     def _mirrored_of(self, source: str, target: str) -> Path | None:
         names = (stem + ending for stem in self._stems(source, target) for ending in MIRRORED)
@@ -353,28 +353,28 @@ def own_set(root: str | Path) -> FolderSet | StoredSet:
 
 def _kind_in(root: Path, beside: list[Path]) -> str:
     """Kind of truth that the files of a folder show, if they show one."""
-    found = []
+    kinds = []
     if any(path.suffix == ".vts" for folder in beside for path in folder.iterdir()):
-        found.append("vts")
+        kinds.append("vts")
     if any(path.suffix == ".baryc_gt" for folder in beside for path in folder.iterdir()):
-        found.append("onto")
-    if beside[-1] in (root / "truth", root / "maps") and not found:
-        found.append("pairs")
+        kinds.append("onto")
+    if beside[-1] in (root / "truth", root / "maps") and not kinds:
+        kinds.append("pairs")
     if (root / LANDMARKS).is_dir():
-        found.append(LANDMARKS)
-    if len(found) != 1:
+        kinds.append(LANDMARKS)
+    if len(kinds) != 1:
         raise MissingFileError(
             f"{root}: "
-            + (f"several kinds of truth, {', '.join(found)}" if found else "no truth beside the shapes")
+            + (f"several kinds of truth, {', '.join(kinds)}" if kinds else "no truth beside the shapes")
             + f"; {_WRITE_KIND}; vertices means that all shapes share one triangulation and equal vertices correspond"
         )
-    return found[0]
+    return kinds[0]
 
 
 def _truth_files(root: Path, kind: str, beside: list[Path], shapes: set[Path]) -> dict[str, Path]:
     """Files of truth by their names without suffix, and with the ending of mirrored ones."""
     folders = [root / LANDMARKS] if kind == LANDMARKS else list(dict.fromkeys(beside))
-    found: dict[str, Path] = {}
+    truths: dict[str, Path] = {}
     for path in sorted(path for folder in folders if folder.is_dir() for path in folder.iterdir()):
         if not path.is_file() or path in shapes or path.name in FILES:
             continue
@@ -387,10 +387,10 @@ def _truth_files(root: Path, kind: str, beside: list[Path], shapes: set[Path]) -
             name = name.removesuffix(".mrk")
         if kind == "onto":
             name = name.removesuffix("_ref")  # as TOPKIDS names them
-        if name in found:
-            raise FormatError(f"{name} is both in {found[name]} and in {path}; keep one of them")
-        found[name] = path
-    return found
+        if name in truths:
+            raise FormatError(f"{name} is both in {truths[name]} and in {path}; keep one of them")
+        truths[name] = path
+    return truths
 
 
 def _pairs_with_truth(opened: FolderSet) -> tuple[tuple[str, str], ...]:

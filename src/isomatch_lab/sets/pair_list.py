@@ -53,5 +53,5 @@ def _named(word: str, names: Collection[str], where: str) -> str:
         return word
     if Path(word).stem in names:
         return Path(word).stem
-    known = ", ".join([*sorted(names)[:_MOST_NAMED], *["…"] * (len(names) > _MOST_NAMED)])
-    raise MissingFileError(f"{where}: there is no shape {word!r}; the set has {known}")
+    some = ", ".join([*sorted(names)[:_MOST_NAMED], *["…"] * (len(names) > _MOST_NAMED)])
+    raise MissingFileError(f"{where}: there is no shape {word!r}; the set has {some}")

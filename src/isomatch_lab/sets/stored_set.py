@@ -51,10 +51,10 @@ class StoredSet:
     def pair(self, source: str, target: str) -> BenchmarkPair:
         """Read two shapes and the truth between them; `FormatError` if these do not fit."""
         path, key = self.root / TRUTH, f"{source}|{target}"
-        found = _read(path, key, f"{key}|{MIRROR}", f"{key}|{SCALE}")
-        if key not in found:
+        arrays = _read(path, key, f"{key}|{MIRROR}", f"{key}|{SCALE}")
+        if key not in arrays:
             raise MissingFileError(f"{path}: no array {key!r} with the truth of {source} and {target}")
-        rows, mirror, unit = (found.get(name) for name in (key, f"{key}|{MIRROR}", f"{key}|{SCALE}"))
+        rows, mirror, unit = (arrays.get(name) for name in (key, f"{key}|{MIRROR}", f"{key}|{SCALE}"))
         shapes = self._mesh(source), self._mesh(target)
         if rows is None or rows.ndim != 2 or rows.shape[1] != 2 or rows.dtype.kind not in "iu":
             raise FormatError(f"{path}: {key!r} is no array (m, 2) of vertices; export it again")
@@ -92,20 +92,20 @@ class StoredSet:
 
     def _mesh(self, name: str) -> Mesh:
         path = self.root / SHAPES
-        found = _read(path, name, f"{name}_faces")
-        if len(found) < 2:
+        arrays = _read(path, name, f"{name}_faces")
+        if len(arrays) < 2:
             raise MissingFileError(
                 f"{path}: no arrays {name!r} and '{name}_faces', the vertices and faces of a shape"
             )
-        return Mesh(found[name], found[f"{name}_faces"])
+        return Mesh(arrays[name], arrays[f"{name}_faces"])
 
 
 def stored_set(root: Path, symmetric: bool = False) -> StoredSet:
     """Open such a folder; its pairs are those of ``pairs.txt``, or all that have a truth."""
-    known = [key for key in _names(root / TRUTH) if key.count("|") == 1]
+    truths = [key for key in _names(root / TRUTH) if key.count("|") == 1]
     names = {name.removesuffix("_faces") for name in _names(root / SHAPES)}
     listed = PairList.read(root, names) or PairList(
-        tuple((a, b) for a, b in (key.split("|") for key in known))
+        tuple((a, b) for a, b in (key.split("|") for key in truths))
     )
     return StoredSet(root, listed, symmetric)
 

@@ -60,8 +60,8 @@ def measured(job: Job) -> list[dict[str, Any]]:
     for variant, config in VARIANTS.items():
         started = time.perf_counter()
         try:
-            found = match(*shapes, config=config)
-            error, outcome = mean_error(pair, found.map), found.outcome.name
+            result = match(*shapes, config=config)
+            error, outcome = mean_error(pair, result.map), result.outcome.name
         except NotConvergedError:
             error, outcome = 100.0, "NotConvergedError"
         seconds = time.perf_counter() - started

@@ -65,9 +65,9 @@ def jobs(data: str) -> Iterator[Job]:
         ("creatures", (8, 24, 10, 12, 0, 14)),
     ):
         for kind, count in zip(("plain", "damaged", "blind", "runner-up", "mirrored", "exchanged"), counts):
-            known = benchmark_set(name, data).chosen(count, SEED).pairs if count else []
+            pairs = benchmark_set(name, data).chosen(count, SEED).pairs if count else []
             for pair in (
-                known if name != "creatures" else [creature_names(i, "asymmetric") for i in range(count)]
+                pairs if name != "creatures" else [creature_names(i, "asymmetric") for i in range(count)]
             ):
                 yield data, kind, name, pair
     rng = np.random.default_rng(SEED)
@@ -109,24 +109,24 @@ def measured(job: Job) -> dict[str, Any]:
         row["kind"] = f"damaged, {choice.name}"
     pair = damaged.given if damaged else whole
     try:
-        found = isomatch.match(pair.source, pair.target, **provoked(kind, pair))
+        result = isomatch.match(pair.source, pair.target, **provoked(kind, pair))
     except isomatch.IsomatchError as problem:
         return row | {"outcome": type(problem).__name__, "error": None}
     error = None
     if damaged:
-        error = error_after(damaged, found.map)
+        error = error_after(damaged, result.map)
     elif len(whole.truth):
-        error = mean_error(whole, found.map, kind == "either side")
-    row |= {"outcome": found.outcome.name, "error": error}
-    return row | {key: found.to_dict()["quality"][key] for key in EVIDENCE}
+        error = mean_error(whole, result.map, kind == "either side")
+    row |= {"outcome": result.outcome.name, "error": error}
+    return row | {key: result.to_dict()["quality"][key] for key in EVIDENCE}
 
 
 def loaded_pair(data: str, kind: str, name: str, a: str, b: str) -> BenchmarkPair:
     """Load a pair; of shapes of different kinds without any truth."""
-    known = benchmark_set(name, data)
+    shapes = benchmark_set(name, data)
     if kind != "other kind":
-        return known.load(a, b)
-    source, target = known.load(a, a).source, known.load(b, b).target
+        return shapes.load(a, b)
+    source, target = shapes.load(a, a).source, shapes.load(b, b).target
     return BenchmarkPair(f"{a}-{b}", source, target, np.zeros((0, 2), int))
 
 
@@ -167,10 +167,10 @@ def summary(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     }
     for kind, chosen in groups.items():
         error = {id(row): np.inf if row["kind"] == "other kind" else row["error"] for row in chosen}
-        known = [row for row in chosen if error[id(row)] is not None]
-        right = [r for r in known if error[id(r)] < RIGHT and r["outcome"] != "PRIORS_CONTRADICTED"]
-        poor = [r for r in known if RIGHT <= error[id(r)] <= WRONG]
-        wrong = [r for r in known if error[id(r)] > WRONG]
+        measured = [row for row in chosen if error[id(row)] is not None]
+        right = [r for r in measured if error[id(r)] < RIGHT and r["outcome"] != "PRIORS_CONTRADICTED"]
+        poor = [r for r in measured if RIGHT <= error[id(r)] <= WRONG]
+        wrong = [r for r in measured if error[id(r)] > WRONG]
         line: dict[str, Any] = {"kind": KINDS.get(kind, kind), "maps": len(chosen)}
         for name, members in (("right", right), ("poor", poor), ("wrong", wrong)):
             flagged = sum(row["outcome"] not in SURE for row in members)

@@ -124,9 +124,9 @@ def wrong_maps(collection: Collection, pair: Pair, kind: str, file: Path) -> Pai
     if image is not None:
         config = replace(collection.config, hypotheses="given")
     kind = "mirrored" if image is None else "turned"
-    found = match_both(source, target, initial_map=image, config=config)
-    record = {**right.record, "there": found.there.to_dict(), "back": found.back.to_dict(), "kind": kind}
-    maps = PairMaps(found.there.map, found.back.map, record)
+    results = match_both(source, target, initial_map=image, config=config)
+    record = {**right.record, "there": results.there.to_dict(), "back": results.back.to_dict(), "kind": kind}
+    maps = PairMaps(results.there.map, results.back.map, record)
     file.parent.mkdir(exist_ok=True)
     maps.save(file)
     return maps
@@ -156,38 +156,38 @@ def with_wrong_maps(base: Collection, share: float, folder: Path) -> tuple[Colle
     return copy, kinds
 
 
-def errors_of(study: Study, collection: Collection, known: dict[str, float]) -> dict[Pair, float]:
+def errors_of(study: Study, collection: Collection, kept: dict[str, float]) -> dict[Pair, float]:
     """Mean error of the map of each pair; of maps that were judged before, it is known."""
-    found = {}
+    errors = {}
     for pair in collection.rows().pairs:
         there = collection.maps(*pair).there
         text = f"{pair} {hash(there.vertices.tobytes())}"
-        if text not in known:
-            known[text] = mean_error(study.pair(*pair), there)
-        found[pair] = known[text]
-    return found
+        if text not in kept:
+            kept[text] = mean_error(study.pair(*pair), there)
+        errors[pair] = kept[text]
+    return errors
 
 
-def measured(name: str, study: Study, folder: Path, share: float, known: dict[str, float]) -> dict[str, Any]:
+def measured(name: str, study: Study, folder: Path, share: float, errors: dict[str, float]) -> dict[str, Any]:
     """Errors and outcomes before and after the maps of a collection were brought to agree."""
     file = folder / f"{share}.json"
     if file.exists():
         return dict(json.loads(file.read_text()))
     base = Collection.open(folder / "all")
     copy, kinds = with_wrong_maps(base, share, folder / f"wrong_{share}")
-    before, rows_before = errors_of(study, copy, known), copy.rows().pairs
+    before, rows_before = errors_of(study, copy, errors), copy.rows().pairs
     for event in agree(copy, jobs=1):
         tried = event.record
         print(name, share, event.name, tried["agreement"], tried.get("replaced_by"), flush=True)
     rows = copy.rows()
-    after, pairs = errors_of(study, copy, known), list(before)
+    after, pairs = errors_of(study, copy, errors), list(before)
     first = {pair: rows.pairs[pair]["agreement"]["before"] for pair in pairs}
     flagged = {pair for pair in pairs if "tried_with" in rows.pairs[pair]["agreement"]}
     flagged |= set(agreement_of(rows).contradicted)
     wrong = {pair for pair in pairs if before[pair] > FAILURE}
 
-    def sure(known_rows: dict[Pair, Any], pair: Pair) -> bool:
-        return known_rows[pair]["there"]["outcome"] in ("CONVERGED", "PARTIAL")
+    def sure(rows: dict[Pair, Any], pair: Pair) -> bool:
+        return rows[pair]["there"]["outcome"] in ("CONVERGED", "PARTIAL")
 
     row = {
         "set": name,
@@ -233,7 +233,7 @@ def shown(row: dict[str, Any]) -> dict[str, Any]:
 def limits(n: int, share: float, draws: int = 60) -> tuple[float, float]:
     """Recall and precision among n shapes with one symmetry, where a share of the maps at random is mirrored."""
     rng, pairs = np.random.default_rng(1), np.triu_indices(n, 1)
-    found = wrong_maps = flagged = 0
+    hits = wrong_maps = flagged = 0
     # two mirrored maps make a right one, so this is the hardest kind of wrong map, and no evidence but cycles is used
     for _ in range(draws):
         drawn = np.triu(rng.random((n, n)) < share, 1)
@@ -241,10 +241,10 @@ def limits(n: int, share: float, draws: int = 60) -> tuple[float, float]:
         contradicts = wrong[:, :, None] ^ wrong[None, :, :] ^ wrong[:, None, :]
         readings = 0.03 * (1 + rng.random((n, n, n))) + 0.4 * contradicts
         against = inconsistency(readings)[pairs] > CONTRADICTED
-        found += (against & wrong[pairs]).sum()
+        hits += (against & wrong[pairs]).sum()
         wrong_maps += wrong[pairs].sum()
         flagged += against.sum()
-    return found / wrong_maps, found / flagged
+    return hits / wrong_maps, hits / flagged
 
 
 if __name__ == "__main__":
@@ -256,9 +256,9 @@ if __name__ == "__main__":
     write_table(asked.output / "cycles_table.csv", cycles)
     rows = []
     for name in asked.kinds or SETS:
-        study, known = study_of(name, Path(asked.data)), dict[str, float]()
+        study, errors = study_of(name, Path(asked.data)), dict[str, float]()
         matched(study, asked.output / name)
-        rows += [measured(name, study, asked.output / name, share, known) for share in SHARES]
+        rows += [measured(name, study, asked.output / name, share, errors) for share in SHARES]
         print(*rows, sep="\n", flush=True)
     write_rows(asked.output / "consistency.csv", COLUMNS, rows)
     write_table(asked.output / "consistency_table.csv", [shown(row) for row in rows])

@@ -87,9 +87,9 @@ def rows_of(name: str, data: Path, output: Path) -> list[dict[str, Any]]:
     folder = people(data, output / "shapes" / name, contest.people) if contest.people else data / contest.of
     kind = name if contest.people else (contest.damage or "as_it_is").replace(":", "_")
     out = output / f"{contest.of}_{kind}"
-    found = benchmark(folder, "isomatch", out, n_points=POINTS, distortion=False, damage=contest.damage)
-    print(name, found, sep="\n", flush=True)
-    return [row for row in found.rows if contest.groups(row.get("group") or "")]
+    result = benchmark(folder, "isomatch", out, n_points=POINTS, distortion=False, damage=contest.damage)
+    print(name, result, sep="\n", flush=True)
+    return [row for row in result.rows if contest.groups(row.get("group") or "")]
 
 
 def line(name: str, rows: list[dict[str, Any]]) -> dict[str, Any]:
@@ -118,11 +118,11 @@ def overlap_of(name: str, rows: list[dict[str, Any]]) -> str:
     return f"{100 * np.mean([row.get('iou') or 0.0 for row in rows]):.1f}" if CONTESTS[name].overlap else ""
 
 
-def curves(found: dict[str, list[dict[str, Any]]], output: Path) -> None:
+def curves(rows_by_contest: dict[str, list[dict[str, Any]]], output: Path) -> None:
     """Write and draw which share of the correspondences of a contest has which error, each pair counting alike."""
     shares = {
         CONTESTS[name].title: sum(np.array(row["curve"]) for row in rows if "problem" not in row) / len(rows)
-        for name, rows in found.items()
+        for name, rows in rows_by_contest.items()
     }
     table = np.column_stack([THRESHOLDS, *shares.values()])
     np.savetxt(
@@ -144,8 +144,12 @@ def curves(found: dict[str, list[dict[str, Any]]], output: Path) -> None:
 
 if __name__ == "__main__":
     asked = asked_for(__doc__, "contests.csv", CONTESTS)
-    found = {name: rows_of(name, Path(asked.data), asked.output) for name in asked.kinds or CONTESTS}
-    each = [{"contest": name, **row} for name, rows in found.items() for row in rows]
+    rows_by_contest = {
+        name: rows_of(name, Path(asked.data), asked.output) for name in asked.kinds or CONTESTS
+    }
+    each = [{"contest": name, **row} for name, rows in rows_by_contest.items() for row in rows]
     write_rows(asked.output / "contests.csv", COLUMNS, each)
-    write_table(asked.output / "contests_table.csv", [line(name, rows) for name, rows in found.items()])
-    curves(found, asked.output)
+    write_table(
+        asked.output / "contests_table.csv", [line(name, rows) for name, rows in rows_by_contest.items()]
+    )
+    curves(rows_by_contest, asked.output)

@@ -54,8 +54,8 @@ def measured(name: str, mesh: Mesh) -> Iterator[dict[str, Any]]:
         seconds[engine] = min(runs)
     exact = columns["exact"]
     away = exact > 0
-    for engine, found in columns.items():
-        error = 100 * np.abs(found[away] / exact[away] - 1)
+    for engine, distances in columns.items():
+        error = 100 * np.abs(distances[away] / exact[away] - 1)
         yield {
             "mesh": name,
             "vertices": mesh.n_vertices,

@@ -48,11 +48,11 @@ def run_of(name: str, data: str) -> BenchmarkRun:
 
 def by_set(rows: list[Row], methods: tuple[str, ...], cells: dict[str, str]) -> Iterator[Row]:
     """Make a row for each method; cells, which are formats, are filled for each set."""
-    found = {(row["set"], row["method"]): row for row in rows}
+    by_name = {(row["set"], row["method"]): row for row in rows}
     for method in methods:
         line = {"method": f"`{method}`"}
         for name in SETS:
-            row = found.get((name, method))
+            row = by_name.get((name, method))
             line |= {f"{name}: {cell}": text.format(**row) if row else "" for cell, text in cells.items()}
         yield line
 

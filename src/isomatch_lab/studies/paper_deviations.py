@@ -67,10 +67,10 @@ def measured(pair: BenchmarkPair) -> dict[str, tuple[float, float]]:
     landmarks = true_landmarks(pair, seed=SEED, engines=engines)
     results = {}
     for name, (method, config, scope) in VARIANTS.items():
-        found = method(pair.source, pair.target, landmarks, config=scope(config, pair)).map
-        error = counted(geodesic_errors(pair.target, found, pair.truth, 1000, SEED, engines[1])).mean()
+        image = method(pair.source, pair.target, landmarks, config=scope(config, pair)).map
+        error = counted(geodesic_errors(pair.target, image, pair.truth, 1000, SEED, engines[1])).mean()
         distortion = metric_distortion(
-            pair.source, pair.target, found, pair.truth, n_rows=100, seed=SEED, engines=engines
+            pair.source, pair.target, image, pair.truth, n_rows=100, seed=SEED, engines=engines
         )
         assert distortion.truth is not None
         results[name] = 100 * float(error), distortion.l2 / distortion.truth.l2

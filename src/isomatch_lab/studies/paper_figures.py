@@ -33,8 +33,8 @@ def means(setting: Setting) -> list[dict[str, str]]:
     for method, (label, _) in METHODS.items():
         row = {"": label}
         for name, rows in sets.items():
-            found = [row for row in rows if row["method"] == method]
-            error, area = (np.mean([row[measure] for row in found]) for measure in ("error", "auc"))
+            own = [row for row in rows if row["method"] == method]
+            error, area = (np.mean([row[measure] for row in own]) for measure in ("error", "auc"))
             row[name.upper()] = f"{error:.2f}, {area:.3f}"
         table.append(row)
     return table

@@ -134,8 +134,8 @@ def measured(name: str, data: str | None, output: Path, largest_for_pyfm: int) -
         from isomatch_lab.baselines import pyfm_zoomout
 
         started = time.perf_counter()
-        found = pyfm_zoomout(pair.source, pair.target)
-        row |= {"pyfm seconds": time.perf_counter() - started, "pyfm error": _error(pair, found)}
+        image = pyfm_zoomout(pair.source, pair.target)
+        row |= {"pyfm seconds": time.perf_counter() - started, "pyfm error": _error(pair, image)}
     return row | {"machine": f"{platform.machine()}, {processors()} processors"}
 
 
@@ -169,10 +169,10 @@ def _median(match: Callable[[], Any]) -> tuple[float, float, Any]:
     return float(np.median(seconds)), float(np.median(cpu)), result
 
 
-def _error(pair: BenchmarkPair, found: isomatch.Correspondence) -> float:
+def _error(pair: BenchmarkPair, image: isomatch.Correspondence) -> float:
     """Mean distance in space of images from the truth, × 100 / √(target area)."""
     here, there = pair.truth.T
-    images = found.pull_back(pair.target.vertices)[here]
+    images = image.pull_back(pair.target.vertices)[here]
     apart = np.linalg.norm(images - pair.target.vertices[there], axis=1)
     return float(100 * np.nanmean(apart) / np.sqrt(pair.target.area))
 

@@ -63,7 +63,7 @@ def call(*variants: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
 
 shipped = cache(lambda: tuple(made.mesh for made in example_pair()))  # 2968 and 3242 vertices
 tiny = cache(lambda: tuple(coarse(mesh, 400) for mesh in shipped()))
-found = cache(lambda: match(*shipped()))
+result = cache(lambda: match(*shipped()))
 truth = cache(lambda: ground_truth(*example_pair()).vertices)
 
 
@@ -228,11 +228,11 @@ def _match_both_and_wrap(at: Folders, variant: str) -> Any:
 @call()
 def _result_used(at: Folders) -> Any:
     there, (source, target), files = (
-        found().map,
+        result().map,
         shipped(),
         [at.scratch / f"map{suffix}" for suffix in (".npz", ".txt")],
     )
-    found().save(at.scratch / "result.npz")
+    result().save(at.scratch / "result.npz")
     for file in files:
         there.save(file)
     loaded = [Correspondence.load(file, there.n_target) for file in files]
@@ -240,7 +240,7 @@ def _result_used(at: Folders) -> Any:
     pulled = there @ target.vertices, there.pull_back(np.arange(target.n_vertices))
     pushed = there.push_forward(source.vertices, source.vertex_areas, target.vertex_areas)
     composed = there.then(back), there.then(back, target, source), there.to_functional(source, target, 30)
-    summary = found().to_dict(), found().overlap, isomatch.MatchResult.load(at.scratch / "result.npz")
+    summary = result().to_dict(), result().overlap, isomatch.MatchResult.load(at.scratch / "result.npz")
     return loaded, back, there.reversed(), pulled, pushed, composed, there.T, summary
 
 
@@ -319,10 +319,10 @@ def _carry_attributes(at: Folders, variant: str) -> Any:
 def _files_given(at: Folders, variant: str) -> Any:
     file, *ends = (at.cases / GIVEN[variant][0] / name for name in GIVEN[variant][1:])
     receiver, giver = map(isomatch.read_asset, ends)
-    known, written = Correspondence.load(file, len(giver.points)), at.scratch / f"given{ends[0].suffix}"
-    carried = isomatch.carry_attributes(known, receiver, giver)
+    same, written = Correspondence.load(file, len(giver.points)), at.scratch / f"given{ends[0].suffix}"
+    carried = isomatch.carry_attributes(same, receiver, giver)
     isomatch.write_asset(written, carried.asset)
-    return carried, written.read_bytes(), Attempt(isomatch.bake_texture, known, receiver, giver, 64)
+    return carried, written.read_bytes(), Attempt(isomatch.bake_texture, same, receiver, giver, 64)
 
 
 @call()
@@ -344,7 +344,7 @@ def _landmarks(at: Folders) -> Any:
         file = at.scratch / f"marks{suffix}"
         lost = isomatch.write_landmarks(file, marks)
         read.append((lost, file.read_bytes(), Attempt(Landmarks.read, file, source)))
-    carried = isomatch.carry_landmarks(found(), source, target, marks)
+    carried = isomatch.carry_landmarks(result(), source, target, marks)
     nearest = isomatch.nearest_landmarks(source, target, marks.positions + 0.01, carried.positions)
     median = isomatch.median_landmarks([carried, Landmarks(carried.positions + 0.01, carried.names)], target)
     (at.scratch / "pairs.txt").write_text("0 5\n100 200\n300 400\n")
@@ -364,13 +364,13 @@ def _collection(at: Folders, variant: str) -> Any:
     maps = [collection.maps(*pair) for pair in sorted(collection.rows().pairs)]
     shapes = room.read_shapes(folder / "corresponded")
     model, x, mesh = room.ShapeModel.fit(shapes), shapes.vertices, shapes.mesh(3)
-    apart, known = room.procrustes_distances(x), np.arange(len(x[0])) % 5 == 0
+    apart, observed = room.procrustes_distances(x), np.arange(len(x[0])) % 5 == 0
     return {
         "maps": [(pair.there, pair.back, pair.there_error, pair.back_error) for pair in maps],
         "shapes": (shapes, room.doubtful_shapes(shapes), room.geodesic_distortions(shapes, n_samples=30)),
         "models": (model, room.ShapeModel.fit(shapes, scale="remove"), room.compactness(model)),
         "scores": (model.score(mesh), model.mode_mesh(1, 2.0)),
-        "completed": room.complete(model, room.observed_vertices(model, mesh, known)),
+        "completed": room.complete(model, room.observed_vertices(model, mesh, observed)),
         "quality": (room.generalisation(model), room.specificity(model, n_samples=50)),
         "procrustes": (room.generalised_procrustes(x), apart, room.shape_tree(apart)),
         "groups": room.group_test(model.aligned, ["a", "b"] * (len(x) // 2), n_permutations=99),
@@ -390,5 +390,5 @@ def _asymmetry(at: Folders) -> Any:
 
 @call()
 def _pictures(at: Folders) -> Any:
-    figures = found().plot(*shipped(), width=600), tiny()[0].plot(tiny()[0].vertices[:, 0], width=300)
+    figures = result().plot(*shipped(), width=600), tiny()[0].plot(tiny()[0].vertices[:, 0], width=300)
     return [[each.get_array() for axes in figure.axes for each in axes.images] for figure in figures]

@@ -65,17 +65,17 @@ def pairs(data: str, seed: int) -> list[tuple[str, tuple[str, str]]]:
 
 def jobs(output: Path, data: str) -> list[Job]:
     """List every pair with each kind of damage to one shape, and with some to both."""
-    found: list[Job] = []
+    jobs: list[Job] = []
     for number, (kind, levels) in enumerate(LEVELS.items()):
         name = kind.replace("two views", "view")
         for i, (set_name, pair) in enumerate(pairs(data, number)):
             side = "@source" * (i % 2)
             damage = f"{name}:{levels[(i // 2) % len(levels)]}{side}"
-            found.append((output, data, kind, damage, set_name, pair, i))
+            jobs.append((output, data, kind, damage, set_name, pair, i))
     for kind, level in BOTH.items():
         for i, (set_name, pair) in enumerate(pairs(data, len(LEVELS))):
-            found.append((output, data, f"{kind}, both", f"{kind}:{level}@both", set_name, pair, i))
-    return found
+            jobs.append((output, data, f"{kind}, both", f"{kind}:{level}@both", set_name, pair, i))
+    return jobs
 
 
 def measured(job: Job) -> list[dict[str, Any]]:
@@ -95,9 +95,10 @@ def table(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
             members = [row for row in rows if (row["kind"], row["method"]) == (kind, method)]
             errors = np.array([100.0 if row.get("error") is None else row["error"] for row in members])
             called = np.array([row.get("outcome") in ("CONVERGED", "PARTIAL") for row in members])
-            known = [row for row in members if row.get("recall") is not None]
+            measured = [row for row in members if row.get("recall") is not None]
             precision, recall = (
-                np.mean([row[name] for row in known]) if known else np.nan for name in ("precision", "recall")
+                np.mean([row[name] for row in measured]) if measured else np.nan
+                for name in ("precision", "recall")
             )
             wrong = errors > 10
             seconds = np.nanmean([row.get("seconds") or np.nan for row in members])

@@ -37,16 +37,15 @@ from isomatch_lab.studies import published
 from isomatch_lab.studies.result_steps import STEPS, Step
 
 ROOT = Path(__file__).parents[3]
-STUDIES = Path(__file__).parent
 SHARED = ("shared.py", "hard_pairs.txt")  # what several studies need
-RESULTS = ROOT / "docs" / "results"
+RESULTS = Path("docs", "results")
 PACKAGES = ("numpy", "scipy", "numba")
 MARKED = re.compile(r"<!-- result: ([\w-]+)(?:: ([^\n]+?))? -->\n(.*?)<!-- end of result -->", re.DOTALL)
 OTHER = ("stamp", "beside")  # what is marked and no table
 Stamp = dict[str, Any]
 
 
-def source_hash(folder: Path = ROOT / "src" / "isomatch") -> str:
+def source_hash(folder: Path) -> str:
     """Hash of all files of a folder and of their names, without those that Python makes."""
     digest = hashlib.sha256()
     for path in sorted(folder.rglob("*")):
@@ -56,12 +55,13 @@ def source_hash(folder: Path = ROOT / "src" / "isomatch") -> str:
     return digest.hexdigest()[:16]
 
 
-def present_stamp(step: Step) -> Stamp:
+def present_stamp(step: Step, root: Path = ROOT) -> Stamp:
     """Say with what a step would be measured now."""
-    module = step.command.split("-m ")[1].split()[0]
-    code = b"".join((STUDIES / name).read_bytes() for name in (f"{module.rpartition('.')[2]}.py", *SHARED))
+    study = step.command.split("-m ")[1].split()[0].rpartition(".")[2]
+    folder = root / "src" / "isomatch_lab" / "studies"
+    code = b"".join((folder / name).read_bytes() for name in (f"{study}.py", *SHARED))
     return {
-        "source": source_hash(),
+        "source": source_hash(root / "src" / "isomatch"),
         "command": step.command,
         "scripts": hashlib.sha256(code).hexdigest()[:16],
         "machine": machine(),
@@ -74,40 +74,34 @@ def machine() -> str:
     from isomatch.runtime.threads import processors
 
     named = Path("/proc/cpuinfo")
-    found = re.search(r"model name\s*: (.+)", named.read_text()) if named.exists() else None
-    return f"{found[1] if found else platform.machine()}, {processors()} processors"
+    model = re.search(r"model name\s*: (.+)", named.read_text()) if named.exists() else None
+    return f"{model[1] if model else platform.machine()}, {processors()} processors"
 
 
-def revision() -> str:
+def revision(root: Path = ROOT) -> str:
     """Name the commit, and tell whether what measures was changed since."""
     head, changed = (
-        subprocess.run(["git", *command], cwd=ROOT, capture_output=True, text=True).stdout.strip()
+        subprocess.run(["git", *command], cwd=root, capture_output=True, text=True).stdout.strip()
         for command in (("rev-parse", "--short", "HEAD"), ("status", "--porcelain", "src"))
     )
     return head + "-changed" * bool(changed)
 
 
-def stamps() -> dict[str, Stamp]:
+def stamps(root: Path = ROOT) -> dict[str, Stamp]:
     """Stamps of all results."""
-    path = RESULTS / "stamps.json"
+    path = root / RESULTS / "stamps.json"
     return dict(json.loads(path.read_text(encoding="utf-8"))) if path.exists() else {}
 
 
-def write_stamp(step: str, stamp: Stamp) -> None:
-    """Add a stamp to those of the results, or replace it."""
-    known = dict(sorted((stamps() | {step: stamp}).items()))
-    (RESULTS / "stamps.json").write_text(json.dumps(known, indent=1) + "\n", encoding="utf-8")
-
-
-def is_present(step: Step, known: dict[str, Stamp]) -> bool:
+def is_present(step: Step, root: Path = ROOT) -> bool:
     """Tell whether a step was measured with what is there now."""
-    now, before = present_stamp(step), known.get(step.name, {})
-    return all(before.get(key) == value for key, value in now.items())
+    before = stamps(root).get(step.name, {})
+    return all(before.get(key) == value for key, value in present_stamp(step, root).items())
 
 
-def measure(step: Step, data: str, output: Path) -> None:
+def measure(step: Step, data: str, output: Path, root: Path = ROOT) -> None:
     """Run the command of a step, copy what it wrote, and stamp it."""
-    stamp = present_stamp(step)
+    stamp = present_stamp(step, root)
     told_before = json.dumps(stamp, sort_keys=True).encode()
     out = output / f"{step.name}_{hashlib.sha256(told_before).hexdigest()[:16]}"
     out.mkdir(parents=True, exist_ok=True)
@@ -116,26 +110,27 @@ def measure(step: Step, data: str, output: Path) -> None:
     started = time.monotonic()
     try:
         words = [word.format(data=data, out=out) for word in step.command.split()]
-        subprocess.run([sys.executable, *words[1:]], cwd=ROOT, check=True)
+        subprocess.run([sys.executable, *words[1:]], cwd=root, check=True)
     finally:
         seconds = round(spent + time.monotonic() - started)
         clock.write_text(str(seconds))
-    if present_stamp(step) != stamp:
+    if present_stamp(step, root) != stamp:
         raise SystemExit(f"{step.name}: the source was changed while it was measured; measure it again")
     for target, file in [
-        *((RESULTS / f"{name}.csv", file) for name, file in step.tables.items()),
-        *((ROOT / "docs" / name, file) for name, file in step.files.items()),
+        *((root / RESULTS / f"{name}.csv", file) for name, file in step.tables.items()),
+        *((root / "docs" / name, file) for name, file in step.files.items()),
     ]:
         target.parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(out / file, target)
-    stamp |= {"revision": revision(), "date": date.today().isoformat(), "seconds": seconds}
-    write_stamp(step.name, stamp)
+    stamp |= {"revision": revision(root), "date": date.today().isoformat(), "seconds": seconds}
+    every = dict(sorted((stamps(root) | {step.name: stamp}).items()))
+    (root / RESULTS / "stamps.json").write_text(json.dumps(every, indent=1) + "\n", encoding="utf-8")
     clock.unlink()
 
 
 def tables_of(text: str) -> list[str]:
     """Names of the tables that a page shows."""
-    return [found[1] for found in MARKED.finditer(text) if found[1] not in OTHER]
+    return [place[1] for place in MARKED.finditer(text) if place[1] not in OTHER]
 
 
 def steps_of(text: str) -> list[str]:
@@ -144,18 +139,18 @@ def steps_of(text: str) -> list[str]:
     return [step.name for step in STEPS if shown & set(step.tables)]
 
 
-def filled(text: str, known: dict[str, Stamp], results: Path = RESULTS) -> str:
+def filled(text: str, stamps: dict[str, Stamp], results: Path = ROOT / RESULTS) -> str:
     """Fill the marked places of a page."""
 
-    def fill(found: re.Match[str]) -> str:
-        name, columns, old = found.groups()
+    def fill(place: re.Match[str]) -> str:
+        name, columns, old = place.groups()
         if name == "stamp":
-            new = told({step: known[step] for step in steps_of(text)})
+            new = told({step: stamps[step] for step in steps_of(text)})
         elif name == "beside":
             new = published.beside(results)
         else:
             new = rendered(results / f"{name}.csv", columns)
-        return found[0].replace(f"-->\n{old}<!--", f"-->\n{new}<!--")
+        return place[0].replace(f"-->\n{old}<!--", f"-->\n{new}<!--")
 
     return MARKED.sub(fill, text)
 
@@ -236,7 +231,7 @@ def main() -> None:
     for step in STEPS:
         if asked.pages or (asked.steps and step.name not in asked.steps):
             continue
-        state = "present" if is_present(step, stamps()) else "to be measured"
+        state = "present" if is_present(step) else "to be measured"
         print(f"{step.name}: {state}, some {step.minutes} minutes", flush=True)
         if not asked.list and state != "present":
             measure(step, str(Path(asked.data).resolve()), asked.output.resolve())

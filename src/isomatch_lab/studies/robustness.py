@@ -38,13 +38,13 @@ Job = tuple[Path, str, str | None, float | None, tuple[str, str, str]]  # output
 
 def jobs(output: Path, data: str) -> list[Job]:
     """List every pair undamaged, and with each damage at each level."""
-    found: list[Job] = []
+    jobs: list[Job] = []
     for pair in (*TOUCHING, *PAIRS):
-        found.append((output, data, None, None, pair))
+        jobs.append((output, data, None, None, pair))
         for name, damage in DAMAGES.items():
             if (name == "weld") == (pair in TOUCHING):
-                found += [(output, data, name, level, pair) for level in damage.levels]
-    return found
+                jobs += [(output, data, name, level, pair) for level in damage.levels]
+    return jobs
 
 
 def measured(job: Job) -> list[dict[str, Any]]:

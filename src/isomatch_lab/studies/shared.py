@@ -29,18 +29,18 @@ def in_parallel(function: Callable[[T], R], jobs: Iterable[T]) -> Iterator[R]:
         yield from pool.map(function, jobs)
 
 
-def mean_error(pair: BenchmarkPair, found: Correspondence, either_side: bool = False) -> float:
+def mean_error(pair: BenchmarkPair, image: Correspondence, either_side: bool = False) -> float:
     """Mean geodesic error × 100 / √(target area) on 400 truth points; of truth and mirrored truth the better one."""
     truths = [pair.truth] if pair.mirrored is None or not either_side else [pair.truth, pair.mirrored]
-    errors = [geodesic_errors(pair.target, found, truth, 400) for truth in truths]
+    errors = [geodesic_errors(pair.target, image, truth, 400) for truth in truths]
     return float(100 * min(counted(each).mean() for each in errors))
 
 
-def error_after(damaged: DamagedPair, found: Correspondence) -> float:
+def error_after(damaged: DamagedPair, image: Correspondence) -> float:
     """Mean error × 100 / √area of a map of damaged shapes, on the whole target."""
     target = damaged.whole.target
-    lifted = [Correspondence(image, target.n_vertices) for image in damaged.lifted(found.vertices)]
-    errors = [geodesic_errors(target, image, damaged.whole.truth, 400) for image in lifted]
+    lifted = [Correspondence(each, target.n_vertices) for each in damaged.lifted(image.vertices)]
+    errors = [geodesic_errors(target, each, damaged.whole.truth, 400) for each in lifted]
     return float(100 * counted(np.min(errors, axis=0)).mean())
 
 

@@ -55,15 +55,15 @@ def measured(job: Job) -> dict[str, Any]:
         pair = DamageChoice.parse({"cut": "cut:0.3", "holes": "holes:0.1"}[name])(whole, SEED).given
     else:
         pair = damaged_creatures(name, int(names[1]))
-    found = isomatch.match(pair.source, pair.target)
+    result = isomatch.match(pair.source, pair.target)
     chosen = np.random.default_rng(1).choice(len(pair.truth), min(N_POINTS, len(pair.truth)), replace=False)
     rows = pair.truth[np.sort(chosen)]
-    errors = geodesic_errors(pair.target, found.map, rows)
-    known = np.isfinite(errors)
-    rows, errors = rows[known], errors[known]
-    expected = found.expected_error[rows[:, 0]]
-    measures = {"expected error": expected, "random": None, **ingredients(pair.source, pair.target, found)}
-    row: dict[str, Any] = {"set": name, "pair": "-".join(names), "outcome": found.outcome.name}
+    errors = geodesic_errors(pair.target, result.map, rows)
+    finite = np.isfinite(errors)
+    rows, errors = rows[finite], errors[finite]
+    expected = result.expected_error[rows[:, 0]]
+    measures = {"expected error": expected, "random": None, **ingredients(pair.source, pair.target, result)}
+    row: dict[str, Any] = {"set": name, "pair": "-".join(names), "outcome": result.outcome.name}
     row |= {"error": errors.mean(), "expected": expected.mean()}
     for measure, values in measures.items():
         if measure == "expected error":
@@ -83,11 +83,11 @@ def captured(errors: np.ndarray, measure: np.ndarray) -> float:
     return float(errors[np.argsort(-measure, kind="stable")[:count]].sum() / np.sort(errors)[-count:].sum())
 
 
-def ingredients(source: Mesh, target: Mesh, found: MatchResult) -> dict[str, np.ndarray]:
+def ingredients(source: Mesh, target: Mesh, result: MatchResult) -> dict[str, np.ndarray]:
     """Plain measures (n_source,) of what may be wrong, averaged over the neighbourhood."""
-    images = found.map.pull_back(target.vertices)
-    back = found.map.reversed().pull_back(source.vertices)
-    returned = found.map.pull_back(back)
+    images = result.map.pull_back(target.vertices)
+    back = result.map.reversed().pull_back(source.vertices)
+    returned = result.map.pull_back(back)
     i, j = source.edges.T
     ratio = np.linalg.norm(images[i] - images[j], axis=1) / np.maximum(source.edge_lengths, 1e-12)
     ratio /= np.nanmedian(ratio)
@@ -106,8 +106,8 @@ def ingredients(source: Mesh, target: Mesh, found: MatchResult) -> dict[str, np.
         ),
         "gap to the next map": np.zeros(source.n_vertices),
     }
-    if found.alternatives:
-        other = found.alternatives[0].map.pull_back(target.vertices)
+    if result.alternatives:
+        other = result.alternatives[0].map.pull_back(target.vertices)
         plain["gap to the next map"] = np.nan_to_num(np.linalg.norm(other - images, axis=1))
     step = diags_array(1 / degree) @ adjacency
     count = int(2 * SMOOTHED**2 * source.area / (source.edge_lengths**2).mean())

@@ -81,17 +81,17 @@ def measured(job: Job) -> dict[str, Any]:
     data, kind, landmarks, (name, source, target, gap, side) = job
     damaged = fused_pair(data, kind, name, source, target, gap, side)
     priors = true_landmarks(damaged.given) if landmarks else None
-    found = isomatch.match(damaged.given.source, damaged.given.target, priors)
+    result = isomatch.match(damaged.given.source, damaged.given.target, priors)
     return {
         "pair": f"{source}-{target}",
         "side": side,
         "gap": gap,
         "kind": kind,
         "landmarks": 5 * landmarks,
-        "error": error_after(damaged, found.map),
-        "outcome": found.outcome.name,
-        "notes": "; ".join(found.notes),
-        "quality": found.quality,
+        "error": error_after(damaged, result.map),
+        "outcome": result.outcome.name,
+        "notes": "; ".join(result.notes),
+        "quality": result.quality,
     }
 
 
@@ -173,9 +173,9 @@ def table(rows: list[dict[str, Any]]) -> Iterator[dict[str, Any]]:
     """For each kind: mean, median and worst error, wrong maps, those called right, and their largest error."""
     for landmarks in (0, 5):
         for kind in KINDS:
-            found = [row for row in rows if (row["landmarks"], row["kind"]) == (landmarks, kind)]
-            if found:
-                yield {"limbs fused by": kind, "landmarks": landmarks, **summed_up(found)}
+            group = [row for row in rows if (row["landmarks"], row["kind"]) == (landmarks, kind)]
+            if group:
+                yield {"limbs fused by": kind, "landmarks": landmarks, **summed_up(group)}
 
 
 if __name__ == "__main__":

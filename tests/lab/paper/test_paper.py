@@ -230,8 +230,8 @@ def test_a_table_without_all_maps_names_the_problem(tmp_path, monkeypatch):
     def broken(source, target, landmarks):
         raise RuntimeError("no map today")
 
-    monkeypatch.setattr(distortion_table, "SHOWN", ("gdd",))
-    monkeypatch.setitem(METHODS, "gdd", Method(broken, n_landmarks=5, preparation=None))
+    for name in distortion_table.SHOWN:
+        monkeypatch.setitem(METHODS, name, Method(broken, n_landmarks=5, preparation=None))
     setting = Setting(None, tmp_path, quick=True, n_points=150, jobs=1)
     with pytest.raises(IsomatchError, match="RuntimeError"):
         distortion_table.make(setting)

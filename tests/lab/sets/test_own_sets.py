@@ -135,9 +135,7 @@ def test_vts_files_as_published(folder, image):
     assert images_of(pair) == dict(zip(marks.tolist(), image[marks].tolist()))
     assert np.argsort(pair.moved)[pair.mirrored[:, 1]].tolist() == image[marks][::-1].tolist()
     np.savetxt(folder / "shapes" / "b.vts", [1, N + 1], fmt="%d")
-    with pytest.raises(
-        FormatError, match=rf"b\.vts: names vertex {N + 1}, counted from 1, but the shape has {N}"
-    ):
+    with pytest.raises(FormatError, match="counted"):
         opened.load("a", "b")
 
 
