@@ -82,12 +82,11 @@ def energy_of(
     residual = residual_of(pair, source_vertex, target_vertex, rank)
     curvature_difference = 1.0
     if pair.oriented:
-        curvature_difference = np.abs(
-            target.curvature[target_vertex] - source.curvature[source_vertex]
-        ).mean()
-    known = np.abs(pair.known.target[target_vertex] - pair.known.source[source_vertex])
+        apart = target.curvature[target_vertex] - source.curvature[source_vertex]
+        curvature_difference = np.abs(apart).mean()
+    apart = pair.known.target[target_vertex] - pair.known.source[source_vertex]
     # as much, against curvature, as in the refinement
-    curvature_difference += known.sum(axis=1).mean() / CURVATURE_WEIGHT
+    curvature_difference += np.abs(apart).sum(axis=1).mean() / CURVATURE_WEIGHT
     return float(residual * curvature_difference**pair.config.selection.curvature_exponent)
 
 
@@ -133,18 +132,19 @@ def is_sure(relation: Relation, selection: Selection[Fit]) -> bool:
 
 
 def further_candidates(
-    pair: ShapePair, screen: Screening, known: Sequence[IntArray], side: int, energy: float
+    pair: ShapePair, screen: Screening, maps: Sequence[IntArray], side: int, energy: float
 ) -> list[Candidate]:
     """Find further candidates, from the other side and by combination, that may be better than the winner."""
-    found = distinct(
-        [*(search_back(pair) if pair.config.search.both_ways else ()), *combinations(pair, known)],
+    hypotheses = distinct(
+        [*(search_back(pair) if pair.config.search.both_ways else ()), *combinations(pair, maps)],
         lambda hypothesis: hypothesis.target_row,
         pair.distances_between_maps,
         pair.config.search.same_map,
-        known=known,
+        before=maps,
     )
     limit = SAME_ENERGY * max(energy, ENERGY_NOISE)
-    hopeful = [c for c in screen(found) if c.energy <= limit and side * c.orientation > RIGHT_ORIENTATION]
+    fitting = (c for c in screen(hypotheses) if c.energy <= limit)
+    hopeful = [c for c in fitting if side * c.orientation > RIGHT_ORIENTATION]
     return sorted(hopeful, key=lambda candidate: candidate.energy)[:MOST_CHALLENGERS]
 
 

@@ -108,9 +108,8 @@ def joint_coordinates(
         phi = source.functions[:, :k]
         columns = [phi[source_vertex] * np.float32(1 / np.sqrt(k)), pair.signatures.source[source_vertex]]
         if with_positions:
-            drawn = row_product(
-                phi, basis.fit(target.mesh_body.vertices[image], k)
-            )  # Φ_s c: (n_s, k) @ (k, 3)
+            # Φ_s c: (n_s, k) @ (k, 3)
+            drawn = row_product(phi, basis.fit(target.mesh_body.vertices[image], k))
             normals = vertex_normals(drawn, source.faces)[source_vertex]
             columns += [single(unit * drawn[source_vertex]), single(side * weight * normals)]
         return np.hstack(columns)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from itertools import permutations
+from typing import TypeVar
 
 import numpy as np
 
@@ -31,6 +32,7 @@ MOST_WITHOUT_LIMBS = 40
 
 # functions flipped on the way back, which exchange limbs or twist a body; docs/lab/design_notes.md
 FLIPPED_BACK = 6
+T = TypeVar("T")
 AT_ONCE = 4  # maps moved together by a thread; fixed, so that results do not depend on the number of threads
 
 
@@ -71,9 +73,8 @@ def symmetric_variants(pair: ShapePair, target_row: IntArray) -> list[Hypothesis
     if not starts:
         return []
     settings = pair.config.search
-    moved = iterative_closest_points(
-        *pair.search_points, np.array(starts), settings.flip_steps, settings.unchanged
-    )
+    steps = settings.flip_steps
+    moved = iterative_closest_points(*pair.search_points, np.array(starts), steps, settings.unchanged)
     return [Hypothesis(alignment, "symmetry") for alignment in moved]
 
 
@@ -168,7 +169,7 @@ class Pool:
     def converged(self, starts: list[IntArray], steps: int) -> list[Alignment]:
         """Run iterative closest points from many first maps; one that meets another, or a known map, is dropped."""
         settings, points = self._settings, self.pair.search_points
-        known, settled = [h.target_row for h in self.hypotheses], list[IntArray]()
+        before, settled = [h.target_row for h in self.hypotheses], list[IntArray]()
         # most starts lead to few maps: comparing them every other iteration saves most of the work, as does leaving
         # those that have settled
         for _ in range(0, steps, settings.compare_every):
@@ -177,23 +178,22 @@ class Pool:
                 lambda rows: rows,
                 self.pair.distances_between_maps,
                 settings.same_start,
-                known=[*known, *settled],
+                before=[*before, *settled],
             )
-            groups = [np.array(starts[i : i + AT_ONCE]) for i in range(0, len(starts), AT_ONCE)]
-            moved = parallel_map(
-                lambda group: closest_point_images(
-                    *points, group, settings.compare_every, settings.unchanged
-                ),
-                groups,
+            images = _in_groups(
+                lambda maps: closest_point_images(*points, maps, settings.compare_every, settings.unchanged),
+                starts,
             )
-            images = [rows for group in moved for rows in group]
             moving = [(rows == start).mean() < settings.unchanged for rows, start in zip(images, starts)]
             settled += [rows for rows, moves in zip(images, moving) if not moves]
             starts = [rows for rows, moves in zip(images, moving) if moves]
-        found = [*settled, *starts]
-        groups = [np.array(found[i : i + AT_ONCE]) for i in range(0, len(found), AT_ONCE)]
-        aligned = parallel_map(lambda group: iterative_closest_points(*points, group, 0), groups)
-        return [alignment for group in aligned for alignment in group]
+        return _in_groups(lambda maps: iterative_closest_points(*points, maps, 0), [*settled, *starts])
+
+
+def _in_groups(move: Callable[[IntArray], Iterable[T]], maps: list[IntArray]) -> list[T]:
+    """Apply a function of several maps (h, m_s) to many, on all threads."""
+    groups = [np.array(maps[i : i + AT_ONCE]) for i in range(0, len(maps), AT_ONCE)]
+    return [each for group in parallel_map(move, groups) for each in group]
 
 
 class FromRows(PoolStart):
@@ -244,10 +244,12 @@ def starts_of(relation: Relation) -> tuple[Start, ...]:
     """Return the starts of a part or an elastic map: those handed in, else isomatch's; none where only priors may win."""
     # landmarks lead through anchors, in any case but where a whole map is given and nothing else may win
     starts, config, priors = relation.stages.starts, relation.pair.config, relation.priors
-    found = () if config.hypotheses == "given" else default_starts if starts is None else tuple(starts)
+    if config.hypotheses == "given":
+        starts = ()
+    starts = default_starts if starts is None else tuple(starts)
     whole_map = not priors.only_landmarks or config.start == "pose"
     led = len(priors.landmarks) and not (config.hypotheses == "given" and whole_map)
-    return (*found, FromAnchors()) if led else found
+    return (*starts, FromAnchors()) if led else starts
 
 
 def _flipped(pair: ShapePair, functional_map: FloatArray, function: int) -> IntArray:
