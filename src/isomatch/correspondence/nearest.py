@@ -236,9 +236,8 @@ def nearest_points(
 
     def chunk(first: int) -> None:
         rows = slice(first, first + CHUNK)
-        _nearest(
-            coordinates, queries[rows], faces, start, order, points.corners[rows], points.barycentric[rows]
-        )
+        images = points.corners[rows], points.barycentric[rows]
+        _nearest(coordinates, queries[rows], faces, start, order, *images)
 
     parallel_map(chunk, range(0, len(nearest_vertex), CHUNK))
     return points
