@@ -46,9 +46,8 @@ def point_signatures(mesh: Mesh | None, laplace: LaplaceBasis, settings: Prepara
         sizes = (min(k, len(laplace.values)) for k in settings.curvature_functions)
         curvatures = np.column_stack([mean_curvature(mesh, laplace, k, weld=False) for k in sizes])
         parts.append((curvatures, CURVATURE_WEIGHT))
-    return np.hstack(
-        [standardised(part, laplace.weights) * (weight / np.sqrt(part.shape[1])) for part, weight in parts]
-    )
+    units = [weight / np.sqrt(part.shape[1]) for part, weight in parts]
+    return np.hstack([standardised(part, laplace.weights) * unit for (part, _), unit in zip(parts, units)])
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -170,8 +169,7 @@ class SmoothShape:
     def restrict(self, values: AnyArray) -> AnyArray:
         """Carry values (n, ...) on the user's vertices to the body (n_body, ...)."""
         rows = _require_rows(values, self.surface.n_vertices, "vertices of the shape")
-        restricted: AnyArray = rows[self.user_vertex]
-        return restricted
+        return np.asarray(rows[self.user_vertex])
 
     def correspondence(
         self, target: SmoothShape, image: IntArray | PrecisePoints, matched: BoolArray | None = None
@@ -218,9 +216,8 @@ class SmoothShape:
             limit = np.sqrt(self.config.outcome.torn) * np.median(stretches)
             _leave_out(stretches, limit, matched, places.corners, weights)
             places = PrecisePoints(places.corners, weights)
-        return target.transfer.near_fine(places.interpolated(positions), points.corners[owner]), matched[
-            owner
-        ]
+        images = target.transfer.near_fine(places.interpolated(positions), points.corners[owner])
+        return images, matched[owner]
 
 
 @compiled(error_model="numpy")
