@@ -125,8 +125,7 @@ def distance_basis(
     >>> bool(basis.error_estimate() < 0.05)
     True
     """
-    surface = metric_space(surface)
-    surface, seams = without_seams(surface, weld)
+    surface, seams = without_seams(metric_space(surface), weld)
     if method is None:
         method = "predicted" if isinstance(surface, Mesh | PointCloud) else "nystrom"
     if method not in get_args(BasisMethod):
