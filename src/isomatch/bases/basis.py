@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Literal, Unpack, get_args
+from typing import TYPE_CHECKING, Literal, Unpack, get_args
 
 import numpy as np
 
@@ -42,9 +42,8 @@ def basis_domain(
         )
     if weights not in get_args(Weighting):
         raise SettingError(f"weights = {weights!r} is not one of {', '.join(map(repr, get_args(Weighting)))}")
-    areas: Any = getattr(surface, "vertex_areas", None)
-    uniform = weights == "uniform" or areas is None
-    measure = np.ones(n) if uniform else require_areas(areas, ", or use weights='uniform'")
+    areas: FloatArray | None = None if weights == "uniform" else getattr(surface, "vertex_areas", None)
+    measure = np.ones(n) if areas is None else require_areas(areas, ", or use weights='uniform'")
     require_one_component(surface)
     return distances, measure
 

@@ -194,8 +194,7 @@ def _with_held_out(basis: DistanceBasis, engine: DistanceEngine, seed: int, coun
         return basis
     rng = generator(seed, 1)
     drawn = rng.choice(len(share), min(count, len(share)), replace=False, p=share / share.sum())
-    columns = engine.distances_from(drawn)
-    return replace(basis, held_out=Sampling(drawn, columns))
+    return replace(basis, held_out=Sampling(drawn, engine.distances_from(drawn)))
 
 
 def _within(

@@ -231,8 +231,7 @@ def smallest_eigenpairs(
     require_memory(float(dtype.itemsize) * n * limit, what, "ask for fewer functions")
     space = np.zeros((limit, n), dtype)
     projected = np.zeros((limit, limit))  # space (H + σ)⁻¹ spaceᵀ
-    start = generator(seed).standard_normal((n, width))
-    space[:width] = _orthonormal_columns(start)[0].T
+    space[:width] = _orthonormal_columns(generator(seed).standard_normal((n, width)))[0].T
     size = width
     while True:
         last = slice(size - width, size)

@@ -12,8 +12,8 @@ from isomatch.matching.fit import Candidate, Fit, Hypothesis
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.priors import Priors
 from isomatch.matching.quality import mean_known
-from isomatch.matching.search import combinations, hypotheses_from_priors, search, search_back
-from isomatch.matching.selection import CLEARLY_BETTER, ENERGY_NOISE, SAME_ENERGY, Selection, distinct, ranked
+from isomatch.matching.search import combinations, distinct_maps, hypotheses_from_priors, search, search_back
+from isomatch.matching.selection import CLEARLY_BETTER, ENERGY_NOISE, SAME_ENERGY, Selection, ranked
 from isomatch.matching.stages import Relation
 from isomatch.matching.starts import start_from_pairs, starts_from_pose
 from isomatch.runtime.threads import parallel_map
@@ -135,13 +135,8 @@ def further_candidates(
     pair: ShapePair, screen: Screening, maps: Sequence[IntArray], side: int, energy: float
 ) -> list[Candidate]:
     """Find further candidates, from the other side and by combination, that may be better than the winner."""
-    hypotheses = distinct(
-        [*(search_back(pair) if pair.config.search.both_ways else ()), *combinations(pair, maps)],
-        lambda hypothesis: hypothesis.target_row,
-        pair.distances_between_maps,
-        pair.config.search.same_map,
-        before=maps,
-    )
+    hypotheses = [*(search_back(pair) if pair.config.search.both_ways else ()), *combinations(pair, maps)]
+    hypotheses = distinct_maps(pair, hypotheses, before=maps)
     limit = SAME_ENERGY * max(energy, ENERGY_NOISE)
     fitting = (c for c in screen(hypotheses) if c.energy <= limit)
     hopeful = [c for c in fitting if side * c.orientation > RIGHT_ORIENTATION]

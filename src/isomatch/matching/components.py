@@ -283,8 +283,7 @@ def _unpartnered(side: str, matched: list[PreparedShape], pair: ShapePair) -> tu
         notes.append(
             f"{side}: components that cannot be matched by themselves, with {tiny:.1%} of the area, are left unmatched"
         )
-    area = tiny + sum(shape.share for shape in alone)
-    return max(area, sum(map(_vertex_share, alone))), notes
+    return max(tiny + sum(shape.share for shape in alone), sum(map(_vertex_share, alone))), notes
 
 
 def _vertex_share(shape: PreparedShape) -> float:
@@ -405,8 +404,7 @@ class Carrier:
     def offset(self, centre: FloatArray, target: PreparedShape) -> float:
         """Distance of a carried centre from that of a component, over its √area and distance from the surface."""
         apart = centre - _positions(target, self.units[1]).mean(axis=0)
-        reach = (1 + self.gap(target)) * target.scale / self.units[1]
-        return float(np.linalg.norm(apart) / reach)
+        return float(np.linalg.norm(apart) / ((1 + self.gap(target)) * target.scale / self.units[1]))
 
     def turned(self, source: PreparedShape) -> FloatArray:
         """Carry the body of a component along as one rigid thing: (n, 3), its centre at 0 and its area 1 as before."""

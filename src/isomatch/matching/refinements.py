@@ -81,8 +81,7 @@ def descriptor_embedding(pair: ShapePair, target_row: IntArray) -> Embedding:
     points = turned(pair.source_vertices, pair.target_vertices[target_row])
     everywhere = np.arange(len(source.coordinates))
     for vertices in (*[pair.refinement_vertices] * DISTANCE_STEPS, everywhere, everywhere):
-        images = pair.target.index.vertices(points, source.coordinates[vertices])
-        points = turned(vertices, images)
+        points = turned(vertices, pair.target.index.vertices(points, source.coordinates[vertices]))
     return Embedding(source.coordinates, points)
 
 

@@ -140,7 +140,12 @@ def _itself(map_: Correspondence) -> Correspondence:
     return map_
 
 
-_PLAIN = ("timings", "notes", "engine", "origin", "reason", "seed", "symmetries")
+_PLAIN = ("timings", "engine", "origin", "reason", "seed")
+
+
+def _restored(summary: dict[str, Any]) -> dict[str, Any]:
+    plain = {name: summary[name] for name in _PLAIN}
+    return {**plain, "outcome": Outcome[summary["outcome"]], "notes": tuple(summary["notes"])}
 
 
 def _settings(name: str, values: dict[str, Any]) -> MatchSettings:
@@ -262,7 +267,7 @@ class MatchResult(Shown):
             others = [getattr(other.map, name) for other in self.alternatives]
             stacked[f"alternative_{name}"] = np.array(others, dtype=own.dtype).reshape(-1, *own.shape)
         about = {
-            **{name: getattr(self, name) for name in _PLAIN},
+            **{name: getattr(self, name) for name in (*_PLAIN, "notes", "symmetries")},
             "outcome": self.outcome.name,
             "quality": asdict(self.quality),
             "alternatives": [[a.energy, a.orientation, a.origin] for a in self.alternatives],
@@ -303,21 +308,17 @@ class MatchResult(Shown):
             regions = unpacked(arrays, about.get("regions", []))
             main = Correspondence(**{**arrays, "n_target": int(arrays["n_target"])})
             maps = [replace(main, **dict(zip(MAP_ARRAYS, parts))) for parts in others]
+            evidence = zip(maps, about["alternatives"], strict=True)
             return cls(
                 map=main,
-                outcome=Outcome[about["outcome"]],
                 quality=Quality(**about["quality"]),
                 expected_error=errors,
                 descriptor_distance=descriptor_distance if len(descriptor_distance) else None,
                 regions=regions,
-                alternatives=tuple(
-                    Alternative(partial(_itself, map), *evidence)
-                    for map, evidence in zip(maps, about["alternatives"], strict=True)
-                ),
-                notes=tuple(about["notes"]),
+                alternatives=tuple(Alternative(partial(_itself, map), *numbers) for map, numbers in evidence),
                 symmetries=tuple(about["symmetries"]),
                 config=_settings(about["settings"], about["config"]),
-                **{name: about[name] for name in _PLAIN if name not in ("notes", "symmetries")},
+                **_restored(about),
             )
         except (InputError, KeyError, TypeError, ValueError, RecursionError) as error:
             raise FormatError(
@@ -330,15 +331,13 @@ class MatchResult(Shown):
         quality = {name: math.nan if value is None else value for name, value in summary["quality"].items()}
         return cls(
             map=found,
-            outcome=Outcome[summary["outcome"]],
             quality=Quality(**quality),
             expected_error=np.full(len(found.vertices), np.nan),
             alternatives=(),
-            notes=tuple(summary["notes"]),
             config=config,
             symmetries=(summary["symmetries"]["source"], summary["symmetries"]["target"]),
             regions=tuple(map(DoubtfulRegion.from_dict, summary.get("regions", []))),
-            **{name: summary[name] for name in _PLAIN if name not in ("notes", "symmetries")},
+            **_restored(summary),
         )
 
     def _errors_described(self) -> dict[str, float | None]:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from itertools import permutations
+from operator import attrgetter
 from typing import TypeVar
 
 import numpy as np
 
 from isomatch.correspondence import Alignment, closest_point_images, iterative_closest_points
-from isomatch.matching.fit import Hypothesis
+from isomatch.matching.fit import Candidate, Hypothesis
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.priors import Priors
 from isomatch.matching.selection import distinct
@@ -33,6 +34,7 @@ MOST_WITHOUT_LIMBS = 40
 # functions flipped on the way back, which exchange limbs or twist a body; docs/lab/design_notes.md
 FLIPPED_BACK = 6
 T = TypeVar("T")
+M = TypeVar("M", Alignment, Hypothesis, Candidate)
 AT_ONCE = 4  # maps moved together by a thread; fixed, so that results do not depend on the number of threads
 
 
@@ -82,8 +84,7 @@ def search(
     pair: ShapePair, from_priors: list[Hypothesis], starts: Sequence[Start] | None = None
 ) -> list[Hypothesis]:
     """Collect distinct hypotheses from priors and starts, by default `default_starts`; best residual first."""
-    most = MOST_WITHOUT_LIMBS if pair.limbless else pair.config.search.n_hypotheses
-    pool = Pool(pair, most)
+    pool = Pool(pair, MOST_WITHOUT_LIMBS if pair.limbless else pair.config.search.n_hypotheses)
     pool.merge(from_priors)
     for start in default_starts if starts is None else starts:
         if isinstance(start, PoolStart):
@@ -114,19 +115,20 @@ def combinations(pair: ShapePair, maps: Sequence[IntArray]) -> list[Hypothesis]:
     halves = pair.source.laplace.vectors[pair.source_vertices, 1 : 1 + settings.halves].T > 0
     starts = [np.where(half, *two) for half in halves for two in permutations(maps[: settings.combined], 2)]
     aligned = iterative_closest_points(*pair.search_points, np.array(starts), 0) if starts else []
-    chosen = distinct(
-        sorted(aligned, key=lambda alignment: alignment.residual),
-        lambda alignment: alignment.target_row,
-        pair.distances_between_maps,
-        settings.same_map,
-        settings.most_combined,
-        maps,
-    )
+    chosen = distinct_maps(pair, sorted(aligned, key=attrgetter("residual")), settings.most_combined, maps)
     if not chosen:
         return []
     rows = np.array([alignment.target_row for alignment in chosen])
     moved = iterative_closest_points(*pair.search_points, rows, settings.flip_steps, settings.unchanged)
     return [Hypothesis(alignment, "combination") for alignment in moved]
+
+
+def distinct_maps(
+    pair: ShapePair, maps: Iterable[M], most: int | None = None, before: Sequence[IntArray] = ()
+) -> list[M]:
+    """Keep the first maps of the search vertices that differ, see `distinct`."""
+    least = pair.config.search.same_map
+    return distinct(maps, lambda map_: map_.target_row, pair.distances_between_maps, least, most, before)
 
 
 class Pool:
@@ -140,13 +142,8 @@ class Pool:
 
     def merge(self, new: list[Hypothesis]) -> None:
         """Take in hypotheses; of maps that nearly coincide the one of smallest residual is kept."""
-        self.hypotheses = distinct(
-            sorted([*self.hypotheses, *new], key=lambda h: h.alignment.residual),
-            lambda h: h.target_row,
-            self.pair.distances_between_maps,
-            self._settings.same_map,
-            self._most,
-        )
+        order = sorted([*self.hypotheses, *new], key=attrgetter("alignment.residual"))
+        self.hypotheses = distinct_maps(self.pair, order, self._most)
 
     def add(self, starts: list[IntArray], steps: int, origin: str) -> None:
         """Run iterative closest points from first maps and merge what comes of them."""

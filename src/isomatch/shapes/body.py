@@ -9,7 +9,7 @@ import numpy as np
 from isomatch.errors import MeshError
 from isomatch.geodesics import distance_engine, ordinary_unit
 from isomatch.mending import check, repair, seems_inside_out, separate_sheets
-from isomatch.resolution import Decimated, Prolongation, decimations, normalised
+from isomatch.resolution import Prolongation, decimations, normalised
 from isomatch.settings import Config, PreparationSettings
 from isomatch.surfaces import Graph, Mesh, PointCloud, Surface, in_spatial_order
 from isomatch.values.arrays import BoolArray, IntArray
@@ -203,12 +203,6 @@ class Detail:
     # (n,) vertex of the body in full for each vertex of the shape; −1 for those left out
     body_vertex: IntArray
     user_vertex: IntArray  # (n_body,) vertex of the shape for each vertex of the body in full
-
-
-def identity_transfer(mesh: Mesh) -> Prolongation:
-    """Carry points from a mesh to itself."""
-    everything = np.arange(mesh.n_vertices)
-    return Prolongation(mesh, Decimated(mesh, everything, len(everything)))
 
 
 def full_level(body: Body) -> Level:

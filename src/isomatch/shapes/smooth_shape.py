@@ -19,10 +19,10 @@ from isomatch.descriptors import mean_curvature, standardised, wave_kernel_signa
 from isomatch.errors import DescriptorError, MeshError
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.loading.compiled import compiled
-from isomatch.resolution import Prolongation
+from isomatch.resolution import Decimated, Prolongation
 from isomatch.runtime.threads import parallel_map, row_product
 from isomatch.settings import Config, PreparationSettings
-from isomatch.shapes.body import Detail, identity_transfer
+from isomatch.shapes.body import Detail
 from isomatch.surfaces import Mesh, Surface, vertex_normals
 from isomatch.values.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray, single
 from isomatch.values.cached import cached_method, cached_property
@@ -150,7 +150,10 @@ class SmoothShape:
     @cached_property
     def transfer(self) -> Prolongation:
         """Between the body in full and this one, both meshes."""
-        return self.detail.transfer if self.detail else identity_transfer(self.mesh_body)
+        if self.detail:
+            return self.detail.transfer
+        everything = np.arange(self.body.n_vertices)
+        return Prolongation(self.mesh_body, Decimated(self.mesh_body, everything, len(everything)))
 
     def lift(self, values: AnyArray, missing: float = np.nan) -> AnyArray:
         """Carry values (n_body, ...) on the body to the user's vertices (n, ...), by nearest vertices.

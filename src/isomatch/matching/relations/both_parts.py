@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 
@@ -82,9 +82,8 @@ class BothParts(Relation):
 
     @cached_property
     def _regions(self) -> CommonRegions:
-        return CommonRegions(
-            *two_sides(self.source, self.target, self.pair.config.scale == "area", self.priors.landmarks)
-        )
+        same_area = self.pair.config.scale == "area"
+        return CommonRegions(*two_sides(self.source, self.target, same_area, self.priors.landmarks))
 
     def _first_regions(self) -> list[CommonRegion]:
         """Regions grown from seeds, those of given maps, and those of starts handed in."""
@@ -111,8 +110,7 @@ class BothParts(Relation):
         regions = self.match()
         best = regions[0]
         runners_up = (each for each in regions[1:] if each.held >= best.held and self._differs(best, each))
-        runner_up = next(runners_up, None)
-        return self._summed_up(best, runner_up, timer)
+        return self._summed_up(best, next(runners_up, None), timer)
 
     def _differs(self, best: RefinedRegion, other: RefinedRegion) -> bool:
         """Whether two maps differ where both have images; those that have none in common do."""
@@ -184,8 +182,7 @@ class RefinedRegion:
     def image(self) -> IntArray:
         """(n_source,) vertex of the target for each vertex of the source; −1 outside the region."""
         image = np.full(self.regions.source.shape.body.n_vertices, UNMATCHED)
-        inside = np.arange(len(self.vertices))
-        image[self.vertices] = self.fit.bending.images(self.fit.bent, inside)
+        image[self.vertices] = self.fit.bending.images(self.fit.bent, np.arange(len(self.vertices)))
         return image
 
     @cached_property
@@ -257,19 +254,12 @@ def overlaps(bent: BentPart) -> BoolArray:
 def rough(config: Config) -> Config:
     """Change settings so that a refinement takes less time, for regions that may be wrong."""
     refining = config.refining
-
-    def few(sizes: tuple[int, ...]) -> tuple[int, ...]:
-        return tuple(k for k in sizes if k <= ROUGH_FUNCTIONS)
-
-    without, with_positions = few(refining.sizes_without_positions), few(refining.sizes_with_positions)
-    if without or with_positions or few(refining.final_sizes):
-        refining = replace(
-            refining,
-            sizes_without_positions=without,
-            sizes_of_parts=few(refining.sizes_of_parts),
-            sizes_with_positions=with_positions,
-            final_sizes=few(refining.final_sizes),
-        )
+    names = "sizes_without_positions", "sizes_with_positions", "final_sizes", "sizes_of_parts"
+    sizes: dict[str, Any] = {
+        name: tuple(k for k in getattr(refining, name) if k <= ROUGH_FUNCTIONS) for name in names
+    }
+    if any(sizes[name] for name in names[:3]):
+        refining = replace(refining, **sizes)
     bending, n_bent = config.parts.bending[::2], min(config.parts.n_bent_vertices, 600)
     return replace(
         config,
@@ -288,7 +278,7 @@ def refined_region(
     pair: ShapePair,
     priors: Priors,
     stages: Stages,
-    roughly: bool = False,
+    roughly: bool,
 ) -> RefinedRegion:
     """Refine the samples of a region, and what lies around them, as a part of the target."""
     source, target = regions.source, regions.target

@@ -39,14 +39,13 @@ from isomatch.matching.quality import (
     measure_quality,
 )
 from isomatch.matching.result import Alternative, Quality
-from isomatch.matching.search import hypotheses_from_priors, search, symmetric_variants
+from isomatch.matching.search import distinct_maps, hypotheses_from_priors, search, symmetric_variants
 from isomatch.matching.selection import (
     SCORE_NOISE,
     Rules,
     Selection,
     contenders,
     distances_between,
-    distinct,
     ranked,
     select,
     survivors,
@@ -230,10 +229,8 @@ class Isometry(Relation):
         return self._refined_again([replace(fit, score=self.score(fit)) for fit in refined])
 
     def _refined_again(self, fits: Sequence[Fit]) -> list[Fit]:
-        """Refine those that tie with the best once more, from few functions; of each two maps the better stays.
-
-        Through few functions a limb that is turned in its place comes loose.
-        """
+        """Refine those that tie with the best once more, from few functions; of each two maps the better stays."""
+        # through few functions a limb that is turned in its place comes loose
         settings = self.pair.config.refining
         last, with_positions = settings.last_step
         limit = self.pair.config.outcome.tie * min((fit.score for fit in fits), default=0.0)
@@ -445,13 +442,7 @@ class Isometry(Relation):
         pair, settings, selection = self.pair, self.pair.config.selection, isometric.selection
         refined = [fit.candidate for fit in (selection.winner, *selection.runners_up) if fit.candidate]
         order = [*refined, *isometric.eligible, *isometric.runners_up]
-        kept = distinct(
-            order,
-            lambda candidate: candidate.target_row,
-            pair.distances_between_maps,
-            pair.config.search.same_map,
-            1 + settings.most_alternatives,
-        )
+        kept = distinct_maps(pair, order, 1 + settings.most_alternatives)
         return tuple(
             Alternative(
                 partial(_extended_map, pair, c.target_row), c.energy, c.orientation, c.hypothesis.origin

@@ -209,8 +209,7 @@ class Part(Relation):
 
     def bent(self, fit: PartFit) -> BentPart:
         """Bend the part onto the whole by a map, in full."""
-        settings = self.pair.config.parts
-        return fit.bending.laid_in_full(fit.bent, settings.bending[-N_BENT_IN_FULL:])
+        return fit.bending.laid_in_full(fit.bent, self.pair.config.parts.bending[-N_BENT_IN_FULL:])
 
     def _again(self, fit: PartFit) -> PartFit:
         again = self.refinement.again(self, fit)

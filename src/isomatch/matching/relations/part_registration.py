@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from isomatch.correspondence import Boundary, Embedding, PrecisePoints, SampledBasis, nearest_with_normals
+from isomatch.correspondence import Boundary, Embedding, PrecisePoints, nearest_with_normals
 from isomatch.descriptors import deviation_of
 from isomatch.matching.coordinates import iterated
 from isomatch.matching.fit import Fit
@@ -157,15 +157,10 @@ class PartRefinement:
 
         return iterated(image, sizes, embedded, nearest)
 
-    def extended(self, image: IntArray, k: int) -> IntArray:
-        """Map the vertices of this refinement by a map (q,) of another number of sample vertices, through k functions."""
-        return self._through(self._pair.part.sampled_basis(len(image)), image, k, self.vertices)
-
-    def at(self, image: IntArray, k: int, vertices: IntArray) -> IntArray:
-        """Map other vertices (q,) of the part by a map (r,) of those of this refinement, through k functions."""
-        return self._through(self._basis, image, k, vertices)
-
-    def _through(self, basis: SampledBasis, image: IntArray, k: int, vertices: IntArray) -> IntArray:
+    def extended(self, image: IntArray, k: int, vertices: IntArray | None = None) -> IntArray:
+        """Map vertices (q,), by default those of this refinement, by a map (r,) of samples, through k functions."""
+        vertices = self.vertices if vertices is None else vertices
+        basis = self._pair.part.sampled_basis(len(image))
         functions = self._pair.whole.laplace.vectors[:, :k]
         k_part = min(self.n_functions(k), len(basis.vertices) // 3)
         pulled_back = basis.functions[vertices, :k_part] @ basis.fit(functions[image], k_part)
@@ -374,7 +369,7 @@ class PartFits:
         if refinement.orientation(image, N_ROUGH_FUNCTIONS) < 0:
             return None
         image, spectral_residual = refinement.refined(image, ROUGH_SIZES)
-        anchors = refinement.at(image, ROUGH_SIZES[-1], pair.anchors)
+        anchors = refinement.extended(image, ROUGH_SIZES[-1], pair.anchors)
         return self._fit(refinement, pair, image, spectral_residual, anchors, N_ROUGH_FUNCTIONS, origin)
 
     def begun(self, pair: PartPair, image: IntArray, origin: str) -> PartFit:
@@ -432,7 +427,7 @@ class PartFits:
     ) -> PartFit:
         refinement = self._refinement(pair, self._config.n_refine)
         k = min(N_ANCHOR_FUNCTIONS, len(pair.whole.laplace.values))
-        anchors = completed(pair, refinement.at(image, k, pair.anchors), 2)
+        anchors = completed(pair, refinement.extended(image, k, pair.anchors), 2)
         error = 0.0
         if self._with_priors is not None:
             error = pair.whole.mean_distance(image, self._with_priors[refinement.vertices])

@@ -86,8 +86,7 @@ def completed(
 def composed(whole: PreparedShape, images: IntArray, image_row: IntArray) -> IntArray:
     """Compose images (q,) with a map of the whole nearly onto itself, which exchanges its sides, or front and back."""
     rows = whole.sample_vertices[: whole.config.n_search]
-    near = whole.distances.between(images, rows).argmin(axis=1)
-    return np.asarray(rows[image_row[near]])
+    return np.asarray(rows[image_row[whole.distances.between(images, rows).argmin(axis=1)]])
 
 
 class PartStarts:
@@ -171,8 +170,7 @@ class PartStarts:
         rows, costs = assign_points(between, *pair.anchor_intervals, alone, pair.cost, BEAM, self._apart)
         # Σ_a unary_a + Σ_{a<b} c_ab over the number of pairs m (m − 1) / 2: the mean of c, and 2 / (m − 1) × the mean of
         # the unary costs. `_start` weighs both alike, of however many anchors.
-        n_pairs = placed * (placed - 1) / 2
-        costs = costs / n_pairs + self._against(unit)
+        costs = costs / (placed * (placed - 1) / 2) + self._against(unit)
         return [PartStart(pair, candidates[row], float(cost)) for row, cost in zip(rows, costs)]
 
     def _start(self, pair: PartPair, images: IntArray, rounds: int) -> PartStart:
