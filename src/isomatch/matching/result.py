@@ -140,12 +140,12 @@ def _itself(map_: Correspondence) -> Correspondence:
     return map_
 
 
-_PLAIN = ("timings", "engine", "origin", "reason", "seed")
+_PLAIN = ("timings", "notes", "engine", "origin", "reason", "seed", "symmetries")
 
 
 def _restored(summary: dict[str, Any]) -> dict[str, Any]:
-    plain = {name: summary[name] for name in _PLAIN}
-    return {**plain, "outcome": Outcome[summary["outcome"]], "notes": tuple(summary["notes"])}
+    outcome, plain = Outcome[summary["outcome"]], {name: summary[name] for name in _PLAIN[:-1]}
+    return {**plain, "outcome": outcome, "notes": tuple(plain["notes"])}
 
 
 def _settings(name: str, values: dict[str, Any]) -> MatchSettings:
@@ -267,7 +267,7 @@ class MatchResult(Shown):
             others = [getattr(other.map, name) for other in self.alternatives]
             stacked[f"alternative_{name}"] = np.array(others, dtype=own.dtype).reshape(-1, *own.shape)
         about = {
-            **{name: getattr(self, name) for name in (*_PLAIN, "notes", "symmetries")},
+            **{name: getattr(self, name) for name in _PLAIN},
             "outcome": self.outcome.name,
             "quality": asdict(self.quality),
             "alternatives": [[a.energy, a.orientation, a.origin] for a in self.alternatives],
@@ -308,6 +308,7 @@ class MatchResult(Shown):
             regions = unpacked(arrays, about.get("regions", []))
             main = Correspondence(**{**arrays, "n_target": int(arrays["n_target"])})
             maps = [replace(main, **dict(zip(MAP_ARRAYS, parts))) for parts in others]
+            restored = _restored(about)
             evidence = zip(maps, about["alternatives"], strict=True)
             return cls(
                 map=main,
@@ -318,7 +319,7 @@ class MatchResult(Shown):
                 alternatives=tuple(Alternative(partial(_itself, map), *numbers) for map, numbers in evidence),
                 symmetries=tuple(about["symmetries"]),
                 config=_settings(about["settings"], about["config"]),
-                **_restored(about),
+                **restored,
             )
         except (InputError, KeyError, TypeError, ValueError, RecursionError) as error:
             raise FormatError(
