@@ -21,9 +21,8 @@ from isomatch.settings import Orientation
 from isomatch.shapes import CURVATURE_WEIGHT, orientation_of
 from isomatch.values.arrays import IntArray
 
-SIZES = tuple(
-    range(20, 51, 5)
-)  # functions in the upsampling of a hypothesis; steps of 5 as in Melzi et al. 2019
+# functions in the upsampling of a hypothesis; steps of 5 as in Melzi et al. 2019
+SIZES = tuple(range(20, 51, 5))
 MOST_CHALLENGERS = 2  # docs/lab/design_notes.md
 # mean cosine between normals from which a further candidate is refined, as right maps have
 RIGHT_ORIENTATION = 0.54

@@ -116,10 +116,8 @@ def joint_coordinates(
 
     def of_target() -> FloatArray:
         phi = target.functions[onto_vertex, :k]
-        columns = [
-            row_product(phi, functional_map.T),
-            pair.signatures.target[onto_vertex],
-        ]  # (n_t, k) @ (k, k)
+        # (n_t, k) @ (k, k)
+        columns = [row_product(phi, functional_map.T), pair.signatures.target[onto_vertex]]
         if with_positions:
             smooth, normals = (x[onto_vertex] for x in target.smoothed(k))
             columns += [single(unit * smooth), single(weight * normals)]

@@ -28,12 +28,8 @@ from isomatch.shapes import PreparedShape, orientation_of, prepare
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import FloatArray, IntArray
 
-LAPLACE_FIRST = (
-    15,
-    20,
-    30,
-    40,
-)  # functions from which a functional map grows; docs/lab/paper.md: the best of four
+# functions from which a functional map grows; docs/lab/paper.md: the best of four
+LAPLACE_FIRST = (15, 20, 30, 40)
 LAPLACE_CHOICE = 50  # functions at which the best of these is chosen; chosen: as many as the rank
 LAPLACE_STEP = 5  # functions added in each step; Melzi et al. 2019
 DISTANCE_STEPS = 15  # iterations of the plain descriptor alignment; two on all vertices follow; chosen

@@ -205,13 +205,11 @@ class Rules:
     mirror_tie: float = 1.0  # the same for one of the other side
     landmark_slack: float = 0.0  # difference of prior errors, in √area, that counts for nothing
     score_noise: float = 0.0  # scores below this are equal
-    elsewhere_share: float = (
-        np.inf
-    )  # share of vertices sent far away, from which a nearer map is another, too,
+    # share of vertices sent far away, from which a nearer map is another, too,
+    elsewhere_share: float = np.inf
     elsewhere_tie: float = 1.0  # if its score is at most so many times the winner's
-    clearly_better: float = (
-        np.inf
-    )  # a map whose score × this is below the winner's counts whatever priors say,
+    # a map whose score × this is below the winner's counts whatever priors say,
+    clearly_better: float = np.inf
     same_map: float = 0.0  # unless it is nearer than this
 
     @classmethod

@@ -237,11 +237,8 @@ def _solve_two_parts(pair: ShapePair, priors: Priors, stages: Stages, timer: Sta
             return overlapping
     with timer.within("holes closed"):
         closed = match_closed(pair, priors, stages, timer) if pair.config.parts.close else None
-    if (
-        closed
-        and closed.isometric.selection.winner.spectral_residual
-        <= isometric.selection.winner.spectral_residual
-    ):
+    residual = isometric.selection.winner.spectral_residual
+    if closed and closed.isometric.selection.winner.spectral_residual <= residual:
         with_caps, doubt = closed.solution(timer), closed.doubt
         evidence = closed_evidence(doubt.evidence, with_caps.evidence)
         note = "both shapes were matched with their holes closed"

@@ -57,10 +57,8 @@ NEAR, DEAREST, WIDTH, VARIANTS_APART = 0.2, 0.09, 4, 0.12  # see `grow_common_re
 LIKELY_GAINS = 2.0, 0.5  # of an anchor that looks alike, against one whose distances agree
 FEWEST_GROWN = 5  # anchors of a region
 SAME_REGION, FEWEST_COMMON = 0.1, 3  # mean distance of images, and anchors in common, of regions that are one
-SAME_MAP, SAME_SHARE = (
-    0.05,
-    0.7,
-)  # mean distance of images, and share of samples in both, of maps that become one
+# mean distance of images, and share of samples in both, of maps that become one
+SAME_MAP, SAME_SHARE = 0.05, 0.7
 N_SCREENED = 400  # regions that are extended
 RANKS = (150, 1, 80), (300, 2, 30)  # samples to which they are extended, rounds, and how many remain
 ACCEPTED, LED_ACCEPTED = 0.06, 0.12  # cost of a sample, also where landmarks lead, so that little is wrong

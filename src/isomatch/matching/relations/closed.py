@@ -221,8 +221,8 @@ def match_creased(
         if creased == [None, None]:
             return
         source, target = (
-            open_ or cut_shape(shape, most) or capped_shape(shape)
-            for open_, shape, most in zip(creased, shapes, handles)
+            made or cut_shape(shape, most) or capped_shape(shape)
+            for made, shape, most in zip(creased, shapes, handles)
         )
         last = _match_between(source, target, pair.config, pair, priors, stages, timer, last)
         if last is None or last.score > HOPELESS * score:

@@ -41,11 +41,8 @@ from isomatch.values.arrays import IntArray
 from isomatch.values.cached import cached_property
 
 # those without another source: docs/lab/design_notes.md
-N_FOLLOWED = (
-    90,
-    40,
-    8,
-)  # best coarse fits that go on after each step; the last are bent, with maps from elsewhere
+# best coarse fits that go on after each step; the last are bent, with maps from elsewhere
+N_FOLLOWED = (90, 40, 8)
 ASYMMETRY_UNIT, ASYMMETRY_EXPONENT = 0.1, 0.25  # chosen on pairs of animals, not one by one
 # mean cosine between normals of a coarse fit that goes on; selection.orientation_threshold
 LEAST_ORIENTATION = 0.3

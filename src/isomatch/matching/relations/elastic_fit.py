@@ -31,10 +31,8 @@ N_CANDIDATES = 150  # points of the target among which images are sought: spacin
 BEAM = 600  # partial assignments that are kept
 APART = 0.12  # mean distance, in average distances, by which they differ; as in parts
 MOST_COST, SOFT = 0.6, 0.2  # of the cost of a distance, see `IntervalCost`
-REMOTENESS_COST, SIGNATURE_COST = (
-    0.5,
-    0.1,
-)  # weights of the share of the area that is less remote, and of signatures
+# weights of the share of the area that is less remote, and of signatures
+REMOTENESS_COST, SIGNATURE_COST = 0.5, 0.1
 ASIDE_COST, MOST_ASIDE = 1.0, 1.0  # of distances from mirror images, in average distances; not measured
 # starts that do not compare these, where both shapes have one; docs/lab/robustness.md, other species
 N_PLAIN_STARTS = 30

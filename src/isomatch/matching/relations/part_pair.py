@@ -36,10 +36,8 @@ FEWEST_KNOWN = 40  # distances that do
 RADIUS_STEP = 1.25  # ratio of the radii between which ball signatures are interpolated
 
 N_ENERGIES = 20
-REACH, CURVATURE_REACH = (
-    4.0,
-    3.0,
-)  # a function of eigenvalue λ feels a boundary at a distance of about REACH / √λ
+# a function of eigenvalue λ feels a boundary at a distance of about REACH / √λ
+REACH, CURVATURE_REACH = 4.0, 3.0
 
 UNKNOWN = BallSignature(np.ones(1), np.zeros((0, 1, 4)), np.zeros(0))
 

@@ -29,15 +29,8 @@ LED_APART = 0.04  # the same of assignments with landmarks; chosen on a twisted 
 N_TRILATERATED, N_STARTS = 80, 16  # best assignments that are completed, and that are starts
 N_MIRRORED = 24  # starts, with those composed with maps of the whole onto itself
 SIGNATURE_COST = 0.25  # weight of the signatures
-RADII = (
-    0.1,
-    0.15,
-    0.22,
-    0.32,
-    0.45,
-    0.65,
-    0.9,
-)  # √area, of balls whose areas are compared; by factors of about √2
+# √area, of balls whose areas are compared; by factors of about √2
+RADII = (0.1, 0.15, 0.22, 0.32, 0.45, 0.65, 0.9)
 BALL_TOLERANCE, MOST_BALL = 0.15, 0.7
 UNIT_COST = 0.05  # times the square of the logarithm of the unit over that of the files; chosen on views, not measured
 
