@@ -234,6 +234,5 @@ def welded_map(given: Correspondence, source_vertex: IntArray, target_vertex: In
     rows = matched_first[np.unique(source_vertex[matched_first], return_index=True)[1]]
     vertex = np.append(target_vertex, UNMATCHED)
     n_target = int(target_vertex.max(initial=-1)) + 1
-    return Correspondence(
-        vertex[given.vertices[rows]], n_target, vertex[given.faces[rows]], given.barycentric[rows]
-    )
+    faces, weights = vertex[given.faces[rows]], given.barycentric[rows]
+    return Correspondence(vertex[given.vertices[rows]], n_target, faces, weights)

@@ -176,9 +176,8 @@ def ball_signature(
     if seams:
         at = None if samples is None else seams.new_index[centres]
         turned = None if normals is None else _normals(surface, normals)[seams.vertex_index]
-        return ball_signature(welded, radii, unit=unit, samples=at, normals=turned, weld=False).at(
-            seams.new_index
-        )
+        signature = ball_signature(welded, radii, unit=unit, samples=at, normals=turned, weld=False)
+        return signature.at(seams.new_index)
     reach = np.asarray(radii, dtype=np.float64)
     if reach.ndim != 1 or not len(reach) or reach[0] <= 0 or (np.diff(reach) <= 0).any():
         raise DescriptorError(f"radii = {radii!r}; expected positive numbers that increase")

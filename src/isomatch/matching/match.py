@@ -389,9 +389,7 @@ def continue_with(
         seed=result.seed,
         progress=progress,
     )
-    left = [
-        replace(other, origin=other.origin.removeprefix(BEFORE)) for other in others if other is not chosen
-    ]
+    left = [replace(a, origin=a.origin.removeprefix(BEFORE)) for a in others if a is not chosen]
     origin = chosen.origin.removeprefix(BEFORE)
     note = f"alternative {number}, from {origin}, was chosen and refined; the map before is alternative 1"
     return replace(result, alternatives=(former, *left), origin=origin, notes=(note, *result.notes))

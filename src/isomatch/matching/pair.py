@@ -50,9 +50,8 @@ class SmoothPair:
         """The known functions on the bodies: (n_s, q) and (n_t, q), with q = 0 if none is."""
         if self.functions is None:
             return Embedding(*(np.zeros((shape.body.n_vertices, 0)) for shape in (self.source, self.target)))
-        return Embedding(
-            self.source.restrict(self.functions.source), self.target.restrict(self.functions.target)
-        )
+        source, target = self.functions
+        return Embedding(self.source.restrict(source), self.target.restrict(target))
 
     @cached_property
     def spectra(self) -> SpectralPair:

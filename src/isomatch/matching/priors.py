@@ -215,10 +215,8 @@ def with_functions(pair: ShapePair, functions: tuple[ArrayLike, ArrayLike] | Non
     weight = pair.config.refining.function_weight / np.sqrt(both.shape[1])
     mean, deviation = np.nanmean(both, axis=0), np.nanstd(both, axis=0)
     unit = weight / np.where(deviation > 0, deviation, 1.0)
-    filled = map(
-        _filled, ((each - mean) * unit for each in values), (pair.source.surface, pair.target.surface)
-    )
-    return replace(pair, functions=Embedding(*filled))
+    surfaces = pair.source.surface, pair.target.surface
+    return replace(pair, functions=Embedding(*map(_filled, ((x - mean) * unit for x in values), surfaces)))
 
 
 def _filled(values: FloatArray, surface: Surface) -> FloatArray:

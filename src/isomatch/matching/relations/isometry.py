@@ -250,9 +250,8 @@ class Isometry(Relation):
     def measured(self, fit: Fit, image: IntArray) -> Fit:
         """Measure a map: the spectral residual is that after the last step of the joint refinement, from there."""
         self.require_images(image)
-        _, spectral_residual = refined_images(
-            self.pair, image, fit.side, *self.pair.config.refining.last_step
-        )
+        step = self.pair.config.refining.last_step
+        _, spectral_residual = refined_images(self.pair, image, fit.side, *step)
         fit = replace(fit, image=image, spectral_residual=spectral_residual)
         return replace(fit, score=self.score(fit))
 
