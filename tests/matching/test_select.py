@@ -182,7 +182,7 @@ def test_maps_that_are_kept_differ_from_each_other_and_every_other_one_is_like_o
     def distances(place, others):
         return np.abs(np.subtract(others, place))
 
-    kept = distinct(places, lambda place: place, distances, 1.5, most, known=[20])
+    kept = distinct(places, lambda place: place, distances, 1.5, most, before=[20])
     assert kept == sorted(kept, key=places.index)
     assert all(abs(a - b) > 1.5 for i, a in enumerate(kept) for b in kept[:i])
     if most is None:

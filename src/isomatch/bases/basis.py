@@ -40,7 +40,10 @@ def basis_domain(
         raise MeshError(
             f"{n} vertices are too few for {n_columns} distance columns; subdivide the mesh, or ask for fewer columns"
         )
-    measure = _measure(surface, weights, n)
+    if weights not in get_args(Weighting):
+        raise SettingError(f"weights = {weights!r} is not one of {', '.join(map(repr, get_args(Weighting)))}")
+    areas: FloatArray | None = None if weights == "uniform" else getattr(surface, "vertex_areas", None)
+    measure = np.ones(n) if areas is None else require_areas(areas, ", or use weights='uniform'")
     require_one_component(surface)
     return distances, measure
 
@@ -65,15 +68,6 @@ def require_areas(areas: FloatArray, remedy: str = "") -> FloatArray:
             f"coordinates to about 1{remedy}"
         )
     return areas
-
-
-def _measure(surface: MetricSpace, weights: Weighting, n: int) -> FloatArray:
-    if weights not in get_args(Weighting):
-        raise SettingError(f"weights = {weights!r} is not one of {', '.join(map(repr, get_args(Weighting)))}")
-    areas: FloatArray | None = getattr(surface, "vertex_areas", None)
-    if weights == "uniform" or areas is None:
-        return np.ones(n)
-    return require_areas(areas, ", or use weights='uniform'")
 
 
 def shared_weights(weights: FloatArray, point: IntArray) -> FloatArray:

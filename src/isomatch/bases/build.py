@@ -125,8 +125,7 @@ def distance_basis(
     >>> bool(basis.error_estimate() < 0.05)
     True
     """
-    surface = metric_space(surface)
-    surface, seams = without_seams(surface, weld)
+    surface, seams = without_seams(metric_space(surface), weld)
     if method is None:
         method = "predicted" if isinstance(surface, Mesh | PointCloud) else "nystrom"
     if method not in get_args(BasisMethod):
@@ -195,8 +194,7 @@ def _with_held_out(basis: DistanceBasis, engine: DistanceEngine, seed: int, coun
         return basis
     rng = generator(seed, 1)
     drawn = rng.choice(len(share), min(count, len(share)), replace=False, p=share / share.sum())
-    columns = engine.distances_from(drawn)
-    return replace(basis, held_out=Sampling(drawn, columns))
+    return replace(basis, held_out=Sampling(drawn, engine.distances_from(drawn)))
 
 
 def _within(

@@ -129,8 +129,7 @@ def canonical_form(
         raise SettingError(
             f"method = {method!r} is not one of {', '.join(map(repr, get_args(EmbeddingMethod)))}"
         )
-    surface = metric_space(surface)
-    surface, seams = without_seams(surface, weld)
+    surface, seams = without_seams(metric_space(surface), weld)
     distances, measure = basis_domain(surface, weights, engine)
     n = distances.n_points
     with serial_blas():

@@ -101,9 +101,8 @@ class DistanceBasis(PlottedBasis):
 
     def __repr__(self) -> str:
         n, k = self.vectors.shape
-        return (
-            f"DistanceBasis({n} points, rank {k}, {self.method}, {len(self.samples)} columns, {self.engine})"
-        )
+        p = len(self.samples)
+        return f"DistanceBasis({n} points, rank {k}, {self.method}, {p} columns, {self.engine})"
 
     @property
     def rank(self) -> int:
@@ -149,8 +148,7 @@ class DistanceBasis(PlottedBasis):
     def astype(self, dtype: DTypeLike) -> DistanceBasis:
         """Convert the vectors to another precision; float32 halves the memory, with a relative error of 1e-6."""
         vectors: Any = np.ascontiguousarray(self.vectors, dtype=dtype)
-        values: Any = self.values.astype(dtype)
-        return replace(self, vectors=vectors, values=values)
+        return replace(self, vectors=vectors, values=self.values.astype(dtype))
 
     def error_estimate(self) -> float:
         """Relative error in the Frobenius norm with weights A, measured on the held-out columns.
@@ -228,9 +226,8 @@ class DistanceBasis(PlottedBasis):
         arrays = FORMAT.read(path)
         held_out = {name: arrays.pop(f"held_out_{name}", None) for name in ("vertices", "columns")}
         notes = tuple(filter(None, arrays.pop("welded", "").split("; ")))
-        return cls(
-            **arrays, notes=notes, held_out=None if held_out["vertices"] is None else Sampling(**held_out)
-        )
+        sampling = None if held_out["vertices"] is None else Sampling(**held_out)
+        return cls(**arrays, notes=notes, held_out=sampling)
 
     def _indices(self, i: ArrayLike) -> IntArray:
         """Vertex indices as integers within bounds, which compiled loops do not check."""

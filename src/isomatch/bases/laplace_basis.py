@@ -132,8 +132,7 @@ def laplace_basis(
     >>> laplace_basis(tetrahedron, k=2)
     LaplaceBasis(4 points, 2 functions)
     """
-    surface = surface_from(surface)
-    surface, seams = without_seams(surface, weld)
+    surface, seams = without_seams(surface_from(surface), weld)
     if k > surface.n_vertices:
         raise MeshError(f"cannot compute {k} eigenfunctions of a surface of {surface.n_vertices} vertices")
     if precision not in TOLERANCE:
@@ -228,15 +227,11 @@ def smallest_eigenpairs(
     width, shift = (BLOCK, SHIFT) if in_double else (WIDTH, SINGLE_SHIFT)
     solve = (factorised if in_double else factorised_single)(operator, np.full(n, shift))
     limit = (min(n - width, 6 * k + 20 * width) // width) * width
-    require_memory(
-        float(dtype.itemsize) * n * limit,
-        f"the Krylov space of {k} functions on {n} vertices",
-        "ask for fewer functions",
-    )
+    what = f"the Krylov space of {k} functions on {n} vertices"
+    require_memory(float(dtype.itemsize) * n * limit, what, "ask for fewer functions")
     space = np.zeros((limit, n), dtype)
     projected = np.zeros((limit, limit))  # space (H + σ)⁻¹ spaceᵀ
-    start = generator(seed).standard_normal((n, width))
-    space[:width] = _orthonormal_columns(start)[0].T
+    space[:width] = _orthonormal_columns(generator(seed).standard_normal((n, width)))[0].T
     size = width
     while True:
         last = slice(size - width, size)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import robust_laplacian
@@ -53,8 +53,7 @@ def factorised(stiffness: csc_array, diagonal: FloatArray) -> Callable[[FloatArr
 
     `MeshError` if H is so badly scaled that it is singular to rounding.
     """
-    solve: Callable[[FloatArray], FloatArray] = _factors(stiffness, diagonal).solve
-    return solve
+    return cast(Callable[[FloatArray], FloatArray], _factors(stiffness, diagonal).solve)
 
 
 def factorised_single(stiffness: csc_array, diagonal: FloatArray) -> Callable[[FloatArray], Float32Array]:
@@ -71,8 +70,7 @@ def factorised_single(stiffness: csc_array, diagonal: FloatArray) -> Callable[[F
         x = np.zeros((n, WIDTH), np.float32)
         x[place, :q] = right
         _solve(*by_row, *by_column, inverse, x, np.zeros(WIDTH, np.float32))
-        solution: Float32Array = x[place, :q]
-        return solution
+        return np.asarray(x[place, :q])
 
     return solve
 

@@ -57,9 +57,8 @@ def exact_basis(engine: DistanceEngine, weights: FloatArray, rank: int) -> Dista
     # eigenvalues of largest magnitude: D ≈ Q Λ Qᵀ with Q = A^(−½) V, QᵀAQ = VᵀV = I. O(n² log n) time for the distances
     # and O(n² k) for the eigenpairs; 16 n² bytes.
     n = engine.n_points
-    require_memory(
-        16.0 * n * n, f"the exact distance basis of {n} points", "use another method, such as 'nystrom'"
-    )
+    remedy = "use another method, such as 'nystrom'"
+    require_memory(16.0 * n * n, f"the exact distance basis of {n} points", remedy)
     distances = engine.distances_from(np.arange(n))
     if not np.isfinite(distances).all():
         raise MeshError("some points cannot be reached from others; pass one connected component")
@@ -210,30 +209,20 @@ class DensityWeighted:
 
 
 def fmds_basis(
-    surface: Surface,
-    sampling: Sampling,
-    weights: FloatArray,
-    rank: int,
-    engine: str,
-    fidelity: float = FIDELITY,
+    surface: Surface, sampling: Sampling, weights: FloatArray, rank: int, engine: str
 ) -> DistanceBasis:
     """Build the basis by interpolating the rows of the distance matrix from those at the samples: D ≈ ½ (M F + Fᵀ Mᵀ)."""
-    interpolant = biharmonic_interpolant(surface, sampling.vertices, fidelity)
+    interpolant = biharmonic_interpolant(surface, sampling.vertices)
     return _symmetrised(interpolant, sampling, weights, rank, "fmds", engine)
 
 
 def smds_basis(
-    surface: Surface,
-    sampling: Sampling,
-    weights: FloatArray,
-    rank: int,
-    engine: str,
-    fidelity: float = SPECTRAL_FIDELITY,
+    surface: Surface, sampling: Sampling, weights: FloatArray, rank: int, engine: str
 ) -> DistanceBasis:
     """Build the basis as ``fmds_basis`` does, with interpolants in the span of the first p Laplace eigenfunctions."""
     # after Aflalo & Kimmel, *Spectral multidimensional scaling*, PNAS 2013, with the biharmonic energy in place of theirs
     basis = laplace_basis(surface, len(sampling.vertices), weld=False)
-    interpolant = basis.vectors @ spectral_interpolant(basis, sampling.vertices, fidelity)
+    interpolant = basis.vectors @ spectral_interpolant(basis, sampling.vertices)
     return _symmetrised(interpolant, sampling, weights, rank, "smds", engine)
 
 

@@ -244,17 +244,11 @@ def alignment_from_functions(
     # Shamai & Kimmel 2017, initialisation from descriptors. Columns of X = Q W, W = |Λ|^½, are orthogonal in the areas,
     # so that Xᵀ A f = W (Qᵀ A f) holds W times the coefficients of f; for an isometry these of both shapes are joined
     # by C as the points are: (F_tᵀ A_t X_t) C ≈ F_sᵀ A_s X_s, the problem of the points with one row for each function
-    as_source = SignedPoints(
-        (source.coordinates.T @ (source_weights[:, None] * source_functions)).T, source.signs
-    )
-    as_target = SignedPoints(
-        (target.coordinates.T @ (target_weights[:, None] * target_functions)).T, target.signs
-    )
+    of_source = (source.coordinates.T @ (source_weights[:, None] * source_functions)).T
+    of_target = (target.coordinates.T @ (target_weights[:, None] * target_functions)).T
+    points = SignedPoints(of_source, source.signs), SignedPoints(of_target, target.signs)
     rows = np.arange(source_functions.shape[1])[None]
-    rotation: FloatArray = alignments_from_points(
-        as_source, as_target, rows, rows, n_columns, off_diagonal, ridge
-    )[0]
-    return rotation
+    return np.asarray(alignments_from_points(*points, rows, rows, n_columns, off_diagonal, ridge)[0])
 
 
 def nearest_under_rotation(source: SignedPoints, target: SignedPoints, rotation: FloatArray) -> IntArray:

@@ -84,14 +84,9 @@ class Correspondence(Shown):
         image, points = checked_map(vertices, n_target, faces, barycentric)
         for array in (image, *points):
             array.flags.writeable = False
-        for field, value in (
-            ("vertices", image),
-            ("faces", points.corners),
-            ("barycentric", points.barycentric),
-            ("n_target", int(n_target)),
-            ("source_hash", source_hash),
-            ("target_hash", target_hash),
-        ):
+        arrays = {"vertices": image, "faces": points.corners, "barycentric": points.barycentric}
+        hashes = {"source_hash": source_hash, "target_hash": target_hash}
+        for field, value in {**arrays, "n_target": int(n_target), **hashes}.items():
             object.__setattr__(self, field, value)
 
     def __repr__(self) -> str:
@@ -140,18 +135,15 @@ class Correspondence(Shown):
             If they are others, or are not given and no longer held.
         """
         self.check_fits(source, target)
-        found = []
-        for name, given, own_hash in (
-            ("source", source, self.source_hash),
-            ("target", target, self.target_hash),
-        ):
-            surface = surface_in_use(own_hash) if given is None else surface_from(given)
+        hashes, surfaces = (self.source_hash, self.target_hash), []
+        for name, surface, own_hash in zip(("source", "target"), (source, target), hashes):
+            surface = surface_in_use(own_hash) if surface is None else surface_from(surface)
             if not isinstance(surface, Surface):
                 raise MapError(
                     f"the {name} of this map is no longer held by any variable; give source and target"
                 )
-            found.append(surface)
-        return found[0], found[1]
+            surfaces.append(surface)
+        return surfaces[0], surfaces[1]
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -165,13 +157,13 @@ class Correspondence(Shown):
 
     def check_fits(self, source: SurfaceLike = None, target: SurfaceLike = None) -> None:
         """Raise `MapError` if this is a map of other surfaces: of other numbers of vertices, or with another hash."""
-        for name, given, n, own_hash, other_hash in (
+        for name, surface, n, own_hash, other_hash in (
             ("source", source, len(self.vertices), self.source_hash, self.target_hash),
             ("target", target, self.n_target, self.target_hash, self.source_hash),
         ):
-            if given is None:
+            if surface is None:
                 continue
-            surface = surface_from(given)
+            surface = surface_from(surface)
             if surface.n_vertices != n:
                 raise MapError(
                     f"{self!r} is not a map of this {name}, which has {surface.n_vertices} vertices; give the {name} "
@@ -267,10 +259,9 @@ class Correspondence(Shown):
             If a surface has no basis, see `laplace_basis`.
         """
         bases = []
-        for name, given, n in (("source", source, self.shape[0]), ("target", target, self.shape[1])):
-            basis = given
+        for name, basis, n in (("source", source, self.shape[0]), ("target", target, self.shape[1])):
             if not isinstance(basis, LaplaceBasis):
-                surface = surface_from(given)
+                surface = surface_from(basis)
                 self.check_fits(**{name: surface})
                 basis = laplace_basis(surface, k)
             if len(basis.vectors) != n or len(basis.values) < k:
@@ -391,23 +382,20 @@ class Correspondence(Shown):
         MapError
             If only one surface is given, or one that the map was not made for.
         """
+        points: tuple[ArrayLike | None, ArrayLike | None] = None, None
         if source is None and target is None:
             image = np.full(self.n_target, UNMATCHED, dtype=np.int64)
             last_first = np.flatnonzero(self.matched)[::-1]
             image[self.vertices[last_first]] = last_first
-            return Correspondence(
-                image, len(self.vertices), source_hash=self.target_hash, target_hash=self.source_hash
-            )
-        if source is None or target is None:
+        elif source is None or target is None:
             raise MapError("to reverse a map precisely, both surfaces are needed; give source and target")
-        source, target = surface_from(source), surface_from(target)
-        self.check_fits(source, target)
-        there = PrecisePoints(self.faces, self.barycentric)
-        points, reached = inverse(self.vertices, there, source, target, within)
-        image = np.where(reached, points.corners[:, 0], UNMATCHED)
-        return Correspondence(
-            image, len(self.vertices), *points, source_hash=self.target_hash, target_hash=self.source_hash
-        )
+        else:
+            source, target = surface_from(source), surface_from(target)
+            self.check_fits(source, target)
+            there = PrecisePoints(self.faces, self.barycentric)
+            points, reached = inverse(self.vertices, there, source, target, within)
+            image = np.where(reached, points[0][:, 0], UNMATCHED)
+        return Correspondence(image, len(self.vertices), *points, self.target_hash, self.source_hash)
 
     def save(self, path: str | Path) -> None:
         """Write everything to an ``.npz`` file, or the vertices alone to a text file (any other suffix).
@@ -465,10 +453,10 @@ class Correspondence(Shown):
         SettingError
             If ``counts_from`` is neither 0 nor 1.
         """
-        found = read_map(path, n_target, n_source, counts_from=counts_from, variable=variable)
-        if found.note:
-            logger.warning("%s", found.note)
-        return found.map
+        file = read_map(path, n_target, n_source, counts_from=counts_from, variable=variable)
+        if file.note:
+            logger.warning("%s", file.note)
+        return file.map
 
 
 class MapFile(NamedTuple):
@@ -520,6 +508,6 @@ def read_map(
                 f"{path}: can count from 0 or from 1, with indices {held.min()}…{held.max()}; say which by "
                 "counts_from (--counts-from), or save it as a text that counts from 0"
             )
-        return MapFile(Correspondence(**parts), base.counts_from, base.is_certain, base.note, base.is_likely)
+        return MapFile(Correspondence(**parts), **base._asdict())
     except MapError as error:
         raise FormatError(f"{path}: {error}") from None

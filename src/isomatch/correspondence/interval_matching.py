@@ -48,10 +48,8 @@ class IntervalCost:
         """Costs of arrays of equal shape."""
         below, above = lower * (1 - self.tolerance) - distances, distances - upper * (1 + self.tolerance)
         violation = np.maximum(np.maximum(below, above), 0.0)
-        costs: FloatArray = np.minimum(violation + self.inside * np.abs(distances - upper), self.most) / (
-            self.soft + upper
-        )
-        return costs
+        costs = np.minimum(violation + self.inside * np.abs(distances - upper), self.most)
+        return np.asarray(costs / (self.soft + upper))
 
     @property
     def numbers(self) -> tuple[float, float, float, float]:
@@ -454,8 +452,8 @@ def _grow_variants(
                 gain = gains[state] + one - mean / dearest - unary[point, k]
                 at = width - 1
                 for i in range(width):
-                    known = grown_gains[i] > NOTHING and parents[i] == state and images[i] >= 0
-                    if known and greatest[images[i], k] < apart:
+                    sibling = grown_gains[i] > NOTHING and parents[i] == state and images[i] >= 0
+                    if sibling and greatest[images[i], k] < apart:
                         at = i
                         break
                 if gain > grown_gains[at]:

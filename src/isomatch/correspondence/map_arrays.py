@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from math import prod
 
 import numpy as np
@@ -125,13 +126,10 @@ def _filled(labels: AnyArray, holes: BoolArray, fill: object) -> AnyArray:
             )
     value = np.asarray(fill)
     kind = np.result_type(labels, value) if labels.dtype.kind == value.dtype.kind in "US" else labels.dtype
-    try:
-        with np.errstate(invalid="ignore"):
-            kept = value.ndim == 0 and bool(
-                value.astype(kind) == value or (value != value and kind.kind in "fcmM")
-            )
-    except (TypeError, ValueError, OverflowError):
-        kept = False
+    kept = False
+    with suppress(TypeError, ValueError, OverflowError), np.errstate(invalid="ignore"):
+        same = value.astype(kind) == value or (value != value and kind.kind in "fcmM")
+        kept = value.ndim == 0 and bool(same)
     if not kept:
         raise DescriptorError(f"fill = {fill!r} is no value of type {labels.dtype}")
     filled: AnyArray = labels.astype(kind)

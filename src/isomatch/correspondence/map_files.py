@@ -95,14 +95,12 @@ def map_parts(
             f"{path}: maps {len(parts['vertices'])} vertices, but the source has {n_source}; give the map of these two "
             "shapes in this direction"
         )
-    known = n_target if stored is None else stored
+    n_target = n_target if stored is None else stored
     image, base = parts["vertices"], IndexBase(0)
     if not declared:
-        image, base = counted_from_zero(path, image, known, counts_from)
-    return parts | {
-        "vertices": image,
-        "n_target": int(image.max(initial=-1)) + 1 if known is None else known,
-    }, base
+        image, base = counted_from_zero(path, image, n_target, counts_from)
+    n_target = int(image.max(initial=-1)) + 1 if n_target is None else n_target
+    return parts | {"vertices": image, "n_target": n_target}, base
 
 
 def _read_arrays(
@@ -119,8 +117,7 @@ def _read_arrays(
         if not {"direction", "format_version"} & set(names):
             if not names:
                 refuse("it has no array 'vertices'")
-            found: dict[str, AnyArray] = file.read_all(names)
-            return False, None, {"vertices": the_vector(path, found, n_source, variable)}
+            return False, None, {"vertices": the_vector(path, file.read_all(names), n_source, variable)}
     if variable is not None:
         raise FormatError(
             f"{path}: isomatch wrote it, and its map is not {variable!r}; leave out the variable"
@@ -176,16 +173,16 @@ def the_vector(
     path: Path, arrays: Mapping[str, Any], n_source: int | None, variable: str | None = None
 ) -> AnyArray:
     """Choose the array that is a map, one number for each source vertex, by its shape or its name."""
-    found = {name: np.squeeze(value) for name, value in arrays.items() if isinstance(value, np.ndarray)}
-    held = ", ".join(f"{name} {value.shape}" for name, value in [*found.items()][:_MOST_NAMED]) or "no array"
-    if variable is not None:
-        if variable not in arrays:
-            raise FormatError(f"{path}: has no variable {variable!r}; it holds {held}")
-        found = {name: value for name, value in found.items() if name == variable}
+    squeezed = {name: np.squeeze(value) for name, value in arrays.items() if isinstance(value, np.ndarray)}
+    named = [f"{name} {value.shape}" for name, value in squeezed.items()]
+    held = ", ".join(named[:_MOST_NAMED]) or "no array"
+    if variable is not None and variable not in arrays:
+        raise FormatError(f"{path}: has no variable {variable!r}; it holds {held}")
     fitting = {
         name: value
-        for name, value in found.items()
+        for name, value in squeezed.items()
         if value.ndim == 1 and value.dtype.kind in "iuf" and n_source in (None, len(value))
+        if variable in (None, name)
     }
     vertices = "vertices" if n_source is None else f"{n_source} vertices"
     if not fitting:
@@ -203,17 +200,16 @@ def the_vector(
 
 
 def counted_from_zero(
-    path: Path, given: AnyArray, n_target: int | None, counts_from: int | None
+    path: Path, indices: AnyArray, n_target: int | None, counts_from: int | None
 ) -> tuple[IntArray, IndexBase]:
     """Return indices that count from 0; −1 means unmatched, as nan does, and 0 in a file that counts from 1."""
     if counts_from not in (None, 0, 1):
         raise SettingError(f"counts_from = {counts_from!r} is neither 0 nor 1")
-    if given.dtype.kind == "f":
-        numbers = np.where(np.isnan(given), -1, given)
-        if (numbers != np.rint(numbers)).any() or (np.abs(numbers) > 2**53).any():
+    if indices.dtype.kind == "f":
+        indices = np.where(np.isnan(indices), -1, indices)
+        if (indices != np.rint(indices)).any() or (np.abs(indices) > 2**53).any():
             raise FormatError(f"{path}: not a map (fractions are no vertices); give whole numbers")
-        given = numbers
-    image = given.astype(np.int64)
+    image = indices.astype(np.int64)
     base = index_base(path, image, n_target) if counts_from is None else IndexBase(counts_from)
     if base.counts_from == 1:
         image = np.where(image > 0, image - 1, np.where(image == 0, -1, image))

@@ -11,7 +11,8 @@ from isomatch.correspondence.correspondence import Correspondence
 from isomatch.correspondence.map_arrays import UNMATCHED
 from isomatch.errors import MapError
 from isomatch.resolution import PlacedMesh, VertexGroups, normalised
-from isomatch.values.arrays import BoolArray, FloatArray
+from isomatch.surfaces import PrecisePoints
+from isomatch.values.arrays import FloatArray
 
 MOST_STEPS = 1000
 EXACT = 1e-12  # of the extent of the points: movement in the last step
@@ -60,14 +61,12 @@ def median_map(maps: Sequence[Correspondence], target: SurfaceLike) -> Correspon
     median = geometric_median(images[:, rows], PRECISE)
     any_of = starts[rows].max(axis=1, keepdims=True)
     groups = VertexGroups.of(np.arange(mesh.n_vertices), mesh.n_vertices)
-    points = PlacedMesh(mesh, places, groups).inverse(
-        median, np.where(starts[rows] < 0, any_of, starts[rows])
-    )
-    vertices = np.full(len(starts), UNMATCHED)
-    faces, barycentric = np.full((len(starts), 3), UNMATCHED), np.tile([1.0, 0.0, 0.0], (len(starts), 1))
-    vertices[rows] = points.corners[:, 0]
+    near = np.where(starts[rows] < 0, any_of, starts[rows])
+    points = PlacedMesh(mesh, places, groups).inverse(median, near)
+    faces, barycentric = PrecisePoints.at_vertices(np.full(len(starts), UNMATCHED))
     faces[rows], barycentric[rows] = points
-    return Correspondence(vertices, mesh.n_vertices, faces, barycentric, first.source_hash, mesh.content_hash)
+    vertices, hashes = faces[:, 0].copy(), (first.source_hash, mesh.content_hash)
+    return Correspondence(vertices, mesh.n_vertices, faces, barycentric, *hashes)
 
 
 def geometric_median(points: FloatArray, tolerance: float = EXACT) -> FloatArray:
@@ -83,36 +82,29 @@ def geometric_median(points: FloatArray, tolerance: float = EXACT) -> FloatArray
     # to the extent of the points. Where a median is one of the points the weight is singular; they are compared at the
     # end. Of two points, any between them.
     there = np.asarray(np.isfinite(points).all(axis=2))[:, :, None]
-    given = np.where(there, points, 0.0)
+    points = np.where(there, points, 0.0)
     count = there.sum(axis=0)
     with np.errstate(invalid="ignore", divide="ignore"):
-        middle = given.sum(axis=0) / count
+        middle = points.sum(axis=0) / count
     if (count <= 2).all():
         return np.asarray(middle)
-    extent = float(np.abs(np.where(there, given - np.nan_to_num(middle), 0.0)).max())
+    extent = float(np.abs(np.where(there, points - np.nan_to_num(middle), 0.0)).max())
     for _ in range(MOST_STEPS if extent > 0 else 0):
-        apart = np.linalg.norm(given - middle, axis=2, keepdims=True)
+        apart = np.linalg.norm(points - middle, axis=2, keepdims=True)
         weights = np.where(there, 1.0 / np.maximum(apart, tolerance * extent), 0.0)
         with np.errstate(invalid="ignore"):
-            moved = (weights * given).sum(axis=0) / weights.sum(axis=0)
+            moved = (weights * points).sum(axis=0) / weights.sum(axis=0)
         step = np.nan_to_num(np.abs(moved - middle)).max()
         middle = np.where(count > 2, moved, middle)
         if step <= tolerance * extent:
             break
-    return np.where(count > 2, _least(given, there, middle), middle)
 
+    def total(medians: FloatArray) -> FloatArray:
+        apart = np.linalg.norm(medians - points, axis=2)
+        return np.asarray(np.where(there[:, :, 0], apart, 0.0).sum(axis=0))
 
-def _least(given: FloatArray, there: BoolArray, middle: FloatArray) -> FloatArray:
-    """Of points (m, 3) and those given, the ones with the least sum of distances: a median may be one that is given."""
-    best, least = middle, _total(given, there, middle)
-    for point in np.where(there, given, np.nan):
-        total = _total(given, there, point)
-        nearer = total < least
-        best, least = np.where(nearer[:, None], point, best), np.where(nearer, total, least)
-    return best
-
-
-def _total(given: FloatArray, there: BoolArray, points: FloatArray) -> FloatArray:
-    """Sum of the distances of points (m, 3) from those given."""
-    apart = np.linalg.norm(points - given, axis=2)
-    return np.asarray(np.where(there[:, :, 0], apart, 0.0).sum(axis=0))
+    best, least = middle, total(middle)
+    for own in np.where(there, points, np.nan):
+        sums = total(own)
+        best, least = np.where((sums < least)[:, None], own, best), np.where(sums < least, sums, least)
+    return np.asarray(np.where(count > 2, best, middle))

@@ -94,17 +94,7 @@ class VertexCells:
 
 
 def nearest_in_cells(candidates: FloatArray, queries: FloatArray, cells: VertexCells) -> IntArray:
-    """Find nearest rows as `nearest_rows` does, among the vertices of a surface in smooth coordinates.
-
-    Distances are compared in single precision. Any cells will do; compact ones make it fast.
-
-    Examples
-    --------
-    >>> line = np.arange(6.0)[:, None]
-    >>> cells = VertexCells.of(np.array([1, 4]), np.array([0, 0, 0, 1, 1, 1]))
-    >>> nearest_in_cells(line, np.array([[2.2], [9.0]]), cells)
-    array([2, 5])
-    """
+    """Find nearest rows as `nearest_rows` does, in single precision, by any cells; compact ones make it fast."""
     # By the triangle inequality |y − x| ≥ |y − z| − r for every vertex x of a cell with the centre z and the radius r
     # in these coordinates, and |y − x| ≥ ||y − z| − |x − z||. Cells, and vertices, that are farther by this than the
     # nearest so far are passed over. A surface is two-dimensional whatever d is, so a handful of cells is opened for
@@ -236,9 +226,8 @@ def nearest_points(
 
     def chunk(first: int) -> None:
         rows = slice(first, first + CHUNK)
-        _nearest(
-            coordinates, queries[rows], faces, start, order, points.corners[rows], points.barycentric[rows]
-        )
+        images = points.corners[rows], points.barycentric[rows]
+        _nearest(coordinates, queries[rows], faces, start, order, *images)
 
     parallel_map(chunk, range(0, len(nearest_vertex), CHUNK))
     return points

@@ -83,9 +83,9 @@ def poses_between(source: FloatArray, target: FloatArray, mirrored: bool = False
     # registration of 3-D shapes*, PAMI 1992). 0.05 s for 400 points each.
     tree = cKDTree(target)
     ways = _axes_on_axes(source[:, :3], target[:, :3], mirrored)
-    found = parallel_map(lambda way: tree.query(_moved(source, *way)), ways)
-    found.sort(key=lambda first: first[0].mean())
-    poses = parallel_map(lambda first: _settled(source, tree, first[1], mirrored), found[:KEPT])
+    starts = parallel_map(lambda way: tree.query(_moved(source, *way)), ways)
+    starts.sort(key=lambda start: start[0].mean())
+    poses = parallel_map(lambda start: _settled(source, tree, start[1], mirrored), starts[:KEPT])
     return sorted(poses, key=lambda pose: pose.distance)
 
 
@@ -113,10 +113,8 @@ def _axes_on_axes(
     (centre, size, axes), (to, their_size, theirs) = _principal_axes(source), _principal_axes(target)
     signs = [np.array(each) for each in product([1.0, -1.0], repeat=3)]
     turns = [axes @ (np.eye(3)[list(p)] * sign) @ theirs.T for p in permutations(range(3)) for sign in signs]
-    scale = their_size / size
-    return [
-        (turn, scale, to - scale * centre @ turn) for turn in turns if (np.linalg.det(turn) < 0) == mirrored
-    ]
+    scale, turns = their_size / size, [turn for turn in turns if (np.linalg.det(turn) < 0) == mirrored]
+    return [(turn, scale, to - scale * centre @ turn) for turn in turns]
 
 
 def _principal_axes(points: FloatArray) -> tuple[FloatArray, float, FloatArray]:

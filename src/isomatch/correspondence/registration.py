@@ -253,12 +253,9 @@ def register_nonrigid(
         forth, back = parallel_map(lambda search: search[0].points(*search[1:]), searches)
         # forth: u(s) = nearest point − s at samples of the source; back: u(nearest point) = t − nearest point
         design = np.vstack([at_samples, back.interpolated(functions)])
-        wanted = np.vstack(
-            [
-                forth.interpolated(of_target) - embedding.source[source_vertices],
-                of_target[target_vertices] - back.interpolated(embedding.source),
-            ]
-        )
+        from_source = forth.interpolated(of_target) - embedding.source[source_vertices]
+        to_target = of_target[target_vertices] - back.interpolated(embedding.source)
+        wanted = np.vstack([from_source, to_target])
         gram = (design.T @ design).astype(np.float64) + RIDGE * len(design) * np.eye(design.shape[1])
         coefficients = solve(gram, (design.T @ wanted).astype(np.float64), assume_a="pos")
         moved = embedding.source + row_product(functions, coefficients)

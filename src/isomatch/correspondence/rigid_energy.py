@@ -74,10 +74,10 @@ class RigidEnergy:
         # edges around a vertex may become most_scaled times as long or as short at no cost
         covariances, pulled = np.zeros((len(self.areas), 3, 3)), np.zeros(before.shape)
         _covariances(before, moved, self.start, self.neighbours, self.weights, covariances)
-        fitted = (
-            nearest_rotation(covariances).transpose(0, 2, 1) if turn is None else turned(turn, covariances)
-        )
-        grown = fitted
+        if turn is None:
+            fitted = grown = nearest_rotation(covariances).transpose(0, 2, 1)
+        else:
+            fitted = grown = turned(turn, covariances)
         if most_scaled > 1.0:
             # as similar as possible: R_i becomes s_i R_i, where Σ_j w_ij |e'_ij − s R_i e_ij|² is least at
             # s_i = tr(R_i Σ_i) / Σ_j w_ij |e_ij|², within 1 / most_scaled and most_scaled

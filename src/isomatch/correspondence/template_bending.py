@@ -46,7 +46,7 @@ def bend_template(
     target: Mesh,
     images: FloatArray,  # (n, 3) of the template's vertices; where they are not trusted, a guess
     trusted: BoolArray,  # (n,) which images the template is bent to at first
-    known: BoolArray | None = None,  # (n,) which vertices are drawn to nearest points afterwards
+    matched: BoolArray,  # (n,) which vertices are drawn to nearest points afterwards
 ) -> BentTemplate:
     """Bend a template onto a target as rigidly as possible, from where a map puts its vertices."""
     # In √area of the target, with points p_i, areas a, weights w and rotations R_i, each step lowers
@@ -63,7 +63,6 @@ def bend_template(
     onto = _Target(target.moved((target.vertices - centre) / unit))
     images = (images - centre) / unit
     rest = template.moved((template.vertices - template.vertices.mean(axis=0)) / np.sqrt(template.area))
-    known = trusted if known is None else known
     coarse = _Coarse(rest, images, trusted)
     if is_mirrored(coarse.mesh, coarse.moved):
         coarse = coarse.mirrored()
@@ -72,13 +71,10 @@ def bend_template(
     near = coarse.nearest(onto, rest.moved(moved))
     beyond = np.zeros(len(moved), dtype=bool)
     for length in LENGTHS:
-        points, near = onto.points(rest.moved(moved), near)
-        beyond = points.beyond
-        moved = bending.step(
-            moved, points.positions, points.pull * (known & ~bending.released(moved)), length
-        )
+        (positions, pull, beyond), near = onto.points(rest.moved(moved), near)
+        moved = bending.step(moved, positions, pull * (matched & ~bending.released(moved)), length)
     moved, turned = turned_back(rest, moved, bending.scale)
-    return BentTemplate(moved * unit + centre, ~known | beyond, turned)
+    return BentTemplate(moved * unit + centre, ~matched | beyond, turned)
 
 
 class _Bending:
@@ -132,13 +128,13 @@ class _Bending:
 class _Coarse:
     """The template at a lower resolution: means of the vertices merged into one, at rest and of their images."""
 
-    def __init__(self, rest: Mesh, images: FloatArray, known: BoolArray) -> None:
+    def __init__(self, rest: Mesh, images: FloatArray, trusted: BoolArray) -> None:
         self.rest = rest
         decimated = decimate(rest, N_COARSE)
         self._places = Prolongation(rest, decimated).on_coarse
         owner, mesh = decimated.owner, decimated.mesh
-        self.known = np.bincount(owner, known, mesh.n_vertices) > 0
-        counted = (known | ~self.known[owner]).astype(np.float64)
+        self.trusted = np.bincount(owner, trusted, mesh.n_vertices) > 0
+        counted = (trusted | ~self.trusted[owner]).astype(np.float64)
 
         def means(values: FloatArray) -> FloatArray:
             sums = [np.bincount(owner, counted * column, mesh.n_vertices) for column in values.T]
@@ -149,16 +145,14 @@ class _Coarse:
     def mirrored(self) -> _Coarse:
         """Return the same with the mirror image of the template."""
         other = copy(self)
-        other.rest, other.mesh = (
-            mesh.moved(mesh.vertices * [-1.0, 1.0, 1.0]) for mesh in (self.rest, self.mesh)
-        )
+        other.rest, other.mesh = (m.moved(m.vertices * [-1.0, 1.0, 1.0]) for m in (self.rest, self.mesh))
         return other
 
     def followed(self) -> tuple[_Bending, FloatArray]:
         """Bend it to its images; what then bends the template itself, and where that is."""
         bending, images = _Bending(self.mesh, self.moved), self.moved
         for length in MAP_LENGTHS:
-            drawn = self.known & ~bending.released(self.moved)
+            drawn = self.trusted & ~bending.released(self.moved)
             self.moved = bending.step(self.moved, images, drawn, length, scales=True)
         # A vertex at Σ_k b_k c_k + offset of the coarse triangle c goes where the rotations at its corners carry it, as
         # in linear blend skinning: Σ_k b_k (y_k + R_k (x − c_k))
@@ -199,17 +193,15 @@ class _Target:
 
     def queries(self, bent: Mesh) -> FloatArray:
         """(n, 6) positions and normals of a bent template, on the side of the target's."""
-        queries = with_normals(bent, self._side * NORMAL_UNIT)
-        return queries
+        return with_normals(bent, self._side * NORMAL_UNIT)
 
     def nearest(self, bent: Mesh) -> IntArray:
         """(n,) nearest vertices of all, after finding out whether the faces of both are wound alike."""
-        tree, found = cKDTree(self.coordinates), []
+        tree, searches = cKDTree(self.coordinates), []
         for side in (1.0, -1.0):
             self._side = side
-            apart, nearest = tree.query(self.queries(bent))
-            found.append((float(apart.mean()), side, nearest))
-        _, self._side, nearest = min(found, key=lambda each: each[0])
+            searches.append((*tree.query(self.queries(bent)), side))
+        _, nearest, self._side = min(searches, key=lambda search: float(search[0].mean()))
         return np.asarray(nearest, dtype=np.int64)
 
     def points(self, bent: Mesh, near: IntArray) -> tuple[_Points, IntArray]:
@@ -217,14 +209,13 @@ class _Target:
         queries = self.queries(bent)
         near = near.copy()
         _descend(self.coordinates, queries, *self._around, near)
-        found = nearest_points(self.coordinates, queries, self.mesh.faces, near)
-        positions = found.interpolated(self.mesh.vertices)
-        normals = found.interpolated(self.coordinates[:, 3:])
-        cosines = np.einsum("ni,ni->n", normals, queries[:, 3:]) / np.maximum(
-            NORMAL_UNIT * np.linalg.norm(normals, axis=1), 1e-12
-        )
+        points = nearest_points(self.coordinates, queries, self.mesh.faces, near)
+        positions = points.interpolated(self.mesh.vertices)
+        normals = points.interpolated(self.coordinates[:, 3:])
+        lengths = np.maximum(NORMAL_UNIT * np.linalg.norm(normals, axis=1), 1e-12)
+        cosines = np.einsum("ni,ni->n", normals, queries[:, 3:]) / lengths
         own_rim = Boundary.vertices_of(bent)
-        over = self._rim.holds(found) & ~own_rim
+        over = self._rim.holds(points) & ~own_rim
         pull = ((cosines > LEAST_COSINE) & ~over).astype(np.float64)
         beyond = np.asarray(over & (np.linalg.norm(positions - bent.vertices, axis=1) > REACH))
         rows = np.flatnonzero(own_rim)
@@ -333,10 +324,7 @@ def _covariances(mesh: Mesh, moved: FloatArray, around: csr_array) -> FloatArray
     # Σ (x − x̄) (y − ȳ)ᵀ = Σ x yᵀ − (Σ x) (Σ y)ᵀ / count
     products = around @ (before[:, :, None] * after[:, None]).reshape(-1, 9)
     sums = around @ before, around @ after
-    covariances: FloatArray = (
-        products.reshape(-1, 3, 3) - sums[0][:, :, None] * sums[1][:, None] / count[:, None]
-    )
-    return covariances
+    return np.asarray(products.reshape(-1, 3, 3) - sums[0][:, :, None] * sums[1][:, None] / count[:, None])
 
 
 class Boundary:
@@ -362,8 +350,7 @@ class Boundary:
 
     def holds(self, points: PrecisePoints) -> BoolArray:
         """(m,) whether points of the surface lie on its boundary."""
-        on_edges: BoolArray = self._of_rim[points.corners] | (points.barycentric < ON_EDGE)
-        return np.asarray(on_edges.all(axis=1))
+        return np.asarray((self._of_rim[points.corners] | (points.barycentric < ON_EDGE)).all(axis=1))
 
     def nearest(self, positions: FloatArray) -> FloatArray:
         """Nearest points (m, 3) of the boundary, on the edges at the nearest of its vertices."""
@@ -377,9 +364,8 @@ class Boundary:
         for at in (first, first + 1):  # a vertex of the boundary has two edges there, and rarely more
             edge = ends[order[np.minimum(at, len(order) - 1)] // 2]
             start, along = x[edge[:, 0]], x[edge[:, 1]] - x[edge[:, 0]]
-            share = np.einsum("ni,ni->n", positions - start, along) / np.maximum(
-                np.einsum("ni,ni->n", along, along), 1e-30
-            )
+            squares = np.maximum(np.einsum("ni,ni->n", along, along), 1e-30)
+            share = np.einsum("ni,ni->n", positions - start, along) / squares
             there = start + np.clip(share, 0.0, 1.0)[:, None] * along
             apart = np.linalg.norm(there - positions, axis=1)
             points[apart < least] = there[apart < least]

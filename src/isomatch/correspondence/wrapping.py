@@ -121,18 +121,18 @@ def wrap(correspondence: Correspondence, source: SurfaceLike, target: SurfaceLik
     places, centre, size = normalised(onto.vertices)
     whole, onto = whole.moved(normalised(whole.vertices)[0]), onto.moved(places)
     images = PrecisePoints(np.maximum(welded.faces, 0), np.array(welded.barycentric))
-    known = welded.matched
+    matched = welded.matched
     # over an opening, nearest points are on its rim: they tell nothing of what belongs there
-    inside = known & ~(Boundary(onto).holds(images) & ~Boundary.vertices_of(whole))
-    trusted = inside if inside.any() else known
+    inside = matched & ~(Boundary(onto).holds(images) & ~Boundary.vertices_of(whole))
+    trusted = inside if inside.any() else matched
     positions = _extended(whole, images.interpolated(onto.vertices), trusted)
-    extended, turned = ~known, 0
-    bendable = np.isin(whole.components, whole.components[known]) & (whole.vertex_areas > 0)
+    extended, turned = ~matched, 0
+    bendable = np.isin(whole.components, whole.components[matched]) & (whole.vertex_areas > 0)
     part, rows = whole.submesh(bendable)
     if part.area > 0 and onto.area > 0:
-        bent = bend_template(part, onto, positions[rows], trusted[rows], known[rows])
+        bent = bend_template(part, onto, positions[rows], trusted[rows], matched[rows])
         positions[rows], extended[rows], turned = bent.positions, bent.beyond, int(bent.turned.sum())
-        positions = _extended(whole, positions, known | bendable)
+        positions = _extended(whole, positions, matched | bendable)
     quality = WrapQuality(
         turned / max(whole.n_faces, 1),
         _stretch(whole, positions),
@@ -173,34 +173,34 @@ def _welded(mesh: Mesh) -> tuple[Mesh, IntArray]:
     return Mesh(mesh.vertices[kept], faces[whole]), vertex
 
 
-def _extended(mesh: Mesh, positions: FloatArray, known: BoolArray) -> FloatArray:
-    """Place the other vertices: where linked to known ones, by a similarity and harmonic offsets; else by the nearest."""
+def _extended(mesh: Mesh, positions: FloatArray, placed: BoolArray) -> FloatArray:
+    """Place the others: where linked to vertices placed, by a similarity and harmonic offsets; else by the nearest."""
     # a similarity of the whole brings what curves over an opening
-    similar = _similar(mesh.vertices[known][None], positions[known][None])(
-        mesh.vertices, np.zeros(len(known), int)
-    )
+    similarity = _similar(mesh.vertices[placed][None], positions[placed][None])
+    similar = similarity(mesh.vertices, np.zeros(len(placed), int))
     # The difference u of the positions from a similarity of the whole is extended harmonically along the surface: L u =
     # 0 at the unknown vertices, L_uu u_u = −L_uk u_k, with edges of the weight 1 / length
-    placed = positions.copy()
-    linked = np.isin(mesh.components, mesh.components[known])
+    positions = positions.copy()
+    linked = np.isin(mesh.components, mesh.components[placed])
     ends = mesh.edges
     weight = 1 / np.maximum(mesh.edge_lengths, 1e-12 * mesh.edge_lengths.max(initial=0.0))
     both = np.tile(weight, 2), (ends.T.ravel(), ends[:, ::-1].T.ravel())
     links = csr_array(both, shape=(mesh.n_vertices,) * 2)
     laplacian = (diags_array(links.sum(axis=1)) - links).tocsr()
-    unknown = np.flatnonzero(~known & linked)
+    unknown = np.flatnonzero(~placed & linked)
     if len(unknown):
-        side = -(laplacian[unknown][:, known] @ (positions - similar)[known])
+        side = -(laplacian[unknown][:, placed] @ (positions - similar)[placed])
         offsets = spsolve(laplacian[unknown][:, unknown].tocsc(), side).reshape(-1, 3)
-        placed[unknown] = similar[unknown] + offsets
+        positions[unknown] = similar[unknown] + offsets
     rows = np.flatnonzero(~linked)
     _, component, counts = np.unique(mesh.components[rows], return_inverse=True, return_counts=True)
-    centres = _sums(mesh.vertices[rows], component, len(counts)) / counts[:, None]
-    guides = np.flatnonzero(known)
+    sums = [np.bincount(component, column, len(counts)) for column in mesh.vertices[rows].T]
+    centres = np.stack(sums, axis=1) / counts[:, None]
+    guides = np.flatnonzero(placed)
     nearest = cKDTree(mesh.vertices[guides]).query(centres, range(1, min(N_GUIDES, len(guides)) + 1))[1]
     here, there = (x[guides[nearest]] for x in (mesh.vertices, positions))  # (components, guides, 3)
-    placed[rows] = _similar(here, there)(mesh.vertices[rows], component)
-    return placed
+    positions[rows] = _similar(here, there)(mesh.vertices[rows], component)
+    return positions
 
 
 def _similar(here: FloatArray, there: FloatArray) -> Callable[[FloatArray, IntArray], FloatArray]:
@@ -220,11 +220,6 @@ def _similar(here: FloatArray, there: FloatArray) -> Callable[[FloatArray, IntAr
     return moved
 
 
-def _sums(values: FloatArray, group: IntArray, n_groups: int) -> FloatArray:
-    """Sum values (m, q) within groups: (n_groups, q)."""
-    return np.stack([np.bincount(group, column, n_groups) for column in values.T], axis=1)
-
-
 def welded_map(given: Correspondence, source_vertex: IntArray, target_vertex: IntArray) -> Correspondence:
     """Return the map between the vertices into which the points of both sides are welded, (n_source,) and (n_target,).
 
@@ -239,6 +234,5 @@ def welded_map(given: Correspondence, source_vertex: IntArray, target_vertex: In
     rows = matched_first[np.unique(source_vertex[matched_first], return_index=True)[1]]
     vertex = np.append(target_vertex, UNMATCHED)
     n_target = int(target_vertex.max(initial=-1)) + 1
-    return Correspondence(
-        vertex[given.vertices[rows]], n_target, vertex[given.faces[rows]], given.barycentric[rows]
-    )
+    faces, weights = vertex[given.faces[rows]], given.barycentric[rows]
+    return Correspondence(vertex[given.vertices[rows]], n_target, faces, weights)

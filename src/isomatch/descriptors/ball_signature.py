@@ -93,9 +93,8 @@ class BallSignature:
                 f"{other.radii.tolist()} cannot be compared; take as many points and the same radii"
             )
         unit = deviation_of(self, other) if deviation is None else deviation
-        apart = (
-            np.minimum(np.abs(self.values - other.values) / unit, MOST_DIFFERENCE) @ WEIGHTS / np.sum(WEIGHTS)
-        )
+        apart = np.minimum(np.abs(self.values - other.values) / unit, MOST_DIFFERENCE)
+        apart = apart @ WEIGHTS / np.sum(WEIGHTS)
         both = self.known & other.known
         n_known = both.sum(axis=1)
         total = np.where(both, apart, 0.0).sum(axis=1)
@@ -106,9 +105,9 @@ def deviation_of(*signatures: BallSignature) -> FloatArray:
     """Measure the standard deviations (r, 4) of what is known of some surfaces together; at least 0.03."""
     deviations = np.full(signatures[0].values.shape[1:], LEAST_DEVIATION)
     for j in range(len(deviations)):
-        known = np.concatenate([each.values[each.known[:, j], j] for each in signatures])
-        if len(known):
-            deviations[j] = np.maximum(known.std(axis=0), LEAST_DEVIATION)
+        values = np.concatenate([each.values[each.known[:, j], j] for each in signatures])
+        if len(values):
+            deviations[j] = np.maximum(values.std(axis=0), LEAST_DEVIATION)
     return deviations
 
 
@@ -177,9 +176,8 @@ def ball_signature(
     if seams:
         at = None if samples is None else seams.new_index[centres]
         turned = None if normals is None else _normals(surface, normals)[seams.vertex_index]
-        found = ball_signature(welded, radii, unit=unit, samples=at, normals=turned, weld=False)
-        points = seams.new_index
-        return replace(found, values=found.values[points], to_boundary=found.to_boundary[points])
+        signature = ball_signature(welded, radii, unit=unit, samples=at, normals=turned, weld=False)
+        return signature.at(seams.new_index)
     reach = np.asarray(radii, dtype=np.float64)
     if reach.ndim != 1 or not len(reach) or reach[0] <= 0 or (np.diff(reach) <= 0).any():
         raise DescriptorError(f"radii = {radii!r}; expected positive numbers that increase")
@@ -188,21 +186,12 @@ def ball_signature(
     if not len(centres):
         raise DescriptorError("samples is empty; give at least one vertex, or None for all")
     half_cells = np.maximum(np.sqrt(areas / np.pi), TINY * length)  # a vertex may have no area
-    balls = geodesic_balls(
-        distance_engine(surface, weld=False), centres, length * reach[-1] + float(half_cells.max())
-    )
+    farthest = length * reach[-1] + float(half_cells.max())
+    balls = geodesic_balls(distance_engine(surface, weld=False), centres, farthest)
     shape = len(centres), len(reach)
     offsets, covariances = np.zeros(shape), np.zeros((*shape, 3, 3))
-    _moments(
-        surface.vertices,
-        _normals(surface, normals),
-        half_cells,
-        centres,
-        *balls,
-        length * reach,
-        offsets,
-        covariances,
-    )
+    cells = surface.vertices, _normals(surface, normals), half_cells
+    _moments(*cells, centres, *balls, length * reach, offsets, covariances)
     extents = np.sqrt(np.maximum(np.linalg.eigvalsh(covariances)[..., ::-1], 0.0))
     values = np.concatenate([offsets[..., None], extents], axis=-1)
     if len(centres) < n:
@@ -211,13 +200,13 @@ def ball_signature(
     return BallSignature(reach, values, _to_boundary(surface) / length, finest / length)
 
 
-def _normals(surface: Mesh | PointCloud, given: ArrayLike | None) -> FloatArray:
-    """Take the unit normals (n, 3) given, or those of a mesh."""
-    if given is None:
+def _normals(surface: Mesh | PointCloud, normals: ArrayLike | None) -> FloatArray:
+    """Take the unit normals (n, 3) of the user, or those of a mesh."""
+    if normals is None:
         if isinstance(surface, Mesh):
             return surface.vertex_normals
         raise DescriptorError("a cloud of points needs normals for its ball signature; give normals = (n, 3)")
-    normals = np.asarray(given, dtype=np.float64)
+    normals = np.asarray(normals, dtype=np.float64)
     if normals.shape != surface.vertices.shape:
         raise DescriptorError(f"normals have shape {normals.shape}, expected {surface.vertices.shape}")
     return normals

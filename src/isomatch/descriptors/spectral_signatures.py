@@ -147,11 +147,9 @@ def mean_curvature(mesh: Mesh, laplace: LaplaceBasis, k: int, *, weld: bool = Tr
     coefficients = laplace.coefficients(mesh.vertices, k)
     basis = laplace.vectors[:, :k]
     smooth = row_product(basis, coefficients)
-    mesh, seams = without_seams(mesh, weld)
-    if seams:
-        normals = mesh.moved(smooth[seams.vertex_index]).vertex_normals[seams.new_index]
-    else:
-        normals = mesh.moved(smooth).vertex_normals
+    welded, seams = without_seams(mesh, weld)
+    normals = welded.moved(smooth[seams.vertex_index] if seams else smooth).vertex_normals
+    normals = normals[seams.new_index] if seams else normals
     bending = row_product(basis, laplace.values[:k, None] * coefficients)  # −Δ of the coordinates
     curvature = 0.5 * np.einsum("ij,ij->i", bending, normals)
     low, high = np.quantile(curvature, [CLIPPED, 1 - CLIPPED])

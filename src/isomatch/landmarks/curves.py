@@ -46,7 +46,7 @@ def nearest_on_surface(surface: Mesh | PointCloud, positions: FloatArray) -> Pre
         return PrecisePoints.at_vertices(cKDTree(surface.vertices).query(positions)[1])
     used = np.unique(surface.sound_faces)
     gap, nearest = cKDTree(surface.vertices[used]).query(positions)
-    found = PrecisePoints.at_vertices(used[nearest])
+    points = PrecisePoints.at_vertices(used[nearest])
     corners = surface.vertices[surface.sound_faces]  # (f, 3, 3)
     middles = corners.mean(axis=1)
     reach = np.linalg.norm(corners - middles[:, None], axis=2).max(axis=1)
@@ -66,8 +66,8 @@ def nearest_on_surface(surface: Mesh | PointCloud, positions: FloatArray) -> Pre
             face = alike[listed]
             apart = np.linalg.norm(middles[face] - positions[of], axis=1)
             reached = apart <= (gap[of] + reach[face]) * (1 + 1e-12)
-            _take_nearest(vertices, faces, queries, of[reached], face[reached], gap, *found)
-    return found
+            _take_nearest(vertices, faces, queries, of[reached], face[reached], gap, *points)
+    return points
 
 
 @compiled(error_model="numpy")
@@ -86,9 +86,8 @@ def _take_nearest(
         i = of[k]
         a, b, c = faces[face[k]]
         u, v, p = vertices[b] - vertices[a], vertices[c] - vertices[a], queries[i] - vertices[a]
-        s, t, _ = nearest_in_triangle(
-            (u * u).sum(), (u * v).sum(), (v * v).sum(), (u * p).sum(), (v * p).sum()
-        )
+        uu, uv, vv, up, vp = (u * u).sum(), (u * v).sum(), (v * v).sum(), (u * p).sum(), (v * p).sum()
+        s, t, _ = nearest_in_triangle(uu, uv, vv, up, vp)
         gap = np.sqrt(((s * u + t * v - p) ** 2).sum())
         if gap < apart[i]:
             apart[i] = gap

@@ -69,12 +69,10 @@ def marked_pairs(path: Path) -> list[tuple[MarkedPoint, MarkedPoint]]:
 
 
 def _pair_columns(header: list[str], where: str) -> list[list[int]]:
-    for found in (
-        [[side] for side in ("source", "target")],
-        [[f"{side}_{axis}" for axis in AXES] for side in ("source", "target")],
-    ):
-        if all(name in header for names in found for name in names):
-            return [[header.index(name) for name in names] for names in found]
+    axes = [[f"{side}_{axis}" for axis in AXES] for side in ("source", "target")]
+    for columns in ([["source"], ["target"]], axes):
+        if all(name in header for names in columns for name in names):
+            return [[header.index(name) for name in names] for names in columns]
     raise FormatError(
         f"{where}: the header {', '.join(header)[:80]!r} has neither the columns source, target nor source_x, source_y, "
         "source_z, target_x, target_y, target_z"
@@ -112,10 +110,10 @@ def _text_points(path: Path) -> list[MarkedPoint]:
             raise FormatError(f"{where}: {line[:80]!r} is not a point; {POINTS}")
         nowhere = place is not None and all(i < len(cells) and cells[i].lower() in NOWHERE for i in place)
         at = () if nowhere else _place(cells, chosen, where, line, POINTS)
-        found = {each: cells[i] for each, i in column.items() if i < len(cells)}
-        name = next((found[each] for each in NAMES if each in found), "")
-        closed = found.get("closed", "").lower() in ("1", "true", "yes")
-        points.append(MarkedPoint(name, at, where, curve=found.get("curve", ""), closed=closed))
+        texts = {each: cells[i] for each, i in column.items() if i < len(cells)}
+        name = next((texts[each] for each in NAMES if each in texts), "")
+        closed = texts.get("closed", "").lower() in ("1", "true", "yes")
+        points.append(MarkedPoint(name, at, where, curve=texts.get("curve", ""), closed=closed))
     return points
 
 
@@ -147,13 +145,13 @@ def _slicer_markups(path: Path) -> list[MarkedPoint]:
 
 
 def _slicer_fiducials(path: Path) -> list[MarkedPoint]:
-    columns, given, points = ["id", "x", "y", "z"], "RAS", []
+    columns, axes, points = ["id", "x", "y", "z"], "RAS", []
     for number, line in enumerate(read_text(path).splitlines(), start=1):
         where = f"{path}:{number}"
         if line.startswith("#"):
             key, _, value = line[1:].partition("=")
             if key.strip() == "CoordinateSystem":
-                given = value.strip()
+                axes = value.strip()
             elif key.strip() == "columns":
                 columns = [each.strip() for each in value.split(",")]
             continue
@@ -161,7 +159,7 @@ def _slicer_fiducials(path: Path) -> list[MarkedPoint]:
             continue
         row = dict(zip(columns, _split(line, where, ",")))
         try:
-            system = _system(given)
+            system = _system(axes)
             at = _in_lps([float(row[axis]) for axis in AXES], system)
         except (KeyError, ValueError):
             raise FormatError(
@@ -171,10 +169,10 @@ def _slicer_fiducials(path: Path) -> list[MarkedPoint]:
     return points
 
 
-def _system(given: Any) -> System:
-    if str(given) not in ("LPS", "RAS", "0", "1"):
-        raise ValueError(f"coordinate system {given!r} is neither LPS nor RAS")
-    return "RAS" if str(given) in ("RAS", "0") else "LPS"
+def _system(axes: Any) -> System:
+    if str(axes) not in ("LPS", "RAS", "0", "1"):
+        raise ValueError(f"coordinate system {axes!r} is neither LPS nor RAS")
+    return "RAS" if str(axes) in ("RAS", "0") else "LPS"
 
 
 def _in_lps(position: Any, system: System) -> tuple[float, ...]:

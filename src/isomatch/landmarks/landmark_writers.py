@@ -88,15 +88,13 @@ def _markups(landmarks: Landmarks, title: str) -> str:
         rows = list(group)
         if curve is not None and rows[0] != curve.rows[0]:
             continue  # it is written already
-        kind = "Fiducial" if curve is None else CURVES[curve.closed]
-        markups.append(
-            {
-                "type": kind,
-                "name": title if curve is None else curve.name,
-                "coordinateSystem": landmarks.systems[1],
-                "controlPoints": [_control_point(landmarks, row) for row in (curve.rows if curve else rows)],
-            }
-        )
+        markup = {
+            "type": "Fiducial" if curve is None else CURVES[curve.closed],
+            "name": title if curve is None else curve.name,
+            "coordinateSystem": landmarks.systems[1],
+            "controlPoints": [_control_point(landmarks, row) for row in (curve.rows if curve else rows)],
+        }
+        markups.append(markup)
     return json.dumps({"@schema": SCHEMA, "markups": markups}, indent=1, ensure_ascii=False) + "\n"
 
 
@@ -213,17 +211,13 @@ def write_specimens(path: str | Path, specimens: Mapping[str, Landmarks]) -> Non
     else:
         order = _order(first)
         names = [first.names[row] or str(row + 1) for row in order]
-        twice = len(set(names)) < len(names)
-        columns = [
-            f"{name}_{axis}"
-            for i, name in enumerate(names)
-            for name in [f"{i + 1}_{name}" if twice else name]
-            for axis in "XYZ"
-        ]
-        rows = (
-            {"specimen": name, **dict(zip(columns, map(_cell, marks.positions[order].ravel().tolist())))}
-            for name, marks in specimens.items()
-        )
+        if len(set(names)) < len(names):
+            names = [f"{i}_{name}" for i, name in enumerate(names, start=1)]
+        columns = [f"{name}_{axis}" for name in names for axis in "XYZ"]
+        rows = []
+        for name, marks in specimens.items():
+            cells = ["NA" if np.isnan(x) else x for x in marks.positions[order].ravel().tolist()]
+            rows.append({"specimen": name, **dict(zip(columns, cells))})
         write_csv(path, rows, ["specimen", *columns])
     if first.curves:
         sliders = path.with_name(f"{path.stem}_sliders.csv")
@@ -248,10 +242,6 @@ def tps_text(specimens: Mapping[str, Landmarks]) -> str:
 
 def _line(marks: Landmarks, row: int) -> str:
     return " ".join(map(repr, marks.positions[row].tolist())) if marks.placed[row] else "NA NA NA"
-
-
-def _cell(value: float) -> float | str:
-    return "NA" if np.isnan(value) else value
 
 
 def _fixed(marks: Landmarks) -> list[int]:

@@ -26,7 +26,7 @@ from isomatch.landmarks.landmark_files import (
     marked_points,
     placed_positions,
 )
-from isomatch.surfaces import Graph
+from isomatch.surfaces import Graph, Mesh, PointCloud
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray, numbers_of
 
 logger = logging.getLogger(__name__)
@@ -175,9 +175,7 @@ class Landmarks:
             raise LandmarkError(f"{path}: no landmarks; {POINTS}")
         if surface is None:
             return cls(_positions(points), [point.name for point in points], _curves(points))
-        shape = surface_from(surface)
-        if isinstance(shape, Graph):
-            raise LandmarkError("landmarks have positions, and a graph has none; give a mesh or points")
+        shape = _with_positions(surface)
 
         def distance(positions: FloatArray) -> FloatArray:
             nearest = nearest_on_surface(shape, positions).interpolated(shape.vertices)
@@ -187,6 +185,13 @@ class Landmarks:
         positions, system = placed_positions(points, shape.vertices, unit, distance, "surface", "points")
         written = next((point.system for point in points if point.system), system)
         return cls(positions, [point.name for point in points], _curves(points), systems=(system, written))
+
+
+def _with_positions(surface: SurfaceLike) -> Mesh | PointCloud:
+    shape = surface_from(surface)
+    if isinstance(shape, Graph):
+        raise LandmarkError("landmarks have positions, and a graph has none; give a mesh or points")
+    return shape
 
 
 def _positions(points: Sequence[MarkedPoint]) -> FloatArray:
@@ -277,7 +282,7 @@ def read_landmarks(
         here, there = [a for a, _ in pairs], [b for _, b in pairs]
     else:
         here, there = (
-            [point for point in marked_points(file) if point.at] for file in (first, Path(target_path))
+            [point for point in marked_points(Path(file)) if point.at] for file in (path, target_path)
         )
         here, there = _joined(here, there, f"{first} and {target_path}")
     if not here:
@@ -316,27 +321,28 @@ def nearest_landmarks(
     """
     sides = []
     for side, points in (("source", source_points), ("target", target_points)):
-        given = numbers_of(points, f"{side} landmarks", LandmarkError)
-        if given.ndim != 2 or given.shape[1] != 3:
-            raise LandmarkError(f"{side} landmarks have shape {given.shape}; expected (m, 3) positions")
-        if not np.isfinite(given).all():
-            first = int(np.argmin(np.isfinite(given).all(axis=1)))
+        positions = numbers_of(points, f"{side} landmarks", LandmarkError)
+        if positions.ndim != 2 or positions.shape[1] != 3:
+            raise LandmarkError(f"{side} landmarks have shape {positions.shape}; expected (m, 3) positions")
+        if not np.isfinite(positions).all():
+            first = int(np.argmin(np.isfinite(positions).all(axis=1)))
             raise LandmarkError(
                 f"{side} landmark {first} is not finite; give a position for each, or leave out the pair"
             )
-        sides.append([MarkedPoint("", tuple(row), f"landmark {i}") for i, row in enumerate(given.tolist())])
+        rows = enumerate(positions.tolist())
+        sides.append([MarkedPoint("", tuple(row), f"landmark {i}") for i, row in rows])
     if len(sides[0]) != len(sides[1]):
         raise LandmarkError(f"{len(sides[0])} source and {len(sides[1])} target landmarks; give as many")
     return np.column_stack([_vertices(sides[0], source, "source"), _vertices(sides[1], target, "target")])
 
 
-def _vertices(points: list[MarkedPoint], given: SurfaceLike, side: str) -> IntArray:
+def _vertices(points: list[MarkedPoint], surface: SurfaceLike, side: str) -> IntArray:
     """Vertex (m,) of each point: the nearest one to a position."""
     placed = [i for i, point in enumerate(points) if len(point.at) == 3]
     vertices = np.array([int(point.at[0]) if len(point.at) == 1 else -1 for point in points], dtype=np.int64)
     if not placed:
         return vertices
-    surface = surface_from(given)
+    surface = surface_from(surface)
     if isinstance(surface, Graph):
         raise LandmarkError(f"the {side} is a graph, without positions; give vertex indices as landmarks")
     tree = cKDTree(surface.vertices)
@@ -417,10 +423,7 @@ def median_landmarks(several: Sequence[Landmarks], surface: SurfaceLike) -> Land
     """
     if not several:
         raise LandmarkError("no landmarks to join; give those of at least one template")
-    shape = surface_from(surface)
-    if isinstance(shape, Graph):
-        raise LandmarkError("landmarks have positions, and a graph has none; give a mesh or points")
-    first = several[0]
+    shape, first = _with_positions(surface), several[0]
     rows = _rows_of(several)
     points = np.stack([_taken(each.positions, own) for each, own in zip(several, rows)])  # (t, m, 3)
     errors = np.stack([_taken(each.expected_error, own) for each, own in zip(several, rows)])
@@ -469,6 +472,5 @@ def _taken(values: FloatArray, rows: list[int | None]) -> FloatArray:
 
 def _over_templates(statistic: Callable[[FloatArray], Any], values: FloatArray) -> FloatArray:
     """Statistic over templates (t, m) of what is known; nan where nothing is."""
-    return np.array(
-        [statistic(each[np.isfinite(each)]) if np.isfinite(each).any() else np.nan for each in values.T]
-    )
+    columns = (column[np.isfinite(column)] for column in values.T)
+    return np.array([statistic(column) if len(column) else np.nan for column in columns])

@@ -12,8 +12,8 @@ from isomatch.matching.fit import Candidate, Fit, Hypothesis
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.priors import Priors
 from isomatch.matching.quality import mean_known
-from isomatch.matching.search import combinations, hypotheses_from_priors, search, search_back
-from isomatch.matching.selection import CLEARLY_BETTER, ENERGY_NOISE, SAME_ENERGY, Selection, distinct, ranked
+from isomatch.matching.search import combinations, distinct_maps, hypotheses_from_priors, search, search_back
+from isomatch.matching.selection import CLEARLY_BETTER, ENERGY_NOISE, SAME_ENERGY, Selection, ranked
 from isomatch.matching.stages import Relation
 from isomatch.matching.starts import start_from_pairs, starts_from_pose
 from isomatch.runtime.threads import parallel_map
@@ -21,9 +21,8 @@ from isomatch.settings import Orientation
 from isomatch.shapes import CURVATURE_WEIGHT, orientation_of
 from isomatch.values.arrays import IntArray
 
-SIZES = tuple(
-    range(20, 51, 5)
-)  # functions in the upsampling of a hypothesis; steps of 5 as in Melzi et al. 2019
+# functions in the upsampling of a hypothesis; steps of 5 as in Melzi et al. 2019
+SIZES = tuple(range(20, 51, 5))
 MOST_CHALLENGERS = 2  # docs/lab/design_notes.md
 # mean cosine between normals from which a further candidate is refined, as right maps have
 RIGHT_ORIENTATION = 0.54
@@ -82,12 +81,11 @@ def energy_of(
     residual = residual_of(pair, source_vertex, target_vertex, rank)
     curvature_difference = 1.0
     if pair.oriented:
-        curvature_difference = np.abs(
-            target.curvature[target_vertex] - source.curvature[source_vertex]
-        ).mean()
-    known = np.abs(pair.known.target[target_vertex] - pair.known.source[source_vertex])
+        apart = target.curvature[target_vertex] - source.curvature[source_vertex]
+        curvature_difference = np.abs(apart).mean()
+    apart = pair.known.target[target_vertex] - pair.known.source[source_vertex]
     # as much, against curvature, as in the refinement
-    curvature_difference += known.sum(axis=1).mean() / CURVATURE_WEIGHT
+    curvature_difference += np.abs(apart).sum(axis=1).mean() / CURVATURE_WEIGHT
     return float(residual * curvature_difference**pair.config.selection.curvature_exponent)
 
 
@@ -133,18 +131,14 @@ def is_sure(relation: Relation, selection: Selection[Fit]) -> bool:
 
 
 def further_candidates(
-    pair: ShapePair, screen: Screening, known: Sequence[IntArray], side: int, energy: float
+    pair: ShapePair, screen: Screening, maps: Sequence[IntArray], side: int, energy: float
 ) -> list[Candidate]:
     """Find further candidates, from the other side and by combination, that may be better than the winner."""
-    found = distinct(
-        [*(search_back(pair) if pair.config.search.both_ways else ()), *combinations(pair, known)],
-        lambda hypothesis: hypothesis.target_row,
-        pair.distances_between_maps,
-        pair.config.search.same_map,
-        known=known,
-    )
+    hypotheses = [*(search_back(pair) if pair.config.search.both_ways else ()), *combinations(pair, maps)]
+    hypotheses = distinct_maps(pair, hypotheses, before=maps)
     limit = SAME_ENERGY * max(energy, ENERGY_NOISE)
-    hopeful = [c for c in screen(found) if c.energy <= limit and side * c.orientation > RIGHT_ORIENTATION]
+    fitting = (c for c in screen(hypotheses) if c.energy <= limit)
+    hopeful = [c for c in fitting if side * c.orientation > RIGHT_ORIENTATION]
     return sorted(hopeful, key=lambda candidate: candidate.energy)[:MOST_CHALLENGERS]
 
 

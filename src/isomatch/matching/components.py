@@ -18,6 +18,7 @@ from isomatch.matching.confidence import expected_errors
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.priors import (
     FEWEST_POINTS,
+    NO_LANDMARKS,
     Priors,
     UserPriors,
     checked_descriptors,
@@ -155,8 +156,8 @@ class _Components:
         if placed and placed.outcome.sureness >= Outcome.PARTIAL.sureness:
             if held or not pair.target.symmetries:
                 return ComponentMatch(placed, "it moves along rigidly")
-            turned = placed.with_evidence(Evidence(ambiguous=True))
-            return ComponentMatch(turned, "nothing near it tells how it is turned")
+            ambiguous = placed.with_evidence(Evidence(ambiguous=True))
+            return ComponentMatch(ambiguous, "nothing near it tells how it is turned")
         carried = replace(pair, config=replace(pair.config, hypotheses="given", start="auto", part="none"))
         priors = Priors.of(carried, None, carrier.image(pair.source, pair.target), None)
         solution = replace(solve_either_winding(carried, priors, self.stages, self.timer), pair=pair)
@@ -193,16 +194,10 @@ class _Components:
 
 def _against(matches: list[ComponentMatch]) -> tuple[int, int, float]:
     """Return the sort key of an assignment, least for the best: few pairs cost, then an unsure one, then residuals."""
-    spectral_residuals = [
-        np.nan_to_num(match.solution.quality.spectral_residual, nan=np.inf) for match in matches
-    ]
+    residuals = np.nan_to_num([match.solution.quality.spectral_residual for match in matches], nan=np.inf)
     sureness = min(match.solution.outcome.sureness for match in matches)
     spread = np.std([np.log(match.pair.source.scale / match.pair.target.scale) for match in matches])
-    return (
-        -len(matches),
-        -sureness,
-        float(np.maximum(spectral_residuals, SPECTRAL_RESIDUAL_NOISE).mean() + spread),
-    )
+    return -len(matches), -sureness, float(np.maximum(residuals, SPECTRAL_RESIDUAL_NOISE).mean() + spread)
 
 
 def _assignments(n: int, m: int) -> list[list[tuple[int, int]]]:
@@ -236,7 +231,7 @@ def composed(pair: ShapePair, matches: list[ComponentMatch], tied: bool, priors:
     main, *others = matches
     bounds = pair.config.outcome
     # the map is no surer than that of any component that is large, or has priors of its own
-    large_ones = [m for m in matches if m is main or m.share > bounds.large_component or m.with_priors]
+    large_ones = (m for m in matches if m is main or m.share > bounds.large_component or m.with_priors)
     counted = [match.solution.evidence for match in large_ones]
     unmatched = [_unpartnered(side, [getattr(match.pair, side) for match in matches], pair) for side in SIDES]
     large = max(left_out for left_out, _ in unmatched) > bounds.large_component
@@ -249,20 +244,18 @@ def composed(pair: ShapePair, matches: list[ComponentMatch], tied: bool, priors:
             f"{lost} of {len(priors.landmarks)} landmarks do not lie on partners, or fewer than {FEWEST_POINTS} on one, "
             "and are left out"
         )
-    vertices, corners, weights = (getattr(main.solution.map, name).copy() for name in MAP_ARRAYS)
-    errors = main.solution.expected_error.copy()
-    descriptor_distance = (
-        None if main.solution.descriptor_distance is None else main.solution.descriptor_distance.copy()
-    )
+    arrays = {name: getattr(main.solution.map, name).copy() for name in MAP_ARRAYS}
+    errors, distances = main.solution.expected_error.copy(), main.solution.descriptor_distance
+    distances = None if distances is None else distances.copy()
     for match in others:
-        new = match.solution.map.matched & (vertices == UNMATCHED)
-        for array, name in zip((vertices, corners, weights), MAP_ARRAYS):
-            array[new] = getattr(match.solution.map, name)[new]
-        if descriptor_distance is not None and match.solution.descriptor_distance is not None:
-            descriptor_distance[new] = match.solution.descriptor_distance[new]
-        share = match.pair.target.share / main.pair.target.share
-        errors[new] = match.solution.expected_error[new] * np.sqrt(share)
-    whole = replace(main.solution.map, vertices=vertices, faces=corners, barycentric=weights)
+        own = match.solution
+        new = own.map.matched & (arrays["vertices"] == UNMATCHED)
+        for name, array in arrays.items():
+            array[new] = getattr(own.map, name)[new]
+        if distances is not None and own.descriptor_distance is not None:
+            distances[new] = own.descriptor_distance[new]
+        errors[new] = own.expected_error[new] * np.sqrt(match.pair.target.share / main.pair.target.share)
+    whole = replace(main.solution.map, **arrays)
     quality = replace(
         main.solution.quality,
         matched=float(whole.matched.mean()),
@@ -274,7 +267,7 @@ def composed(pair: ShapePair, matches: list[ComponentMatch], tied: bool, priors:
         evidence=evidence,
         quality=quality,
         expected_error=errors,
-        descriptor_distance=descriptor_distance,
+        descriptor_distance=distances,
         regions=tuple(sorted(chain(*(m.solution.regions for m in matches)), key=lambda region: -region.area)),
         notes=(*notes, *(note for _, side_notes in unmatched for note in side_notes)),
     )
@@ -290,8 +283,7 @@ def _unpartnered(side: str, matched: list[PreparedShape], pair: ShapePair) -> tu
         notes.append(
             f"{side}: components that cannot be matched by themselves, with {tiny:.1%} of the area, are left unmatched"
         )
-    area = tiny + sum(shape.share for shape in alone)
-    return max(area, sum(map(_vertex_share, alone))), notes
+    return max(tiny + sum(shape.share for shape in alone), sum(map(_vertex_share, alone))), notes
 
 
 def _vertex_share(shape: PreparedShape) -> float:
@@ -318,16 +310,13 @@ class ComponentPriors:
 
     def __init__(self, pair: ShapePair, user_priors: UserPriors) -> None:
         self.pair = pair
-        landmarks, initial_map, initial_descriptors = user_priors
-        self.functions: tuple[FloatArray, FloatArray] | None = None
+        landmarks, initial_map, descriptors = user_priors
         sizes = pair.source.surface.n_vertices, pair.target.surface.n_vertices
-        none = np.zeros((0, 2), dtype=np.int64)
-        self.landmarks = none if landmarks is None else checked_landmarks(landmarks, *sizes)
+        self.landmarks = NO_LANDMARKS if landmarks is None else checked_landmarks(landmarks, *sizes)
         self.image = np.full(sizes[0], UNMATCHED)
         if initial_map is not None:
             self.image = checked_initial_map(initial_map, *sizes)
-        if initial_descriptors is not None:
-            self.functions = checked_descriptors(initial_descriptors, *sizes)
+        self.functions = None if descriptors is None else checked_descriptors(descriptors, *sizes)
         rows = np.flatnonzero(self.image != UNMATCHED)
         self.joins = np.concatenate([self.landmarks, np.column_stack([rows, self.image[rows]])])
         joined = [self._inside(ShapePair(*sides, pair.config), self.joins) for sides in product(*self.sides)]
@@ -357,12 +346,8 @@ class ComponentPriors:
             parts = zip((pair.source, pair.target), functions)
             if not all(np.isfinite(shape.restrict(values)).all() for shape, values in parts):
                 functions = None
-        return Priors.of(
-            pair,
-            landmarks if len(landmarks) else None,
-            image if len(initial_pairs) >= FEWEST_POINTS else None,
-            functions,
-        )
+        initial_map = image if len(initial_pairs) >= FEWEST_POINTS else None
+        return Priors.of(pair, landmarks if len(landmarks) else None, initial_map, functions)
 
     def landmarks_on(self, pair: ShapePair) -> IntArray:
         """Landmarks on two components, if they are enough to be used."""
@@ -386,10 +371,10 @@ class Carrier:
         """Follow the maps of some components; None if they join fewer than four points."""
         main = maps[0].pair
         units = main.source.scale, main.target.scale
-        here = np.concatenate([_positions(found.pair.source, units[0]) for found in maps])
-        there = np.concatenate([_images(found, units[1]) for found in maps])
-        known = np.isfinite(there).all(axis=1)
-        here, there = here[known], there[known]
+        here = np.concatenate([_positions(solution.pair.source, units[0]) for solution in maps])
+        there = np.concatenate([_images(solution, units[1]) for solution in maps])
+        mapped = np.isfinite(there).all(axis=1)
+        here, there = here[mapped], there[mapped]
         if len(here) < 4:
             return None
         nearest = cKDTree(here).query(here, 2)[1][:, 1]
@@ -408,7 +393,7 @@ class Carrier:
         centre, centre_there = weights @ self.here, weights @ self.there
         products = (self.here[:, :, None] * self.there[:, None, :]).reshape(-1, 9)
         covariance = (weights @ products).reshape(-1, 3, 3) - centre[:, :, None] * centre_there[:, None, :]
-        turned: FloatArray = ((points - centre)[:, None] @ _rotation(covariance, self.side))[:, 0]
+        turned = ((points - centre)[:, None] @ nearest_rotation(covariance, self.side < 0))[:, 0]
         return np.asarray(centre_there + self.scale * turned)
 
     def gap(self, target: PreparedShape) -> float:
@@ -419,15 +404,13 @@ class Carrier:
     def offset(self, centre: FloatArray, target: PreparedShape) -> float:
         """Distance of a carried centre from that of a component, over its √area and distance from the surface."""
         apart = centre - _positions(target, self.units[1]).mean(axis=0)
-        reach = (1 + self.gap(target)) * target.scale / self.units[1]
-        return float(np.linalg.norm(apart) / reach)
+        return float(np.linalg.norm(apart) / ((1 + self.gap(target)) * target.scale / self.units[1]))
 
     def turned(self, source: PreparedShape) -> FloatArray:
         """Carry the body of a component along as one rigid thing: (n, 3), its centre at 0 and its area 1 as before."""
         body, moved = cast(Mesh, source.body).vertices, self.moved(source)
         covariance = body[source.sample_vertices].T @ (moved - moved.mean(axis=0))
-        turned: FloatArray = body @ _rotation(covariance, self.side)
-        return turned
+        return np.asarray(body @ nearest_rotation(covariance, self.side < 0))
 
     def length_ratio(self, source: PreparedShape, target: PreparedShape) -> float:
         """√area of one component when it is carried along, over that of another."""
@@ -438,25 +421,18 @@ class Carrier:
         moved, there = self.moved(source), _positions(target, self.units[1])
         nearest = cKDTree(there - there.mean(axis=0)).query(moved - moved.mean(axis=0))[1]
         image = np.full(source.surface.n_vertices, UNMATCHED)
-        image[source.user_vertex[source.sample_vertices]] = target.user_vertex[
-            target.sample_vertices[nearest]
-        ]
+        rows = source.user_vertex[source.sample_vertices]
+        image[rows] = target.user_vertex[target.sample_vertices[nearest]]
         return image
-
-
-def _rotation(covariance: FloatArray, side: float) -> FloatArray:
-    """Find the rotations (..., 3, 3) of rows that keep most of covariances of two point sets; or mirror images."""
-    return nearest_rotation(covariance, mirrored=side < 0)
 
 
 def _positions(shape: PreparedShape, unit: float) -> FloatArray:
     """Give the samples of a component, (r, 3), in a unit of its shape."""
-    samples: FloatArray = cast(Mesh, shape.surface).vertices[shape.user_vertex[shape.sample_vertices]]
-    return samples / unit
+    return cast(Mesh, shape.surface).vertices[shape.user_vertex[shape.sample_vertices]] / unit
 
 
-def _images(found: Solution, unit: float) -> FloatArray:
+def _images(solution: Solution, unit: float) -> FloatArray:
     """Images of the samples of the source, (r, 3), nan where there is none."""
-    source, target = found.pair.source, found.pair.target
-    images = found.map.pull_back(cast(Mesh, target.surface).vertices / unit)
+    source = solution.pair.source
+    images = solution.map.pull_back(cast(Mesh, solution.pair.target.surface).vertices / unit)
     return images[source.user_vertex[source.sample_vertices]]

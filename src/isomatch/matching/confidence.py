@@ -56,16 +56,15 @@ def doubt_of(pair: ShapePair, image: IntArray, runner_up: IntArray, ratio: float
     """Expect the distance between two maps (n_refine,), times the chance that the other is right: (n_s,), in √area."""
     # with P(map) ∝ score^−10, the other has chance 1 / (1 + (its score / score)^10); ½ at a tie
     chance = 1 / (1 + ratio**RUNNER_UP_EXPONENT)
-    return np.asarray(chance * pair.target.distance(image, runner_up)[nearest_refinement_rows(pair)])
+    rows = nearest_of(pair.source, pair.refinement_vertices)
+    return np.asarray(chance * pair.target.distance(image, runner_up)[rows])
 
 
-def nearest_refinement_rows(pair: SmoothPair) -> IntArray:
-    """Find the refinement vertex nearest to each vertex of the source: its number, (n_s,)."""
-    vertices = pair.refinement_vertices
-    number = np.zeros(pair.source.body.n_vertices, dtype=np.int64)
+def nearest_of(shape: SmoothShape, vertices: IntArray) -> IntArray:
+    """Find which of some vertices (m,) of a body is nearest to each, along edges: its number, (n_body,)."""
+    number = np.zeros(shape.body.n_vertices, dtype=np.int64)
     number[vertices] = np.arange(len(vertices))
-    rows: IntArray = number[distance_along_edges_to_nearest(pair.source.body, vertices)[1]]
-    return rows
+    return np.asarray(number[distance_along_edges_to_nearest(shape.body, vertices)[1]])
 
 
 def _gradient_energy(x: FloatArray, edges: IntArray, lengths: FloatArray) -> FloatArray:
@@ -165,7 +164,7 @@ def regions_of_doubt(
     source, target, bounds = pair.source, pair.target, pair.config.outcome
     doubts, runner_up = {}, None  # (n_s,) for each reason; 1 is its bound
     if runners_up is not None:
-        own, runner_up = (image[nearest_refinement_rows(pair)] for image in runners_up)
+        own, runner_up = (image[nearest_of(source, pair.refinement_vertices)] for image in runners_up)
         doubts[ANOTHER_MAP] = target.distance(own, runner_up) / pair.config.selection.runner_up_distance
     if descriptor_distance is not None and np.isfinite(descriptor_distance[pair.refinement_vertices]).any():
         # two people look more different everywhere than two poses of one
@@ -192,10 +191,9 @@ def regions_of_doubt(
 
 def around(shape: PreparedShape, values: FloatArray) -> FloatArray:
     """Mean of values in the neighbourhood of each vertex of a body: (n_s,), nan where most are not known."""
-    known = np.isfinite(values)
-    total, weight = (
-        diffused(shape, each, ERROR_RADIUS) for each in (np.where(known, values, 0.0), known.astype(float))
-    )
+    finite = np.isfinite(values)
+    total = diffused(shape, np.where(finite, values, 0.0), ERROR_RADIUS)
+    weight = diffused(shape, finite.astype(float), ERROR_RADIUS)
     return np.where(weight > LEAST_KNOWN, total / np.maximum(weight, LEAST_KNOWN), np.nan)
 
 
@@ -203,19 +201,18 @@ def lifted(
     regions: Iterable[DoubtfulRegion], source: PreparedShape, target: PreparedShape
 ) -> tuple[DoubtfulRegion, ...]:
     """Carry regions of the bodies to the users' vertices."""
-    found = []
+    carried = []
     for region in regions:
         rank = np.full(source.body.n_vertices, -1)
         rank[region.vertices] = np.arange(len(region.vertices))
         ranks = source.lift(rank, -1)
         vertices = np.flatnonzero(ranks >= 0)
         vertices = vertices[np.argsort(ranks[vertices], kind="stable")]
-        runner_up = (
-            None if region.runner_up is None else target.user_vertex[region.runner_up[ranks[vertices]]]
-        )
+        images = region.runner_up
+        runner_up = None if images is None else target.user_vertex[images[ranks[vertices]]]
         if len(vertices):
-            found.append(replace(region, vertices=vertices, runner_up=runner_up))
-    return tuple(found)
+            carried.append(replace(region, vertices=vertices, runner_up=runner_up))
+    return tuple(carried)
 
 
 def doubt_in(regions: Sequence[DoubtfulRegion], n_vertices: int) -> FloatArray:
@@ -230,12 +227,11 @@ def doubt_in(regions: Sequence[DoubtfulRegion], n_vertices: int) -> FloatArray:
 def packed(regions: Sequence[DoubtfulRegion]) -> dict[str, IntArray]:
     """Arrays for a file: sizes (r,), and vertices and runners-up (d,) of one region after the other; −1 for none."""
     vertices = [region.vertices for region in regions]
-    runners_up = [
-        np.full(len(r.vertices), UNMATCHED) if r.runner_up is None else r.runner_up for r in regions
-    ]
+    nowhere = (np.full(len(region.vertices), UNMATCHED) for region in regions)
+    runners_up = [none if r.runner_up is None else r.runner_up for r, none in zip(regions, nowhere)]
     nothing = np.zeros(0, dtype=np.int64)
     return {
-        "region_sizes": np.array([len(each) for each in vertices], dtype=np.int64),
+        "region_sizes": np.array(list(map(len, vertices)), dtype=np.int64),
         "region_vertices": np.concatenate([nothing, *vertices]),
         "region_runners_up": np.concatenate([nothing, *runners_up]),
     }

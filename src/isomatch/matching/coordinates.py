@@ -108,19 +108,16 @@ def joint_coordinates(
         phi = source.functions[:, :k]
         columns = [phi[source_vertex] * np.float32(1 / np.sqrt(k)), pair.signatures.source[source_vertex]]
         if with_positions:
-            drawn = row_product(
-                phi, basis.fit(target.mesh_body.vertices[image], k)
-            )  # Φ_s c: (n_s, k) @ (k, 3)
+            # Φ_s c: (n_s, k) @ (k, 3)
+            drawn = row_product(phi, basis.fit(target.mesh_body.vertices[image], k))
             normals = vertex_normals(drawn, source.faces)[source_vertex]
             columns += [single(unit * drawn[source_vertex]), single(side * weight * normals)]
         return np.hstack(columns)
 
     def of_target() -> FloatArray:
         phi = target.functions[onto_vertex, :k]
-        columns = [
-            row_product(phi, functional_map.T),
-            pair.signatures.target[onto_vertex],
-        ]  # (n_t, k) @ (k, k)
+        # (n_t, k) @ (k, k)
+        columns = [row_product(phi, functional_map.T), pair.signatures.target[onto_vertex]]
         if with_positions:
             smooth, normals = (x[onto_vertex] for x in target.smoothed(k))
             columns += [single(unit * smooth), single(weight * normals)]

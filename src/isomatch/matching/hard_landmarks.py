@@ -66,17 +66,16 @@ def pinned(pair: ShapePair, solution: Solution, landmarks: IntArray, tolerance: 
 class _Bending:
     """The map between two bodies in full, and how it is bent."""
 
-    def __init__(self, source: PreparedShape, target: PreparedShape, found: Correspondence) -> None:
-        self._source, self._target, self._found = source, target, found
+    def __init__(self, source: PreparedShape, target: PreparedShape, map_: Correspondence) -> None:
+        self._source, self._target, self._map = source, target, map_
         self._source_vertex, self._target_vertex = ((x.detail or x).body_vertex for x in (source, target))
-        corners = self._target_vertex[found.faces]
-        self._mapped = (self._source_vertex >= 0) & found.matched & (corners >= 0).all(axis=1)
-        self._images = PrecisePoints(corners, found.barycentric)
+        corners = self._target_vertex[map_.faces]
+        self._mapped = (self._source_vertex >= 0) & map_.matched & (corners >= 0).all(axis=1)
+        self._images = PrecisePoints(corners, map_.barycentric)
 
     def holds(self, landmarks: IntArray) -> BoolArray:
         """Tell which landmarks have an image on the target's body, and should."""
-        held: BoolArray = self._mapped[landmarks[:, 0]] & (self._target_vertex[landmarks[:, 1]] >= 0)
-        return held
+        return np.asarray(self._mapped[landmarks[:, 0]] & (self._target_vertex[landmarks[:, 1]] >= 0))
 
     def bent(self, landmarks: IntArray, tolerance: float) -> tuple[Correspondence, FloatArray]:
         """Return the map that moves the images of landmarks to their targets, and how far they were (m,), in √area."""
@@ -87,7 +86,7 @@ class _Bending:
         gap = np.linalg.norm(shift[:, axes], axis=1)
         shift[gap <= tolerance] = 0.0
         if not shift.any():
-            return self._found, gap
+            return self._map, gap
         weights = _weights(self._source, self._source_vertex[rows], gap.max())
         touched = np.flatnonzero(self._mapped)
         touched = np.union1d(touched[weights[self._source_vertex[touched]].any(axis=1)], rows)
@@ -102,14 +101,14 @@ class _Bending:
         points.corners[at[held]] = wanted[held, None]
         user_vertex = (self._target.detail or self._target).user_vertex
         images = PrecisePoints(user_vertex[points.corners], points.barycentric)
-        return _with_images(self._found, touched, images), gap
+        return _with_images(self._map, touched, images), gap
 
 
-def _with_images(found: Correspondence, rows: IntArray, images: PrecisePoints) -> Correspondence:
+def _with_images(map_: Correspondence, rows: IntArray, images: PrecisePoints) -> Correspondence:
     """Give some source vertices (m,) other images."""
-    vertices, faces, weights = (x.copy() for x in (found.vertices, found.faces, found.barycentric))
+    vertices, faces, weights = map_.vertices.copy(), map_.faces.copy(), map_.barycentric.copy()
     vertices[rows], faces[rows], weights[rows] = images.corners[:, 0], images.corners, images.barycentric
-    return Correspondence(vertices, found.n_target, faces, weights, found.source_hash, found.target_hash)
+    return replace(map_, vertices=vertices, faces=faces, barycentric=weights)
 
 
 def _at(points: PrecisePoints, rows: IntArray) -> PrecisePoints:

@@ -42,7 +42,6 @@ from isomatch.runtime.stage_timer import Progress, StageTimer, two_arguments
 from isomatch.runtime.threads import in_background, serial_blas
 from isomatch.settings import Config
 from isomatch.shapes import PreparedShape
-from isomatch.values.arrays import IntArray
 
 
 def match(
@@ -180,14 +179,13 @@ def _handed_in(
     refinement: Refinement | None, starts: Sequence[Start] | None, relation: Relation | None
 ) -> list[str]:
     """Record which stages are not those of the settings."""
-    stages = []
-    if refinement:
-        stages.append(f"refinement = {type(refinement).__name__}")
-    if starts is not None:
-        stages.append(f"starts = {', '.join(map(name_of, starts)) or 'none'}")
-    if relation:
-        stages.append(f"relation = {type(relation).__name__}")
-    return [f"stages handed in: {'; '.join(stages)}"] if stages else []
+    names = {
+        "refinement": refinement and type(refinement).__name__,
+        "starts": None if starts is None else ", ".join(map(name_of, starts)) or "none",
+        "relation": relation and type(relation).__name__,
+    }
+    stages = "; ".join(f"{stage} = {name}" for stage, name in names.items() if name)
+    return [f"stages handed in: {stages}"] if stages else []
 
 
 THERE = 0.75  # of the time, with the preparation
@@ -200,8 +198,7 @@ class BothDirections(NamedTuple):
     back: MatchResult
 
     def _repr_html_(self) -> str:
-        html: str = view_room().html_of(self)  # a named tuple has no other base
-        return html
+        return str(view_room().html_of(self))  # a named tuple has no other base
 
 
 def match_both(
@@ -275,21 +272,21 @@ def _both(
     priors = None if alone else Priors.of(pair, *user_priors)
     searched = priors is not None and not priors.any and pair.config.hypotheses == "all"
     searched = searched and stages.relation is None
-    found: IsometricMatch | None = None
+    isometric: IsometricMatch | None = None
     if priors is None or not searched or part_role(pair, priors, stages) or side_to_turn(pair):
         solution_there = solve_prepared(pair, user_priors, stages, timer)
     else:
         relation = Isometry().on(pair, priors, stages)
-        found = relation.match(timer)
-        solution_there, apart = solve_touching(relation, found, timer)
-        found = None if apart else found
+        isometric = relation.match(timer)
+        solution_there, apart = solve_touching(relation, isometric, timer)
+        isometric = None if apart else isometric
     there = verified(solution_there, timer, seed)
     timer_back.restart()
-    if found is None:
+    if isometric is None:
         solution = solve_prepared(pair_back, priors_back, stages, timer_back)
         note = "the shapes were prepared for both directions at once; the map was found by itself"
     else:
-        hypotheses = _turned_hypotheses(found, pair, pair_back)
+        hypotheses = _turned_hypotheses(isometric, pair, pair_back)
         relation_back = Isometry().on(pair_back, Priors.of(pair_back, *priors_back), stages)
         solution = solve_complete(relation_back, relation_back.match(timer_back, hypotheses), timer_back)
         solution = solution.with_evidence(Evidence.of(solution_there.outcome))
@@ -318,27 +315,20 @@ def _turned(pair: ShapePair, user_priors: UserPriors) -> UserPriors:
     )
 
 
-def _turned_hypotheses(found: IsometricMatch, pair: ShapePair, pair_back: ShapePair) -> list[Hypothesis]:
+def _turned_hypotheses(isometric: IsometricMatch, pair: ShapePair, pair_back: ShapePair) -> list[Hypothesis]:
     """Turn around the refined maps, best first, and the best of the others, as maps of the target's search vertices."""
-    fits = (found.selection.winner, *found.selection.runners_up)
+    fits = (isometric.selection.winner, *isometric.selection.runners_up)
     refined = [fit.candidate for fit in fits if fit.candidate]
     images = [fit.image[: len(pair.source_vertices)] for fit in fits]
     tried = [candidate.hypothesis for candidate in refined]
-    others = [c for c in found.eligible if all(c.hypothesis is not other for other in tried)]
+    others = [c for c in isometric.eligible if all(c.hypothesis is not other for other in tried)]
     others = others[: pair.config.selection.most_contenders]
     images += [pair.target_vertices[candidate.target_row] for candidate in others]
-    starts = np.array([_turned_rows(pair, image) for image in images])
+    # for each search vertex of the target, the row of the source whose image is nearest, by geodesic distance
+    between = pair.target.distances.between
+    starts = np.array([between(pair.target_vertices, image).argmin(axis=1) for image in images])
     aligned = iterative_closest_points(*pair_back.search_points, starts, PRIOR_STEPS)
-    return [
-        Hypothesis(each, candidate.hypothesis.origin) for each, candidate in zip(aligned, refined + others)
-    ]
-
-
-def _turned_rows(pair: ShapePair, target_vertex: IntArray) -> IntArray:
-    """For each search vertex of the target, the row of the source whose image is nearest, by geodesic distance."""
-    apart = pair.target.distances.between(pair.target_vertices, target_vertex)
-    rows: IntArray = apart.argmin(axis=1)
-    return rows
+    return [Hypothesis(each, c.hypothesis.origin) for each, c in zip(aligned, refined + others)]
 
 
 BEFORE = "the map before, "
@@ -388,7 +378,9 @@ def continue_with(
     chosen = others[number - 1]
     start: Any = chosen.map  # with the hashes of its surfaces
     config = replace(result.config, hypotheses="given", start="auto")
-    found = match(
+    before = result.map  # and nothing else of the result
+    former = Alternative(lambda: before, nan, nan, BEFORE + result.origin)
+    result = match(
         source,
         target,
         landmarks=None if config.pin is None else landmarks,
@@ -397,11 +389,7 @@ def continue_with(
         seed=result.seed,
         progress=progress,
     )
-    before = result.map  # and nothing else of the result
-    former = Alternative(lambda: before, nan, nan, BEFORE + result.origin)
-    left = [
-        replace(other, origin=other.origin.removeprefix(BEFORE)) for other in others if other is not chosen
-    ]
+    left = [replace(a, origin=a.origin.removeprefix(BEFORE)) for a in others if a is not chosen]
     origin = chosen.origin.removeprefix(BEFORE)
     note = f"alternative {number}, from {origin}, was chosen and refined; the map before is alternative 1"
-    return replace(found, alternatives=(former, *left), origin=origin, notes=(note, *found.notes))
+    return replace(result, alternatives=(former, *left), origin=origin, notes=(note, *result.notes))

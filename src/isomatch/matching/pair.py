@@ -43,17 +43,15 @@ class SmoothPair:
         of_source, of_target = self.source.signatures, self.target.signatures
         common = min(of_source.shape[1], of_target.shape[1])
         sides = zip((of_source, of_target), self.known)
-        source, target = (single(np.hstack([values[:, :common], known])) for values, known in sides)
-        return Embedding(source, target)
+        return Embedding(*(single(np.hstack([own[:, :common], functions])) for own, functions in sides))
 
     @cached_property
     def known(self) -> Embedding:
         """The known functions on the bodies: (n_s, q) and (n_t, q), with q = 0 if none is."""
         if self.functions is None:
             return Embedding(*(np.zeros((shape.body.n_vertices, 0)) for shape in (self.source, self.target)))
-        return Embedding(
-            self.source.restrict(self.functions.source), self.target.restrict(self.functions.target)
-        )
+        source, target = self.functions
+        return Embedding(self.source.restrict(source), self.target.restrict(target))
 
     @cached_property
     def spectra(self) -> SpectralPair:
@@ -125,17 +123,14 @@ class ShapePair(SmoothPair):
     @cached_property
     def search_points(self) -> tuple[SignedPoints, SignedPoints]:
         """Leading columns of the descriptors of source and target at the search vertices."""
-        rank = self.config.search.rank
-        return self.source.points.at(self.source_vertices, rank), self.target.points.at(
-            self.target_vertices, rank
-        )
+        source, target, rank = self.source.points, self.target.points, self.config.search.rank
+        return source.at(self.source_vertices, rank), target.at(self.target_vertices, rank)
 
     @cached_property
     def search_signatures(self) -> Embedding:
         """The signatures at the search vertices: (m_s, q) and (m_t, q)."""
-        return Embedding(
-            self.signatures.source[self.source_vertices], self.signatures.target[self.target_vertices]
-        )
+        source, target = self.signatures
+        return Embedding(source[self.source_vertices], target[self.target_vertices])
 
     @cached_property
     def search_spectra(self) -> SpectralPair:
@@ -189,17 +184,20 @@ class ShapePair(SmoothPair):
         """Mean geodesic distance between the images of a map (m_s,) and of each of q others: (q,), in √area."""
         if not others:
             return np.zeros(0)
-        means: FloatArray = self._target_row_distances[np.array(others), target_row].mean(axis=1)
-        return means
+        return np.asarray(self._target_row_distances[np.array(others), target_row].mean(axis=1))
 
     def inverted(self, target_row: IntArray) -> IntArray:
         """Invert a map (m_s,): for each search vertex of the target the row whose image is nearest, (m_t,)."""
-        rows: IntArray = self._target_row_distances[:, target_row].argmin(axis=1)
-        return rows
+        return np.asarray(self._target_row_distances[:, target_row].argmin(axis=1))
 
     def differs(self, target_row: IntArray, others: Sequence[IntArray], least: float) -> bool:
         """Tell whether a map (m_s,) differs from each of q others by more than a mean distance, in √area."""
         return bool((self.distances_between_maps(target_row, others) > least).all())
+
+
+def search_pairs(pair: ShapePair, target_row: IntArray) -> IntArray:
+    """Search vertices and their images under a map (m_s,) of them: pairs (m_s, 2)."""
+    return np.column_stack([pair.source_vertices, pair.target_vertices[target_row]])
 
 
 def prepare_pair(
@@ -226,8 +224,8 @@ def prepare_pair(
         return _prepared(side, shape, settings, seed, reach)
 
     first, second = parallel_map(prepared, range(2))
-    for (side, given), shape in zip(sides, (first, second)):
-        if timer and shape is not given:
+    for (side, surface), shape in zip(sides, (first, second)):
+        if timer and shape is not surface:
             timer.beside(side, {stage: spent for stage, spent in shape.timings.items() if stage != "total"})
     return ShapePair(first, second, settings)
 
@@ -249,14 +247,14 @@ def extremity_assignments(
 ) -> list[IntArray]:
     """Assign extremal points so that their distances agree: (count, 2) source and target vertices, the best first."""
     # the best of every count of points and both directions, repetitions removed
-    found: dict[tuple[tuple[int, int], ...], None] = {}
+    assignments: dict[tuple[tuple[int, int], ...], None] = {}
     for count in settings.extremity_counts:
         for forward in (True, False):
             a, b = (source, target) if forward else (target, source)
             for few, among in _consistent_assignments(a, b, count, settings):
                 pairs = zip(few, among) if forward else zip(among, few)
-                found.setdefault(tuple(sorted((int(i), int(j)) for i, j in pairs)))
-    return [np.array(pairs) for pairs in found]
+                assignments.setdefault(tuple(sorted((int(i), int(j)) for i, j in pairs)))
+    return [np.array(pairs) for pairs in assignments]
 
 
 def _consistent_assignments(

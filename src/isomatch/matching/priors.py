@@ -20,6 +20,7 @@ from isomatch.values.arrays import FloatArray, IntArray, array_of, numbers_of
 # landmarks, initial map and initial descriptors, as they were given to `match`
 UserPriors = tuple[ArrayLike | None, ArrayLike | None, tuple[ArrayLike, ArrayLike] | None]
 
+NO_LANDMARKS = np.zeros((0, 2), dtype=np.int64)
 FEWEST_POINTS = 3  # corresponding points determine three columns of an alignment, and fewer no map
 
 
@@ -45,7 +46,7 @@ class Priors:
     initial_pairs: IntArray
     functions: tuple[FloatArray, FloatArray]
     notes: tuple[str, ...] = ()
-    user_landmarks: IntArray = field(default_factory=lambda: np.zeros((0, 2), dtype=np.int64))
+    user_landmarks: IntArray = field(default_factory=lambda: NO_LANDMARKS)
 
     @classmethod
     def of(
@@ -64,7 +65,7 @@ class Priors:
         """
         source, target = pair.source, pair.target
         sizes = source.surface.n_vertices, target.surface.n_vertices
-        points = user_landmarks = initial_pairs = np.zeros((0, 2), dtype=np.int64)
+        points = user_landmarks = initial_pairs = NO_LANDMARKS
         notes: list[str] = []
         if landmarks is not None:
             pairs = checked_landmarks(landmarks, *sizes)
@@ -199,8 +200,8 @@ def with_functions(pair: ShapePair, functions: tuple[ArrayLike, ArrayLike] | Non
         return pair
     if len(functions) != 2:
         raise DescriptorError(f"functions are {len(functions)} arrays; expected two, of source and target")
-    given = (numbers_of(values, "functions", DescriptorError) for values in functions)
-    columns = tuple(values[:, None] if values.ndim == 1 else values for values in given)
+    sides = (numbers_of(values, "functions", DescriptorError) for values in functions)
+    columns = tuple(values[:, None] if values.ndim == 1 else values for values in sides)
     sizes = pair.source.surface.n_vertices, pair.target.surface.n_vertices
     values = checked_descriptors(columns, *sizes, what="functions")
     for side, each in zip(("source", "target"), values):
@@ -214,9 +215,8 @@ def with_functions(pair: ShapePair, functions: tuple[ArrayLike, ArrayLike] | Non
     weight = pair.config.refining.function_weight / np.sqrt(both.shape[1])
     mean, deviation = np.nanmean(both, axis=0), np.nanstd(both, axis=0)
     unit = weight / np.where(deviation > 0, deviation, 1.0)
-    sides = zip(values, (pair.source.surface, pair.target.surface))
-    source, target = (_filled((each - mean) * unit, surface) for each, surface in sides)
-    return replace(pair, functions=Embedding(source, target))
+    surfaces = pair.source.surface, pair.target.surface
+    return replace(pair, functions=Embedding(*map(_filled, ((x - mean) * unit for x in values), surfaces)))
 
 
 def _filled(values: FloatArray, surface: Surface) -> FloatArray:

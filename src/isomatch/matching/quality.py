@@ -36,9 +36,7 @@ def measure_quality(
     distortion = np.abs(source.columns[:, vertices] - there)
     aligned = source.points.at(vertices), target.points.at(image[vertices])
     positions = image_positions(source.body, target.body, points)
-    at_landmarks, at_initial = (
-        distances_to_priors(pair, image, each) for each in (priors.landmarks, priors.initial_pairs)
-    )
+    landmark_error, initial_map_error = prior_errors(pair, image, priors.landmarks, priors.initial_pairs)
     return Quality(
         spectral_residual=selection.winner.spectral_residual if selection else np.nan,
         runner_up=selection.runner_up if selection else np.nan,
@@ -53,8 +51,8 @@ def measure_quality(
         distortion_p95=float(np.quantile(distortion, 0.95)),
         coverage=covered_share(target.body, image, settings.coverage_radius),
         matched=float((source.body_vertex >= 0).mean()),
-        landmark_error=float(at_landmarks.mean()) if len(at_landmarks) else np.nan,
-        initial_map_error=float(np.median(at_initial)) if len(at_initial) else np.nan,
+        landmark_error=landmark_error,
+        initial_map_error=initial_map_error,
     )
 
 
@@ -70,9 +68,9 @@ def descriptor_distance_of(
 
 def mean_known(values: FloatArray | None, areas: FloatArray) -> float:
     """Mean over the area of what is known of the values of vertices; nan if nothing is."""
-    if values is None or not (known := np.isfinite(values)).any():
+    if values is None or not (finite := np.isfinite(values)).any():
         return np.nan
-    return float(np.average(values[known], weights=areas[known]))
+    return float(np.average(values[finite], weights=areas[finite]))
 
 
 def covered_share(surface: Surface, images: IntArray, radius: float = COVERAGE_RADIUS) -> float:
@@ -87,8 +85,7 @@ def image_positions(source: Surface, target: Surface, points: PrecisePoints) -> 
     """(n_s, 3) where the images of the source's vertices lie in space; None unless both surfaces have coordinates."""
     if isinstance(source, Graph) or isinstance(target, Graph):
         return None
-    positions: FloatArray = points.interpolation(target.n_vertices) @ target.vertices
-    return positions
+    return np.asarray(points.interpolation(target.n_vertices) @ target.vertices)
 
 
 def edge_stretch(
@@ -126,6 +123,19 @@ def torn_off_share(source: Surface, target_area: float, images: FloatArray | Non
 def distances_to_priors(pair: ShapePair, target_vertex: IntArray, pairs: IntArray) -> FloatArray:
     """Distance between the images under a map (n_s,) and the second vertices of pairs (q, 2): (q,), in √area."""
     return pair.target.distance(target_vertex[pairs[:, 0]], pairs[:, 1])
+
+
+def prior_errors(
+    pair: ShapePair, target_vertex: IntArray, landmarks: IntArray, initial_pairs: IntArray
+) -> tuple[float, float]:
+    """Mean and median of these distances for landmarks and for an initial map; nan without."""
+    at_landmarks, at_initial = (
+        distances_to_priors(pair, target_vertex, pairs) for pairs in (landmarks, initial_pairs)
+    )
+    return (
+        float(at_landmarks.mean()) if len(at_landmarks) else np.nan,
+        float(np.median(at_initial)) if len(at_initial) else np.nan,
+    )
 
 
 def contradicted_landmarks(pair: ShapePair, points: PrecisePoints, priors: Priors) -> list[str]:

@@ -28,12 +28,8 @@ from isomatch.shapes import PreparedShape, orientation_of, prepare
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import FloatArray, IntArray
 
-LAPLACE_FIRST = (
-    15,
-    20,
-    30,
-    40,
-)  # functions from which a functional map grows; docs/lab/paper.md: the best of four
+# functions from which a functional map grows; docs/lab/paper.md: the best of four
+LAPLACE_FIRST = (15, 20, 30, 40)
 LAPLACE_CHOICE = 50  # functions at which the best of these is chosen; chosen: as many as the rank
 LAPLACE_STEP = 5  # functions added in each step; Melzi et al. 2019
 DISTANCE_STEPS = 15  # iterations of the plain descriptor alignment; two on all vertices follow; chosen
@@ -81,8 +77,7 @@ def descriptor_embedding(pair: ShapePair, target_row: IntArray) -> Embedding:
     points = turned(pair.source_vertices, pair.target_vertices[target_row])
     everywhere = np.arange(len(source.coordinates))
     for vertices in (*[pair.refinement_vertices] * DISTANCE_STEPS, everywhere, everywhere):
-        images = pair.target.index.vertices(points, source.coordinates[vertices])
-        points = turned(vertices, images)
+        points = turned(vertices, pair.target.index.vertices(points, source.coordinates[vertices]))
     return Embedding(source.coordinates, points)
 
 
@@ -221,9 +216,7 @@ class _Trial:
 
     def moved(self, random: np.random.Generator) -> IntArray:
         """Draw vertices of the source near those that are mapped, as images (r,) of a rough map."""
-        source = self.relation.source
-        everywhere = np.arange(source.body.n_vertices)
-        apart = source.distances.between(self.relation.vertices, everywhere)
+        apart = self.relation.source.distances.row(self.relation.vertices)
         return np.array([random.choice(np.flatnonzero(row <= MOVED)) for row in apart])
 
     def refined(self, images: Sequence[IntArray]) -> list[Fit]:
@@ -262,9 +255,8 @@ def _check_relabelling(trial: _Trial, renumbered: _Trial, rough: IntArray) -> No
             f"{changed:.0%} of the images are other points, {apart:.3f} √area apart on average, when the vertices of the "
             f"target have other numbers (at most {MOST_CHANGED:.0%})"
         )
-        raise _broken(
-            trial, "relabelling", how, "what uses the number of a vertex, or the order of the vertices"
-        )
+        look_at = "what uses the number of a vertex, or the order of the vertices"
+        raise _broken(trial, "relabelling", how, look_at)
 
 
 def _check_truth(trial: _Trial) -> None:
@@ -278,10 +270,8 @@ def _check_truth(trial: _Trial) -> None:
         error = trial.target.mean_distance(image, truth)
         if not error <= MOST_ERROR:
             how = f"of the true map of a turned copy it makes one with a mean error of {error:.3f} √area"
-            look_at = (
-                f"{where}: whether rows are those of relation.vertices and images are vertices of the target"
-            )
-            raise _broken(trial, "truth", f"{how} (at most {MOST_ERROR})", look_at)
+            look_at = "whether rows are those of relation.vertices and images are vertices of the target"
+            raise _broken(trial, "truth", f"{how} (at most {MOST_ERROR})", f"{where}: {look_at}")
 
 
 def _broken(trial: _Trial, law: str, how: str, look_at: str) -> SettingError:
@@ -297,7 +287,6 @@ def _threads(number: int) -> Iterator[None]:
     try:
         yield
     finally:
-        if before is None:
-            del os.environ[name]
-        else:
+        os.environ.pop(name)
+        if before is not None:
             os.environ[name] = before

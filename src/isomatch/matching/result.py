@@ -136,11 +136,16 @@ class Alternative:
         return Alternative, (partial(_itself, self.map), self.energy, self.orientation, self.origin)
 
 
-def _itself(found: Correspondence) -> Correspondence:
-    return found
+def _itself(map_: Correspondence) -> Correspondence:
+    return map_
 
 
 _PLAIN = ("timings", "notes", "engine", "origin", "reason", "seed", "symmetries")
+
+
+def _restored(summary: dict[str, Any]) -> dict[str, Any]:
+    outcome, plain = Outcome[summary["outcome"]], {name: summary[name] for name in _PLAIN[:-1]}
+    return {**plain, "outcome": outcome, "notes": tuple(plain["notes"])}
 
 
 def _settings(name: str, values: dict[str, Any]) -> MatchSettings:
@@ -149,8 +154,7 @@ def _settings(name: str, values: dict[str, Any]) -> MatchSettings:
     for kind in kinds:
         kinds.extend(kind.__subclasses__())
         if kind.__name__ == name:
-            made: Any = kind.from_dict(values)
-            return cast(MatchSettings, made)
+            return cast(MatchSettings, kind.from_dict(values))
     raise FormatError(
         f"its settings {name!r} are not known; import the method that made it first, as by isomatch_lab.baselines"
     )
@@ -248,10 +252,8 @@ class MatchResult(Shown):
         ResultView
             With the extra ``notebook``, its ``landmarks`` are those clicked so far, which `match` takes.
         """
-        shown: Any = view_room().show_result(
-            self, *self.map.surfaces(source, target), landmarks=landmarks, height=height
-        )
-        return shown
+        surfaces = self.map.surfaces(source, target)
+        return view_room().show_result(self, *surfaces, landmarks=landmarks, height=height)
 
     def as_mesh(self, source: SurfaceLike, target: SurfaceLike) -> Mesh:
         """Bend the source onto the target, see `isomatch.wrap`; `MapError` if other surfaces were matched."""
@@ -301,26 +303,23 @@ class MatchResult(Shown):
             about = json.loads(arrays.pop("about"))
             errors, descriptor_distance = (
                 np.where(values == UNMATCHED, np.nan, values)
-                for values in (arrays.pop("expected_error"), arrays.pop("descriptor_distance"))
+                for values in map(arrays.pop, ("expected_error", "descriptor_distance"))
             )
             regions = unpacked(arrays, about.get("regions", []))
-            found = Correspondence(**{**arrays, "n_target": int(arrays["n_target"])})
-            maps = [replace(found, **dict(zip(MAP_ARRAYS, parts))) for parts in others]
+            main = Correspondence(**{**arrays, "n_target": int(arrays["n_target"])})
+            maps = [replace(main, **dict(zip(MAP_ARRAYS, parts))) for parts in others]
+            restored = _restored(about)
+            evidence = zip(maps, about["alternatives"], strict=True)
             return cls(
-                map=found,
-                outcome=Outcome[about["outcome"]],
+                map=main,
                 quality=Quality(**about["quality"]),
                 expected_error=errors,
                 descriptor_distance=descriptor_distance if len(descriptor_distance) else None,
                 regions=regions,
-                alternatives=tuple(
-                    Alternative(partial(_itself, map), *evidence)
-                    for map, evidence in zip(maps, about["alternatives"], strict=True)
-                ),
-                notes=tuple(about["notes"]),
+                alternatives=tuple(Alternative(partial(_itself, map), *numbers) for map, numbers in evidence),
                 symmetries=tuple(about["symmetries"]),
                 config=_settings(about["settings"], about["config"]),
-                **{name: about[name] for name in _PLAIN if name not in ("notes", "symmetries")},
+                **restored,
             )
         except (InputError, KeyError, TypeError, ValueError, RecursionError) as error:
             raise FormatError(
@@ -333,26 +332,25 @@ class MatchResult(Shown):
         quality = {name: math.nan if value is None else value for name, value in summary["quality"].items()}
         return cls(
             map=found,
-            outcome=Outcome[summary["outcome"]],
             quality=Quality(**quality),
             expected_error=np.full(len(found.vertices), np.nan),
             alternatives=(),
-            notes=tuple(summary["notes"]),
             config=config,
             symmetries=(summary["symmetries"]["source"], summary["symmetries"]["target"]),
             regions=tuple(map(DoubtfulRegion.from_dict, summary.get("regions", []))),
-            **{name: summary[name] for name in _PLAIN if name not in ("notes", "symmetries")},
+            **_restored(summary),
         )
 
     def _errors_described(self) -> dict[str, float | None]:
         """Mean and 95th percentile of the expected error; share of vertices whose confidence is below ½."""
-        known = self.expected_error[np.isfinite(self.expected_error)]
-        if not len(known):
+        errors = self.expected_error[np.isfinite(self.expected_error)]
+        if not len(errors):
             return {"mean": None, "p95": None, "below_half": None}
+        below_half = float((errors > HALF_TRUSTED).mean())
         return {
-            "mean": float(known.mean()),
-            "p95": float(np.quantile(known, 0.95)),
-            "below_half": float((known > HALF_TRUSTED).mean()),
+            "mean": float(errors.mean()),
+            "p95": float(np.quantile(errors, 0.95)),
+            "below_half": below_half,
         }
 
     def to_dict(self) -> dict[str, Any]:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from itertools import permutations
+from operator import attrgetter
+from typing import TypeVar
 
 import numpy as np
 
 from isomatch.correspondence import Alignment, closest_point_images, iterative_closest_points
-from isomatch.matching.fit import Hypothesis
+from isomatch.matching.fit import Candidate, Hypothesis
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.priors import Priors
 from isomatch.matching.selection import distinct
@@ -31,6 +33,8 @@ MOST_WITHOUT_LIMBS = 40
 
 # functions flipped on the way back, which exchange limbs or twist a body; docs/lab/design_notes.md
 FLIPPED_BACK = 6
+T = TypeVar("T")
+M = TypeVar("M", Alignment, Hypothesis, Candidate)
 AT_ONCE = 4  # maps moved together by a thread; fixed, so that results do not depend on the number of threads
 
 
@@ -71,9 +75,8 @@ def symmetric_variants(pair: ShapePair, target_row: IntArray) -> list[Hypothesis
     if not starts:
         return []
     settings = pair.config.search
-    moved = iterative_closest_points(
-        *pair.search_points, np.array(starts), settings.flip_steps, settings.unchanged
-    )
+    steps = settings.flip_steps
+    moved = iterative_closest_points(*pair.search_points, np.array(starts), steps, settings.unchanged)
     return [Hypothesis(alignment, "symmetry") for alignment in moved]
 
 
@@ -81,8 +84,7 @@ def search(
     pair: ShapePair, from_priors: list[Hypothesis], starts: Sequence[Start] | None = None
 ) -> list[Hypothesis]:
     """Collect distinct hypotheses from priors and starts, by default `default_starts`; best residual first."""
-    most = MOST_WITHOUT_LIMBS if pair.limbless else pair.config.search.n_hypotheses
-    pool = Pool(pair, most)
+    pool = Pool(pair, MOST_WITHOUT_LIMBS if pair.limbless else pair.config.search.n_hypotheses)
     pool.merge(from_priors)
     for start in default_starts if starts is None else starts:
         if isinstance(start, PoolStart):
@@ -113,19 +115,20 @@ def combinations(pair: ShapePair, maps: Sequence[IntArray]) -> list[Hypothesis]:
     halves = pair.source.laplace.vectors[pair.source_vertices, 1 : 1 + settings.halves].T > 0
     starts = [np.where(half, *two) for half in halves for two in permutations(maps[: settings.combined], 2)]
     aligned = iterative_closest_points(*pair.search_points, np.array(starts), 0) if starts else []
-    chosen = distinct(
-        sorted(aligned, key=lambda alignment: alignment.residual),
-        lambda alignment: alignment.target_row,
-        pair.distances_between_maps,
-        settings.same_map,
-        settings.most_combined,
-        maps,
-    )
+    chosen = distinct_maps(pair, sorted(aligned, key=attrgetter("residual")), settings.most_combined, maps)
     if not chosen:
         return []
     rows = np.array([alignment.target_row for alignment in chosen])
     moved = iterative_closest_points(*pair.search_points, rows, settings.flip_steps, settings.unchanged)
     return [Hypothesis(alignment, "combination") for alignment in moved]
+
+
+def distinct_maps(
+    pair: ShapePair, maps: Iterable[M], most: int | None = None, before: Sequence[IntArray] = ()
+) -> list[M]:
+    """Keep the first maps of the search vertices that differ, see `distinct`."""
+    least = pair.config.search.same_map
+    return distinct(maps, lambda map_: map_.target_row, pair.distances_between_maps, least, most, before)
 
 
 class Pool:
@@ -139,13 +142,8 @@ class Pool:
 
     def merge(self, new: list[Hypothesis]) -> None:
         """Take in hypotheses; of maps that nearly coincide the one of smallest residual is kept."""
-        self.hypotheses = distinct(
-            sorted([*self.hypotheses, *new], key=lambda h: h.alignment.residual),
-            lambda h: h.target_row,
-            self.pair.distances_between_maps,
-            self._settings.same_map,
-            self._most,
-        )
+        order = sorted([*self.hypotheses, *new], key=attrgetter("alignment.residual"))
+        self.hypotheses = distinct_maps(self.pair, order, self._most)
 
     def add(self, starts: list[IntArray], steps: int, origin: str) -> None:
         """Run iterative closest points from first maps and merge what comes of them."""
@@ -168,7 +166,7 @@ class Pool:
     def converged(self, starts: list[IntArray], steps: int) -> list[Alignment]:
         """Run iterative closest points from many first maps; one that meets another, or a known map, is dropped."""
         settings, points = self._settings, self.pair.search_points
-        known, settled = [h.target_row for h in self.hypotheses], list[IntArray]()
+        before, settled = [h.target_row for h in self.hypotheses], list[IntArray]()
         # most starts lead to few maps: comparing them every other iteration saves most of the work, as does leaving
         # those that have settled
         for _ in range(0, steps, settings.compare_every):
@@ -177,23 +175,22 @@ class Pool:
                 lambda rows: rows,
                 self.pair.distances_between_maps,
                 settings.same_start,
-                known=[*known, *settled],
+                before=[*before, *settled],
             )
-            groups = [np.array(starts[i : i + AT_ONCE]) for i in range(0, len(starts), AT_ONCE)]
-            moved = parallel_map(
-                lambda group: closest_point_images(
-                    *points, group, settings.compare_every, settings.unchanged
-                ),
-                groups,
+            images = _in_groups(
+                lambda maps: closest_point_images(*points, maps, settings.compare_every, settings.unchanged),
+                starts,
             )
-            images = [rows for group in moved for rows in group]
             moving = [(rows == start).mean() < settings.unchanged for rows, start in zip(images, starts)]
             settled += [rows for rows, moves in zip(images, moving) if not moves]
             starts = [rows for rows, moves in zip(images, moving) if moves]
-        found = [*settled, *starts]
-        groups = [np.array(found[i : i + AT_ONCE]) for i in range(0, len(found), AT_ONCE)]
-        aligned = parallel_map(lambda group: iterative_closest_points(*points, group, 0), groups)
-        return [alignment for group in aligned for alignment in group]
+        return _in_groups(lambda maps: iterative_closest_points(*points, maps, 0), [*settled, *starts])
+
+
+def _in_groups(move: Callable[[IntArray], Iterable[T]], maps: list[IntArray]) -> list[T]:
+    """Apply a function of several maps (h, m_s) to many, on all threads."""
+    groups = [np.array(maps[i : i + AT_ONCE]) for i in range(0, len(maps), AT_ONCE)]
+    return [each for group in parallel_map(move, groups) for each in group]
 
 
 class FromRows(PoolStart):
@@ -244,10 +241,12 @@ def starts_of(relation: Relation) -> tuple[Start, ...]:
     """Return the starts of a part or an elastic map: those handed in, else isomatch's; none where only priors may win."""
     # landmarks lead through anchors, in any case but where a whole map is given and nothing else may win
     starts, config, priors = relation.stages.starts, relation.pair.config, relation.priors
-    found = () if config.hypotheses == "given" else default_starts if starts is None else tuple(starts)
+    if config.hypotheses == "given":
+        starts = ()
+    starts = default_starts if starts is None else tuple(starts)
     whole_map = not priors.only_landmarks or config.start == "pose"
     led = len(priors.landmarks) and not (config.hypotheses == "given" and whole_map)
-    return (*found, FromAnchors()) if led else found
+    return (*starts, FromAnchors()) if led else starts
 
 
 def _flipped(pair: ShapePair, functional_map: FloatArray, function: int) -> IntArray:

@@ -52,11 +52,11 @@ def distinct(
     distances: Distances,
     apart: float,
     most: int | None = None,
-    known: Sequence[IntArray] = (),
+    before: Sequence[IntArray] = (),
 ) -> list[T]:
-    """Keep the first maps, at most so many, that are farther ``apart`` from those kept before, and from known ones."""
+    """Keep the first maps, at most so many, that are farther ``apart`` from those kept and from the images ``before``."""
     kept: list[T] = []
-    images = list(known)
+    images = list(before)
     for candidate in maps:
         if len(kept) == most:
             break
@@ -136,9 +136,8 @@ def survivors(
     q, oriented = range(len(fits)), settings.orientation_threshold
     # while normals take no part, a twisted map may fit well: it neither sets the standard nor replaces another
     clear = [i for i in q if with_normals or abs(fits[i].orientation) > oriented] or list(q)
-    limit = settings.spectral_residual_limit * max(
-        min(fits[i].spectral_residual for i in clear), SPECTRAL_RESIDUAL_NOISE
-    )
+    least = min(fits[i].spectral_residual for i in clear)
+    limit = settings.spectral_residual_limit * max(least, SPECTRAL_RESIDUAL_NOISE)
     order = sorted(q, key=lambda i: (i not in clear, fits[i].spectral_residual))
     # the best of those nearest to the priors goes on however badly it fits, and the best of each orientation if asked
     spared = [i for i in order if fits[i] in nearest_to_priors(fits, LANDMARK_SLACK)][:1]
@@ -177,10 +176,10 @@ def weighed(
     lead = np.zeros((n, n))  # w (m̄_i − m̄_j), antisymmetric
     for i in range(n):
         for j in range(i):
-            known = np.isfinite(descriptor_distances[i]) & np.isfinite(descriptor_distances[j])
-            known &= distance(images[i], images[j]) > ELSEWHERE
-            if known.mean() >= LEAST_REGION:
-                lead[i, j] = weight * (descriptor_distances[i] - descriptor_distances[j])[known].mean()
+            differences = descriptor_distances[i] - descriptor_distances[j]
+            region = np.isfinite(differences) & (distance(images[i], images[j]) > ELSEWHERE)
+            if region.mean() >= LEAST_REGION:
+                lead[i, j] = weight * differences[region].mean()
                 lead[j, i] = -lead[i, j]
     # As R differs from pair to pair, three maps may beat each other in a ring. The best is the eligible one that loses
     # least to any other, min_i max_j c_i exp(looks_ij) / c_j; all costs are then those against it.
@@ -206,13 +205,11 @@ class Rules:
     mirror_tie: float = 1.0  # the same for one of the other side
     landmark_slack: float = 0.0  # difference of prior errors, in √area, that counts for nothing
     score_noise: float = 0.0  # scores below this are equal
-    elsewhere_share: float = (
-        np.inf
-    )  # share of vertices sent far away, from which a nearer map is another, too,
+    # share of vertices sent far away, from which a nearer map is another, too,
+    elsewhere_share: float = np.inf
     elsewhere_tie: float = 1.0  # if its score is at most so many times the winner's
-    clearly_better: float = (
-        np.inf
-    )  # a map whose score × this is below the winner's counts whatever priors say,
+    # a map whose score × this is below the winner's counts whatever priors say,
+    clearly_better: float = np.inf
     same_map: float = 0.0  # unless it is nearer than this
 
     @classmethod
@@ -256,9 +253,8 @@ def select(
     """Select the eligible map of least score; of those that tie with it, the one nearest to the priors."""
     # apart: (q, q) mean distances of images; elsewhere: (q, q) shares of vertices that two maps send far apart
     costs = [fit.score for fit in fits] if scores is None else list(scores)
-    allowed = [True] * len(fits) if eligible is None else list(eligible)
     noisy = [max(cost, rules.score_noise) for cost in costs]
-    may_win = [i for i in range(len(fits)) if allowed[i]]
+    may_win = [i for i in range(len(fits)) if eligible is None or eligible[i]]
     best = min(may_win, key=lambda i: costs[i])
 
     def ties(i: int) -> bool:
@@ -279,7 +275,7 @@ def select(
         if not runners_up:
             return np.inf
         ratio = noisy[runners_up[0]] / noisy[winner]
-        return max(1.0, ratio) if allowed[runners_up[0]] else ratio  # one that lost to priors ties
+        return max(1.0, ratio) if runners_up[0] in may_win else ratio  # one that lost to priors ties
 
     def is_runner_up(i: int) -> bool:
         as_good = costs[i] <= rules.elsewhere_tie * costs[winner]  # below the noise, too

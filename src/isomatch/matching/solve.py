@@ -9,13 +9,13 @@ from typing import Literal
 import numpy as np
 
 from isomatch.errors import NotConvergedError
-from isomatch.matching.pair import ShapePair
+from isomatch.matching.pair import ShapePair, search_pairs
 from isomatch.matching.priors import Priors
 from isomatch.matching.quality import descriptor_distance_of, mean_known
 from isomatch.matching.relations.both_parts import BothParts
 from isomatch.matching.relations.closed import (
-    GIVEN,
     ClosedMatch,
+    has_own_distances,
     match_closed,
     match_creased,
     match_cut,
@@ -49,23 +49,22 @@ def solve(pair: ShapePair, priors: Priors, stages: Stages, timer: StageTimer) ->
     return solve_touching(relation, relation.match(timer), timer)[0]
 
 
-def solve_touching(relation: Isometry, found: IsometricMatch, timer: StageTimer) -> tuple[Solution, bool]:
+def solve_touching(relation: Isometry, isometric: IsometricMatch, timer: StageTimer) -> tuple[Solution, bool]:
     """Sum up the match of complete shapes, or a better one with limbs apart that touch; and whether it is such."""
-    pair, priors = relation.pair, relation.priors
-    cut = fused_limbs_cut(relation, found, pair, priors, timer)
-    solution = cut.solution(timer) if cut else solve_complete(relation, found, timer)
-    apart = _limbs_apart(solution, priors, relation.stages, timer)
+    cut = fused_limbs_cut(relation, isometric, relation.pair, relation.priors, timer)
+    solution = cut.solution(timer) if cut else solve_complete(relation, isometric, timer)
+    apart = _limbs_apart(solution, relation.priors, relation.stages, timer)
     return apart or solution, bool(cut or apart)
 
 
 def fused_limbs_cut(
-    relation: Isometry, found: IsometricMatch, pair: ShapePair, priors: Priors, timer: StageTimer
+    relation: Isometry, isometric: IsometricMatch, pair: ShapePair, priors: Priors, timer: StageTimer
 ) -> ClosedMatch | None:
     """Match with self-contacts cut of the shape that has more handles, or of both; None unless that scores better."""
     stages, complete = relation.stages, relation.pair is pair
     if not _seeks_self_contacts(pair, priors, stages):
         return None
-    best, score = None, found.selection.winner.score
+    best, score = None, isometric.selection.winner.score
     ours, theirs = pair.source.handles, pair.target.handles
     more = max(ours - theirs, 0), max(theirs - ours, 0)
     for counts in dict.fromkeys([more, (ours, theirs)]):
@@ -79,8 +78,8 @@ def fused_limbs_cut(
     # clearly longer creases than the other: shapes of two kinds have natural folds of about the same length. With
     # handles, both are.
     def fits_poorly() -> bool:
-        measured = (best.found if best else found).measured
-        return measured_evidence(pair, measured.quality, pair.config.orientation).poor
+        quality = (best.isometric if best else isometric).measured.quality
+        return measured_evidence(pair, quality, pair.config.orientation).poor
 
     if not fits_poorly():
         return best
@@ -99,18 +98,16 @@ def fused_limbs_cut(
 
 def _one_is_creased(pair: ShapePair) -> bool:
     """Whether one shape has clearly longer creases."""
-    source, target = (crease_length(shape) for shape in (pair.source, pair.target))
-    return abs(source - target) > MORE_CREASES
+    return abs(crease_length(pair.source) - crease_length(pair.target)) > MORE_CREASES
 
 
 def _seeks_self_contacts(pair: ShapePair, priors: Priors, stages: Stages) -> bool:
     """Whether limbs may be fused: of meshes whose distances were not given, by a refinement that looks further."""
-    settings, shapes = pair.config.preparation, (pair.source, pair.target)
-    given = {shape.distances.engine for shape in shapes} & GIVEN
-    wanted = settings.self_contact_concavity and not priors.functions[0].shape[1]
-    if not wanted or not pair.oriented or given or not stages.refinement.searches_further:
+    settings = pair.config.preparation
+    wanted = settings.self_contact_concavity and not priors.functions[0].shape[1] and pair.oriented
+    if not wanted or has_own_distances(pair) or not stages.refinement.searches_further:
         return False
-    return max(shape.handles for shape in shapes) <= settings.most_self_contacts
+    return max(pair.source.handles, pair.target.handles) <= settings.most_self_contacts
 
 
 def _limbs_apart(solution: Solution, priors: Priors, stages: Stages, timer: StageTimer) -> Solution | None:
@@ -118,14 +115,11 @@ def _limbs_apart(solution: Solution, priors: Priors, stages: Stages, timer: Stag
     # What limbs hide where they touch is missing, and distances lie between those of fused limbs and of limbs apart. Such
     # a map is taken, no surer than before, if the bodies look more alike under it. Of a target that is a part much of the
     # source would be left without images.
-    pair, poor = solution.pair, solution.outcome is Outcome.LOW_CONFIDENCE
+    pair = solution.pair
     more = pair.source.handles - pair.target.handles
-    if not (
-        poor
-        and more > 0
-        and pair.config.orientation == "preserve"
-        and _seeks_self_contacts(pair, priors, stages)
-    ):
+    if solution.outcome is not Outcome.LOW_CONFIDENCE or more <= 0 or pair.config.orientation != "preserve":
+        return None
+    if not _seeks_self_contacts(pair, priors, stages):
         return None
     with timer.within("limbs apart"):
         timer.start("prepare")
@@ -134,9 +128,9 @@ def _limbs_apart(solution: Solution, priors: Priors, stages: Stages, timer: Stag
         return None
     apart = replace(pair, source=opened)
     with suppress(NotConvergedError), timer.within("limbs apart"):
-        found = Part("source").on(apart, priors, stages).solution(timer)
-        if mean_descriptor_distance(pair, found) < mean_descriptor_distance(pair, solution):
-            return replace(found, pair=pair).with_evidence(Evidence(poor=True))
+        of_part = Part("source").on(apart, priors, stages).solution(timer)
+        if mean_descriptor_distance(pair, of_part) < mean_descriptor_distance(pair, solution):
+            return replace(of_part, pair=pair).with_evidence(Evidence(poor=True))
     return None
 
 
@@ -165,45 +159,36 @@ def part_role(pair: ShapePair, priors: Priors, stages: Stages) -> PartSide | Lit
     return "source" if open_source else "target" if open_target else None
 
 
-def solve_complete(relation: Isometry, found: IsometricMatch, timer: StageTimer) -> Solution:
+def solve_complete(relation: Isometry, isometric: IsometricMatch, timer: StageTimer) -> Solution:
     """Sum up the match of complete shapes; if the map does not fit well, an elastic one may take its place."""
     timer.start("quality")
-    measured = found.measured
+    measured, note = isometric.measured, None
     if far_from_isometric(relation, measured.quality):
-        elastic = _elastic(relation, found)
+        elastic = _elastic(relation, isometric)
         with timer.within("elastic match"):
             timer.start("bending")
-            needless = elastic.is_needless
-            selection, reason = (None, "") if needless else elastic.match(timer)
+            selection, reason = (None, "") if elastic.is_needless else elastic.match(timer)
+            if selection and not elastic.keeps_lengths(selection.winner):
+                timer.start("precision")
+                measured, note = elastic.measure(selection, reason), FAR
+            elif selection:
+                bending_cost = selection.winner.score
+                quality = replace(measured.quality, runner_up=selection.runner_up, bending_cost=bending_cost)
+                measured, note = replace(measured, quality=quality), FAR_KEPT
         timer.start("quality")
-        if selection is None:
-            return relation.summed_up(found, measured, timer)
-        if elastic.keeps_lengths(selection.winner):
-            quality = replace(
-                measured.quality, runner_up=selection.runner_up, bending_cost=selection.winner.score
-            )
-            return relation.summed_up(found, replace(measured, quality=quality), timer, FAR_KEPT)
-        with timer.within("elastic match"):
-            timer.start("precision")
-            stretched = elastic.measure(selection, reason)
-        timer.start("quality")
-        return relation.summed_up(found, stretched, timer, FAR)
-    return relation.summed_up(found, measured, timer)
+    return relation.summed_up(isometric, measured, timer, note)
 
 
-def _elastic(relation: Isometry, found: IsometricMatch) -> Elastic:
+def _elastic(relation: Isometry, isometric: IsometricMatch) -> Elastic:
     """Match elastically, from the winner and all candidates too."""
     pair = relation.pair
     others = [
-        (
-            np.column_stack([pair.source_vertices, pair.target_vertices[candidate.target_row]]),
-            candidate.hypothesis.origin,
-        )
-        for candidate in found.eligible
+        (search_pairs(pair, candidate.target_row), candidate.hypothesis.origin)
+        for candidate in isometric.eligible
         if candidate.orientation > 0
     ]
-    fits = not fits_badly(found.measured.quality, pair.config.outcome)
-    return Elastic(found.selection.winner, others, fits).on(pair, relation.priors, relation.stages)
+    fits = not fits_badly(isometric.measured.quality, pair.config.outcome)
+    return Elastic(isometric.selection.winner, others, fits).on(pair, relation.priors, relation.stages)
 
 
 def _solve_part(part: Part, timer: StageTimer) -> Solution:
@@ -223,7 +208,7 @@ def _solve_part(part: Part, timer: StageTimer) -> Solution:
                 return own
     with timer.within("holes closed"):
         closed = match_closed(pair, priors, stages, timer)
-    if closed and (cut := fused_limbs_cut(closed.relation, closed.found, pair, priors, timer)):
+    if closed and (cut := fused_limbs_cut(closed.relation, closed.isometric, pair, priors, timer)):
         solution = cut.solution(timer).with_evidence(Evidence(partial=True))
         if solution.outcome is Outcome.PARTIAL or CLEARLY_BETTER * cut.score < closed.score:
             return solution
@@ -240,9 +225,9 @@ def _solve_two_parts(pair: ShapePair, priors: Priors, stages: Stages, timer: Sta
     # The first map that is sure is returned. If none is, and the shapes fit no better with their holes closed, it may be
     # an elastic one; otherwise it is that of overlapping parts.
     relation = Isometry().on(pair, priors, stages)
-    found = relation.match(timer)
+    isometric = relation.match(timer)
     timer.start("quality")
-    as_they_are = relation.summed_up(found, found.measured, timer)
+    as_they_are = relation.summed_up(isometric, isometric.measured, timer)
     if as_they_are.outcome in SURE:
         return as_they_are
     overlapping = None
@@ -252,19 +237,15 @@ def _solve_two_parts(pair: ShapePair, priors: Priors, stages: Stages, timer: Sta
             return overlapping
     with timer.within("holes closed"):
         closed = match_closed(pair, priors, stages, timer) if pair.config.parts.close else None
-    if closed and closed.found.selection.winner.spectral_residual <= found.selection.winner.spectral_residual:
-        with_caps = _two_closed_parts(closed, timer)
+    residual = isometric.selection.winner.spectral_residual
+    if closed and closed.isometric.selection.winner.spectral_residual <= residual:
+        with_caps, doubt = closed.solution(timer), closed.doubt
+        evidence = closed_evidence(doubt.evidence, with_caps.evidence)
+        note = "both shapes were matched with their holes closed"
+        with_caps = with_doubt(with_caps, evidence, doubt, note, len(priors.landmarks) > 0)
         return with_caps if with_caps.outcome in SURE or overlapping is None else overlapping
-    complete = solve_complete(relation, found, timer)
+    complete = solve_complete(relation, isometric, timer)
     return overlapping if overlapping and complete.outcome not in SURE else complete
-
-
-def _two_closed_parts(closed: ClosedMatch, timer: StageTimer) -> Solution:
-    """Sum up the match of two parts with their holes closed."""
-    doubt, with_caps = closed.doubt, closed.solution(timer)
-    evidence = closed_evidence(doubt.evidence, with_caps.evidence)
-    note = "both shapes were matched with their holes closed"
-    return with_doubt(with_caps, evidence, doubt, note, len(closed.priors.landmarks) > 0)
 
 
 LEAST_SURE = Outcome.LOW_CONFIDENCE.sureness + 1  # beyond it, outcomes differ in kind
@@ -285,21 +266,19 @@ def solve_either_winding(pair: ShapePair, priors: Priors, stages: Stages, timer:
         return solve(pair, priors, stages, timer)
     turned = replace(pair, **{side: turned_over(getattr(pair, side))})  # type: ignore[arg-type]
     solutions: dict[str, Solution] = {}
-    failure = None
     for how, wound in (("as they are", pair), ("turned over", turned)):
         try:
             with timer.within(f"faces {how}"):
                 solutions[how] = solve(wound, priors, stages, timer)
-        except NotConvergedError as error:
-            failure = error
-    if failure and not solutions:
-        raise failure
+        except NotConvergedError:
+            if wound is turned and not solutions:
+                raise
 
     # a map that is not doubtful wins over one that is; otherwise that under which the bodies look more alike
     def fit(how: str) -> tuple[int, float]:
-        found = solutions[how]
-        distance = mean_descriptor_distance(found.pair, found)
-        return min(found.outcome.sureness, LEAST_SURE), -distance if np.isfinite(distance) else -np.inf
+        solution = solutions[how]
+        distance = mean_descriptor_distance(solution.pair, solution)
+        return min(solution.outcome.sureness, LEAST_SURE), -distance if np.isfinite(distance) else -np.inf
 
     timer.start("quality")
     fits = max(solutions, key=fit)

@@ -147,12 +147,12 @@ class Relation(ABC):
         """Refine maps by the refinement of the match; `SettingError` if it gives none, or one that was not measured."""
         if not fits:
             return []
-        found = self.refinement.refine_and_select(self, fits)
-        if not found:
+        refined = self.refinement.refine_and_select(self, fits)
+        if not refined:
             raise self._refused(f"gave up all of {len(fits)} maps; keep the best one")
-        for fit in found:
+        for fit in refined:
             self.require_measured(fit, type(fits[0]))
-        return found
+        return refined
 
     def require_measured(self, fit: object, kind: type[Fit]) -> None:
         """Raise `SettingError` unless a refinement gave a fit that the relation has measured."""
@@ -166,24 +166,24 @@ class Relation(ABC):
 
     def everywhere(self, fit: Fit) -> Embedding:
         """Coordinates of all vertices by the refinement of the match; `SettingError` if they are of other vertices."""
-        found = Embedding(*self.refinement.everywhere(self, fit))
+        embedding = Embedding(*self.refinement.everywhere(self, fit))
         sizes = self.source.body.n_vertices, self.target.body.n_vertices
-        shapes = tuple(np.shape(points) for points in found)
+        shapes = tuple(np.shape(points) for points in embedding)
         if [shape[:1] for shape in shapes] != [(size,) for size in sizes] or shapes[0][1:] != shapes[1][1:]:
             raise self._refused(
                 f"gave coordinates of shapes {shapes[0]} and {shapes[1]}; expected one row for each of {sizes[0]} and "
                 f"{sizes[1]} vertices, in the same columns"
             )
-        return found
+        return embedding
 
     def require_images(self, image: IntArray) -> None:
         """Raise `SettingError` unless an array holds a vertex of the target's body for each vertex that is mapped."""
-        given, n_mapped, n_target = np.asarray(image), len(self.vertices), self.target.body.n_vertices
+        image, n_mapped, n_target = np.asarray(image), len(self.vertices), self.target.body.n_vertices
         expected = f"expected ({n_mapped},) vertices of a body of {n_target} vertices"
-        if given.shape != (n_mapped,) or given.dtype.kind not in "iu":
-            raise self._refused(f"gave images of shape {given.shape} and type {given.dtype}; {expected}")
-        if given.min() < 0 or given.max() >= n_target:
-            raise self._refused(f"gave images from {given.min()} to {given.max()}; {expected}")
+        if image.shape != (n_mapped,) or image.dtype.kind not in "iu":
+            raise self._refused(f"gave images of shape {image.shape} and type {image.dtype}; {expected}")
+        if image.min() < 0 or image.max() >= n_target:
+            raise self._refused(f"gave images from {image.min()} to {image.max()}; {expected}")
 
     def require_sides(self) -> None:
         """Raise `SettingError` unless the shapes have an inside and an outside, which the map should preserve."""
@@ -235,11 +235,9 @@ class Relation(ABC):
         """Weigh the costs of maps by their descriptor distance where they differ, see `weighed`."""
         if not self.descriptor_weight:
             return list(costs)
-        descriptor_distances = parallel_map(self.descriptor_distance, fits)
+        distances, weight = parallel_map(self.descriptor_distance, fits), self.descriptor_weight
         images = [fit.image for fit in fits]
-        return weighed(
-            costs, images, descriptor_distances, self.target.distance, eligible, self.descriptor_weight
-        )
+        return weighed(costs, images, distances, self.target.distance, eligible, weight)
 
     @property
     def descriptor_weight(self) -> float:
@@ -337,7 +335,7 @@ def name_of(start: Start) -> str:
 
 def first_maps_of(starts: Iterable[Start], pair: ShapePair) -> list[tuple[IntArray, str]]:
     """Collect the first maps (q, 2) of the starts that are not isomatch's own, checked, with the name of each start."""
-    found = []
+    first_maps = []
     sizes = pair.source.body.n_vertices, pair.target.body.n_vertices
     for start in starts:
         if isinstance(start, PoolStart):
@@ -355,5 +353,5 @@ def first_maps_of(starts: Iterable[Start], pair: ShapePair) -> list[tuple[IntArr
                     f"the start {name_of(start)} gave an array of shape {pairs.shape} and type {pairs.dtype}; expected "
                     f"at least three rows (source vertex, target vertex) of bodies of {sizes[0]} and {sizes[1]} vertices"
                 )
-            found.append((pairs, name_of(start)))
-    return found
+            first_maps.append((pairs, name_of(start)))
+    return first_maps

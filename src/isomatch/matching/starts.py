@@ -75,8 +75,8 @@ def starts_from_poses(pair: ShapePair) -> list[IntArray]:
         with_normals(shape.mesh_body)[vertices]
         for shape, vertices in ((pair.source, pair.source_vertices), (pair.target, pair.target_vertices))
     )
-    found = parallel_map(lambda mirrored: poses_between(source, target, mirrored), sides)
-    return [pose.nearest for poses in found for pose in poses if pose.distance <= limit]
+    several = parallel_map(lambda mirrored: poses_between(source, target, mirrored), sides)
+    return [pose.nearest for poses in several for pose in poses if pose.distance <= limit]
 
 
 def nearest_in_pose(source: PreparedShape, target: PreparedShape, source_vertex: IntArray) -> IntArray:

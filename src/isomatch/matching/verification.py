@@ -42,11 +42,8 @@ class Evidence:
 def outcome_of(evidence: Iterable[Evidence]) -> Outcome:
     """Sum up evidence: the first outcome in the order of `Outcome` that any piece of it calls for."""
     # a match is PARTIAL if something has no counterpart, and nothing worse is found
-    pieces = tuple(evidence)
-    called_for = (
-        outcome for flag, outcome in CALLED_FOR.items() if any(getattr(piece, flag) for piece in pieces)
-    )
-    return next(called_for, Outcome.CONVERGED)
+    flags = {flag for piece in evidence for flag, raised in vars(piece).items() if raised}
+    return next((outcome for flag, outcome in CALLED_FOR.items() if flag in flags), Outcome.CONVERGED)
 
 
 def lowered(outcome: Outcome, *evidence: Evidence) -> Outcome:
@@ -167,9 +164,8 @@ class PartDoubt:
         if self.score <= self.settings.poor_doubt:
             why = f"the score of another map is only {self.runner_up:.2f} times as high"
             if not self.is_clear:
-                why += (
-                    f", and too much is missing: {self.trusted:.1%} of the distances on the whole are known"
-                )
+                share = f"{self.trusted:.1%} of the distances on the whole are known"
+                why = f"{why}, and too much is missing: {share}"
         return [
             f"the map is not sure, for {why} (doubt {self.doubt:.1e}, at most {self.settings.poor_doubt:.1e} if sure); "
             f"look at the picture, and give {'more' if with_priors else 'three to five'} landmarks at extremities"
@@ -264,10 +260,8 @@ def verified(solution: Solution, timer: StageTimer, seed: int) -> MatchResult:
     """Make the result of a match."""
     pair = solution.pair
     shared = "map outcome quality expected_error descriptor_distance regions alternatives notes origin reason"
-    source, target = (
-        "" if solution.config else describe_symmetries(shape.symmetries)
-        for shape in (pair.source, pair.target)
-    )
+    shapes = () if solution.config else (pair.source, pair.target)
+    source, target = [describe_symmetries(shape.symmetries) for shape in shapes] or ("", "")
     return MatchResult(
         **{name: getattr(solution, name) for name in shared.split()},
         timings=timer.stop(),

@@ -39,9 +39,7 @@ class PreparationSettings(Settings):
         Most components of a mesh, beside the largest, that are matched by themselves.
     """
 
-    extremity_spacing: float = setting(
-        0.25, "at 0.15, thumbs displaced heads or feet on 4 of 50 pairs", least=0
-    )
+    extremity_spacing: float = setting(0.25, "0.15: thumbs displaced heads or feet on 4 of 50 pairs", least=0)
     n_extremities: int = setting(8, "docs/lab/benchmarks.md, sensitivity: 7 to 12 the same map", least=0)
     signature_step: int = setting(5, "docs/lab/benchmarks.md, sensitivity; the filters overlap", least=1)
     curvature_functions: tuple[int, ...] = setting((50, 100, 150), "sensitivity; coarse to fine", least=4)
@@ -49,12 +47,8 @@ class PreparationSettings(Settings):
     distance_unit: DistanceUnit = setting("average", "docs/lab/paper.md, deviations: distances in mesh units")
     block_diagonal: bool = setting(True, "docs/lab/paper.md, deviations: C not block-diagonal")
     sheet_distance: float = setting(0.1, "docs/lab/robustness.md, touching limbs", least=0)
-    self_contact_concavity: float = setting(
-        0.5, "docs/lab/robustness.md, touching limbs: 0.16 to 0.36", least=0
-    )
-    most_self_contacts: int = setting(
-        24, "docs/lab/design_notes.md: limbs make up to 9, skulls have 157", least=0
-    )
+    self_contact_concavity: float = setting(0.5, "docs/lab/robustness.md, touching limbs: 0.16…0.36", least=0)
+    most_self_contacts: int = setting(24, "docs/lab/design_notes.md: limbs make up to 9, skulls 157", least=0)
     most_components: int = setting(12, "chosen: each takes as long as a small match", least=0)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from isomatch.errors import MeshError
 from isomatch.geodesics import distance_engine, ordinary_unit
 from isomatch.mending import check, repair, seems_inside_out, separate_sheets
-from isomatch.resolution import Decimated, Prolongation, decimations, normalised
+from isomatch.resolution import Prolongation, decimations, normalised
 from isomatch.settings import Config, PreparationSettings
 from isomatch.surfaces import Graph, Mesh, PointCloud, Surface, in_spatial_order
 from isomatch.values.arrays import BoolArray, IntArray
@@ -120,7 +120,7 @@ def _repaired(shape: Surface, sheet_distance: float) -> tuple[Surface, float, In
             of_shape = glued.vertex_index if order is None else order[glued.vertex_index]
             notes = [*glued.changes, *repaired.changes, _seams_described(apart.seams, of_shape)]
     if order is not None:
-        new_index, old_index = _renumbered(new_index, order), order[old_index]
+        new_index, old_index = new_index[np.argsort(order)], order[old_index]
     if seems_inside_out(repaired.mesh):
         notes.append(INSIDE_OUT)
     unit = float(np.abs(repaired.mesh.vertices).max())
@@ -136,13 +136,6 @@ def _in_memory_order(mesh: Mesh) -> tuple[Mesh, IntArray | None]:
         return mesh, None
     _, faces, order = in_spatial_order(normalised(mesh.vertices)[0], mesh.faces)
     return Mesh(mesh.vertices[order], faces), order.astype(np.int64)
-
-
-def _renumbered(values: IntArray, order: IntArray) -> IntArray:
-    """Give each value to the old number of its row."""
-    renumbered = np.empty_like(values)
-    renumbered[order] = values
-    return renumbered
 
 
 def _seams_described(seams: tuple[IntArray, ...], vertex_index: IntArray) -> str:
@@ -168,28 +161,25 @@ def _normalised(whole: Surface, kept: BoolArray, graph_average_distance: float) 
         inside = kept[whole.edges[:, 0]]
         weights = whole.vertex_areas[kept] / whole.vertex_areas[kept].sum()
         edges, lengths = number[whole.edges[inside]], whole.edge_lengths[inside]
-        part = Graph(len(weights), edges, lengths, weights)
+        engine = distance_engine(Graph(len(weights), edges, lengths, weights))
         some = np.linspace(0, len(weights) - 1, 20).astype(np.int64)
-        length = float((distance_engine(part).distances_from(some) @ weights).mean()) / graph_average_distance
+        length = float((engine.distances_from(some) @ weights).mean()) / graph_average_distance
         if not 0 < length < np.inf:
             raise MeshError(
                 "the lengths of the edges are all 0, or too large to add, so distances tell no vertices apart; "
                 "give lengths of ordinary size"
             )
         return Graph(len(weights), edges, lengths / length, weights), length
-    part_of = (
-        whole.submesh(kept)[0]
-        if isinstance(whole, Mesh)
-        else PointCloud(whole.vertices[kept], whole.n_neighbours)
-    )
-    length = float(np.sqrt(part_of.area))
-    points = (part_of.vertices - np.average(part_of.vertices, axis=0, weights=part_of.vertex_areas)) / length
-    if isinstance(part_of, Mesh):
-        # the edges of a large mesh take twice the memory of its faces, and are hardly needed again
-        if part_of.n_vertices > LARGE:
-            return Mesh(points, part_of.faces), length
-        return part_of.moved(points), length
-    return PointCloud(points, part_of.n_neighbours), length
+    if isinstance(whole, Mesh):
+        part: Mesh | PointCloud = whole.submesh(kept)[0]
+    else:
+        part = PointCloud(whole.vertices[kept], whole.n_neighbours)
+    length = float(np.sqrt(part.area))
+    points = (part.vertices - np.average(part.vertices, axis=0, weights=part.vertex_areas)) / length
+    if isinstance(part, PointCloud):
+        return PointCloud(points, part.n_neighbours), length
+    # the edges of a large mesh take twice the memory of its faces, and are hardly needed again
+    return Mesh(points, part.faces) if part.n_vertices > LARGE else part.moved(points), length
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,12 +203,6 @@ class Detail:
     # (n,) vertex of the body in full for each vertex of the shape; −1 for those left out
     body_vertex: IntArray
     user_vertex: IntArray  # (n_body,) vertex of the shape for each vertex of the body in full
-
-
-def identity_transfer(mesh: Mesh) -> Prolongation:
-    """Carry points from a mesh to itself."""
-    everything = np.arange(mesh.n_vertices)
-    return Prolongation(mesh, Decimated(mesh, everything, len(everything)))
 
 
 def full_level(body: Body) -> Level:

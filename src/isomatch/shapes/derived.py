@@ -126,7 +126,7 @@ def opened_shape(shape: PreparedShape, most: int) -> PreparedShape | None:
     )
     with suppress(MeshError, NotConvergedError):
         return replace(
-            _prepared_again(shape, mesh),
+            _prepared_again(shape, mesh, shape.requested),
             surface=shape.surface,
             body_vertex=shape.body_vertex,
             user_vertex=shape.user_vertex[origin],
@@ -144,8 +144,7 @@ def region_of(shape: PreparedShape, vertices: IntArray, config: Config) -> Prepa
     inside = np.zeros(shape.body.n_vertices, dtype=bool)
     inside[vertices] = True
     mesh, _ = shape.mesh_body.submesh(inside)
-    config = replace(config, resolution="full")
-    made = prepared_body(mesh, sound_body(mesh), config, shape.seed, StageTimer())
+    made = _prepared_again(shape, mesh, config)
     return replace(made, scale=made.scale * shape.scale)
 
 
@@ -176,14 +175,14 @@ def _closed(
 ) -> PreparedShape:
     """Prepare the body of a shape, perhaps cut, with all holes closed, given the old vertex of each of its own."""
     closed = capped(mesh, chords)
-    made = _prepared_again(shape, closed)
+    made = _prepared_again(shape, closed, shape.requested)
     on_caps = np.full(closed.n_vertices - mesh.n_vertices, -1)
     return replace(made, origin=np.concatenate([origin, on_caps]), notes=())
 
 
-def _prepared_again(shape: PreparedShape, mesh: Mesh) -> PreparedShape:
-    """Prepare a mesh that was made from the body of a shape, with all its vertices, as the shape was."""
-    config = replace(shape.requested, resolution="full")
+def _prepared_again(shape: PreparedShape, mesh: Mesh, config: Config) -> PreparedShape:
+    """Prepare a mesh that was made from the body of a shape, with all its vertices."""
+    config = replace(config, resolution="full")
     return prepared_body(mesh, sound_body(mesh), config, shape.seed, StageTimer())
 
 

@@ -71,27 +71,28 @@ def prepare(
     About 0.8 s for 5 000 vertices on one thread, half of it for the Laplace–Beltrami basis, and 1.5 s for 50 000, which
     are matched on 5 000 of them (``config.resolution``). `match` prepares two shapes at once.
     """
-    return in_background(lambda: _prepare(surface, config or Config(), seed, distances, progress))
+    config = config or Config()
 
+    def prepared() -> PreparedShape:
+        timer = StageTimer(progress, PREPARATION)
+        timer.start("body")
+        shape = surface_from(surface)
+        generator(seed)  # refuses what is no seed
+        settings = config.preparation
+        if (
+            distances is not None
+        ):  # which hold for the surface as it is, and are not kept for other components
+            settings = replace(settings, sheet_distance=np.inf, most_components=0)
+        made = prepared_body(shape, body_of(shape, settings), config, seed, timer, distances)
+        timer.reach("done", 1.0)
+        return made
 
-def _prepare(
-    given: SurfaceLike, config: Config, seed: int, distances: MetricSpace | None, progress: Progress | None
-) -> PreparedShape:
-    timer = StageTimer(progress, PREPARATION)
-    timer.start("body")
-    surface = surface_from(given)
-    generator(seed)  # refuses what is no seed
-    settings = config.preparation
-    if distances is not None:  # which hold for the surface as it is, and are not kept for other components
-        settings = replace(settings, sheet_distance=np.inf, most_components=0)
-    prepared = prepared_body(surface, body_of(surface, settings), config, seed, timer, distances)
-    timer.reach("done", 1.0)
-    return prepared
+    return in_background(prepared)
 
 
 def prepared_body(
     surface: Surface,
-    found: Body,
+    component: Body,
     config: Config,
     seed: int,
     timer: StageTimer,
@@ -99,9 +100,9 @@ def prepared_body(
 ) -> PreparedShape:
     """Prepare one component of a shape, at the resolution that is asked for."""
     timer.start("levels")
-    levels = [full_level(found)] if distances is not None else levels_of(found, config)
+    levels = [full_level(component)] if distances is not None else levels_of(component, config)
     level, finer = levels[-1], levels[-2] if len(levels) > 1 else None
-    body, notes = level.surface, found.notes
+    body, notes = level.surface, component.notes
     requested, config = config, config.for_size(body.n_vertices)
     if config != requested:
         notes += (
@@ -110,17 +111,16 @@ def prepared_body(
         )
     if level.detail:
         notes += (
-            f"matched on {body.n_vertices} of {found.surface.n_vertices} vertices, and carried to all; "
+            f"matched on {body.n_vertices} of {component.surface.n_vertices} vertices, and carried to all; "
             "resolution = 'full' matches all",
         )
     fine = config.preparation
     timer.start("distances")
     with serial_blas():
-        engine = (
-            distance_engine(body, config.engine, weld=False)
-            if distances is None
-            else _given(distances, surface, found)
-        )
+        if distances is None:
+            engine = distance_engine(body, config.engine, weld=False)
+        else:
+            engine = _restricted(distances, surface, component)
         sampling = farthest_point_sampling(engine, config.n_columns, peripheral_vertex(body, engine, seed))
         measure = body.vertex_areas if config.weights == "area" else np.ones(body.n_vertices)
         basis = nystrom_basis(sampling, np.maximum(measure, 1e-12), config.rank, engine.name)
@@ -149,17 +149,17 @@ def prepared_body(
         config=config,
         requested=requested,
         seed=seed,
-        left_out=found.left_out,
+        left_out=component.left_out,
         notes=notes,
         timings=timer.stop(),
-        share=found.share,
-        others=found.others,
+        share=component.share,
+        others=component.others,
         finer=finer,
         refining=level.refining if finer else None,
     )
 
 
-def _given(distances: MetricSpace, surface: Surface, found: Body) -> DistanceEngine:
+def _restricted(distances: MetricSpace, surface: Surface, component: Body) -> DistanceEngine:
     """Restrict distances given for all of the user's vertices to the body."""
     engine = distance_engine(distances)
     if engine.n_points != surface.n_vertices:
@@ -167,7 +167,7 @@ def _given(distances: MetricSpace, surface: Surface, found: Body) -> DistanceEng
             f"the given distances are between {engine.n_points} points, the shape has {surface.n_vertices} vertices; "
             "give one row for each vertex of the shape"
         )
-    return RestrictedEngine(engine, found.user_vertex, found.scale)
+    return RestrictedEngine(engine, component.user_vertex, component.scale)
 
 
 def _evenly_spread(body: Surface, engine: DistanceEngine, count: int, start: int) -> IntArray:

@@ -135,10 +135,10 @@ class PreparedShape(SmoothShape, Shown):
         SettingError
             If the shape was prepared with other settings than ``config``.
         """
-        found: PreparedShape = read_prepared(Path(path), cls)
+        shape: PreparedShape = read_prepared(Path(path), cls)
         if config:
-            found.require_prepared_for(config, str(path))
-        return found
+            shape.require_prepared_for(config, str(path))
+        return shape
 
     def require_prepared_for(self, config: Config, what: str) -> None:
         """Raise `SettingError`, about ``what``, if the shape was prepared with other settings than a match asks for."""
@@ -195,9 +195,8 @@ class PreparedShape(SmoothShape, Shown):
         """Mean of these distances between the vertices of a list (r,) and those of each of q others: (q,)."""
         if not others:
             return np.zeros(0)
-        return np.asarray(
-            self.distance(np.tile(a, len(others)), np.concatenate(others)).reshape(-1, len(a)).mean(axis=1)
-        )
+        distances = self.distance(np.tile(a, len(others)), np.concatenate(others))
+        return np.asarray(distances.reshape(-1, len(a)).mean(axis=1))
 
     def distances_between(self, vertices: IntArray) -> FloatArray:
         """Low-rank geodesic distances between m vertices, (m, m), in √area."""
@@ -258,23 +257,20 @@ class PreparedShape(SmoothShape, Shown):
         """Geodesic distance descriptors of the body, in units of the intrinsic scale, as a signed point cloud."""
         # Rows p(x) with d(x, y) = Σ_c s_c p_c(x) p_c(y), s_c = ±1. Over √(average distance), products are distances over
         # the average: no unit, and no size of the body, is left.
-        descriptor = geodesic_distance_descriptor(self.distances)
-        signs = descriptor.signature
-        if not self.config.preparation.block_diagonal:
-            signs = np.ones_like(signs)
+        descriptor, signed = (
+            geodesic_distance_descriptor(self.distances),
+            self.config.preparation.block_diagonal,
+        )
+        signs = descriptor.signature if signed else np.ones_like(descriptor.signature)
         return SignedPoints(descriptor.coordinates / np.sqrt(self.intrinsic_scale), signs)
 
     @cached_property
     def curvature(self) -> FloatArray:
-        """(n_body,) signed mean curvature of the smoothed body, of mean 0 and variance 1 in the areas.
-
-        0 where there are no triangles.
-        """
+        """(n_body,) signed mean curvature of the smoothed body, standardised by area; 0 where there are no triangles."""
         if self.triangles is None:
             return np.zeros(self.body.n_vertices)
-        curvature = mean_curvature(
-            self.triangles, self.laplace, self.config.preparation.energy_curvature_functions, weld=False
-        )
+        k = self.config.preparation.energy_curvature_functions
+        curvature = mean_curvature(self.triangles, self.laplace, k, weld=False)
         return standardised(curvature[:, None], self.triangles.vertex_areas)[:, 0]
 
     @cached_property
@@ -282,17 +278,16 @@ class PreparedShape(SmoothShape, Shown):
         """The ball signature of every vertex of the body, as far from caps as it knows; None without triangles."""
         if self.triangles is None:
             return None
-        found = ball_signature(self.triangles, unit=1.0, samples=self.sample_vertices[:N_BALLS], weld=False)
+        balls = ball_signature(self.triangles, unit=1.0, samples=self.sample_vertices[:N_BALLS], weld=False)
         if self.origin is not None and (self.origin < 0).any():
             # a ball that reaches a cap holds what is not there
             to_caps, _ = distance_along_edges_to_nearest(self.triangles, np.flatnonzero(self.origin < 0))
-            found = replace(found, to_boundary=np.minimum(found.to_boundary, to_caps))
-        return found
+            balls = replace(balls, to_boundary=np.minimum(balls.to_boundary, to_caps))
+        return balls
 
     @cached_property
     def symmetries(self) -> tuple[Symmetry, ...]:
         """Maps of the shape onto itself, by rows of its search vertices."""
-        settings = self.config.symmetry
         vertices = self.sample_vertices[: self.config.n_search]
         basis = self.sampled_basis(self.config.n_search)
         k = min(self.config.selection.normal_functions, len(self.laplace.values))
@@ -300,7 +295,7 @@ class PreparedShape(SmoothShape, Shown):
             self.points.at(vertices, self.config.search.start_columns),
             self.distances_between(vertices),
             lambda image_row: orientation_of(self, basis, self, vertices[image_row], k),
-            settings,
+            self.config.symmetry,
         )
 
 
@@ -311,18 +306,12 @@ FORMAT = ArrayFormat(
     arrays={"about": Stored("text"), "digest": Stored("text")},
 )
 _ARRAY = re.compile(r"array_[0-9]{1,9}")
-_STORED = (
-    Body,
-    Decimated,
-    Detail,
-    DistanceBasis,
-    LaplaceBasis,
-    Level,
-    Mesh,
-    PointCloud,
-    Sampling,
-    Prolongation,
+_SURFACES, _BASES, _LEVELS = (
+    (Mesh, PointCloud),
+    (DistanceBasis, LaplaceBasis, Sampling),
+    (Body, Detail, Level),
 )
+_STORED = *_SURFACES, *_BASES, *_LEVELS, Decimated, Prolongation
 KINDS: dict[str, Any] = {kind.__name__: kind for kind in _STORED}
 KINDS["Graph"] = lambda **parts: Graph(*parts.values())  # whose fields and parameters have different names
 
@@ -356,12 +345,12 @@ def write_prepared(path: Path, shape: Any) -> None:
             return {"again": numbers[id(value)]}
         if isinstance(value, np.ndarray):
             arrays.append(value)
-            found: dict[str, Any] = {"array": len(arrays) - 1}
+            entry: dict[str, Any] = {"array": len(arrays) - 1}
         else:
             parts = {each.name: plain(getattr(value, each.name)) for each in fields(value)}
-            found = {"parts": parts, "is": type(value).__name__}
+            entry = {"parts": parts, "is": type(value).__name__}
         numbers[id(value)] = len(numbers)
-        return found
+        return entry
 
     about = json.dumps(plain(shape))
     named = {f"array_{i}": array for i, array in enumerate(arrays)}
@@ -378,9 +367,7 @@ def read_prepared(path: Path, kind: type[Any]) -> Any:
     with Archive.opened(path, refuse) as stored:
         if "format_version" not in stored or int(stored.read("format_version")) != FORMAT.version:
             refuse("shapes were prepared in another way then")
-        names = sorted(
-            (name for name in stored.names if _ARRAY.fullmatch(name)), key=lambda name: int(name[6:])
-        )
+        names = sorted(filter(_ARRAY.fullmatch, stored.names), key=lambda name: int(name[6:]))
         arrays = list(stored.read_all(names).values())
     if head["digest"] != _digest(head["about"], arrays):
         refuse("it was changed after it was written")
@@ -397,12 +384,12 @@ def read_prepared(path: Path, kind: type[Any]) -> Any:
         if "values" in plain:
             return Config.from_dict(plain["values"]) if plain["is"] == "Config" else plain["values"]
         if "array" in plain:
-            found = arrays[plain["array"]]
+            part = arrays[plain["array"]]
         else:
-            found = kinds[plain["is"]](**{name: built(part) for name, part in plain["parts"].items()})
-            _require_vertices(found)
-        made.append(found)
-        return found
+            part = kinds[plain["is"]](**{name: built(each) for name, each in plain["parts"].items()})
+            _require_vertices(part)
+        made.append(part)
+        return part
 
     try:
         shape = built(json.loads(head["about"]))
@@ -429,8 +416,8 @@ def _require_vertices(part: Any) -> None:
 
 
 def _digest(about: str, arrays: list[AnyArray]) -> str:
-    found = blake2b(about.encode(), digest_size=16)
+    digest = blake2b(about.encode(), digest_size=16)
     for array in arrays:
-        found.update(f"{array.dtype.str} {array.shape}".encode())
-        found.update(np.ascontiguousarray(array).data)
-    return found.hexdigest()
+        digest.update(f"{array.dtype.str} {array.shape}".encode())
+        digest.update(np.ascontiguousarray(array).data)
+    return digest.hexdigest()

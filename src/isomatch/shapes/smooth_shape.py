@@ -19,10 +19,10 @@ from isomatch.descriptors import mean_curvature, standardised, wave_kernel_signa
 from isomatch.errors import DescriptorError, MeshError
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.loading.compiled import compiled
-from isomatch.resolution import Prolongation
+from isomatch.resolution import Decimated, Prolongation
 from isomatch.runtime.threads import parallel_map, row_product
 from isomatch.settings import Config, PreparationSettings
-from isomatch.shapes.body import Detail, identity_transfer
+from isomatch.shapes.body import Detail
 from isomatch.surfaces import Mesh, Surface, vertex_normals
 from isomatch.values.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray, single
 from isomatch.values.cached import cached_method, cached_property
@@ -46,9 +46,8 @@ def point_signatures(mesh: Mesh | None, laplace: LaplaceBasis, settings: Prepara
         sizes = (min(k, len(laplace.values)) for k in settings.curvature_functions)
         curvatures = np.column_stack([mean_curvature(mesh, laplace, k, weld=False) for k in sizes])
         parts.append((curvatures, CURVATURE_WEIGHT))
-    return np.hstack(
-        [standardised(part, laplace.weights) * (weight / np.sqrt(part.shape[1])) for part, weight in parts]
-    )
+    units = [weight / np.sqrt(part.shape[1]) for part, weight in parts]
+    return np.hstack([standardised(part, laplace.weights) * unit for (part, _), unit in zip(parts, units)])
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -151,7 +150,10 @@ class SmoothShape:
     @cached_property
     def transfer(self) -> Prolongation:
         """Between the body in full and this one, both meshes."""
-        return self.detail.transfer if self.detail else identity_transfer(self.mesh_body)
+        if self.detail:
+            return self.detail.transfer
+        everything = np.arange(self.body.n_vertices)
+        return Prolongation(self.mesh_body, Decimated(self.mesh_body, everything, len(everything)))
 
     def lift(self, values: AnyArray, missing: float = np.nan) -> AnyArray:
         """Carry values (n_body, ...) on the body to the user's vertices (n, ...), by nearest vertices.
@@ -170,8 +172,7 @@ class SmoothShape:
     def restrict(self, values: AnyArray) -> AnyArray:
         """Carry values (n, ...) on the user's vertices to the body (n_body, ...)."""
         rows = _require_rows(values, self.surface.n_vertices, "vertices of the shape")
-        restricted: AnyArray = rows[self.user_vertex]
-        return restricted
+        return np.asarray(rows[self.user_vertex])
 
     def correspondence(
         self, target: SmoothShape, image: IntArray | PrecisePoints, matched: BoolArray | None = None
@@ -218,9 +219,8 @@ class SmoothShape:
             limit = np.sqrt(self.config.outcome.torn) * np.median(stretches)
             _leave_out(stretches, limit, matched, places.corners, weights)
             places = PrecisePoints(places.corners, weights)
-        return target.transfer.near_fine(places.interpolated(positions), points.corners[owner]), matched[
-            owner
-        ]
+        images = target.transfer.near_fine(places.interpolated(positions), points.corners[owner])
+        return images, matched[owner]
 
 
 @compiled(error_model="numpy")

@@ -73,12 +73,12 @@ def find_symmetries(
     to_anchors = between[:, anchors]
     starts = np.array([nearest_rows(between[:, images], to_anchors) for images in assigned])
     alignments = iterative_closest_points(few, few, starts, STEPS)
-    found: list[tuple[Symmetry, FloatArray]] = []
+    self_maps: list[tuple[Symmetry, FloatArray]] = []
 
     def add(rotation: FloatArray) -> None:
         image_row = nearest_under_rotation(points, points, rotation)
         moved = distances[image_row, np.arange(len(distances))].mean()
-        repeats = any(distances[image_row, known.image_row].mean() < SAME_SYMMETRY for known, _ in found)
+        repeats = any(distances[image_row, s.image_row].mean() < SAME_SYMMETRY for s, _ in self_maps)
         if moved < LEAST_MOVED or repeats:
             return
         rotation = signed_procrustes(points, points.at(image_row))
@@ -92,15 +92,15 @@ def find_symmetries(
         # σ either preserves the orientation everywhere or reverses it; a map that does both is none, though distances of
         # a limb that is turned in its place hardly tell
         if side == 0 or abs(side) >= LEAST_ORIENTATION or residual <= EXACT * largest:
-            found.append((Symmetry(image_row, residual, side, float(moved)), rotation))
+            self_maps.append((Symmetry(image_row, residual, side, float(moved)), rotation))
 
     for alignment in sorted(alignments, key=lambda each: each.residual):
         add(alignment.rotation)
     # Symmetries are a group: σ τ is one, which the beam may have missed. Two mirror images make a rotation.
-    generators = [rotation for _, rotation in found[:GENERATORS]]
+    generators = [rotation for _, rotation in self_maps[:GENERATORS]]
     for first, second in product(generators, repeat=2):
         add(second @ first)
-    symmetries = [symmetry for symmetry, _ in found if symmetry.residual <= largest]
+    symmetries = [symmetry for symmetry, _ in self_maps if symmetry.residual <= largest]
     return tuple(sorted(symmetries, key=lambda each: each.residual))
 
 
@@ -131,5 +131,4 @@ def _assignments(distances: FloatArray, anchors: IntArray, settings: SymmetrySet
     unary = 0.5 * np.abs(remoteness - remoteness[anchors, None])
     assigned, _ = assign_points(distances, exact, exact, unary, EXACTLY, BEAM, LEAST_MOVED)
     moved = distances[assigned, anchors].mean(axis=1)
-    far: IntArray = assigned[moved > LEAST_MOVED][: settings.most]
-    return far
+    return np.asarray(assigned[moved > LEAST_MOVED][: settings.most])

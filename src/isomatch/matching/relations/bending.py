@@ -52,8 +52,7 @@ class Bent:
     def images(self) -> IntArray:
         """Vertex of the surface (n,) nearest to each vertex of the shape, of the triangle that it lies on."""
         nearest = self.points.barycentric.argmax(axis=1)
-        images: IntArray = self.points.corners[np.arange(len(nearest)), nearest]
-        return images
+        return np.asarray(self.points.corners[np.arange(len(nearest)), nearest])
 
     # How badly the shape can be bent by a map is told by two measures, over edges e and vertices i:
     #     s = mean_e |log(|e| bent / |e| at rest)|     stretch: of a right map between poses, only that of the joints
@@ -126,8 +125,7 @@ class Bending:
 
     def spread(self, values: FloatArray) -> FloatArray:
         """Interpolate values (n_coarse,) at the lower resolution on the vertices of the shape."""
-        spread: FloatArray = self._coarse.on_coarse.interpolated(values[:, None])[:, 0]
-        return spread
+        return np.asarray(self._coarse.on_coarse.interpolated(values[:, None])[:, 0])
 
 
 def _bent(
@@ -160,13 +158,13 @@ class ElasticBending(Bending):
         self,
         coordinates: Embedding,
         lengths: tuple[float, ...],
-        known: IntArray | None = None,
+        held: IntArray | None = None,
         most_scaled: float = 1.0,
     ) -> Bent:
-        """Bend the shape coarsely, from nearest images in coordinates; ``known`` pairs (q, 2) hold as landmarks do."""
+        """Bend the shape coarsely, from nearest images in coordinates; ``held`` pairs (q, 2) hold as landmarks do."""
         here, there = coordinates[::-1] if self._back else coordinates
         start = self._onto.mesh.vertices[self._onto.index.vertices(there, here[self.vertices])]
-        pairs = self._landmarks if known is None else np.concatenate([self._landmarks, known])
+        pairs = self._landmarks if held is None else np.concatenate([self._landmarks, held])
         return self.coarsely(self._onto, start, lengths, self._hard(pairs), most_scaled)
 
     def further(self, bent: Bent, lengths: tuple[float, ...]) -> Bent:

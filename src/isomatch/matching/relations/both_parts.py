@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 
@@ -14,11 +14,16 @@ from isomatch.errors import MeshError, NotConvergedError
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching.fit import Fit
 from isomatch.matching.pair import ShapePair
-from isomatch.matching.priors import Priors
+from isomatch.matching.priors import NO_LANDMARKS, Priors
 from isomatch.matching.quality import descriptor_distance_of
 from isomatch.matching.relations.both_seeds import NEXT_ANCHORS, CommonRegion, CommonRegions, two_sides
-from isomatch.matching.relations.part import Part, contradiction, expected_errors_of_part, measured_part
-from isomatch.matching.relations.part_pair import NO_LANDMARKS
+from isomatch.matching.relations.part import (
+    Part,
+    contradiction,
+    expected_errors_of_part,
+    filled,
+    measured_part,
+)
 from isomatch.matching.relations.part_registration import N_ROUGH_VERTICES, BentPart, PartFit
 from isomatch.matching.search import FromAnchors, starts_of
 from isomatch.matching.stages import Relation, Stages, first_maps_of
@@ -38,10 +43,7 @@ APART = 0.12  # mean distance of images, in √area of the target, from which tw
 AROUND = 0.05  # by which a region reaches beyond its samples when it is refined
 HELD = 0.1  # distance from where it is known to go, in √area of the target, up to which a landmark is held
 TOO_UNLIKE = 0.6  # descriptor distance from which a sample and its surroundings do not lead others
-OFF, RIM = (
-    0.04,
-    0.02,
-)  # distances from the target, and from its boundary, up to which bent vertices are in common
+OFF, RIM = 0.04, 0.02  # distances from the target, and its boundary, up to which bent vertices are in common
 ROUGH_FUNCTIONS = 100  # of a rough refinement, which ranks regions as one in full
 N_BENT_IN_FULL = 3  # last lengths with which the best region is bent in full
 
@@ -76,36 +78,28 @@ class BothParts(Relation):
                 return refined_region(self._regions, region, self.pair, self.priors, self.stages, roughly)
             return None
 
-        return _ranked([found for found in parallel_map(refined, regions) if found])
+        return _ranked([region for region in parallel_map(refined, regions) if region])
 
     @cached_property
     def _regions(self) -> CommonRegions:
-        return CommonRegions(
-            *two_sides(self.source, self.target, self.pair.config.scale == "area", self.priors.landmarks)
-        )
+        same_area = self.pair.config.scale == "area"
+        return CommonRegions(*two_sides(self.source, self.target, same_area, self.priors.landmarks))
 
     def _first_regions(self) -> list[CommonRegion]:
         """Regions grown from seeds, those of given maps, and those of starts handed in."""
         starts, pairs = starts_of(self), self.priors.initial_pairs
-        found = (
-            self._regions.best(self.pair.config.parts.n_common)
-            if any(isinstance(x, FromAnchors) for x in starts)
-            else []
-        )
-        given = [(pairs, "initial map")] if len(pairs) else []
+        searches = any(isinstance(start, FromAnchors) for start in starts)
+        regions = self._regions.best(self.pair.config.parts.n_common) if searches else []
+        first_maps = [(pairs, "initial map")] if len(pairs) else []
         if self.pair.config.start == "pose":
             everything = np.arange(self.source.body.n_vertices)
             images = nearest_in_pose(self.pair.source, self.pair.target, everything)
-            given.append((np.column_stack([everything, images]), "pose"))
-        given += first_maps_of(starts, self.pair)
-        return [*found, *(region for each in given if (region := self._given(*each)).accepted.any())]
-
-    def _given(self, pairs: IntArray, origin: str) -> CommonRegion:
-        """Take the region around the first of some pairs (q, 2) of vertices."""
-        source, image = self.source.body, np.zeros(self.source.body.n_vertices, dtype=np.int64)
-        gap, nearest = distance_along_edges_to_nearest(source, np.unique(pairs[:, 0]))
-        image[pairs[::-1, 0]] = pairs[::-1, 1]
-        return self._regions.given(image[nearest], self._regions.source.unit * gap <= AROUND, origin)
+            first_maps.append((np.column_stack([everything, images]), "pose"))
+        for pairs, origin in (*first_maps, *first_maps_of(starts, self.pair)):
+            image, gap = filled(self.source, pairs)
+            near = self._regions.source.unit * gap <= AROUND
+            regions.append(self._regions.around(image, near, origin))
+        return [region for region in regions if region.accepted.any()]
 
     def solution(self, timer: StageTimer) -> Solution:
         """Find the map, and the evidence for it."""
@@ -116,8 +110,7 @@ class BothParts(Relation):
         regions = self.match()
         best = regions[0]
         runners_up = (each for each in regions[1:] if each.held >= best.held and self._differs(best, each))
-        runner_up = next(runners_up, None)
-        return self._summed_up(best, runner_up, timer)
+        return self._summed_up(best, next(runners_up, None), timer)
 
     def _differs(self, best: RefinedRegion, other: RefinedRegion) -> bool:
         """Whether two maps differ where both have images; those that have none in common do."""
@@ -135,9 +128,8 @@ class BothParts(Relation):
         errors = np.full(n, np.nan)
         errors[best.vertices] = expected_errors_of_part(fit.pair, bent.points)
         timer.start("quality")
-        descriptor_distance = descriptor_distance_of(
-            pair.source.balls, pair.target.balls, points.corners[:, 0], matched
-        )
+        balls = pair.source.balls, pair.target.balls
+        descriptor_distance = descriptor_distance_of(*balls, points.corners[:, 0], matched)
         side, other = self._regions.source, self._regions.target
         unit, reason = side.unit / other.unit, "largest region in common that looks alike"
         measured = measured_part(self, fit, bent, unit, points, matched, descriptor_distance, reason)
@@ -190,8 +182,7 @@ class RefinedRegion:
     def image(self) -> IntArray:
         """(n_source,) vertex of the target for each vertex of the source; −1 outside the region."""
         image = np.full(self.regions.source.shape.body.n_vertices, UNMATCHED)
-        inside = np.arange(len(self.vertices))
-        image[self.vertices] = self.fit.bending.images(self.fit.bent, inside)
+        image[self.vertices] = self.fit.bending.images(self.fit.bent, np.arange(len(self.vertices)))
         return image
 
     @cached_property
@@ -243,8 +234,8 @@ class RefinedRegion:
         # samples that look unlike their images lead no others, but join again where others lead there
         source, target = self.regions.source, self.regions.target
         at_samples = np.full(len(source.vertices), UNMATCHED)
-        known = self.rows[self.descriptor_distances < TOO_UNLIKE]
-        at_samples[known] = self.image[source.vertices[known]]
+        alike = self.rows[self.descriptor_distances < TOO_UNLIKE]
+        at_samples[alike] = self.image[source.vertices[alike]]
         at_samples[: len(source.landmarks)] = target.landmarks
         rows = np.flatnonzero(at_samples != UNMATCHED)[:NEXT_ANCHORS]
         columns = target.nearest_sample[at_samples[rows]]
@@ -257,26 +248,18 @@ def overlaps(bent: BentPart) -> BoolArray:
     """Which vertices of a bent part lie on the target, where that is not just its boundary."""
     onto, points = bent.onto.mesh, bent.points
     gap = np.linalg.norm(points.interpolated(onto.vertices) - bent.mesh.vertices, axis=1)
-    near: BoolArray = gap <= np.where(Boundary(onto).holds(points), RIM, OFF)
-    return near
+    return np.asarray(gap <= np.where(Boundary(onto).holds(points), RIM, OFF))
 
 
 def rough(config: Config) -> Config:
     """Change settings so that a refinement takes less time, for regions that may be wrong."""
     refining = config.refining
-
-    def few(sizes: tuple[int, ...]) -> tuple[int, ...]:
-        return tuple(k for k in sizes if k <= ROUGH_FUNCTIONS)
-
-    without, with_positions = few(refining.sizes_without_positions), few(refining.sizes_with_positions)
-    if without or with_positions or few(refining.final_sizes):
-        refining = replace(
-            refining,
-            sizes_without_positions=without,
-            sizes_of_parts=few(refining.sizes_of_parts),
-            sizes_with_positions=with_positions,
-            final_sizes=few(refining.final_sizes),
-        )
+    names = "sizes_without_positions", "sizes_with_positions", "final_sizes", "sizes_of_parts"
+    sizes: dict[str, Any] = {
+        name: tuple(k for k in getattr(refining, name) if k <= ROUGH_FUNCTIONS) for name in names
+    }
+    if any(sizes[name] for name in names[:3]):
+        refining = replace(refining, **sizes)
     bending, n_bent = config.parts.bending[::2], min(config.parts.n_bent_vertices, 600)
     return replace(
         config,
@@ -295,7 +278,7 @@ def refined_region(
     pair: ShapePair,
     priors: Priors,
     stages: Stages,
-    roughly: bool = False,
+    roughly: bool,
 ) -> RefinedRegion:
     """Refine the samples of a region, and what lies around them, as a part of the target."""
     source, target = regions.source, regions.target
@@ -313,9 +296,9 @@ def refined_region(
     images[source.vertices], number[vertices] = region.images, np.arange(len(vertices))
     landmarks = np.column_stack([number[priors.landmarks[:, 0]], priors.landmarks[:, 1]])
     nothing = np.zeros((len(vertices), 0)), np.zeros((target.shape.body.n_vertices, 0))
-    known = Priors(landmarks[landmarks[:, 0] >= 0], NO_LANDMARKS, nothing)
+    own_priors = Priors(landmarks[landmarks[:, 0] >= 0], NO_LANDMARKS, nothing)
     functions = pair.functions and Embedding(pair.known.source[vertices], pair.functions.target)
-    relation = Part().on(ShapePair(part, target.shape, config, functions), known, stages)
+    relation = Part().on(ShapePair(part, target.shape, config, functions), own_priors, stages)
     first = images[owner[vertices[part.sample_vertices[:N_ROUGH_VERTICES]]]]
     begun = relation.fits.begun(relation.fits.pair, first, region.origin)
     fit = relation.refine_and_select([begun])[0]

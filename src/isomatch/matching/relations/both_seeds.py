@@ -15,8 +15,10 @@ from isomatch.correspondence import (
     trilaterate_common,
 )
 from isomatch.descriptors import BallSignature, ball_signature, deviation_of
-from isomatch.geodesics import MissingRegion, distance_along_edges_to_nearest, distance_engine
-from isomatch.matching.relations.part_pair import N_POSTS, NO_LANDMARKS, areas_of_samples
+from isomatch.geodesics import MissingRegion, distance_engine
+from isomatch.matching.confidence import nearest_of
+from isomatch.matching.priors import NO_LANDMARKS
+from isomatch.matching.relations.part_pair import N_POSTS, areas_of_samples
 from isomatch.matching.search import FromAnchors
 from isomatch.runtime.threads import parallel_map
 from isomatch.shapes import PreparedShape
@@ -55,10 +57,8 @@ NEAR, DEAREST, WIDTH, VARIANTS_APART = 0.2, 0.09, 4, 0.12  # see `grow_common_re
 LIKELY_GAINS = 2.0, 0.5  # of an anchor that looks alike, against one whose distances agree
 FEWEST_GROWN = 5  # anchors of a region
 SAME_REGION, FEWEST_COMMON = 0.1, 3  # mean distance of images, and anchors in common, of regions that are one
-SAME_MAP, SAME_SHARE = (
-    0.05,
-    0.7,
-)  # mean distance of images, and share of samples in both, of maps that become one
+# mean distance of images, and share of samples in both, of maps that become one
+SAME_MAP, SAME_SHARE = 0.05, 0.7
 N_SCREENED = 400  # regions that are extended
 RANKS = (150, 1, 80), (300, 2, 30)  # samples to which they are extended, rounds, and how many remain
 ACCEPTED, LED_ACCEPTED = 0.06, 0.12  # cost of a sample, also where landmarks lead, so that little is wrong
@@ -122,17 +122,13 @@ class BothSide:
         """Logarithms of the areas of balls around the samples, (r, q), and which of them no boundary cuts."""
         radii, along = np.array(AREA_RADII), self.intervals.upper
         areas = np.stack([(along < radius) @ self.areas for radius in radii], axis=1)
-        known = radii <= self.to_boundary[self.vertices, None] + OVERHANG
-        return np.log(np.maximum(areas, self.areas[:, None])), known
+        whole = radii <= self.to_boundary[self.vertices, None] + OVERHANG
+        return np.log(np.maximum(areas, self.areas[:, None])), whole
 
     @cached_property
     def nearest_sample(self) -> IntArray:
         """(n,) number of the sample nearest to each vertex."""
-        owner = distance_along_edges_to_nearest(self.shape.body, self.vertices)[1]
-        number = np.zeros(self.shape.body.n_vertices, dtype=np.int64)
-        number[self.vertices] = np.arange(len(self.vertices))
-        nearest: IntArray = number[owner]
-        return nearest
+        return nearest_of(self.shape, self.vertices)
 
 
 def two_sides(
@@ -144,7 +140,7 @@ def two_sides(
         lengths[:] = 1.0
     first = landmarks[:MOST_LANDMARKS]
     units = lengths / (BODY * np.sqrt((lengths**2).mean()))
-    return (BothSide(source, float(units[0]), first[:, 0]), BothSide(target, float(units[1]), first[:, 1]))
+    return BothSide(source, float(units[0]), first[:, 0]), BothSide(target, float(units[1]), first[:, 1])
 
 
 def signed_triangles(source: BothSide, rows: IntArray, target: BothSide, images: IntArray) -> float:
@@ -166,22 +162,17 @@ def signed_triangles(source: BothSide, rows: IntArray, target: BothSide, images:
 
 def _summed(here: BallSignature, there: BallSignature, deviation: FloatArray) -> tuple[FloatArray, IntArray]:
     """Sum over the radii known at both of the halved descriptor distances of all pairs, and their number."""
-    known = here.known[:, None] & there.known[None]
-    total = np.zeros(known.shape[:2])
-    for j in range(known.shape[2]):
+    counts = here.known[:, None] & there.known[None]
+    total, most = np.zeros(counts.shape[:2]), MOST_DESCRIPTOR_DISTANCE
+    for j in range(counts.shape[2]):
         apart = np.abs(here.values[:, None, j] - there.values[None, :, j]) / deviation[j]
-        total += (
-            known[:, :, j]
-            * np.minimum(apart, MOST_DESCRIPTOR_DISTANCE).mean(axis=2)
-            / MOST_DESCRIPTOR_DISTANCE
-        )
-    return total, known.sum(axis=2)
+        total += counts[:, :, j] * np.minimum(apart, most).mean(axis=2) / most
+    return total, counts.sum(axis=2)
 
 
 def _drawn_to(total: FloatArray, count: IntArray, neutral: float, prior: float) -> FloatArray:
     # a mean of so many known values, and of as many neutral ones as `prior` says
-    drawn: FloatArray = (total + neutral * prior) / (count + prior)
-    return drawn
+    return np.asarray((total + neutral * prior) / (count + prior))
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,9 +200,7 @@ class CommonRegions:
     @cached_property
     def _around(self) -> FloatArray:
         """(r, r) how much each sample of the source counts around each."""
-        source = self.source
-        around: FloatArray = np.exp(-((source.intervals.upper / AROUND) ** 2)) * source.areas
-        return around
+        return np.asarray(np.exp(-((self.source.intervals.upper / AROUND) ** 2)) * self.source.areas)
 
     def descriptor_distances(self, rows: IntArray, images: IntArray) -> FloatArray:
         """Descriptor distance (q,) around some samples of the source and their images, vertices of the target."""
@@ -220,16 +209,12 @@ class CommonRegions:
         count = (here.known & there.known).sum(axis=1)
         total = np.nan_to_num(here.descriptor_distance(there, self._deviation)) * count
         around = self._around[np.ix_(rows, rows)]
-        mean: FloatArray = (around @ (total + NEUTRAL * PRIOR)) / (around @ (count + PRIOR))
-        return mean
+        return np.asarray((around @ (total + NEUTRAL * PRIOR)) / (around @ (count + PRIOR)))
 
     @cached_property
     def _unlike(self) -> FloatArray:
         """(r, c) descriptor distance of each sample of the source and each of the target by themselves."""
-        here, there = (
-            self.source.moments.at(self.source.vertices),
-            self.target.moments.at(self.target.vertices),
-        )
+        here, there = (side.moments.at(side.vertices) for side in (self.source, self.target))
         return _drawn_to(*_summed(here, there, self._deviation), USUAL, PRIOR_RADII)
 
     @cached_property
@@ -237,8 +222,7 @@ class CommonRegions:
         """(r, c) how unlikely it is that a sample of the target looks as alike as this one: −log of its rank, 0…1."""
         apart = self._unlike
         rank = apart.argsort(axis=1, kind="stable").argsort(axis=1, kind="stable")
-        surprise: FloatArray = -np.log((rank + N_ALIKE) / apart.shape[1])
-        return surprise
+        return np.asarray(-np.log((rank + N_ALIKE) / apart.shape[1]))
 
     def evidence(self, rows: IntArray, images: IntArray) -> float:
         """Sum area × how much better images look than at random, over the samples of a region where that is above 0."""
@@ -274,8 +258,8 @@ class CommonRegions:
 
     def alike(self, rows: IntArray, columns: IntArray) -> FloatArray:
         """Cost (m, c) of each candidate for each anchor by itself, by moments and areas of balls."""
-        (of_source, known_there), (of_target, known_here) = self.source.ball_areas, self.target.ball_areas
-        both = known_there[rows][:, None] & known_here[columns][None]
+        (of_source, whole_here), (of_target, whole_there) = self.source.ball_areas, self.target.ball_areas
+        both = whole_here[rows][:, None] & whole_there[columns][None]
         apart = np.minimum(np.abs(of_source[rows][:, None] - of_target[columns][None]), MOST_AREA)
         areas = _drawn_to((apart * both).sum(axis=2), both.sum(axis=2), USUAL_AREA, PRIOR_AREAS)
         return MOMENTS_WEIGHT * self._unlike[np.ix_(rows, columns)] + AREAS_WEIGHT * areas
@@ -296,18 +280,18 @@ class CommonRegions:
             if n := len(source.landmarks):
                 pin_first(unary, np.arange(n))
                 seeds = np.column_stack([np.arange(n)] * 2)
-            found, gains = grow_common_regions(
+            regions, gains = grow_common_regions(
                 here, there, unary, seeds, COST, NEAR, DEAREST, WIDTH, VARIANTS_APART
             )
-            ranked.append(found[np.argsort(-gains, kind="stable")])
+            ranked.append(regions[np.argsort(-gains, kind="stable")])
         return self._distinct(np.stack(ranked, axis=1).reshape(-1, len(rows)))
 
-    def _distinct(self, found: IntArray) -> list[IntArray]:
+    def _distinct(self, regions: IntArray) -> list[IntArray]:
         """Keep the first regions that differ."""
         distances = self.target.intervals.upper
-        kept = np.zeros((N_SCREENED, found.shape[1]), dtype=np.int64)
+        kept = np.zeros((N_SCREENED, regions.shape[1]), dtype=np.int64)
         n = 0
-        for region in found[(found >= 0).sum(axis=1) >= FEWEST_GROWN]:
+        for region in regions[(regions >= 0).sum(axis=1) >= FEWEST_GROWN]:
             if n == N_SCREENED:
                 break
             both = (region >= 0) & (kept[:n] >= 0)
@@ -340,8 +324,8 @@ class CommonRegions:
         back, _ = trilaterate_common(of_target, of_source, EXTENSION_NEAR, COST)
         returned = source.intervals.upper[everything, back[placed]]
         accepted = (costs < most) & (returned < ROUND_TRIP)
-        known = np.arange(len(source.landmarks))
-        placed[known], accepted[known] = known, True
+        marks = np.arange(len(source.landmarks))
+        placed[marks], accepted[marks] = marks, True
         return placed, accepted
 
     def region(self, images: IntArray, accepted: BoolArray) -> CommonRegion:
@@ -389,7 +373,7 @@ class CommonRegions:
                 kept.append(region)
         return kept
 
-    def given(self, image: IntArray, known: BoolArray, origin: str) -> CommonRegion:
-        """Take the region where a map is known, by its images (n,) of the vertices of the source."""
+    def around(self, image: IntArray, near: BoolArray, origin: str) -> CommonRegion:
+        """Take the region of some vertices of the source (n,), by their images (n,)."""
         vertices = self.source.vertices
-        return replace(self.region(image[vertices], known[vertices]), origin=origin)
+        return replace(self.region(image[vertices], near[vertices]), origin=origin)

@@ -15,7 +15,7 @@ from isomatch.matching.confidence import DoubtfulRegion
 from isomatch.matching.fit import Hypothesis
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.priors import Priors
-from isomatch.matching.quality import covered_share, mean_known
+from isomatch.matching.quality import covered_share
 from isomatch.matching.relations.isometry import MOST_MIRRORED, IsometricMatch, Isometry, Measured
 from isomatch.matching.relations.part_pair import PartPair
 from isomatch.matching.relations.part_registration import PartFit, PartFits
@@ -35,7 +35,7 @@ FLIPPED = 6  # best hypotheses whose flips are tried: the best is more often wro
 CREASED = 3  # times that a shape is cut along its creases, and matched; docs/lab/design_notes.md
 HOPELESS = 1.3  # score over that of the best map, above which creases are no better cut once more
 TORN = 0.1  # √area between the images of the two sides of a crease, from which it is a self-contact
-GIVEN = {"matrix", "function"}  # names of engines of distances that were given
+OF_USERS = {"matrix", "function"}  # names of engines of the user's own distances
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,39 +45,40 @@ class ClosedMatch:
     pair: ShapePair  # the shapes as they are
     priors: Priors  # those on the shapes as they are
     relation: Isometry  # of the capped ones
-    found: IsometricMatch
+    isometric: IsometricMatch
 
     @property
     def origin(self) -> str:
         """Where the map came from."""
-        return self.relation.origin_of(self.found.selection.winner)
+        return self.relation.origin_of(self.isometric.selection.winner)
 
     @property
     def score(self) -> float:
         """Cost of the map."""
-        return self.found.selection.winner.score
+        return self.isometric.selection.winner.score
 
     def image_of(self, side: str) -> IntArray:
         """Vertex of the other shape for each vertex of the source or the target: the nearest one that is on no cap."""
-        return self._image(self.found.embedding, side)
+        return self._image(self.isometric.embedding, side)
 
     def mirrored_images(self, side: str) -> list[IntArray]:
         """Return the same by the best maps that reverse the orientation, which the match did not allow."""
-        best = self.relation.turned(self.found.eligible)[:MOST_MIRRORED]
+        best = self.relation.turned(self.isometric.eligible)[:MOST_MIRRORED]
         fits = self.relation.refine_and_select(self.relation.begun(best))
         return [self._image(self.relation.everywhere(fit), side) for fit in fits]
 
     def _image(self, embedding: Embedding, side: str) -> IntArray:
-        source, target = self.relation.pair.source, self.relation.pair.target
-        if side == "source":
-            return _images(source, embedding.source, target, embedding.target)
-        return _images(target, embedding.target, source, embedding.source)
+        """Vertices (n_part,) of the other open body, by coordinates of the closed ones."""
+        sides = zip((self.relation.source, self.relation.target), embedding)
+        (part, of_part), (whole, of_whole) = sides if side == "source" else reversed([*sides])
+        n_part = 1 + int(_origin(part).max())
+        return np.asarray(_owners(whole)[1][whole.index.vertices(of_whole, of_part[:n_part])])
 
     @property
     def pairs(self) -> IntArray:
         """Vertices of both open bodies that correspond, (q, 2)."""
         n_source, n_target = self.pair.source.body.n_vertices, self.pair.target.body.n_vertices
-        of_source, of_target = self.found.embedding
+        of_source, of_target = self.isometric.embedding
         image = self.relation.pair.target.index.vertices(of_target, of_source[:n_source])
         kept = np.flatnonzero(image < n_target)
         return np.column_stack([kept, image[kept]])
@@ -85,8 +86,8 @@ class ClosedMatch:
     def torn(self, side: int) -> BoolArray:
         """Which vertices of the open source or target have copies whose images are far apart, (n_body,)."""
         way = 1 if side == 0 else -1
-        here, there = (self.relation.pair.source, self.relation.pair.target)[::way]
-        at, to = self.found.embedding[::way]
+        here, there = (self.relation.source, self.relation.target)[::way]
+        at, to = self.isometric.embedding[::way]
         image = there.index.vertices(to, at)
         origin = _origin(here)
         n = 1 + int(origin.max())
@@ -99,7 +100,7 @@ class ClosedMatch:
     @cached_property
     def doubt(self) -> PartDoubt:
         """How sure the map is, as one of the source as it is to the target with its holes closed."""
-        selection, config = self.found.selection, self.pair.config
+        selection, config = self.isometric.selection, self.pair.config
         part, whole = self.pair.source, self.relation.pair.target
         pair = PartPair.of(part, whole, config)
         if config.scale != "area":  # the capped body was made from one of unit area
@@ -110,7 +111,7 @@ class ClosedMatch:
             image = whole.index.vertices(embedding.target, embedding.source[: part.body.n_vertices])
             return fits.measured(pair.in_unit_of(image), image[part.sample_vertices[: config.n_refine]])
 
-        fit, runner_up = measured(self.found.embedding), np.inf
+        fit, runner_up = measured(self.isometric.embedding), np.inf
         if selection.against:
             other = measured(self.relation.refinement.everywhere(self.relation, selection.against))
             runner_up = max(1.0, other.cost / fit.cost)
@@ -120,24 +121,20 @@ class ClosedMatch:
     def solution(self, timer: StageTimer) -> Solution:
         """Sum up the map, in the users' vertices; what lands on a cap is unmatched."""
         timer.start("quality")
-        closed = self.relation.summed_up(self.found, self.found.measured, timer)
+        closed = self.relation.summed_up(self.isometric, self.isometric.measured, timer)
         points, matched = self._opened(closed.map)
         source, target, descriptor_distance = self.pair.source, self.pair.target, closed.descriptor_distance
         if descriptor_distance is not None:
             descriptor_distance = np.where(matched, descriptor_distance[: source.body.n_vertices], np.nan)
         radius = self.pair.config.outcome.coverage_radius
-        quality = replace(
-            closed.quality,
-            coverage=covered_share(target.body, points.corners[matched, 0], radius),
-            descriptor_distance=mean_known(descriptor_distance, source.body.vertex_areas),
-        )
+        coverage = covered_share(target.body, points.corners[matched, 0], radius)
+        quality = replace(closed.quality, coverage=coverage)
         notes = [
             *self.relation.pair.notes,
             "stretch, residual and distortion are those of the shapes with their holes closed",
         ]
-        opened = Measured(
-            points, quality, descriptor_distance, closed.reason, closed.origin, matched
-        ).solution(
+        measured = Measured(points, quality, descriptor_distance, closed.reason, closed.origin, matched)
+        opened = measured.solution(
             self.pair,
             self.priors,
             closed.expected_error[: source.body.n_vertices],
@@ -145,15 +142,9 @@ class ClosedMatch:
             notes,
             regions=self._opened_regions(closed.regions),
         )
-        alternatives = (
-            replace(alternative, extend=partial(self._opened_map, alternative))
-            for alternative in closed.alternatives
-        )
-        return replace(
-            opened,
-            quality=replace(quality, matched=float(opened.map.matched.mean())),
-            alternatives=tuple(alternatives),
-        )
+        quality = replace(opened.quality, matched=float(opened.map.matched.mean()))
+        others = [replace(a, extend=partial(self._opened_map, a)) for a in closed.alternatives]
+        return replace(opened, quality=quality, alternatives=tuple(others))
 
     def _opened_map(self, alternative: Alternative) -> Correspondence:
         return self.pair.source.correspondence(self.pair.target, *self._opened(alternative.map))
@@ -180,10 +171,15 @@ class ClosedMatch:
         return points, matched
 
 
+def has_own_distances(pair: ShapePair) -> bool:
+    """Whether the distances of either shape are the user's own."""
+    return bool({pair.source.distances.engine, pair.target.distances.engine} & OF_USERS)
+
+
 def match_closed(pair: ShapePair, priors: Priors, stages: Stages, timer: StageTimer) -> ClosedMatch | None:
     """Match two shapes with all their holes closed, by landmarks and the initial map; None if no map was found."""
-    if {pair.source.distances.engine, pair.target.distances.engine} & GIVEN:
-        return None  # distances across caps are not known
+    if has_own_distances(pair):
+        return None  # those across caps are not known
     timer.start("prepare")
     source, target = parallel_map(capped_shape, (pair.source, pair.target))
     flipped = max(FLIPPED, pair.config.search.flipped)
@@ -220,14 +216,13 @@ def match_creased(
     last = None
     for _ in range(CREASED):
         timer.start("prepare")
-        creased = [
-            creased_shape(shapes[i], handles[i], torn[i]) if both or i == one else None for i in range(2)
-        ]
+        cut = [i for i in range(2) if both or i == one]
+        creased = [creased_shape(shapes[i], handles[i], torn[i]) if i in cut else None for i in range(2)]
         if creased == [None, None]:
             return
         source, target = (
-            cut or cut_shape(shape, most) or capped_shape(shape)
-            for cut, shape, most in zip(creased, shapes, handles)
+            made or cut_shape(shape, most) or capped_shape(shape)
+            for made, shape, most in zip(creased, shapes, handles)
         )
         last = _match_between(source, target, pair.config, pair, priors, stages, timer, last)
         if last is None or last.score > HOPELESS * score:
@@ -248,9 +243,10 @@ def _match_between(
 ) -> ClosedMatch | None:
     """Match two closed shapes, made of those of a pair; from a match of shapes closed otherwise, if there is one."""
     nothing = np.zeros((source.body.n_vertices, 0)), np.zeros((target.body.n_vertices, 0))
-    functions = None
-    if pair.functions is not None:
-        functions = Embedding(*map(_on_caps, (source, target), pair.known))
+    functions = pair.functions and Embedding(
+        # on the surface with its holes closed: the values of the rim on caps
+        *(values[_owners(capped)[1]] for capped, values in zip((source, target), pair.known))
+    )
     closed = Priors(priors.landmarks, priors.initial_pairs, nothing, user_landmarks=priors.user_landmarks)
     both = ShapePair(source, target, config, functions)
     relation = Isometry().on(both, closed, stages)
@@ -265,23 +261,12 @@ def _match_between(
         return None
 
 
-def _on_caps(capped: PreparedShape, values: FloatArray) -> FloatArray:
-    """Values (n_body, q) of an open body on the surface with its holes closed: those of the rim on caps."""
-    return np.asarray(values[_owners(capped)[1]])
-
-
 def with_doubt(
     closed: Solution, evidence: tuple[Evidence, ...], doubt: PartDoubt, note: str, with_priors: bool
 ) -> Solution:
     """Take the map with the holes closed, with the evidence for it as a map of a part."""
     closed = replace(closed, evidence=evidence, quality=replace(closed.quality, doubt=doubt.doubt))
     return replace(closed, notes=(*closed.notes, note, *doubt.notes(closed.outcome, with_priors)))
-
-
-def _images(part: PreparedShape, of_part: FloatArray, whole: PreparedShape, of_whole: FloatArray) -> IntArray:
-    """Vertices (n_part,) of an open whole, by coordinates of the closed bodies of part and whole."""
-    n_part = 1 + int(_origin(part).max())
-    return np.asarray(_owners(whole)[1][whole.index.vertices(of_whole, of_part[:n_part])])
 
 
 def _owners(closed: PreparedShape) -> tuple[FloatArray, IntArray]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import cast
 
 import numpy as np
@@ -13,9 +14,11 @@ from isomatch.errors import NotConvergedError
 from isomatch.matching.confidence import doubt_in, expected_errors, regions_of_doubt
 from isomatch.matching.coordinates import refined_images, registered
 from isomatch.matching.fit import Fit
-from isomatch.matching.quality import descriptor_distance_of, mean_known, measure_quality
+from isomatch.matching.pair import search_pairs
+from isomatch.matching.quality import descriptor_distance_of, measure_quality
 from isomatch.matching.relations.bending import Bent, ElasticBending
 from isomatch.matching.relations.elastic_fit import (
+    COARSE_STEPS,
     N_COARSE,
     Coefficients,
     ElasticFit,
@@ -23,7 +26,6 @@ from isomatch.matching.relations.elastic_fit import (
     Images,
     Step,
     anchor_starts,
-    coarse_steps,
     with_mirror,
 )
 from isomatch.matching.relations.isometry import Measured
@@ -39,11 +41,8 @@ from isomatch.values.arrays import IntArray
 from isomatch.values.cached import cached_property
 
 # those without another source: docs/lab/design_notes.md
-N_FOLLOWED = (
-    90,
-    40,
-    8,
-)  # best coarse fits that go on after each step; the last are bent, beside maps found otherwise
+# best coarse fits that go on after each step; the last are bent, with maps from elsewhere
+N_FOLLOWED = (90, 40, 8)
 ASYMMETRY_UNIT, ASYMMETRY_EXPONENT = 0.1, 0.25  # chosen on pairs of animals, not one by one
 # mean cosine between normals of a coarse fit that goes on; selection.orientation_threshold
 LEAST_ORIENTATION = 0.3
@@ -80,7 +79,7 @@ class StretchedFit(Fit):
     images: Images | None = None  # of the samples of the coarse fit, both ways
     bent: tuple[Bent, ...] = ()  # the source on the target, and the target on the source; none before
     is_ordinary: bool = False  # whether it is a map found otherwise
-    is_given: bool = False  # whether it is the user's initial map, which holds while large pieces are bent
+    is_users: bool = False  # whether it is the user's initial map, which holds while large pieces are bent
 
     @property
     def stretch(self) -> float:
@@ -142,14 +141,15 @@ class Elastic(Relation):
         _ = self._shapes
         timer.start("search")
         starts = self._starts()
-        kept = [self._first(start, origin) for start, origin in starts]
-        for step, most in zip(coarse_steps(), N_FOLLOWED):
+        first = partial(self._drawn, self._coarse, COARSE_STEPS[0])
+        kept = [first(start, origin) for start, origin in starts]
+        for step, most in zip(COARSE_STEPS, N_FOLLOWED):
             kept = self._roughly(kept, step, most)
         timer.start("bending")
         if self.ordinary is not None:
             kept.append(self._drawn_ordinary(self.ordinary))
         if len(self.priors.initial_pairs):
-            kept.append(replace(self._first(self.priors.initial_pairs, "initial map"), is_given=True))
+            kept.append(replace(first(self.priors.initial_pairs, "initial map"), is_users=True))
         if not kept:
             raise NotConvergedError(
                 "no elastic map keeps the orientation of the faces; give three to five landmarks"
@@ -158,11 +158,8 @@ class Elastic(Relation):
         fits.sort(key=lambda fit: fit.score)
         apart = distances_between([fit.image for fit in fits], self.target.mean_distances)
         tie = PRIORED_TIE if len(self.priors.initial_pairs) else 1.0
-        rules = Rules(
-            runner_up_distance=self.pair.config.selection.runner_up_distance,
-            tie=tie,
-            landmark_slack=LANDMARK_SLACK,
-        )
+        least = self.pair.config.selection.runner_up_distance
+        rules = Rules(runner_up_distance=least, tie=tie, landmark_slack=LANDMARK_SLACK)
         reason = f"least score of {len(starts)} elastic maps, {len(fits)} bent"
         return select(fits, apart, rules), reason
 
@@ -183,7 +180,7 @@ class Elastic(Relation):
         return np.column_stack([self.vertices, fit.image])
 
     def _drawn_ordinary(self, fit: Fit) -> StretchedFit:
-        return replace(self._drawn(self._pairs(fit), fit.origin), is_ordinary=True)
+        return replace(self._drawn(self._fine, LAST_STEP, self._pairs(fit), fit.origin), is_ordinary=True)
 
     def _starts(self) -> list[tuple[IntArray, str]]:
         """First maps (q, 2), and where each comes from; those of an ordinary map have made use of priors before."""
@@ -197,10 +194,8 @@ class Elastic(Relation):
         if self.ordinary is not None:
             first_maps.append((self._pairs(self.ordinary), self.ordinary.origin))
         else:
-            first_maps += [
-                (np.column_stack([pair.source_vertices, pair.target_vertices[rows]]), origin)
-                for rows, origin in starts_from_priors(pair, self.priors)
-            ]
+            from_priors = starts_from_priors(pair, self.priors)
+            first_maps += [(search_pairs(pair, rows), origin) for rows, origin in from_priors]
         return [*first_maps, *self.others, *first_maps_of(starts, pair)]
 
     @cached_property
@@ -228,11 +223,6 @@ class Elastic(Relation):
             lambda way: ElasticBending(both[way], both[1 - way], count, bool(way), landmarks), range(2)
         )
         return there, back
-
-    def _first(self, start: IntArray, origin: str) -> StretchedFit:
-        """Draw a first map (q, 2) by few functions."""
-        coefficients = self._coarse.from_pairs(start, coarse_steps()[0])
-        return StretchedFit(start[:0, 0], origin=origin, coefficients=coefficients)
 
     def _roughly(self, fits: Sequence[StretchedFit], step: Step, most: int) -> list[StretchedFit]:
         """Take a coarse step, and keep so many of the best that differ and do not turn the surface inside out."""
@@ -268,26 +258,23 @@ class Elastic(Relation):
         image = self.target.index.vertices(target, source[self.vertices])
         return replace(fit, image=image, spectral_residual=np.inf, score=np.nan)
 
-    def _drawn(self, pairs: IntArray, origin: str) -> StretchedFit:
-        """Draw a map (q, 2) by all functions."""
-        coefficients = self._fine.from_pairs(pairs, LAST_STEP)
-        return StretchedFit(pairs[:0, 0], origin=origin, coefficients=coefficients)
+    def _drawn(self, by: ElasticFit, step: Step, pairs: IntArray, origin: str) -> StretchedFit:
+        """Draw a map (q, 2) by the functions of a step."""
+        return StretchedFit(pairs[:0, 0], origin=origin, coefficients=by.from_pairs(pairs, step))
 
     @cached_property
-    def _given(self) -> IntArray:
-        """(r,) images of the vertices of the relation under the initial map, −1 where it is not known."""
+    def _users(self) -> IntArray:
+        """(r,) images of the vertices of the relation under the initial map, −1 where it has none."""
         image = np.full(self.source.body.n_vertices, -1)
         image[self.priors.initial_pairs[:, 0]] = self.priors.initial_pairs[:, 1]
         return image[self.vertices]
 
     def refined(self, fits: Sequence[Fit]) -> list[Fit]:
-        """Bend both shapes onto each other by each map, at a low resolution; images are read off there.
-
-        Those that score much worse than another one halfway are given up, unless the map was known before.
-        """
+        """Bend both shapes onto each other by each map, at a low resolution; images are read off there."""
+        # those that score much worse than another one halfway are given up, unless the map was known before
         halfway = parallel_map(self._bent_halfway, [cast(StretchedFit, fit) for fit in fits])
         most = HOPELESS * min((fit.score for fit in halfway), default=0.0)
-        kept = [fit for fit in halfway if fit.score <= most or fit.is_ordinary or fit.is_given]
+        kept = [fit for fit in halfway if fit.score <= most or fit.is_ordinary or fit.is_users]
         return parallel_map(self._bent_further, kept)
 
     def _bent(self, fit: StretchedFit) -> StretchedFit:
@@ -296,8 +283,8 @@ class Elastic(Relation):
     def _bent_halfway(self, fit: StretchedFit) -> StretchedFit:
         """Bend by the first lengths, which move large pieces."""
         drawn, lengths = self._fine.embedding(fit.coefficients), self.pair.config.elastic.bending
-        known = self.priors.initial_pairs if fit.is_given else None
-        bent = tuple(bending.laid(drawn, lengths[: len(lengths) // 2], known) for bending in self._bendings)
+        held = self.priors.initial_pairs if fit.is_users else None
+        bent = tuple(bending.laid(drawn, lengths[: len(lengths) // 2], held) for bending in self._bendings)
         return replace(fit, bent=bent, score=_score(bent))
 
     def _bent_further(self, fit: StretchedFit) -> StretchedFit:
@@ -308,15 +295,16 @@ class Elastic(Relation):
             for bending, each in zip(self._bendings, fit.bent)
         )
         image, score = self._bendings[0].images(bent[0], self.vertices), _score(bent)
-        known = self._given >= 0
-        error = self.target.mean_distance(image[known], self._given[known]) if known.any() else 0.0
+        rows = np.flatnonzero(self._users >= 0)
+        error = self.target.mean_distance(image[rows], self._users[rows]) if len(rows) else 0.0
         return replace(fit, image=image, spectral_residual=score, score=score, bent=bent, prior_error=error)
 
     def measured(self, fit: Fit, image: IntArray) -> StretchedFit:
         """Draw a map by all functions, and bend the shapes by it."""
         self.require_images(image)
         was_ordinary = isinstance(fit, StretchedFit) and fit.is_ordinary
-        drawn = self._drawn(self._pairs(replace(fit, image=image)), fit.origin)
+        pairs = np.column_stack([self.vertices, image])
+        drawn = self._drawn(self._fine, LAST_STEP, pairs, fit.origin)
         return replace(self._bent(drawn), is_ordinary=was_ordinary)
 
     def embedding(self, fit: Fit) -> Embedding:
@@ -330,19 +318,16 @@ class Elastic(Relation):
         bent = self._in_full(fit)
         lying = Embedding(with_normals(bent.mesh, READ_UNIT), with_normals(bent.onto.mesh, READ_UNIT))
         image = self._read(lying)
-        known = self._known_before(fit, image)
-        if known is not None:
-            image = self._read(self._beside(known, lying))
+        before = self._known_before(fit, image)
+        if before is not None:
+            image = self._read(self._beside(before, lying))
         image, _ = refined_images(pair, image, 1.0, *pair.config.refining.last_step)
         return self._beside(image, lying)
 
     def _known_before(self, fit: StretchedFit, image: IntArray) -> IntArray | None:
-        """Return images (r,) known before, if a map is the same in the large.
-
-        They are those of the initial map, and of the map elsewhere, or those of an ordinary map that fits.
-        """
+        """Return images (r,) of the initial map, or an ordinary one that fits, if a map is the same in the large."""
         if len(self.priors.initial_pairs) and fit.prior_error < SAME_MAP:
-            return np.where(self._given >= 0, self._given, image)
+            return np.where(self._users >= 0, self._users, image)
         if self.ordinary is None or not self.ordinary_fits:
             return None
         alike = self.target.mean_distance(fit.image, self.ordinary.image) < SAME_MAP
@@ -370,16 +355,10 @@ class Elastic(Relation):
         """Take the nearest points under the map selected, and measure it."""
         embedding = self.everywhere(selection.winner)
         points = self.target.index.points(embedding.target, embedding.source)
-        descriptor_distance = descriptor_distance_of(
-            self.source.balls, self.target.balls, points.corners[:, 0]
-        )
-        quality = replace(
-            measure_quality(self.pair, points, self.priors),
-            runner_up=selection.runner_up,
-            descriptor_distance=mean_known(descriptor_distance, self.source.body.vertex_areas),
-            bending_cost=selection.winner.score,
-        )
-        return Measured(points, quality, descriptor_distance, reason, selection.winner.origin)
+        distance = descriptor_distance_of(self.source.balls, self.target.balls, points.corners[:, 0])
+        winner, quality = selection.winner, measure_quality(self.pair, points, self.priors)
+        quality = replace(quality, runner_up=selection.runner_up, bending_cost=winner.score)
+        return Measured(points, quality, distance, reason, winner.origin)
 
     def solution(self, timer: StageTimer) -> Solution:
         """Find the map, and the evidence for it, where no other relation was tried."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -12,6 +11,7 @@ from scipy.linalg.lapack import dposv
 
 from isomatch.correspondence import Embedding, IntervalCost, assign_points, nearest_rows, pin_first
 from isomatch.matching.pair import ShapePair
+from isomatch.matching.priors import NO_LANDMARKS
 from isomatch.runtime.threads import parallel_map
 from isomatch.settings import Config, ElasticSettings
 from isomatch.shapes import PreparedShape, farthest_rows
@@ -21,9 +21,6 @@ from isomatch.values.cached import cached_property
 
 # those without another source were chosen together on pairs of animals
 N_COARSE = 300  # samples of each shape in the coarse fit: enough for 30 functions
-COARSE_FUNCTIONS = (20, 20, 30)  # in the steps of the coarse fit: limbs, but no details
-COARSE_SMOOTHNESS = (0.01, 0.01, 0.007)  # μ below; its root is a length in √area; chosen with the functions
-COARSE_ITERATIONS = (2, 2, 4)  # docs/lab/design_notes.md
 SIGNATURE_WEIGHT, NORMAL_WEIGHT = 0.05, 0.05  # beside canonical coordinates; normals in the coarse fit
 LANDMARK_WEIGHT = 30.0  # of a landmark, in samples; not measured
 RIDGE = 1e-9
@@ -34,10 +31,8 @@ N_CANDIDATES = 150  # points of the target among which images are sought: spacin
 BEAM = 600  # partial assignments that are kept
 APART = 0.12  # mean distance, in average distances, by which they differ; as in parts
 MOST_COST, SOFT = 0.6, 0.2  # of the cost of a distance, see `IntervalCost`
-REMOTENESS_COST, SIGNATURE_COST = (
-    0.5,
-    0.1,
-)  # weights of the share of the area that is less remote, and of signatures
+# weights of the share of the area that is less remote, and of signatures
+REMOTENESS_COST, SIGNATURE_COST = 0.5, 0.1
 ASIDE_COST, MOST_ASIDE = 1.0, 1.0  # of distances from mirror images, in average distances; not measured
 # starts that do not compare these, where both shapes have one; docs/lab/robustness.md, other species
 N_PLAIN_STARTS = 30
@@ -47,7 +42,6 @@ MIRROR_SPECTRAL_RESIDUAL, MIRROR_ORIENTATION = 0.26, 0.5  # at most and at least
 MIRROR_STARTS = 24  # first maps; not measured
 MIRROR_FORGIVEN = 0.1  # as `ElasticSettings.forgiven`: a shape is nearly isometric to its mirror image
 N_FOLLOWED = (12, 4, 4)  # of these that go on after each step; docs/lab/design_notes.md
-NO_LANDMARKS = np.zeros((0, 2), dtype=np.int64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,8 +91,7 @@ class ElasticShape:
 
     def sampled(self, count: int, everywhere: bool) -> Samples:
         """Take ``count`` samples; their images are sought among samples, or everywhere."""
-        vertices = self.prepared.sample_vertices[:count]
-        mesh = self.mesh
+        vertices, mesh = self.prepared.sample_vertices[:count], self.mesh
         if everywhere:
             ring, sought, faces = np.arange(mesh.n_vertices), np.arange(mesh.n_vertices), mesh.faces
         else:
@@ -157,17 +150,14 @@ class Step(NamedTuple):
     """A step of the fit: functions, smoothness, iterations, and whether maps are made to respect the symmetries."""
 
     n_functions: int
-    smoothness: float
+    smoothness: float  # μ below; its root is a length in √area
     iterations: int
     symmetric: bool
 
 
-def coarse_steps() -> tuple[Step, ...]:
-    """Return the steps with few functions; after each, only the best fits go on."""
-    return tuple(
-        Step(k, smoothness, iterations, True)
-        for k, smoothness, iterations in zip(COARSE_FUNCTIONS, COARSE_SMOOTHNESS, COARSE_ITERATIONS)
-    )
+# of the coarse fit, after each of which only the best go on: its functions show limbs, but no details, and smoothness was
+# chosen with them; docs/lab/design_notes.md
+COARSE_STEPS = Step(20, 0.01, 2, True), Step(20, 0.01, 2, True), Step(30, 0.007, 4, True)
 
 
 class Images(NamedTuple):
@@ -288,14 +278,10 @@ class ElasticFit:
         """Leave the signatures out, which are the same under all maps."""
         source, target, (target_here, source_there) = self.source, self.target, copies
         side, weight = self.side * self.normal_weight, self.normal_weight
-        here = [target_here.canonical, source.canonical, side * target_here.normals, weight * source.normals]
-        there = [
-            target.canonical,
-            source_there.canonical,
-            weight * target.normals,
-            side * source_there.normals,
-        ]
-        return Embedding(np.hstack(here), np.hstack(there))
+        canonical = [target_here.canonical, source.canonical], [target.canonical, source_there.canonical]
+        here = side * target_here.normals, weight * source.normals
+        there = weight * target.normals, side * source_there.normals
+        return Embedding(np.hstack([*canonical[0], *here]), np.hstack([*canonical[1], *there]))
 
     @cached_property
     def _unlike(self) -> Float32Array:
@@ -330,11 +316,8 @@ class ElasticFit:
 
     def asymmetry(self, images: Images) -> float:
         """How far the maps are from exchanging mirror images: a mean distance; 0 unless both are nearly symmetric."""
-        apart = []
-        for onto, other, image in (
-            (self.source, self.target, images.forth),
-            (self.target, self.source, images.back),
-        ):
+        apart, ways = [], ((self.source, self.target, images.forth), (self.target, self.source, images.back))
+        for onto, other, image in ways:
             if onto.mirror_row is None or other.shape.mirrored is None:
                 return 0.0
             d = other.shape.canonical.shape[1]
@@ -436,23 +419,19 @@ def with_mirror(prepared: PreparedShape, config: Config) -> ElasticShape:
     samples = shape.sampled(N_COARSE, False)
     signatures = Embedding(prepared.signatures, prepared.signatures)
     fit = ElasticFit(samples, samples, signatures, NO_LANDMARKS, side=-1.0)
-    steps = coarse_steps()
 
     def first(start: IntArray) -> tuple[Coefficients, Images] | None:
-        coefficients = fit.from_pairs(start, steps[0])
+        coefficients = fit.from_pairs(start, COARSE_STEPS[0])
         images = fit.images(coefficients)
         return None if images.orientation < 0 else (coefficients, images)
 
-    def stepped(self_map: tuple[Coefficients, Images], step: Step) -> tuple[Coefficients, Images]:
-        return fit.run(self_map[0], (step,), self_map[1])
-
     few = replace(config, elastic=replace(settings, forgiven=MIRROR_FORGIVEN, n_starts=MIRROR_STARTS))
     rows = prepared.sample_vertices[: prepared.config.n_search]
-    known = [np.column_stack([rows, rows[each.image_row]]) for each in prepared.symmetries]
-    starts = [*anchor_starts(ShapePair(prepared, prepared, few), NO_LANDMARKS), *known]
+    symmetries = [np.column_stack([rows, rows[each.image_row]]) for each in prepared.symmetries]
+    starts = [*anchor_starts(ShapePair(prepared, prepared, few), NO_LANDMARKS), *symmetries]
     maps = [each for each in parallel_map(first, starts) if each]
-    for step, most in zip(steps, N_FOLLOWED):
-        maps = parallel_map(partial(stepped, step=step), maps)
+    for step, most in zip(COARSE_STEPS, N_FOLLOWED):
+        maps = parallel_map(lambda each: fit.run(each[0], (step,), each[1]), maps)  # noqa: B023
         maps = sorted(maps, key=lambda each: each[1].spectral_residual)[:most]
     clear = [each for each in maps if each[1].orientation >= MIRROR_ORIENTATION]
     if not clear or clear[0][1].spectral_residual > MIRROR_SPECTRAL_RESIDUAL:

@@ -39,14 +39,13 @@ from isomatch.matching.quality import (
     measure_quality,
 )
 from isomatch.matching.result import Alternative, Quality
-from isomatch.matching.search import hypotheses_from_priors, search, symmetric_variants
+from isomatch.matching.search import distinct_maps, hypotheses_from_priors, search, symmetric_variants
 from isomatch.matching.selection import (
     SCORE_NOISE,
     Rules,
     Selection,
     contenders,
     distances_between,
-    distinct,
     ranked,
     select,
     survivors,
@@ -83,25 +82,24 @@ class Measured:
         evidence: tuple[Evidence, ...],
         notes: Sequence[str],
         level: SmoothPair
-        | None = None,  # the shapes between which the points are, if they are not those of the pair
+        | None = None,  # between which the points are, if not between the shapes of the pair
         points: PrecisePoints | None = None,
         regions: Sequence[DoubtfulRegion] = (),
     ) -> Solution:
         """Sum up the map in the users' vertices; where it has no image, no error is expected."""
-        source, between = pair.source, level or pair
+        source, between, distances = pair.source, level or pair, self.descriptor_distance
         result = between.source.correspondence(between.target, points or self.points, self.matched)
+        mean_distance = mean_known(distances, source.body.vertex_areas)
         return Solution(
             pair,
             result,
-            self.quality,
+            replace(self.quality, descriptor_distance=mean_distance),
             evidence,
             np.where(result.matched, source.lift_smooth(errors), np.nan),
             notes=(*pair.notes, *priors.notes, *notes, *contradicted_landmarks(pair, self.points, priors)),
             origin=self.origin,
             reason=self.reason,
-            descriptor_distance=None
-            if self.descriptor_distance is None
-            else source.lift(self.descriptor_distance),
+            descriptor_distance=None if distances is None else source.lift(distances),
             regions=lifted(regions, source, pair.target),
         )
 
@@ -142,9 +140,9 @@ class Isometry(Relation):
 
     def solution(self, timer: StageTimer) -> Solution:
         """Find the map, and the evidence for it."""
-        found = self.match(timer)
+        isometric = self.match(timer)
         timer.start("quality")
-        return self.summed_up(found, found.measured, timer)
+        return self.summed_up(isometric, isometric.measured, timer)
 
     def match(self, timer: StageTimer, hypotheses: Sequence[Hypothesis] | None = None) -> IsometricMatch:
         """Search, select and refine; ``hypotheses`` found otherwise take the place of the search."""
@@ -231,10 +229,8 @@ class Isometry(Relation):
         return self._refined_again([replace(fit, score=self.score(fit)) for fit in refined])
 
     def _refined_again(self, fits: Sequence[Fit]) -> list[Fit]:
-        """Refine those that tie with the best once more, from few functions; of each two maps the better stays.
-
-        Through few functions a limb that is turned in its place comes loose.
-        """
+        """Refine those that tie with the best once more, from few functions; of each two maps the better stays."""
+        # through few functions a limb that is turned in its place comes loose
         settings = self.pair.config.refining
         last, with_positions = settings.last_step
         limit = self.pair.config.outcome.tie * min((fit.score for fit in fits), default=0.0)
@@ -254,9 +250,8 @@ class Isometry(Relation):
     def measured(self, fit: Fit, image: IntArray) -> Fit:
         """Measure a map: the spectral residual is that after the last step of the joint refinement, from there."""
         self.require_images(image)
-        _, spectral_residual = refined_images(
-            self.pair, image, fit.side, *self.pair.config.refining.last_step
-        )
+        step = self.pair.config.refining.last_step
+        _, spectral_residual = refined_images(self.pair, image, fit.side, *step)
         fit = replace(fit, image=image, spectral_residual=spectral_residual)
         return replace(fit, score=self.score(fit))
 
@@ -279,9 +274,9 @@ class Isometry(Relation):
 
     def _refined_and_selected(self, eligible: list[Candidate], runners_up: list[Candidate]) -> Selection[Fit]:
         """Refine the contenders, and runners-up that may not win, and select."""
-        orientation, settings = self.pair.config.orientation, self.pair.config.selection
+        config = self.pair.config
         fits, others = (
-            self.refine_and_select(self.begun(contenders(order, orientation, settings)))
+            self.refine_and_select(self.begun(contenders(order, config.orientation, config.selection)))
             for order in (eligible, runners_up)
         )
         may_win = [True] * len(fits) + [False] * len(others)
@@ -304,13 +299,10 @@ class Isometry(Relation):
         first = selection.winner
         if not self._sided or first.candidate is None or is_sure(self, selection):
             return selection
-        known = [candidate.target_row for candidate in candidates]
-        screen = Screening(self.pair, self.priors)
-        fits = self.refine_and_select(
-            self.begun(
-                further_candidates(self.pair, screen, known, self._wanted_sign, first.candidate.energy)
-            )
-        )
+        rows = [candidate.target_row for candidate in candidates]
+        screen, energy = Screening(self.pair, self.priors), first.candidate.energy
+        further = further_candidates(self.pair, screen, rows, self._wanted_sign, energy)
+        fits = self.refine_and_select(self.begun(further))
         winner = best_of(self, first, fits)
         if winner is first:
             return selection
@@ -322,13 +314,8 @@ class Isometry(Relation):
     @property
     def _sided(self) -> bool:
         """Whether one orientation is wanted, of shapes that have one, and nothing else is known of the map."""
-        config = self.pair.config
-        return (
-            config.orientation != "any"
-            and config.hypotheses == "all"
-            and not self.priors.any
-            and self.pair.oriented
-        )
+        config, oriented = self.pair.config, self.pair.oriented
+        return oriented and config.orientation != "any" and config.hypotheses == "all" and not self.priors.any
 
     def _against_mirror_image(
         self, selection: Selection[Fit], candidates: Sequence[Candidate]
@@ -374,15 +361,15 @@ class Isometry(Relation):
         landmarks = with_priors and len(self.priors.landmarks) > 0
         return ranked(candidates, self.pair.config.orientation, self.pair.config.selection, landmarks)
 
-    def measure(self, found: IsometricMatch) -> Measured:
+    def measure(self, isometric: IsometricMatch) -> Measured:
         """Take the nearest points, and measure the map."""
-        pair, selection = self.pair, found.selection
-        points = self.target.index.points(found.embedding.target, found.embedding.source)
+        pair, selection = self.pair, isometric.selection
+        points = self.target.index.points(isometric.embedding.target, isometric.embedding.source)
         quality = measure_quality(pair, points, self.priors, selection)
         doubt = None
         if selection.against:
             doubt = doubt_of(pair, selection.winner.image, selection.against.image, selection.runner_up)
-        n_tried = len(found.eligible) + len(found.runners_up)
+        n_tried = len(isometric.eligible) + len(isometric.runners_up)
         exponent = pair.config.selection.energy_exponent
         reason = (
             f"least spectral residual × energy^{exponent:g}; {n_tried} candidates, "
@@ -392,23 +379,16 @@ class Isometry(Relation):
             reason += "; of those that tie, it agrees best with the priors"
         if selection.runner_up < np.inf:
             reason += f"; the best alternative scores {selection.runner_up:.2f} times as much"
-        descriptor_distance = descriptor_distance_of(
-            self.source.balls, self.target.balls, points.corners[:, 0]
-        )
-        quality = replace(
-            quality, descriptor_distance=mean_known(descriptor_distance, self.source.body.vertex_areas)
-        )
-        origin = self.origin_of(selection.winner)
-        return Measured(
-            points, quality, descriptor_distance, reason, origin, doubt=doubt, fit=selection.winner
-        )
+        distance = descriptor_distance_of(self.source.balls, self.target.balls, points.corners[:, 0])
+        winner = selection.winner
+        return Measured(points, quality, distance, reason, self.origin_of(winner), doubt=doubt, fit=winner)
 
     def summed_up(
-        self, found: IsometricMatch, map_: Measured, timer: StageTimer, note: str | None = None
+        self, isometric: IsometricMatch, map_: Measured, timer: StageTimer, note: str | None = None
     ) -> Solution:
         """Polish, carry and sum up a map; one between shapes far from isometric comes with a ``note``."""
         pair, priors, far = self.pair, self.priors, note is not None
-        selection, runners_up = found.selection, None
+        selection, runners_up = isometric.selection, None
         if selection.against and selection.runner_up < pair.config.outcome.tie and not far:
             runners_up = selection.winner.image, selection.against.image
         regions = regions_of_doubt(pair, map_.descriptor_distance, runners_up)
@@ -431,7 +411,7 @@ class Isometry(Relation):
             notes.append("polished on {} and {} vertices".format(*sizes))
         notes += [note] if note else []
         solution = map_.solution(pair, priors, errors, tuple(evidence), notes, level, points, regions)
-        return replace(solution, alternatives=self._alternatives(found), descriptors_count=not far)
+        return replace(solution, alternatives=self._alternatives(isometric), descriptors_count=not far)
 
     def _polished(self, finer: SmoothPair, fit: Fit) -> PrecisePoints:
         """Polish a refined map at the finer levels of its shapes: image of each source vertex there."""
@@ -456,20 +436,12 @@ class Isometry(Relation):
             )
         return notes
 
-    def _alternatives(self, found: IsometricMatch) -> tuple[Alternative, ...]:
+    def _alternatives(self, isometric: IsometricMatch) -> tuple[Alternative, ...]:
         """Runners-up that differ from the winner, which comes first, and from each other; not refined."""
-        pair, settings = self.pair, self.pair.config.selection
-        refined = [
-            fit.candidate for fit in (found.selection.winner, *found.selection.runners_up) if fit.candidate
-        ]
-        order = [*refined, *found.eligible, *found.runners_up]
-        kept = distinct(
-            order,
-            lambda candidate: candidate.target_row,
-            pair.distances_between_maps,
-            pair.config.search.same_map,
-            1 + settings.most_alternatives,
-        )
+        pair, settings, selection = self.pair, self.pair.config.selection, isometric.selection
+        refined = [fit.candidate for fit in (selection.winner, *selection.runners_up) if fit.candidate]
+        order = [*refined, *isometric.eligible, *isometric.runners_up]
+        kept = distinct_maps(pair, order, 1 + settings.most_alternatives)
         return tuple(
             Alternative(
                 partial(_extended_map, pair, c.target_row), c.energy, c.orientation, c.hypothesis.origin

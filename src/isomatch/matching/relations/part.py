@@ -23,7 +23,7 @@ from isomatch.matching.quality import (
     distances_to_priors,
     edge_stretch,
     image_positions,
-    mean_known,
+    prior_errors,
 )
 from isomatch.matching.relations.closed import ClosedMatch, with_doubt
 from isomatch.matching.relations.isometry import Measured
@@ -141,8 +141,8 @@ class Part(Relation):
     def closes_first(self) -> bool:
         """Whether its holes are closed first: little is missing by the units of the files, less so if little is known."""
         pair, settings = self.fits.pair, self.pair.config.parts
-        known = pair.trusted >= settings.little_trusted
-        least = settings.little_missing if known else settings.most_there
+        trusted = pair.trusted >= settings.little_trusted
+        least = settings.little_missing if trusted else settings.most_there
         return bool(pair.knows_unit and pair.share >= least)
 
     def is_sure(self, solution: Solution) -> bool:
@@ -165,8 +165,7 @@ class Part(Relation):
         timer.start("search")
         config, settings, fits_of = self.pair.config, self.pair.config.parts, self.fits
         first_maps = self._first_maps()
-        only_given = config.hypotheses == "given" and not starts_of(self)
-        rough = [] if only_given else self._rough_fits(first_maps)
+        rough = self._rough_fits(first_maps) if config.hypotheses != "given" or starts_of(self) else []
         kept = self._distinct(rough, N_CONTENDERS)
         hopeful = [fit for fit in kept if fit.promise <= settings.hopeless * kept[0].promise]
         hopeful = kept[: max(len(hopeful), 2)]  # the best, and a runner-up
@@ -189,9 +188,8 @@ class Part(Relation):
         )
         selection = select(fits, apart, rules, scores=costs)
         if not self.searches and self.closed:  # which has looked for others
-            return replace(
-                selection, runner_up=min(selection.runner_up, self.closed.found.selection.runner_up)
-            )
+            runner_up = min(selection.runner_up, self.closed.isometric.selection.runner_up)
+            return replace(selection, runner_up=runner_up)
         return selection
 
     def descriptor_distance(self, fit: Fit) -> FloatArray:
@@ -211,8 +209,7 @@ class Part(Relation):
 
     def bent(self, fit: PartFit) -> BentPart:
         """Bend the part onto the whole by a map, in full."""
-        settings = self.pair.config.parts
-        return fit.bending.laid_in_full(fit.bent, settings.bending[-N_BENT_IN_FULL:])
+        return fit.bending.laid_in_full(fit.bent, self.pair.config.parts.bending[-N_BENT_IN_FULL:])
 
     def _again(self, fit: PartFit) -> PartFit:
         again = self.refinement.again(self, fit)
@@ -229,12 +226,12 @@ class Part(Relation):
             *(self._anchored if self.searches else []),
             *parallel_map(lambda x: fits_of.roughly(*x), first_maps),
         ]
-        known = sorted((fit for fit in fits if fit), key=promise)
+        rough = sorted((fit for fit in fits if fit), key=promise)
         if not self.searches:
-            return known
-        best = self._distinct(known, N_VARIED)
+            return rough
+        best = self._distinct(rough, N_VARIED)
         varied = parallel_map(lambda x: fits_of.varied(*x), list(product(best, self._onto_itself)))
-        return sorted([*known, *(fit for fit in varied if fit)], key=promise)
+        return sorted([*rough, *(fit for fit in varied if fit)], key=promise)
 
     @cached_property
     def _onto_itself(self) -> list[IntArray]:
@@ -251,21 +248,15 @@ class Part(Relation):
         return parallel_map(self.fits.rough, PartStarts(self.fits.pair, signatures, self._onto_itself)())
 
     def _first_maps(self) -> list[tuple[PartPair, IntArray, str]]:
-        """Map the rough vertices, each time in its unit: with the holes closed, by priors, and by starts handed in.
-
-        With each map comes its origin.
-        """
+        """Map the rough vertices, each time in its unit: with the holes closed, by priors and starts; with origins."""
         images: list[tuple[IntArray, str]] = []
         if self.closed is not None:
             images.append((self.closed.image_of(self.side), self.closed.origin))
         if self._with_priors_image is not None:
-            images.append(
-                (self._with_priors_image, "initial map" if len(self.priors.initial_pairs) else "pose")
-            )
-        images += [
-            (_filled(self.source, self._towards_whole(pairs)), name)
-            for pairs, name in first_maps_of(starts_of(self), self.pair)
-        ]
+            origin = "initial map" if len(self.priors.initial_pairs) else "pose"
+            images.append((self._with_priors_image, origin))
+        first_maps = first_maps_of(starts_of(self), self.pair)
+        images += [(filled(self.source, self._towards_whole(pairs))[0], name) for pairs, name in first_maps]
         rough = self.source.sample_vertices[:N_ROUGH_VERTICES]
         return [(self.fits.pair.in_unit_of(image), image[rough], origin) for image, origin in images]
 
@@ -277,8 +268,8 @@ class Part(Relation):
     def fits(self) -> PartFits:
         """Refines maps of the part."""
         landmarks = self._towards_whole(self.priors.landmarks)
-        known = (self.pair if self.side == "source" else self.pair.turned).known
-        pair = PartPair.of(self.source, self.target, self.pair.config, landmarks, known)
+        functions = (self.pair if self.side == "source" else self.pair.turned).known
+        pair = PartPair.of(self.source, self.target, self.pair.config, landmarks, functions)
         return PartFits(pair, self._with_priors_image)
 
     @cached_property
@@ -288,7 +279,7 @@ class Part(Relation):
         if not len(pairs) and pair.config.start == "pose":
             vertices = np.arange(pair.source.body.n_vertices)
             pairs = np.column_stack([vertices, nearest_in_pose(pair.source, pair.target, vertices)])
-        return _filled(self.source, self._towards_whole(pairs)) if len(pairs) else None
+        return filled(self.source, self._towards_whole(pairs))[0] if len(pairs) else None
 
     def solution(self, timer: StageTimer) -> Solution:
         """Find the map, and the evidence for it."""
@@ -299,35 +290,32 @@ class Part(Relation):
             selection = self.match(timer)
         best, settings = selection.winner, self.pair.config.parts
         doubt = PartDoubt(best.bent_cost, selection.runner_up, best.pair.trusted, settings)
-        share = best.share
         doubtful = doubt.doubt > LITTLE_DOUBT * settings.poor_doubt or doubt.evidence.ambiguous
         with timer.within("part"):
             timer.start("mirror image")
             mirrored = doubtful and self.searches and self._mirror_image_fits(best)
             timer.start("quality")
         if mirrored:
-            return self._summed_up(selection, (Evidence(mirrored=True),), doubt, share, timer)
+            return self._summed_up(selection, (Evidence(mirrored=True),), doubt, timer)
         evidence: tuple[Evidence, ...] = (doubt.evidence,)
         if self.closed is not None:
             image = self.closed.image_of(self.side)
-            apart = self.target.mean_distance(best.image, image[best.refinement.vertices])
-            agrees = apart <= APART
-            as_found = self.fits.measured(self.fits.pair.in_unit_of(image), image[self.vertices])
-            ratio = self.weighed([best, as_found], [best.cost, as_found.cost], [True, False])[1] / best.cost
+            agrees = self.target.mean_distance(best.image, image[best.refinement.vertices]) <= APART
+            as_it_is = self.fits.measured(self.fits.pair.in_unit_of(image), image[self.vertices])
+            ratio = self.weighed([best, as_it_is], [best.cost, as_it_is.cost], [True, False])[1] / best.cost
             returned = ratio < settings.closed_score
             if returned or (agrees and (doubt.evidence.poor or doubt.evidence.ambiguous)):
                 with_caps = self.closed.solution(timer)
                 evidence = part_evidence(doubt.evidence, with_caps.evidence, agrees)
                 if returned and with_caps.outcome is not Outcome.PRIORS_CONTRADICTED:
                     note = (
-                        f"the {self.side} was matched as a part with its holes closed: it has {share:.0%} of the area of "
-                        "the other shape"
+                        f"the {self.side} was matched as a part with its holes closed: it has {best.share:.0%} of the "
+                        "area of the other shape"
                     )
-                    found = replace(
-                        with_caps, quality=replace(with_caps.quality, runner_up=selection.runner_up)
-                    )
-                    return with_doubt(found, evidence, doubt, note, len(self.priors.landmarks) > 0)
-        return self._summed_up(selection, evidence, doubt, share, timer)
+                    quality = replace(with_caps.quality, runner_up=selection.runner_up)
+                    with_caps = replace(with_caps, quality=quality)
+                    return with_doubt(with_caps, evidence, doubt, note, len(self.priors.landmarks) > 0)
+        return self._summed_up(selection, evidence, doubt, timer)
 
     def _mirror_image_fits(self, best: PartFit) -> bool:
         """Tell whether the mirror image of the part fits clearly better, by maps found with the holes closed."""
@@ -350,7 +338,6 @@ class Part(Relation):
         selection: Selection[PartFit],
         evidence: tuple[Evidence, ...],
         doubt: PartDoubt,
-        share: float,
         timer: StageTimer,
     ) -> Solution:
         """Bend the part in full, and sum up the map in the direction asked for."""
@@ -376,7 +363,7 @@ class Part(Relation):
         quality = replace(measured.quality, runner_up=selection.runner_up, doubt=doubt.doubt)
         evidence = (*evidence, contradiction(self, measured))
         notes = (
-            f"the {self.side} was matched as a part: it has {share:.0%} of the area of the other shape and covers "
+            f"the {self.side} was matched as a part: it has {best.share:.0%} of the area of the other shape and covers "
             f"{area:.0%}",
             *doubt.notes(outcome_of(evidence), len(self.priors.landmarks) > 0),
         )
@@ -400,12 +387,8 @@ def measured_part(
     image = points.corners[:, 0]
     on_user = np.zeros(source.surface.n_vertices, dtype=bool)
     on_user[source.body_vertex >= 0] = matched[source.body_vertex[source.body_vertex >= 0]]
-    landmark_error, initial_map_error = np.nan, np.nan
-    if len(priors.landmarks):
-        landmark_error = float(distances_to_priors(pair, image, priors.landmarks).mean())
     initial_pairs = priors.initial_pairs[matched[priors.initial_pairs[:, 0]]]
-    if len(initial_pairs):
-        initial_map_error = float(np.median(distances_to_priors(pair, image, initial_pairs)))
+    landmark_error, initial_map_error = prior_errors(pair, image, priors.landmarks, initial_pairs)
     positions, bounds = image_positions(source.body, target.body, points), pair.config.outcome
     quality = Quality(
         spectral_residual=fit.spectral_residual,
@@ -422,7 +405,6 @@ def measured_part(
         initial_map_error=initial_map_error,
         stress=fit.stress,
         bending_cost=bent.spectral_residual,
-        descriptor_distance=mean_known(descriptor_distance, source.body.vertex_areas),
     )
     return Measured(points, quality, descriptor_distance, reason, relation.origin_of(fit), matched)
 
@@ -435,13 +417,12 @@ def contradiction(relation: Relation, measured: Measured) -> Evidence:
     return Evidence(contradicted=part_contradicts(errors, measured.quality.initial_map_error, bound))
 
 
-def _filled(part: PreparedShape, known: IntArray) -> IntArray:
-    """Image (n_part,) of each vertex of a part under a map that is known at some: elsewhere that of the nearest one."""
-    _, nearest = distance_along_edges_to_nearest(part.body, np.unique(known[:, 0]))
+def filled(part: PreparedShape, pairs: IntArray) -> tuple[IntArray, FloatArray]:
+    """Image (n_part,) of each vertex under a map of some, pairs (q, 2), or of the nearest of these, and how far it is."""
+    gap, nearest = distance_along_edges_to_nearest(part.body, np.unique(pairs[:, 0]))
     image = np.zeros(part.body.n_vertices, dtype=np.int64)
-    image[known[::-1, 0]] = known[::-1, 1]
-    filled: IntArray = image[nearest]
-    return filled
+    image[pairs[::-1, 0]] = pairs[::-1, 1]
+    return image[nearest], gap
 
 
 def expected_errors_of_part(pair: PartPair, points: PrecisePoints) -> FloatArray:

@@ -9,8 +9,10 @@ import numpy as np
 
 from isomatch.correspondence import Embedding, IntervalCost
 from isomatch.descriptors import RADII, BallSignature, ball_signature, mean_curvature
-from isomatch.geodesics import MissingRegion, distance_along_edges_to_nearest, distance_engine
+from isomatch.geodesics import MissingRegion, distance_engine
+from isomatch.matching.confidence import nearest_of
 from isomatch.matching.pair import SmoothPair
+from isomatch.matching.priors import NO_LANDMARKS
 from isomatch.settings import Config
 from isomatch.shapes import CURVATURE_WEIGHT, N_BALLS, WAVE_WEIGHT, PreparedShape
 from isomatch.surfaces import Mesh
@@ -34,13 +36,10 @@ FEWEST_KNOWN = 40  # distances that do
 RADIUS_STEP = 1.25  # ratio of the radii between which ball signatures are interpolated
 
 N_ENERGIES = 20
-REACH, CURVATURE_REACH = (
-    4.0,
-    3.0,
-)  # a function of eigenvalue λ feels a boundary at a distance of about REACH / √λ
+# a function of eigenvalue λ feels a boundary at a distance of about REACH / √λ
+REACH, CURVATURE_REACH = 4.0, 3.0
 
 UNKNOWN = BallSignature(np.ones(1), np.zeros((0, 1, 4)), np.zeros(0))
-NO_LANDMARKS = np.zeros((0, 2), dtype=np.int64)
 
 
 @dataclass(frozen=True)
@@ -93,11 +92,9 @@ class PartPair:
             # at the other side of it, so D is at least the distance on the fused surface, whose vertices are welded.
             fused = distance_engine(mesh, part.config.engine)
             lower = np.minimum(fused.distances_from(anchors), along)
-        if functions is None:
-            functions = SmoothPair(part, whole, config).known
-        pair = cls(
-            part, whole, unit, config, missing, anchors, lower, along, landmarks[:, 1], UNKNOWN, functions
-        )
+        functions = functions or SmoothPair(part, whole, config).known
+        bounds, known_images = (lower, along), landmarks[:, 1]
+        pair = cls(part, whole, unit, config, missing, anchors, *bounds, known_images, UNKNOWN, functions)
         # A ball of radius r in units of the whole has radius r / unit in those of the part. Balls of the part are
         # integrated once, for radii from the least r over the largest unit to the largest r over the least unit, in
         # steps small enough to interpolate between, so that `signature` costs nothing in any unit.
@@ -175,9 +172,8 @@ class PartPair:
     @cached_property
     def keeps_unit(self) -> bool:
         """Whether the unit is fixed: by what is asked for, or because too few distances are known to measure it."""
-        scale = self.config.scale
-        unmeasured = scale == "auto" and self.is_hardly_known
-        return scale in ("same", "area") or (unmeasured and self.knows_unit)
+        unmeasured = self.config.scale == "auto" and self.is_hardly_known
+        return self.config.scale in ("same", "area") or (unmeasured and self.knows_unit)
 
     @property
     def units(self) -> tuple[float, ...]:
@@ -201,11 +197,11 @@ class PartPair:
         # Where the interval of a distance is a point, D = d: its ratio to the distance of the images is the error of the
         # unit. The median withstands up to half of the images being wrong. Short distances are mostly noise.
         lower, upper = self.anchor_intervals
-        known = (lower >= TRUSTED * upper) & (upper > LONG * self.unit)
-        if known.sum() < FEWEST_KNOWN:
+        exact = (lower >= TRUSTED * upper) & (upper > LONG * self.unit)
+        if exact.sum() < FEWEST_KNOWN:
             return self.unit
         distances = self.whole.distances.between(images, images)
-        return self.restricted(self.unit * float(np.median(distances[known] / upper[known])))
+        return self.restricted(self.unit * float(np.median(distances[exact] / upper[exact])))
 
     def in_unit_of(self, image: IntArray) -> PartPair:
         """Return the pair in the unit that a map (n_part,) measures, within those to search in."""
@@ -223,10 +219,7 @@ class PartPair:
 
 def areas_of_samples(shape: PreparedShape, samples: IntArray) -> FloatArray:
     """Area (r,) of the vertices nearest to each of r samples."""
-    owner = distance_along_edges_to_nearest(shape.body, samples)[1]
-    number = np.zeros(shape.body.n_vertices, dtype=np.int64)
-    number[samples] = np.arange(len(samples))
-    areas = np.bincount(number[owner], shape.body.vertex_areas, len(samples))
+    areas = np.bincount(nearest_of(shape, samples), shape.body.vertex_areas, len(samples))
     return np.asarray(areas, dtype=np.float64)
 
 
@@ -242,7 +235,7 @@ class WholeSignatures:
     """Signatures of a whole, and those of its parts in comparable numbers."""
 
     whole: PreparedShape  # a mesh of area 1
-    known: FloatArray  # (n_whole, q): known functions, which have no boundary to fear
+    functions: FloatArray  # (n_whole, q) the known ones, which have no boundary to fear
 
     @cached_property
     def _energies(self) -> FloatArray:
@@ -269,17 +262,14 @@ class WholeSignatures:
 
     @cached_property
     def _weights(self) -> tuple[float, float]:
-        settings = self.whole.config.preparation
-        return (
-            WAVE_WEIGHT / np.sqrt(N_ENERGIES),
-            CURVATURE_WEIGHT / np.sqrt(len(settings.curvature_functions)),
-        )
+        n_curvatures = len(self.whole.config.preparation.curvature_functions)
+        return WAVE_WEIGHT / np.sqrt(N_ENERGIES), CURVATURE_WEIGHT / np.sqrt(n_curvatures)
 
     @cached_property
     def values(self) -> FloatArray:
         """(n_whole, 23 + q) signatures."""
         weighted = [weight * _standardised(raw, raw) for weight, raw in zip(self._weights, self._raw)]
-        return np.hstack([*weighted, self.known])
+        return np.hstack([*weighted, self.functions])
 
     @cached_method
     def _curvature_of_part(self, part: PreparedShape, k: int) -> FloatArray:
@@ -315,11 +305,11 @@ class WholeSignatures:
             there = _standardised(column, column)
             signatures.append(self._weights[1] * np.clip(here, there.min(), there.max())[:, None])
             weights.append(1 - np.exp(-((distance * np.sqrt(whole_values[k - 2]) / CURVATURE_REACH) ** 2)))
-        known = pair.functions.source[vertices]
-        return PartSignatures(np.hstack([*signatures, known]), np.hstack([*weights, np.ones_like(known)]))
+        functions = pair.functions.source[vertices]
+        weights.append(np.ones_like(functions))
+        return PartSignatures(np.hstack([*signatures, functions]), np.hstack(weights))
 
 
 def _standardised(values: FloatArray, reference: FloatArray) -> FloatArray:
     """Subtract the mean of a reference and divide by its deviation; of a sphere, nothing deviates."""
-    standard: FloatArray = (values - reference.mean(axis=0)) / np.maximum(reference.std(axis=0), 1e-9)
-    return standard
+    return np.asarray((values - reference.mean(axis=0)) / np.maximum(reference.std(axis=0), 1e-9))

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from isomatch.correspondence import Boundary, Embedding, PrecisePoints, SampledBasis, nearest_with_normals
+from isomatch.correspondence import Boundary, Embedding, PrecisePoints, nearest_with_normals
 from isomatch.descriptors import deviation_of
 from isomatch.matching.coordinates import iterated
 from isomatch.matching.fit import Fit
@@ -64,7 +64,7 @@ class WholeCoordinates:
         self.signatures = WholeSignatures(whole, functions)
 
     @cached_property
-    def known(self) -> FloatArray:
+    def features(self) -> FloatArray:
         """Signatures, and distances from the landmarks: (n, 23 + q + l)."""
         everywhere = np.arange(self._whole.body.n_vertices)
         # up to a reach beyond which a twisted limb or an unknown detour would spoil them
@@ -73,7 +73,7 @@ class WholeCoordinates:
         return np.hstack([self.signatures.values, distances / self._settings.position_unit])
 
     @cached_method
-    def known_of_part(self, pair: PartPair) -> PartSignatures:
+    def features_of_part(self, pair: PartPair) -> PartSignatures:
         """Return the same of a part in the unit of a pair; a distance counts where its interval is a point."""
         signatures, n = self.signatures.of_part(pair), len(self._landmarks)
         lower, upper = (
@@ -95,7 +95,7 @@ class WholeCoordinates:
     def at(self, k: int, with_positions: bool) -> FloatArray:
         """Give the coordinates (n, m) with k functions."""
         settings = self._settings
-        columns = [self._whole.laplace.vectors[:, :k] / np.sqrt(k), self.known]
+        columns = [self._whole.laplace.vectors[:, :k] / np.sqrt(k), self.features]
         if with_positions:
             smooth = self.smooth(k)
             columns += [smooth.vertices / settings.position_unit, settings.normal_weight * smooth.normals]
@@ -115,8 +115,8 @@ class NearPairs:
         vertices = pair.part.sample_vertices[: min(config.n_search, config.n_refine, N_ROUGH_VERTICES)]
         along = np.maximum(pair.part.distances.between(vertices, vertices), 0.0)
         near = (along > LEAST_NEAR) & (along < MOST_NEAR)
-        known = pair.missing.lower_bound(vertices, vertices, along)[near] >= TRUSTED * along[near]
-        return near, known, along[near]
+        exact = pair.missing.lower_bound(vertices, vertices, along)[near] >= TRUSTED * along[near]
+        return near, exact, along[near]
 
 
 class PartRefinement:
@@ -129,7 +129,7 @@ class PartRefinement:
     # which they live, to the part. The other way they would be asked for values beyond the boundary.
     def __init__(self, pair: PartPair, coordinates: WholeCoordinates, near: NearPairs, n_rows: int) -> None:
         self._pair, self._whole, self._near = pair, coordinates, near
-        self._known = coordinates.known_of_part(pair)
+        self._features = coordinates.features_of_part(pair)
         self.vertices = pair.part.sample_vertices[:n_rows]
         self._basis = pair.part.sampled_basis(n_rows)
 
@@ -157,15 +157,10 @@ class PartRefinement:
 
         return iterated(image, sizes, embedded, nearest)
 
-    def extended(self, image: IntArray, k: int) -> IntArray:
-        """Map the vertices of this refinement by a map (q,) of another number of sample vertices, through k functions."""
-        return self._through(self._pair.part.sampled_basis(len(image)), image, k, self.vertices)
-
-    def at(self, image: IntArray, k: int, vertices: IntArray) -> IntArray:
-        """Map other vertices (q,) of the part by a map (r,) of those of this refinement, through k functions."""
-        return self._through(self._basis, image, k, vertices)
-
-    def _through(self, basis: SampledBasis, image: IntArray, k: int, vertices: IntArray) -> IntArray:
+    def extended(self, image: IntArray, k: int, vertices: IntArray | None = None) -> IntArray:
+        """Map vertices (q,), by default those of this refinement, by a map (r,) of samples, through k functions."""
+        vertices = self.vertices if vertices is None else vertices
+        basis = self._pair.part.sampled_basis(len(image))
         functions = self._pair.whole.laplace.vectors[:, :k]
         k_part = min(self.n_functions(k), len(basis.vertices) // 3)
         pulled_back = basis.functions[vertices, :k_part] @ basis.fit(functions[image], k_part)
@@ -173,12 +168,12 @@ class PartRefinement:
 
     def local_unit(self, image: IntArray) -> float:
         """Measure the unit by images (r,): the median ratio of known distances between near ones and along the part."""
-        near, known, along = self._near.measures
-        if known.sum() < FEWEST_KNOWN:
+        near, exact, along = self._near.measures
+        if exact.sum() < FEWEST_KNOWN:
             return self._pair.unit
         image = image[: len(near)]
         there = self._pair.whole.distances.between(image, image)[near]
-        return self._pair.restricted(float(np.median((np.maximum(there, 1e-3) / along)[known])))
+        return self._pair.restricted(float(np.median((np.maximum(there, 1e-3) / along)[exact])))
 
     def orientation(self, image: IntArray, k: int) -> float:
         """Mean cosine of the normals of the whole and of its copy pulled back to the part."""
@@ -200,9 +195,9 @@ class PartRefinement:
         # A signature s of weight w < 1 is cut by the boundary. Instead of it stands w s + (1 − w) s(T(x)), the value of
         # the present image: (1 − w) of it says nothing new, and speaks against no other image than by how far that is
         # from it.
-        trusted = self._known.weights[vertices]
-        there = self._whole.known[nearest]
-        columns = [pulled_back / np.sqrt(k), trusted * self._known.values[vertices] + (1 - trusted) * there]
+        trusted, here = self._features.weights[vertices], self._features.values[vertices]
+        there = self._whole.features[nearest]
+        columns = [pulled_back / np.sqrt(k), trusted * here + (1 - trusted) * there]
         if with_positions:
             smooth = self._whole.smooth(k)
             positions, normals = self._pulled_back(smooth.vertices[image], k_part)
@@ -279,15 +274,14 @@ class PartFit(Fit):
         here, there = self.pair.signature, self.pair.whole.balls
         if there is None:
             return np.full(len(self.image), np.nan)
-        return here.at(self.refinement.vertices).descriptor_distance(
-            there.at(self.image), deviation_of(there)
-        )
+        here = here.at(self.refinement.vertices)
+        return here.descriptor_distance(there.at(self.image), deviation_of(there))
 
     @property
     def descriptor_distance(self) -> float:
         """Their mean, or 0 if nothing is known."""
-        known = self.descriptor_distances[np.isfinite(self.descriptor_distances)]
-        return float(known.mean()) if len(known) else 0.0
+        distances = self.descriptor_distances[np.isfinite(self.descriptor_distances)]
+        return float(distances.mean()) if len(distances) else 0.0
 
     @cached_property
     def bent(self) -> BentPart:
@@ -307,11 +301,10 @@ class PartFit(Fit):
     @property
     def cost(self) -> float:
         """What the map costs among others: how badly coordinates and distances agree."""
-        # r σ^¼, of the spectral residual r (`spectral_residual`) and the stress σ of distances. Only ratios of costs
-        # are compared,
-        # so log cost = log r + ¼ log σ weighs two measurements in different units. The residual sees detail, after a fit
-        # that makes each map agree with itself in smooth functions; the stress is of distances, to which no map was
-        # fitted.
+        # r σ^¼, of the spectral residual r (`spectral_residual`) and the stress σ of distances. Only ratios of costs are
+        # compared, so log cost = log r + ¼ log σ weighs two measurements in different units. The residual sees detail,
+        # after a fit that makes each map agree with itself in smooth functions; the stress is of distances, to which no
+        # map was fitted.
         return max(float(self.spectral_residual * self.stress**STRESS_EXPONENT), LEAST_SCORE)
 
     @property
@@ -332,10 +325,8 @@ class PartFit(Fit):
         #   m   mean descriptor distance of balls, w = `PartSettings.descriptor_weight`. If the log ratio of its densities
         #       at right and wrong images is linear in m, exp(w Δm) is the likelihood ratio of two maps. The mean is over
         #       the whole part, as rough maps differ nearly everywhere; fine ones are compared where they do (`weighed`).
-        twist = np.sqrt(max(self.orientation, LEAST_ORIENTATION))
-        return float(
-            self.cost / twist * np.exp(self.pair.config.parts.descriptor_weight * self.descriptor_distance)
-        )
+        twist, weight = max(self.orientation, LEAST_ORIENTATION), self.pair.config.parts.descriptor_weight
+        return float(self.cost / np.sqrt(twist) * np.exp(weight * self.descriptor_distance))
 
 
 class PartFits:
@@ -347,9 +338,8 @@ class PartFits:
     ) -> None:
         config = pair.config
         self.pair, self._config, self._with_priors, self._near = pair, config, with_priors, NearPairs(pair)
-        self.coordinates = coordinates or WholeCoordinates(
-            pair.whole, config, pair.landmarks, pair.functions.target
-        )
+        functions = pair.functions.target
+        self.coordinates = coordinates or WholeCoordinates(pair.whole, config, pair.landmarks, functions)
         self.bending = PartBending(pair.meshes[0], config.parts.n_bent_vertices)
         self._refined: dict[tuple[float, bytes], PartFit] = {}
         self._settled: dict[tuple[float, bytes], PartFit] = {}
@@ -379,7 +369,7 @@ class PartFits:
         if refinement.orientation(image, N_ROUGH_FUNCTIONS) < 0:
             return None
         image, spectral_residual = refinement.refined(image, ROUGH_SIZES)
-        anchors = refinement.at(image, ROUGH_SIZES[-1], pair.anchors)
+        anchors = refinement.extended(image, ROUGH_SIZES[-1], pair.anchors)
         return self._fit(refinement, pair, image, spectral_residual, anchors, N_ROUGH_FUNCTIONS, origin)
 
     def begun(self, pair: PartPair, image: IntArray, origin: str) -> PartFit:
@@ -398,9 +388,8 @@ class PartFits:
             image, spectral_residual = fit.refinement.refined(fit.image, sizes, False)
             if sizes := (*settings.sizes_with_positions, *settings.final_sizes):
                 image, spectral_residual = fit.refinement.refined(image, sizes)
-            return self._finely(
-                fit.pair, image, spectral_residual, self._config.parts.bending[::2], fit.origin
-            )
+            lengths = self._config.parts.bending[::2]
+            return self._finely(fit.pair, image, spectral_residual, lengths, fit.origin)
 
         return _remembered(self._refined, fit, refined_now)
 
@@ -438,7 +427,7 @@ class PartFits:
     ) -> PartFit:
         refinement = self._refinement(pair, self._config.n_refine)
         k = min(N_ANCHOR_FUNCTIONS, len(pair.whole.laplace.values))
-        anchors = completed(pair, refinement.at(image, k, pair.anchors), 2)
+        anchors = completed(pair, refinement.extended(image, k, pair.anchors), 2)
         error = 0.0
         if self._with_priors is not None:
             error = pair.whole.mean_distance(image, self._with_priors[refinement.vertices])
@@ -469,11 +458,10 @@ class PartFits:
 
 
 def _remembered(
-    known: dict[tuple[float, bytes], PartFit], fit: PartFit, function: Callable[[PartFit], PartFit]
+    results: dict[tuple[float, bytes], PartFit], fit: PartFit, function: Callable[[PartFit], PartFit]
 ) -> PartFit:
     """Apply a function to a map, unless it was applied to the same one before."""
     key = fit.pair.unit, fit.image.tobytes()
-    if key not in known:
-        known[key] = function(fit)
-    result = known[key]
-    return result if result.origin == fit.origin else replace(result, origin=fit.origin)
+    if key not in results:
+        results[key] = function(fit)
+    return results[key] if results[key].origin == fit.origin else replace(results[key], origin=fit.origin)

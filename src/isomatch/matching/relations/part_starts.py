@@ -29,15 +29,8 @@ LED_APART = 0.04  # the same of assignments with landmarks; chosen on a twisted 
 N_TRILATERATED, N_STARTS = 80, 16  # best assignments that are completed, and that are starts
 N_MIRRORED = 24  # starts, with those composed with maps of the whole onto itself
 SIGNATURE_COST = 0.25  # weight of the signatures
-RADII = (
-    0.1,
-    0.15,
-    0.22,
-    0.32,
-    0.45,
-    0.65,
-    0.9,
-)  # √area, of the balls whose areas are compared; by factors of about √2
+# √area, of balls whose areas are compared; by factors of about √2
+RADII = (0.1, 0.15, 0.22, 0.32, 0.45, 0.65, 0.9)
 BALL_TOLERANCE, MOST_BALL = 0.15, 0.7
 UNIT_COST = 0.05  # times the square of the logarithm of the unit over that of the files; chosen on views, not measured
 
@@ -48,10 +41,8 @@ FEWEST_GROWN = 6  # anchors of a region
 NEAR = 0.2  # distances, in √area of the whole, weigh 1 / (this + distance) in a region
 DEAREST = 0.3  # mean cost of distances at which an anchor gains nothing
 DESCRIPTOR_GAIN = 2.0  # of an anchor that looks alike, against one that agrees in its distances
-NEUTRAL_DESCRIPTOR_DISTANCE, PRIOR_RADII = (
-    0.6,
-    1.0,
-)  # says nothing, as so many radii; right ones are about 0.4, any two about 0.8
+# says nothing, as so many radii; right ones are about 0.4, any two about 0.8
+NEUTRAL_DESCRIPTOR_DISTANCE, PRIOR_RADII = 0.6, 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,9 +79,7 @@ def completed(
 def composed(whole: PreparedShape, images: IntArray, image_row: IntArray) -> IntArray:
     """Compose images (q,) with a map of the whole nearly onto itself, which exchanges its sides, or front and back."""
     rows = whole.sample_vertices[: whole.config.n_search]
-    near = whole.distances.between(images, rows).argmin(axis=1)
-    onto: IntArray = rows[image_row[near]]
-    return onto
+    return np.asarray(rows[image_row[whole.distances.between(images, rows).argmin(axis=1)]])
 
 
 class PartStarts:
@@ -117,10 +106,9 @@ class PartStarts:
         """Return the starts, least cost first; no two alike."""
         assigned = [start for group in parallel_map(self._assigned, self._pair.units) for start in group]
         assigned.sort(key=lambda start: start.cost)
-        kept = self._distinct(
-            parallel_map(lambda start: self._start(start.pair, start.images, 3), assigned[:N_TRILATERATED]),
-            N_STARTS,
-        )
+        best = assigned[:N_TRILATERATED]
+        starts = parallel_map(lambda start: self._start(start.pair, start.images, 3), best)
+        kept = self._distinct(starts, N_STARTS)
         mirrored = [
             (start.pair, composed(start.pair.whole, start.images, image_row))
             for start in kept
@@ -159,16 +147,11 @@ class PartStarts:
     def _descriptor_distances(self, pair: PartPair, of_whole: BallSignature) -> FloatArray:
         """Descriptor distance (m, c) of each anchor and candidate, drawn to a neutral value where little is known."""
         here, there = pair.signature.at(pair.anchors), of_whole.at(self._candidates)
-        known = (here.known[:, None] & there.known[None]).sum(axis=2)
-        pairs = np.indices((len(here.values), len(there.values))).reshape(2, -1)
-        apart = (
-            here.at(pairs[0])
-            .descriptor_distance(there.at(pairs[1]), deviation_of(there))
-            .reshape(known.shape)
-        )
-        total = np.where(known > 0, apart, 0.0) * known
-        mean: FloatArray = (total + NEUTRAL_DESCRIPTOR_DISTANCE * PRIOR_RADII) / (known + PRIOR_RADII)
-        return mean
+        n_radii = (here.known[:, None] & there.known[None]).sum(axis=2)
+        a, b = np.indices((len(here.values), len(there.values))).reshape(2, -1)
+        apart = here.at(a).descriptor_distance(there.at(b), deviation_of(there)).reshape(n_radii.shape)
+        total = np.where(n_radii > 0, apart, 0.0) * n_radii
+        return np.asarray((total + NEUTRAL_DESCRIPTOR_DISTANCE * PRIOR_RADII) / (n_radii + PRIOR_RADII))
 
     def _assigned(self, unit: float) -> list[PartStart]:
         """Assign the first anchors in one unit."""
@@ -180,8 +163,7 @@ class PartStarts:
         rows, costs = assign_points(between, *pair.anchor_intervals, alone, pair.cost, BEAM, self._apart)
         # Σ_a unary_a + Σ_{a<b} c_ab over the number of pairs m (m − 1) / 2: the mean of c, and 2 / (m − 1) × the mean of
         # the unary costs. `_start` weighs both alike, of however many anchors.
-        n_pairs = placed * (placed - 1) / 2
-        costs = costs / n_pairs + self._against(unit)
+        costs = costs / (placed * (placed - 1) / 2) + self._against(unit)
         return [PartStart(pair, candidates[row], float(cost)) for row, cost in zip(rows, costs)]
 
     def _start(self, pair: PartPair, images: IntArray, rounds: int) -> PartStart:
@@ -192,8 +174,7 @@ class PartStarts:
             images = completed(scaled, images, 1, self._distances_to_samples)
         unary = self._unary(scaled, np.arange(len(images)), np.searchsorted(self._places, images))
         unary[: len(scaled.landmarks)] = 0.0
-        cost = scaled.stress(images) + unary.mean() * 2 / (N_PLACED - 1)
-        cost += self._against(scaled.unit)
+        cost = scaled.stress(images) + unary.mean() * 2 / (N_PLACED - 1) + self._against(scaled.unit)
         return PartStart(scaled, images, float(cost))
 
     def _against(self, unit: float) -> float:
