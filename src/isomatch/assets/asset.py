@@ -312,7 +312,11 @@ class Asset:
         positions = numbers_of(vertices, "vertices", MeshError)
         if positions.shape != self.mesh.vertices.shape:
             raise MeshError(f"positions have shape {positions.shape}, expected {self.mesh.vertices.shape}")
-        points = positions[self.vertex_of_point]
+        return self.placed_at(positions[self.vertex_of_point])
+
+    def placed_at(self, places: FloatArray) -> Asset:
+        """Return the same with its points at other places, (n, 3), after the transforms of the parts."""
+        points = places.copy()
         for rows, matrix in self._transforms():
             back = np.linalg.pinv(matrix)
             points[rows] = points[rows] @ back[:3, :3].T + back[:3, 3]

@@ -293,29 +293,41 @@ class Renumbering:
 
     @classmethod
     def of(
-        cls, polygons: Polygons, point_index: IntArray, new_point: IntArray, kept: IntArray, turned: BoolArray
+        cls,
+        polygons: Polygons,
+        point_index: IntArray,
+        new_point: IntArray,
+        kept: IntArray,
+        turned: BoolArray,
+        faces: IntArray,
     ) -> Renumbering:
-        """Make it of the triangles of polygons that are kept, and which of these are turned over.
+        """Make it of the triangles of polygons that are kept, which of these are turned over, and their new points.
 
-        A polygon of which all triangles are kept stays one, others become their triangles.
+        A polygon of which all triangles are kept, and meet at the same new points, stays one; others become triangles.
         """
         owner = polygons.of_triangle[kept]
         n_kept, n_turned = (np.bincount(rows, minlength=len(polygons)) for rows in (owner, owner[turned]))
-        whole = (n_kept == polygons.sizes - 2) & ((n_turned == 0) | (n_turned == n_kept))
+        triangles = polygons.corner_of_triangle[kept]
+        triangles[turned] = triangles[turned][:, [0, 2, 1]]
+        point = np.zeros(len(polygons.corners), dtype=np.int64)
+        point[triangles] = faces
+        n_torn = np.bincount(owner, (point[triangles] != faces).any(axis=1), len(polygons))
+        whole = (n_kept == polygons.sizes - 2) & ((n_turned == 0) | (n_turned == n_kept)) & (n_torn == 0)
         alone = ~whole[owner]
-        triangles = polygons.corner_of_triangle[kept[alone]]
-        triangles[turned[alone]] = triangles[turned[alone]][:, [0, 2, 1]]
+        triangles, apart = triangles[alone], faces[alone]
         of_whole, sizes = np.flatnonzero(whole), polygons.sizes[whole]
         offset = spans(np.zeros(len(sizes), dtype=np.int64), sizes)
         backwards = np.repeat((n_turned > 0)[whole], sizes)
         offset = np.where(backwards, -offset % np.repeat(sizes, sizes), offset)
-        corners = np.concatenate([np.repeat(polygons.starts[whole], sizes) + offset, triangles.ravel()])
+        of_whole_corners = np.repeat(polygons.starts[whole], sizes) + offset
+        corners = np.concatenate([of_whole_corners, triangles.ravel()])
+        points = np.concatenate([point[of_whole_corners], apart.ravel()])
         index = np.concatenate([of_whole, owner[alone]])
         sizes = np.concatenate([sizes, np.full(len(triangles), 3)])
         order = np.argsort(index, kind="stable")
-        corner_index = corners[spans((np.cumsum(sizes) - sizes)[order], sizes[order])]
-        made = Polygons(new_point[polygons.corners[corner_index]], sizes[order])
-        return cls(point_index, new_point, made, index[order], corner_index)
+        rows = spans((np.cumsum(sizes) - sizes)[order], sizes[order])
+        made = Polygons(points[rows], sizes[order])
+        return cls(point_index, new_point, made, index[order], corners[rows])
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@ from isomatch.mending._winding import seems_inside_out
 from isomatch.mending.caps import capped
 from isomatch.mending.check import MeshReport, check
 from isomatch.mending.outer import inner_faces
-from isomatch.mending.repair import Repair, repair, welded_surface, without_seams
+from isomatch.mending.repair import Repair, parted_described, repair, welded_surface, without_seams
 from isomatch.mending.self_contacts import Cut, creases, cut_along, cut_self_contacts, ends_of, handles
 from isomatch.mending.sheets import Separation, separate_sheets
 from isomatch.mending.walls import double_walled_share
@@ -21,6 +21,7 @@ __all__ = [
     "ends_of",
     "handles",
     "inner_faces",
+    "parted_described",
     "repair",
     "seems_inside_out",
     "separate_sheets",

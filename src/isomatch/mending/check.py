@@ -11,6 +11,7 @@ from isomatch.assets import SurfaceLike, mesh_from
 from isomatch.errors import some
 from isomatch.loading.compiled import compiled
 from isomatch.mending._winding import faces_to_rewind
+from isomatch.mending.merged import unmerged
 from isomatch.mending.walls import WALL, double_walled_share
 from isomatch.surfaces import Mesh, fans, first_equal, linked, unsound_faces
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
@@ -86,8 +87,14 @@ def check(mesh: SurfaceLike, *, wall: float = WALL) -> MeshReport:
         non_manifold_vertices=np.flatnonzero(n_fans > 1),
         inconsistent_edges=inconsistent,
         inward_components=inward,
+        merged_vertices=_merged(surface, rewound),
         double_walled=double_walled_share(surface, wall, rewound) if wall else float("nan"),
     )
+
+
+def _merged(surface: Mesh, rewound: BoolArray) -> IntArray:
+    outward = Mesh(surface.vertices, np.where(rewound[:, None], surface.faces[:, [0, 2, 1]], surface.faces))
+    return np.concatenate([np.zeros(0, dtype=np.int64), *unmerged(outward).seams])
 
 
 def _components(
@@ -190,6 +197,11 @@ _SURVIVABLE = {
         "sheets touch at a single point there, and paths pass through it; match splits those that shorten paths, others "
         "need a mesh editor",
     ),
+    "merged_vertices": (
+        "vertices where limbs that touch were merged",
+        "paths cross from one limb to the other there, as after a merge by distance with too large a distance; "
+        "match and repair(mesh) part them",
+    ),
     "inconsistent_edges": (
         "edges whose two faces have opposite winding",
         "normals are unreliable, and left cannot be told from right; repair(mesh) makes the winding consistent, "
@@ -221,8 +233,9 @@ class MeshReport:
         Edges of exactly one face.
     boundary_lengths : (l,) array of float
         Length of each boundary loop, longest first, in mesh units. Loops that share a vertex count as one.
-    non_finite_vertices, unused_vertices, coincident_vertices, non_manifold_vertices : (d,) array of int
-        Vertices with the defect. A coincident vertex is at exactly the position of an earlier one.
+    non_finite_vertices, unused_vertices, coincident_vertices, non_manifold_vertices, merged_vertices : (d,) array of int
+        Vertices with the defect. A coincident vertex is at exactly the position of an earlier one; merged ones are one
+        vertex of two sheets that face each other, far apart along the surface.
     out_of_range_faces, repeated_index_faces, duplicate_faces, zero_area_faces, sliver_faces : (d,) array of int
         Faces with the defect; for the last two, see ``ZERO_AREA_RATIO`` and ``SLIVER_RATIO`` in this file.
     non_manifold_edges, inconsistent_edges : (d, 2) array of int
@@ -261,6 +274,7 @@ class MeshReport:
     non_manifold_vertices: IntArray
     inconsistent_edges: IntArray
     inward_components: IntArray
+    merged_vertices: IntArray
     double_walled: float = float("nan")
 
     @property

@@ -21,6 +21,7 @@ from isomatch.assets import (
 from isomatch.errors import FormatError, SettingError
 from isomatch.mending._winding import faces_to_rewind
 from isomatch.mending.check import OPENING, MeshReport
+from isomatch.mending.merged import SHEET_DISTANCE, unmerged
 from isomatch.surfaces import Mesh, PointCloud, first_equal, unsound_faces
 from isomatch.values.arrays import AnyArray, BoolArray, IntArray
 
@@ -34,6 +35,7 @@ MENDED = (
     "coincident_vertices",
     "inconsistent_edges",
     "inward_components",
+    "merged_vertices",
 )
 """Fields of `MeshReport` with defects that a repair removes."""
 
@@ -47,9 +49,11 @@ class Repair:
     mesh : Mesh
         The mended mesh; the original object if nothing was changed.
     vertex_index : (n_new,) array of int
-        Original vertex of each new vertex: ``mesh.vertices == original.vertices[vertex_index]``.
+        Original vertex of each new vertex: ``mesh.vertices == original.vertices[vertex_index]``, but where limbs were
+        parted.
     new_index : (n_old,) array of int
-        New vertex of each original vertex: for a welded vertex the one it was welded onto, for a removed vertex -1.
+        New vertex of each original vertex: for a welded vertex the one it was welded onto, for a removed vertex -1, for
+        one that became two the one with more faces.
     face_index : (m_new,) array of int
         Original face of each new face.
     changes : tuple of str
@@ -59,6 +63,8 @@ class Repair:
         a triangle, or of which some are turned over, becomes its triangles.
     polygon_index : (p_new,) array of int, optional
         Original polygon of each of its polygons.
+    contacts : tuple of (s,) array of int
+        Original vertices at which limbs were parted, of each place where they had been merged.
     """
 
     mesh: Mesh
@@ -68,6 +74,7 @@ class Repair:
     changes: tuple[str, ...]
     asset: Asset | None = None
     polygon_index: IntArray | None = None
+    contacts: tuple[IntArray, ...] = ()
 
     def __repr__(self) -> str:
         return f"Repair({self.mesh!r}, changes={list(self.changes)})"
@@ -80,6 +87,7 @@ def repair(
     remove_duplicates: bool = True,
     remove_unused: bool = True,
     orient: bool = True,
+    unmerge: float = SHEET_DISTANCE,
     outer: bool = False,
     opening: float = OPENING,
     report: MeshReport | None = None,
@@ -94,9 +102,12 @@ def repair(
     3. Non-finite vertices, and vertices that no face uses, are removed.
     4. Each orientable piece is wound consistently: outward if it is closed, or if flat discs with the lengths of its
        boundary loops have at most a tenth of its area; otherwise as most of its faces were.
-    5. If asked for, only the outermost surface is kept.
+    5. Vertices at which limbs that touch were merged by distance become two, each with the faces of one limb, and move
+       apart by a quarter of the mean edge length. The second ones follow the others; holes that the merge left remain.
+    6. If asked for, only the outermost surface is kept.
 
-    Vertices and faces keep their order, and no vertex moves. A second repair changes nothing but, perhaps, chambers.
+    Vertices and faces keep their order, and no other vertex moves. A second repair changes nothing but, perhaps,
+    chambers.
 
     Parameters
     ----------
@@ -113,6 +124,9 @@ def repair(
         Whether to remove finite vertices that no face uses.
     orient : bool
         Whether to make the winding of the faces consistent.
+    unmerge : float
+        How far apart limbs that were merged are along the surface at least, in √area; infinity leaves them merged. Only
+        where faces are oriented.
     outer : bool
         Whether to remove chambers, closed or with small openings, and their walls: the inside of skulls and shells. What
         can be reached from outside stays, such as armpits and ears.
@@ -174,6 +188,12 @@ def repair(
         faces[rewound] = faces[rewound][:, [0, 2, 1]]
         mended = Mesh(mended.vertices, faces)
 
+    contacts: tuple[IntArray, ...] = ()
+    if orient and unmerge < np.inf:
+        parted = unmerged(mended, unmerge)
+        contacts = tuple(vertex_index[seam] for seam in parted.seams)
+        mended, vertex_index = parted.mesh, vertex_index[parted.vertex_index]
+
     chambers: tuple[str, ...] = ()
     inner = np.zeros(len(faces), dtype=bool)
     if outer:
@@ -204,15 +224,19 @@ def repair(
     changes = lost + tuple(
         sentence.format(_count(int(mask.sum()), noun)) for sentence, noun, mask in counted if mask.any()
     )
-    changes += chambers
+    changes += ((parted_described(contacts),) if contacts else ()) + chambers
     if asset is None or not changes:
         same = None if asset is None else np.arange(len(asset.polygons))
-        return Repair(mended if changes else mesh, vertex_index, new_index, face_index, changes, asset, same)
+        mended = mended if changes else mesh
+        return Repair(mended, vertex_index, new_index, face_index, changes, asset, same, contacts)
     apart = welded_apart(asset, survivor)
-    rows = Renumbering.of(asset.polygons, vertex_index, new_index, face_index, rewound)
+    rows = Renumbering.of(asset.polygons, vertex_index, new_index, face_index, rewound, mended.faces)
     whole = turned_over(kept_at_corners(asset, apart).renumbered(rows), asset, rows, face_index[rewound])
+    if contacts:
+        whole = whole.placed_at(mended.vertices)
     told = tuple(_told(asset, name, n) for name, n in apart.items())
-    return Repair(mended, vertex_index, new_index, face_index, changes + told, whole, rows.polygon_index)
+    changes += told
+    return Repair(mended, vertex_index, new_index, face_index, changes, whole, rows.polygon_index, contacts)
 
 
 def _asset_of(given: SurfaceLike) -> tuple[Asset | None, tuple[str, ...]]:
@@ -236,8 +260,22 @@ def _told(asset: Asset, name: str, n: int) -> str:
     return f"kept the first value of {name} at {welded} where it differs"
 
 
+def parted_described(contacts: tuple[IntArray, ...]) -> str:
+    """Say where limbs were parted, given the vertices of each contact."""
+    largest, count = max(contacts, key=len), sum(map(len, contacts))
+    return (
+        f"parted limbs that were merged at {_count(count, 'vertex')}, in {_count(len(contacts), 'contact')}; the largest "
+        f"has {len(largest)}, one of them vertex {largest[len(largest) // 2]}"
+    )
+
+
 def _count(number: int, noun: str) -> str:
-    plural = {"vertex": "vertices", "face": "faces", "welded vertex": "welded vertices"}
+    plural = {
+        "vertex": "vertices",
+        "face": "faces",
+        "welded vertex": "welded vertices",
+        "contact": "contacts",
+    }
     return f"{number} {noun if number == 1 else plural[noun]}"
 
 

@@ -21,7 +21,7 @@ from isomatch.surfaces import (
     meetings,
     unsound_faces,
 )
-from isomatch.values.arrays import FloatArray, IntArray
+from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 
 MOST_PROBED = 8  # vertices of each seam of which the copies are tested for being far apart
 
@@ -77,20 +77,25 @@ def separate_sheets(mesh: Mesh, least_distance: float = 0.1) -> Separation:
         return whole
     fan, vertex = _without_islands(mesh, fan, vertex)
     apart = Mesh(points[vertex], fan)
-    lengths = coo_array((apart.edge_lengths, tuple(apart.edges.T)), shape=(len(vertex),) * 2).tocsr()
-    limit = least_distance * np.sqrt(apart.area)
-    by_vertex = np.argsort(vertex, kind="stable")
-    copies_of = by_vertex, np.searchsorted(vertex[by_vertex], np.arange(mesh.n_vertices + 1))
-    seams = [seam for seam in _seams(faces, vertex) if _is_far(lengths, copies_of, seam, limit)]
-    if not seams:
+    far = far_copies(apart, vertex, _seams(faces, vertex), least_distance)
+    if not far:
         return whole
+    parted, index = copied(mesh, fan, vertex, np.isin(np.arange(mesh.n_vertices), np.concatenate(far)))
+    return Separation(parted, index, tuple(far))
+
+
+def copied(mesh: Mesh, fan: IntArray, vertex: IntArray, of: BoolArray) -> tuple[Mesh, IntArray]:
+    """Give some vertices, (n,), a copy for each fan but the first; returns also the old number of each vertex.
+
+    Corners (m, 3) are in fans, which are in the order of their vertices.
+    """
     fans = np.arange(len(vertex))
     first = np.zeros(mesh.n_vertices, dtype=np.int64)
     first[vertex[::-1]] = fans[::-1]
-    is_copy = np.isin(vertex, np.concatenate(seams)) & (first[vertex] != fans)
+    is_copy = of[vertex] & (first[vertex] != fans)
     number = np.where(is_copy, mesh.n_vertices + np.cumsum(is_copy) - 1, vertex)
-    index = np.concatenate([whole.vertex_index, vertex[is_copy]])
-    return Separation(Mesh(mesh.vertices[index], number[fan]), index, tuple(seams))
+    index = np.concatenate([np.arange(mesh.n_vertices), vertex[is_copy]])
+    return Mesh(mesh.vertices[index], number[fan]), index
 
 
 def _with_all_layers(vertices: FloatArray, faces: IntArray) -> IntArray:
@@ -165,14 +170,20 @@ def _seams(faces: IntArray, vertex: IntArray) -> list[IntArray]:
     return [glued[rows] for rows in split_by(label)]
 
 
-def _is_far(lengths: csr_array, copies_of: tuple[IntArray, IntArray], seam: IntArray, limit: float) -> bool:
-    """Whether copies of some vertices of a seam are farther apart than a limit, given the lengths of the edges."""
-    order, start = copies_of
-    probed = seam[np.unique(np.linspace(0, len(seam) - 1, MOST_PROBED).astype(int))]
-    for copies in (order[start[v] : start[v + 1]] for v in probed):
-        if (dijkstra(lengths, directed=False, indices=copies[0], limit=limit)[copies[1:]] > limit).any():
-            return True
-    return False
+def far_copies(apart: Mesh, vertex: IntArray, seams: list[IntArray], least_distance: float) -> list[IntArray]:
+    """Return the seams of which copies of some vertex are so far apart along edges, in √area; ``vertex`` is in order."""
+    lengths = coo_array((apart.edge_lengths, tuple(apart.edges.T)), shape=(len(vertex),) * 2).tocsr()
+    limit = least_distance * np.sqrt(apart.area)
+
+    def is_far(seam: IntArray) -> bool:
+        probed = seam[np.unique(np.linspace(0, len(seam) - 1, MOST_PROBED).astype(int))]
+        firsts, ends = (np.searchsorted(vertex, probed, side=side) for side in ("left", "right"))
+        return any(
+            (dijkstra(lengths, directed=False, indices=first, limit=limit)[first + 1 : end] > limit).any()
+            for first, end in zip(firsts, ends)
+        )
+
+    return [seam for seam in seams if is_far(seam)]
 
 
 LARGEST_LOSS = 1.95  # of likeness; a change of partners between two flat sheets loses two

@@ -8,7 +8,7 @@ import numpy as np
 
 from isomatch.errors import MeshError
 from isomatch.geodesics import distance_engine, ordinary_unit
-from isomatch.mending import check, repair, seems_inside_out, separate_sheets
+from isomatch.mending import check, parted_described, repair, seems_inside_out, separate_sheets
 from isomatch.resolution import Prolongation, decimations, normalised
 from isomatch.settings import Config, PreparationSettings
 from isomatch.surfaces import Graph, Mesh, PointCloud, Surface, in_spatial_order
@@ -19,6 +19,7 @@ INSIDE_OUT = (
     "it seems to be inside out, and its openings are too large to turn it over unasked; with a shape that does not, "
     "`match` tries both windings of its faces"
 )
+TOGETHER = "if they belong together, set preparation.sheet_distance = inf"
 LEFT_UNMATCHED = "are left unmatched"
 
 # of two points of a graph of unit size; about that of animals and people of unit area
@@ -108,17 +109,25 @@ def _repaired(shape: Surface, sheet_distance: float) -> tuple[Surface, float, In
     report = check(mesh, wall=0.0)
     if report.fatal:
         raise MeshError("; ".join(report.fatal))
-    repaired = repair(mesh, report=report)
+    repaired = repair(mesh, unmerge=sheet_distance, report=report)
+    of_shape = np.arange(mesh.n_vertices) if order is None else order
     new_index, old_index, notes = repaired.new_index, repaired.vertex_index, list(repaired.changes)
+    if contacts := repaired.contacts:
+        notes.remove(parted_described(contacts))
+        notes.append(f"{parted_described(tuple(of_shape[seam] for seam in contacts))}; {TOGETHER}")
     if any(len(getattr(report, defect)) for defect in SIGNS_OF_SHEETS):
-        glued = repair(mesh, remove_duplicates=False, orient=False)
+        everything = np.arange(mesh.n_vertices)
+        start, of_mesh, of_start = (
+            (repaired.mesh, old_index, new_index) if contacts else (mesh, everything, everything)
+        )
+        glued = repair(start, remove_duplicates=False, orient=False)
         apart = separate_sheets(glued.mesh, sheet_distance)
         if apart.seams:
-            repaired = repair(apart.mesh, weld=False)
-            new_index = np.append(repaired.new_index, -1)[glued.new_index]
-            old_index = glued.vertex_index[apart.vertex_index[repaired.vertex_index]]
-            of_shape = glued.vertex_index if order is None else order[glued.vertex_index]
-            notes = [*glued.changes, *repaired.changes, _seams_described(apart.seams, of_shape)]
+            repaired = repair(apart.mesh, weld=False, unmerge=np.inf)
+            new_index = np.append(np.append(repaired.new_index, -1)[glued.new_index], -1)[of_start]
+            old_index = of_mesh[glued.vertex_index[apart.vertex_index[repaired.vertex_index]]]
+            notes = [*(notes if contacts else ()), *glued.changes, *repaired.changes]
+            notes.append(_seams_described(apart.seams, of_shape[of_mesh[glued.vertex_index]]))
     if order is not None:
         new_index, old_index = new_index[np.argsort(order)], order[old_index]
     if seems_inside_out(repaired.mesh):
@@ -143,7 +152,7 @@ def _seams_described(seams: tuple[IntArray, ...], vertex_index: IntArray) -> str
     return (
         f"separated sheets that were glued together at {count} {'vertex' if count == 1 else 'vertices'}, in {len(seams)} "
         f"{'seam' if len(seams) == 1 else 'seams'}; the largest has {len(largest)}, one of them vertex "
-        f"{vertex_index[largest[len(largest) // 2]]}; if they belong together, set preparation.sheet_distance = inf"
+        f"{vertex_index[largest[len(largest) // 2]]}; {TOGETHER}"
     )
 
 
