@@ -197,9 +197,16 @@ _INDICES = ("vertex_index", "new_index", "polygon_index", "face_index")
 
 
 def repair(
-    file: Path, /, *, output: Output, outer: bool = False, opening: float = 0.1, force: Force = False
+    file: Path,
+    /,
+    *,
+    output: Output,
+    unmerge: float = 0.1,
+    outer: bool = False,
+    opening: float = 0.1,
+    force: Force = False,
 ) -> None:
-    """Mend a mesh: weld vertices, remove unusable faces and vertices, and orient the faces outward.
+    """Mend a mesh: weld vertices, remove unusable faces, orient the others outward, part limbs that were merged.
 
     Colours, labels, texture coordinates, weights and all else that the file carries are kept. Where values differ at
     vertices that are welded, the first is.
@@ -211,12 +218,13 @@ def repair(
     Args:
         file: Mesh: any surface file, such as .ply, .obj or .vtp.
         output: File for the repaired mesh.
+        unmerge: How far apart limbs that were merged by distance are along the surface, in √area; inf leaves them merged.
         outer: Keep only the outermost surface, without chambers that are closed or have small openings.
         opening: With --outer: the smallest opening through which a chamber counts as outside, in √area.
     """
     index = output.with_suffix(".index.npz")
     with claimed_files(output, index, force=force):
-        repaired = isomatch.repair(_whole(file, output), outer=outer, opening=opening)
+        repaired = isomatch.repair(_whole(file, output), unmerge=unmerge, outer=outer, opening=opening)
         asset = cast(isomatch.Asset, repaired.asset)
         beside = files_beside(output, asset)
         with claimed_files(*beside, force=force):

@@ -1,5 +1,5 @@
 from isomatch.mending._winding import seems_inside_out
-from isomatch.mending.caps import capped
+from isomatch.mending.caps import capped, capped_at
 from isomatch.mending.check import MeshReport, check
 from isomatch.mending.outer import inner_faces
 from isomatch.mending.repair import Repair, parted_described, repair, welded_surface, without_seams
@@ -13,6 +13,7 @@ __all__ = [
     "Repair",
     "Separation",
     "capped",
+    "capped_at",
     "check",
     "creases",
     "cut_along",

@@ -5,9 +5,25 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import dijkstra
 
 from isomatch.surfaces import Mesh
-from isomatch.values.arrays import FloatArray, IntArray
+from isomatch.values.arrays import BoolArray, FloatArray, IntArray
+
+
+def capped_at(mesh: Mesh, at: BoolArray) -> tuple[Mesh, IntArray]:
+    """Close the holes around which at least half of the vertices are marked (n,); as `capped`.
+
+    Returns also, for each vertex, the one of the mesh that is nearest along edges: for each of the first n, itself.
+    """
+    closed = _closed(mesh, [rim for rim in boundary_loops(mesh) if at[rim].mean() >= 0.5])
+    everything, n = np.arange(mesh.n_vertices), closed.n_vertices
+    if n == mesh.n_vertices:
+        return closed, everything
+    graph = coo_array((closed.edge_lengths, tuple(closed.edges.T)), shape=(n, n)).tocsr()
+    nearest = dijkstra(graph, directed=False, indices=everything, min_only=True, return_predecessors=True)[2]
+    return closed, nearest.astype(np.int64)
 
 
 def capped(mesh: Mesh, chords: Iterable[IntArray] = ()) -> Mesh:
@@ -18,7 +34,7 @@ def capped(mesh: Mesh, chords: Iterable[IntArray] = ()) -> Mesh:
     two by a straight line: as of a slit between limbs, both sides of which are closed by themselves. O(n + new
     vertices).
     """
-    vertices, faces, n = [mesh.vertices], [mesh.faces], mesh.n_vertices
+    vertices, n = [mesh.vertices], mesh.n_vertices
     rims = boundary_loops(mesh)
     for first, last in chords:
         if any(np.isin([first, last], rim).all() for rim in rims):
@@ -26,7 +42,11 @@ def capped(mesh: Mesh, chords: Iterable[IntArray] = ()) -> Mesh:
             rims = [part for rim in rims for part in _parted(rim, first, last, n + np.arange(len(points)))]
             vertices.append(points)
             n += len(points)
-    mesh = Mesh(np.concatenate(vertices), mesh.faces)
+    return _closed(Mesh(np.concatenate(vertices), mesh.faces), rims)
+
+
+def _closed(mesh: Mesh, rims: list[IntArray]) -> Mesh:
+    vertices, faces, n = [mesh.vertices], [mesh.faces], mesh.n_vertices
     wanted = [_n_rings(mesh, rim) for rim in rims]
     most = mesh.n_vertices / max(sum(len(rim) * count for rim, count in zip(rims, wanted)), 1)
     for rim, count in zip(rims, wanted):

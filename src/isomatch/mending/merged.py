@@ -17,7 +17,7 @@ from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 # contact. Without them, the surface around the contact falls apart into the sheets; around a fold or a pinch of one
 # sheet, which separate nothing, it stays in one piece. Faces at the contact are of the sheet of their other corners.
 # Where that leaves the sheets joined, flatter edges, and then neighbours, are taken for a part of the contact too.
-PASSES = ((120.0, 0), (90.0, 0), (60.0, 0), (60.0, 1), (60.0, 2))  # concave by so many degrees; rings added
+PASSES = ((120.0, 0), (90.0, 0), (60.0, 0), (40.0, 0), (60.0, 1))  # concave by so many degrees; rings added
 AROUND = 0.08  # √area, less than half the shortest way from one sheet to the other: how far around the contact is seen
 REACH = 0.8  # of it, to which a piece extends that is a sheet; others are rags of the contact
 # at merged vertices the sheets face each other, and 29 to 100 % of them have marks. Holes and folds that look like a
@@ -34,7 +34,7 @@ def unmerged(mesh: Mesh, least_distance: float = SHEET_DISTANCE) -> Separation:
     Parameters
     ----------
     mesh : Mesh
-        Sound faces, wound outward.
+        Sound faces, wound consistently.
     least_distance : float
         Sheets stay together unless copies of some vertex of a contact are so far apart along edges, in √area.
 
@@ -48,15 +48,29 @@ def unmerged(mesh: Mesh, least_distance: float = SHEET_DISTANCE) -> Separation:
     -----
     O(n log n) time: 20 ms for 5000 vertices.
     """
-    parted, index = mesh, np.arange(mesh.n_vertices)
+    index = np.arange(mesh.n_vertices)
+    if not _marked(mesh).any():
+        return Separation(mesh, index, ())
+    size = np.abs(mesh.vertices).max() or 1.0  # divided by it, squares and products do not overflow
+    parted = mesh.moved(mesh.vertices / size)
+    inward = parted.volume < 0  # what is concave, and which way leads inward, is told by the winding
+    parted = _turned(parted) if inward else parted
     while True:  # until another call would part nothing more, as where limbs meet that have moved
         further, origin = _parted(parted, least_distance)
         if len(origin) == len(index):
             break
         parted, index = further, index[origin]
+    if len(index) == mesh.n_vertices:
+        return Separation(mesh, index, ())
     several = np.bincount(index, minlength=mesh.n_vertices) > 1
+    points, moved = mesh.vertices[index], several[index]
+    points[moved] = size * parted.vertices[moved]
     seams = [np.flatnonzero(several)[rows] for rows in split_by(_near_one_another(mesh, several))]
-    return Separation(parted, index, tuple(seams))
+    return Separation(Mesh(points, (_turned(parted) if inward else parted).faces), index, tuple(seams))
+
+
+def _turned(mesh: Mesh) -> Mesh:
+    return Mesh(mesh.vertices, mesh.faces[:, [0, 2, 1]])
 
 
 def _parted(mesh: Mesh, least_distance: float) -> tuple[Mesh, IntArray]:
@@ -153,10 +167,10 @@ def _fans_of_sheets(mesh: Mesh, marked: BoolArray, contact: BoolArray) -> tuple[
     )
     largest_first = np.lexsort([-size, pairs[:, 0]])
     rank = np.argsort(largest_first) - np.searchsorted(pairs[:, 0], pairs[:, 0])
-    count = np.maximum(np.bincount(pairs[:, 0], minlength=n), 1)
-    fan = (np.cumsum(count) - count)[corner]
+    n_fans: IntArray = np.maximum(np.bincount(pairs[:, 0], minlength=n), 1)
+    fan = (np.cumsum(n_fans) - n_fans)[corner]
     fan[rows] += rank[pair.ravel()]
-    return fan.reshape(-1, 3), np.repeat(np.arange(n), count)
+    return fan.reshape(-1, 3), np.repeat(np.arange(n), n_fans)
 
 
 def _neighbours(mesh: Mesh, at_contact: BoolArray) -> tuple[IntArray, IntArray, FloatArray]:
@@ -211,7 +225,7 @@ def _merged(
     np.minimum.at(facing, vertex[1:][is_copy], np.einsum("ij,ij->i", normals[1:], normals[:-1])[is_copy])
     places = np.flatnonzero(several)
     seams = [places[rows] for rows in split_by(_near_one_another(mesh, several))]
-    merged = [v for v in seams if facing[v].mean() < FACING and marked[v].mean() >= MARKED]
+    merged = [v for v in seams if marked[v].mean() >= max(MARKED, 0.2 + facing[v].mean() / 2)]
     # two bodies that share a corner, an edge or a wall stay one; those that were merged have lost triangles, both of them
     component, is_open = apart.components, np.zeros(len(vertex), dtype=bool)
     is_open[apart.edges[apart.edge_table.n_faces == 1]] = True

@@ -8,7 +8,7 @@ import numpy as np
 
 from isomatch.errors import MeshError
 from isomatch.geodesics import distance_engine, ordinary_unit
-from isomatch.mending import check, parted_described, repair, seems_inside_out, separate_sheets
+from isomatch.mending import capped_at, check, parted_described, repair, seems_inside_out, separate_sheets
 from isomatch.resolution import Prolongation, decimations, normalised
 from isomatch.settings import Config, PreparationSettings
 from isomatch.surfaces import Graph, Mesh, PointCloud, Surface, in_spatial_order
@@ -38,7 +38,8 @@ class Body:
     surface: Surface
     scale: float  # what a length of 1 is worth in the units of the shape
     body_vertex: IntArray  # (n,) body vertex of each vertex of the shape; −1 for those left out
-    user_vertex: IntArray  # (n_body,) vertex of the shape of each body vertex, of separated sheets the same
+    # (n_body,) vertex of the shape of each body vertex: the same for copies where sheets were parted, the nearest on caps
+    user_vertex: IntArray
     left_out: float  # share in other components, see `body_of`
     notes: tuple[str, ...]  # what was left out or repaired
     share: float = 1.0  # of the area of the shape
@@ -128,12 +129,16 @@ def _repaired(shape: Surface, sheet_distance: float) -> tuple[Surface, float, In
             old_index = of_mesh[glued.vertex_index[apart.vertex_index[repaired.vertex_index]]]
             notes = [*(notes if contacts else ()), *glued.changes, *repaired.changes]
             notes.append(_seams_described(apart.seams, of_shape[of_mesh[glued.vertex_index]]))
+    whole = repaired.mesh
+    if contacts:  # the holes that the merge left are no openings of the shape
+        whole, nearest = capped_at(whole, np.isin(old_index, np.concatenate(contacts)))
+        old_index = old_index[nearest]
     if order is not None:
         new_index, old_index = new_index[np.argsort(order)], order[old_index]
-    if seems_inside_out(repaired.mesh):
+    if seems_inside_out(whole):
         notes.append(INSIDE_OUT)
-    unit = float(np.abs(repaired.mesh.vertices).max())
-    return repaired.mesh.moved(repaired.mesh.vertices / unit), unit, new_index, old_index, notes
+    unit = float(np.abs(whole.vertices).max())
+    return whole.moved(whole.vertices / unit), unit, new_index, old_index, notes
 
 
 def _in_memory_order(mesh: Mesh) -> tuple[Mesh, IntArray | None]:

@@ -1,5 +1,5 @@
 from isomatch_lab.damage.damaged import Damaged, DamagedPair, damaged_pair
-from isomatch_lab.damage.disturbed import decimate, noise, resample, weld
+from isomatch_lab.damage.disturbed import decimate, merge, noise, resample, weld
 from isomatch_lab.damage.missing import cut, holes, limb_removed, view
 from isomatch_lab.damage.registry import DAMAGES, Damage, DamageChoice
 
@@ -14,6 +14,7 @@ __all__ = [
     "decimate",
     "holes",
     "limb_removed",
+    "merge",
     "noise",
     "resample",
     "view",

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import KDTree
 
 from isomatch import resolution
@@ -16,6 +18,7 @@ from isomatch_lab.damage.damaged import SHARES, Damaged, require_usable, with_fa
 
 FAR = 0.5  # √area; more than half of a torso's girth, so that only different limbs are glued
 GAPS = (0.0, FAR)
+NEAR = 0.2  # √area along the surface: so near, vertices that face each other are of one fold
 PATCHES = 60  # patches of the surface, from each of which the parts that are far away are searched
 LOUDNESS = (0.0, 10.0)  # mean edge lengths
 
@@ -102,6 +105,74 @@ def weld(mesh: Mesh, gap: float = 0.02, *, seed: int = 0) -> Damaged:
             f"no limbs of {mesh!r} are as near as {gap:g} √area{apart}; give a larger gap, or a pose in which limbs touch"
         )
     return _merged(mesh, np.array(merged))
+
+
+def merge(mesh: Mesh, distance: float = 1.5, *, seed: int = 0) -> Damaged:
+    """Merge by distance, with one that is too large: facing vertices of limbs that touch become one.
+
+    Pairs of vertices whose normals are opposed are merged, where each is the nearest such vertex of the other.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        The whole.
+    distance : float
+        Largest distance across which vertices are merged, in mean edge lengths; at most 10.
+    seed : int
+        Not used; nothing is drawn.
+
+    Returns
+    -------
+    Damaged
+        With a ``twin`` for each merged vertex, without the triangles of which all three corners were merged.
+
+    Raises
+    ------
+    SettingError
+        If the distance is out of range.
+    MeshError
+        If no limbs are so near, or the mesh is no surface.
+
+    Notes
+    -----
+    The two vertices of a pair are more than 0.2 √area apart along edges, or in different components.
+    """
+    require_usable(mesh, "distance", distance, LOUDNESS)
+    pairs = _facing_pairs(mesh, distance * mesh.edge_lengths.mean())
+    if not len(pairs):
+        raise MeshError(
+            f"no limbs of {mesh!r} that face each other are as near as {distance:g} mean edge lengths; give a larger "
+            "distance, or a pose in which limbs touch"
+        )
+    glued = _merged(mesh, pairs)
+    assert glued.twin is not None
+    faces = glued.mesh.faces
+    gone = (glued.twin[faces] >= 0).all(axis=1) | (np.diff(np.sort(faces, axis=1)) == 0).any(axis=1)
+    if gone.all():
+        raise MeshError(f"all corners of {mesh!r} would be merged, and nothing left; give a smaller distance")
+    left = with_faces(glued.mesh, faces[~gone])
+    return Damaged(mesh, left.mesh, glued.original[left.original], glued.twin[left.original])
+
+
+def _facing_pairs(mesh: Mesh, distance: float) -> IntArray:
+    """Pairs (q, 2) of vertices that face each other, are far along the surface, and mutually nearest."""
+    normals, n = mesh.vertex_normals, mesh.n_vertices
+    pairs = KDTree(mesh.vertices).query_pairs(distance, output_type="ndarray").astype(np.int64)
+    pairs = pairs[np.einsum("ij,ij->i", *normals[pairs.T]) < 0]
+    graph = coo_array((mesh.edge_lengths, tuple(mesh.edges.T)), shape=(n, n)).tocsr()
+    limit = NEAR * np.sqrt(mesh.area)
+    is_far = np.ones(len(pairs), dtype=bool)
+    for vertex in np.unique(pairs[:, 0]):
+        rows = np.flatnonzero(pairs[:, 0] == vertex)
+        is_far[rows] = dijkstra(graph, directed=False, indices=vertex, limit=limit)[pairs[rows, 1]] > limit
+    pairs = pairs[is_far]
+    both = np.concatenate([pairs, pairs[:, ::-1]])
+    widths = np.linalg.norm(mesh.vertices[both[:, 0]] - mesh.vertices[both[:, 1]], axis=1)
+    both = both[np.lexsort([widths, both[:, 0]])]
+    nearest = np.full(n, -1)
+    nearest[both[::-1, 0]] = both[::-1, 1]
+    first = np.flatnonzero((nearest >= 0) & (nearest[nearest] == np.arange(n)))
+    return np.column_stack([first, nearest[first]])[first < nearest[first]]
 
 
 def _nearest_far_vertex(mesh: Mesh, seed: int) -> IntArray:

@@ -9,7 +9,7 @@ from zlib import crc32
 
 from isomatch.errors import SettingError
 from isomatch_lab.damage.damaged import SHARES, Damaged, DamagedPair, damaged_pair, require_between, undamaged
-from isomatch_lab.damage.disturbed import GAPS, LOUDNESS, RATIOS, decimate, noise, resample, weld
+from isomatch_lab.damage.disturbed import GAPS, LOUDNESS, RATIOS, decimate, merge, noise, resample, weld
 from isomatch_lab.damage.missing import VIEWS, cut, holes, limb_removed, view
 from isomatch_lab.sets import BenchmarkPair
 
@@ -47,6 +47,7 @@ DAMAGES = {
     "limb_removed": Damage(limb_removed, "share of the area removed", (0.05, 0.09, 0.18), 0.09, SHARES),
     "view": Damage(view, "number of cameras", (4, 2, 1), 1, VIEWS),
     "weld": Damage(weld, "gap / √area", (0.01, 0.02, 0.04), 0.02, GAPS),
+    "merge": Damage(merge, "distance / mean edge length", (0.7, 1.0, 1.5, 2.0), 1.5, LOUDNESS),
     "noise": Damage(noise, "standard deviation / mean edge length", (0.1, 0.3, 0.6), 0.3, LOUDNESS),
     "decimate": Damage(decimate, "share of the vertices kept", (0.5, 0.25, 0.1), 0.25, SHARES),
     "resample": Damage(resample, "ratio of densities from end to end", (4, 16, 64), 16, RATIOS),

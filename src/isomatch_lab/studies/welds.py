@@ -5,7 +5,7 @@
 writes ``welds.csv``, one row for each map, and ``welds_table.csv``. Every pair is matched as it is, welded (vertices
 within a gap merged in pairs), stitched (welded, and where both sheets have the same face, both removed: a tube
 between limbs) and remeshed (one watertight surface around voxels, which fuses what is nearer than one), without priors
-and with five true landmarks.
+and with five true landmarks. Of other pairs, vertices of the source are merged by distance.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from skimage.measure import marching_cubes
 
 import isomatch
 from isomatch import Mesh
-from isomatch_lab.damage import Damaged, DamagedPair, damaged_pair, decimate, weld
+from isomatch_lab.damage import Damaged, DamagedPair, damaged_pair, decimate, merge, weld
 from isomatch_lab.evaluation import true_landmarks
 from isomatch_lab.sets import benchmark_set
 from isomatch_lab.studies.shared import (
@@ -61,7 +61,49 @@ PAIRS = (  # set, source, target, gap / √area, shapes of which limbs are fused
     ("creatures", "quadruped_asymmetric_0_1_3000", "quadruped_asymmetric_0_3_3000", 0.08, "target"),
     ("creatures", "quadruped_asymmetric_1_3_3000", "quadruped_asymmetric_1_1_3000", 0.08, "source"),
 )
-KINDS = ("none", "weld", "stitched", "remesh")
+MERGED = (  # set, source, target, distance / mean edge length, shape whose vertices are merged
+    *(
+        ("faust_r", f"tr_reg_{source:03}", f"tr_reg_{target:03}", distance, "source")
+        for source, target, distance in (
+            (6, 3, 1.5),
+            (6, 8, 0.7),
+            (7, 1, 1.0),
+            (16, 12, 2.0),
+            (17, 11, 1.0),
+            (22, 24, 2.0),
+            (23, 21, 1.5),
+            (26, 28, 1.5),
+            (27, 21, 2.0),
+            (27, 28, 0.7),
+            (33, 31, 1.0),
+            (36, 30, 1.5),
+            (37, 34, 2.0),
+            (37, 31, 0.7),
+            (43, 40, 2.0),
+            (44, 41, 1.5),
+            (46, 41, 1.0),
+            (47, 49, 2.0),
+        )
+    ),
+    *(
+        ("tosca_iso_r", source, target, distance, "source")
+        for source, target, distance in (
+            ("victoria1", "victoria0", 1.5),
+            ("victoria17", "victoria10", 1.0),
+            ("victoria2", "victoria12", 2.0),
+            ("victoria21", "victoria12", 0.7),
+            ("victoria21", "victoria10", 1.5),
+            ("victoria23", "victoria1", 1.0),
+            ("victoria24", "victoria12", 1.5),
+            ("victoria7", "victoria0", 1.0),
+            ("cat6", "cat0", 1.5),
+            ("cat7", "cat1", 1.0),
+            ("david12", "david0", 2.0),
+            ("centaur2", "centaur0", 2.0),
+        )
+    ),
+)
+KINDS = ("none", "weld", "stitched", "remesh", "merge")
 VOXEL = 0.01  # √area
 SEED = 0
 COLUMNS = ("pair", "side", "gap", "kind", "landmarks", "error", "outcome", "notes")
@@ -72,7 +114,7 @@ def jobs(data: str) -> Iterator[Job]:
     """List every pair with each kind of damage, without and with landmarks."""
     for landmarks in (False, True):
         for kind in KINDS:
-            for pair in PAIRS:
+            for pair in MERGED if kind == "merge" else PAIRS:
                 yield data, kind, landmarks, pair
 
 
@@ -103,7 +145,12 @@ def fused_pair(
     whole = benchmark_set(name, data).load(source, target)
     if kind == "none":
         return damaged_pair(whole)
-    ways: dict[str, Callable[..., Damaged]] = {"weld": weld, "stitched": stitched, "remesh": remesh}
+    ways: dict[str, Callable[..., Damaged]] = {
+        "weld": weld,
+        "stitched": stitched,
+        "remesh": remesh,
+        "merge": merge,
+    }
     fuse = ways[kind]
     sides = ("source", "target") if side == "both" else (side,)
     return damaged_pair(whole, **{each: fuse(getattr(whole, each), gap, seed=SEED) for each in sides})

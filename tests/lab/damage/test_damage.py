@@ -18,6 +18,7 @@ from isomatch_lab.damage import (
     decimate,
     holes,
     limb_removed,
+    merge,
     noise,
     resample,
     view,
@@ -31,10 +32,10 @@ BODY = example_pair()[0].mesh
 BALL = icosphere(4)
 REMOVING = {"cut": cut, "holes": holes, "limb_removed": limb_removed, "view": view}
 GAP = 0.2  # √area, to the nearest legs of the standing creature
-LEVELS = [(name, level) for name in DAMAGES if name != "weld" for level in DAMAGES[name].levels] + [
-    ("weld", GAP)
-]
-DEFAULTS = [(name, damage.default) for name, damage in DAMAGES.items() if name != "weld"] + [("weld", GAP)]
+TOUCHING = {"weld": GAP, "merge": 9.5}  # no limbs of the standing creature touch
+LEVELS = [(name, level) for name in DAMAGES if name not in TOUCHING for level in DAMAGES[name].levels]
+LEVELS += TOUCHING.items()
+DEFAULTS = [(name, TOUCHING.get(name, damage.default)) for name, damage in DAMAGES.items()]
 
 
 def triangles(mesh):
@@ -52,11 +53,11 @@ def test_every_damage_is_seeded_and_knows_where_its_vertices_were(name, level):
     np.testing.assert_array_equal(one.mesh.vertices, again.mesh.vertices)
     np.testing.assert_array_equal(one.mesh.faces, again.mesh.faces)
     np.testing.assert_array_equal(one.original, again.original)
-    if name not in ("decimate", "weld"):
+    if name not in ("decimate", *TOUCHING):
         assert not np.array_equal(one.mesh.vertices, other.mesh.vertices)
     assert one.whole is BODY
     assert len(one.original) == one.mesh.n_vertices == len(np.unique(one.original))
-    if name in ("noise", "weld"):
+    if name in ("noise", *TOUCHING):
         return
     np.testing.assert_array_equal(one.mesh.vertices, BODY.vertices[one.original])
     np.testing.assert_array_equal(one.damaged_vertex[one.original], np.arange(one.mesh.n_vertices))
@@ -194,6 +195,18 @@ def test_welded_limbs_are_far_apart_along_the_surface():
     assert apart.max() <= GAP * np.sqrt(BODY.area)
 
 
+def test_merged_vertices_faced_each_other_and_triangles_between_them_are_gone():
+    damaged = merge(BODY, 9.5)
+    merged = damaged.twin >= 0
+    first, second = damaged.original[merged], damaged.twin[merged]
+    normals = BODY.vertex_normals
+    assert np.einsum("ij,ij->i", normals[first], normals[second]).max() < 0
+    middles = (BODY.vertices[first] + BODY.vertices[second]) / 2
+    np.testing.assert_allclose(damaged.mesh.vertices[merged], middles)
+    assert not merged[damaged.mesh.faces].all(axis=1).any()
+    assert damaged.mesh.n_faces < BODY.n_faces
+
+
 @pytest.mark.parametrize(("share", "accuracy"), [(0.5, 0.005), (0.1, 0.06)])
 def test_decimation_keeps_topology_boundary_and_shape(share, accuracy):
     damaged = decimate(BODY, share)
@@ -239,8 +252,9 @@ def test_levels_out_of_range_are_refused():
         view(BALL, 2.5)
     with pytest.raises(SettingError, match="count"):
         holes(BALL, count=0)
-    with pytest.raises(MeshError, match="limbs"):
-        weld(BALL)
+    for fuse in (weld, merge):
+        with pytest.raises(MeshError, match="limbs"):
+            fuse(BALL)
     for damage in DAMAGES.values():
         with pytest.raises(MeshError, match="no faces"):
             damage.function(Mesh(BALL.vertices, []), damage.default)
