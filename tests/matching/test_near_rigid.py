@@ -21,7 +21,9 @@ def test_a_broken_ring_is_matched_by_its_pose(seed):
     """Distances across the break differ by half the ring, and by them alone it is matched wrongly."""
     source, target = ring(seed, broken=True), ring(seed, n=45, bent=0.03)
     found, without = (match(source[0], target[0], config=config) for config in (Config(), WITHOUT))
-    assert error_of(source, target, found.map.vertices) < 0.08 < error_of(source, target, without.map.vertices)
+    assert (
+        error_of(source, target, found.map.vertices) < 0.08 < error_of(source, target, without.map.vertices)
+    )
     assert found.origin == "poses"
 
 

@@ -185,7 +185,9 @@ def test_where_little_is_missing_a_part_is_searched_only_in_doubt(bodies, prepar
         assert ways(sure) == {"holes closed", "part"}
         assert ways(searched) == {"part"}
         truth, real = bodies[2][part.original], sure.map.matched & searched.map.matched
-        errors += [[mean_error(prepared, found.map.vertices[real], truth[real]) for found in (sure, searched)]]
+        errors += [
+            [mean_error(prepared, found.map.vertices[real], truth[real]) for found in (sure, searched)]
+        ]
     closed, open_ = np.mean(errors, axis=0)
     assert closed < 1.1 * open_
 
