@@ -186,7 +186,7 @@ def test_blocks_run(page, shapes, tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     "page", [page for page, found in RUN.items() if any(b.mark == "long" for b in found)]
 )
-def test_long_blocks_run(page, shapes, tmp_path, monkeypatch):
+def test_long_blocks_run(page, shapes, in_threads, tmp_path, monkeypatch):
     shutil.copytree(shapes, tmp_path, dirs_exist_ok=True)
     monkeypatch.chdir(tmp_path)
     run(page, [block for block in RUN[page] if block.mark != "not run"])

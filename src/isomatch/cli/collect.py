@@ -183,12 +183,12 @@ def export(
     if meshes:
         require_writable(Path(f"mesh{meshes}"))
     collection = collections.Collection.open(folder)
+    left_out = sorted({*collection.names} - {*collections.surfaces_written(collection)}) if meshes else []
     written = Counter[str]()
     with talk.progress() as tell:
         for path in collections.export(collection, to, meshes, None if maps == "none" else f".{maps}", force):
             written[path.parent.name] += 1
             tell(f"written: {path.name}", 1.0)
-    left_out = sorted({*collection.names} - {*collections.surfaces_written(collection)}) if meshes else []
     counts = {"meshes": written["meshes"], "maps": written["maps"]}
     result = {"folder": str(to), **counts, "left_out": left_out}
 

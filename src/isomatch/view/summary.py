@@ -11,6 +11,7 @@ import numpy as np
 from isomatch.correspondence import Correspondence
 from isomatch.matching import Alternative, MatchResult, Outcome
 from isomatch.surfaces import Mesh
+from isomatch.view.camera import of_ordinary_size
 from isomatch.view.measures import config_of, quality_measures
 
 LITTLE_CONFIDENCE = 0.5  # an expected error of 0.05 √area, see `MatchResult.confidence`
@@ -149,6 +150,7 @@ STAYED = 0.05  # √area; an image that is moved by less is at the same place
 
 def share_elsewhere(source: Mesh, target: Mesh, one: Correspondence, other: Correspondence) -> float:
     """Share of the source's area whose images differ in space by more than `STAYED`, or that one map alone has."""
+    source, target = of_ordinary_size(source), of_ordinary_size(target)
     images = (each.pull_back(target.vertices) for each in (one, other))
     apart = np.linalg.norm(np.subtract(*images), axis=1) > STAYED * np.sqrt(target.area)
     apart |= one.matched != other.matched

@@ -54,7 +54,6 @@ CONFIG = {method: each.config for method, each in REGISTERED.items()} | {  # sma
 }
 ALL = list(REGISTERED)
 BY_AREA = [method for method, each in REGISTERED.items() if each.preparation.weights == "area"]
-UNIFORM = Config(weights="uniform")
 
 
 def error(image, truth, target):
@@ -71,9 +70,12 @@ def animal():
 
 @pytest.fixture(scope="module")
 def copies(animal):
-    """The animal and its relabelled copy, prepared with area and with uniform weights; the truth."""
+    """The animal and its relabelled copy, prepared by area and as the methods of the paper ask for; the truth."""
     other = disguised(animal, seed=1)
-    by_weights = [tuple(prepare(m, config) for m in (animal, other.mesh)) for config in (Config(), UNIFORM)]
+    as_published = BASELINES["gdd"].preparation
+    by_weights = [
+        tuple(prepare(m, config) for m in (animal, other.mesh)) for config in (Config(), as_published)
+    ]
     return *by_weights, other.new_vertex
 
 
