@@ -92,7 +92,7 @@ def test_time_is_linear(name):
 
 @pytest.mark.long
 @pytest.mark.parametrize("name", FILES)
-def test_memory_is_twenty_times_the_file_beside_the_mesh(name):
+def test_memory_is_eighty_times_the_file_beside_the_mesh(name):
     data = FILES[name](300_000)
     read(name, data)  # loads the compiled loops, which take memory of their own
     tracemalloc.start()
@@ -100,4 +100,4 @@ def test_memory_is_twenty_times_the_file_beside_the_mesh(name):
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     result = mesh.vertices.nbytes + mesh.faces.nbytes if mesh else 0
-    assert peak < 20 * len(data) + result + ROOM
+    assert peak < 80 * len(data) + result + ROOM
