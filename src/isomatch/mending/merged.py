@@ -25,6 +25,7 @@ REACH = 0.8  # of it, to which a piece extends that is a sheet; others are rags 
 FACING = 0.3  # mean cosine of the normals of the copies
 MARKED = 0.25  # share of vertices with more than two faces at an edge, or several fans
 SHEET_DISTANCE = 0.1  # √area; that of `PreparationSettings`
+LEAST_BODY = 0.2  # share of the area of the smallest of bodies that come apart; a leg has 0.17
 APART = 0.25  # mean edge length, by which copies move inward: points at one position would be welded again
 
 
@@ -226,14 +227,20 @@ def _merged(
     places = np.flatnonzero(several)
     seams = [places[rows] for rows in split_by(_near_one_another(mesh, several))]
     merged = [v for v in seams if marked[v].mean() >= max(MARKED, 0.2 + facing[v].mean() / 2)]
-    # two bodies that share a corner, an edge or a wall stay one; those that were merged have lost triangles, both of them
+    # bodies that share a corner, an edge or a wall stay one; those that were merged have lost triangles. Where a limb
+    # would be cut off, only marked vertices are parted
     component, is_open = apart.components, np.zeros(len(vertex), dtype=bool)
     is_open[apart.edges[apart.edge_table.n_faces == 1]] = True
+    area = np.bincount(component[apart.faces[:, 0]], apart.face_areas) / apart.area
 
-    def is_whole(seam: IntArray) -> bool:
+    def parted(seam: IntArray) -> IntArray:
         copies = np.isin(vertex, seam)
         bodies = np.unique(component[copies])
-        return len(bodies) == 1 or bool(np.isin(bodies, component[copies & is_open]).all())
+        if len(bodies) == 1:
+            return seam
+        if not np.isin(bodies, component[copies & is_open]).all():
+            return seam[:0]
+        return seam if area[bodies].min() >= LEAST_BODY else seam[marked[seam]]
 
-    far = far_copies(apart, vertex, [seam for seam in merged if is_whole(seam)], least_distance)
+    far = far_copies(apart, vertex, [part for seam in merged if len(part := parted(seam))], least_distance)
     return np.isin(np.arange(mesh.n_vertices), np.concatenate([[-1], *far]))

@@ -30,8 +30,8 @@ class PreparationSettings(Settings):
     block_diagonal : bool
         Whether descriptor columns of different sign are never mixed by an alignment.
     sheet_distance : float
-        Sheets that are glued together or merged, such as limbs that touch in a scan, are separated where they are at least
-        so far apart along the surface, in √area; ``inf`` leaves them together.
+        Sheets that are glued together or merged, such as limbs that touch in a scan, are separated where they are at
+        least so far apart along the surface, in √area; ``inf`` leaves them together.
     self_contact_concavity, most_self_contacts : float, int
         Limbs that are fused are cut from what they touch along loops whose mean cost, see `cut_self_contacts`, is at
         most the first; 0 cuts none. Shapes with more handles than the second are not cut: they are no limbs that touch.
