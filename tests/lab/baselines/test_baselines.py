@@ -245,7 +245,7 @@ def test_priors_that_do_not_fit(copies, method):
         ({"initial_descriptors": ([[1.0]], [[1.0]])}, "initial descriptors of the source have 1 rows"),
     ):
         with pytest.raises(InputError, match=told):
-            method(*shapes, **prior)
+            method(*shapes, **prior, config=CONFIG[method])
 
 
 def test_surfaces_that_cannot_be_used(copies):
