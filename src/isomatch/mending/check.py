@@ -343,9 +343,9 @@ class MeshReport:
 
     def __str__(self) -> str:
         defects = [
-            (what, len(found), "")
+            (what, len(rows), "")
             for name, (what, _) in (_FATAL | _SURVIVABLE).items()
-            if len(found := getattr(self, name))
+            if len(rows := getattr(self, name))
         ]
         walls = [("double-walled, per cent of the area", round(100 * self.double_walled), "")]
         rows = [
@@ -375,9 +375,9 @@ class MeshReport:
         return [f"{what} ({_where(where)}): {advice}" for where, what, advice in defective if len(where)]
 
 
-def _where(found: IntArray) -> str:
+def _where(defects: IntArray) -> str:
     """Write at most five vertices, faces or edges, and how many there are."""
-    if found.ndim == 1:
-        return some(found)
-    head = ", ".join(f"{i}–{j}" for i, j in found[:5].tolist())
-    return head if len(found) <= 5 else f"{head}, … ({len(found)} in all)"
+    if defects.ndim == 1:
+        return some(defects)
+    head = ", ".join(f"{i}–{j}" for i, j in defects[:5].tolist())
+    return head if len(defects) <= 5 else f"{head}, … ({len(defects)} in all)"

@@ -156,10 +156,10 @@ def _fans_of_sheets(mesh: Mesh, marked: BoolArray, contact: BoolArray) -> tuple[
     here, there, likeness = _neighbours(mesh, at_contact)
     _spread(of_face, here, there, np.argsort(-likeness, kind="stable"))
     corner, of_corner = faces.ravel(), np.repeat(of_face, 3)
-    known = np.flatnonzero(of_corner >= 0)
+    on_sheet = np.flatnonzero(of_corner >= 0)
     low, high = np.full(n, len(faces)), np.full(n, -1)
-    np.minimum.at(low, corner[known], of_corner[known])
-    np.maximum.at(high, corner[known], of_corner[known])
+    np.minimum.at(low, corner[on_sheet], of_corner[on_sheet])
+    np.maximum.at(high, corner[on_sheet], of_corner[on_sheet])
     # faces that are of no sheet, as beyond the contact, stay with one at each of their corners
     rows = np.flatnonzero((high > low)[corner])
     of_rows = np.where(of_corner[rows] >= 0, of_corner[rows], low[corner[rows]])

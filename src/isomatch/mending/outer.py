@@ -42,13 +42,13 @@ def inner_faces(mesh: Mesh, opening: float = OPENING) -> BoolArray:
     space = _Space.around(surface, opening)
     seen = space.label_of_faces(surface)
     links, apart = _neighbours(surface)
-    known = np.flatnonzero(seen)
+    roots = np.flatnonzero(seen)
     if not (seen == _INNER).any() and len(np.unique(surface.components[surface.faces[:, 0]])) == 1:
         return np.zeros(mesh.n_faces, dtype=bool)
     graph = coo_array((apart, tuple(links.T)), shape=(mesh.n_faces,) * 2).tocsr()
-    if len(known):
+    if len(roots):
         _, _, nearest = dijkstra(
-            graph, directed=False, indices=known, min_only=True, return_predecessors=True
+            graph, directed=False, indices=roots, min_only=True, return_predecessors=True
         )
         seen = np.where(nearest >= 0, seen[np.maximum(nearest, 0)], seen)
     lost = seen == 0
@@ -107,14 +107,14 @@ class _Space:
     def at(self, grid: T, places: FloatArray) -> T:
         """Take the values (m,) of the cells at places (m, 3), those beyond the grid as at its border."""
         cell = np.floor((places - self.lowest) / self.step).astype(int)
-        found: T = grid[tuple(np.clip(cell, 0, np.array(grid.shape) - 1).T)]
-        return found
+        cells: T = grid[tuple(np.clip(cell, 0, np.array(grid.shape) - 1).T)]
+        return cells
 
     def label_of_faces(self, surface: Mesh) -> IntArray:
         """Say what is in front of each face (m,), 0 if that is not known."""
         middles = surface.vertices[surface.faces].mean(axis=1)
-        found = self.at(self.kind, middles + MARGIN * self.step * face_normals(surface)).astype(np.int64)
-        return np.where(found == _SOLID, 0, found)
+        kind = self.at(self.kind, middles + MARGIN * self.step * face_normals(surface)).astype(np.int64)
+        return np.where(kind == _SOLID, 0, kind)
 
     def is_beside_outside(self, surface: Mesh) -> BoolArray:
         """Say which faces (m,) have a cell next to them, on either side, that is joined with the outside."""

@@ -239,18 +239,18 @@ def repair(
     return Repair(mended, vertex_index, new_index, face_index, changes, whole, rows.polygon_index, contacts)
 
 
-def _asset_of(given: SurfaceLike) -> tuple[Asset | None, tuple[str, ...]]:
+def _asset_of(surface: SurfaceLike) -> tuple[Asset | None, tuple[str, ...]]:
     """Return what has attributes, None for bare meshes; and what is lost of a file whose attributes cannot be read."""
-    if isinstance(given, Asset):
-        return given, ()
-    if isinstance(given, str | os.PathLike):
+    if isinstance(surface, Asset):
+        return surface, ()
+    if isinstance(surface, str | os.PathLike):
         try:
-            return read_asset(given, sound=False), ()
+            return read_asset(surface, sound=False), ()
         except FormatError as error:
-            return Asset.of_mesh(read_mesh(given)), (f"left out all but points and faces, as {error}",)
-    if isinstance(given, Mesh | PointCloud | tuple):
+            return Asset.of_mesh(read_mesh(surface)), (f"left out all but points and faces, as {error}",)
+    if isinstance(surface, Mesh | PointCloud | tuple):
         return None, ()
-    return asset_from(given, sound=False), ()
+    return asset_from(surface, sound=False), ()
 
 
 def _told(asset: Asset, name: str, n: int) -> str:
@@ -323,8 +323,7 @@ def _differ(values: AnyArray, rows: IntArray, others: IntArray) -> BoolArray:
     differ = np.not_equal(one, other)
     if values.dtype.kind == "f":
         differ &= ~(np.isnan(one) & np.isnan(other))
-    found: BoolArray = np.any(differ, axis=1)
-    return found
+    return np.asarray(differ.any(axis=1))
 
 
 def goes_to_corners(asset: Asset, attribute: Attribute) -> bool:

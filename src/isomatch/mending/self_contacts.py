@@ -151,8 +151,10 @@ def _cut_path(mesh: Mesh, n_real: int, concavity: float) -> IntArray | None:
     """Find the cheapest concave loop of a closed mesh that does not separate what is real of it."""
     closed = _Closed(mesh, n_real)
     least = TINY * np.sqrt(mesh.area)
-    found = [(cost, loop) for cost, length, loop in _loops(closed) if cost <= concavity * max(length, least)]
-    loops = (loop for _, loop in sorted(found, key=itemgetter(0)))
+    concave = [
+        (cost, loop) for cost, length, loop in _loops(closed) if cost <= concavity * max(length, least)
+    ]
+    loops = (loop for _, loop in sorted(concave, key=itemgetter(0)))
     return next((loop for loop in loops if not closed.separates(loop)), None)
 
 
@@ -237,13 +239,13 @@ def creases(mesh: Mesh) -> IntArray:
     n, size = mesh.n_vertices, np.sqrt(mesh.area)
     sharp = bends < SHARP
     count, piece = linked(n, tuple(ends[sharp].T))
-    known = np.flatnonzero(np.bincount(piece, minlength=count)[piece] > 1)
-    if not len(known):
+    sharp_ends = np.flatnonzero(np.bincount(piece, minlength=count)[piece] > 1)
+    if not len(sharp_ends):
         return np.zeros((0, 2), dtype=np.int64)
     near, before, owner = dijkstra(
         coo_array((costs, tuple(ends.T)), shape=(n, n)).tocsr(),
         directed=False,
-        indices=known,
+        indices=sharp_ends,
         min_only=True,
         return_predecessors=True,
         limit=GAP * size,
@@ -277,8 +279,7 @@ def ends_of(edges: IntArray) -> IntArray:
     n = int(edges.max()) + 1
     _, path = linked(n, tuple(edges.T))
     ends = np.flatnonzero(np.bincount(edges.ravel(), minlength=n) == 1)
-    found: IntArray = ends[np.argsort(path[ends], kind="stable")].reshape(-1, 2)
-    return found
+    return np.asarray(ends[np.argsort(path[ends], kind="stable")].reshape(-1, 2))
 
 
 def edges_to_root(before: AnyArray, vertex: int) -> IntArray:

@@ -41,7 +41,7 @@ def double_walled_share(surface: Mesh, wall: float = WALL, turned: BoolArray | N
     used = used[:: -(-len(used) // MOST_COMPARED)]
     tree = cKDTree(np.column_stack([points[used], wall * normals[used]]))
     here, away = points[probed], normals[probed]
-    found = np.zeros(len(probed), dtype=bool)
+    is_wall = np.zeros(len(probed), dtype=bool)
     for depth in DEPTHS:
         place = np.column_stack([here - depth * wall * away, -wall * away])
         other = used[tree.query(place)[1]]
@@ -49,8 +49,8 @@ def double_walled_share(surface: Mesh, wall: float = WALL, turned: BoolArray | N
         behind = -(offset * away).sum(axis=1)
         along = np.linalg.norm(offset + behind[:, None] * away, axis=1)
         opposite = (normals[other] * away).sum(axis=1) < OPPOSITE
-        found |= opposite & (behind > 0) & (behind <= wall) & (behind >= STEEP * along)
-    return float(found.mean())
+        is_wall |= opposite & (behind > 0) & (behind <= wall) & (behind >= STEEP * along)
+    return float(is_wall.mean())
 
 
 def _is_nested(surface: Mesh) -> BoolArray:
