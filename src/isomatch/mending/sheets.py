@@ -16,6 +16,7 @@ from isomatch.surfaces import (
     Mesh,
     corner_links,
     edge_table,
+    fans,
     first_equal,
     linked,
     meetings,
@@ -33,6 +34,12 @@ class Separation:
     mesh: Mesh  # the vertices of the glued mesh; copies of some of them follow
     vertex_index: IntArray  # (n_new,) vertex of the glued mesh of each vertex
     seams: tuple[IntArray, ...]  # vertices (s,) of the glued mesh that were separated, of each connected seam
+
+    @property
+    def is_manifold(self) -> bool:
+        """Whether no more than two faces meet at an edge, and one fan at a vertex."""
+        mesh, edges = self.mesh, self.mesh.edge_table
+        return bool((edges.n_faces <= 2).all() and (fans(mesh.faces, edges, mesh.n_vertices) <= 1).all())
 
     def __repr__(self) -> str:
         return f"Separation({self.mesh!r}, {len(self.seams)} seams)"
@@ -89,10 +96,10 @@ def copied(mesh: Mesh, fan: IntArray, vertex: IntArray, of: BoolArray) -> tuple[
 
     Corners (m, 3) are in fans, which are in the order of their vertices.
     """
-    fans = np.arange(len(vertex))
+    numbers = np.arange(len(vertex))
     first = np.zeros(mesh.n_vertices, dtype=np.int64)
-    first[vertex[::-1]] = fans[::-1]
-    is_copy = of[vertex] & (first[vertex] != fans)
+    first[vertex[::-1]] = numbers[::-1]
+    is_copy = of[vertex] & (first[vertex] != numbers)
     number = np.where(is_copy, mesh.n_vertices + np.cumsum(is_copy) - 1, vertex)
     index = np.concatenate([np.arange(mesh.n_vertices), vertex[is_copy]])
     return Mesh(mesh.vertices[index], number[fan]), index

@@ -110,29 +110,29 @@ def _repaired(shape: Surface, sheet_distance: float) -> tuple[Surface, float, In
     report = check(mesh, wall=0.0)
     if report.fatal:
         raise MeshError("; ".join(report.fatal))
-    repaired = repair(mesh, unmerge=sheet_distance, report=report)
-    of_shape = np.arange(mesh.n_vertices) if order is None else order
+    repaired = repair(mesh, unmerge=np.inf, report=report)
     new_index, old_index, notes = repaired.new_index, repaired.vertex_index, list(repaired.changes)
-    if contacts := repaired.contacts:
-        notes.remove(parted_described(contacts))
-        notes.append(f"{parted_described(tuple(of_shape[seam] for seam in contacts))}; {TOGETHER}")
+    of_shape = np.arange(mesh.n_vertices) if order is None else order
+    whole, apart = repaired.mesh, None
+    contacts: tuple[IntArray, ...] = ()
     if any(len(getattr(report, defect)) for defect in SIGNS_OF_SHEETS):
-        everything = np.arange(mesh.n_vertices)
-        start, of_mesh, of_start = (
-            (repaired.mesh, old_index, new_index) if contacts else (mesh, everything, everything)
-        )
-        glued = repair(start, remove_duplicates=False, orient=False)
+        glued = repair(mesh, remove_duplicates=False, orient=False)
         apart = separate_sheets(glued.mesh, sheet_distance)
-        if apart.seams:
-            repaired = repair(apart.mesh, weld=False, unmerge=np.inf)
-            new_index = np.append(np.append(repaired.new_index, -1)[glued.new_index], -1)[of_start]
-            old_index = of_mesh[glued.vertex_index[apart.vertex_index[repaired.vertex_index]]]
-            notes = [*(notes if contacts else ()), *glued.changes, *repaired.changes]
-            notes.append(_seams_described(apart.seams, of_shape[of_mesh[glued.vertex_index]]))
-    whole = repaired.mesh
+        if not apart.is_manifold:  # as where triangles vanished with the merge of their corners
+            repaired = repair(mesh, unmerge=sheet_distance)
+            contacts = repaired.contacts
     if contacts:  # the holes that the merge left are no openings of the shape
-        whole, nearest = capped_at(whole, np.isin(old_index, np.concatenate(contacts)))
-        old_index = old_index[nearest]
+        whole, nearest = capped_at(repaired.mesh, np.isin(repaired.vertex_index, np.concatenate(contacts)))
+        new_index, old_index = repaired.new_index, repaired.vertex_index[nearest]
+        notes = [note for note in repaired.changes if note != parted_described(contacts)]
+        notes.append(f"{parted_described(tuple(of_shape[seam] for seam in contacts))}; {TOGETHER}")
+    elif apart and apart.seams:
+        repaired = repair(apart.mesh, weld=False, unmerge=np.inf)
+        whole = repaired.mesh
+        new_index = np.append(repaired.new_index, -1)[glued.new_index]
+        old_index = glued.vertex_index[apart.vertex_index[repaired.vertex_index]]
+        notes = [*glued.changes, *repaired.changes]
+        notes.append(_seams_described(apart.seams, of_shape[glued.vertex_index]))
     if order is not None:
         new_index, old_index = new_index[np.argsort(order)], order[old_index]
     if seems_inside_out(whole):
