@@ -155,6 +155,13 @@ def test_a_manifold_is_left_alone(specimen):
     assert not len(check(specimen.mesh).merged_vertices)
 
 
+def test_triangles_that_meet_in_points_only_are_left_alone():
+    strip = Mesh(
+        [[x, y, 0] for x in range(9) for y in (0, 1)], [[2 * i, 2 * i + 2, 2 * i + 1] for i in range(8)]
+    )
+    assert repair(strip).contacts == ()
+
+
 def test_a_body_is_matched_with_its_limbs_apart_and_its_holes_closed():
     damaged = merged_hairpin(*MERGED[0])
     shape = prepare(damaged.mesh)

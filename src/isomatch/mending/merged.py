@@ -9,7 +9,7 @@ from scipy.sparse.csgraph import dijkstra
 from isomatch.loading.compiled import compiled
 from isomatch.mending.self_contacts import bends_and_costs, face_normals, inner_edges
 from isomatch.mending.sheets import Separation, copied, far_copies, split_by
-from isomatch.surfaces import Mesh, fans, linked
+from isomatch.surfaces import Mesh, fans, first_equal, linked
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 
 # A merge leaves a ragged ring: edges of three and four faces, vertices where several fans meet, small holes where
@@ -93,6 +93,12 @@ def _parted(mesh: Mesh, least_distance: float) -> tuple[Mesh, IntArray]:
         return mesh, index
     points = parted.vertices.copy()
     points[moves] -= APART * mesh.edge_lengths.mean() * parted.vertex_normals[moves]
+    together = np.flatnonzero(moves & (first_equal(points) != np.arange(len(points))))
+    if len(together):  # as normals of crumpled sheets may agree
+        start, end = np.concatenate([parted.edges, parted.edges[:, ::-1]]).T
+        count = np.maximum(np.bincount(start, minlength=len(points)), 1)
+        middle = np.column_stack([np.bincount(start, x[end], len(points)) / count for x in parted.vertices.T])
+        points[together] += APART * (middle[together] - points[together])
     return Mesh(points, parted.faces), index
 
 
@@ -182,7 +188,7 @@ def _neighbours(mesh: Mesh, at_contact: BoolArray) -> tuple[IntArray, IntArray, 
         np.column_stack([table.sides[:-step], table.sides[step:]])[edge[:-step] == edge[step:]]
         for step in range(1, int(table.n_faces.max()))
     ]
-    sides = np.concatenate(pairs)
+    sides = np.concatenate([np.zeros((0, 2), dtype=np.int64), *pairs])
     here, there = (sides[start[sides[:, 0]] != start[sides[:, 1]]] // 3).T
     near = at_contact[here] | at_contact[there]
     here, there = here[near], there[near]

@@ -260,7 +260,7 @@ def test_methods_that_need_a_prior(copies):
     with pytest.raises(SettingError, match="landmarks"):
         laplace_nearest_neighbours(*copies[0])
     with pytest.raises(SettingError, match="descriptors"):
-        gdd(*copies[1])
+        gdd(*copies[1], config=CONFIG[gdd])
     with pytest.raises(MapError, match="components"):
         zoomout(*copies[0], initial_map=np.full(len(copies[2]), -1))
 
