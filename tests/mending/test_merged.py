@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from isomatch import Asset, Attribute, Config, Mesh, check, prepare, repair
+from isomatch import Asset, Attribute, Config, Mesh, SettingError, check, prepare, repair
 from isomatch.mending import handles
 from isomatch.resolution import decimate
 from isomatch.settings import PreparationSettings
@@ -171,3 +171,26 @@ def test_a_body_is_matched_with_its_limbs_apart_and_its_holes_closed():
     together = Config(preparation=PreparationSettings(sheet_distance=np.inf))
     np.testing.assert_array_equal(shape.user_vertex[shape.body_vertex], np.arange(damaged.mesh.n_vertices))
     assert handles(prepare(damaged.mesh, together).body) > 0
+
+
+def test_each_body_of_a_scene_is_parted_as_alone_whatever_the_order_of_its_faces():
+    damaged = merged_hairpin(*MERGED[1]).mesh
+    far = icosphere(3)
+    order = np.random.default_rng(0).permutation(damaged.n_faces)
+    scene = Mesh(
+        np.vstack([far.vertices * 5 + 100, damaged.vertices]),
+        np.vstack([far.faces, damaged.faces[order] + far.n_vertices]),
+    )
+    alone, among = repair(damaged), repair(scene)
+    assert handles(among.mesh) == 0
+    np.testing.assert_array_equal(
+        np.sort(np.concatenate(among.contacts)), np.sort(np.concatenate(alone.contacts)) + far.n_vertices
+    )
+
+
+def test_what_is_no_distance_is_refused():
+    damaged = merged_hairpin(*MERGED[1]).mesh
+    assert repair(damaged, remove_duplicates=False).contacts
+    for wrong in (-1.0, np.nan, "x"):
+        with pytest.raises(SettingError, match="unmerge"):
+            repair(damaged, unmerge=wrong)

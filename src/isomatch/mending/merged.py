@@ -50,9 +50,23 @@ def unmerged(mesh: Mesh, least_distance: float = SHEET_DISTANCE) -> Separation:
     -----
     O(n log n) time: 0.1 s for 13 000 vertices that have marks.
     """
+    marked, label = _marked(mesh), mesh.components
+    faces, points, index, seams = mesh.faces.copy(), mesh.vertices.copy(), np.arange(mesh.n_vertices), []
+    for component in np.unique(label[marked]):
+        body, rows = mesh.submesh(label == component)
+        apart = _component_unmerged(body, least_distance)
+        if apart.seams:
+            number = np.concatenate([rows, len(points) + np.arange(len(apart.vertex_index) - len(rows))])
+            faces[label[mesh.faces[:, 0]] == component] = number[apart.mesh.faces]
+            points = np.concatenate([points, apart.mesh.vertices[len(rows) :]])
+            points[rows] = apart.mesh.vertices[: len(rows)]
+            index = np.concatenate([index, rows[apart.vertex_index[len(rows) :]]])
+            seams += [rows[seam] for seam in apart.seams]
+    return Separation(Mesh(points, faces) if seams else mesh, index, tuple(seams))
+
+
+def _component_unmerged(mesh: Mesh, least_distance: float) -> Separation:
     index = np.arange(mesh.n_vertices)
-    if not _marked(mesh).any():
-        return Separation(mesh, index, ())
     size = np.abs(mesh.vertices).max() or 1.0  # divided by it, squares and products do not overflow
     parted = mesh.moved(mesh.vertices / size)
     inward = parted.volume < 0  # what is concave, and which way leads inward, is told by the winding
@@ -104,17 +118,18 @@ def _parted(mesh: Mesh, least_distance: float) -> tuple[Mesh, IntArray]:
 
 
 def _marked(mesh: Mesh) -> BoolArray:
-    """Vertices (n,) of edges with more than two faces, or with several fans."""
+    """Vertices (n,) of edges with more than two faces, or with two that are wound differently, or with several fans."""
     marked = fans(mesh.faces, mesh.edge_table, mesh.n_vertices) > 1
-    marked[mesh.edges[mesh.edge_table.n_faces > 2]] = True
+    marked[mesh.edges[(mesh.edge_table.n_faces > 2) | mesh.edge_table.clash]] = True
     return np.asarray(marked)
 
 
 def _bends(mesh: Mesh) -> FloatArray:
     """Least angle (n,), in degrees, by which the surface bends at an edge of each vertex, negative where concave."""
     ends, beside = inner_edges(mesh)
+    agree = ~mesh.edge_table.clash[mesh.edge_table.n_faces == 2]  # elsewhere inside and outside meet
     least = np.zeros(mesh.n_vertices)
-    np.minimum.at(least, ends, bends_and_costs(mesh, ends, beside)[0][:, None])
+    np.minimum.at(least, ends[agree], bends_and_costs(mesh, ends, beside)[0][agree, None])
     return least
 
 

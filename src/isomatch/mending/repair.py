@@ -53,7 +53,7 @@ class Repair:
         parted.
     new_index : (n_old,) array of int
         New vertex of each original vertex: for a welded vertex the one it was welded onto, for a removed vertex -1, for
-        one that became two the one with more faces.
+        one that became several one of them: of two, that with more faces.
     face_index : (m_new,) array of int
         Original face of each new face.
     changes : tuple of str
@@ -126,7 +126,7 @@ def repair(
         Whether to make the winding of the faces consistent.
     unmerge : float
         How far apart limbs that were merged are along the surface at least, in √area; infinity leaves them merged. Only
-        where faces are oriented.
+        where faces are oriented, and not of an asset of several parts.
     outer : bool
         Whether to remove chambers, closed or with small openings, and their walls: the inside of skulls and shells. What
         can be reached from outside stays, such as armpits and ears.
@@ -153,12 +153,19 @@ def repair(
     >>> mended.changes
     ('welded 2 vertices onto an earlier vertex at the same position', 'rewound 1 face')
     """
+    if not (isinstance(unmerge, int | float) and unmerge >= 0):
+        raise SettingError(f"unmerge = {unmerge!r} is not a distance; give 0 or more, in √area, or infinity")
     if outer and not orient:
         raise SettingError("outer needs faces that look outward; leave orient at True")
     asset, lost = _asset_of(mesh)
     mesh = mesh_from(mesh) if asset is None else Mesh(asset.placed_points, asset.polygons.triangles)
     identity = np.arange(mesh.n_vertices)
-    if report and not outer and not any(len(getattr(report, defect)) for defect in MENDED):
+    if (
+        report
+        and not outer
+        and unmerge >= SHEET_DISTANCE
+        and not any(len(getattr(report, defect)) for defect in MENDED)
+    ):
         same = None if asset is None else np.arange(len(asset.polygons))
         return Repair(mesh, identity, identity, np.arange(mesh.n_faces), lost, asset, same)
     places = mesh.vertices
@@ -189,7 +196,7 @@ def repair(
         mended = Mesh(mended.vertices, faces)
 
     contacts: tuple[IntArray, ...] = ()
-    if orient and unmerge < np.inf:
+    if orient and unmerge < np.inf and (asset is None or len(asset.parts) < 2):
         parted = unmerged(mended, unmerge)
         contacts = tuple(vertex_index[seam] for seam in parted.seams)
         mended, vertex_index = parted.mesh, vertex_index[parted.vertex_index]
