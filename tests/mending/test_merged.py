@@ -120,6 +120,7 @@ def test_what_lies_on_the_surface_is_on_the_limb_it_was_on():
             Attribute("label", "point", "label", labels[damaged.original]),
             Attribute("corner", "corner", "scalar", before.ravel().astype(float)),
             Attribute("face", "face", "scalar", np.arange(mesh.n_faces, dtype=float)),
+            Attribute("normal", "point", "normal", mesh.vertex_normals.astype(np.float32)),
         ],
     )
     mended = repair(asset)
@@ -130,6 +131,9 @@ def test_what_lies_on_the_surface_is_on_the_limb_it_was_on():
         after.attribute("label").values, labels[damaged.original][mended.vertex_index]
     )
     np.testing.assert_array_equal(after.attribute("face").values, mended.face_index)
+    copies = np.bincount(mended.vertex_index)[mended.vertex_index] > 1
+    normals = after.attribute("normal").values
+    np.testing.assert_allclose(normals[copies], mended.mesh.vertex_normals[copies], atol=1e-6)
     np.testing.assert_array_equal(after.attribute("corner").values.reshape(-1, 3), before[mended.face_index])
 
 

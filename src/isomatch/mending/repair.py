@@ -240,7 +240,9 @@ def repair(
     rows = Renumbering.of(asset.polygons, vertex_index, new_index, face_index, rewound, mended.faces)
     whole = turned_over(kept_at_corners(asset, apart).renumbered(rows), asset, rows, face_index[rewound])
     if contacts:
-        whole = whole.placed_at(mended.vertices)
+        whole = _with_normals(
+            whole.placed_at(mended.vertices), mended, np.isin(vertex_index, np.concatenate(contacts))
+        )
     told = tuple(_told(asset, name, n) for name, n in apart.items())
     changes += told
     return Repair(mended, vertex_index, new_index, face_index, changes, whole, rows.polygon_index, contacts)
@@ -265,6 +267,19 @@ def _told(asset: Asset, name: str, n: int) -> str:
     if goes_to_corners(asset, asset.attribute(name, "point")):
         return f"kept {name} at corners, as it differs at {welded}"
     return f"kept the first value of {name} at {welded} where it differs"
+
+
+def _with_normals(asset: Asset, mesh: Mesh, rows: BoolArray) -> Asset:
+    """Give some points (n,) the normals of a mesh: at merged points those of both limbs had been averaged."""
+    if asset.parts:
+        return asset
+    attributes = []
+    for each in asset.attributes:
+        if each.kind == "normal" and each.domain == "point":
+            values = np.where(rows[:, None], mesh.vertex_normals, each.values).astype(each.values.dtype)
+            each = replace(each, values=values)
+        attributes.append(each)
+    return replace(asset, attributes=tuple(attributes))
 
 
 def parted_described(contacts: tuple[IntArray, ...]) -> str:
