@@ -72,7 +72,7 @@ def _component_unmerged(mesh: Mesh, least_distance: float) -> Separation:
     inward = parted.volume < 0  # what is concave, and which way leads inward, is told by the winding
     parted = _turned(parted) if inward else parted
     while True:  # until another call would part nothing more, as where limbs meet that have moved
-        further, origin = _parted(parted, least_distance)
+        further, origin = _parted_once(parted, least_distance)
         if len(origin) == len(index):
             break
         parted, index = further, index[origin]
@@ -89,7 +89,7 @@ def _turned(mesh: Mesh) -> Mesh:
     return Mesh(mesh.vertices, mesh.faces[:, [0, 2, 1]])
 
 
-def _parted(mesh: Mesh, least_distance: float) -> tuple[Mesh, IntArray]:
+def _parted_once(mesh: Mesh, least_distance: float) -> tuple[Mesh, IntArray]:
     """Part limbs and move them apart; returns also the old number of each vertex."""
     parted, index = mesh, np.arange(mesh.n_vertices)
     marked, bends = _marked(mesh), _bends(mesh)
@@ -98,7 +98,7 @@ def _parted(mesh: Mesh, least_distance: float) -> tuple[Mesh, IntArray]:
             break
         contact = _contact(parted, marked, bends < -concave, rings)
         fan, vertex = _fans_of_sheets(parted, marked, contact)
-        merged = _merged(parted, marked, fan, vertex, least_distance)
+        merged = _confirmed(parted, marked, fan, vertex, least_distance)
         if merged.any():
             parted, origin = copied(parted, fan, vertex, merged)
             index = index[origin]
@@ -234,7 +234,7 @@ def _spread(sheet: IntArray, here: IntArray, there: IntArray, order: IntArray) -
         sheet[f] = sheet[i]
 
 
-def _merged(
+def _confirmed(
     mesh: Mesh, marked: BoolArray, fan: IntArray, vertex: IntArray, least_distance: float
 ) -> BoolArray:
     """Vertices (n,) with several fans, of contacts where sheets that are far apart face each other."""
@@ -255,7 +255,7 @@ def _merged(
     is_open[apart.edges[apart.edge_table.n_faces == 1]] = True
     area = np.bincount(component[apart.faces[:, 0]], apart.face_areas) / apart.area
 
-    def parted(seam: IntArray) -> IntArray:
+    def kept_of(seam: IntArray) -> IntArray:
         copies = np.isin(vertex, seam)
         bodies = np.unique(component[copies])
         if len(bodies) == 1:
@@ -264,5 +264,5 @@ def _merged(
             return seam[:0]
         return seam if area[bodies].min() >= LEAST_BODY else seam[marked[seam]]
 
-    far = far_copies(apart, vertex, [part for seam in merged if len(part := parted(seam))], least_distance)
+    far = far_copies(apart, vertex, [part for seam in merged if len(part := kept_of(seam))], least_distance)
     return np.isin(np.arange(mesh.n_vertices), np.concatenate([[-1], *far]))
