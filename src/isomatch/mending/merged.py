@@ -79,8 +79,7 @@ def _component_unmerged(mesh: Mesh, least_distance: float) -> Separation:
     if len(index) == mesh.n_vertices:
         return Separation(mesh, index, ())
     several = np.bincount(index, minlength=mesh.n_vertices) > 1
-    points, moved = mesh.vertices[index], several[index]
-    points[moved] = size * parted.vertices[moved]
+    points = np.where(several[index][:, None], size * parted.vertices, mesh.vertices[index])
     seams = [np.flatnonzero(several)[rows] for rows in split_by(_near_one_another(mesh, several))]
     return Separation(Mesh(points, (_turned(parted) if inward else parted).faces), index, tuple(seams))
 
@@ -206,8 +205,7 @@ def _neighbours(mesh: Mesh, at_contact: BoolArray) -> tuple[IntArray, IntArray, 
     ]
     sides = np.concatenate([np.zeros((0, 2), dtype=np.int64), *pairs])
     here, there = (sides[start[sides[:, 0]] != start[sides[:, 1]]] // 3).T
-    near = at_contact[here] | at_contact[there]
-    here, there = here[near], there[near]
+    here, there = (rows[at_contact[here] | at_contact[there]] for rows in (here, there))
     normals = face_normals(mesh)
     return here, there, np.einsum("ij,ij->i", normals[here], normals[there])
 
@@ -249,10 +247,11 @@ def _confirmed(
     places = np.flatnonzero(several)
     seams = [places[rows] for rows in split_by(_near_one_another(mesh, several))]
     merged = [v for v in seams if marked[v].mean() >= max(MARKED, SQUARE + facing[v].mean() / 2)]
-    # bodies that share a corner, an edge or a wall stay one; those that were merged have lost triangles. Where a limb
-    # would be cut off, only marked vertices are parted
-    component, is_open = apart.components, np.zeros(len(vertex), dtype=bool)
-    is_open[apart.edges[apart.edge_table.n_faces == 1]] = True
+    # bodies that share a corner, an edge or a wall stay one; those that were merged have lost triangles, so that at least
+    # half of some hole is of the contact. Where a limb would be cut off, only marked vertices are parted
+    component, rim = apart.components, apart.edges[apart.edge_table.n_faces == 1]
+    _, hole = linked(len(vertex), tuple(rim.T))
+    is_open = np.isin(np.arange(len(vertex)), rim)
     area = np.bincount(component[apart.faces[:, 0]], apart.face_areas) / apart.area
 
     def kept_of(seam: IntArray) -> IntArray:
@@ -260,7 +259,8 @@ def _confirmed(
         bodies = np.unique(component[copies])
         if len(bodies) == 1:
             return seam
-        if not np.isin(bodies, component[copies & is_open]).all():
+        torn = np.bincount(hole, is_open & copies) >= 0.5 * np.bincount(hole, is_open)
+        if not np.isin(bodies, component[copies & is_open & torn[hole]]).all():
             return seam[:0]
         return seam if area[bodies].min() >= LEAST_BODY else seam[marked[seam]]
 
