@@ -117,9 +117,9 @@ def _parted_once(mesh: Mesh, least_distance: float) -> tuple[Mesh, IntArray]:
 
 
 def _marked(mesh: Mesh) -> BoolArray:
-    """Vertices (n,) of edges with more than two faces, or with two that are wound differently, or with several fans."""
+    """Vertices (n,) of edges with more than two faces, or with several fans."""
     marked = fans(mesh.faces, mesh.edge_table, mesh.n_vertices) > 1
-    marked[mesh.edges[(mesh.edge_table.n_faces > 2) | mesh.edge_table.clash]] = True
+    marked[mesh.edges[mesh.edge_table.n_faces > 2]] = True
     return np.asarray(marked)
 
 
