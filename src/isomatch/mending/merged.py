@@ -8,8 +8,8 @@ from scipy.sparse.csgraph import dijkstra
 
 from isomatch.loading.compiled import compiled
 from isomatch.mending.self_contacts import bends_and_costs, face_normals, inner_edges
-from isomatch.mending.sheets import Separation, copied, far_copies, split_by
-from isomatch.surfaces import Mesh, fans, first_equal, linked
+from isomatch.mending.sheets import SHEET_DISTANCE, Separation, copied, crowded, far_copies, split_by
+from isomatch.surfaces import Mesh, first_equal, linked, root
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 
 # A merge leaves a ragged ring: edges of three and four faces, vertices where several fans meet, small holes where
@@ -25,7 +25,6 @@ REACH = 0.8  # of it, to which a piece extends that is a sheet; others are rags 
 # TOSCA, SCAPE and MakeHuman contacts had shares of 0.29 to 1 and cosines up to 0.3; folds and holes, up to 0.2 and from 0
 MARKED = 0.25
 SQUARE = 0.2
-SHEET_DISTANCE = 0.1  # √area; that of `PreparationSettings`
 LEAST_BODY = 0.2  # share of the area of the smallest of bodies that come apart; a leg has 0.17
 APART = 0.25  # mean edge length, by which copies move inward: points at one position would be welded again
 
@@ -50,7 +49,7 @@ def unmerged(mesh: Mesh, least_distance: float = SHEET_DISTANCE) -> Separation:
     -----
     O(n log n) time: 0.1 s for 13 000 vertices that have marks.
     """
-    marked, label = _marked(mesh), mesh.components
+    marked, label = crowded(mesh), mesh.components
     faces, points, index, seams = mesh.faces.copy(), mesh.vertices.copy(), np.arange(mesh.n_vertices), []
     for component in np.unique(label[marked]):
         body, rows = mesh.submesh(label == component)
@@ -91,7 +90,7 @@ def _turned(mesh: Mesh) -> Mesh:
 def _parted_once(mesh: Mesh, least_distance: float) -> tuple[Mesh, IntArray]:
     """Part limbs and move them apart; returns also the old number of each vertex."""
     parted, index = mesh, np.arange(mesh.n_vertices)
-    marked, bends = _marked(mesh), _bends(mesh)
+    marked, bends = crowded(mesh), _bends(mesh)
     for concave, rings in PASSES:
         if not marked.any():
             break
@@ -101,7 +100,7 @@ def _parted_once(mesh: Mesh, least_distance: float) -> tuple[Mesh, IntArray]:
         if merged.any():
             parted, origin = copied(parted, fan, vertex, merged)
             index = index[origin]
-            marked, bends = _marked(parted), _bends(parted)
+            marked, bends = crowded(parted), _bends(parted)
     moves = (np.bincount(index, minlength=mesh.n_vertices) > 1)[index]
     if not moves.any():
         return mesh, index
@@ -114,13 +113,6 @@ def _parted_once(mesh: Mesh, least_distance: float) -> tuple[Mesh, IntArray]:
         middle = np.column_stack([np.bincount(start, x[end], len(points)) / count for x in parted.vertices.T])
         points[together] += APART * (middle[together] - points[together])
     return Mesh(points, parted.faces), index
-
-
-def _marked(mesh: Mesh) -> BoolArray:
-    """Vertices (n,) of edges with more than two faces, or with several fans."""
-    marked = fans(mesh.faces, mesh.edge_table, mesh.n_vertices) > 1
-    marked[mesh.edges[mesh.edge_table.n_faces > 2]] = True
-    return np.asarray(marked)
 
 
 def _bends(mesh: Mesh) -> FloatArray:
@@ -215,21 +207,12 @@ def _spread(sheet: IntArray, here: IntArray, there: IntArray, order: IntArray) -
     """Give faces without a sheet, −1, that of their neighbours: a spanning forest whose trees are of one sheet each."""
     parent = np.arange(len(sheet))
     for k in order:
-        i, j = here[k], there[k]
-        while parent[i] != i:
-            parent[i] = parent[parent[i]]
-            i = parent[i]
-        while parent[j] != j:
-            parent[j] = parent[parent[j]]
-            j = parent[j]
+        i, j = root(parent, here[k]), root(parent, there[k])
         if i != j and (sheet[i] < 0 or sheet[j] < 0 or sheet[i] == sheet[j]):
             parent[j] = i
             sheet[i] = max(sheet[i], sheet[j])
     for f in range(len(sheet)):
-        i = f
-        while parent[i] != i:
-            i = parent[i]
-        sheet[f] = sheet[i]
+        sheet[f] = sheet[root(parent, f)]
 
 
 def _confirmed(

@@ -21,7 +21,8 @@ from isomatch.assets import (
 from isomatch.errors import FormatError, SettingError
 from isomatch.mending._winding import faces_to_rewind
 from isomatch.mending.check import OPENING, MeshReport
-from isomatch.mending.merged import SHEET_DISTANCE, unmerged
+from isomatch.mending.merged import unmerged
+from isomatch.mending.sheets import SHEET_DISTANCE
 from isomatch.surfaces import Mesh, PointCloud, first_equal, unsound_faces
 from isomatch.values.arrays import AnyArray, BoolArray, IntArray
 

@@ -24,6 +24,7 @@ from isomatch.surfaces import (
 )
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 
+SHEET_DISTANCE = 0.1  # √area; that of `PreparationSettings`
 MOST_PROBED = 8  # vertices of each seam of which the copies are tested for being far apart
 
 
@@ -38,14 +39,21 @@ class Separation:
     @property
     def is_manifold(self) -> bool:
         """Whether no more than two faces meet at an edge, and one fan at a vertex."""
-        mesh, edges = self.mesh, self.mesh.edge_table
-        return bool((edges.n_faces <= 2).all() and (fans(mesh.faces, edges, mesh.n_vertices) <= 1).all())
+        return not crowded(self.mesh).any()
 
     def __repr__(self) -> str:
         return f"Separation({self.mesh!r}, {len(self.seams)} seams)"
 
 
-def separate_sheets(mesh: Mesh, least_distance: float = 0.1) -> Separation:
+def crowded(mesh: Mesh) -> BoolArray:
+    """Vertices (n,) of edges with more than two faces, or with several fans."""
+    edges = mesh.edge_table
+    several: BoolArray = np.greater(fans(mesh.faces, edges, mesh.n_vertices), 1)
+    several[edges.ends[edges.n_faces > 2]] = True
+    return several
+
+
+def separate_sheets(mesh: Mesh, least_distance: float = SHEET_DISTANCE) -> Separation:
     """Separate sheets that are glued together at vertices, edges or faces, where they are far from one another.
 
     Where more than two faces meet at an edge, those of one sheet traverse it in opposite directions and have the most

@@ -8,6 +8,7 @@ from isomatch.surfaces._edges import (
     joined,
     linked,
     meetings,
+    root,
 )
 from isomatch.surfaces._faces import unsound_faces, vertex_normals
 from isomatch.surfaces._shared import surface_in_use
@@ -39,6 +40,7 @@ __all__ = [
     "nearest_in_triangle",
     "rasterise",
     "reflected",
+    "root",
     "surface_in_use",
     "unsound_faces",
     "vertex_normals",

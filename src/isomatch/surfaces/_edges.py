@@ -133,14 +133,18 @@ def _join_all(parent: IntArray, here: IntArray, there: IntArray) -> None:
 
 
 @compiled()
-def joined(parent: IntArray, i: int, j: int) -> bool:
-    """Join the trees of two nodes, whose roots are their smallest nodes; False if they were one."""
+def root(parent: IntArray, i: int) -> int:
+    """Find the root of the tree of a node, and shorten the way there."""
     while parent[i] != i:
         parent[i] = parent[parent[i]]
         i = parent[i]
-    while parent[j] != j:
-        parent[j] = parent[parent[j]]
-        j = parent[j]
+    return i
+
+
+@compiled()
+def joined(parent: IntArray, i: int, j: int) -> bool:
+    """Join the trees of two nodes, whose roots are their smallest nodes; False if they were one."""
+    i, j = root(parent, i), root(parent, j)
     if i < j:
         parent[j] = i
     else:
