@@ -8,7 +8,7 @@ import pytest
 from isomatch import Config, Mesh, Outcome, match, prepare
 from isomatch.datasets import ground_truth
 from isomatch.matching import Elastic, Fit, Priors, prepare_pair
-from isomatch.matching.verification import bends_badly
+from isomatch.matching.evidence import bends_badly
 from isomatch.settings import ElasticSettings
 from isomatch_lab.procedural import creature
 from isomatch_lab.sets import relabelled

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from isomatch import Outcome
-from isomatch.matching.verification import (
+from isomatch.matching.evidence import (
     Evidence,
     PartDoubt,
     closed_evidence,

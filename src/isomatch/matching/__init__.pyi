@@ -1,6 +1,14 @@
 from isomatch.matching.candidates import first_map
 from isomatch.matching.confidence import DoubtfulRegion, expected_errors
 from isomatch.matching.coordinates import joint_coordinates
+from isomatch.matching.evidence import (
+    Evidence,
+    Solution,
+    lowered,
+    measured_evidence,
+    outcome_of,
+    verified,
+)
 from isomatch.matching.fit import Candidate, Fit, Hypothesis
 from isomatch.matching.match import BothDirections, continue_with, match, match_both, stages_of
 from isomatch.matching.pair import ShapePair, prepare_pair
@@ -14,14 +22,6 @@ from isomatch.matching.relations.part import Part
 from isomatch.matching.result import Alternative, MatchResult, Outcome, Quality
 from isomatch.matching.search import default_starts
 from isomatch.matching.stages import Joint, Refinement, Relation, Stages, Start
-from isomatch.matching.verification import (
-    Evidence,
-    Solution,
-    lowered,
-    measured_evidence,
-    outcome_of,
-    verified,
-)
 from isomatch.settings import COVERAGE_RADIUS
 
 __all__ = [

@@ -15,6 +15,7 @@ from scipy.spatial.distance import cdist
 from isomatch.correspondence import UNMATCHED, nearest_rotation
 from isomatch.errors import NotConvergedError
 from isomatch.matching.confidence import expected_errors
+from isomatch.matching.evidence import Evidence, Solution, measured_evidence, outcome_of
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.priors import (
     FEWEST_POINTS,
@@ -28,9 +29,8 @@ from isomatch.matching.priors import (
 from isomatch.matching.quality import measure_quality
 from isomatch.matching.result import MAP_ARRAYS, Outcome
 from isomatch.matching.selection import SPECTRAL_RESIDUAL_NOISE
-from isomatch.matching.solve import solve_either_winding
+from isomatch.matching.solve import solve
 from isomatch.matching.stages import Stages
-from isomatch.matching.verification import Evidence, Solution, measured_evidence, outcome_of
 from isomatch.runtime.stage_timer import StageTimer
 from isomatch.runtime.threads import parallel_map
 from isomatch.shapes import PreparedShape, components_of
@@ -142,7 +142,7 @@ class _Components:
         priors = self.priors.on(pair)
         with self.timer.within(f"component {i + 1}"):
             if carrier is None or priors.any:
-                solution = solve_either_winding(pair, priors, self.stages, self.timer)
+                solution = solve(pair, priors, self.stages, self.timer)
                 return ComponentMatch(solution, with_priors=priors.any)
             self.timer.start("quality")
             return self._carried(pair, carrier)
@@ -160,7 +160,7 @@ class _Components:
             return ComponentMatch(ambiguous, "nothing near it tells how it is turned")
         carried = replace(pair, config=replace(pair.config, hypotheses="given", start="auto", part="none"))
         priors = Priors.of(carried, None, carrier.image(pair.source, pair.target), None)
-        solution = replace(solve_either_winding(carried, priors, self.stages, self.timer), pair=pair)
+        solution = replace(solve(carried, priors, self.stages, self.timer), pair=pair)
         if solution.outcome is Outcome.PRIORS_CONTRADICTED:
             doubted = replace(solution, evidence=(Evidence(poor=True),))
             return ComponentMatch(doubted, "its map does not agree with its place")
@@ -232,7 +232,7 @@ def composed(pair: ShapePair, matches: list[ComponentMatch], tied: bool, priors:
     bounds = pair.config.outcome
     # the map is no surer than that of any component that is large, or has priors of its own
     large_ones = (m for m in matches if m is main or m.share > bounds.large_component or m.with_priors)
-    counted = [match.solution.evidence for match in large_ones]
+    counted = [match.solution.all_evidence for match in large_ones]
     unmatched = [_unpartnered(side, [getattr(match.pair, side) for match in matches], pair) for side in SIDES]
     large = max(left_out for left_out, _ in unmatched) > bounds.large_component
     evidence = (*chain(*counted), Evidence(partial=large, ambiguous=tied))

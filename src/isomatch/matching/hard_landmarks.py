@@ -10,8 +10,8 @@ from scipy.spatial import cKDTree
 
 from isomatch.correspondence import Correspondence, nearest_points
 from isomatch.errors import some
+from isomatch.matching.evidence import Solution, held_evidence
 from isomatch.matching.pair import ShapePair
-from isomatch.matching.verification import Solution, held_evidence
 from isomatch.shapes import PreparedShape, components_of
 from isomatch.surfaces import Graph, Mesh, PrecisePoints, Surface
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray

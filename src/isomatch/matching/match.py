@@ -15,6 +15,7 @@ from isomatch.correspondence import UNMATCHED, Correspondence, iterative_closest
 from isomatch.errors import SettingError
 from isomatch.loading.first_use import view_room
 from isomatch.matching.components import match_components
+from isomatch.matching.evidence import Evidence, Solution, verified
 from isomatch.matching.fit import Hypothesis
 from isomatch.matching.hard_landmarks import pinned
 from isomatch.matching.pair import ShapePair, prepare_pair
@@ -26,18 +27,11 @@ from isomatch.matching.priors import (
     with_functions,
 )
 from isomatch.matching.refinements import REFINEMENTS
-from isomatch.matching.relations.isometry import IsometricMatch, Isometry
+from isomatch.matching.relations.isometry import IsometricMatch
 from isomatch.matching.result import Alternative, MatchResult
 from isomatch.matching.search import PRIOR_STEPS
-from isomatch.matching.solve import (
-    part_role,
-    side_to_turn,
-    solve_complete,
-    solve_either_winding,
-    solve_touching,
-)
+from isomatch.matching.solve import AS_IT_IS, ELASTIC, Case, side_to_turn, solve, solved
 from isomatch.matching.stages import Refinement, Relation, Stages, Start, name_of
-from isomatch.matching.verification import Evidence, Solution, verified
 from isomatch.runtime.stage_timer import Progress, StageTimer, two_arguments
 from isomatch.runtime.threads import in_background, serial_blas
 from isomatch.settings import Config
@@ -167,7 +161,7 @@ def solve_prepared(pair: ShapePair, user_priors: UserPriors, stages: Stages, tim
     if pair.oriented and (pair.source.others or pair.target.others):
         solution = match_components(pair, user_priors, stages, timer)
     else:
-        solution = solve_either_winding(pair, Priors.of(pair, *user_priors), stages, timer)
+        solution = solve(pair, Priors.of(pair, *user_priors), stages, timer)
     if tolerance is None or landmarks is None:
         return solution
     timer.start("hard landmarks")
@@ -272,23 +266,20 @@ def _both(
     priors = None if alone else Priors.of(pair, *user_priors)
     searched = priors is not None and not priors.any and pair.config.hypotheses == "all"
     searched = searched and stages.relation is None
-    isometric: IsometricMatch | None = None
-    if priors is None or not searched or part_role(pair, priors, stages) or side_to_turn(pair):
+    case = None
+    if priors is None or not searched or side_to_turn(pair):
         solution_there = solve_prepared(pair, user_priors, stages, timer)
     else:
-        relation = Isometry().on(pair, priors, stages)
-        isometric = relation.match(timer)
-        solution_there, apart = solve_touching(relation, isometric, timer)
-        isometric = None if apart else isometric
+        case = Case(pair, priors, stages, timer)
+        solution_there = solved(case)
     there = verified(solution_there, timer, seed)
     timer_back.restart()
-    if isometric is None:
+    if case is None or solution_there.way not in (AS_IT_IS.name, ELASTIC.name):
         solution = solve_prepared(pair_back, priors_back, stages, timer_back)
         note = "the shapes were prepared for both directions at once; the map was found by itself"
     else:
-        hypotheses = _turned_hypotheses(isometric, pair, pair_back)
-        relation_back = Isometry().on(pair_back, Priors.of(pair_back, *priors_back), stages)
-        solution = solve_complete(relation_back, relation_back.match(timer_back, hypotheses), timer_back)
+        hypotheses = _turned_hypotheses(case.isometric, pair, pair_back)
+        solution = solved(Case(pair_back, Priors.of(pair_back, *priors_back), stages, timer_back, hypotheses))
         solution = solution.with_evidence(Evidence.of(solution_there.outcome))
         note = (
             "the shapes were prepared for both directions at once; the hypotheses are the map of the other direction and "

@@ -49,7 +49,7 @@ def measure_quality(
         else np.nan,
         distortion_mean=float(distortion.mean()),
         distortion_p95=float(np.quantile(distortion, 0.95)),
-        coverage=covered_share(target.body, image, settings.coverage_radius),
+        coverage=_coverage(pair, points),
         matched=float((source.body_vertex >= 0).mean()),
         landmark_error=landmark_error,
         initial_map_error=initial_map_error,
@@ -79,6 +79,18 @@ def covered_share(surface: Surface, images: IntArray, radius: float = COVERAGE_R
         return 0.0
     gap, _ = distance_along_edges_to_nearest(surface, np.unique(images))
     return float(surface.vertex_areas[gap <= radius * np.sqrt(surface.area)].sum() / surface.area)
+
+
+def _coverage(pair: ShapePair, points: PrecisePoints) -> float:
+    """Coverage of the target, or of the original of a variant, by the images of the source's own vertices."""
+    source, target, radius = pair.source, pair.target, pair.config.outcome.coverage_radius
+    if source.original:
+        n = source.original.body.n_vertices
+        points = PrecisePoints(points.corners[:n], points.barycentric[:n])
+    if target.original is None:
+        return covered_share(target.body, points.corners[:, 0], radius)
+    points, near = target.on_original(points)
+    return covered_share(target.original.body, points.corners[near, 0], radius)
 
 
 def image_positions(source: Surface, target: Surface, points: PrecisePoints) -> FloatArray | None:

@@ -140,11 +140,12 @@ def _itself(map_: Correspondence) -> Correspondence:
     return map_
 
 
-_PLAIN = ("timings", "notes", "engine", "origin", "reason", "seed", "symmetries")
+_PLAIN = ("timings", "notes", "engine", "origin", "reason", "seed", "way", "symmetries")
 
 
 def _restored(summary: dict[str, Any]) -> dict[str, Any]:
-    outcome, plain = Outcome[summary["outcome"]], {name: summary[name] for name in _PLAIN[:-1]}
+    known = {"way": "", **summary}  # which earlier versions did not tell
+    outcome, plain = Outcome[summary["outcome"]], {name: known[name] for name in _PLAIN[:-1]}
     return {**plain, "outcome": outcome, "notes": tuple(plain["notes"])}
 
 
@@ -189,6 +190,9 @@ class MatchResult(Shown):
         Where the winning hypothesis came from, and why it won; a baseline has no reason.
     config : Config or the settings of a baseline
     seed : int
+    way : str
+        What was claimed of the shapes when the map was found: a row of the table of `isomatch.matching.WAYS`, such as
+        "isometry", "part" or "elastic"; empty of a baseline, and where a relation was handed in.
     symmetries : tuple of str
         Maps of the source, and of the target, onto themselves, in words; empty where none was found.
     descriptor_distance : (n_source,) array of float, optional
@@ -210,6 +214,7 @@ class MatchResult(Shown):
     reason: str
     config: MatchSettings
     seed: int
+    way: str = ""
     symmetries: tuple[str, str] = ("", "")
     descriptor_distance: FloatArray | None = None
     regions: tuple[DoubtfulRegion, ...] = ()
@@ -380,6 +385,7 @@ class MatchResult(Shown):
             "reason": self.reason,
             "config": self.config.to_dict(),
             "seed": self.seed,
+            "way": self.way,
         }
 
 

@@ -1,254 +1,296 @@
-"""Solve each relation that fits a pair of connected shapes, and both windings of one that seems to be inside out."""
+"""Solve a pair of connected shapes: a table of ways, tried in order until one is sure; the map that verifies best is taken."""
 
 from __future__ import annotations
 
-from contextlib import suppress
-from dataclasses import replace
-from typing import Literal
+from collections.abc import Callable, Sequence
+from contextlib import nullcontext, suppress
+from dataclasses import dataclass, field, replace
+from typing import Literal, cast
 
 import numpy as np
 
 from isomatch.errors import NotConvergedError
+from isomatch.matching.evidence import Evidence, Solution, fits_badly
+from isomatch.matching.fit import Hypothesis
 from isomatch.matching.pair import ShapePair, search_pairs
 from isomatch.matching.priors import Priors
-from isomatch.matching.quality import descriptor_distance_of, mean_known
 from isomatch.matching.relations.both_parts import BothParts
-from isomatch.matching.relations.closed import (
-    ClosedMatch,
-    has_own_distances,
-    match_closed,
-    match_creased,
-    match_cut,
-    with_doubt,
-)
 from isomatch.matching.relations.elastic import FAR, FAR_KEPT, Elastic, far_from_isometric
 from isomatch.matching.relations.isometry import IsometricMatch, Isometry
 from isomatch.matching.relations.part import Part, PartSide
 from isomatch.matching.result import Outcome
-from isomatch.matching.selection import CLEARLY_BETTER
 from isomatch.matching.stages import Stages
-from isomatch.matching.verification import Evidence, Solution, closed_evidence, fits_badly, measured_evidence
+from isomatch.matching.verify import on_bodies, verifier_of
 from isomatch.runtime.stage_timer import StageTimer
-from isomatch.shapes import crease_length, opened_shape, turned_over
+from isomatch.runtime.threads import parallel_map
+from isomatch.settings import Config
+from isomatch.shapes import PreparedShape, capped_shape, cut_shape, turned_over
+from isomatch.values.cached import cached_property
 
-# in √area, by which creases of shapes with touching limbs are longer; docs/lab/design_notes.md
-MORE_CREASES = 1.0
-SURE = Outcome.CONVERGED, Outcome.PARTIAL, Outcome.SYMMETRY_AMBIGUOUS
-
-
-def solve(pair: ShapePair, priors: Priors, stages: Stages, timer: StageTimer) -> Solution:
-    """Match the bodies of two shapes by the relations that fit them."""
-    if stages.relation is not None:
-        return stages.relation.on(pair, priors, stages).solution(timer)
-    role = part_role(pair, priors, stages)
-    if role == "both":
-        return _solve_two_parts(pair, priors, stages, timer)
-    if role:
-        return _solve_part(Part(role).on(pair, priors, stages), timer)
-    relation = Isometry().on(pair, priors, stages)
-    return solve_touching(relation, relation.match(timer), timer)[0]
+# A way is a row: what it claims of the shapes, and when it is tried. It returns a finished map of the shapes as they are,
+# with its own evidence. The first sure one ends the search. Which map is returned is decided by `verify` alone, on the
+# shapes as they are, whichever way found it; evidence says how sure it is, and never compares.
+SURE = Outcome.CONVERGED, Outcome.PARTIAL, Outcome.SYMMETRY_AMBIGUOUS  # nothing else is worth trying
+OF_USERS = {"matrix", "function"}  # names of engines of the user's own distances
+FLIPPED = 6  # best hypotheses whose flips are tried between capped shapes; mesh018–mesh014 with holes: 30 with 3
+AGREES = 0.12  # √area: mean distance up to which maps of two ways are one; as between maps of a part
+LITTLE_DOUBT = 0.5  # share of the bound of the doubt, up to which a part needs no other way; a mirror image had 0.94
 
 
-def solve_touching(relation: Isometry, isometric: IsometricMatch, timer: StageTimer) -> tuple[Solution, bool]:
-    """Sum up the match of complete shapes, or a better one with limbs apart that touch; and whether it is such."""
-    cut = fused_limbs_cut(relation, isometric, relation.pair, relation.priors, timer)
-    solution = cut.solution(timer) if cut else solve_complete(relation, isometric, timer)
-    apart = _limbs_apart(solution, relation.priors, relation.stages, timer)
-    return apart or solution, bool(cut or apart)
+@dataclass(eq=False)
+class Case:
+    """A pair to be solved, and what its ways share."""
+
+    pair: ShapePair
+    priors: Priors
+    stages: Stages
+    timer: StageTimer
+    hypotheses: Sequence[Hypothesis] | None = None  # of an isometry, in place of a search
+    solutions: list[Solution] = field(default_factory=list)
+
+    @cached_property
+    def side(self) -> PartSide | Literal["both"] | None:
+        """Which shape is a part of the other, or whether both are parts of something that neither shows."""
+        # a part has a long boundary; only refinements that look further, of maps that preserve the orientation, know of
+        # parts
+        config, (source, target) = self.pair.config, (self.pair.source, self.pair.target)
+        searches_further = self.stages.refinement.searches_further and config.orientation == "preserve"
+        if config.part == "none" or not (self.pair.oriented and searches_further) or self.has_functions:
+            return None
+        if config.part != "auto":
+            return config.part
+        of_source, of_target = (x.longest_boundary > config.parts.long_boundary for x in (source, target))
+        return "both" if of_source and of_target else "source" if of_source else "target" if of_target else None
+
+    @property
+    def has_functions(self) -> bool:
+        """Whether descriptors were given, which only complete shapes have in common."""
+        return bool(self.priors.functions[0].shape[1])
+
+    @cached_property
+    def part(self) -> Part:
+        """The claim that one shape is a part of the other."""
+        return Part(cast(PartSide, self.side)).on(self.pair, self.priors, self.stages)
+
+    @cached_property
+    def isometric(self) -> IsometricMatch:
+        """The match of the shapes as they are, as complete ones."""
+        return Isometry().on(self.pair, self.priors, self.stages).match(self.timer, self.hypotheses)
+
+    @cached_property
+    def closed(self) -> IsometricMatch | None:
+        """The match of the shapes with their holes capped; None where distances across caps are not known."""
+        if self.has_own_distances or not self.pair.config.parts.close:
+            return None
+        self.timer.start("prepare")
+        search = self.pair.config.search
+        config = replace(self.pair.config, search=replace(search, flipped=max(FLIPPED, search.flipped)))
+        source, target = parallel_map(capped_shape, (self.pair.source, self.pair.target))
+        return self.between(source, target, config)
+
+    def cut(self, n_source: int, n_target: int) -> Solution | None:
+        """Match the shapes cut along the paths of so many self-contacts, and capped; None without any such path."""
+        self.timer.start("prepare")
+        pair = self.pair
+        source, target = cut_shape(pair.source, n_source), cut_shape(pair.target, n_target)
+        if source is None and target is None:
+            return None
+        match = self.between(source or capped_shape(pair.source), target or capped_shape(pair.target), pair.config)
+        return self.summed_up(match)
+
+    def between(self, source: PreparedShape, target: PreparedShape, config: Config) -> IsometricMatch:
+        """Match variants of both shapes as complete ones."""
+        pair = replace(self.pair, source=source, target=target, config=config)
+        nothing = np.zeros((source.body.n_vertices, 0)), np.zeros((target.body.n_vertices, 0))
+        return Isometry().on(pair, replace(self.priors, functions=nothing), self.stages).match(self.timer)
+
+    def summed_up(self, match: IsometricMatch) -> Solution:
+        """Sum up a match of complete shapes, or of variants of them."""
+        self.timer.start("quality")
+        solution = match.relation.summed_up(match, match.measured, self.timer)
+        partial = [Evidence(partial=True)] if self.side else []
+        return replace(solution, pair=self.pair, notes=solution.notes).with_evidence(*partial)
+
+    @property
+    def has_own_distances(self) -> bool:
+        """Whether the distances of either shape are the user's own."""
+        return bool({self.pair.source.distances.engine, self.pair.target.distances.engine} & OF_USERS)
+
+    @property
+    def handles(self) -> tuple[int, int]:
+        """Handles of both shapes; none where limbs cannot be fused, or nobody looks further."""
+        pair, settings = self.pair, self.pair.config.preparation
+        looks = pair.oriented and self.stages.refinement.searches_further and settings.self_contact_concavity
+        if not looks or self.has_functions or self.has_own_distances:
+            return 0, 0
+        handles = pair.source.handles, pair.target.handles
+        return handles if max(handles) <= settings.most_self_contacts else (0, 0)
+
+    @property
+    def surplus(self) -> tuple[int, int]:
+        """Handles of either shape that the other does not have."""
+        ours, theirs = self.handles
+        return max(ours - theirs, 0), max(theirs - ours, 0)
 
 
-def fused_limbs_cut(
-    relation: Isometry, isometric: IsometricMatch, pair: ShapePair, priors: Priors, timer: StageTimer
-) -> ClosedMatch | None:
-    """Match with self-contacts cut of the shape that has more handles, or of both; None unless that scores better."""
-    stages, complete = relation.stages, relation.pair is pair
-    if not _seeks_self_contacts(pair, priors, stages):
-        return None
-    best, score = None, isometric.selection.winner.score
-    ours, theirs = pair.source.handles, pair.target.handles
-    more = max(ours - theirs, 0), max(theirs - ours, 0)
-    for counts in dict.fromkeys([more, (ours, theirs)]):
-        if max(counts):
-            with timer.within("self-contacts cut"):
-                cut = match_cut(pair, priors, stages, timer, *counts)
-            if cut and cut.score < score:
-                best, score = cut, cut.score
+@dataclass(frozen=True)
+class Way:
+    """A row of the table: a name, when it is tried, how it is solved, and whether its map ends the search."""
 
-    # If the best map fits badly, the shape is also cut along its creases, if it has self-contacts to be cut, or
-    # clearly longer creases than the other: shapes of two kinds have natural folds of about the same length. With
-    # handles, both are.
-    def fits_poorly() -> bool:
-        quality = (best.isometric if best else isometric).measured.quality
-        return measured_evidence(pair, quality, pair.config.orientation).poor
-
-    if not fits_poorly():
-        return best
-    tried = [(more, False)] if max(more) or (complete and _one_is_creased(pair)) else []
-    if min(ours, theirs):
-        tried.append(((ours, theirs), True))
-    for counts, both in tried:
-        if not fits_poorly():
-            break
-        with timer.within("creases cut"):
-            for cut in match_creased(pair, priors, stages, timer, counts, score, both):
-                if cut.score < score:
-                    best, score = cut, cut.score
-    return best
+    name: str
+    claim: str  # what it assumes, and of which variant of the shapes; in words
+    applies: Callable[[Case], bool]
+    solve: Callable[[Case], Solution | None]  # a finished map of the shapes as they are, with the evidence for it
+    is_enough: Callable[[Case, Solution], bool] = lambda case, solution: solution.outcome in SURE
 
 
-def _one_is_creased(pair: ShapePair) -> bool:
-    """Whether one shape has clearly longer creases."""
-    return abs(crease_length(pair.source) - crease_length(pair.target)) > MORE_CREASES
-
-
-def _seeks_self_contacts(pair: ShapePair, priors: Priors, stages: Stages) -> bool:
-    """Whether limbs may be fused: of meshes whose distances were not given, by a refinement that looks further."""
-    settings = pair.config.preparation
-    wanted = settings.self_contact_concavity and not priors.functions[0].shape[1] and pair.oriented
-    if not wanted or has_own_distances(pair) or not stages.refinement.searches_further:
-        return False
-    return max(pair.source.handles, pair.target.handles) <= settings.most_self_contacts
-
-
-def _limbs_apart(solution: Solution, priors: Priors, stages: Stages, timer: StageTimer) -> Solution | None:
-    """Match a source that has more handles with its self-contacts and creases open, as a part, where a map is poor."""
-    # What limbs hide where they touch is missing, and distances lie between those of fused limbs and of limbs apart. Such
-    # a map is taken, no surer than before, if the bodies look more alike under it. Of a target that is a part much of the
-    # source would be left without images.
-    pair = solution.pair
-    more = pair.source.handles - pair.target.handles
-    if solution.outcome is not Outcome.LOW_CONFIDENCE or more <= 0 or pair.config.orientation != "preserve":
-        return None
-    if not _seeks_self_contacts(pair, priors, stages):
-        return None
-    with timer.within("limbs apart"):
-        timer.start("prepare")
-        opened = opened_shape(pair.source, more)
-    if opened is None:
-        return None
-    apart = replace(pair, source=opened)
-    with suppress(NotConvergedError), timer.within("limbs apart"):
-        of_part = Part("source").on(apart, priors, stages).solution(timer)
-        if mean_descriptor_distance(pair, of_part) < mean_descriptor_distance(pair, solution):
-            return replace(of_part, pair=pair).with_evidence(Evidence(poor=True))
-    return None
-
-
-def mean_descriptor_distance(pair: ShapePair, solution: Solution) -> float:
-    """How differently the bodies look around vertices and their images, on average, both as they are."""
-    image = solution.map.vertices[pair.source.user_vertex]
-    matched = image >= 0
-    image = pair.target.body_vertex[image]
-    descriptor_distance = descriptor_distance_of(pair.source.balls, pair.target.balls, image, matched)
-    return mean_known(descriptor_distance, pair.source.body.vertex_areas)
-
-
-def part_role(pair: ShapePair, priors: Priors, stages: Stages) -> PartSide | Literal["both"] | None:
-    """Tell which shape is a part of the other, or whether both are parts of something that neither shows."""
-    # a part has a long boundary; only refinements that look further, of maps that preserve the orientation, know of parts
-    config = pair.config
-    searches_further = stages.refinement.searches_further and config.orientation == "preserve"
-    if config.part == "none" or not pair.oriented or not searches_further or priors.functions[0].shape[1]:
-        return None
-    if config.part != "auto":
-        return config.part
-    longest = config.parts.long_boundary
-    open_source, open_target = (x.longest_boundary > longest for x in (pair.source, pair.target))
-    if open_source and open_target:
-        return "both"
-    return "source" if open_source else "target" if open_target else None
-
-
-def solve_complete(relation: Isometry, isometric: IsometricMatch, timer: StageTimer) -> Solution:
-    """Sum up the match of complete shapes; if the map does not fit well, an elastic one may take its place."""
-    timer.start("quality")
-    measured, note = isometric.measured, None
-    if far_from_isometric(relation, measured.quality):
-        elastic = _elastic(relation, isometric)
-        with timer.within("elastic match"):
-            timer.start("bending")
-            selection, reason = (None, "") if elastic.is_needless else elastic.match(timer)
-            if selection and not elastic.keeps_lengths(selection.winner):
-                timer.start("precision")
-                measured, note = elastic.measure(selection, reason), FAR
-            elif selection:
-                bending_cost = selection.winner.score
-                quality = replace(measured.quality, runner_up=selection.runner_up, bending_cost=bending_cost)
-                measured, note = replace(measured, quality=quality), FAR_KEPT
-        timer.start("quality")
-    return relation.summed_up(isometric, measured, timer, note)
-
-
-def _elastic(relation: Isometry, isometric: IsometricMatch) -> Elastic:
-    """Match elastically, from the winner and all candidates too."""
-    pair = relation.pair
+def _elastic(case: Case) -> Solution | None:
+    """Match elastically, from the best isometry and all its candidates too; the isometry, if it keeps lengths and wins."""
+    match, relation, pair, timer = case.isometric, case.isometric.relation, case.pair, case.timer
     others = [
         (search_pairs(pair, candidate.target_row), candidate.hypothesis.origin)
-        for candidate in isometric.eligible
+        for candidate in match.eligible
         if candidate.orientation > 0
     ]
-    fits = not fits_badly(isometric.measured.quality, pair.config.outcome)
-    return Elastic(isometric.selection.winner, others, fits).on(pair, relation.priors, relation.stages)
-
-
-def _solve_part(part: Part, timer: StageTimer) -> Solution:
-    """Match a part as it is, and with its holes closed, unless the first of the two is sure."""
-    # The part as it is comes first, unless little is missing. Then the shapes with their holes closed do, and if that is
-    # sure, the part is matched from there without a search of its own.
-    pair, priors, stages = part.pair, part.priors, part.stages
-    if not pair.config.parts.close:
-        return part.solution(timer)
-    touching = (
-        _seeks_self_contacts(pair, priors, stages) and max(pair.source.handles, pair.target.handles) > 0
-    )
-    if not (touching or part.closes_first):
-        with suppress(NotConvergedError):
-            own = part.solution(timer)
-            if part.is_sure(own):
-                return own
-    with timer.within("holes closed"):
-        closed = match_closed(pair, priors, stages, timer)
-    if closed and (cut := fused_limbs_cut(closed.relation, closed.isometric, pair, priors, timer)):
-        solution = cut.solution(timer).with_evidence(Evidence(partial=True))
-        if solution.outcome is Outcome.PARTIAL or CLEARLY_BETTER * cut.score < closed.score:
-            return solution
-        closed = cut
-    if closed and part.closes_first and closed.solution(timer).outcome is Outcome.CONVERGED:
-        led = part.led_by(closed, alone=True).solution(timer)
-        if led.outcome is Outcome.PARTIAL:
-            return led
-    return part.led_by(closed).solution(timer)
-
-
-def _solve_two_parts(pair: ShapePair, priors: Priors, stages: Stages, timer: StageTimer) -> Solution:
-    """Match two parts: as two patches of the same extent, as overlapping parts of a body, and with holes closed."""
-    # The first map that is sure is returned. If none is, and the shapes fit no better with their holes closed, it may be
-    # an elastic one; otherwise it is that of overlapping parts.
-    relation = Isometry().on(pair, priors, stages)
-    isometric = relation.match(timer)
+    fits, measured = not fits_badly(match.measured.quality, pair.config.outcome), match.measured
+    elastic = Elastic(match.selection.winner, others, fits).on(pair, case.priors, case.stages)
+    timer.start("bending")
+    if elastic.is_needless:
+        return None
+    selection, reason = elastic.match(timer)
+    if elastic.keeps_lengths(selection.winner):
+        cost = selection.winner.score
+        quality = replace(measured.quality, runner_up=selection.runner_up, bending_cost=cost)
+        measured, note = replace(measured, quality=quality), FAR_KEPT
+    else:
+        timer.start("precision")
+        measured, note = elastic.measure(selection, reason), FAR
     timer.start("quality")
-    as_they_are = relation.summed_up(isometric, isometric.measured, timer)
-    if as_they_are.outcome in SURE:
-        return as_they_are
-    overlapping = None
-    with suppress(NotConvergedError):
-        overlapping = BothParts().on(pair, priors, stages).solution(timer)
-        if overlapping.outcome in SURE:
-            return overlapping
-    with timer.within("holes closed"):
-        closed = match_closed(pair, priors, stages, timer) if pair.config.parts.close else None
-    residual = isometric.selection.winner.spectral_residual
-    if closed and closed.isometric.selection.winner.spectral_residual <= residual:
-        with_caps, doubt = closed.solution(timer), closed.doubt
-        evidence = closed_evidence(doubt.evidence, with_caps.evidence)
-        note = "both shapes were matched with their holes closed"
-        with_caps = with_doubt(with_caps, evidence, doubt, note, len(priors.landmarks) > 0)
-        return with_caps if with_caps.outcome in SURE or overlapping is None else overlapping
-    complete = solve_complete(relation, isometric, timer)
-    return overlapping if overlapping and complete.outcome not in SURE else complete
+    return relation.summed_up(match, measured, timer, note)
 
 
-LEAST_SURE = Outcome.LOW_CONFIDENCE.sureness + 1  # beyond it, outcomes differ in kind
+def _stretches(case: Case) -> bool:
+    """Whether no isometry fits, so that an elastic map should be sought."""
+    unsure = all(solution.outcome not in SURE for solution in case.solutions)
+    return unsure and far_from_isometric(case.isometric.relation, case.isometric.measured.quality)
+
+
+def _part_from_closed(case: Case) -> Solution | None:
+    """Refine the map with the holes capped as one of a part, without a search of its own."""
+    assert case.closed is not None
+    match = case.closed
+    first = match.image_of(cast(PartSide, case.side)), match.relation.origin_of(match.selection.winner)
+    runner_up = match.selection.runner_up
+    return case.part.led_by(*first, runner_up).solution(case.timer)
+
+
+def _is_clear(case: Case, solution: Solution) -> bool:
+    """Whether the map of a part is far from doubtful."""
+    bound = LITTLE_DOUBT * case.pair.config.parts.poor_doubt
+    return solution.outcome is Outcome.PARTIAL and solution.quality.doubt <= bound
+
+
+def _never(case: Case, solution: Solution) -> bool:
+    return False
+
+
+AS_IT_IS = Way(
+    "isometry",
+    "complete shapes whose distances agree",
+    lambda case: True,
+    lambda case: case.summed_up(case.isometric),
+    # fused limbs make a handle that the other shape has not, and may look right
+    lambda case, solution: solution.outcome in SURE and not max(case.surplus),
+)
+SURPLUS_CUT = Way(
+    "self-contacts cut",
+    "the same, where limbs are fused: handles that only one shape has are cut",
+    lambda case: max(case.surplus) > 0,
+    lambda case: case.cut(*case.surplus),
+)
+ALL_CUT = Way(
+    "all self-contacts cut",
+    "the same, and those are cut that both have",
+    lambda case: min(case.handles) > 0,
+    lambda case: case.cut(*case.handles),
+)
+ELASTIC = Way("elastic", "limbs may stretch", _stretches, _elastic)
+PART = Way(
+    "part", "one shape is a part of the other", lambda case: True, lambda case: case.part.solution(case.timer), _is_clear
+)
+CLOSED = Way(
+    "holes closed",
+    "complete shapes, once their holes are capped",
+    lambda case: case.closed is not None,
+    lambda case: case.summed_up(case.closed) if case.closed else None,
+    _never,
+)
+PART_FROM_CLOSED = Way(
+    "part, from the holes closed", "one shape is a part of the other", CLOSED.applies, _part_from_closed
+)
+OVERLAP = Way(
+    "two parts",
+    "both shapes show parts of one body",
+    lambda case: True,
+    lambda case: BothParts().on(case.pair, case.priors, case.stages).solution(case.timer),
+)
+
+COMPLETE = AS_IT_IS, SURPLUS_CUT, ALL_CUT, ELASTIC
+MUCH_MISSING = PART, CLOSED, SURPLUS_CUT, PART_FROM_CLOSED
+LITTLE_MISSING = CLOSED, SURPLUS_CUT, PART_FROM_CLOSED, PART
+TWO_PARTS = AS_IT_IS, OVERLAP
+
+
+def ways_of(case: Case) -> tuple[Way, ...]:
+    """The ways for a pair, in the order in which they are tried."""
+    if case.side == "both":
+        return TWO_PARTS
+    if case.side is None:
+        return COMPLETE
+    little = max(case.handles) > 0 or case.part.little_is_missing
+    return LITTLE_MISSING if little and case.pair.config.parts.close else MUCH_MISSING
+
+
+def solved(case: Case) -> Solution:
+    """Try one way after the other until one is sure; the map that verifies best is taken."""
+    relation, problem = case.stages.relation, None
+    if relation is not None:
+        return relation.on(case.pair, case.priors, case.stages).solution(case.timer)
+    for way in ways_of(case):
+        try:
+            with nullcontext() if way is AS_IT_IS else case.timer.within(way.name):
+                solution = way.solve(case) if way.applies(case) else None
+        except NotConvergedError as error:
+            solution, problem = None, error
+        if solution is not None:
+            case.solutions.append(replace(solution, pair=case.pair, way=way.name))
+            if way.is_enough(case, solution):
+                break
+    if not case.solutions:
+        raise cast(NotConvergedError, problem)
+    return case.solutions[0] if len(case.solutions) == 1 else _verified_best(case)
+
+
+def _verified_best(case: Case) -> Solution:
+    """Take the map that verifies best; it is no surer than its lead over those that differ."""
+    case.timer.start("quality")
+    solutions, target = case.solutions, case.pair.target
+    images = [on_bodies(case.pair, solution.map.vertices) for solution in solutions]
+    costs = [verifier_of(case.pair)(image).cost for image in images]
+    best = min(range(len(costs)), key=lambda i: (costs[i], -solutions[i].outcome.sureness))
+
+    def differs(i: int) -> bool:
+        both = (images[i] >= 0) & (images[best] >= 0)
+        return not both.any() or target.mean_distance(images[i][both], images[best][both]) > AGREES
+
+    lead = min((costs[i] for i in range(len(costs)) if differs(i)), default=np.inf) / costs[best]
+    told = ", ".join(f"{cost:.2g} by {solution.way}" for cost, solution in zip(costs, solutions))
+    solution = solutions[best].led(lead)
+    # caps let the mirror image be searched, which a part alone does not
+    mirrored = any(piece.mirrored for other in solutions for piece in other.evidence)
+    if mirrored and solution.outcome not in SURE:
+        solution = solution.with_evidence(Evidence(mirrored=True))
+    return replace(solution, reason=f"{solution.reason}; of several ways it verifies best (cost {told})")
 
 
 def side_to_turn(pair: ShapePair) -> Literal["source", "target"] | None:
@@ -259,28 +301,22 @@ def side_to_turn(pair: ShapePair) -> Literal["source", "target"] | None:
     return None if source == target else "source" if source else "target"
 
 
-def solve_either_winding(pair: ShapePair, priors: Priors, stages: Stages, timer: StageTimer) -> Solution:
-    """Match the bodies of two shapes; one that seems to be inside out also with its faces turned over."""
+def solve(pair: ShapePair, priors: Priors, stages: Stages, timer: StageTimer) -> Solution:
+    """Match the bodies of two shapes; one that seems to be inside out also turned over, and the better map is taken."""
     side = side_to_turn(pair)
     if side is None:
-        return solve(pair, priors, stages, timer)
+        return solved(Case(pair, priors, stages, timer))
     turned = replace(pair, **{side: turned_over(getattr(pair, side))})  # type: ignore[arg-type]
-    solutions: dict[str, Solution] = {}
+    contending: list[tuple[float, str, Solution]] = []
     for how, wound in (("as they are", pair), ("turned over", turned)):
-        try:
-            with timer.within(f"faces {how}"):
-                solutions[how] = solve(wound, priors, stages, timer)
-        except NotConvergedError:
-            if wound is turned and not solutions:
-                raise
-
-    # a map that is not doubtful wins over one that is; otherwise that under which the bodies look more alike
-    def fit(how: str) -> tuple[int, float]:
-        solution = solutions[how]
-        distance = mean_descriptor_distance(solution.pair, solution)
-        return min(solution.outcome.sureness, LEAST_SURE), -distance if np.isfinite(distance) else -np.inf
-
-    timer.start("quality")
-    fits = max(solutions, key=fit)
-    note = f"the {side} seems to be inside out; of both windings of its faces, the map fits better with them {fits}"
-    return replace(solutions[fits], pair=pair, notes=(note, *solutions[fits].notes))
+        with suppress(NotConvergedError), timer.within(f"faces {how}"):
+            solution = solved(Case(wound, priors, stages, timer))
+            cost = verifier_of(wound)(on_bodies(wound, solution.map.vertices)).cost
+            contending.append((cost, how, solution))
+    if not contending:
+        raise NotConvergedError(
+            "no map keeps the orientation of the faces, as they are or turned over; give three to five landmarks"
+        )
+    _, how, solution = min(contending, key=lambda each: each[0])
+    note = f"the {side} seems to be inside out; of both windings of its faces, the map verifies better with them {how}"
+    return replace(solution, pair=pair, notes=(note, *solution.notes))

@@ -13,11 +13,11 @@ import numpy as np
 from isomatch.correspondence import Embedding, SpectralPair
 from isomatch.descriptors import deviation_of
 from isomatch.errors import DescriptorError, SettingError
+from isomatch.matching.evidence import Solution
 from isomatch.matching.fit import Fit
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.priors import Priors
 from isomatch.matching.selection import weighed
-from isomatch.matching.verification import Solution
 from isomatch.runtime.stage_timer import StageTimer
 from isomatch.runtime.threads import parallel_map
 from isomatch.shapes import PreparedShape

@@ -1,19 +1,18 @@
 from isomatch.shapes.body import body_of
-from isomatch.shapes.derived import (
+from isomatch.shapes.prepare import prepare
+from isomatch.shapes.prepared_shape import N_BALLS, PreparedShape
+from isomatch.shapes.smooth_shape import CURVATURE_WEIGHT, WAVE_WEIGHT, SmoothShape, orientation_of
+from isomatch.shapes.symmetries import EXACTLY, SAME_SYMMETRY, describe_symmetries, farthest_rows
+from isomatch.shapes.variants import (
     capped_shape,
     components_of,
     crease_length,
-    creased_shape,
     cut_shape,
     mirror_image,
     opened_shape,
     region_of,
     turned_over,
 )
-from isomatch.shapes.prepare import prepare
-from isomatch.shapes.prepared_shape import N_BALLS, PreparedShape
-from isomatch.shapes.smooth_shape import CURVATURE_WEIGHT, WAVE_WEIGHT, SmoothShape, orientation_of
-from isomatch.shapes.symmetries import EXACTLY, SAME_SYMMETRY, describe_symmetries, farthest_rows
 
 __all__ = [
     "CURVATURE_WEIGHT",
@@ -27,7 +26,6 @@ __all__ = [
     "capped_shape",
     "components_of",
     "crease_length",
-    "creased_shape",
     "cut_shape",
     "describe_symmetries",
     "farthest_rows",

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from isomatch.bases import DistanceBasis, LaplaceBasis, refined_laplace_basis
-from isomatch.correspondence import SignedPoints
+from isomatch.correspondence import Correspondence, PrecisePoints, SignedPoints
 from isomatch.descriptors import (
     BallSignature,
     ball_signature,
@@ -33,7 +33,7 @@ from isomatch.shapes.smooth_shape import SmoothShape, orientation_of
 from isomatch.shapes.symmetries import Symmetry, find_symmetries
 from isomatch.storage.array_file import Archive, ArrayFormat, Stored, save_arrays
 from isomatch.surfaces import Graph, Mesh, PointCloud
-from isomatch.values.arrays import AnyArray, Float32Array, FloatArray, IntArray
+from isomatch.values.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray
 from isomatch.values.cached import cached_property
 
 if TYPE_CHECKING:
@@ -84,9 +84,11 @@ class PreparedShape(SmoothShape, Shown):
         A finer level, on which maps of complete shapes are polished.
     refining : Prolongation, optional
         Between the finer level and the body.
+    original : PreparedShape, optional
+        Of a variant, such as a shape whose holes are capped: the shape that it was made of. Its maps are carried back
+        there, and what lies on a cap has no image.
     origin : (n_body,) array of int, optional
-        Of a shape that was closed or cut: the vertex of the shape that it was made from of each vertex of the body; −1
-        of those that close its holes.
+        Vertex of the original's body of each vertex of the body, whose first ones they are; −1 on caps.
     """
 
     scale: float
@@ -104,6 +106,7 @@ class PreparedShape(SmoothShape, Shown):
     others: tuple[Body, ...] = ()
     finer: Level | None = None
     refining: Prolongation | None = None
+    original: PreparedShape | None = None
     origin: IntArray | None = None
 
     def save(self, path: str | Path) -> None:
@@ -170,6 +173,52 @@ class PreparedShape(SmoothShape, Shown):
 
     def __repr__(self) -> str:
         return f"PreparedShape({self.surface!r}, {self.distances!r}, {self.laplace!r})"
+
+    def correspondence(
+        self, target: SmoothShape, image: IntArray | PrecisePoints, matched: BoolArray | None = None
+    ) -> Correspondence:
+        """As of a `SmoothShape`; maps of variants are carried back to the shapes that they were made of."""
+        source = self.original or self
+        if self.original is None and getattr(target, "original", None) is None:
+            return super().correspondence(target, image, matched)
+        points = image if isinstance(image, PrecisePoints) else PrecisePoints.at_vertices(image)
+        source = self.original or self
+        n = source.body.n_vertices
+        points = PrecisePoints(points.corners[:n], points.barycentric[:n])
+        matched = None if matched is None else matched[:n]
+        if isinstance(target, PreparedShape) and target.original:
+            points, near = target.on_original(points)
+            matched, target = near if matched is None else matched & near, target.original
+        return source.correspondence(target, points, matched)
+
+    def on_original(self, points: PrecisePoints) -> tuple[PrecisePoints, BoolArray]:
+        """Carry points of the body back to that of the original, and tell which of them lie on no cap, or near its rim."""
+        vertices = points.corners[:, 0]
+        near = self.to_original[vertices] <= self.config.parts.rim
+        on_it = PrecisePoints.at_vertices(self.owner[vertices])
+        inside = (self.to_original[points.corners] == 0).all(axis=1)
+        on_it.corners[inside] = self.owner[points.corners[inside]]
+        on_it.barycentric[inside] = points.barycentric[inside]
+        return on_it, near
+
+    @cached_property
+    def owner(self) -> IntArray:
+        """(n_body,) vertex of the original's body that is nearest to each vertex of a variant."""
+        return self._nearest_of_original[1]
+
+    @cached_property
+    def to_original(self) -> FloatArray:
+        """(n_body,) how far that is, in √area of the original."""
+        return self._nearest_of_original[0]
+
+    @cached_property
+    def _nearest_of_original(self) -> tuple[FloatArray, IntArray]:
+        assert self.origin is not None and self.original is not None
+        real = np.flatnonzero(self.origin >= 0)
+        if len(real) == len(self.origin):
+            return np.zeros(len(real)), self.origin
+        gap, nearest = distance_along_edges_to_nearest(self.body, real)
+        return gap * self.scale / self.original.scale, self.origin[nearest]
 
     @cached_property
     def average_distance(self) -> FloatArray:

@@ -107,14 +107,14 @@ class Bending:
         """Bend the shape at the lower resolution."""
         vertices, points = landmarks
         landmarks = self._coarse.coarse.owner[vertices], points
-        return _bent(self._coarsely, onto, start, lengths, landmarks, most_scaled)
+        return bent_onto(self._coarsely, onto, start, lengths, landmarks, most_scaled)
 
     def in_full(
         self, bent: Bent, lengths: tuple[float, ...], landmarks: HardLandmarks, most_scaled: float = 1.0
     ) -> Bent:
         """Bend the shape in full, from where it lies at the lower resolution."""
         start = self._coarse.on_coarse.interpolated(bent.mesh.vertices)
-        return _bent(self._in_full, bent.onto, start, lengths, landmarks, most_scaled)
+        return bent_onto(self._in_full, bent.onto, start, lengths, landmarks, most_scaled)
 
     def images(self, bent: Bent, vertices: IntArray) -> IntArray:
         """Vertices of the surface nearest to some vertices (r,) of the shape that is bent at the lower resolution."""
@@ -128,14 +128,15 @@ class Bending:
         return np.asarray(self._coarse.on_coarse.interpolated(values[:, None])[:, 0])
 
 
-def _bent(
+def bent_onto(
     registration: RigidRegistration,
     onto: Surroundings,
     start: FloatArray,
     lengths: tuple[float, ...],
-    landmarks: HardLandmarks,
-    most_scaled: float,
+    landmarks: HardLandmarks | None = None,
+    most_scaled: float = 1.0,
 ) -> Bent:
+    """Bend a shape onto a surface, from where a map puts its vertices (n, 3)."""
     moved = registration(
         onto.mesh, onto.index, start, lengths, onto.unit, held=landmarks, most_scaled=most_scaled
     )

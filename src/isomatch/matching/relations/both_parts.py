@@ -12,6 +12,7 @@ import numpy as np
 from isomatch.correspondence import UNMATCHED, Boundary, Embedding, PrecisePoints
 from isomatch.errors import MeshError, NotConvergedError
 from isomatch.geodesics import distance_along_edges_to_nearest
+from isomatch.matching.evidence import CommonDoubt, Solution
 from isomatch.matching.fit import Fit
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.priors import NO_LANDMARKS, Priors
@@ -28,7 +29,6 @@ from isomatch.matching.relations.part_registration import N_ROUGH_VERTICES, Bent
 from isomatch.matching.search import FromAnchors, starts_of
 from isomatch.matching.stages import Relation, Stages, first_maps_of
 from isomatch.matching.starts import nearest_in_pose
-from isomatch.matching.verification import CommonDoubt, Solution
 from isomatch.runtime.stage_timer import StageTimer
 from isomatch.runtime.threads import parallel_map
 from isomatch.settings import Config
@@ -106,7 +106,7 @@ class BothParts(Relation):
         self.require_sides()
         self.require_priors()
         self.require_no_descriptors("two parts")
-        timer.start("overlapping parts")
+        timer.start("search")
         regions = self.match()
         best = regions[0]
         runners_up = (each for each in regions[1:] if each.held >= best.held and self._differs(best, each))
@@ -134,18 +134,16 @@ class BothParts(Relation):
         unit, reason = side.unit / other.unit, "largest region in common that looks alike"
         measured = measured_part(self, fit, bent, unit, points, matched, descriptor_distance, reason)
         lead = best.score / runner_up.score if runner_up and runner_up.score else np.inf
-        measured = replace(measured, quality=replace(measured.quality, runner_up=lead))
         led = 0 < len(side.landmarks) == best.held
-        doubt = CommonDoubt(best.worth, led, pair.config.parts)
+        doubt = CommonDoubt(best.worth, lead, led, pair.config.parts)
         areas = pair.source.body.vertex_areas
         share = areas[matched].sum() / areas.sum()
-        notes = (
+        notes = [
             f"both shapes were matched as parts of one body: {share:.0%} of the source and "
-            f"{measured.quality.coverage:.0%} of the target are in common",
-            *doubt.notes(len(priors.landmarks) > 0),
-        )
-        evidence = doubt.evidence, contradiction(self, measured)
-        return measured.solution(pair, priors, errors, evidence, notes)
+            f"{measured.quality.coverage:.0%} of the target are in common"
+        ]
+        evidence = (contradiction(self, measured),)
+        return measured.solution(pair, priors, errors, evidence, notes).doubted(doubt)
 
     def _part(self, fit: Fit) -> Part:
         """Return the relation of a region and the target, by a map of the region."""

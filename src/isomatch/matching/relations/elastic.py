@@ -13,6 +13,7 @@ from isomatch.correspondence import Embedding, with_normals
 from isomatch.errors import NotConvergedError
 from isomatch.matching.confidence import doubt_in, expected_errors, regions_of_doubt
 from isomatch.matching.coordinates import refined_images, registered
+from isomatch.matching.evidence import Solution, fits_badly, measured_evidence, mirror_image_fits
 from isomatch.matching.fit import Fit
 from isomatch.matching.pair import search_pairs
 from isomatch.matching.quality import descriptor_distance_of, measure_quality
@@ -34,7 +35,6 @@ from isomatch.matching.search import FromAnchors, starts_of
 from isomatch.matching.selection import LANDMARK_SLACK, Rules, Selection, distances_between, distinct, select
 from isomatch.matching.stages import Relation, first_maps_of
 from isomatch.matching.starts import starts_from_priors
-from isomatch.matching.verification import Solution, fits_badly, measured_evidence, mirror_image_fits
 from isomatch.runtime.stage_timer import StageTimer
 from isomatch.runtime.threads import parallel_map
 from isomatch.values.arrays import IntArray

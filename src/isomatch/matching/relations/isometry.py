@@ -29,6 +29,7 @@ from isomatch.matching.confidence import (
     regions_of_doubt,
 )
 from isomatch.matching.coordinates import refined_images, registered
+from isomatch.matching.evidence import Evidence, Solution, measured_evidence
 from isomatch.matching.fit import Candidate, Fit, Hypothesis
 from isomatch.matching.pair import ShapePair, SmoothPair
 from isomatch.matching.priors import Priors
@@ -51,7 +52,6 @@ from isomatch.matching.selection import (
     survivors,
 )
 from isomatch.matching.stages import Relation
-from isomatch.matching.verification import Evidence, Solution, measured_evidence
 from isomatch.runtime.stage_timer import StageTimer
 from isomatch.runtime.threads import parallel_map, serial_blas
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
@@ -93,13 +93,15 @@ class Measured:
         return Solution(
             pair,
             result,
-            replace(self.quality, descriptor_distance=mean_distance),
+            replace(self.quality, descriptor_distance=mean_distance, matched=float(result.matched.mean())),
             evidence,
             np.where(result.matched, source.lift_smooth(errors), np.nan),
             notes=(*pair.notes, *priors.notes, *notes, *contradicted_landmarks(pair, self.points, priors)),
             origin=self.origin,
             reason=self.reason,
-            descriptor_distance=None if distances is None else source.lift(distances),
+            descriptor_distance=None
+            if distances is None
+            else np.where(result.matched, source.lift(distances), np.nan),
             regions=lifted(regions, source, pair.target),
         )
 
@@ -118,6 +120,14 @@ class IsometricMatch:
     def measured(self) -> Measured:
         """The map, measured."""
         return self.relation.measure(self)
+
+    def image_of(self, side: str) -> IntArray:
+        """Vertex of the other shape for each of one, the source or the target; of variants, between their originals."""
+        sides = zip((self.relation.source, self.relation.target), self.embedding)
+        (part, of_part), (whole, of_whole) = sides if side == "source" else reversed([*sides])
+        n = (part.original or part).body.n_vertices
+        image = whole.index.vertices(of_whole, of_part[:n])
+        return image if whole.original is None else whole.owner[image]
 
 
 class Isometry(Relation):
@@ -410,6 +420,8 @@ class Isometry(Relation):
             sizes = level.source.body.n_vertices, level.target.body.n_vertices
             notes.append("polished on {} and {} vertices".format(*sizes))
         notes += [note] if note else []
+        if any(shape.origin is not None and (shape.origin < 0).any() for shape in (self.source, self.target)):
+            notes.append("stretch, residual and distortion are those of the shapes with their holes closed")
         solution = map_.solution(pair, priors, errors, tuple(evidence), notes, level, points, regions)
         return replace(solution, alternatives=self._alternatives(isometric), descriptors_count=not far)
 

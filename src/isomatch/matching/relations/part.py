@@ -15,6 +15,12 @@ from isomatch.correspondence import Embedding, PrecisePoints, SpectralPair
 from isomatch.errors import NotConvergedError, SettingError
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching.confidence import expected_errors
+from isomatch.matching.evidence import (
+    Evidence,
+    PartDoubt,
+    Solution,
+    part_contradicts,
+)
 from isomatch.matching.fit import Fit
 from isomatch.matching.pair import SmoothPair
 from isomatch.matching.quality import (
@@ -25,7 +31,6 @@ from isomatch.matching.quality import (
     image_positions,
     prior_errors,
 )
-from isomatch.matching.relations.closed import ClosedMatch, with_doubt
 from isomatch.matching.relations.isometry import Measured
 from isomatch.matching.relations.part_pair import PartPair
 from isomatch.matching.relations.part_registration import (
@@ -36,22 +41,14 @@ from isomatch.matching.relations.part_registration import (
     PartFits,
 )
 from isomatch.matching.relations.part_starts import APART, PartStarts, self_maps
-from isomatch.matching.result import Outcome, Quality
+from isomatch.matching.result import Quality
 from isomatch.matching.search import FromAnchors, starts_of
 from isomatch.matching.selection import LANDMARK_SLACK, Rules, Selection, distances_between, distinct, select
 from isomatch.matching.stages import Relation, first_maps_of
 from isomatch.matching.starts import nearest_in_pose
-from isomatch.matching.verification import (
-    Evidence,
-    PartDoubt,
-    Solution,
-    outcome_of,
-    part_contradicts,
-    part_evidence,
-)
 from isomatch.runtime.stage_timer import StageTimer
 from isomatch.runtime.threads import parallel_map
-from isomatch.shapes import PreparedShape, mirror_image
+from isomatch.shapes import PreparedShape
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 from isomatch.values.cached import cached_property
 
@@ -60,7 +57,6 @@ N_VARIED = 4  # best rough maps that are composed with maps of the whole onto it
 N_CONTENDERS = 8  # best starts that are refined to the end
 # last lengths with which the best map bends the part in full; 3 and 10 no better on four parts
 N_BENT_IN_FULL = 5
-LITTLE_DOUBT = 0.5  # share of the bound of the doubt above which a part may be a mirror image; one had 0.94
 
 PartSide = Literal["source", "target"]
 
@@ -72,8 +68,6 @@ class Part(Relation):
     ----------
     side : {"source", "target"}
         The shape that is a part.
-    closed : ClosedMatch, optional
-        The match with the holes closed, whose map contends, too.
 
     Notes
     -----
@@ -93,10 +87,13 @@ class Part(Relation):
     True
     """
 
-    def __init__(self, side: PartSide = "source", closed: ClosedMatch | None = None) -> None:
+    def __init__(self, side: PartSide = "source") -> None:
         if side not in ("source", "target"):
             raise SettingError(f"side = {side!r}; the part is the 'source' or the 'target'")
-        self.side, self.closed, self.searches = side, closed, True
+        self.side = side
+        # a map found otherwise, which is refined without a search: image of each vertex of the part, where it came from,
+        # and the ratio by which the other search preferred it to others
+        self.led: tuple[IntArray, str, float] | None = None
 
     @property
     def source(self) -> PreparedShape:
@@ -138,25 +135,17 @@ class Part(Relation):
         return refinement.embedding(fit.image, ALL_FUNCTIONS, np.arange(self.source.body.n_vertices))
 
     @property
-    def closes_first(self) -> bool:
-        """Whether its holes are closed first: little is missing by the units of the files, less so if little is known."""
+    def little_is_missing(self) -> bool:
+        """Whether little is missing by the units of the files, or somewhat more where few distances are known."""
         pair, settings = self.fits.pair, self.pair.config.parts
         trusted = pair.trusted >= settings.little_trusted
         least = settings.little_missing if trusted else settings.most_there
         return bool(pair.knows_unit and pair.share >= least)
 
-    def is_sure(self, solution: Solution) -> bool:
-        """Whether no other match is needed beside one of the part as it is: it fits well, and is no mirror image."""
-        bound = LITTLE_DOUBT * self.pair.config.parts.poor_doubt
-        return solution.outcome is Outcome.PARTIAL and solution.quality.doubt <= bound
-
-    def led_by(self, closed: ClosedMatch | None, alone: bool = False) -> Self:
-        """Let the match with the holes closed contend; ``alone``, without a search of other maps, and of mirror images.
-
-        What this match of the part has found remains known.
-        """
+    def led_by(self, image: IntArray, origin: str, runner_up: float) -> Self:
+        """Refine a map found otherwise, without a search of others; what this match of the part has found stays known."""
         led = copy(self)
-        led.closed, led.searches = closed, not alone
+        led.led = image, origin, runner_up
         return led
 
     def match(self, timer: StageTimer | None = None) -> Selection[PartFit]:
@@ -187,9 +176,8 @@ class Part(Relation):
             runner_up_distance=APART, tie=settings.tie, mirror_tie=settings.tie, landmark_slack=LANDMARK_SLACK
         )
         selection = select(fits, apart, rules, scores=costs)
-        if not self.searches and self.closed:  # which has looked for others
-            runner_up = min(selection.runner_up, self.closed.isometric.selection.runner_up)
-            return replace(selection, runner_up=runner_up)
+        if self.led:  # by a match that has looked for others
+            return replace(selection, runner_up=min(selection.runner_up, self.led[2]))
         return selection
 
     def descriptor_distance(self, fit: Fit) -> FloatArray:
@@ -223,11 +211,11 @@ class Part(Relation):
         """Refine starts and given maps roughly, and vary the best by maps of the whole onto itself; the best first."""
         promise, fits_of = attrgetter("promise"), self.fits
         fits = [
-            *(self._anchored if self.searches else []),
+            *(self._anchored if self.led is None else []),
             *parallel_map(lambda x: fits_of.roughly(*x), first_maps),
         ]
         rough = sorted((fit for fit in fits if fit), key=promise)
-        if not self.searches:
+        if self.led:
             return rough
         best = self._distinct(rough, N_VARIED)
         varied = parallel_map(lambda x: fits_of.varied(*x), list(product(best, self._onto_itself)))
@@ -248,10 +236,10 @@ class Part(Relation):
         return parallel_map(self.fits.rough, PartStarts(self.fits.pair, signatures, self._onto_itself)())
 
     def _first_maps(self) -> list[tuple[PartPair, IntArray, str]]:
-        """Map the rough vertices, each time in its unit: with the holes closed, by priors and starts; with origins."""
+        """Map the rough vertices, each time in its unit: by a map found otherwise, priors and starts; with origins."""
         images: list[tuple[IntArray, str]] = []
-        if self.closed is not None:
-            images.append((self.closed.image_of(self.side), self.closed.origin))
+        if self.led:
+            images.append(self.led[:2])
         if self._with_priors_image is not None:
             origin = "initial map" if len(self.priors.initial_pairs) else "pose"
             images.append((self._with_priors_image, origin))
@@ -286,73 +274,22 @@ class Part(Relation):
         self.require_sides()
         self.require_priors()
         self.require_no_descriptors("a whole and its part")
-        with timer.within("part"):
-            selection = self.match(timer)
-        best, settings = selection.winner, self.pair.config.parts
-        doubt = PartDoubt(best.bent_cost, selection.runner_up, best.pair.trusted, settings)
-        doubtful = doubt.doubt > LITTLE_DOUBT * settings.poor_doubt or doubt.evidence.ambiguous
-        with timer.within("part"):
-            timer.start("mirror image")
-            mirrored = doubtful and self.searches and self._mirror_image_fits(best)
-            timer.start("quality")
-        if mirrored:
-            return self._summed_up(selection, (Evidence(mirrored=True),), doubt, timer)
-        evidence: tuple[Evidence, ...] = (doubt.evidence,)
-        if self.closed is not None:
-            image = self.closed.image_of(self.side)
-            agrees = self.target.mean_distance(best.image, image[best.refinement.vertices]) <= APART
-            as_it_is = self.fits.measured(self.fits.pair.in_unit_of(image), image[self.vertices])
-            ratio = self.weighed([best, as_it_is], [best.cost, as_it_is.cost], [True, False])[1] / best.cost
-            returned = ratio < settings.closed_score
-            if returned or (agrees and (doubt.evidence.poor or doubt.evidence.ambiguous)):
-                with_caps = self.closed.solution(timer)
-                evidence = part_evidence(doubt.evidence, with_caps.evidence, agrees)
-                if returned and with_caps.outcome is not Outcome.PRIORS_CONTRADICTED:
-                    note = (
-                        f"the {self.side} was matched as a part with its holes closed: it has {best.share:.0%} of the "
-                        "area of the other shape"
-                    )
-                    quality = replace(with_caps.quality, runner_up=selection.runner_up)
-                    with_caps = replace(with_caps, quality=quality)
-                    return with_doubt(with_caps, evidence, doubt, note, len(self.priors.landmarks) > 0)
-        return self._summed_up(selection, evidence, doubt, timer)
+        selection = self.match(timer)
+        best = selection.winner
+        doubt = PartDoubt(best.bent_cost, selection.runner_up, best.pair.trusted, self.pair.config.parts)
+        return self._summed_up(selection, doubt, timer)
 
-    def _mirror_image_fits(self, best: PartFit) -> bool:
-        """Tell whether the mirror image of the part fits clearly better, by maps found with the holes closed."""
-        images = [] if self.closed is None or self.priors.any else self.closed.mirrored_images(self.side)
-        if not images:
-            return False
-        fits = self.fits.of_part(mirror_image(self.source))
-        rough = self.source.sample_vertices[:N_ROUGH_VERTICES]
-        begun = [fits.begun(fits.pair.in_unit_of(image), image[rough], "") for image in images]
-        refined = parallel_map(fits.refined, begun)
-        likely = min(refined, key=lambda fit: fit.cost)
-        if likely.cost > self.pair.config.parts.hopeless * best.cost:
-            return False
-        other = fits.settled(likely, fits.refined_again)
-        costs = self.weighed([best, other], [best.cost, other.cost], [True, False])
-        return costs[1] < self.pair.config.outcome.mirror_image * costs[0]
-
-    def _summed_up(
-        self,
-        selection: Selection[PartFit],
-        evidence: tuple[Evidence, ...],
-        doubt: PartDoubt,
-        timer: StageTimer,
-    ) -> Solution:
+    def _summed_up(self, selection: Selection[PartFit], doubt: PartDoubt, timer: StageTimer) -> Solution:
         """Bend the part in full, and sum up the map in the direction asked for."""
         best = selection.winner
-        with timer.within("part"):
-            timer.start("bending")
-            bent = self.bent(best)
+        timer.start("bending")
+        bent = self.bent(best)
         onto_whole, (onto_part, covered) = bent.points, bent.onto_part()
         errors = expected_errors_of_part(best.pair, onto_whole)
         area = best.pair.meshes[1].vertex_areas[covered].sum()
         points, matched, unit = onto_whole, np.ones(len(errors), dtype=bool), best.pair.unit
         if self.side == "target":
             points, matched, unit = onto_part, covered, 1 / best.pair.unit
-            if self.source.origin is not None:
-                points = PrecisePoints(self.source.origin[points.corners], points.barycentric)
             errors = errors[points.corners[:, 0]] / best.pair.unit
         timer.start("quality")
         balls = best.pair.signature, best.pair.whole.balls
@@ -360,15 +297,12 @@ class Part(Relation):
         descriptor_distance = descriptor_distance_of(here, there, points.corners[:, 0], matched)
         reason = f"fits best of {1 + len(selection.runners_up)} maps of a part refined to the end"
         measured = measured_part(self, best, bent, unit, points, matched, descriptor_distance, reason)
-        quality = replace(measured.quality, runner_up=selection.runner_up, doubt=doubt.doubt)
-        evidence = (*evidence, contradiction(self, measured))
-        notes = (
+        notes = [
             f"the {self.side} was matched as a part: it has {best.share:.0%} of the area of the other shape and covers "
-            f"{area:.0%}",
-            *doubt.notes(outcome_of(evidence), len(self.priors.landmarks) > 0),
-        )
-        measured = replace(measured, quality=quality)
-        return measured.solution(self.pair, self.priors, errors, evidence, notes)
+            f"{area:.0%}"
+        ]
+        evidence = (contradiction(self, measured),)
+        return measured.solution(self.pair, self.priors, errors, evidence, notes).doubted(doubt)
 
 
 def measured_part(
@@ -385,8 +319,6 @@ def measured_part(
     pair, priors = relation.pair, relation.priors
     source, target = pair.source, pair.target
     image = points.corners[:, 0]
-    on_user = np.zeros(source.surface.n_vertices, dtype=bool)
-    on_user[source.body_vertex >= 0] = matched[source.body_vertex[source.body_vertex >= 0]]
     initial_pairs = priors.initial_pairs[matched[priors.initial_pairs[:, 0]]]
     landmark_error, initial_map_error = prior_errors(pair, image, priors.landmarks, initial_pairs)
     positions, bounds = image_positions(source.body, target.body, points), pair.config.outcome
@@ -400,7 +332,7 @@ def measured_part(
         distortion_mean=np.nan,
         distortion_p95=np.nan,
         coverage=covered_share(target.body, image[matched], bounds.coverage_radius),
-        matched=float(on_user.mean()),
+        matched=np.nan,
         landmark_error=landmark_error,
         initial_map_error=initial_map_error,
         stress=fit.stress,

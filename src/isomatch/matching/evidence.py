@@ -151,15 +151,14 @@ class PartDoubt:
         sure = self.doubt <= settings.poor_doubt and self.is_clear
         return Evidence(ambiguous=tied, poor=not (tied or sure), partial=True)
 
-    def notes(self, outcome: Outcome, with_priors: bool) -> list[str]:
-        """Say why a map is not sure, and what to do; or why it is in spite of its doubt."""
-        own = outcome_of([self.evidence])
-        if own is Outcome.PARTIAL:
+    def against(self, lead: float) -> Self:
+        """Take a map of another way into account, of which the cost is so many times as high."""
+        return replace(self, runner_up=min(self.runner_up, lead))
+
+    def notes(self, with_priors: bool) -> list[str]:
+        """Say why a map is not sure, and what to do."""
+        if outcome_of([self.evidence]) is Outcome.PARTIAL:
             return []
-        if outcome is Outcome.PARTIAL:
-            return [
-                f"its doubt is high ({self.doubt:.1e}), but it is sure by the match with the holes closed"
-            ]
         why = "it fits badly"
         if self.score <= self.settings.poor_doubt:
             why = f"the score of another map is only {self.runner_up:.2f} times as high"
@@ -177,8 +176,18 @@ class CommonDoubt:
     """How sure the map of what two parts have in common is."""
 
     worth: float  # how much more alike than at random they look there, see `CommonRegions.worth`
+    runner_up: float  # its score over that of the best map that differs; inf if none does
     led: bool  # whether landmarks were given and hold, so that nothing else has to speak for it
     settings: PartSettings
+
+    @property
+    def doubt(self) -> float:
+        """Nothing that compares with the doubt of a part."""
+        return np.nan
+
+    def against(self, lead: float) -> Self:
+        """Take a map of another way into account, of which the cost is so many times as high."""
+        return replace(self, runner_up=min(self.runner_up, lead))
 
     @property
     def evidence(self) -> Evidence:
@@ -194,25 +203,6 @@ class CommonDoubt:
             f"{self.worth:.2f}, at least {self.settings.sure_common:.2f} if sure); look at the picture, and give "
             f"{'more' if with_priors else 'three to five'} landmarks"
         ]
-
-
-def part_evidence(own: Evidence, closed: tuple[Evidence, ...], agrees: bool) -> tuple[Evidence, ...]:
-    """Weigh the evidence for the map of a part against that for the map with the holes closed."""
-    # closed: by the measures of complete shapes. If both are the same map and the closed one is sure, so is the map; it
-    # is ambiguous if the closed one is. If they are not, it is no surer than the closed one.
-    outcome = outcome_of(closed)
-    if agrees and own.poor and outcome in (Outcome.CONVERGED, Outcome.PARTIAL):
-        return (Evidence(partial=True),)
-    if agrees and outcome is not Outcome.SYMMETRY_AMBIGUOUS:
-        return (own,)
-    return (own, *closed)
-
-
-def closed_evidence(own: Evidence, closed: tuple[Evidence, ...]) -> tuple[Evidence, ...]:
-    """Evidence for a map of two parts with their holes closed: that of complete shapes, unless it is poor."""
-    # caps change the measures of complete shapes; where these are poor, the map is verified as that of a part
-    doubted = outcome_of(closed) is Outcome.LOW_CONFIDENCE
-    return (own,) if doubted else (*closed, Evidence(partial=True))
 
 
 def held_evidence(evidence: tuple[Evidence, ...], quality: Quality, bound: float) -> tuple[Evidence, ...]:
@@ -242,6 +232,8 @@ class Solution:
     regions: tuple[DoubtfulRegion, ...] = ()
     # whether regions that look unlike are evidence; two species look unlike somewhere
     descriptors_count: bool = True
+    doubt: PartDoubt | CommonDoubt | None = None  # of the map of a part
+    way: str = ""  # that found it, see `isomatch.matching.solve`
 
     @property
     def outcome(self) -> Outcome:
@@ -249,7 +241,21 @@ class Solution:
         doubtful = region_evidence(self.regions, self.pair.config.outcome.doubtful_area)
         if not self.descriptors_count:
             doubtful = replace(doubtful, poor=False)
-        return outcome_of((*self.evidence, doubtful))
+        return outcome_of((*self.all_evidence, doubtful))
+
+    @property
+    def all_evidence(self) -> tuple[Evidence, ...]:
+        """The evidence, and that of the doubt."""
+        return self.evidence if self.doubt is None else (*self.evidence, self.doubt.evidence)
+
+    def doubted(self, doubt: PartDoubt | CommonDoubt) -> Self:
+        """Tell how sure the map of a part is."""
+        quality = replace(self.quality, runner_up=doubt.runner_up, doubt=doubt.doubt)
+        return replace(self, doubt=doubt, quality=quality)
+
+    def led(self, lead: float) -> Self:
+        """Take a map of another way into account, of which the cost is so many times as high."""
+        return self if self.doubt is None else self.doubted(self.doubt.against(lead))
 
     def with_evidence(self, *more: Evidence) -> Self:
         """Add evidence."""
@@ -259,11 +265,14 @@ class Solution:
 def verified(solution: Solution, timer: StageTimer, seed: int) -> MatchResult:
     """Make the result of a match."""
     pair = solution.pair
-    shared = "map outcome quality expected_error descriptor_distance regions alternatives notes origin reason"
+    shared = "map outcome quality expected_error descriptor_distance regions alternatives origin reason way"
+    led = not np.isnan(solution.quality.landmark_error)
+    doubts = solution.doubt.notes(led) if solution.doubt else []
     shapes = () if solution.config else (pair.source, pair.target)
     source, target = [describe_symmetries(shape.symmetries) for shape in shapes] or ("", "")
     return MatchResult(
         **{name: getattr(solution, name) for name in shared.split()},
+        notes=(*solution.notes, *doubts),
         timings=timer.stop(),
         engine=pair.source.distances.engine,
         config=solution.config or pair.config,

@@ -1,23 +1,23 @@
-"""Shapes prepared from a prepared one: with its holes closed, and its components; made once, and kept with it."""
+"""Variants of a prepared shape: holes capped, contacts cut, turned over, mirrored; and its components. Made once."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from isomatch.correspondence import UNMATCHED
 from isomatch.errors import MeshError, NotConvergedError
-from isomatch.mending import Cut, capped, creases, cut_along, cut_self_contacts, ends_of
+from isomatch.mending import Cut, capped, creases, cut_along, cut_self_contacts
 from isomatch.runtime.stage_timer import StageTimer
 from isomatch.settings import Config
 from isomatch.shapes.body import LEFT_UNMATCHED, sound_body
 from isomatch.shapes.prepare import prepared_body
 from isomatch.shapes.prepared_shape import PreparedShape
 from isomatch.surfaces import Mesh, Surface, reflected
-from isomatch.values.arrays import BoolArray, IntArray
+from isomatch.values.arrays import IntArray
 from isomatch.values.cached import cached_method
 
 
@@ -49,39 +49,33 @@ def _with_known(made: PreparedShape, shape: PreparedShape, names: tuple[str, ...
 
 @cached_method
 def capped_shape(shape: PreparedShape) -> PreparedShape:
-    """Close the holes of a body: a shape of its own, of which its vertices are the first. If one is long, all are closed.
-
-    A body without a long boundary is taken as it is.
-    """
+    """Close the holes of a body: if one is long, all are closed; a body without a long boundary is taken as it is."""
     everything = np.arange(shape.body.n_vertices)
     if shape.triangles is not None and shape.longest_boundary > shape.config.parts.long_boundary:
-        return _closed(shape, shape.triangles, everything)
-    alone = replace(
-        shape, surface=shape.body, body_vertex=everything, user_vertex=everything, scale=1.0, notes=()
-    )
-    alone = replace(alone, others=(), detail=None, finer=None, refining=None, origin=everything)
-    kept = OF_BODY if shape.config.preparation.distance_unit == "user" else (*OF_BODY, *OF_DISTANCES)
-    for name in kept:
+        return _variant(shape, capped(shape.triangles), everything)
+    alone = replace(shape, others=(), finer=None, refining=None, origin=everything, original=replace(shape))
+    for name in (kept := (*OF_BODY, *OF_DISTANCES)):
         getattr(shape, name)  # computed there, where they are asked for again
     return _with_known(alone, shape, kept)
 
 
 @cached_method
 def cut_shape(shape: PreparedShape, most: int) -> PreparedShape | None:
-    """Cut a body along the paths of self-contacts, and close all holes; its vertices are the first. None without any."""
+    """Cut a body along the paths of self-contacts, and close all holes; None without any, or where a cut parts it."""
     if most == 0 or shape.triangles is None:
         return None
     cut = _self_contacts(shape, most)
     if not cut.cut_paths:
         return None
-    longest = max(cut.cut_paths, key=len)
-    count = len(cut.cut_paths)
+    longest, count = max(cut.cut_paths, key=len), len(cut.cut_paths)
     note = (
         f"cut where limbs seem to be fused, along {count} {'path' if count == 1 else 'paths'}; the "
         f"largest has {len(longest)} vertices, one of them vertex {shape.user_vertex[longest[0]]}; if nothing is fused, "
         "set preparation.self_contact_concavity = 0"
     )
-    return _closed_if_sound(shape, note, cut.mesh, cut.vertex_index)
+    with suppress(MeshError, NotConvergedError):
+        return _variant(shape, capped(cut.mesh), cut.vertex_index, note)
+    return None
 
 
 def crease_length(shape: PreparedShape) -> float:
@@ -91,51 +85,19 @@ def crease_length(shape: PreparedShape) -> float:
     return float(np.linalg.norm(here - there, axis=1).sum() / np.sqrt(mesh.area))
 
 
-def creased_shape(shape: PreparedShape, most: int, torn: BoolArray | None = None) -> PreparedShape | None:
-    """Cut a body along the paths of self-contacts and its creases, of which either end is torn (n_body,), and close it.
-
-    None if it has no creases.
-    """
-    cut, edges = _self_contacts_and_creases(shape, most)
-    if torn is not None:
-        edges = edges[torn[cut.vertex_index[edges]].any(axis=1)]
-    if not len(edges):
-        return None
-    mesh, index = cut_along(cut.mesh, edges)
-    at = shape.user_vertex[cut.vertex_index[edges[0, 0]]]
-    note = (
-        f"cut along {len(edges)} edges of creases where limbs may be fused, one of them at vertex {at}; if nothing is "
-        "fused, set preparation.self_contact_concavity = 0"
-    )
-    return _closed_if_sound(shape, note, mesh, cut.vertex_index[index], ends_of(edges))
-
-
+@cached_method
 def opened_shape(shape: PreparedShape, most: int) -> PreparedShape | None:
-    """Cut a body along the paths of self-contacts and along all its creases, and leave the cuts open; None without any.
-
-    Its first vertices are those of the body, and the user's shape is the same.
-    """
+    """Cut a body along the paths of self-contacts and along all its creases, and leave the cuts open; None without any."""
     cut, edges = _self_contacts_and_creases(shape, most)
     if not cut.cut_paths and not len(edges):
         return None
     mesh, index = cut_along(cut.mesh, edges)
-    origin = cut.vertex_index[index]
     note = (
         "cut open where limbs may be fused, along self-contacts and creases; if nothing is fused, set "
         "preparation.self_contact_concavity = 0"
     )
     with suppress(MeshError, NotConvergedError):
-        return replace(
-            _prepared_again(shape, mesh, shape.requested),
-            surface=shape.surface,
-            body_vertex=shape.body_vertex,
-            user_vertex=shape.user_vertex[origin],
-            detail=shape.detail,
-            scale=shape.scale,
-            origin=origin,
-            left_out=shape.left_out,
-            notes=(*shape.notes, note),
-        )
+        return _variant(shape, mesh, cut.vertex_index[index], note)
     return None
 
 
@@ -161,23 +123,25 @@ def _self_contacts_and_creases(shape: PreparedShape, most: int) -> tuple[Cut, In
     return cut, creases(cut.mesh)
 
 
-def _closed_if_sound(
-    shape: PreparedShape, note: str, mesh: Mesh, origin: IntArray, chords: Iterable[IntArray] = ()
-) -> PreparedShape | None:
-    """Close a body that was cut on trial; None if it cannot be prepared, as where a cut parts it."""
-    with suppress(MeshError, NotConvergedError):
-        return replace(_closed(shape, mesh, origin, chords), notes=(note,))
-    return None
+def _variant(shape: PreparedShape, mesh: Mesh, origin: IntArray, *notes: str) -> PreparedShape:
+    """Prepare a mesh made from the body of a shape, whose maps are those of the shape.
 
-
-def _closed(
-    shape: PreparedShape, mesh: Mesh, origin: IntArray, chords: Iterable[IntArray] = ()
-) -> PreparedShape:
-    """Prepare the body of a shape, perhaps cut, with all holes closed, given the old vertex of each of its own."""
-    closed = capped(mesh, chords)
-    made = _prepared_again(shape, closed, shape.requested)
-    on_caps = np.full(closed.n_vertices - mesh.n_vertices, -1)
-    return replace(made, origin=np.concatenate([origin, on_caps]), notes=())
+    The vertices of the body come first; ``origin`` has the vertex there of each further one, and those of caps have none.
+    """
+    made = _prepared_again(shape, mesh, shape.requested)
+    on_caps = np.full(mesh.n_vertices - len(origin), UNMATCHED)
+    variant = replace(made, origin=np.concatenate([origin, on_caps]), original=replace(shape))
+    return replace(
+        variant,
+        surface=shape.surface,
+        body_vertex=shape.body_vertex,
+        user_vertex=shape.user_vertex[variant.owner],
+        detail=shape.detail,
+        scale=made.scale * shape.scale,
+        left_out=shape.left_out,
+        share=shape.share,
+        notes=(*shape.notes, *notes),
+    )
 
 
 def _prepared_again(shape: PreparedShape, mesh: Mesh, config: Config) -> PreparedShape:

@@ -1,0 +1,269 @@
+"""`verify`: how right any map looks on two shapes as they are, by one cost that knows nothing of who found it."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from isomatch.assets import SurfaceLike
+from isomatch.correspondence import UNMATCHED, Correspondence, RigidRegistration
+from isomatch.descriptors import RADII, BallSignature, ball_signature, deviation_of
+from isomatch.errors import MeshError
+from isomatch.geodesics import distance_along_edges_to_nearest
+from isomatch.loading.first_use import Shown
+from isomatch.matching.pair import ShapePair, prepare_pair
+from isomatch.matching.priors import checked_initial_map
+from isomatch.matching.quality import mean_known
+from isomatch.matching.relations.bending import Surroundings, bent_onto
+from isomatch.resolution import Prolongation, decimate
+from isomatch.runtime.threads import in_background, parallel_map, serial_blas
+from isomatch.settings import Config
+from isomatch.shapes import N_BALLS, PreparedShape
+from isomatch.surfaces import Mesh, linked
+from isomatch.values.arrays import BoolArray, FloatArray, IntArray
+from isomatch.values.cached import cached_method, cached_property
+
+# those without another source: docs/lab/design_notes.md, one verification
+LENGTHS = (0.3, 0.2, 0.14, 0.09, 0.06)  # in √area, over which a shape resists while it is bent by a map
+N_BENT = 1000  # vertices of the shape that is bent
+DESCRIPTOR_WEIGHT, SUPPORT_EXPONENT = 6.0, 2.0  # 3 to 10 and 1 to 3 choose alike
+COVERED = 0.05  # √area from an image, up to which a vertex has a counterpart; outcome.coverage_radius
+NEAR, FAR = 0.08, 0.3  # √area of the source: distances that measure the unit of a map
+N_MEASURED, FEWEST_MEASURED = 300, 40  # samples whose distances do, and how many distances are enough
+LARGEST_UNIT_CHANGE = 1.3  # by which a map may measure another unit than that of the files
+MOST_UNLIKE = 4.0  # times that one part may be as long as the other in the units of the files; beyond, areas are equal
+FEWEST_BENT = 30  # vertices of a piece that can be bent
+LEAST = 1e-9  # of what is divided by
+
+
+@dataclass(frozen=True, eq=False)
+class Verification(Shown):
+    """What speaks for a map of two surfaces, measured on them as they are; compare maps of one pair only.
+
+    Parameters
+    ----------
+    support : float
+        Share of the area that has a counterpart, of the shape that has more of it: 1 for a part inside a whole.
+    descriptor_distance : float
+        Mean over the area of how differently the surfaces look around points and their images, both ways, in standard
+        deviations; see `BallSignature`. nan if nothing is known.
+    bending, bending_back : float
+        Mean ``|log|`` of the stretch of edges × mean distance from the other surface, in √area, of what has images when it
+        is bent onto the target as rigidly as the map lets it, and of the target bent back.
+    unit : float
+        What √area of the source is worth in √area of the target: 1 between wholes.
+    cost : float
+        √(bending × bending back) × exp(6 × descriptor distance) / support². Lower is better; inf without images.
+    seconds : float
+        Time of this measurement, without that of the preparation.
+    """
+
+    support: float
+    descriptor_distance: float
+    bending: float
+    bending_back: float
+    unit: float
+    seconds: float
+
+    @property
+    def cost(self) -> float:
+        """One number for all of it, by which maps of one pair compare."""
+        bending = np.sqrt(self.bending * self.bending_back)
+        if not (self.support and np.isfinite(bending)):
+            return np.inf
+        unlike = DESCRIPTOR_WEIGHT * np.nan_to_num(self.descriptor_distance, nan=1.0)
+        return float(bending * np.exp(unlike) / self.support**SUPPORT_EXPONENT)
+
+
+def verify(
+    source: SurfaceLike | PreparedShape,
+    target: SurfaceLike | PreparedShape,
+    map: Correspondence | ArrayLike,
+    config: Config | None = None,
+    seed: int = 0,
+) -> Verification:
+    """Measure, without a ground truth, what speaks for a map between two meshes that any tool has made.
+
+    The same map costs the same whichever way found it. Numbering, motion and turning both surfaces over change nothing
+    but what sampling changes, and neither does swapping the surfaces with the inverse map.
+
+    Parameters
+    ----------
+    source, target : Mesh, PreparedShape, path_like, tuple or object
+        As for `match`.
+    map : Correspondence or (n_source,) array_like of int
+        Target vertex of each source vertex; −1 where there is none.
+    config, seed
+        As for `match`; they concern the preparation of shapes not yet prepared.
+
+    Returns
+    -------
+    Verification
+        Costs compare maps of one pair. They do not say by themselves whether a map is right: right maps of two species cost
+        what wrong ones of one person do.
+
+    Raises
+    ------
+    MeshError
+        If a shape is no mesh, or cannot be used.
+    MapError
+        If the map does not fit the shapes.
+
+    Notes
+    -----
+    Bending is that of Sorkine & Alexa, *As-rigid-as-possible surface modeling*, SGP 2007. About 0.2 s a map after the
+    preparation. Only the largest component of a shape is looked at.
+
+    Examples
+    --------
+    >>> from isomatch.datasets import example_pair
+    >>> source, target = example_pair()
+    >>> right = verify(source.mesh, target.mesh, target.nearest_to(source))
+    """
+
+    def verified() -> Verification:
+        with serial_blas():
+            pair = prepare_pair(source, target, config, seed)
+            for side, shape in (("source", pair.source), ("target", pair.target)):
+                if shape.triangles is None:
+                    raise MeshError(f"{side}: a map is verified by bending surfaces, which needs triangles; give meshes")
+            image: ArrayLike
+            if isinstance(map, Correspondence):
+                map.check_fits(pair.source.surface, pair.target.surface)
+                image = map.vertices
+            else:
+                image = map
+            sizes = pair.source.surface.n_vertices, pair.target.surface.n_vertices
+            return Verifier(pair)(on_bodies(pair, checked_initial_map(image, *sizes)))
+
+    return in_background(verified)
+
+
+def on_bodies(pair: ShapePair, vertices: IntArray) -> IntArray:
+    """Turn a map (n_source,) of the users' vertices into one of the bodies: target vertex of each body vertex, or −1."""
+    image = vertices[pair.source.user_vertex]
+    return np.where(image >= 0, pair.target.body_vertex[image], UNMATCHED)
+
+
+@cached_method
+def verifier_of(pair: ShapePair) -> Verifier:
+    """Return what verifies maps of a pair."""
+    return Verifier(pair)
+
+
+class Verifier:
+    """Verifies maps of the bodies of one pair of meshes; what it needs of the shapes is computed once."""
+
+    def __init__(self, pair: ShapePair) -> None:
+        self.shapes = pair.source, pair.target
+        long = pair.config.parts.long_boundary
+        self.are_whole = pair.config.scale == "area" or all(x.longest_boundary <= long for x in self.shapes)
+        ratio = pair.source.scale / pair.target.scale
+        told = not self.are_whole and 1 / MOST_UNLIKE <= ratio <= MOST_UNLIKE
+        self.unit = ratio if told else 1.0
+
+    def __call__(self, image: IntArray) -> Verification:
+        """Verify a map: vertex of the target's body for each of the source's, −1 where it has none."""
+        started = time.perf_counter()
+        source, target = self.shapes
+        matched = image >= 0
+        if not matched.any():
+            return Verification(0.0, np.nan, np.nan, np.nan, self.unit, time.perf_counter() - started)
+        back, gap = _inverse(target, image)
+        covered = gap <= COVERED
+        back = np.where(covered, back, UNMATCHED)
+        unit = self._unit_of(image)
+        ways = ((0, image, unit), (1, back, 1 / unit))
+        there, onto_source = parallel_map(lambda way: self._bent(*way), ways)
+        areas = source.body.vertex_areas, target.body.vertex_areas
+        apart = [mean_known(self._apart(way, to), areas[way]) for way, to, _ in ways]
+        support = max(_share(source, matched), _share(target, covered))
+        distance = float(np.nanmean(apart)) if np.isfinite(apart).any() else np.nan
+        return Verification(support, distance, there, onto_source, unit, time.perf_counter() - started)
+
+    @cached_property
+    def _balls(self) -> tuple[tuple[BallSignature, BallSignature], FloatArray]:
+        """The ball signatures of both bodies, in √area of the larger one, and the unit of their differences."""
+        lengths = self.unit, 1.0
+        source, target = (_balls(shape, length / max(lengths)) for shape, length in zip(self.shapes, lengths))
+        return (source, target), deviation_of(source, target)
+
+    def _apart(self, way: int, image: IntArray) -> FloatArray:
+        """Descriptor distance of the vertices of one shape and their images; nan where unknown."""
+        balls, deviation = self._balls
+        distance = balls[way].descriptor_distance(balls[1 - way].at(image), deviation)
+        return np.where(image >= 0, distance, np.nan)
+
+    def _unit_of(self, image: IntArray) -> float:
+        """Measure the unit: the median ratio of distances of images and of near samples."""
+        source, target = self.shapes
+        if self.are_whole:
+            return self.unit
+        samples = source.sample_vertices[image[source.sample_vertices] >= 0][:N_MEASURED]
+        along = source.distances.between(samples, samples)
+        near = (along > NEAR) & (along < FAR)
+        if near.sum() < FEWEST_MEASURED:
+            return self.unit
+        there = np.maximum(target.distances.between(image[samples], image[samples]), LEAST)
+        measured = float(np.median(there[near] / along[near]))
+        return float(np.clip(measured, self.unit / LARGEST_UNIT_CHANGE, self.unit * LARGEST_UNIT_CHANGE))
+
+    @cached_property
+    def _meshes(self) -> list[Mesh]:
+        return [mesh.moved(mesh.vertices / np.sqrt(mesh.area)) for mesh in (x.mesh_body for x in self.shapes)]
+
+    @cached_method
+    def _coarse(self, way: int) -> Prolongation:
+        return Prolongation(self._meshes[way], decimate(self._meshes[way], N_BENT))
+
+    @cached_method
+    def _registration(self, way: int) -> RigidRegistration:
+        return RigidRegistration(self._coarse(way).coarse.mesh, keeps=True)
+
+    def _bent(self, way: int, image: IntArray, unit: float) -> float:
+        """Bending of the largest piece of one shape that has images; nan if it is too small."""
+        coarse, mesh = self._coarse(way), self._coarse(way).coarse.mesh
+        onto = Surroundings(self._meshes[1 - way], self.shapes[1 - way].index, unit)
+        at = image[coarse.nearest_members]
+        if (at >= 0).all():
+            registration = self._registration(way)
+        else:
+            kept = largest_piece(mesh, at >= 0)
+            if len(kept) < FEWEST_BENT:
+                return np.nan
+            inside = np.zeros(mesh.n_vertices, dtype=bool)
+            inside[kept] = True
+            registration, at = RigidRegistration(mesh.submesh(inside)[0]), at[kept]
+        return bent_onto(registration, onto, onto.mesh.vertices[at], LENGTHS).spectral_residual
+
+
+def _balls(shape: PreparedShape, length: float) -> BallSignature:
+    if length == 1.0 and shape.balls is not None:
+        return shape.balls
+    return ball_signature(shape.mesh_body, RADII, unit=1 / length, samples=shape.sample_vertices[:N_BALLS], weld=False)
+
+
+def _inverse(target: PreparedShape, image: IntArray) -> tuple[IntArray, FloatArray]:
+    """Vertex of the source (n_target,) whose image is nearest to each of the target's, and how far that is, in √area."""
+    known = np.flatnonzero(image >= 0)[::-1]
+    of = np.zeros(target.body.n_vertices, dtype=np.int64)
+    of[image[known]] = known
+    gap, nearest = distance_along_edges_to_nearest(target.body, np.unique(image[known]))
+    return of[nearest], gap
+
+
+def _share(shape: PreparedShape, inside: BoolArray) -> float:
+    return float(np.average(inside, weights=shape.body.vertex_areas))
+
+
+def largest_piece(mesh: Mesh, inside: BoolArray) -> IntArray:
+    """Vertices of the largest connected piece of some of a mesh."""
+    faces = mesh.faces[inside[mesh.faces].all(axis=1)]
+    used = np.zeros(mesh.n_vertices, dtype=bool)
+    used[faces] = True
+    _, label = linked(mesh.n_vertices, (faces[:, 0], faces[:, 1]), (faces[:, 1], faces[:, 2]))
+    areas = np.bincount(label, mesh.vertex_areas * used)
+    return np.flatnonzero(used & (label == areas.argmax()))
