@@ -24,7 +24,7 @@ from isomatch.matching.verify import on_bodies, verifier_of
 from isomatch.runtime.stage_timer import StageTimer
 from isomatch.runtime.threads import parallel_map
 from isomatch.settings import Config
-from isomatch.shapes import PreparedShape, capped_shape, cut_shape, turned_over
+from isomatch.shapes import PreparedShape, capped_shape, creased_shape, cut_shape, opened_shape, turned_over
 from isomatch.values.cached import cached_property
 
 # A way is a row: what it claims of the shapes, and when it is tried. It returns a finished map of the shapes as they are,
@@ -33,6 +33,8 @@ from isomatch.values.cached import cached_property
 SURE = Outcome.CONVERGED, Outcome.PARTIAL, Outcome.SYMMETRY_AMBIGUOUS  # nothing else is worth trying
 OF_USERS = {"matrix", "function"}  # names of engines of the user's own distances
 FLIPPED = 6  # best hypotheses whose flips are tried between capped shapes; mesh018–mesh014 with holes: 30 with 3
+CREASED = 3  # times that a shape is cut along its creases, and matched; docs/lab/design_notes.md
+TORN = 0.1  # √area between the images of the two sides of a crease, from which it is a self-contact
 AGREES = 0.12  # √area: mean distance up to which maps of two ways are one; as between maps of a part
 LITTLE_DOUBT = 0.5  # share of the bound of the doubt, up to which a part needs no other way; a mirror image had 0.94
 
@@ -184,6 +186,36 @@ def _part_from_closed(case: Case) -> Solution | None:
     return case.part.led_by(*first, runner_up).solution(case.timer)
 
 
+def _creases_cut(case: Case) -> Solution | None:
+    """Cut what has more handles along its creases, too, and again along those that the last map tears; the best map."""
+    # natural folds are creases, too; where both sides of one have near images, it is no self-contact
+    side = int(case.surplus[1] > case.surplus[0])
+    shapes: list[PreparedShape] = [capped_shape(case.pair.source), capped_shape(case.pair.target)]
+    torn, best = None, None
+    for _ in range(CREASED):
+        case.timer.start("prepare")
+        creased = creased_shape((case.pair.source, case.pair.target)[side], case.surplus[side], torn)
+        if creased is None:
+            break
+        shapes[side] = creased
+        match = case.between(shapes[0], shapes[1], case.pair.config)
+        if best and match.selection.winner.score > best.selection.winner.score:
+            break
+        best, torn = match, match.torn(side, TORN)
+    return case.summed_up(best) if best else None
+
+
+def _limbs_apart(case: Case) -> Solution | None:
+    """Match a source that has more handles with its self-contacts and creases open, as a part."""
+    # What limbs hide where they touch is missing, and distances lie between those of fused limbs and of limbs apart. Of a
+    # target that is a part much of the source would be left without images.
+    case.timer.start("prepare")
+    opened = opened_shape(case.pair.source, case.surplus[0])
+    if opened is None:
+        return None
+    return Part("source").on(replace(case.pair, source=opened), case.priors, case.stages).solution(case.timer)
+
+
 def _is_clear(case: Case, solution: Solution) -> bool:
     """Whether the map of a part is far from doubtful."""
     bound = LITTLE_DOUBT * case.pair.config.parts.poor_doubt
@@ -214,6 +246,18 @@ ALL_CUT = Way(
     lambda case: min(case.handles) > 0,
     lambda case: case.cut(*case.handles),
 )
+CREASES_CUT = Way(
+    "creases cut",
+    "the same, and folds are cut, too, where limbs may touch",
+    lambda case: max(case.surplus) > 0,
+    _creases_cut,
+)
+LIMBS_APART = Way(
+    "limbs apart",
+    "what has more handles is a part of the other, once self-contacts and creases are open",
+    lambda case: case.surplus[0] > 0 and case.pair.config.orientation == "preserve",
+    _limbs_apart,
+)
 ELASTIC = Way("elastic", "limbs may stretch", _stretches, _elastic)
 PART = Way(
     "part", "one shape is a part of the other", lambda case: True, lambda case: case.part.solution(case.timer), _is_clear
@@ -235,9 +279,9 @@ OVERLAP = Way(
     lambda case: BothParts().on(case.pair, case.priors, case.stages).solution(case.timer),
 )
 
-COMPLETE = AS_IT_IS, SURPLUS_CUT, ALL_CUT, ELASTIC
-MUCH_MISSING = PART, CLOSED, SURPLUS_CUT, PART_FROM_CLOSED
-LITTLE_MISSING = CLOSED, SURPLUS_CUT, PART_FROM_CLOSED, PART
+COMPLETE = AS_IT_IS, SURPLUS_CUT, ALL_CUT, CREASES_CUT, LIMBS_APART, ELASTIC
+MUCH_MISSING = PART, CLOSED, SURPLUS_CUT, CREASES_CUT, PART_FROM_CLOSED
+LITTLE_MISSING = CLOSED, SURPLUS_CUT, CREASES_CUT, PART_FROM_CLOSED, PART
 TWO_PARTS = AS_IT_IS, OVERLAP
 
 

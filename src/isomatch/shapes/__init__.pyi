@@ -6,7 +6,7 @@ from isomatch.shapes.symmetries import EXACTLY, SAME_SYMMETRY, describe_symmetri
 from isomatch.shapes.variants import (
     capped_shape,
     components_of,
-    crease_length,
+    creased_shape,
     cut_shape,
     mirror_image,
     opened_shape,
@@ -25,7 +25,7 @@ __all__ = [
     "body_of",
     "capped_shape",
     "components_of",
-    "crease_length",
+    "creased_shape",
     "cut_shape",
     "describe_symmetries",
     "farthest_rows",

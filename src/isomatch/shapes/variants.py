@@ -10,14 +10,14 @@ import numpy as np
 
 from isomatch.correspondence import UNMATCHED
 from isomatch.errors import MeshError, NotConvergedError
-from isomatch.mending import Cut, capped, creases, cut_along, cut_self_contacts
+from isomatch.mending import Cut, capped, creases, cut_along, cut_self_contacts, ends_of
 from isomatch.runtime.stage_timer import StageTimer
 from isomatch.settings import Config
 from isomatch.shapes.body import LEFT_UNMATCHED, sound_body
 from isomatch.shapes.prepare import prepared_body
 from isomatch.shapes.prepared_shape import PreparedShape
 from isomatch.surfaces import Mesh, Surface, reflected
-from isomatch.values.arrays import IntArray
+from isomatch.values.arrays import BoolArray, IntArray
 from isomatch.values.cached import cached_method
 
 
@@ -78,11 +78,25 @@ def cut_shape(shape: PreparedShape, most: int) -> PreparedShape | None:
     return None
 
 
-def crease_length(shape: PreparedShape) -> float:
-    """Length of the creases of a body, in √area."""
-    mesh = shape.mesh_body
-    here, there = mesh.vertices[_self_contacts_and_creases(shape, 0)[1]].transpose(1, 0, 2)
-    return float(np.linalg.norm(here - there, axis=1).sum() / np.sqrt(mesh.area))
+def creased_shape(shape: PreparedShape, most: int, torn: BoolArray | None = None) -> PreparedShape | None:
+    """Cut a body along the paths of self-contacts and its creases, and close it; None without creases.
+
+    Of creases, those with an end that is ``torn`` (n_body,), by default all.
+    """
+    cut, edges = _self_contacts_and_creases(shape, most)
+    if torn is not None:
+        edges = edges[torn[cut.vertex_index[edges]].any(axis=1)]
+    if not len(edges):
+        return None
+    mesh, index = cut_along(cut.mesh, edges)
+    note = (
+        f"cut along {len(edges)} edges of creases where limbs may be fused, one of them at vertex "
+        f"{shape.user_vertex[cut.vertex_index[edges[0, 0]]]}; if nothing is fused, set "
+        "preparation.self_contact_concavity = 0"
+    )
+    with suppress(MeshError, NotConvergedError):
+        return _variant(shape, capped(mesh, ends_of(edges)), cut.vertex_index[index], note)
+    return None
 
 
 @cached_method

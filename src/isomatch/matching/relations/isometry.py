@@ -129,6 +129,17 @@ class IsometricMatch:
         image = whole.index.vertices(of_whole, of_part[:n])
         return image if whole.original is None else whole.owner[image]
 
+    def torn(self, side: int, apart: float) -> BoolArray:
+        """Which vertices of a body that was cut, (n_original,), have copies whose images are so far apart, in √area."""
+        way = 1 if side == 0 else -1
+        here, there = (self.relation.source, self.relation.target)[::way]
+        at, to = self.embedding[::way]
+        image = there.index.vertices(to, at)
+        torn = np.zeros(len(here.owner), dtype=bool)
+        copies = np.flatnonzero(here.to_original == 0)
+        torn[here.owner[copies]] |= there.distance(image[copies], image[here.owner[copies]]) > apart
+        return torn
+
 
 class Isometry(Relation):
     """Both shapes are complete, and distances along them agree.
