@@ -38,7 +38,16 @@ from isomatch.geodesics import (
     geodesic_path,
 )
 from isomatch.landmarks import Landmarks, median_landmarks, nearest_landmarks, read_landmarks, write_landmarks
-from isomatch.matching import BothDirections, MatchResult, Outcome, Quality, match, match_both
+from isomatch.matching import (
+    BothDirections,
+    MatchResult,
+    Outcome,
+    Quality,
+    Verification,
+    match,
+    match_both,
+    verify,
+)
 from isomatch.mending import MeshReport, check, repair
 from isomatch.runtime.stage_timer import show_progress
 from isomatch.settings import Config
@@ -83,6 +92,7 @@ __all__ = [
     "Quality",
     "SettingError",
     "UnwritableFileError",
+    "Verification",
     "WrapQuality",
     "Wrapped",
     "bake_texture",
@@ -109,6 +119,7 @@ __all__ = [
     "read_point_cloud",
     "repair",
     "show_progress",
+    "verify",
     "wave_kernel_signature",
     "wrap",
     "write_asset",

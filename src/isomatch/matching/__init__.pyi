@@ -21,12 +21,15 @@ from isomatch.matching.relations.isometry import Isometry
 from isomatch.matching.relations.part import Part
 from isomatch.matching.result import Alternative, MatchResult, Outcome, Quality
 from isomatch.matching.search import default_starts
+from isomatch.matching.solve import WAYS
 from isomatch.matching.stages import Joint, Refinement, Relation, Stages, Start
+from isomatch.matching.verify import Verification, verify
 from isomatch.settings import COVERAGE_RADIUS
 
 __all__ = [
     "COVERAGE_RADIUS",
     "REFINEMENTS",
+    "WAYS",
     "Alternative",
     "BothDirections",
     "BothParts",
@@ -49,6 +52,7 @@ __all__ = [
     "Solution",
     "Stages",
     "Start",
+    "Verification",
     "check_refinement",
     "continue_with",
     "contradicted_landmarks",
@@ -66,4 +70,5 @@ __all__ = [
     "prepare_pair",
     "stages_of",
     "verified",
+    "verify",
 ]

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext, suppress
 from dataclasses import dataclass, field, replace
-from typing import Literal, cast
+from typing import Literal, TypeAlias, cast
 
 import numpy as np
 
 from isomatch.errors import NotConvergedError
-from isomatch.matching.evidence import Evidence, Solution, fits_badly
+from isomatch.matching.evidence import Evidence, Solution, fits_badly, mirror_image_fits
 from isomatch.matching.fit import Hypothesis
 from isomatch.matching.pair import ShapePair, search_pairs
 from isomatch.matching.priors import Priors
@@ -32,11 +32,16 @@ from isomatch.values.cached import cached_property
 # shapes as they are, whichever way found it; evidence says how sure it is, and never compares.
 SURE = Outcome.CONVERGED, Outcome.PARTIAL, Outcome.SYMMETRY_AMBIGUOUS  # nothing else is worth trying
 OF_USERS = {"matrix", "function"}  # names of engines of the user's own distances
-FLIPPED = 6  # best hypotheses whose flips are tried between capped shapes; mesh018–mesh014 with holes: 30 with 3
+FLIPPED = (
+    6  # best hypotheses whose flips are tried between capped shapes; mesh018–mesh014 with holes: 30 with 3
+)
 CREASED = 3  # times that a shape is cut along its creases, and matched; docs/lab/design_notes.md
 TORN = 0.1  # √area between the images of the two sides of a crease, from which it is a self-contact
+TIE = 1.1  # cost over the least, up to which verification does not decide; finer samples change it by 0.3 %
 AGREES = 0.12  # √area: mean distance up to which maps of two ways are one; as between maps of a part
-LITTLE_DOUBT = 0.5  # share of the bound of the doubt, up to which a part needs no other way; a mirror image had 0.94
+LITTLE_DOUBT = (
+    0.5  # share of the bound of the doubt, up to which a part needs no other way; a mirror image had 0.94
+)
 
 
 @dataclass(eq=False)
@@ -62,7 +67,9 @@ class Case:
         if config.part != "auto":
             return config.part
         of_source, of_target = (x.longest_boundary > config.parts.long_boundary for x in (source, target))
-        return "both" if of_source and of_target else "source" if of_source else "target" if of_target else None
+        return (
+            "both" if of_source and of_target else "source" if of_source else "target" if of_target else None
+        )
 
     @property
     def has_functions(self) -> bool:
@@ -97,7 +104,9 @@ class Case:
         source, target = cut_shape(pair.source, n_source), cut_shape(pair.target, n_target)
         if source is None and target is None:
             return None
-        match = self.between(source or capped_shape(pair.source), target or capped_shape(pair.target), pair.config)
+        match = self.between(
+            source or capped_shape(pair.source), target or capped_shape(pair.target), pair.config
+        )
         return self.summed_up(match)
 
     def between(self, source: PreparedShape, target: PreparedShape, config: Config) -> IsometricMatch:
@@ -135,14 +144,22 @@ class Case:
         return max(ours - theirs, 0), max(theirs - ours, 0)
 
 
+Overlap: TypeAlias = Literal["whole", "part", "parts"]
+"""Whether both shapes are complete, one is a part of the other, or both are parts of one body."""
+
+
 @dataclass(frozen=True)
 class Way:
-    """A row of the table: a name, when it is tried, how it is solved, and whether its map ends the search."""
+    """A row of the table: what is claimed of which variant of the shapes, when, and whether its map ends the search."""
 
     name: str
-    claim: str  # what it assumes, and of which variant of the shapes; in words
+    overlap: Overlap
+    stretches: bool  # whether limbs may
+    variant: str  # of the shapes
     applies: Callable[[Case], bool]
-    solve: Callable[[Case], Solution | None]  # a finished map of the shapes as they are, with the evidence for it
+    solve: Callable[
+        [Case], Solution | None
+    ]  # a finished map of the shapes as they are, with the evidence for it
     is_enough: Callable[[Case, Solution], bool] = lambda case, solution: solution.outcome in SURE
 
 
@@ -179,11 +196,12 @@ def _stretches(case: Case) -> bool:
 
 def _part_from_closed(case: Case) -> Solution | None:
     """Refine the map with the holes capped as one of a part, without a search of its own."""
-    assert case.closed is not None
-    match = case.closed
+    match = cast(IsometricMatch, case.closed)
     first = match.image_of(cast(PartSide, case.side)), match.relation.origin_of(match.selection.winner)
-    runner_up = match.selection.runner_up
-    return case.part.led_by(*first, runner_up).solution(case.timer)
+    solution = case.part.led_by(*first, match.selection.runner_up).solution(case.timer)
+    # caps let the mirror image be searched, which a part alone does not
+    mirrored = mirror_image_fits(match.measured.quality, case.pair.config.outcome)
+    return solution if solution.outcome in SURE else solution.with_evidence(Evidence(mirrored=mirrored))
 
 
 def _creases_cut(case: Case) -> Solution | None:
@@ -222,13 +240,12 @@ def _is_clear(case: Case, solution: Solution) -> bool:
     return solution.outcome is Outcome.PARTIAL and solution.quality.doubt <= bound
 
 
-def _never(case: Case, solution: Solution) -> bool:
-    return False
-
-
+AS_IS = "as they are"
 AS_IT_IS = Way(
     "isometry",
-    "complete shapes whose distances agree",
+    "whole",
+    False,
+    AS_IS,
     lambda case: True,
     lambda case: case.summed_up(case.isometric),
     # fused limbs make a handle that the other shape has not, and may look right
@@ -236,53 +253,64 @@ AS_IT_IS = Way(
 )
 SURPLUS_CUT = Way(
     "self-contacts cut",
-    "the same, where limbs are fused: handles that only one shape has are cut",
+    "whole",
+    False,
+    "handles that only one shape has are cut",
     lambda case: max(case.surplus) > 0,
     lambda case: case.cut(*case.surplus),
 )
 ALL_CUT = Way(
     "all self-contacts cut",
-    "the same, and those are cut that both have",
+    "whole",
+    False,
+    "all handles are cut",
     lambda case: min(case.handles) > 0,
     lambda case: case.cut(*case.handles),
 )
 CREASES_CUT = Way(
     "creases cut",
-    "the same, and folds are cut, too, where limbs may touch",
+    "whole",
+    False,
+    "handles that only one shape has are cut, and its folds",
     lambda case: max(case.surplus) > 0,
     _creases_cut,
 )
 LIMBS_APART = Way(
     "limbs apart",
-    "what has more handles is a part of the other, once self-contacts and creases are open",
+    "part",
+    False,
+    "handles and folds of the source are open",
     lambda case: case.surplus[0] > 0 and case.pair.config.orientation == "preserve",
     _limbs_apart,
 )
-ELASTIC = Way("elastic", "limbs may stretch", _stretches, _elastic)
+ELASTIC = Way("elastic", "whole", True, AS_IS, _stretches, _elastic)
 PART = Way(
-    "part", "one shape is a part of the other", lambda case: True, lambda case: case.part.solution(case.timer), _is_clear
-)
-CLOSED = Way(
-    "holes closed",
-    "complete shapes, once their holes are capped",
-    lambda case: case.closed is not None,
-    lambda case: case.summed_up(case.closed) if case.closed else None,
-    _never,
+    "part", "part", False, AS_IS, lambda case: True, lambda case: case.part.solution(case.timer), _is_clear
 )
 PART_FROM_CLOSED = Way(
-    "part, from the holes closed", "one shape is a part of the other", CLOSED.applies, _part_from_closed
+    "part, from the holes closed",
+    "part",
+    False,
+    "as they are, from a map with holes capped",
+    lambda case: case.closed is not None,
+    _part_from_closed,
 )
-OVERLAP = Way(
+OVERLAPPING = Way(
     "two parts",
-    "both shapes show parts of one body",
+    "parts",
+    False,
+    AS_IS,
     lambda case: True,
     lambda case: BothParts().on(case.pair, case.priors, case.stages).solution(case.timer),
 )
 
+# in the order in which they are tried
 COMPLETE = AS_IT_IS, SURPLUS_CUT, ALL_CUT, CREASES_CUT, LIMBS_APART, ELASTIC
-MUCH_MISSING = PART, CLOSED, SURPLUS_CUT, CREASES_CUT, PART_FROM_CLOSED
-LITTLE_MISSING = CLOSED, SURPLUS_CUT, CREASES_CUT, PART_FROM_CLOSED, PART
-TWO_PARTS = AS_IT_IS, OVERLAP
+MUCH_MISSING = PART, SURPLUS_CUT, CREASES_CUT, PART_FROM_CLOSED
+LITTLE_MISSING = SURPLUS_CUT, CREASES_CUT, PART_FROM_CLOSED, PART
+TWO_PARTS = AS_IT_IS, OVERLAPPING
+WAYS = {way.name: way for way in (*COMPLETE, *MUCH_MISSING, *TWO_PARTS)}
+"""What each way claims, by its name, which `MatchResult.way` records."""
 
 
 def ways_of(case: Case) -> tuple[Way, ...]:
@@ -299,7 +327,9 @@ def solved(case: Case) -> Solution:
     """Try one way after the other until one is sure; the map that verifies best is taken."""
     relation, problem = case.stages.relation, None
     if relation is not None:
-        return relation.on(case.pair, case.priors, case.stages).solution(case.timer)
+        return replace(
+            relation.on(case.pair, case.priors, case.stages).solution(case.timer), way=relation.way
+        )
     for way in ways_of(case):
         try:
             with nullcontext() if way is AS_IT_IS else case.timer.within(way.name):
@@ -316,24 +346,21 @@ def solved(case: Case) -> Solution:
 
 
 def _verified_best(case: Case) -> Solution:
-    """Take the map that verifies best; it is no surer than its lead over those that differ."""
+    """Take the map that verifies best, of those that tie the surest; it is no surer than its lead lets it be."""
     case.timer.start("quality")
     solutions, target = case.solutions, case.pair.target
     images = [on_bodies(case.pair, solution.map.vertices) for solution in solutions]
     costs = [verifier_of(case.pair)(image).cost for image in images]
-    best = min(range(len(costs)), key=lambda i: (costs[i], -solutions[i].outcome.sureness))
+    tied = [i for i, cost in enumerate(costs) if cost <= TIE * min(costs)]
+    best = min(tied, key=lambda i: (-solutions[i].outcome.sureness, solutions[i].doubt_or(costs[i])))
 
     def differs(i: int) -> bool:
         both = (images[i] >= 0) & (images[best] >= 0)
         return not both.any() or target.mean_distance(images[i][both], images[best][both]) > AGREES
 
-    lead = min((costs[i] for i in range(len(costs)) if differs(i)), default=np.inf) / costs[best]
+    lead = min((cost for i, cost in enumerate(costs) if differs(i)), default=np.inf) / costs[best]
     told = ", ".join(f"{cost:.2g} by {solution.way}" for cost, solution in zip(costs, solutions))
-    solution = solutions[best].led(lead)
-    # caps let the mirror image be searched, which a part alone does not
-    mirrored = any(piece.mirrored for other in solutions for piece in other.evidence)
-    if mirrored and solution.outcome not in SURE:
-        solution = solution.with_evidence(Evidence(mirrored=True))
+    solution = solutions[best].led(max(lead, 1.0))
     return replace(solution, reason=f"{solution.reason}; of several ways it verifies best (cost {told})")
 
 

@@ -105,6 +105,9 @@ class Relation(ABC):
     True
     """
 
+    way: ClassVar[str] = "isometry"
+    """The row of `WAYS` that claims the same, for the report."""
+
     pair: ShapePair
     priors: Priors
     stages: Stages

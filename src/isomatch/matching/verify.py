@@ -34,7 +34,9 @@ COVERED = 0.05  # √area from an image, up to which a vertex has a counterpart;
 NEAR, FAR = 0.08, 0.3  # √area of the source: distances that measure the unit of a map
 N_MEASURED, FEWEST_MEASURED = 300, 40  # samples whose distances do, and how many distances are enough
 LARGEST_UNIT_CHANGE = 1.3  # by which a map may measure another unit than that of the files
-MOST_UNLIKE = 4.0  # times that one part may be as long as the other in the units of the files; beyond, areas are equal
+MOST_UNLIKE = (
+    4.0  # times that one part may be as long as the other in the units of the files; beyond, areas are equal
+)
 FEWEST_BENT = 30  # vertices of a piece that can be bent
 LEAST = 1e-9  # of what is divided by
 
@@ -69,9 +71,14 @@ class Verification(Shown):
     seconds: float
 
     @property
+    def bending_both_ways(self) -> float:
+        """Geometric mean of the bending there and back."""
+        return float(np.sqrt(self.bending * self.bending_back))
+
+    @property
     def cost(self) -> float:
         """One number for all of it, by which maps of one pair compare."""
-        bending = np.sqrt(self.bending * self.bending_back)
+        bending = self.bending_both_ways
         if not (self.support and np.isfinite(bending)):
             return np.inf
         unlike = DESCRIPTOR_WEIGHT * np.nan_to_num(self.descriptor_distance, nan=1.0)
@@ -129,7 +136,9 @@ def verify(
             pair = prepare_pair(source, target, config, seed)
             for side, shape in (("source", pair.source), ("target", pair.target)):
                 if shape.triangles is None:
-                    raise MeshError(f"{side}: a map is verified by bending surfaces, which needs triangles; give meshes")
+                    raise MeshError(
+                        f"{side}: a map is verified by bending surfaces, which needs triangles; give meshes"
+                    )
             image: ArrayLike
             if isinstance(map, Correspondence):
                 map.check_fits(pair.source.surface, pair.target.surface)
@@ -243,7 +252,9 @@ class Verifier:
 def _balls(shape: PreparedShape, length: float) -> BallSignature:
     if length == 1.0 and shape.balls is not None:
         return shape.balls
-    return ball_signature(shape.mesh_body, RADII, unit=1 / length, samples=shape.sample_vertices[:N_BALLS], weld=False)
+    return ball_signature(
+        shape.mesh_body, RADII, unit=1 / length, samples=shape.sample_vertices[:N_BALLS], weld=False
+    )
 
 
 def _inverse(target: PreparedShape, image: IntArray) -> tuple[IntArray, FloatArray]:

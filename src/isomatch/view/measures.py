@@ -8,7 +8,7 @@ from math import isfinite, isnan
 from operator import attrgetter
 from typing import Any
 
-from isomatch.matching import MatchResult
+from isomatch.matching import WAYS, MatchResult
 from isomatch.settings import Config
 
 
@@ -215,12 +215,16 @@ def quality_bounds(result: MatchResult) -> dict[str, dict[str, float]]:
 
 def _measures_of(result: MatchResult) -> dict[str, Measure]:
     """Give the measures with the bounds that the match of the result had."""
-    is_whole = isnan(result.quality.doubt) and isnan(result.quality.stress)
     measures = dict(MEASURES)
-    for field, (side, setting) in (_BOUNDS if is_whole else _BOUNDS_OF_PART).items():
+    for field, (side, setting) in (_BOUNDS if is_of_whole(result) else _BOUNDS_OF_PART).items():
         bound: dict[str, Any] = {side: attrgetter(setting)(config_of(result))}
         measures[field] = replace(measures[field], **bound)
     return measures
+
+
+def is_of_whole(result: MatchResult) -> bool:
+    """Whether the map was claimed to be one of complete shapes; maps of other methods are."""
+    return result.way not in WAYS or WAYS[result.way].overlap == "whole"
 
 
 def config_of(result: MatchResult) -> Config:

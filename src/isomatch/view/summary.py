@@ -12,7 +12,7 @@ from isomatch.correspondence import Correspondence
 from isomatch.matching import Alternative, MatchResult, Outcome
 from isomatch.surfaces import Mesh
 from isomatch.view.camera import of_ordinary_size
-from isomatch.view.measures import config_of, quality_measures
+from isomatch.view.measures import config_of, is_of_whole, quality_measures
 
 LITTLE_CONFIDENCE = 0.5  # an expected error of 0.05 √area, see `MatchResult.confidence`
 WORTH_TELLING = 0.005  # share of the vertices
@@ -120,8 +120,9 @@ def _partners(result: MatchResult) -> str:
 def _doubt(result: MatchResult) -> str:
     """Say how much of the surface is in doubt, and where most of all."""
     if not result.regions:
-        whole = np.isnan([result.quality.doubt, result.quality.stress]).all()
-        sought = whole and result.descriptor_distance is not None and not result.outcome.is_doubtful
+        sought = (
+            is_of_whole(result) and result.descriptor_distance is not None and not result.outcome.is_doubtful
+        )
         return "No region is in doubt." if sought else ""
     largest, *others = result.regions
     share = _per_cent(sum(region.area for region in result.regions))

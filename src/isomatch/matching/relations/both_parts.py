@@ -58,6 +58,8 @@ class BothParts(Relation):
     better, unless the parts look different there.
     """
 
+    way = "two parts"
+
     def match(self) -> list[RefinedRegion]:
         """Search and refine regions in common: those refined to the end, the best first, then those on the way."""
         regions = self._refined(self._first_regions(), roughly=True)

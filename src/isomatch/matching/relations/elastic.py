@@ -119,6 +119,8 @@ class Elastic(Relation):
     True
     """
 
+    way = "elastic"
+
     def __init__(
         self,
         ordinary: Fit | None = None,

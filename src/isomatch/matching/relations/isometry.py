@@ -52,6 +52,7 @@ from isomatch.matching.selection import (
     survivors,
 )
 from isomatch.matching.stages import Relation
+from isomatch.matching.verify import verifier_of
 from isomatch.runtime.stage_timer import StageTimer
 from isomatch.runtime.threads import parallel_map, serial_blas
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
@@ -177,7 +178,7 @@ class Isometry(Relation):
         selection = self._refined_and_selected(eligible, runners_up)
         if hypotheses is None and self.stages.starts is None:
             selection = self._compared_further(selection, eligible)
-        selection = self._against_mirror_image(selection, eligible)
+        selection = self._against_mirror_image(self._least_bent(selection), eligible)
         embedding = self.everywhere(selection.winner)
         return IsometricMatch(selection, tuple(eligible), tuple(runners_up), embedding, self)
 
@@ -337,6 +338,29 @@ class Isometry(Relation):
         """Whether one orientation is wanted, of shapes that have one, and nothing else is known of the map."""
         config, oriented = self.pair.config, self.pair.oriented
         return oriented and config.orientation != "any" and config.hypotheses == "all" and not self.priors.any
+
+    def _least_bent(self, selection: Selection[Fit]) -> Selection[Fit]:
+        """Of refined maps that tie, take the one by which the shapes bend least; nothing tells which of them is right."""
+        # where neither shape has handles, which shorten distances; docs/lab/design_notes.md, one verification
+        first, tie = selection.winner, self.pair.config.outcome.tie
+        if not self._sided or max(self.source.handles, self.target.handles):
+            return selection
+        others = [
+            fit for fit in selection.runners_up if fit.score <= tie * first.score and fit.side == first.side
+        ]
+        tied = [first, *(fit for fit in others if is_another(self, fit, first))]
+        if len(tied) == 1:
+            return selection
+        bendings = [verifier_of(self.pair)(self._image(fit)).bending_both_ways for fit in tied]
+        best = tied[int(np.argmin(bendings))]
+        if best is first:
+            return selection
+        rest = tuple(fit for fit in (first, *selection.runners_up) if fit is not best)
+        return replace(selection, winner=best, runners_up=rest, runner_up=1.0, against=first)
+
+    def _image(self, fit: Fit) -> IntArray:
+        embedding = self.everywhere(fit)
+        return self.target.index.vertices(embedding.target, embedding.source)
 
     def _against_mirror_image(
         self, selection: Selection[Fit], candidates: Sequence[Candidate]

@@ -87,6 +87,8 @@ class Part(Relation):
     True
     """
 
+    way = "part"
+
     def __init__(self, side: PartSide = "source") -> None:
         if side not in ("source", "target"):
             raise SettingError(f"side = {side!r}; the part is the 'source' or the 'target'")
