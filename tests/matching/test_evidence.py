@@ -12,12 +12,10 @@ from isomatch import Outcome
 from isomatch.matching.evidence import (
     Evidence,
     PartDoubt,
-    closed_evidence,
     held_evidence,
     lowered,
     outcome_of,
     part_contradicts,
-    part_evidence,
 )
 from isomatch.settings import PartSettings
 
@@ -73,11 +71,11 @@ def test_a_score_that_is_unknown_is_not_sure():
 
 
 def test_a_map_that_is_not_sure_says_why_and_what_to_do():
-    assert doubt_of(BOUND / 10).notes(Outcome.LOW_CONFIDENCE, with_priors=False) == []
-    (badly,) = doubt_of(2 * BOUND).notes(Outcome.LOW_CONFIDENCE, with_priors=False)
+    assert doubt_of(BOUND / 10).notes(with_priors=False) == []
+    (badly,) = doubt_of(2 * BOUND).notes(with_priors=False)
     assert "badly" in badly
     assert "landmarks" in badly
-    (nearly,) = doubt_of(BOUND / 2, 1.5).notes(Outcome.LOW_CONFIDENCE, with_priors=True)
+    (nearly,) = doubt_of(BOUND / 2, 1.5).notes(with_priors=True)
     assert "1.50 times" in nearly
 
 
@@ -88,20 +86,9 @@ def test_single_landmarks_do_not_contradict_the_map_of_a_part():
     assert part_contradicts(np.zeros(0), 1.0, 0.1)
 
 
-def test_a_closed_map_that_is_sure_and_agrees_vouches_for_that_of_a_part():
-    assert outcome_of(part_evidence(POOR, (Evidence(),), agrees=True)) is Outcome.PARTIAL
-    assert outcome_of(part_evidence(POOR, (Evidence(),), agrees=False)) is Outcome.LOW_CONFIDENCE
-
-
-def test_a_closed_map_that_differs_or_is_ambiguous_leaves_doubt():
-    assert outcome_of(part_evidence(PART, (AMBIGUOUS,), agrees=True)) is Outcome.SYMMETRY_AMBIGUOUS
-    assert outcome_of(part_evidence(PART, (POOR,), agrees=False)) is Outcome.LOW_CONFIDENCE
-    assert outcome_of(part_evidence(PART, (POOR,), agrees=True)) is Outcome.PARTIAL
-
-
-def test_where_caps_spoil_the_measures_two_parts_are_judged_as_parts():
-    assert outcome_of(closed_evidence(PART, (Evidence(poor=True),))) is Outcome.PARTIAL
-    assert outcome_of(closed_evidence(POOR, (Evidence(),))) is Outcome.PARTIAL
+def test_a_map_of_another_way_that_comes_near_adds_to_the_doubt():
+    assert doubt_of(BOUND / 2, 9.0).against(1.5).doubt == pytest.approx(3 * BOUND / 2)
+    assert doubt_of(BOUND / 2, 1.5).against(9.0) == doubt_of(BOUND / 2, 1.5)
 
 
 def test_a_map_that_had_to_be_bent_to_its_landmarks_is_not_sure():

@@ -468,11 +468,15 @@ def test_with_holes_closed_the_body_is_as_coarse(opened):
     closed, n = capped_shape(shape), shape.body.n_vertices
     assert n == 800
     assert (closed.body.n_vertices > n) == opened
-    assert closed.surface.n_vertices == closed.body.n_vertices
-    assert closed.detail is closed.finer is None
-    assert np.ptp(closed.body.vertices[:n] * closed.scale - shape.body.vertices, axis=0).max() < 1e-9
-    image = closed.correspondence(closed, np.arange(closed.body.n_vertices))
-    np.testing.assert_array_equal(image.vertices, np.arange(closed.body.n_vertices))
+    assert closed.surface is shape.surface
+    assert closed.finer is None
+    ratio = closed.scale / shape.scale
+    assert np.ptp(closed.body.vertices[:n] * ratio - shape.body.vertices, axis=0).max() < 1e-9
+    everything = np.arange(closed.body.n_vertices)
+    carried, own = closed.correspondence(closed, everything), shape.correspondence(shape, np.arange(n))
+    np.testing.assert_array_equal(carried.vertices, own.vertices)
+    on_last = closed.correspondence(closed, np.full(len(everything), everything[-1]))
+    assert on_last.matched.all() != opened, "a cap is no image"
     np.testing.assert_array_equal(np.flatnonzero(closed.origin < 0), np.arange(n, closed.body.n_vertices))
     on_rim = np.unique(shape.mesh_body.boundary_edges)
     assert closed.balls.to_boundary[on_rim].max(initial=0.0) < 0.1, "what looks at a cap does not count"

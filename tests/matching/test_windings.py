@@ -10,7 +10,7 @@ from isomatch.resolution import decimate
 from isomatch.shapes import turned_over
 from shapes import icosphere, inside_out, upper_share
 
-NOTE = "seems to be inside out; of both windings of its faces, the map fits better with them"
+NOTE = "seems to be inside out; of both windings of its faces, the map verifies better with them"
 
 
 @pytest.fixture(scope="module")

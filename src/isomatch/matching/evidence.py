@@ -254,7 +254,7 @@ class Solution:
         return replace(self, doubt=doubt, quality=quality)
 
     def doubt_or(self, cost: float) -> float:
-        """The doubt of the map of a part, or a cost where there is none."""
+        """Give the doubt of the map of a part, or a cost where there is none."""
         return self.doubt.doubt if isinstance(self.doubt, PartDoubt) else cost
 
     def led(self, lead: float) -> Self:

@@ -1,4 +1,4 @@
-"""Solve a pair of connected shapes: a table of ways, tried in order until one is sure; the map that verifies best is taken."""
+"""Solve a pair of connected shapes: ways in a table, tried until one is sure; the map that verifies best is taken."""
 
 from __future__ import annotations
 
@@ -123,6 +123,11 @@ class Case:
         return replace(solution, pair=self.pair, notes=solution.notes).with_evidence(*partial)
 
     @property
+    def is_unsure(self) -> bool:
+        """Whether no map so far is sure."""
+        return all(solution.outcome not in SURE for solution in self.solutions)
+
+    @property
     def has_own_distances(self) -> bool:
         """Whether the distances of either shape are the user's own."""
         return bool({self.pair.source.distances.engine, self.pair.target.distances.engine} & OF_USERS)
@@ -164,7 +169,7 @@ class Way:
 
 
 def _elastic(case: Case) -> Solution | None:
-    """Match elastically, from the best isometry and all its candidates too; the isometry, if it keeps lengths and wins."""
+    """Match elastically, from the best isometry and its candidates; gives the isometry if it wins and keeps lengths."""
     match, relation, pair, timer = case.isometric, case.isometric.relation, case.pair, case.timer
     others = [
         (search_pairs(pair, candidate.target_row), candidate.hypothesis.origin)
@@ -190,8 +195,7 @@ def _elastic(case: Case) -> Solution | None:
 
 def _stretches(case: Case) -> bool:
     """Whether no isometry fits, so that an elastic map should be sought."""
-    unsure = all(solution.outcome not in SURE for solution in case.solutions)
-    return unsure and far_from_isometric(case.isometric.relation, case.isometric.measured.quality)
+    return case.is_unsure and far_from_isometric(case.isometric.relation, case.isometric.measured.quality)
 
 
 def _part_from_closed(case: Case) -> Solution | None:
@@ -248,8 +252,8 @@ AS_IT_IS = Way(
     AS_IS,
     lambda case: True,
     lambda case: case.summed_up(case.isometric),
-    # fused limbs make a handle that the other shape has not, and may look right
-    lambda case, solution: solution.outcome in SURE and not max(case.surplus),
+    # fused limbs make a handle, and may look right
+    lambda case, solution: solution.outcome in SURE and not max(case.handles),
 )
 SURPLUS_CUT = Way(
     "self-contacts cut",
@@ -272,7 +276,7 @@ CREASES_CUT = Way(
     "whole",
     False,
     "handles that only one shape has are cut, and its folds",
-    lambda case: max(case.surplus) > 0,
+    lambda case: case.is_unsure and max(case.surplus) > 0,
     _creases_cut,
 )
 LIMBS_APART = Way(
@@ -280,7 +284,7 @@ LIMBS_APART = Way(
     "part",
     False,
     "handles and folds of the source are open",
-    lambda case: case.surplus[0] > 0 and case.pair.config.orientation == "preserve",
+    lambda case: case.is_unsure and case.surplus[0] > 0 and case.pair.config.orientation == "preserve",
     _limbs_apart,
 )
 ELASTIC = Way("elastic", "whole", True, AS_IS, _stretches, _elastic)
@@ -314,7 +318,7 @@ WAYS = {way.name: way for way in (*COMPLETE, *MUCH_MISSING, *TWO_PARTS)}
 
 
 def ways_of(case: Case) -> tuple[Way, ...]:
-    """The ways for a pair, in the order in which they are tried."""
+    """Give the ways for a pair, in the order in which they are tried."""
     if case.side == "both":
         return TWO_PARTS
     if case.side is None:

@@ -53,8 +53,8 @@ class Verification(Shown):
         Mean over the area of how differently the surfaces look around points and their images, both ways, in standard
         deviations; see `BallSignature`. nan if nothing is known.
     bending, bending_back : float
-        Mean ``|log|`` of the stretch of edges × mean distance from the other surface, in √area, of what has images when it
-        is bent onto the target as rigidly as the map lets it, and of the target bent back.
+        Mean ``|log|`` of the stretch of edges × mean distance from the other surface, in √area: of what has images, when
+        it is bent onto the target as rigidly as the map lets it, and of the target bent back.
     unit : float
         What √area of the source is worth in √area of the target: 1 between wholes.
     cost : float
@@ -109,8 +109,8 @@ def verify(
     Returns
     -------
     Verification
-        Costs compare maps of one pair. They do not say by themselves whether a map is right: right maps of two species cost
-        what wrong ones of one person do.
+        Costs compare maps of one pair. They do not say by themselves whether a map is right: right maps of two species
+        cost what wrong ones of one person do.
 
     Raises
     ------

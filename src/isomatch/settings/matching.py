@@ -189,8 +189,6 @@ class PartSettings(Settings):
         Length of the longest piece of the boundary, in √area, above which a shape may be a part.
     close : bool
         Also match the shapes with their holes closed, as complete ones.
-    closed_score : float
-        The map with the holes closed is returned if its cost is less than this times that of the best map of a part.
     little_missing, most_there : float
         Shares of the area of the whole, by the units of the files, from which a part is matched with its holes closed
         first, and if that is sure, from there; the second where few distances are known (``little_trusted``).
@@ -219,7 +217,6 @@ class PartSettings(Settings):
     hopeless: float = setting(3.0, "docs/lab/robustness.md: parts", least=1)
     long_boundary: float = setting(0.15, "complete bodies up to 0.08, without a limb from 0.2", least=0)
     close: bool = setting(True, "docs/lab/robustness.md: holes closed")
-    closed_score: float = setting(1.1, "chosen, not measured", least=0)
     little_missing: float = setting(0.85, "docs/lab/design_notes.md", least=0)
     most_there: float = setting(0.6, "docs/lab/design_notes.md", least=0)
     bending: tuple[float, ...] = setting(LENGTHS, "docs/lab/robustness.md: parts", least=1e-3)

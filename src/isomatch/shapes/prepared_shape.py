@@ -192,17 +192,17 @@ class PreparedShape(SmoothShape, Shown):
         return source.correspondence(target, points, matched)
 
     def on_original(self, points: PrecisePoints) -> tuple[PrecisePoints, BoolArray]:
-        """Carry points of the body back to that of the original, and tell which of them lie on no cap, or near its rim."""
+        """Carry points of the body back to that of the original, and tell which lie on no cap, or near its rim."""
         vertices = points.corners[:, 0]
         near = self.to_original[vertices] <= self.config.parts.rim
-        on_it = PrecisePoints.at_vertices(self.owner[vertices])
+        on_it = PrecisePoints.at_vertices(self.original_vertex[vertices])
         inside = (self.to_original[points.corners] == 0).all(axis=1)
-        on_it.corners[inside] = self.owner[points.corners[inside]]
+        on_it.corners[inside] = self.original_vertex[points.corners[inside]]
         on_it.barycentric[inside] = points.barycentric[inside]
         return on_it, near
 
     @cached_property
-    def owner(self) -> IntArray:
+    def original_vertex(self) -> IntArray:
         """(n_body,) vertex of the original's body that is nearest to each vertex of a variant."""
         return self._nearest_of_original[1]
 
@@ -213,7 +213,8 @@ class PreparedShape(SmoothShape, Shown):
 
     @cached_property
     def _nearest_of_original(self) -> tuple[FloatArray, IntArray]:
-        assert self.origin is not None and self.original is not None
+        assert self.origin is not None
+        assert self.original is not None
         real = np.flatnonzero(self.origin >= 0)
         if len(real) == len(self.origin):
             return np.zeros(len(real)), self.origin

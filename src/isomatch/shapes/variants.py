@@ -101,7 +101,7 @@ def creased_shape(shape: PreparedShape, most: int, torn: BoolArray | None = None
 
 @cached_method
 def opened_shape(shape: PreparedShape, most: int) -> PreparedShape | None:
-    """Cut a body along the paths of self-contacts and along all its creases, and leave the cuts open; None without any."""
+    """Cut a body along the paths of self-contacts and all its creases, and leave the cuts open; None without any."""
     cut, edges = _self_contacts_and_creases(shape, most)
     if not cut.cut_paths and not len(edges):
         return None
@@ -149,7 +149,7 @@ def _variant(shape: PreparedShape, mesh: Mesh, origin: IntArray, *notes: str) ->
         variant,
         surface=shape.surface,
         body_vertex=shape.body_vertex,
-        user_vertex=shape.user_vertex[variant.owner],
+        user_vertex=shape.user_vertex[variant.original_vertex],
         detail=shape.detail,
         scale=made.scale * shape.scale,
         left_out=shape.left_out,

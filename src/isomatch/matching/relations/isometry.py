@@ -128,7 +128,7 @@ class IsometricMatch:
         (part, of_part), (whole, of_whole) = sides if side == "source" else reversed([*sides])
         n = (part.original or part).body.n_vertices
         image = whole.index.vertices(of_whole, of_part[:n])
-        return image if whole.original is None else whole.owner[image]
+        return image if whole.original is None else whole.original_vertex[image]
 
     def torn(self, side: int, apart: float) -> BoolArray:
         """Which vertices of a body that was cut, (n_original,), have copies whose images are so far apart, in √area."""
@@ -136,9 +136,11 @@ class IsometricMatch:
         here, there = (self.relation.source, self.relation.target)[::way]
         at, to = self.embedding[::way]
         image = there.index.vertices(to, at)
-        torn = np.zeros(len(here.owner), dtype=bool)
+        torn = np.zeros(len(here.original_vertex), dtype=bool)
         copies = np.flatnonzero(here.to_original == 0)
-        torn[here.owner[copies]] |= there.distance(image[copies], image[here.owner[copies]]) > apart
+        torn[here.original_vertex[copies]] |= (
+            there.distance(image[copies], image[here.original_vertex[copies]]) > apart
+        )
         return torn
 
 
