@@ -8,6 +8,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from isomatch.correspondence import (
+    Intervals,
     alignment_from_functions,
     alignments_from_points,
     assign_points,
@@ -153,11 +154,12 @@ def starts_from_anchors(pair: ShapePair) -> list[IntArray]:
     signatures = pair.search_signatures
     n = N_CANDIDATES
     anchors = farthest_rows(here[:n, :n], N_ANCHORS)
-    exact = here[np.ix_(anchors, anchors)]
+    exact, among = here[np.ix_(anchors, anchors)], there[:n, :n]
+    sides = Intervals(exact, exact), Intervals(among, among)
     remoteness = np.abs(there.mean(axis=1)[:n] - here.mean(axis=1)[anchors, None])
     unlike = np.linalg.norm(signatures.target[:n] - signatures.source[anchors, None], axis=2)
     unary = ECCENTRICITY_WEIGHT * remoteness + SIGNATURE_WEIGHT * unlike
-    assigned, _ = assign_points(there[:n, :n], exact, exact, unary, EXACTLY, BEAM, APART)
+    assigned, _ = assign_points(*sides, unary, EXACTLY, BEAM, APART)
     starts = [nearest_rows(there[:, images], here[:, anchors]) for images in assigned[:N_STARTS]]
     return parallel_map(lambda start: slid(pair, start), starts)
 
