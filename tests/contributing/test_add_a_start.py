@@ -45,7 +45,7 @@ def mean_error(found, mesh, truth):
 def test_alone_it_leads_to_the_right_map(animals):
     source, target, truth = animals
     found = match(source, target, starts=[inertia])
-    assert found.origin in ("inertia", "symmetry")
+    assert found.origin in ("inertia", "symmetry", "flip")
     assert mean_error(found, target, truth) < 0.02
 
 
@@ -54,7 +54,7 @@ def test_with_those_of_isomatch_it_contends(animals):
     source, target, truth = animals
     found = match(source, target, starts=[inertia, *default_starts])
     assert found.outcome is Outcome.CONVERGED
-    assert "stages handed in: starts = inertia, extremities, poses, anchors, flip" in found.notes
+    assert "stages handed in: starts = inertia, extremities, poses, anchors" in found.notes
     assert mean_error(found, target, truth) < 0.02
 
 
