@@ -13,19 +13,17 @@ from isomatch.runtime.threads import parallel_rows
 from isomatch.values.arrays import AnyArray, Float32Array, FloatArray, IntArray
 
 Terms: TypeAlias = tuple[Any, ...]  # for compiled loops, see `IntervalCost.terms`
-
 FORBIDDEN = 50.0  # more than any assignment costs
 NOTHING = np.float32(-1e9)  # gain of a place in a beam that is still free
 FAST = {"nnan", "nsz", "reassoc", "contract", "arcp"}  # no number is nan, and last bits do not matter
 
 # Where a part of a surface is missing, the distance of two points on the whole is known only to lie in an interval [l,
 # u]: u is the distance along the part, and l allows paths through what is missing (`MissingRegion`; Bracha, Dagès &
-# Kimmel, *Wormhole Loss for Partial Shape Matching*, NeurIPS 2024). A map f of a near-isometric pair should then
-# satisfy, for all pairs a, b of points,
-#   [l_ab, u_ab] and [l′, u′] of f(a), f(b) meet,   where l′ = u′ = d(f(a), f(b)) if f leads to a whole.
-# Violations are summed as in a quadratic assignment problem, Σ_ab w_ab c_ab(f(a), f(b)) + Σ_a unary(a, f(a)), which is
-# solved approximately by assigning one point after the other: `assign_points` keeps many assignments of all points,
-# `grow_regions` leaves out points where no candidate agrees, `trilaterate` places each point by itself.
+# Kimmel, *Wormhole Loss for Partial Shape Matching*, NeurIPS 2024). Under a map f of a near-isometric pair, the interval
+# of any two points should meet that of their images, a single number if f leads to a whole. Violations c are summed as in
+# a quadratic assignment problem, Σ_ab w_ab c_ab(f(a), f(b)) + Σ_a unary(a, f(a)), which is solved approximately by
+# assigning one point after the other: `assign_points` keeps many assignments of all points, `grow_regions` leaves out
+# points where no candidate agrees, `trilaterate` places each point by itself.
 
 
 class Intervals(NamedTuple):
@@ -206,9 +204,8 @@ def pin_first(unary: FloatArray, candidates: IntArray) -> None:
     --------
     >>> unary = np.ones((2, 3))
     >>> pin_first(unary, np.array([2]))
-    >>> unary
-    array([[50., 50.,  0.],
-           [ 1.,  1.,  1.]])
+    >>> unary.tolist()
+    [[50.0, 50.0, 0.0], [1.0, 1.0, 1.0]]
     """
     first = np.arange(len(candidates))
     unary[first] = FORBIDDEN

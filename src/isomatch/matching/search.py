@@ -72,12 +72,15 @@ def symmetric_variants(pair: ShapePair, target_row: IntArray) -> list[Hypothesis
         for symmetry in pair.target.symmetries
         if symmetry.orientation >= 0 or pair.config.orientation == "any"
     ]
-    if not starts:
-        return []
+    return _moved(pair, starts, "symmetry")
+
+
+def _moved(pair: ShapePair, starts: list[IntArray], origin: str) -> list[Hypothesis]:
+    """Let closest points move maps of the search vertices (m_s,) that are nearly right."""
     settings = pair.config.search
-    steps = settings.flip_steps
-    moved = iterative_closest_points(*pair.search_points, np.array(starts), steps, settings.unchanged)
-    return [Hypothesis(alignment, "symmetry") for alignment in moved]
+    steps = settings.flip_steps, settings.unchanged
+    moved = iterative_closest_points(*pair.search_points, np.array(starts), *steps) if starts else []
+    return [Hypothesis(alignment, origin) for alignment in moved]
 
 
 def search(
@@ -118,11 +121,7 @@ def combinations(pair: ShapePair, maps: Sequence[IntArray]) -> list[Hypothesis]:
     starts = [np.where(half, *two) for half in halves for two in permutations(maps[: settings.combined], 2)]
     aligned = iterative_closest_points(*pair.search_points, np.array(starts), 0) if starts else []
     chosen = distinct_maps(pair, sorted(aligned, key=attrgetter("residual")), settings.most_combined, maps)
-    if not chosen:
-        return []
-    rows = np.array([alignment.target_row for alignment in chosen])
-    moved = iterative_closest_points(*pair.search_points, rows, settings.flip_steps, settings.unchanged)
-    return [Hypothesis(alignment, "combination") for alignment in moved]
+    return _moved(pair, [alignment.target_row for alignment in chosen], "combination")
 
 
 def distinct_maps(

@@ -135,7 +135,6 @@ def _from_points(pair: ShapePair, points: IntArray, off_diagonal: float) -> list
 
 N_ANCHORS = 6  # three points determine an isometry, three more its errors
 N_CANDIDATES = 200  # search vertices of the target among which their images are sought; as for symmetries
-ECCENTRICITY_WEIGHT = 0.3  # as search.eccentricity_weight
 SIGNATURE_WEIGHT = 0.25  # docs/lab/robustness.md, shapes without limbs
 BEAM = 200  # partial assignments that are kept; chosen, not measured
 # mean distance by which these differ, in average distances; chosen: 0.1 with 80 starts is no better
@@ -163,7 +162,7 @@ def starts_from_anchors(pair: ShapePair) -> list[IntArray]:
     sides = Intervals(exact, exact), Intervals(among, among)
     remoteness = np.abs(there.mean(axis=1)[:n] - here.mean(axis=1)[anchors, None])
     unlike = np.linalg.norm(signatures.target[:n] - signatures.source[anchors, None], axis=2)
-    unary = ECCENTRICITY_WEIGHT * remoteness + SIGNATURE_WEIGHT * unlike
+    unary = pair.config.search.eccentricity_weight * remoteness + SIGNATURE_WEIGHT * unlike
     assigned, _ = assign_points(*sides, unary, EXACTLY, BEAM, APART)
     starts = [nearest_rows(there[:, images], here[:, anchors]) for images in assigned[:N_STARTS]]
     return [search_pairs(pair, start) for start in parallel_map(lambda start: slid(pair, start), starts)]

@@ -61,7 +61,6 @@ NEAR, DEAREST, WIDTH, VARIANTS_APART = (
     0.12,
 )  # see `grow_regions`; beyond the dearest, too, none is assigned
 LIKELY_GAINS = 2.0, 0.5  # of an anchor that looks alike, against one whose distances agree
-FEWEST_GROWN = 5  # anchors of a region
 SAME_REGION, FEWEST_COMMON = 0.1, 3  # mean distance of images, and anchors in common, of regions that are one
 # mean distance of images, and share of samples in both, of maps that become one
 SAME_MAP, SAME_SHARE = 0.05, 0.7
@@ -300,8 +299,7 @@ class CommonRegions:
             common = both.sum(axis=1)
             return np.where(common >= FEWEST_COMMON, total / np.maximum(common, 1), np.inf)
 
-        large = regions[(regions >= 0).sum(axis=1) >= FEWEST_GROWN]
-        return distinct(large, lambda region: region, apart, SAME_REGION, N_SCREENED)
+        return distinct(regions, lambda region: region, apart, SAME_REGION, N_SCREENED)
 
     def _extended_from(self, start: tuple[IntArray, IntArray], n: int, rounds: int) -> CommonRegion | None:
         """Trilaterate the first n samples from some, with images among those of the target; None if few agree."""

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 
@@ -64,11 +65,15 @@ def _placed(pair: PartPair, points: Intervals, to_samples: FloatArray) -> IntArr
     return pair.whole.sample_vertices[trilaterate(points, Intervals(there, there), pair.cost)[0]]
 
 
-def completed(pair: PartPair, images: IntArray, rounds: int) -> IntArray:
-    """Trilaterate all anchors from the images (m,) of all, several times: vertices (m,) of the whole."""
+def completed(
+    pair: PartPair, images: IntArray, rounds: int, to_samples: Callable[[IntArray], FloatArray] | None = None
+) -> IntArray:
+    """Trilaterate all anchors, several times, at first from the images (q,) of the first ones, −1 for none: (m,)."""
+    to_samples = to_samples or partial(pair.whole.distances.between, columns=pair.whole.sample_vertices)
     for _ in range(rounds):
-        to_samples = pair.whole.distances.between(images, pair.whole.sample_vertices)
-        images = _placed(pair, Intervals(*pair.anchor_intervals), to_samples)
+        rows = np.flatnonzero(images >= 0)
+        points = Intervals(*pair.anchor_intervals).at(rows, np.arange(len(pair.anchors)))
+        images = _placed(pair, points, to_samples(images[rows]))
         images[: len(pair.landmarks)] = pair.landmarks
     return images
 
@@ -159,10 +164,10 @@ class PartStarts:
 
     def _start(self, pair: PartPair, images: IntArray, rounds: int) -> PartStart:
         """Complete images of the first anchors, −1 for none, and again in the unit that they ask for."""
-        images = self._completed(pair, images, rounds)
+        images = completed(pair, images, rounds, self._distances_to_samples)
         scaled = self._at(pair.unit_of(images))
         if scaled.unit != pair.unit:
-            images = self._completed(scaled, images, 1)
+            images = completed(scaled, images, 1, self._distances_to_samples)
         unary = self._unary(scaled, np.arange(len(images)), np.searchsorted(self._places, images))
         unary[: len(scaled.landmarks)] = 0.0
         cost = scaled.stress(images) + unary.mean() * 2 / (N_PLACED - 1) + self._against(scaled.unit)
@@ -179,14 +184,9 @@ class PartStarts:
         whole = self._pair.whole
         return distinct(order, lambda start: start.images, whole.mean_distances, self._apart, most)
 
-    def _completed(self, pair: PartPair, images: IntArray, rounds: int) -> IntArray:
-        """As `completed`, from images (q,) of the first anchors, −1 for none, by distances that are known."""
-        for _ in range(rounds):
-            rows = np.flatnonzero(images >= 0)
-            points = Intervals(*pair.anchor_intervals).at(rows, np.arange(len(pair.anchors)))
-            images = _placed(pair, points, self._to_samples[np.searchsorted(self._places, images[rows])])
-            images[: len(pair.landmarks)] = pair.landmarks
-        return images
+    def _distances_to_samples(self, places: IntArray) -> FloatArray:
+        """Distances (q, r) of places, which are vertices, to the samples of the whole."""
+        return self._to_samples[np.searchsorted(self._places, places)]
 
     def _unary(self, pair: PartPair, anchors: IntArray, places: IntArray) -> FloatArray:
         """Cost of images, by their number, of anchors, by theirs: areas of balls, and signatures."""
