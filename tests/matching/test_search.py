@@ -8,7 +8,7 @@ from isomatch.datasets import ground_truth
 from isomatch.matching import Hypothesis, default_starts, prepare_pair
 from isomatch.matching.pair import search_pairs
 from isomatch.matching.search import combinations, flips, search, search_back
-from isomatch.matching.starts import start_from_pairs, starts_from_extremities
+from isomatch.matching.starts import start_from_pairs, starts_from_extremities, starts_from_poses
 from isomatch_lab.procedural import creature
 
 
@@ -102,11 +102,15 @@ def test_own_starts_and_a_users_are_of_one_kind(known):
         np.testing.assert_array_equal(one.target_row, other.target_row)
 
 
-def test_the_best_maps_of_any_start_are_flipped_but_not_those_of_priors_alone(known):
+def test_the_best_maps_are_flipped_unless_starts_or_priors_stand_alone(known):
     pair, true, mirrored = known
-    flipped = search(pair, [mirrored], [lambda pair: []])
+
+    def mine(pair):
+        return [search_pairs(pair, mirrored.target_row)]
+
+    flipped = search(pair, [], [mine, starts_from_poses])
     assert min(apart(pair, h, true) for h in flipped) < 0.03
-    assert [h.target_row is mirrored.target_row for h in search(pair, [mirrored], [])] == [True]
+    assert len(search(pair, [], [mine])) == len(search(pair, [mirrored], [])) == 1
 
 
 def test_the_inverse_of_a_permutation_is_exact(known):

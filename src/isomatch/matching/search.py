@@ -94,7 +94,7 @@ def search(
         rows = [start_from_pairs(pair, pairs) for pairs, _ in first_maps_of([start], pair)]
         # closest points of a round shape stop anywhere, so `slid` has moved the maps from anchors
         pool.add(rows, 0 if start is starts_from_anchors else settings.start_steps, name_of(start))
-    if starts:  # otherwise only priors may lead to a map
+    if any(start in default_starts for start in starts):  # starts of a user stand alone
         pool.flip(pool.hypotheses[: settings.flipped], "flip")
     return pool.hypotheses
 

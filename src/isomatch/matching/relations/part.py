@@ -164,9 +164,8 @@ class Part(Relation):
         timer.start("search")
         config, settings, fits_of = self.pair.config, self.pair.config.parts, self.fits
         first_maps = self._first_maps()
-        rough = (
-            self._rough_fits(first_maps) if config.hypotheses != "given" or searches_by_anchors(self) else []
-        )
+        only_given = config.hypotheses == "given" and not searches_by_anchors(self)
+        rough = [] if only_given else self._rough_fits(first_maps)
         kept = self._distinct(rough, N_CONTENDERS)
         hopeful = [fit for fit in kept if fit.promise <= settings.hopeless * kept[0].promise]
         hopeful = kept[: max(len(hopeful), 2)]  # the best, and a runner-up
