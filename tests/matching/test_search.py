@@ -5,8 +5,10 @@ import pytest
 
 from isomatch.correspondence import iterative_closest_points
 from isomatch.datasets import ground_truth
-from isomatch.matching import Hypothesis, prepare_pair
-from isomatch.matching.search import combinations, flips, search_back
+from isomatch.matching import Hypothesis, default_starts, prepare_pair
+from isomatch.matching.pair import search_pairs
+from isomatch.matching.search import combinations, flips, search, search_back
+from isomatch.matching.starts import start_from_pairs, starts_from_extremities, starts_from_poses
 from isomatch_lab.procedural import creature
 
 
@@ -80,6 +82,35 @@ def test_the_right_map_is_found_from_the_other_side(known):
     found = search_back(pair)
     assert min(apart(pair, h, true) for h in found) < 0.03
     assert {h.origin for h in found} == {"other side"}
+
+
+def test_a_map_of_the_search_vertices_survives_as_pairs(known):
+    pair, true, _ = known
+    pairs = search_pairs(pair, true.target_row)
+    np.testing.assert_array_equal(start_from_pairs(pair, pairs), true.target_row)
+
+
+def test_own_starts_and_a_users_are_of_one_kind(known):
+    pair = known[0]
+
+    def mine(pair):
+        return starts_from_extremities(pair)
+
+    own, users = (search(pair, [], [start, *default_starts[1:]]) for start in (starts_from_extremities, mine))
+    assert {h.origin for h in users} <= {"mine", "flip"}
+    for one, other in zip(own, users, strict=True):
+        np.testing.assert_array_equal(one.target_row, other.target_row)
+
+
+def test_the_best_maps_are_flipped_unless_starts_or_priors_stand_alone(known):
+    pair, true, mirrored = known
+
+    def mine(pair):
+        return [search_pairs(pair, mirrored.target_row)]
+
+    flipped = search(pair, [], [mine, starts_from_poses])
+    assert min(apart(pair, h, true) for h in flipped) < 0.03
+    assert len(search(pair, [], [mine])) == len(search(pair, [mirrored], [])) == 1
 
 
 def test_the_inverse_of_a_permutation_is_exact(known):

@@ -22,11 +22,9 @@ from isomatch.correspondence.interval_matching import (
     IntervalCost,
     Intervals,
     assign_points,
-    grow_common_regions,
     grow_regions,
     pin_first,
     trilaterate,
-    trilaterate_common,
 )
 from isomatch.correspondence.map_arrays import UNMATCHED
 from isomatch.correspondence.map_files import IndexBase, index_base
@@ -80,7 +78,6 @@ __all__ = [
     "faces_around_vertices",
     "fit_functional_map",
     "geometric_median",
-    "grow_common_regions",
     "grow_regions",
     "index_base",
     "iterative_closest_points",
@@ -100,7 +97,6 @@ __all__ = [
     "signed_procrustes",
     "spectral_embedding",
     "trilaterate",
-    "trilaterate_common",
     "welded_map",
     "with_normals",
     "wrap",

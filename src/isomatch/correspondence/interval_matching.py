@@ -1,26 +1,57 @@
-"""Points assigned so that distances fall into intervals: by beam search, by growing regions, by trilateration."""
+"""Consistency of putative correspondences under distance intervals: beam search, region growing, trilateration."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
 from isomatch.loading.compiled import compiled
 from isomatch.runtime.threads import parallel_rows
-from isomatch.values.arrays import AnyArray, Float32Array, FloatArray, IntArray, single
+from isomatch.values.arrays import AnyArray, Float32Array, FloatArray, IntArray
 
+Terms: TypeAlias = tuple[Any, ...]  # for compiled loops, see `IntervalCost.terms`
 FORBIDDEN = 50.0  # more than any assignment costs
 NOTHING = np.float32(-1e9)  # gain of a place in a beam that is still free
+FAST = {"nnan", "nsz", "reassoc", "contract", "arcp"}  # no number is nan, and last bits do not matter
 
 # Where a part of a surface is missing, the distance of two points on the whole is known only to lie in an interval [l,
 # u]: u is the distance along the part, and l allows paths through what is missing (`MissingRegion`; Bracha, Dagès &
-# Kimmel, *Wormhole Loss for Partial Shape Matching*, NeurIPS 2024). A map f of a near-isometric pair should then
-# satisfy
-#   l_ab ≤ d(f(a), f(b)) ≤ u_ab for all pairs a, b of points.
-# Violations are summed as in a quadratic assignment problem, Σ_ab c(d(f(a), f(b))) + Σ_a unary(a, f(a)), which is solved
-# approximately by assigning one point after the other.
+# Kimmel, *Wormhole Loss for Partial Shape Matching*, NeurIPS 2024). Under a map f of a near-isometric pair, the interval
+# of any two points should meet that of their images, a single number if f leads to a whole. Violations c are summed as in
+# a quadratic assignment problem, Σ_ab w_ab c_ab(f(a), f(b)) + Σ_a unary(a, f(a)), which is solved approximately by
+# assigning one point after the other: `assign_points` keeps many assignments of all points, `grow_regions` leaves out
+# points where no candidate agrees, `trilaterate` places each point by itself.
+
+
+class Intervals(NamedTuple):
+    """Least and greatest distances (m, n) between m and n points: the same array twice where they are known.
+
+    Examples
+    --------
+    >>> apart = np.array([[0.0, 2.0], [2.0, 0.0]])
+    >>> Intervals(0.5 * apart, apart).at(np.array([0]), np.array([1])).lower
+    array([[1.]])
+    """
+
+    lower: AnyArray
+    upper: AnyArray
+
+    def each(self, function: Callable[[AnyArray], AnyArray]) -> Intervals:
+        """Apply a function to both bounds, once if they are the same."""
+        upper = function(self.upper)
+        return Intervals(upper if self.lower is self.upper else function(self.lower), upper)
+
+    def at(self, rows: IntArray, columns: IntArray) -> Intervals:
+        """Restrict to some of both."""
+        return self.each(lambda bound: bound[np.ix_(rows, columns)])
+
+    @property
+    def single(self) -> Intervals:
+        """Both bounds in single precision, for compiled loops."""
+        return self.each(lambda bound: np.ascontiguousarray(bound, np.float32))
 
 
 @dataclass(frozen=True)
@@ -51,166 +82,119 @@ class IntervalCost:
         costs = np.minimum(violation + self.inside * np.abs(distances - upper), self.most)
         return np.asarray(costs / (self.soft + upper))
 
-    @property
-    def numbers(self) -> tuple[float, float, float, float]:
-        """The parameters, for compiled loops."""
-        return self.tolerance, self.inside, self.most, self.soft
+    def terms(self, points: Intervals, weights: AnyArray) -> Terms:
+        """Prepare distances (p, m) of p points from m for `_costs`, in the precision of the intervals."""
+        (lower, upper), number = points, points.upper.dtype.type
+        tolerance, inside, most, soft = map(number, (self.tolerance, self.inside, self.most, self.soft))
+        bounds = lower * (1 - tolerance), upper * (1 + tolerance), upper
+        return *bounds, weights, weights / (soft + upper), inside, most
 
 
-@dataclass(frozen=True, eq=False)
-class Intervals:
-    """Least and greatest distances (m, n) between m points and n points of a surface that does not show everything.
-
-    Examples
-    --------
-    >>> apart = np.array([[0.0, 2.0], [2.0, 0.0]])
-    >>> Intervals(0.5 * apart, apart).at(np.array([0]), np.array([1])).lower
-    array([[1.]])
-    """
-
-    lower: FloatArray
-    upper: FloatArray
-
-    def at(self, rows: IntArray, columns: IntArray) -> Intervals:
-        """Restrict to some of both."""
-        return Intervals(self.lower[np.ix_(rows, columns)], self.upper[np.ix_(rows, columns)])
-
-    @property
-    def arrays(self) -> tuple[Float32Array, Float32Array]:
-        """Both bounds for compiled loops."""
-        return single(np.ascontiguousarray(self.lower)), single(np.ascontiguousarray(self.upper))
+@compiled(inline="always")
+def _costs(terms: Terms, point: int, assigned: IntArray, candidates: Intervals, total: AnyArray) -> Any:
+    """Set the summed costs (c,) of the candidates of a point, and return the sum of the weights."""
+    # Σ_a w_a c(d(x_a, k)) over the points a that have a candidate x_a. If the distance of two candidates is an interval
+    # too, it violates [l, u] by how far the two are apart. Points outside, candidates inside: rows are read in order.
+    lower, higher, upper, weight, scaled, inside, most = terms
+    least, greatest = candidates
+    zero = total.dtype.type(0)
+    total[:] = zero
+    weights = zero
+    for a in range(len(assigned)):
+        row = assigned[a]
+        if row < 0:
+            continue
+        low, high, u, w = lower[point, a], higher[point, a], upper[point, a], scaled[point, a]
+        weights += weight[point, a]
+        for k in range(len(total)):
+            v = max(low - greatest[row, k], least[row, k] - high, zero)
+            total[k] += w * min(v + inside * abs(greatest[row, k] - u), most)
+    return weights
 
 
 def assign_points(
-    distances: FloatArray,
-    lower: FloatArray,
-    upper: FloatArray,
-    unary: FloatArray,
-    cost: IntervalCost,
-    width: int,
-    apart: float,
+    points: Intervals, candidates: Intervals, unary: FloatArray, cost: IntervalCost, width: int, apart: float
 ) -> tuple[IntArray, FloatArray]:
-    """Assign m points to candidates, one after the other, keeping many partial assignments that differ.
+    """Assign m points to c candidates by a beam search: one after the other, keeping partial assignments that differ.
 
-    Parameters
-    ----------
-    distances : (c, c) array of float
-        Distances between candidates.
-    lower, upper : (m, m) array of float
-        Intervals of the distances between the points.
-    unary : (m, c) array of float
-        Cost of each assignment by itself.
-    cost : IntervalCost
-    width : int
-        Partial assignments that are kept.
-    apart : float
-        Least mean distance between the candidates of any two of them. Without it, all would be variants of one.
-
-    Returns
-    -------
-    (h, m) array of int, (h,) array of float
-        Candidates, h ≤ width, and their cost, least cost first. O(width m (c m + width)).
+    From intervals between points, (m, m), and between candidates, (c, c), and the ``unary`` costs (m, c) of each
+    assignment by itself. Of the ``width`` assignments that are kept, candidates differ by a mean distance of at least
+    ``apart``: without it, all would be variants of one. Returns candidates (h, m), h ≤ width, and their cost (h,), least
+    cost first. O(width m (c m + width)).
 
     Examples
     --------
     Candidates on a line at 0, 1, 3, 7. Three points whose distances are known exactly have one place there.
 
     >>> places = np.array([0.0, 1.0, 3.0, 7.0])
-    >>> distances = np.abs(places[:, None] - places)
-    >>> known = np.array([[0.0, 4.0, 2.0], [4.0, 0.0, 6.0], [2.0, 6.0, 0.0]])
-    >>> assigned, cost = assign_points(distances, known, known, np.zeros((3, 4)), IntervalCost(), width=20, apart=0.1)
+    >>> line, known = np.abs(places[:, None] - places), np.array([[0.0, 4.0, 2.0], [4.0, 0.0, 6.0], [2.0, 6.0, 0.0]])
+    >>> sides = Intervals(known, known), Intervals(line, line)
+    >>> assigned, cost = assign_points(*sides, np.zeros((3, 4)), IntervalCost(), width=20, apart=0.1)
     >>> assigned[0], float(cost[0])
     (array([2, 3, 1]), 0.0)
     """
-    m, c = unary.shape
-    distances, lower, upper = map(np.ascontiguousarray, (distances, lower, upper))
-    # A beam search: the cost of an assignment x of the first p points is a sum over pairs, so that one more point adds
+    # The cost of an assignment x of the first p points is a sum over pairs, so that one more point adds
     #   E(x_0 … x_p) = E(x_0 … x_{p−1}) + unary(p, x_p) + Σ_{a<p} c(d(x_a, x_p)),
     # and of the h c children the cheapest that differ are kept. Two assignments differ if Σ_a d(x_a, y_a) ≥ apart p: that
-    # sum too is the one of the parents plus one distance. Of h: candidates (h, point), costs (h,), and sums (h, h).
-    assigned, total = np.zeros((1, 0), dtype=np.int64), np.zeros(1)
+    # sum too is the one of the parents plus one distance. Of h: candidates (h, m), costs (h,), and sums (h, h).
+    m, c = unary.shape
+    terms = cost.terms(points.each(np.ascontiguousarray), np.ones_like(points.upper))
+    candidates = candidates.each(np.ascontiguousarray)
+    assigned, total = np.full((1, m), -1), np.zeros(1)
     between, of_kept, room = np.zeros((width, width)), np.zeros((width, width)), np.zeros((width, c))
     for point in range(m):
         added = room[: len(assigned)]
-        added[:] = 0.0
-        _add_costs(distances, assigned, lower[point, :point], upper[point, :point], *cost.numbers, added)
+        _costs_of(terms, np.full(len(assigned), point), assigned, candidates, added)
         added += total[:, None] + unary[point]
-        children = added.ravel()  # (h c,): child = parent c + candidate
-        take = min(len(children), 12 * width)  # more than are kept, because variants of one are dropped
-        best = np.sort(np.argpartition(children, take - 1)[:take])
-        best = best[np.argsort(children[best], kind="stable")]  # least cost first, ties by number
-        parent, candidate = np.divmod(best, c)
-        kept, latest = np.zeros(width, dtype=np.int64), np.full(len(between), -1)
-        apart_so_far = apart * (point + 1)
-        count = _keep_differing(distances, parent, candidate, apart_so_far, between, latest, kept, of_kept)
-        kept, between, of_kept = kept[:count], of_kept, between
-        assigned, total = np.column_stack([assigned[parent[kept]], candidate[kept]]), children[best[kept]]
+        costs = added.ravel()  # (h c,): child = parent c + candidate
+        take = min(len(costs), 12 * width)  # more than are kept, because variants of one are dropped
+        best = np.sort(np.argpartition(costs, take - 1)[:take])
+        best = best[np.argsort(costs[best], kind="stable")]  # least cost first, ties by number
+        parent, last = np.divmod(best, c)
+        kept = _keep_differing(candidates.upper, (parent, last), apart * (point + 1), between, of_kept)
+        between, of_kept = of_kept, between
+        assigned, total = assigned[parent[kept]], costs[best[kept]]
+        assigned[:, point] = last[kept]
     return assigned, total
 
 
-@compiled()
-def _add_costs(
-    distances: FloatArray,
-    assigned: IntArray,
-    lower: FloatArray,
-    upper: FloatArray,
-    tolerance: float,
-    inside: float,
-    most: float,
-    soft: float,
-    added: FloatArray,
+@compiled(fastmath=FAST)
+def _costs_of(
+    terms: Terms, points: IntArray, rows: IntArray, candidates: Intervals, totals: AnyArray
 ) -> None:
-    """Add the cost (h, c) of each candidate for one more point, towards the points of each assignment (h, m)."""
-    h, m = assigned.shape
-    for i in range(h):
-        for a in range(m):
-            u = upper[a]
-            low, high, scale = lower[a] * (1 - tolerance), u * (1 + tolerance), soft + u
-            row = assigned[i, a]
-            for k in range(len(distances)):
-                d = distances[row, k]
-                added[i, k] += min(max(low - d, d - high, 0.0) + inside * abs(d - u), most) / scale
+    """Set the summed costs (h, c) of the candidates for h points, towards candidates (h, m) of the others."""
+    for i in range(len(points)):
+        _costs(terms, points[i], rows[i], candidates, totals[i])
 
 
 @compiled()
 def _keep_differing(
-    distances: FloatArray,
-    parent: IntArray,
-    last: IntArray,
-    apart: float,
-    of_parents: FloatArray,
-    latest: IntArray,
-    kept: IntArray,
-    of_kept: FloatArray,
-) -> int:
-    """Keep the first assignments whose summed distance to all kept before is at least ``apart``, and count them."""
-    # Each assignment has a parent and one more candidate, the last. of_parents (h, h) holds the summed distances between
-    # parents; those between the assignments kept are written to of_kept. latest (h,) is −1 on entry. Most assignments are
-    # too near to the latest one kept of the same parent, so they are compared with that one first.
+    distances: AnyArray, children: tuple[IntArray, IntArray], apart: float, sums: AnyArray, of_kept: AnyArray
+) -> IntArray:
+    """Keep the first children whose summed distance to all kept before is at least ``apart``, at most width."""
+    # Each child has a parent and one more candidate, the last. sums (width, width) holds the summed distances between
+    # parents; those between the children kept are written to of_kept. Most children are too near to the latest one kept
+    # of the same parent, so they are compared with that one first.
+    (parent, last), width = children, len(sums)
+    kept, latest = np.zeros(width, np.int64), np.full(width, -1)
     n = 0
     for i in range(len(last)):
         mine, here = parent[i], last[i]
         sibling = latest[mine]
-        if sibling >= 0 and of_parents[mine, mine] + distances[here, last[kept[sibling]]] < apart:
+        if sibling >= 0 and sums[mine, mine] + distances[here, last[kept[sibling]]] < apart:
             continue
-        differs = True
         for k in range(n - 1, -1, -1):
-            other = parent[kept[k]]
-            # Σ_a d(x_a, y_a) of two children: that of their parents, and the distance of their last candidates
-            total = of_parents[mine, other] + distances[here, last[kept[k]]]
-            of_kept[n, k] = total
-            if total < apart:
-                differs = False
+            of_kept[n, k] = sums[mine, parent[kept[k]]] + distances[here, last[kept[k]]]
+            if of_kept[n, k] < apart:
                 break
-        if differs:
-            kept[n] = i
-            latest[mine] = n
+        else:
+            kept[n], latest[mine] = i, n
             for k in range(n + 1):  # the column; distances need not be symmetric to the last bit
-                of_kept[k, n] = of_parents[parent[kept[k]], mine] + distances[last[kept[k]], here]
+                of_kept[k, n] = sums[parent[kept[k]], mine] + distances[last[kept[k]], here]
             n += 1
-            if n == len(kept):
+            if n == width:
                 break
-    return n
+    return kept[:n]
 
 
 def pin_first(unary: FloatArray, candidates: IntArray) -> None:
@@ -220,9 +204,8 @@ def pin_first(unary: FloatArray, candidates: IntArray) -> None:
     --------
     >>> unary = np.ones((2, 3))
     >>> pin_first(unary, np.array([2]))
-    >>> unary
-    array([[50., 50.,  0.],
-           [ 1.,  1.,  1.]])
+    >>> unary.tolist()
+    [[50.0, 50.0, 0.0], [1.0, 1.0, 1.0]]
     """
     first = np.arange(len(candidates))
     unary[first] = FORBIDDEN
@@ -230,138 +213,6 @@ def pin_first(unary: FloatArray, candidates: IntArray) -> None:
 
 
 def grow_regions(
-    distances: FloatArray,
-    lower: FloatArray,
-    upper: FloatArray,
-    unary: FloatArray,
-    seeds: IntArray,
-    cost: IntervalCost,
-    near: float,
-    dearest: float,
-) -> tuple[IntArray, FloatArray]:
-    """Assign m points to candidates, from one pair outward; a point that agrees with nothing gets none.
-
-    Parameters
-    ----------
-    distances : (c, c) array of float
-        Distances between candidates.
-    lower, upper : (m, m) array of float
-        Intervals of the distances between the points.
-    unary : (m, c) array of float
-        Cost of each assignment by itself, negative where it is likely.
-    seeds : (s, 2) array of int
-        Pairs of a point and its candidate.
-    cost : IntervalCost
-    near : float
-        A distance u weighs 1 / (near + u).
-    dearest : float
-        Mean cost at which nothing is gained.
-
-    Returns
-    -------
-    (s, m) array of int, (s,) array of float
-        Candidate of each point, −1 for none, and what each region gains. O(s m² c), on all threads.
-
-    Examples
-    --------
-    Candidates on a line at 0, 1, 3, 7. Of three points whose distances are 4, 2 and 50, the last is far from everything.
-
-    >>> places = np.array([0.0, 1.0, 3.0, 7.0])
-    >>> distances = np.abs(places[:, None] - places)
-    >>> known = np.array([[0.0, 4.0, 50.0], [4.0, 0.0, 50.0], [50.0, 50.0, 0.0]])
-    >>> seeds = np.array([[0, 2]])
-    >>> grow_regions(distances, known, known, np.zeros((3, 4)), seeds, IntervalCost(), near=1.0, dearest=0.005)[0]
-    array([[ 2,  3, -1]])
-    """
-    s, m = len(seeds), len(lower)
-    assigned, gains = np.full((s, m), -1, dtype=np.int64), np.zeros(s)
-    distances, lower, upper, unary = map(np.ascontiguousarray, (distances, lower, upper, unary))
-    order = np.argsort(upper, axis=1, kind="stable")
-    numbers = (*cost.numbers, near)
-
-    def region(row: int) -> None:
-        root, image = seeds[row]
-        gains[row] = _grow(
-            distances, lower, upper, unary, order[root], root, image, numbers, dearest, assigned[row]
-        )
-
-    parallel_rows(region, s)
-    return assigned, gains
-
-
-@compiled()
-def _grow(
-    distances: FloatArray,
-    lower: FloatArray,
-    upper: FloatArray,
-    unary: FloatArray,
-    order: IntArray,
-    root: int,
-    image: int,
-    numbers: tuple[float, ...],
-    dearest: float,
-    assigned: IntArray,
-) -> float:
-    """Fill in the candidates (m,) of the points, all −1 on entry, and return the gain."""
-    # Points join in order of their distance from that of the seed. With c̄(k) the mean cost of candidate k towards those
-    # assigned before (`_summed_costs`), "no partner" gains 0 and a candidate
-    #   g(k) = 1 − c̄(k) / dearest − unary(k):
-    # one point more for a perfect agreement, nothing at the dearest cost. The candidate that gains most is taken, if any
-    # gains. So a region ends where no candidate fits, and the sum of the gains counts the points by how well they fit.
-    c = unary.shape[1]
-    assigned[root] = image
-    gain = 1.0 - unary[root, image]
-    total = np.zeros(c)
-    for point in order:
-        if point == root:
-            continue
-        weights = _summed_costs(assigned, point, lower, upper, distances, distances, numbers, total)
-        best, most_gained = -1, 0.0
-        for k in range(c):
-            gained = 1.0 - total[k] / weights / dearest - unary[point, k]
-            if gained > most_gained:
-                best, most_gained = k, gained
-        assigned[point] = best
-        gain += most_gained
-    return float(gain)
-
-
-@compiled(inline="always")
-def _summed_costs(
-    assigned: IntArray,
-    point: int,
-    lower: AnyArray,
-    upper: AnyArray,
-    least: AnyArray,
-    greatest: AnyArray,
-    numbers: tuple[Any, ...],
-    total: AnyArray,
-) -> Any:
-    """Set the summed costs (c,) of the candidates of a point, and return the sum of the weights."""
-    # c̄(k) = Σ_a w_a c(d(x_a, k)) / Σ_a w_a over the points a that have a candidate, w_a = 1 / (near + u_a): near ones
-    # weigh more, whose distances are known better and whose agreement says more of where a point belongs. The distance
-    # between candidates lies in [least, greatest], and violates [l, u] by how far the two intervals are apart. Of a
-    # whole surface, both are the distance. Anchors outside, candidates inside: rows are read in order.
-    tolerance, inside, most, soft, near = numbers
-    zero, one = total.dtype.type(0), total.dtype.type(1)
-    total[:] = zero
-    weights = zero
-    for a in range(len(assigned)):
-        row = assigned[a]
-        if row < 0:
-            continue
-        u = upper[point, a]
-        low, high = lower[point, a] * (one - tolerance), u * (one + tolerance)
-        weight = one / (near + u)
-        weights += weight
-        weight /= soft + u
-        for k in range(len(total)):
-            v = max(low - greatest[row, k], least[row, k] - high, zero)
-            total[k] += weight * min(v + inside * abs(greatest[row, k] - u), most)
-    return weights
-
-
-def grow_common_regions(
     points: Intervals,
     candidates: Intervals,
     unary: FloatArray,
@@ -369,203 +220,111 @@ def grow_common_regions(
     cost: IntervalCost,
     near: float,
     dearest: float,
-    width: int,
-    apart: float,
+    refused: float = np.inf,
+    width: int = 1,
+    apart: float = 0.0,
 ) -> tuple[IntArray, FloatArray]:
-    """Assign m points to c candidates, from one pair outward, or to nothing; distances are intervals on both sides.
+    """Assign m points to c candidates, from one pair outward; a point that agrees with nothing gets none.
 
-    As `grow_regions`, but two points may not be matched only if their intervals are disjoint, and of each region
-    ``width`` variants are kept while it grows, in which candidates of one point are at least ``apart``. Nothing is
-    assigned beyond the mean cost ``dearest``. O(s width m² c), on all threads.
+    Of the intervals between points, (m, m), and between candidates, (c, c), a distance u weighs 1 / (near + u). Unary
+    costs (m, c) are negative where an assignment is likely; seeds (s, 2) are pairs of a point and its candidate. At the
+    mean cost ``dearest`` nothing is gained, beyond ``refused`` nothing is assigned. Of a growing region, ``width``
+    variants are kept, in which candidates of a point are at least ``apart``. Returns the candidate of each point, (s, m),
+    −1 for none, and what each region gains, (s,). O(s width m² c), on all threads, in single precision.
 
     Examples
     --------
+    Candidates on a line at 0, 1, 3, 7. Of three points whose distances are 4, 2 and 50, the last is far from everything.
+
     >>> places = np.array([0.0, 1.0, 3.0, 7.0])
-    >>> distances = np.abs(places[:, None] - places)
-    >>> known = np.array([[0.0, 4.0, 50.0], [4.0, 0.0, 50.0], [50.0, 50.0, 0.0]])
-    >>> points, candidates = Intervals(known, known), Intervals(distances, distances)
+    >>> line, known = np.abs(places[:, None] - places), np.array([[0.0, 4, 50], [4, 0, 50], [50, 50, 0]])
     >>> costs = np.zeros((3, 4)), np.array([[0, 2]]), IntervalCost()
-    >>> grow_common_regions(points, candidates, *costs, near=1.0, dearest=0.005, width=2, apart=0.1)[0]
+    >>> grow_regions(Intervals(known, known), Intervals(line, line), *costs, near=1.0, dearest=0.005)[0]
     array([[ 2,  3, -1]])
     """
-    s, m = len(seeds), len(unary)
-    assigned, gains = np.full((s, m), -1, dtype=np.int64), np.zeros(s)
-    order = np.argsort(points.upper, axis=1, kind="stable")
-    here, there, alone = points.arrays, candidates.arrays, single(np.ascontiguousarray(unary))
-    numbers = tuple(np.float32(number) for number in (*cost.numbers, near))
-    bounds = np.float32(dearest), np.float32(apart)
+    regions, gains = np.full((len(seeds), len(unary)), -1), np.zeros(len(seeds))
+    regions[np.arange(len(seeds)), seeds[:, 0]] = seeds[:, 1]
+    # the nearest first, of all points the seed itself
+    order = np.argsort(np.where(np.eye(len(unary)), -1.0, points.upper), axis=1, kind="stable")[seeds[:, 0]]
+    points, candidates, alone = points.single, candidates.single, np.ascontiguousarray(unary, np.float32)
+    # near points weigh more, whose distances are known better and whose agreement says more of where a point belongs
+    terms = cost.terms(points, 1 / (np.float32(near) + points.upper))
+    bounds = *map(np.float32, (dearest, refused, apart)), width
 
     def region(row: int) -> None:
-        root, image = seeds[row]
-        gains[row] = _grow_variants(
-            *here, *there, alone, order[root], root, image, numbers, bounds, width, assigned[row]
-        )
+        gains[row] = _grow(terms, candidates, alone, order[row], bounds, regions[row])
 
-    parallel_rows(region, s)
-    return assigned, gains
+    parallel_rows(region, len(seeds))
+    return regions, gains
 
 
-@compiled(fastmath={"nnan", "nsz", "reassoc", "contract", "arcp"})
-def _grow_variants(
-    lower: Float32Array,
-    upper: Float32Array,
-    least: Float32Array,
-    greatest: Float32Array,
-    unary: Float32Array,
-    order: IntArray,
-    root: int,
-    image: int,
-    numbers: tuple[np.float32, ...],
-    bounds: tuple[np.float32, np.float32],
-    width: int,
-    assigned: IntArray,
+@compiled(fastmath=FAST)
+def _grow(
+    terms: Terms, candidates: Intervals, unary: Float32Array, order: IntArray, bounds: Terms, region: IntArray
 ) -> float:
-    """Fill in the candidates (m,) of the points, and return the gain."""
-    # As `_grow`, with a beam of variants in place of one region, in order of their gain. Each may go on without a partner
-    # for the point, at the same gain, or with a candidate k that gains
-    #   g(k) = 1 − c̄(k) / dearest − unary(k),
-    # if c̄(k) ≤ dearest: a likely candidate alone does not make up for distances that disagree. A candidate nearer than
-    # ``apart`` to another one of the same variant takes its place, if it gains more, so that variants differ.
-    dearest, apart = bounds
-    m, c = unary.shape
-    one = np.float32(1)
-    states, gains = np.full((width, m), -1), np.full(width, NOTHING)
-    grown, grown_gains = np.full((width, m), -1), np.full(width, NOTHING)
-    parents, images = np.zeros(width, np.int64), np.zeros(width, np.int64)
-    states[0, root], gains[0] = image, one - unary[root, image]
-    total = np.zeros(c, np.float32)
-    for point in order:
-        if point == root:
-            continue
-        grown_gains[:] = NOTHING
-        for state in range(width):
-            if gains[state] > NOTHING:
-                _enter(grown_gains, parents, images, width - 1, gains[state], state, -1)
-        for state in range(width):
-            if gains[state] <= NOTHING:
-                continue
-            weights = _summed_costs(states[state], point, lower, upper, least, greatest, numbers, total)
-            for k in range(c):
-                mean = total[k] / weights
-                if mean > dearest:
-                    continue
-                gain = gains[state] + one - mean / dearest - unary[point, k]
-                at = width - 1
-                for i in range(width):
-                    sibling = grown_gains[i] > NOTHING and parents[i] == state and images[i] >= 0
-                    if sibling and greatest[images[i], k] < apart:
-                        at = i
-                        break
-                if gain > grown_gains[at]:
-                    _enter(grown_gains, parents, images, at, gain, state, k)
+    """Fill in the candidates (m,) of the points in their order, of which the first has one; return the gain."""
+    # Points join in order of their distance from that of the seed. Of each variant, in order of their gain, "no partner"
+    # gains 0 and a candidate k of mean cost c̄(k) towards those assigned before
+    #   g(k) = 1 − c̄(k) / dearest − unary(k):
+    # one point more for a perfect agreement, nothing at the dearest cost. So a region ends where no candidate fits, and
+    # the sum of the gains counts the points by how well they fit. A candidate nearer than ``apart`` to another one of the
+    # same variant takes its place, if it gains more, so that variants differ.
+    dearest, refused, apart, width = bounds
+    one, total = np.float32(1), np.zeros(unary.shape[1], np.float32)
+    variants, gains = np.full((width, len(region)), -1), np.full(width, NOTHING)
+    variants[0], gains[0] = region, one - unary[order[0], region[order[0]]]
+    grown, parents, images = np.empty_like(gains), np.empty(width, np.int64), np.empty(width, np.int64)
+    for point in order[1:]:
+        grown[:], parents[:], images[:] = gains, np.arange(width), -1
         for i in range(width):
-            if grown_gains[i] > NOTHING:
-                grown[i] = states[parents[i]]
-                grown[i, point] = images[i]
-        states[:], gains[:] = grown, grown_gains
-    assigned[:] = states[0]
+            if gains[i] <= NOTHING:
+                break
+            weights = _costs(terms, point, variants[i], candidates, total)
+            for k in range(len(total)):
+                mean = total[k] / weights
+                gain = gains[i] + one - mean / dearest - unary[point, k]
+                if mean > refused or gain <= grown[-1]:
+                    continue
+                at = width - 1
+                for j in range(width):
+                    if parents[j] == i and images[j] >= 0 and candidates.upper[images[j], k] < apart:
+                        at = j
+                        break
+                if gain <= grown[at]:
+                    continue
+                while at > 0 and grown[at - 1] < gain:
+                    grown[at], parents[at], images[at] = grown[at - 1], parents[at - 1], images[at - 1]
+                    at -= 1
+                grown[at], parents[at], images[at] = gain, i, k
+        variants, gains[:] = variants[parents], grown
+        variants[:, point] = images
+    region[:] = variants[0]
     return float(gains[0])
 
 
-@compiled()
-def _enter(
-    gains: Float32Array,
-    parents: IntArray,
-    images: IntArray,
-    at: int,
-    gain: np.float32,
-    parent: int,
-    image: int,
-) -> None:
-    """Put one more variant in the place of another, and move it up to where it belongs."""
-    if gain <= gains[at]:
-        return
-    while at > 0 and gains[at - 1] < gain:
-        gains[at], parents[at], images[at] = gains[at - 1], parents[at - 1], images[at - 1]
-        at -= 1
-    gains[at], parents[at], images[at] = gain, parent, image
+def trilaterate(
+    points: Intervals, candidates: Intervals, cost: IntervalCost, near: float | None = None
+) -> tuple[IntArray, FloatArray]:
+    """Place each point where its intervals to all anchors agree best with those of the candidates to their images.
 
-
-def trilaterate(lower: FloatArray, upper: FloatArray, distances: FloatArray, cost: IntervalCost) -> IntArray:
-    """Place each of q points where its intervals to m anchors, (q, m), fit best the distances of c candidates, (m, c).
-
-    O(q m c), in single precision.
+    Of the intervals from m anchors to q points, (m, q), and from their images to c candidates, (m, c), a distance u
+    weighs 1 / (near + u)², or all weigh alike. Returns a candidate for each point (q,), and its mean cost (q,). O(q m c),
+    in single precision.
 
     Examples
     --------
     Anchors at both ends of a line of five candidates. The first point is known exactly. Two candidates fit the second;
     the one nearer to its upper bounds costs less.
 
-    >>> to_anchors = np.array([[0.0, 1.0, 2.0, 3.0, 4.0], [4.0, 3.0, 2.0, 1.0, 0.0]])
-    >>> lower, upper = np.array([[1.0, 3.0], [0.0, 2.0]]), np.array([[1.0, 3.0], [2.0, 3.0]])
-    >>> trilaterate(lower, upper, to_anchors, IntervalCost())
+    >>> ends = np.array([[0.0, 1.0, 2.0, 3.0, 4.0], [4.0, 3.0, 2.0, 1.0, 0.0]])
+    >>> points = Intervals(np.array([[1.0, 0.0], [3.0, 2.0]]), np.array([[1.0, 2.0], [3.0, 3.0]]))
+    >>> trilaterate(points, Intervals(ends, ends), IntervalCost())[0]
     array([1, 2])
     """
-    return _trilaterated(Intervals(lower.T, upper.T), Intervals(distances, distances), cost, -1.0)[0]
-
-
-def trilaterate_common(
-    points: Intervals, candidates: Intervals, near: float, cost: IntervalCost
-) -> tuple[IntArray, FloatArray]:
-    """Place each point where its intervals to all anchors agree best with those of the candidates to their images.
-
-    Of the intervals from m anchors to q points, (m, q), and from their images to c candidates, (m, c), a distance u
-    weighs 1 / (near + u)². Returns a candidate for each point (q,), and its mean cost (q,).
-
-    Examples
-    --------
-    Anchors at both ends of a line of five candidates, and a point of which both distances are known.
-
-    >>> ends = np.array([[0.0, 1.0, 2.0, 3.0, 4.0], [4.0, 3.0, 2.0, 1.0, 0.0]])
-    >>> point = np.array([[1.0], [3.0]])
-    >>> trilaterate_common(Intervals(point, point), Intervals(ends, ends), 1.0, IntervalCost())
-    (array([1]), array([0.]))
-    """
-    return _trilaterated(points, candidates, cost, near)
-
-
-def _trilaterated(
-    points: Intervals, candidates: Intervals, cost: IntervalCost, near: float
-) -> tuple[IntArray, FloatArray]:
-    """Place points; all distances weigh alike if ``near`` is negative."""
-    q = points.upper.shape[1]
-    placed, costs = np.zeros(q, dtype=np.int64), np.zeros(q)
-    numbers = tuple(np.float32(number) for number in (*cost.numbers, near))
-    _trilaterate(*points.arrays, *candidates.arrays, numbers, placed, costs)
-    return placed, costs
-
-
-@compiled(fastmath={"nnan", "nsz", "reassoc", "contract", "arcp"})
-def _trilaterate(
-    lower: Float32Array,
-    upper: Float32Array,
-    least: Float32Array,
-    greatest: Float32Array,
-    numbers: tuple[np.float32, ...],
-    placed: IntArray,
-    costs: FloatArray,
-) -> None:
-    # Once some points are anchors, each other one is placed by itself, at the candidate k of least mean cost
-    #   Σ_a w_a c(d(x_a, k)) / Σ_a w_a,  w_a = 1 / (near + u_a)², or 1
-    tolerance, inside, most, soft, near = numbers
-    m, q = upper.shape
-    c = greatest.shape[1]
-    zero, one = np.float32(0), np.float32(1)
-    total = np.zeros(c, np.float32)
-    for i in range(q):
-        total[:] = zero
-        weights = zero
-        for a in range(m):
-            u = upper[a, i]
-            low, high = lower[a, i] * (one - tolerance), u * (one + tolerance)
-            weight = one / ((near + u) * (near + u)) if near >= zero else one
-            weights += weight
-            weight /= soft + u
-            for k in range(c):
-                v = max(low - greatest[a, k], least[a, k] - high, zero)
-                total[k] += weight * min(v + inside * abs(greatest[a, k] - u), most)
-        best = 0
-        for k in range(c):
-            if total[k] < total[best]:
-                best = k
-        placed[i], costs[i] = best, total[best] / weights
+    points, candidates = points.each(np.transpose).single, candidates.single
+    (q, m), c = points.upper.shape, candidates.upper.shape[1]
+    weights = np.ones_like(points.upper) if near is None else 1 / (np.float32(near) + points.upper) ** 2
+    totals, anchors = np.empty((q, c), np.float32), np.tile(np.arange(m), (q, 1))
+    _costs_of(cost.terms(points, weights), np.arange(q), anchors, candidates, totals)
+    placed = totals.argmin(axis=1)
+    return placed, totals[np.arange(q), placed] / weights.sum(axis=1, dtype=np.float64)

@@ -20,9 +20,9 @@ from isomatch.matching.relations.elastic import Elastic
 from isomatch.matching.relations.isometry import Isometry
 from isomatch.matching.relations.part import Part
 from isomatch.matching.result import Alternative, MatchResult, Outcome, Quality
-from isomatch.matching.search import default_starts
 from isomatch.matching.solve import WAYS
 from isomatch.matching.stages import Joint, Refinement, Relation, Stages, Start
+from isomatch.matching.starts import default_starts
 from isomatch.matching.verify import Verification, verify
 from isomatch.settings import COVERAGE_RADIUS
 

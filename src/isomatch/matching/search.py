@@ -14,18 +14,18 @@ from isomatch.matching.fit import Candidate, Hypothesis
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.priors import Priors
 from isomatch.matching.selection import distinct
-from isomatch.matching.stages import PoolStart, Relation, Start, first_maps_of, name_of
+from isomatch.matching.stages import Start, first_maps_of, name_of
 from isomatch.matching.starts import (
+    default_starts,
     start_from_pairs,
     starts_from_anchors,
     starts_from_extremities,
-    starts_from_poses,
     starts_from_priors,
 )
 from isomatch.runtime.threads import parallel_map
 from isomatch.values.arrays import FloatArray, IntArray
 
-PRIOR_STEPS = 8  # of closest points from priors and starts handed in; most maps change little afterwards
+PRIOR_STEPS = 8  # of closest points from priors; most maps change little afterwards
 
 # most hypotheses of limbless shapes: the residuals of round shapes tell little, so many are kept until curvature has been
 # compared; docs/lab/robustness.md, shapes without limbs
@@ -72,26 +72,30 @@ def symmetric_variants(pair: ShapePair, target_row: IntArray) -> list[Hypothesis
         for symmetry in pair.target.symmetries
         if symmetry.orientation >= 0 or pair.config.orientation == "any"
     ]
-    if not starts:
-        return []
+    return _moved(pair, starts, "symmetry")
+
+
+def _moved(pair: ShapePair, starts: list[IntArray], origin: str) -> list[Hypothesis]:
+    """Let closest points move maps of the search vertices (m_s,) that are nearly right."""
     settings = pair.config.search
-    steps = settings.flip_steps
-    moved = iterative_closest_points(*pair.search_points, np.array(starts), steps, settings.unchanged)
-    return [Hypothesis(alignment, "symmetry") for alignment in moved]
+    steps = settings.flip_steps, settings.unchanged
+    moved = iterative_closest_points(*pair.search_points, np.array(starts), *steps) if starts else []
+    return [Hypothesis(alignment, origin) for alignment in moved]
 
 
 def search(
     pair: ShapePair, from_priors: list[Hypothesis], starts: Sequence[Start] | None = None
 ) -> list[Hypothesis]:
-    """Collect distinct hypotheses from priors and starts, by default `default_starts`; best residual first."""
-    pool = Pool(pair, MOST_WITHOUT_LIMBS if pair.limbless else pair.config.search.n_hypotheses)
+    """Collect distinct hypotheses from priors and starts, and flips of the best; best residual first."""
+    settings, starts = pair.config.search, default_starts if starts is None else starts
+    pool = Pool(pair, MOST_WITHOUT_LIMBS if pair.limbless else settings.n_hypotheses)
     pool.merge(from_priors)
-    for start in default_starts if starts is None else starts:
-        if isinstance(start, PoolStart):
-            start.extend(pool)
-        else:
-            rows = [start_from_pairs(pair, pairs) for pairs, _ in first_maps_of([start], pair)]
-            pool.add(rows, PRIOR_STEPS, name_of(start))
+    for start in starts:
+        rows = [start_from_pairs(pair, pairs) for pairs, _ in first_maps_of([start], pair)]
+        # closest points of a round shape stop anywhere, so `slid` has moved the maps from anchors
+        pool.add(rows, 0 if start is starts_from_anchors else settings.start_steps, name_of(start))
+    if any(start in default_starts for start in starts):  # starts of a user stand alone
+        pool.flip(pool.hypotheses[: settings.flipped], "flip")
     return pool.hypotheses
 
 
@@ -100,7 +104,8 @@ def search_back(pair: ShapePair) -> list[Hypothesis]:
     settings, turned = pair.config.search, pair.turned
     steps = settings.compare_every
     back, there = (Pool(each, settings.n_hypotheses) for each in (turned, pair))
-    back.add(starts_from_extremities(turned), steps, "other side")
+    starts = [start_from_pairs(turned, pairs) for pairs in starts_from_extremities(turned)]
+    back.add(starts, steps, "other side")
     back.flip(back.hypotheses[: settings.flipped], "other side", steps, FLIPPED_BACK)
     inverted = [turned.inverted(hypothesis.target_row) for hypothesis in back.hypotheses]
     there.add(inverted, steps, "other side")
@@ -116,11 +121,7 @@ def combinations(pair: ShapePair, maps: Sequence[IntArray]) -> list[Hypothesis]:
     starts = [np.where(half, *two) for half in halves for two in permutations(maps[: settings.combined], 2)]
     aligned = iterative_closest_points(*pair.search_points, np.array(starts), 0) if starts else []
     chosen = distinct_maps(pair, sorted(aligned, key=attrgetter("residual")), settings.most_combined, maps)
-    if not chosen:
-        return []
-    rows = np.array([alignment.target_row for alignment in chosen])
-    moved = iterative_closest_points(*pair.search_points, rows, settings.flip_steps, settings.unchanged)
-    return [Hypothesis(alignment, "combination") for alignment in moved]
+    return _moved(pair, [alignment.target_row for alignment in chosen], "combination")
 
 
 def distinct_maps(
@@ -191,62 +192,6 @@ def _in_groups(move: Callable[[IntArray], Iterable[T]], maps: list[IntArray]) ->
     """Apply a function of several maps (h, m_s) to many, on all threads."""
     groups = [np.array(maps[i : i + AT_ONCE]) for i in range(0, len(maps), AT_ONCE)]
     return [each for group in parallel_map(move, groups) for each in group]
-
-
-class FromRows(PoolStart):
-    """First maps of a pair by a function, each followed by iterative closest points."""
-
-    def __init__(self, name: str, starts: Callable[[ShapePair], list[IntArray]]) -> None:
-        self.name = name
-        self._starts = starts
-
-    def extend(self, pool: Pool) -> None:
-        """Add what comes of them."""
-        pool.add(self._starts(pool.pair), pool.pair.config.search.start_steps, self.name)
-
-
-class FromAnchors(PoolStart):
-    """First maps from points far from each other: of shapes without limbs, of parts, and between species."""
-
-    name = "anchors"
-
-    def extend(self, pool: Pool) -> None:
-        """Add them, if a shape has no limbs."""
-        if pool.pair.limbless:
-            starts = np.array(starts_from_anchors(pool.pair))
-            anchored = iterative_closest_points(*pool.pair.search_points, starts, 0)
-            pool.merge([Hypothesis(alignment, self.name) for alignment in anchored])
-
-
-class FromFlips(PoolStart):
-    """Flips of the best hypotheses so far, which exchange left and right, or front and back."""
-
-    name = "flip"
-
-    def extend(self, pool: Pool) -> None:
-        """Add them."""
-        pool.flip(pool.hypotheses[: pool.pair.config.search.flipped], self.name)
-
-
-default_starts: tuple[Start, ...] = (
-    FromRows("extremities", starts_from_extremities),
-    FromRows("poses", starts_from_poses),
-    FromAnchors(),
-    FromFlips(),
-)
-"""The starts of a match to which none are handed; priors of the user come before them."""
-
-
-def starts_of(relation: Relation) -> tuple[Start, ...]:
-    """Return the starts of a part or an elastic map: those handed in, else isomatch's; none where only priors may win."""
-    # landmarks lead through anchors, in any case but where a whole map is given and nothing else may win
-    starts, config, priors = relation.stages.starts, relation.pair.config, relation.priors
-    if config.hypotheses == "given":
-        starts = ()
-    starts = default_starts if starts is None else tuple(starts)
-    whole_map = not priors.only_landmarks or config.start == "pose"
-    led = len(priors.landmarks) and not (config.hypotheses == "given" and whole_map)
-    return (*starts, FromAnchors()) if led else starts
 
 
 def _flipped(pair: ShapePair, functional_map: FloatArray, function: int) -> IntArray:

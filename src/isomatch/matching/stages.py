@@ -24,18 +24,7 @@ from isomatch.shapes import PreparedShape
 from isomatch.values.arrays import FloatArray, IntArray
 from isomatch.values.cached import cached_property
 
-
-class PoolStart(ABC):
-    """A start of isomatch's own, which adds to the hypotheses found before instead of making first maps of a pair."""
-
-    name: str
-
-    @abstractmethod
-    def extend(self, pool: Any) -> None:
-        """Add hypotheses to those of a `Pool`."""
-
-
-Start: TypeAlias = Callable[[ShapePair], Iterable[IntArray]] | PoolStart
+Start: TypeAlias = Callable[[ShapePair], Iterable[IntArray]]
 """Makes first maps of a pair: arrays (q, 2) of vertices of both bodies that may correspond, a few or all."""
 
 
@@ -322,27 +311,24 @@ class Stages:
                 raise SettingError(
                     f"{name} = {value!r} is no {kind.__name__}; give an instance of a subclass"
                 )
-        if callable(self.starts) or isinstance(self.starts, PoolStart):
+        if callable(self.starts):
             raise SettingError(f"starts = {name_of(self.starts)} is one start; give a list of them")
         if self.starts is not None:
             object.__setattr__(self, "starts", tuple(self.starts))
-            if not all(callable(start) or isinstance(start, PoolStart) for start in self.starts):
+            if not all(map(callable, self.starts)):
                 raise SettingError("starts hold something that cannot be called with a pair of shapes")
 
 
 def name_of(start: Start) -> str:
-    """Name of a start: what it says, else that of the function or of the class."""
-    own = getattr(start, "name", None) or getattr(start, "__name__", None)
-    return str(own or type(start).__name__)
+    """Name of a start: that of the function, without "starts_from_", or of the class."""
+    return str(getattr(start, "__name__", type(start).__name__)).removeprefix("starts_from_")
 
 
 def first_maps_of(starts: Iterable[Start], pair: ShapePair) -> list[tuple[IntArray, str]]:
-    """Collect the first maps (q, 2) of the starts that are not isomatch's own, checked, with the name of each start."""
+    """Collect the first maps (q, 2) of some starts, checked, with the name of each start."""
     first_maps = []
     sizes = pair.source.body.n_vertices, pair.target.body.n_vertices
     for start in starts:
-        if isinstance(start, PoolStart):
-            continue
         maps = start(pair)
         if maps is None or (isinstance(maps, np.ndarray) and maps.ndim < 3):
             what = "None" if maps is None else f"one array of shape {maps.shape}"

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from isomatch.correspondence import (
+    Intervals,
     alignment_from_functions,
     alignments_from_points,
     assign_points,
@@ -17,8 +18,9 @@ from isomatch.correspondence import (
     with_normals,
 )
 from isomatch.errors import SettingError
-from isomatch.matching.pair import ShapePair
+from isomatch.matching.pair import ShapePair, search_pairs
 from isomatch.matching.priors import FEWEST_POINTS, Priors
+from isomatch.matching.stages import Relation, Start, first_maps_of
 from isomatch.runtime.threads import parallel_map
 from isomatch.shapes import EXACTLY, PreparedShape, farthest_rows
 from isomatch.surfaces import Graph, Surface
@@ -40,16 +42,14 @@ def starts_from_priors(pair: ShapePair, priors: Priors) -> Iterator[tuple[IntArr
             yield start, "pose"
 
 
-def starts_from_extremities(pair: ShapePair) -> list[IntArray]:
-    """First maps from every assignment of extremal points: target rows (m_s,) of the search vertices."""
+def starts_from_extremities(pair: ShapePair) -> Iterator[IntArray]:
+    """First maps from every assignment of extremal points."""
     settings = pair.config.search
-    assignments = pair.extremity_assignments
-    starts: list[IntArray] = []
     for count in settings.extremity_counts:
-        group = [points for points in assignments if len(points) == count]
+        group = [points for points in pair.extremity_assignments if len(points) == count]
         if group:
-            starts += _from_points(pair, np.array(group), settings.off_diagonal[0])
-    return starts
+            starts = _from_points(pair, np.array(group), settings.off_diagonal[0])
+            yield from (search_pairs(pair, start) for start in starts)
 
 
 def starts_from_pose(pair: ShapePair) -> list[IntArray]:
@@ -66,7 +66,7 @@ def starts_from_pose(pair: ShapePair) -> list[IntArray]:
 
 
 def starts_from_poses(pair: ShapePair) -> list[IntArray]:
-    """First maps to the nearest points of meshes that are alike in space, however they lie: target rows (m_s,)."""
+    """First maps to the nearest points of meshes that are alike in space, however they lie."""
     limit, orientation = pair.config.search.near_rigid, pair.config.orientation
     if not (limit and pair.oriented):
         return []
@@ -76,7 +76,8 @@ def starts_from_poses(pair: ShapePair) -> list[IntArray]:
         for shape, vertices in ((pair.source, pair.source_vertices), (pair.target, pair.target_vertices))
     )
     several = parallel_map(lambda mirrored: poses_between(source, target, mirrored), sides)
-    return [pose.nearest for poses in several for pose in poses if pose.distance <= limit]
+    near = [pose.nearest for poses in several for pose in poses if pose.distance <= limit]
+    return [search_pairs(pair, nearest) for nearest in near]
 
 
 def nearest_in_pose(source: PreparedShape, target: PreparedShape, source_vertex: IntArray) -> IntArray:
@@ -97,10 +98,13 @@ def start_from_pairs(pair: ShapePair, pairs: IntArray) -> IntArray:
     # search vertices without an image take that of the one that has an image and is nearest in descriptors; and an
     # image between the target's search vertices goes to the nearest of them
     source, target = pair.search_points
-    image = np.full(pair.source.body.n_vertices, -1)
+    image, row = np.full(pair.source.body.n_vertices, -1), np.full(pair.target.body.n_vertices, -1)
     image[pairs[::-1, 0]] = pairs[::-1, 1]  # of vertices that were welded, the first counts
+    row[pair.target_vertices] = np.arange(len(pair.target_vertices))
     target_vertex = image[pair.source_vertices]
     held = np.flatnonzero(target_vertex >= 0)
+    if len(held) == len(target_vertex) and (row[target_vertex] >= 0).all():
+        return np.asarray(row[target_vertex])
     if len(held) < FEWEST_POINTS:  # the nearest known vertices stand in
         held = np.arange(len(target_vertex))
         points = pair.source.points.at(pairs[:, 0], len(source.signs)).coordinates
@@ -131,7 +135,6 @@ def _from_points(pair: ShapePair, points: IntArray, off_diagonal: float) -> list
 
 N_ANCHORS = 6  # three points determine an isometry, three more its errors
 N_CANDIDATES = 200  # search vertices of the target among which their images are sought; as for symmetries
-ECCENTRICITY_WEIGHT = 0.3  # as search.eccentricity_weight
 SIGNATURE_WEIGHT = 0.25  # docs/lab/robustness.md, shapes without limbs
 BEAM = 200  # partial assignments that are kept; chosen, not measured
 # mean distance by which these differ, in average distances; chosen: 0.1 with 80 starts is no better
@@ -142,24 +145,27 @@ SLIDE_STEPS = 10  # docs/lab/robustness.md, shapes without limbs
 
 
 def starts_from_anchors(pair: ShapePair) -> list[IntArray]:
-    """First maps that need no extremities: target rows (m_s,) of the search vertices."""
+    """First maps of a pair of which a shape has no limbs: from points far from each other."""
     # Assign anchors a_1 … a_6, one after the other, to points b_1 … b_6 of the target by a beam search. The cost is that
     # of violated distances d(b_p, b_q) = d(a_p, a_q), see `IntervalCost`, plus for each point p
     #   w_e |ē(a_p) − ē(b_p)| + w_σ ‖σ(a_p) − σ(b_p)‖,   ē the mean of d (eccentricity), σ the signatures,
     # d over the average distance. All other vertices go where their distances to the anchors fit best; then it is slid.
+    if not pair.limbless:
+        return []
     source, target = pair.source, pair.target
     here = source.distances_between(pair.source_vertices) / source.intrinsic_scale
     there = target.distances_between(pair.target_vertices) / target.intrinsic_scale
     signatures = pair.search_signatures
     n = N_CANDIDATES
     anchors = farthest_rows(here[:n, :n], N_ANCHORS)
-    exact = here[np.ix_(anchors, anchors)]
+    exact, among = here[np.ix_(anchors, anchors)], there[:n, :n]
+    sides = Intervals(exact, exact), Intervals(among, among)
     remoteness = np.abs(there.mean(axis=1)[:n] - here.mean(axis=1)[anchors, None])
     unlike = np.linalg.norm(signatures.target[:n] - signatures.source[anchors, None], axis=2)
-    unary = ECCENTRICITY_WEIGHT * remoteness + SIGNATURE_WEIGHT * unlike
-    assigned, _ = assign_points(there[:n, :n], exact, exact, unary, EXACTLY, BEAM, APART)
+    unary = pair.config.search.eccentricity_weight * remoteness + SIGNATURE_WEIGHT * unlike
+    assigned, _ = assign_points(*sides, unary, EXACTLY, BEAM, APART)
     starts = [nearest_rows(there[:, images], here[:, anchors]) for images in assigned[:N_STARTS]]
-    return parallel_map(lambda start: slid(pair, start), starts)
+    return [search_pairs(pair, start) for start in parallel_map(lambda start: slid(pair, start), starts)]
 
 
 def slid(pair: ShapePair, target_row: IntArray) -> IntArray:
@@ -175,3 +181,23 @@ def slid(pair: ShapePair, target_row: IntArray) -> IntArray:
             np.hstack([spectra.source.at_samples[:, :k] / np.sqrt(k), signatures.source]),
         )
     return target_row
+
+
+default_starts: tuple[Start, ...] = (starts_from_extremities, starts_from_poses, starts_from_anchors)
+"""The starts of a match to which none are handed; priors of the user come before them."""
+
+
+def searches_by_anchors(relation: Relation) -> bool:
+    """Whether a part or an elastic map is searched by anchors: not if only other starts, or only priors, lead to it."""
+    # landmarks lead through anchors, in any case but where a whole map is given and nothing else may win
+    starts, config, priors = relation.stages.starts, relation.pair.config, relation.priors
+    only_given = config.hypotheses == "given"
+    if len(priors.landmarks) and not (only_given and (not priors.only_landmarks or config.start == "pose")):
+        return True
+    return not only_given and (starts is None or starts_from_anchors in starts)
+
+
+def first_maps_handed_in(relation: Relation) -> list[tuple[IntArray, str]]:
+    """Collect the first maps (q, 2) of a user's starts, for a part or an elastic map; none where only priors may win."""
+    starts = () if relation.pair.config.hypotheses == "given" else relation.stages.starts or ()
+    return first_maps_of([start for start in starts if start not in default_starts], relation.pair)

@@ -10,6 +10,7 @@ import numpy as np
 
 from isomatch.correspondence import (
     IntervalCost,
+    Intervals,
     SignedPoints,
     alignment_residual,
     assign_points,
@@ -129,6 +130,7 @@ def _assignments(distances: FloatArray, anchors: IntArray, settings: SymmetrySet
     remoteness = distances.mean(axis=1)
     exact = distances[np.ix_(anchors, anchors)]
     unary = 0.5 * np.abs(remoteness - remoteness[anchors, None])
-    assigned, _ = assign_points(distances, exact, exact, unary, EXACTLY, BEAM, LEAST_MOVED)
+    sides = Intervals(exact, exact), Intervals(distances, distances)
+    assigned, _ = assign_points(*sides, unary, EXACTLY, BEAM, LEAST_MOVED)
     moved = distances[assigned, anchors].mean(axis=1)
     return np.asarray(assigned[moved > LEAST_MOVED][: settings.most])

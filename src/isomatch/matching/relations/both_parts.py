@@ -26,9 +26,8 @@ from isomatch.matching.relations.part import (
     measured_part,
 )
 from isomatch.matching.relations.part_registration import N_ROUGH_VERTICES, BentPart, PartFit
-from isomatch.matching.search import FromAnchors, starts_of
-from isomatch.matching.stages import Relation, Stages, first_maps_of
-from isomatch.matching.starts import nearest_in_pose
+from isomatch.matching.stages import Relation, Stages
+from isomatch.matching.starts import first_maps_handed_in, nearest_in_pose, searches_by_anchors
 from isomatch.runtime.stage_timer import StageTimer
 from isomatch.runtime.threads import parallel_map
 from isomatch.settings import Config
@@ -89,15 +88,14 @@ class BothParts(Relation):
 
     def _first_regions(self) -> list[CommonRegion]:
         """Regions grown from seeds, those of given maps, and those of starts handed in."""
-        starts, pairs = starts_of(self), self.priors.initial_pairs
-        searches = any(isinstance(start, FromAnchors) for start in starts)
-        regions = self._regions.best(self.pair.config.parts.n_common) if searches else []
+        pairs, count = self.priors.initial_pairs, self.pair.config.parts.n_common
+        regions = self._regions.best(count) if searches_by_anchors(self) else []
         first_maps = [(pairs, "initial map")] if len(pairs) else []
         if self.pair.config.start == "pose":
             everything = np.arange(self.source.body.n_vertices)
             images = nearest_in_pose(self.pair.source, self.pair.target, everything)
             first_maps.append((np.column_stack([everything, images]), "pose"))
-        for pairs, origin in (*first_maps, *first_maps_of(starts, self.pair)):
+        for pairs, origin in (*first_maps, *first_maps_handed_in(self)):
             image, gap = filled(self.source, pairs)
             near = self._regions.source.unit * gap <= AROUND
             regions.append(self._regions.around(image, near, origin))

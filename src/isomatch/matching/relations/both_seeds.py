@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -10,16 +11,16 @@ import numpy as np
 from isomatch.correspondence import (
     IntervalCost,
     Intervals,
-    grow_common_regions,
+    grow_regions,
     pin_first,
-    trilaterate_common,
+    trilaterate,
 )
 from isomatch.descriptors import BallSignature, ball_signature, deviation_of
 from isomatch.geodesics import MissingRegion, distance_engine
 from isomatch.matching.confidence import nearest_of
 from isomatch.matching.priors import NO_LANDMARKS
 from isomatch.matching.relations.part_pair import N_POSTS, areas_of_samples
-from isomatch.matching.search import FromAnchors
+from isomatch.matching.selection import distinct
 from isomatch.runtime.threads import parallel_map
 from isomatch.shapes import PreparedShape
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
@@ -53,9 +54,13 @@ N_AROUND = 8  # samples around each whose triangles are compared
 N_ANCHORS, N_CANDIDATES = 56, 300  # samples of the source that grow regions, and of the target where they go
 N_ROOTS, N_LIKELY = 40, 30  # anchors deepest inside from which regions grow, and candidates of each
 COST = IntervalCost(tolerance=0.1, inside=0.1, most=0.5, soft=0.15)
-NEAR, DEAREST, WIDTH, VARIANTS_APART = 0.2, 0.09, 4, 0.12  # see `grow_common_regions`
+NEAR, DEAREST, WIDTH, VARIANTS_APART = (
+    0.2,
+    0.09,
+    4,
+    0.12,
+)  # see `grow_regions`; beyond the dearest, too, none is assigned
 LIKELY_GAINS = 2.0, 0.5  # of an anchor that looks alike, against one whose distances agree
-FEWEST_GROWN = 5  # anchors of a region
 SAME_REGION, FEWEST_COMMON = 0.1, 3  # mean distance of images, and anchors in common, of regions that are one
 # mean distance of images, and share of samples in both, of maps that become one
 SAME_MAP, SAME_SHARE = 0.05, 0.7
@@ -63,7 +68,7 @@ N_SCREENED = 400  # regions that are extended
 RANKS = (150, 1, 80), (300, 2, 30)  # samples to which they are extended, rounds, and how many remain
 ACCEPTED, LED_ACCEPTED = 0.06, 0.12  # cost of a sample, also where landmarks lead, so that little is wrong
 ROUND_TRIP = 0.12  # how far a sample may be from where it returns to
-EXTENSION_NEAR = 0.15  # see `trilaterate_common`
+EXTENSION_NEAR = 0.15  # see `trilaterate`
 FIRST_ANCHORS, NEXT_ANCHORS = 50, 90  # samples from which others are trilaterated once more
 FEWEST_ACCEPTED, FEWEST_SAMPLES = 8, 25  # samples of a region on the way, and in the end
 ORIENTED = 0.2  # mean sign of triangles, below which a region is taken for a mirror image
@@ -280,27 +285,21 @@ class CommonRegions:
             if n := len(source.landmarks):
                 pin_first(unary, np.arange(n))
                 seeds = np.column_stack([np.arange(n)] * 2)
-            regions, gains = grow_common_regions(
-                here, there, unary, seeds, COST, NEAR, DEAREST, WIDTH, VARIANTS_APART
-            )
+            costs = unary, seeds, COST, NEAR, DEAREST, DEAREST
+            regions, gains = grow_regions(here, there, *costs, WIDTH, VARIANTS_APART)
             ranked.append(regions[np.argsort(-gains, kind="stable")])
         return self._distinct(np.stack(ranked, axis=1).reshape(-1, len(rows)))
 
     def _distinct(self, regions: IntArray) -> list[IntArray]:
         """Keep the first regions that differ."""
-        distances = self.target.intervals.upper
-        kept = np.zeros((N_SCREENED, regions.shape[1]), dtype=np.int64)
-        n = 0
-        for region in regions[(regions >= 0).sum(axis=1) >= FEWEST_GROWN]:
-            if n == N_SCREENED:
-                break
-            both = (region >= 0) & (kept[:n] >= 0)
+
+        def apart(region: IntArray, others: Sequence[IntArray]) -> FloatArray:
+            both = (region >= 0) & (np.array(others) >= 0)
+            total = np.where(both, self.target.intervals.upper[region, np.array(others)], 0.0).sum(axis=1)
             common = both.sum(axis=1)
-            apart = np.where(both, distances[region, kept[:n]], 0.0).sum(axis=1)
-            if not ((common >= FEWEST_COMMON) & (apart < SAME_REGION * common)).any():
-                kept[n] = region
-                n += 1
-        return list(kept[:n])
+            return np.where(common >= FEWEST_COMMON, total / np.maximum(common, 1), np.inf)
+
+        return distinct(regions, lambda region: region, apart, SAME_REGION, N_SCREENED)
 
     def _extended_from(self, start: tuple[IntArray, IntArray], n: int, rounds: int) -> CommonRegion | None:
         """Trilaterate the first n samples from some, with images among those of the target; None if few agree."""
@@ -320,8 +319,8 @@ class CommonRegions:
         everything, there = np.arange(min(n, len(source.vertices))), np.arange(min(n, len(target.vertices)))
         of_source, of_target = source.intervals.at(rows, everything), target.intervals.at(columns, there)
         # there and back: a sample whose image is not there at all is placed somewhere, but does not return from it
-        placed, costs = trilaterate_common(of_source, of_target, EXTENSION_NEAR, COST)
-        back, _ = trilaterate_common(of_target, of_source, EXTENSION_NEAR, COST)
+        placed, costs = trilaterate(of_source, of_target, COST, EXTENSION_NEAR)
+        back, _ = trilaterate(of_target, of_source, COST, EXTENSION_NEAR)
         returned = source.intervals.upper[everything, back[placed]]
         accepted = (costs < most) & (returned < ROUND_TRIP)
         marks = np.arange(len(source.landmarks))
@@ -334,7 +333,7 @@ class CommonRegions:
         everywhere = len(accepted) == len(self.source.vertices)
         worth = (self.worth if everywhere else self.evidence)(inside, images[inside])
         orientation = signed_triangles(self.source, inside, self.target, images[inside])
-        origin = "landmarks" if len(self.source.landmarks) else FromAnchors.name
+        origin = "landmarks" if len(self.source.landmarks) else "anchors"
         return CommonRegion(images, accepted, worth, orientation, origin)
 
     def best(self, count: int) -> list[CommonRegion]:

@@ -31,10 +31,9 @@ from isomatch.matching.relations.elastic_fit import (
 )
 from isomatch.matching.relations.isometry import Measured
 from isomatch.matching.result import Quality
-from isomatch.matching.search import FromAnchors, starts_of
 from isomatch.matching.selection import LANDMARK_SLACK, Rules, Selection, distances_between, distinct, select
-from isomatch.matching.stages import Relation, first_maps_of
-from isomatch.matching.starts import starts_from_priors
+from isomatch.matching.stages import Relation
+from isomatch.matching.starts import first_maps_handed_in, searches_by_anchors, starts_from_priors
 from isomatch.runtime.stage_timer import StageTimer
 from isomatch.runtime.threads import parallel_map
 from isomatch.values.arrays import IntArray
@@ -186,19 +185,19 @@ class Elastic(Relation):
 
     def _starts(self) -> list[tuple[IntArray, str]]:
         """First maps (q, 2), and where each comes from; those of an ordinary map have made use of priors before."""
-        pair, landmarks, starts = self.pair, self.priors.landmarks, starts_of(self)
+        pair, landmarks = self.pair, self.priors.landmarks
         first_maps: list[tuple[IntArray, str]] = []
-        if any(isinstance(start, FromAnchors) for start in starts):
+        if searches_by_anchors(self):
             source, target = self._shapes
             back = anchor_starts(pair.turned, landmarks[:, ::-1], (target, source))
             pairs = [*anchor_starts(pair, landmarks, (source, target)), *(start[:, ::-1] for start in back)]
-            first_maps = [(start, "landmarks" if len(landmarks) else FromAnchors.name) for start in pairs]
+            first_maps = [(start, "landmarks" if len(landmarks) else "anchors") for start in pairs]
         if self.ordinary is not None:
             first_maps.append((self._pairs(self.ordinary), self.ordinary.origin))
         else:
             from_priors = starts_from_priors(pair, self.priors)
             first_maps += [(search_pairs(pair, rows), origin) for rows, origin in from_priors]
-        return [*first_maps, *self.others, *first_maps_of(starts, pair)]
+        return [*first_maps, *self.others, *first_maps_handed_in(self)]
 
     @cached_property
     def _shapes(self) -> tuple[ElasticShape, ElasticShape]:

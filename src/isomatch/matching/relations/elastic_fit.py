@@ -9,7 +9,7 @@ import numpy as np
 from numpy.linalg import LinAlgError
 from scipy.linalg.lapack import dposv
 
-from isomatch.correspondence import Embedding, IntervalCost, assign_points, nearest_rows, pin_first
+from isomatch.correspondence import Embedding, IntervalCost, Intervals, assign_points, nearest_rows, pin_first
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.priors import NO_LANDMARKS
 from isomatch.runtime.threads import parallel_map
@@ -377,20 +377,15 @@ def anchor_starts(
         unlike = np.abs(aside[0][anchors, None] - aside[1][candidates])
         kinds = [(unary + ASIDE_COST * unlike, settings.n_starts), (unary, N_PLAIN_STARTS)]
 
-    def assigned(cost: FloatArray, count: int) -> IntArray:
-        pin_first(cost, np.searchsorted(candidates, landmarks[:, 1]))
-        rows, _ = assign_points(
-            target.distances_between(candidates) / target.intrinsic_scale,
-            between,
-            between,
-            cost,
-            IntervalCost(settings.forgiven, settings.inside, MOST_COST, SOFT),
-            BEAM,
-            APART,
-        )
-        return rows[:count]
-
-    return [np.column_stack([anchors, candidates[row]]) for kind in kinds for row in assigned(*kind)]
+    among = target.distances_between(candidates) / target.intrinsic_scale
+    sides = Intervals(between, between), Intervals(among, among)
+    cost = IntervalCost(settings.forgiven, settings.inside, MOST_COST, SOFT)
+    starts: list[IntArray] = []
+    for unary, count in kinds:
+        pin_first(unary, np.searchsorted(candidates, landmarks[:, 1]))
+        rows, _ = assign_points(*sides, unary, cost, BEAM, APART)
+        starts += [np.column_stack([anchors, candidates[row]]) for row in rows[:count]]
+    return starts
 
 
 def _anchors(shape: PreparedShape, first: IntArray, count: int) -> tuple[IntArray, FloatArray]:

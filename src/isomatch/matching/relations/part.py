@@ -42,10 +42,9 @@ from isomatch.matching.relations.part_registration import (
 )
 from isomatch.matching.relations.part_starts import APART, PartStarts, self_maps
 from isomatch.matching.result import Quality
-from isomatch.matching.search import FromAnchors, starts_of
 from isomatch.matching.selection import LANDMARK_SLACK, Rules, Selection, distances_between, distinct, select
-from isomatch.matching.stages import Relation, first_maps_of
-from isomatch.matching.starts import nearest_in_pose
+from isomatch.matching.stages import Relation
+from isomatch.matching.starts import first_maps_handed_in, nearest_in_pose, searches_by_anchors
 from isomatch.runtime.stage_timer import StageTimer
 from isomatch.runtime.threads import parallel_map
 from isomatch.shapes import PreparedShape
@@ -156,7 +155,8 @@ class Part(Relation):
         timer.start("search")
         config, settings, fits_of = self.pair.config, self.pair.config.parts, self.fits
         first_maps = self._first_maps()
-        rough = self._rough_fits(first_maps) if config.hypotheses != "given" or starts_of(self) else []
+        only_given = config.hypotheses == "given" and not searches_by_anchors(self)
+        rough = [] if only_given else self._rough_fits(first_maps)
         kept = self._distinct(rough, N_CONTENDERS)
         hopeful = [fit for fit in kept if fit.promise <= settings.hopeless * kept[0].promise]
         hopeful = kept[: max(len(hopeful), 2)]  # the best, and a runner-up
@@ -232,7 +232,7 @@ class Part(Relation):
     @cached_property
     def _anchored(self) -> list[PartFit | None]:
         """The starts of the part's own search, refined roughly; None for mirror images."""
-        if not any(isinstance(start, FromAnchors) for start in starts_of(self)):
+        if not searches_by_anchors(self):
             return []
         signatures = self.fits.coordinates.signatures
         return parallel_map(self.fits.rough, PartStarts(self.fits.pair, signatures, self._onto_itself)())
@@ -245,8 +245,8 @@ class Part(Relation):
         if self._with_priors_image is not None:
             origin = "initial map" if len(self.priors.initial_pairs) else "pose"
             images.append((self._with_priors_image, origin))
-        first_maps = first_maps_of(starts_of(self), self.pair)
-        images += [(filled(self.source, self._towards_whole(pairs))[0], name) for pairs, name in first_maps]
+        handed_in = first_maps_handed_in(self)
+        images += [(filled(self.source, self._towards_whole(pairs))[0], name) for pairs, name in handed_in]
         rough = self.source.sample_vertices[:N_ROUGH_VERTICES]
         return [(self.fits.pair.in_unit_of(image), image[rough], origin) for image, origin in images]
 

@@ -21,7 +21,6 @@ from isomatch.matching.relations.part_pair import (
     WholeSignatures,
 )
 from isomatch.matching.relations.part_starts import PartStart, completed, composed
-from isomatch.matching.search import FromAnchors
 from isomatch.settings import Config
 from isomatch.shapes import PreparedShape
 from isomatch.surfaces import vertex_normals
@@ -356,7 +355,7 @@ class PartFits:
         """Refine some vertices a little; None for a mirror image."""
         refinement = self._refinement(start.pair, N_ROUGH_VERTICES)
         vertices = refinement.vertices[: self._config.n_search]
-        origin = "landmarks" if len(self.pair.landmarks) else FromAnchors.name
+        origin = "landmarks" if len(self.pair.landmarks) else "anchors"
         return self.roughly(start.pair, refinement.extended(start.dense(vertices), N_ROUGH_FUNCTIONS), origin)
 
     def varied(self, fit: PartFit, image_row: IntArray) -> PartFit | None:

@@ -8,7 +8,7 @@ from functools import lru_cache, partial
 
 import numpy as np
 
-from isomatch.correspondence import Alignment, assign_points, grow_regions, pin_first, trilaterate
+from isomatch.correspondence import Alignment, Intervals, assign_points, grow_regions, pin_first, trilaterate
 from isomatch.descriptors import BallSignature, deviation_of
 from isomatch.matching.fit import Hypothesis
 from isomatch.matching.pair import ShapePair
@@ -37,7 +37,6 @@ UNIT_COST = 0.05  # times the square of the logarithm of the unit over that of t
 # of the regions that are grown; all chosen on single views, not one by one
 N_ROOTS, N_LIKELY = 24, 24  # anchors from which regions grow, and candidates of each
 MOST_GROWN, N_GROWN = 60, 12  # regions that are completed, and starts of them
-FEWEST_GROWN = 6  # anchors of a region
 NEAR = 0.2  # distances, in √area of the whole, weigh 1 / (this + distance) in a region
 DEAREST = 0.3  # mean cost of distances at which an anchor gains nothing
 DESCRIPTOR_GAIN = 2.0  # of an anchor that looks alike, against one that agrees in its distances
@@ -55,23 +54,26 @@ class PartStart:
 
     def dense(self, vertices: IntArray) -> IntArray:
         """Trilaterate vertices (r,) of the part from the images of all anchors: vertices of the whole."""
-        pair, fine = self.pair, self.pair.whole.sample_vertices
-        lower, upper = pair.intervals(vertices)
-        there = np.maximum(pair.whole.distances.between(self.images, fine), 0.0)
-        return fine[trilaterate(lower.T, upper.T, there, pair.cost)]
+        whole = self.pair.whole
+        to_samples = whole.distances.between(self.images, whole.sample_vertices)
+        return _placed(self.pair, Intervals(*self.pair.intervals(vertices)), to_samples)
+
+
+def _placed(pair: PartPair, points: Intervals, to_samples: FloatArray) -> IntArray:
+    """Trilaterate points from anchors whose images are so far from the samples: vertices of the whole."""
+    there = np.maximum(to_samples, 0.0)
+    return pair.whole.sample_vertices[trilaterate(points, Intervals(there, there), pair.cost)[0]]
 
 
 def completed(
     pair: PartPair, images: IntArray, rounds: int, to_samples: Callable[[IntArray], FloatArray] | None = None
 ) -> IntArray:
-    """Trilaterate all anchors from the images (q,) of the first ones, several times: vertices (m,) of the whole."""
-    fine = pair.whole.sample_vertices
-    to_samples = to_samples or partial(pair.whole.distances.between, columns=fine)
-    lower, upper = pair.anchor_intervals
+    """Trilaterate all anchors, several times, at first from the images (q,) of the first ones, −1 for none: (m,)."""
+    to_samples = to_samples or partial(pair.whole.distances.between, columns=pair.whole.sample_vertices)
     for _ in range(rounds):
-        q = len(images)
-        there = np.maximum(to_samples(images), 0.0)
-        images = fine[trilaterate(lower[:, :q], upper[:, :q], there, pair.cost)]
+        rows = np.flatnonzero(images >= 0)
+        points = Intervals(*pair.anchor_intervals).at(rows, np.arange(len(pair.anchors)))
+        images = _placed(pair, points, to_samples(images[rows]))
         images[: len(pair.landmarks)] = pair.landmarks
     return images
 
@@ -128,21 +130,16 @@ class PartStarts:
         likely = np.argsort(descriptor_distance[roots], axis=1, kind="stable")[:, :N_LIKELY]
         seeds = np.column_stack([np.repeat(roots, likely.shape[1]), likely.ravel()])
         unary = DESCRIPTOR_GAIN * (descriptor_distance - NEUTRAL_DESCRIPTOR_DISTANCE)
-        lower, upper = pair.anchor_intervals
-        rows, gains = grow_regions(
-            whole.distances_between(candidates), lower, upper, unary, seeds, pair.cost, NEAR, DEAREST
-        )
-        best = [row for row in np.argsort(-gains, kind="stable") if (rows[row] >= 0).sum() >= FEWEST_GROWN]
-        starts = parallel_map(lambda row: self._completed(pair, rows[row]), best[:MOST_GROWN])
+        regions, gains = grow_regions(*self._sides(pair), unary, seeds, pair.cost, NEAR, DEAREST)
+        best = regions[np.argsort(-gains, kind="stable")[:MOST_GROWN]]
+        images = np.where(best >= 0, candidates[best], -1)
+        starts = parallel_map(lambda row: self._start(pair, row, 2), images)
         return distinct(starts, lambda start: start.images, whole.mean_distances, self._apart, N_GROWN)
 
-    def _completed(self, pair: PartPair, row: IntArray) -> PartStart:
-        """Trilaterate all anchors from those that a region has assigned, the others with −1."""
-        fine, placed = pair.whole.sample_vertices, np.flatnonzero(row >= 0)
-        lower, upper = pair.anchor_intervals
-        there = np.maximum(self._distances_to_samples(self._candidates[row[placed]]), 0.0)
-        images = fine[trilaterate(lower[:, placed], upper[:, placed], there, pair.cost)]
-        return self._start(pair, images, 1)
+    def _sides(self, pair: PartPair) -> tuple[Intervals, Intervals]:
+        """Distances between the anchors, and between the candidates."""
+        between = self._pair.whole.distances_between(self._candidates)
+        return Intervals(*pair.anchor_intervals), Intervals(between, between)
 
     def _descriptor_distances(self, pair: PartPair, of_whole: BallSignature) -> FloatArray:
         """Descriptor distance (m, c) of each anchor and candidate, drawn to a neutral value where little is known."""
@@ -159,15 +156,14 @@ class PartStarts:
         placed = min(N_PLACED, len(pair.anchors))
         alone = self._unary(pair, np.arange(placed)[:, None], np.searchsorted(self._places, candidates))
         pin_first(alone, np.searchsorted(candidates, pair.landmarks[:placed]))
-        between = pair.whole.distances_between(candidates)
-        rows, costs = assign_points(between, *pair.anchor_intervals, alone, pair.cost, BEAM, self._apart)
+        rows, costs = assign_points(*self._sides(pair), alone, pair.cost, BEAM, self._apart)
         # Σ_a unary_a + Σ_{a<b} c_ab over the number of pairs m (m − 1) / 2: the mean of c, and 2 / (m − 1) × the mean of
         # the unary costs. `_start` weighs both alike, of however many anchors.
         costs = costs / (placed * (placed - 1) / 2) + self._against(unit)
         return [PartStart(pair, candidates[row], float(cost)) for row, cost in zip(rows, costs)]
 
     def _start(self, pair: PartPair, images: IntArray, rounds: int) -> PartStart:
-        """Complete images of the first anchors, and again in the unit that they ask for."""
+        """Complete images of the first anchors, −1 for none, and again in the unit that they ask for."""
         images = completed(pair, images, rounds, self._distances_to_samples)
         scaled = self._at(pair.unit_of(images))
         if scaled.unit != pair.unit:
