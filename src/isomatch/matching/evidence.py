@@ -253,10 +253,6 @@ class Solution:
         quality = replace(self.quality, runner_up=doubt.runner_up, doubt=doubt.doubt)
         return replace(self, doubt=doubt, quality=quality)
 
-    def doubt_or(self, cost: float) -> float:
-        """Give the doubt of the map of a part, or a cost where there is none."""
-        return self.doubt.doubt if isinstance(self.doubt, PartDoubt) else cost
-
     def led(self, lead: float) -> Self:
         """Take a map of another way into account, of which the cost is so many times as high."""
         return self if self.doubt is None else self.doubted(self.doubt.against(lead))

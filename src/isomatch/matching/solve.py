@@ -127,6 +127,11 @@ class Case:
         """Whether no map so far is sure."""
         return all(solution.outcome not in SURE for solution in self.solutions)
 
+    @cached_property
+    def is_far(self) -> bool:
+        """Whether no isometry fits well, so that an elastic map should be sought."""
+        return far_from_isometric(self.isometric.relation, self.isometric.measured.quality)
+
     @property
     def has_own_distances(self) -> bool:
         """Whether the distances of either shape are the user's own."""
@@ -193,11 +198,6 @@ def _elastic(case: Case) -> Solution | None:
     return relation.summed_up(match, measured, timer, note)
 
 
-def _stretches(case: Case) -> bool:
-    """Whether no isometry fits, so that an elastic map should be sought."""
-    return case.is_unsure and far_from_isometric(case.isometric.relation, case.isometric.measured.quality)
-
-
 def _part_from_closed(case: Case) -> Solution | None:
     """Refine the map with the holes capped as one of a part, without a search of its own."""
     match = cast(IsometricMatch, case.closed)
@@ -252,8 +252,8 @@ AS_IT_IS = Way(
     AS_IS,
     lambda case: True,
     lambda case: case.summed_up(case.isometric),
-    # fused limbs make a handle, and may look right
-    lambda case, solution: solution.outcome in SURE and not max(case.handles),
+    # fused limbs make a handle, and may look right; so may an isometry of shapes that are none
+    lambda case, solution: solution.outcome in SURE and not max(case.handles) and not case.is_far,
 )
 SURPLUS_CUT = Way(
     "self-contacts cut",
@@ -287,17 +287,27 @@ LIMBS_APART = Way(
     lambda case: case.is_unsure and case.surplus[0] > 0 and case.pair.config.orientation == "preserve",
     _limbs_apart,
 )
-ELASTIC = Way("elastic", "whole", True, AS_IS, _stretches, _elastic)
+ELASTIC = Way("elastic", "whole", True, AS_IS, lambda case: case.is_far, _elastic)
 PART = Way(
     "part", "part", False, AS_IS, lambda case: True, lambda case: case.part.solution(case.timer), _is_clear
+)
+CLOSED = Way(
+    "holes closed",
+    "whole",
+    False,
+    "holes capped",
+    lambda case: case.closed is not None,
+    lambda case: case.summed_up(case.closed) if case.closed else None,
+    lambda case, solution: False,
 )
 PART_FROM_CLOSED = Way(
     "part, from the holes closed",
     "part",
     False,
     "as they are, from a map with holes capped",
-    lambda case: case.closed is not None,
+    CLOSED.applies,
     _part_from_closed,
+    lambda case, solution: not case.is_unsure,
 )
 OVERLAPPING = Way(
     "two parts",
@@ -310,8 +320,8 @@ OVERLAPPING = Way(
 
 # in the order in which they are tried
 COMPLETE = AS_IT_IS, SURPLUS_CUT, ALL_CUT, CREASES_CUT, LIMBS_APART, ELASTIC
-MUCH_MISSING = PART, SURPLUS_CUT, CREASES_CUT, PART_FROM_CLOSED
-LITTLE_MISSING = SURPLUS_CUT, CREASES_CUT, PART_FROM_CLOSED, PART
+MUCH_MISSING = PART, CLOSED, SURPLUS_CUT, CREASES_CUT, PART_FROM_CLOSED
+LITTLE_MISSING = CLOSED, SURPLUS_CUT, CREASES_CUT, PART_FROM_CLOSED, PART
 TWO_PARTS = AS_IT_IS, OVERLAPPING
 WAYS = {way.name: way for way in (*COMPLETE, *MUCH_MISSING, *TWO_PARTS)}
 """What each way claims, by its name, which `MatchResult.way` records."""
@@ -356,7 +366,11 @@ def _verified_best(case: Case) -> Solution:
     images = [on_bodies(case.pair, solution.map.vertices) for solution in solutions]
     costs = [verifier_of(case.pair)(image).cost for image in images]
     tied = [i for i, cost in enumerate(costs) if cost <= TIE * min(costs)]
-    best = min(tied, key=lambda i: (-solutions[i].outcome.sureness, solutions[i].doubt_or(costs[i])))
+    # of those that are as sure, the one in least doubt: caps leave a map of a part rough
+    doubts = [
+        np.inf if np.isnan(solution.quality.doubt) else solution.quality.doubt for solution in solutions
+    ]
+    best = min(tied, key=lambda i: (-solutions[i].outcome.sureness, doubts[i], costs[i]))
 
     def differs(i: int) -> bool:
         both = (images[i] >= 0) & (images[best] >= 0)

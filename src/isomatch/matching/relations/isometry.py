@@ -347,18 +347,18 @@ class Isometry(Relation):
         first, tie = selection.winner, self.pair.config.outcome.tie
         if not self._sided or max(self.source.handles, self.target.handles):
             return selection
-        others = [
-            fit for fit in selection.runners_up if fit.score <= tie * first.score and fit.side == first.side
-        ]
-        tied = [first, *(fit for fit in others if is_another(self, fit, first))]
+        fits = (first, *selection.runners_up)
+        tied = [fit for fit in fits if fit.score <= tie * first.score and fit.side == first.side]
         if len(tied) == 1:
             return selection
         bendings = [verifier_of(self.pair)(self._image(fit)).bending_both_ways for fit in tied]
         best = tied[int(np.argmin(bendings))]
         if best is first:
             return selection
-        rest = tuple(fit for fit in (first, *selection.runners_up) if fit is not best)
-        return replace(selection, winner=best, runners_up=rest, runner_up=1.0, against=first)
+        ratio = 1.0 if is_another(self, best, first) else selection.runner_up
+        against = first if selection.against in (None, best) else selection.against
+        rest = tuple(fit for fit in fits if fit is not best)
+        return replace(selection, winner=best, runners_up=rest, runner_up=ratio, against=against)
 
     def _image(self, fit: Fit) -> IntArray:
         embedding = self.everywhere(fit)
