@@ -217,6 +217,18 @@ def test_evaluate_knows_a_perfect_map_and_counts_what_is_missing(shapes, monkeyp
     assert "error, mean" in capsys.readouterr().out
 
 
+def test_evaluate_without_a_truth_tells_what_speaks_for_a_map(shapes, monkeypatch, tmp_path, capsys):
+    monkeypatch.chdir(shapes)
+    right = evaluated(capsys, "evaluate truth.txt a.ply b.ply")
+    assert right["support"] == 1
+    np.savetxt(
+        tmp_path / "wrong.txt", np.random.default_rng(0).permutation(np.loadtxt("truth.txt", int)), fmt="%d"
+    )
+    assert evaluated(capsys, f"evaluate {tmp_path}/wrong.txt a.ply b.ply")["cost"] > 2 * right["cost"]
+    assert main(["evaluate", "truth.txt", "a.ply", "b.ply"]) == 0
+    assert "descriptor distance" in capsys.readouterr().out
+
+
 def test_evaluate_reads_maps_and_truths_of_other_programs(shapes, monkeypatch, tmp_path, capsys):
     monkeypatch.chdir(shapes)
     truth = np.loadtxt("truth.txt", dtype=int)

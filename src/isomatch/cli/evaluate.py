@@ -1,7 +1,8 @@
-"""``isomatch evaluate``: the geodesic errors of any tool's map against a truth."""
+"""``isomatch evaluate``: the geodesic errors of any tool's map against a truth; without one, what speaks for it."""
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -16,6 +17,7 @@ from isomatch.cli.terminal import TALK, Talk, say_table
 from isomatch.errors import FormatError
 from isomatch.values.arrays import IntArray
 
+USUAL = "standard deviations; right maps have 0.2 to 0.5, wrong ones mostly more"
 CURVE = (0.01, 0.02, 0.05, 0.1, 0.25)  # √(target area)
 
 
@@ -23,7 +25,7 @@ def evaluate(
     map_file: Annotated[Path, Parameter(name="MAP")],
     truth: Path,
     source: Path,
-    target: Path,
+    target: Path | None = None,
     /,
     *,
     target_marks: Path | None = None,
@@ -36,12 +38,16 @@ def evaluate(
 ) -> None:
     """Score a map of any tool: geodesic errors on the target, in √(target area), as in the Princeton benchmark.
 
+    Without a truth, `isomatch evaluate MAP SOURCE TARGET` tells what speaks for the map: how differently the surfaces
+    look around points and their images, and how much they bend to lie on each other. Of two maps of the same shapes, that
+    of lower cost is nearly always the better one.
+
     Args:
         map_file: The map: a text file with the target vertex of each source vertex, one a line (-1: unmatched), an .npy
             or .npz file with such an array, or a .mat file with such a variable.
-        truth: The truth: another map; or two columns of vertices that correspond (source, target); or four, a triangle of
-            the target and three barycentric weights for each source vertex; or, with --target-marks, the marks of the
-            source.
+        truth: The truth, if there is one: another map; or two columns of vertices that correspond (source, target); or
+            four, a triangle of the target and three barycentric weights for each source vertex; or, with --target-marks,
+            the marks of the source.
         source: Mesh that the map leads from.
         target: Mesh that the map leads to.
         target_marks: Marks of the target, such as a .vts file: the vertex on each line, counted from 1, corresponds to
@@ -53,6 +59,9 @@ def evaluate(
         variable: Name of the map in a .mat or .npz file that holds several arrays of its length.
         points: Number of truth points to judge, drawn without replacement; all by default.
     """
+    if target is None:
+        _verify(map_file, truth, source, counts_from, variable, seed, talk)
+        return
     with talk.progress() as tell:
         tell("reading", 0.0)
         shapes = isomatch.read_mesh(source), isomatch.read_mesh(target)
@@ -93,6 +102,46 @@ def evaluate(
 
     def summary() -> None:
         say_table(_rows(record))
+        say_notes(record["notes"])
+
+    talk.result(record, summary, is_answer=True)
+
+
+def _verify(
+    map_file: Path,
+    source: Path,
+    target: Path,
+    counts_from: Literal[0, 1] | None,
+    variable: str | None,
+    seed: int,
+    talk: Talk,
+) -> None:
+    """Tell what speaks for a map without a truth."""
+    with talk.progress() as tell:
+        tell("reading", 0.0)
+        shapes = isomatch.read_mesh(source), isomatch.read_mesh(target)
+        sizes = shapes[1].n_vertices, shapes[0].n_vertices
+        read = correspondence.read_map(map_file, *sizes, counts_from=counts_from, variable=variable)
+        tell("verification", 0.1)
+        found = isomatch.verify(*shapes, read.map, seed=seed)
+        tell("done", 1.0)
+    record: dict[str, Any] = {
+        "map": str(map_file),
+        **{name: value if np.isfinite(value) else None for name, value in asdict(found).items()},
+        "cost": found.cost if np.isfinite(found.cost) else None,
+        "notes": [read.note] if read.note else [],
+    }
+
+    def summary() -> None:
+        say_table(
+            [
+                ("support", f"{found.support:.1%}", "of the area has a counterpart"),
+                ("descriptor distance", f"{found.descriptor_distance:.2f}", USUAL),
+                ("bending", f"{found.bending:.1e}", "stretch × distance from the target, in √area"),
+                ("bending back", f"{found.bending_back:.1e}", "the same of the target onto the source"),
+                ("cost", f"{found.cost:.1e}", "compares maps of these two shapes; lower is better"),
+            ]
+        )
         say_notes(record["notes"])
 
     talk.result(record, summary, is_answer=True)
