@@ -37,7 +37,6 @@ FLIPPED = (
 )
 CREASED = 3  # times that a shape is cut along its creases, and matched; docs/lab/design_notes.md
 TORN = 0.1  # √area between the images of the two sides of a crease, from which it is a self-contact
-TIE = 1.1  # cost over the least, up to which verification does not decide; finer samples change it by 0.3 %
 AGREES = 0.12  # √area: mean distance up to which maps of two ways are one; as between maps of a part
 LITTLE_DOUBT = (
     0.5  # share of the bound of the doubt, up to which a part needs no other way; a mirror image had 0.94
@@ -365,7 +364,7 @@ def _verified_best(case: Case) -> Solution:
     solutions, target = case.solutions, case.pair.target
     images = [on_bodies(case.pair, solution.map.vertices) for solution in solutions]
     costs = [verifier_of(case.pair)(image).cost for image in images]
-    tied = [i for i, cost in enumerate(costs) if cost <= TIE * min(costs)]
+    tied = [i for i, cost in enumerate(costs) if cost <= case.pair.config.outcome.tie * min(costs)]
     # of those that are as sure, the one in least doubt: caps leave a map of a part rough
     doubts = [
         np.inf if np.isnan(solution.quality.doubt) else solution.quality.doubt for solution in solutions

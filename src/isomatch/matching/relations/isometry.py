@@ -343,9 +343,9 @@ class Isometry(Relation):
 
     def _least_bent(self, selection: Selection[Fit]) -> Selection[Fit]:
         """Of refined maps that tie, take the one by which the shapes bend least; nothing tells which of them is right."""
-        # where neither shape has handles, which shorten distances; docs/lab/design_notes.md, one verification
-        first, tie = selection.winner, self.pair.config.outcome.tie
-        if not self._sided or max(self.source.handles, self.target.handles):
+        # where neither shape has handles, which shorten distances, or caps; docs/lab/design_notes.md, one verification
+        first, tie, shapes = selection.winner, self.pair.config.outcome.tie, (self.source, self.target)
+        if not self._sided or any(shape.handles or shape.original for shape in shapes):
             return selection
         fits = (first, *selection.runners_up)
         tied = [fit for fit in fits if fit.score <= tie * first.score and fit.side == first.side]
