@@ -32,15 +32,13 @@ from isomatch.values.cached import cached_property
 # shapes as they are, whichever way found it; evidence says how sure it is, and never compares.
 SURE = Outcome.CONVERGED, Outcome.PARTIAL, Outcome.SYMMETRY_AMBIGUOUS  # nothing else is worth trying
 OF_USERS = {"matrix", "function"}  # names of engines of the user's own distances
-FLIPPED = (
-    6  # best hypotheses whose flips are tried between capped shapes; mesh018–mesh014 with holes: 30 with 3
-)
+# best hypotheses whose flips are tried between capped shapes: of mesh018–mesh014 with holes the error is 30 with 3
+FLIPPED = 6
 CREASED = 3  # times that a shape is cut along its creases, and matched; docs/lab/design_notes.md
 TORN = 0.1  # √area between the images of the two sides of a crease, from which it is a self-contact
 AGREES = 0.12  # √area: mean distance up to which maps of two ways are one; as between maps of a part
-LITTLE_DOUBT = (
-    0.5  # share of the bound of the doubt, up to which a part needs no other way; a mirror image had 0.94
-)
+# share of the bound of the doubt, up to which the map of a part needs no other way; that of a mirror image had 0.94
+LITTLE_DOUBT = 0.5
 
 
 @dataclass(eq=False)
@@ -118,8 +116,7 @@ class Case:
         """Sum up a match of complete shapes, or of variants of them."""
         self.timer.start("quality")
         solution = match.relation.summed_up(match, match.measured, self.timer)
-        partial = [Evidence(partial=True)] if self.side else []
-        return replace(solution, pair=self.pair, notes=solution.notes).with_evidence(*partial)
+        return solution.with_evidence(Evidence(partial=self.side in ("source", "target")))
 
     @property
     def is_unsure(self) -> bool:
@@ -166,9 +163,8 @@ class Way:
     stretches: bool  # whether limbs may
     variant: str  # of the shapes
     applies: Callable[[Case], bool]
-    solve: Callable[
-        [Case], Solution | None
-    ]  # a finished map of the shapes as they are, with the evidence for it
+    # makes a finished map of the shapes as they are, with the evidence for it
+    solve: Callable[[Case], Solution | None]
     is_enough: Callable[[Case, Solution], bool] = lambda case, solution: solution.outcome in SURE
 
 
