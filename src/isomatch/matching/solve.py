@@ -10,7 +10,7 @@ from typing import Literal, TypeAlias, cast
 import numpy as np
 
 from isomatch.errors import NotConvergedError
-from isomatch.matching.evidence import Evidence, Solution, fits_badly, mirror_image_fits
+from isomatch.matching.evidence import Evidence, Solution, fits_badly
 from isomatch.matching.fit import Hypothesis
 from isomatch.matching.pair import ShapePair, search_pairs
 from isomatch.matching.priors import Priors
@@ -197,10 +197,7 @@ def _part_from_closed(case: Case) -> Solution | None:
     """Refine the map with the holes capped as one of a part, without a search of its own."""
     match = cast(IsometricMatch, case.closed)
     first = match.image_of(cast(PartSide, case.side)), match.relation.origin_of(match.selection.winner)
-    solution = case.part.led_by(*first, match.selection.runner_up).solution(case.timer)
-    # caps let the mirror image be searched, which a part alone does not
-    mirrored = mirror_image_fits(match.measured.quality, case.pair.config.outcome)
-    return solution if solution.outcome in SURE else solution.with_evidence(Evidence(mirrored=mirrored))
+    return case.part.led_by(*first, match.selection.runner_up).solution(case.timer)
 
 
 def _creases_cut(case: Case) -> Solution | None:
@@ -374,6 +371,9 @@ def _verified_best(case: Case) -> Solution:
     lead = min((cost for i, cost in enumerate(costs) if differs(i)), default=np.inf) / costs[best]
     told = ", ".join(f"{cost:.2g} by {solution.way}" for cost, solution in zip(costs, solutions))
     solution = solutions[best].led(max(lead, 1.0))
+    if solution.outcome not in SURE and any(each.is_mirrored for each in solutions):
+        # caps let the mirror image be searched, which a part alone does not
+        solution = solution.with_evidence(Evidence(mirrored=True))
     return replace(solution, reason=f"{solution.reason}; of several ways it verifies best (cost {told})")
 
 

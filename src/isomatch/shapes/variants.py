@@ -1,4 +1,4 @@
-"""Variants of a prepared shape: holes capped, contacts cut, turned over, mirrored; and its components. Made once."""
+"""Variants of a prepared shape: holes capped, contacts cut, turned over; and its components. Made once."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from isomatch.settings import Config
 from isomatch.shapes.body import LEFT_UNMATCHED, sound_body
 from isomatch.shapes.prepare import prepared_body
 from isomatch.shapes.prepared_shape import PreparedShape
-from isomatch.surfaces import Mesh, Surface, reflected
+from isomatch.surfaces import Mesh, Surface
 from isomatch.values.arrays import BoolArray, IntArray
 from isomatch.values.cached import cached_method
 
@@ -31,7 +31,6 @@ OF_BODY = _names(
     PreparedShape.functions, PreparedShape.index, PreparedShape.signatures, PreparedShape.curvature
 )
 OF_DISTANCES = _names(PreparedShape.symmetries)
-OF_MIRROR_IMAGE = (*OF_BODY, *OF_DISTANCES, *_names(PreparedShape.points, PreparedShape.balls))
 OF_EITHER_WINDING = _names(
     PreparedShape.functions,
     PreparedShape.points,
@@ -162,12 +161,6 @@ def _prepared_again(shape: PreparedShape, mesh: Mesh, config: Config) -> Prepare
     """Prepare a mesh that was made from the body of a shape, with all its vertices."""
     config = replace(config, resolution="full")
     return prepared_body(mesh, sound_body(mesh), config, shape.seed, StageTimer())
-
-
-@cached_method
-def mirror_image(shape: PreparedShape) -> PreparedShape:
-    """Return the mirror image of a mesh in space; faces keep their orientation, and by itself it tells the same."""
-    return _with_known(replace(shape, body=reflected(shape.mesh_body)), shape, OF_MIRROR_IMAGE)
 
 
 @cached_method

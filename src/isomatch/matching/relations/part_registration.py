@@ -331,21 +331,12 @@ class PartFit(Fit):
 class PartFits:
     """The two refinements of a start, rough and fine, with what they share for all starts in the same unit."""
 
-    # given with priors (n_part,): images under a map that is given; coordinates: those of the whole, if they are known
-    def __init__(
-        self, pair: PartPair, with_priors: IntArray | None = None, coordinates: WholeCoordinates | None = None
-    ) -> None:
+    # given with priors (n_part,): images under a map that is given
+    def __init__(self, pair: PartPair, with_priors: IntArray | None = None) -> None:
         config = pair.config
         self.pair, self._config, self._with_priors, self._near = pair, config, with_priors, NearPairs(pair)
-        functions = pair.functions.target
-        self.coordinates = coordinates or WholeCoordinates(pair.whole, config, pair.landmarks, functions)
+        self.coordinates = WholeCoordinates(pair.whole, config, pair.landmarks, pair.functions.target)
         self.bending = PartBending(pair.meshes[0], config.parts.n_bent_vertices)
-        self._refined: dict[tuple[float, bytes], PartFit] = {}
-        self._settled: dict[tuple[float, bytes], PartFit] = {}
-
-    def of_part(self, part: PreparedShape) -> PartFits:
-        """Return those of another part on which distances are the same, as of a mirror image."""
-        return PartFits(replace(self.pair, part=part), self._with_priors, self.coordinates)
 
     @cached_method
     def _refinement(self, pair: PartPair, n_rows: int) -> PartRefinement:
@@ -379,29 +370,21 @@ class PartFits:
         return PartFit(image, origin=origin, pair=pair, refinement=refinement, bending=self.bending)
 
     def refined(self, fit: PartFit) -> PartFit:
-        """Refine a map to the end, unless the same was refined before."""
-
-        def refined_now(fit: PartFit) -> PartFit:
-            settings = self._config.refining
-            sizes = (*settings.sizes_without_positions, *settings.sizes_of_parts)
-            image, spectral_residual = fit.refinement.refined(fit.image, sizes, False)
-            if sizes := (*settings.sizes_with_positions, *settings.final_sizes):
-                image, spectral_residual = fit.refinement.refined(image, sizes)
-            lengths = self._config.parts.bending[::2]
-            return self._finely(fit.pair, image, spectral_residual, lengths, fit.origin)
-
-        return _remembered(self._refined, fit, refined_now)
+        """Refine a map to the end."""
+        settings = self._config.refining
+        sizes = (*settings.sizes_without_positions, *settings.sizes_of_parts)
+        image, spectral_residual = fit.refinement.refined(fit.image, sizes, False)
+        if sizes := (*settings.sizes_with_positions, *settings.final_sizes):
+            image, spectral_residual = fit.refinement.refined(image, sizes)
+        lengths = self._config.parts.bending[::2]
+        return self._finely(fit.pair, image, spectral_residual, lengths, fit.origin)
 
     def settled(self, fit: PartFit, again: Callable[[PartFit], PartFit]) -> PartFit:
         """Refine a map again from where the part lies that was bent by it, bend the part by the new map, and so on."""
-
-        def settled_now(fit: PartFit) -> PartFit:
-            for _ in range(N_BENT):
-                image = self.bending.images(fit.bent, fit.refinement.vertices)
-                fit = again(replace(fit, image=image, spectral_residual=np.inf))
-            return fit
-
-        return _remembered(self._settled, fit, settled_now)
+        for _ in range(N_BENT):
+            image = self.bending.images(fit.bent, fit.refinement.vertices)
+            fit = again(replace(fit, image=image, spectral_residual=np.inf))
+        return fit
 
     def refined_again(self, fit: PartFit) -> PartFit:
         """Take the last steps of the refinement."""
@@ -454,13 +437,3 @@ class PartFits:
             bending=self.bending,
             stress=pair.stress(anchors),
         )
-
-
-def _remembered(
-    results: dict[tuple[float, bytes], PartFit], fit: PartFit, function: Callable[[PartFit], PartFit]
-) -> PartFit:
-    """Apply a function to a map, unless it was applied to the same one before."""
-    key = fit.pair.unit, fit.image.tobytes()
-    if key not in results:
-        results[key] = function(fit)
-    return results[key] if results[key].origin == fit.origin else replace(results[key], origin=fit.origin)
