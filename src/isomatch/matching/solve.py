@@ -358,11 +358,17 @@ def _verified_best(case: Case) -> Solution:
     images = [on_bodies(case.pair, solution.map.vertices) for solution in solutions]
     costs = [verifier_of(case.pair)(image).cost for image in images]
     tied = [i for i, cost in enumerate(costs) if cost <= case.pair.config.outcome.tie * min(costs)]
-    # of those that are as sure, the one in least doubt: caps leave a map of a part rough
-    doubts = [
-        np.inf if np.isnan(solution.quality.doubt) else solution.quality.doubt for solution in solutions
-    ]
-    best = min(tied, key=lambda i: (-solutions[i].outcome.sureness, doubts[i], costs[i]))
+
+    def rank(i: int) -> tuple[float, ...]:
+        # where none is sure, the map of a part in least doubt, for caps leave maps rough
+        outcome, doubt = solutions[i].outcome, solutions[i].quality.doubt
+        return (
+            -outcome.sureness,
+            0.0 if outcome in SURE else float(np.nan_to_num(doubt, nan=np.inf)),
+            costs[i],
+        )
+
+    best = min(tied, key=rank)
 
     def differs(i: int) -> bool:
         both = (images[i] >= 0) & (images[best] >= 0)
