@@ -23,6 +23,7 @@ from isomatch.matching.starts import (
     starts_from_priors,
 )
 from isomatch.runtime.threads import parallel_map
+from isomatch.shapes import Symmetry
 from isomatch.values.arrays import FloatArray, IntArray
 
 PRIOR_STEPS = 8  # of closest points from priors; most maps change little afterwards
@@ -70,9 +71,25 @@ def symmetric_variants(pair: ShapePair, target_row: IntArray) -> list[Hypothesis
     starts = [
         symmetry.image_row[target_row]
         for symmetry in pair.target.symmetries
-        if symmetry.orientation >= 0 or pair.config.orientation == "any"
+        if _allowed(pair, symmetry)
     ]
     return _moved(pair, starts, "symmetry")
+
+
+def composed(pair: ShapePair, target_row: IntArray, most: float) -> list[Hypothesis]:
+    """Compose a map (m_s,) with near-symmetries of either shape, of residuals up to the ``most``."""
+    # f ∘ σ_s and σ_t ∘ f distort distances at most as f and σ do together: no more than the truth may, if σ distorts less
+    # than f
+    source, target = (
+        [s.image_row for s in shape.near_symmetries if s.residual <= most and _allowed(pair, s)]
+        for shape in (pair.source, pair.target)
+    )
+    starts = [*(target_row[rows] for rows in source), *(rows[target_row] for rows in target)]
+    return distinct_maps(pair, _moved(pair, starts, "symmetry"))
+
+
+def _allowed(pair: ShapePair, symmetry: Symmetry) -> bool:
+    return symmetry.orientation >= 0 or pair.config.orientation == "any"
 
 
 def _moved(pair: ShapePair, starts: list[IntArray], origin: str) -> list[Hypothesis]:

@@ -9,7 +9,7 @@ from operator import attrgetter
 
 import numpy as np
 
-from isomatch.correspondence import Correspondence, Embedding, PrecisePoints
+from isomatch.correspondence import Alignment, Correspondence, Embedding, PrecisePoints
 from isomatch.errors import SettingError
 from isomatch.matching.candidates import (
     Screening,
@@ -19,6 +19,7 @@ from isomatch.matching.candidates import (
     further_candidates,
     is_another,
     is_sure,
+    residual_of,
 )
 from isomatch.matching.confidence import (
     DoubtfulRegion,
@@ -39,9 +40,16 @@ from isomatch.matching.quality import (
     mean_known,
     measure_quality,
 )
-from isomatch.matching.result import Alternative, Quality
-from isomatch.matching.search import distinct_maps, hypotheses_from_priors, search, symmetric_variants
+from isomatch.matching.result import Alternative, Outcome, Quality
+from isomatch.matching.search import (
+    composed,
+    distinct_maps,
+    hypotheses_from_priors,
+    search,
+    symmetric_variants,
+)
 from isomatch.matching.selection import (
+    ENERGY_NOISE,
     SCORE_NOISE,
     Rules,
     Selection,
@@ -59,7 +67,16 @@ from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 from isomatch.values.cached import cached_property
 
 ELSEWHERE_DISTANCE = 0.3  # √area: from one limb to another, twice runner_up_distance
+TURNED = 0.2  # √area: mean distance from which a map is turned as a whole; half turns of ants 0.24, trunks alone to 0.2
+MOST_TURNED = 4  # such maps, which are refined
+AS_WELL = 1.5  # cost of a verification, over that of the map, up to which the map composed with a symmetry is as good
 MOST_MIRRORED = 3  # maps of the orientation that is not allowed, which are refined
+
+
+AMBIGUOUS = (
+    "one of the shapes has a symmetry that is nearer to exact than the shapes are alike, and the map composed with it fits "
+    "about as well: look at the first of the alternatives, and give three to five landmarks if it is right"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -460,7 +477,36 @@ class Isometry(Relation):
         if any(shape.origin is not None and (shape.origin < 0).any() for shape in (self.source, self.target)):
             notes.append("stretch, residual and distortion are those of the shapes with their holes closed")
         solution = map_.solution(pair, priors, errors, tuple(evidence), notes, level, points, regions)
-        return replace(solution, alternatives=self._alternatives(isometric), descriptors_count=not far)
+        solution = replace(solution, descriptors_count=not far)
+        rivals = self._symmetric(map_) if solution.outcome is Outcome.CONVERGED else []
+        if rivals:
+            solution = replace(solution, notes=(*solution.notes, AMBIGUOUS)).with_evidence(Evidence(ambiguous=True))
+        return replace(solution, alternatives=self._alternatives(isometric, rivals))
+
+    def _symmetric(self, map_: Measured) -> list[Candidate]:
+        """Compose the map with symmetries that distort distances no more than it does; those that verify as well."""
+        pair, config = self.pair, self.pair.config
+        if config.hypotheses != "all" or self.priors.any or not (pair.oriented and self.refinement.searches_further):
+            return []
+        image = map_.points.corners[pair.source_vertices, 0]
+        rows = self.target.distances.between(pair.target_vertices, image).argmin(axis=0)
+        residual = residual_of(pair, pair.source_vertices, image, config.search.start_columns)
+        variants = composed(pair, rows, config.outcome.tie * residual)
+        own, *others = Screening(pair, self.priors)([Hypothesis(Alignment(rows, np.eye(1), 0.0), map_.origin), *variants])
+        limit = config.selection.energy_limit * max(own.energy, ENERGY_NOISE)
+        turned = [
+            c
+            for c in others
+            if c.energy <= limit
+            and (config.orientation == "any" or self._wanted_sign * c.orientation > 0)
+            and pair.differs(c.target_row, [rows], TURNED)
+        ]
+        if not turned:
+            return []
+        turned = distinct_maps(pair, sorted(turned, key=attrgetter("energy")), MOST_TURNED)
+        fits = [self.refine_and_select(self.begun([c]))[0] for c in (own, *turned)]
+        first, *costs = parallel_map(lambda fit: verifier_of(pair)(self._image(fit)).cost, fits)
+        return [c for c, cost in zip(turned, costs) if cost <= AS_WELL * first]
 
     def _polished(self, finer: SmoothPair, fit: Fit) -> PrecisePoints:
         """Polish a refined map at the finer levels of its shapes: image of each source vertex there."""
@@ -485,11 +531,13 @@ class Isometry(Relation):
             )
         return notes
 
-    def _alternatives(self, isometric: IsometricMatch) -> tuple[Alternative, ...]:
-        """Runners-up that differ from the winner, which comes first, and from each other; not refined."""
+    def _alternatives(
+        self, isometric: IsometricMatch, rivals: Sequence[Candidate]
+    ) -> tuple[Alternative, ...]:
+        """Rivals, and runners-up that differ from the winner, which comes first, and from each other; not refined."""
         pair, settings, selection = self.pair, self.pair.config.selection, isometric.selection
         refined = [fit.candidate for fit in (selection.winner, *selection.runners_up) if fit.candidate]
-        order = [*refined, *isometric.eligible, *isometric.runners_up]
+        order = [*refined[:1], *rivals, *refined[1:], *isometric.eligible, *isometric.runners_up]
         kept = distinct_maps(pair, order, 1 + settings.most_alternatives)
         return tuple(
             Alternative(
