@@ -78,14 +78,16 @@ def symmetric_variants(pair: ShapePair, target_row: IntArray) -> list[Hypothesis
 
 def composed(pair: ShapePair, target_row: IntArray, most: float) -> list[Hypothesis]:
     """Compose a map (m_s,) with near-symmetries of either shape, of residuals up to the ``most``."""
-    # f ∘ σ_s and σ_t ∘ f distort distances at most as f and σ do together: no more than the truth may, if σ distorts less
-    # than f
-    source, target = (
-        [s.image_row for s in shape.near_symmetries if s.residual <= most and _allowed(pair, s)]
-        for shape in (pair.source, pair.target)
-    )
-    starts = [*(target_row[rows] for rows in source), *(rows[target_row] for rows in target)]
-    return distinct_maps(pair, _moved(pair, starts, "symmetry"))
+    # σ ∘ f distorts distances at most as f and σ do together: no more than the truth may, if σ distorts less than f. Closest
+    # points move a map from the side of the symmetry, so those of the source are composed with the inverse.
+    def moved(between: ShapePair, rows: IntArray) -> list[Hypothesis]:
+        near = [s for s in between.target.near_symmetries if s.residual <= most and _allowed(pair, s)]
+        return _moved(between, [s.image_row[rows] for s in near], "symmetry")
+
+    turned = pair.turned
+    back = [turned.inverted(each.target_row) for each in moved(turned, pair.inverted(target_row))]
+    still = [Hypothesis(Alignment(rows, np.eye(1), 0.0), "symmetry") for rows in back]
+    return distinct_maps(pair, [*moved(pair, target_row), *still])
 
 
 def _allowed(pair: ShapePair, symmetry: Symmetry) -> bool:

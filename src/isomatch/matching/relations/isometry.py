@@ -69,7 +69,9 @@ from isomatch.values.cached import cached_property
 ELSEWHERE_DISTANCE = 0.3  # √area: from one limb to another, twice runner_up_distance
 TURNED = 0.2  # √area: mean distance from which a map is turned as a whole; half turns of ants 0.24, trunks alone to 0.2
 MOST_TURNED = 4  # such maps, which are refined
-AS_WELL = 1.5  # cost of a verification, over that of the map, up to which the map composed with a symmetry is as good
+# cost of a verification, over that of the map, up to which the map composed with a near-symmetry fits as well: from the
+# right map 1.46 at most, between ants; from a right one, of people, 1.84 at least
+AS_WELL = 1.6
 MOST_MIRRORED = 3  # maps of the orientation that is not allowed, which are refined
 
 
@@ -484,29 +486,34 @@ class Isometry(Relation):
         return replace(solution, alternatives=self._alternatives(isometric, rivals))
 
     def _symmetric(self, map_: Measured) -> list[Candidate]:
-        """Compose the map with symmetries that distort distances no more than it does; those that verify as well."""
+        """Compose the map with symmetries that distort distances hardly more than it does; those that fit about as well."""
         pair, config = self.pair, self.pair.config
-        if config.hypotheses != "all" or self.priors.any or not (pair.oriented and self.refinement.searches_further):
+        searches = self.refinement.searches_further and self.stages.starts is None
+        if config.hypotheses != "all" or self.priors.any or not (pair.oriented and searches):
             return []
-        image = map_.points.corners[pair.source_vertices, 0]
+        image, bounds = map_.points.corners[pair.source_vertices, 0], config.outcome
         rows = self.target.distances.between(pair.target_vertices, image).argmin(axis=0)
         residual = residual_of(pair, pair.source_vertices, image, config.search.start_columns)
-        variants = composed(pair, rows, config.outcome.tie * residual)
-        own, *others = Screening(pair, self.priors)([Hypothesis(Alignment(rows, np.eye(1), 0.0), map_.origin), *variants])
+        variants = composed(pair, rows, bounds.tie * residual)
+        itself = Hypothesis(Alignment(rows, np.eye(1), 0.0), map_.origin)
+        own, *others = Screening(pair, self.priors)([itself, *variants])
         limit = config.selection.energy_limit * max(own.energy, ENERGY_NOISE)
         turned = [
             c
-            for c in others
+            for c in sorted(others, key=attrgetter("energy"))
             if c.energy <= limit
             and (config.orientation == "any" or self._wanted_sign * c.orientation > 0)
             and pair.differs(c.target_row, [rows], TURNED)
         ]
         if not turned:
             return []
-        turned = distinct_maps(pair, sorted(turned, key=attrgetter("energy")), MOST_TURNED)
-        fits = [self.refine_and_select(self.begun([c]))[0] for c in (own, *turned)]
-        first, *costs = parallel_map(lambda fit: verifier_of(pair)(self._image(fit)).cost, fits)
-        return [c for c, cost in zip(turned, costs) if cost <= AS_WELL * first]
+        # all are refined alike and verified: which way found the map, and how far it was bent, does not count
+        first = map_.fit or self.refine_and_select(self.begun([own]))[0]
+        fits = self.refine_and_select(self.begun(distinct_maps(pair, turned, MOST_TURNED)))
+        fits = [fit for fit in fits if fit.score <= bounds.tie * first.score and is_another(self, fit, first)]
+        cost, *costs = parallel_map(lambda fit: verifier_of(pair)(self._image(fit)).cost, [first, *fits])
+        tied = sorted((c, i) for i, c in enumerate(costs) if c <= AS_WELL * cost)
+        return [fits[i].candidate for _, i in tied if fits[i].candidate]
 
     def _polished(self, finer: SmoothPair, fit: Fit) -> PrecisePoints:
         """Polish a refined map at the finer levels of its shapes: image of each source vertex there."""
