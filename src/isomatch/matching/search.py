@@ -69,15 +69,14 @@ def symmetric_variants(pair: ShapePair, target_row: IntArray) -> list[Hypothesis
     """Compose a map of the search vertices (m_s,) with the symmetries of the target."""
     # σ ∘ f keeps distances as f does, if σ is a self-isometry; mirror images only if either orientation is allowed
     starts = [
-        symmetry.image_row[target_row]
-        for symmetry in pair.target.symmetries
-        if _allowed(pair, symmetry)
+        symmetry.image_row[target_row] for symmetry in pair.target.symmetries if _allowed(pair, symmetry)
     ]
     return _moved(pair, starts, "symmetry")
 
 
 def composed(pair: ShapePair, target_row: IntArray, most: float) -> list[Hypothesis]:
     """Compose a map (m_s,) with near-symmetries of either shape, of residuals up to the ``most``."""
+
     # σ ∘ f distorts distances at most as f and σ do together: no more than the truth may, if σ distorts less than f. Closest
     # points move a map from the side of the symmetry, so those of the source are composed with the inverse.
     def moved(between: ShapePair, rows: IntArray) -> list[Hypothesis]:

@@ -482,7 +482,9 @@ class Isometry(Relation):
         solution = replace(solution, descriptors_count=not far)
         rivals = self._symmetric(map_) if solution.outcome is Outcome.CONVERGED else []
         if rivals:
-            solution = replace(solution, notes=(*solution.notes, AMBIGUOUS)).with_evidence(Evidence(ambiguous=True))
+            solution = replace(solution, notes=(*solution.notes, AMBIGUOUS)).with_evidence(
+                Evidence(ambiguous=True)
+            )
         return replace(solution, alternatives=self._alternatives(isometric, rivals))
 
     def _symmetric(self, map_: Measured) -> list[Candidate]:
