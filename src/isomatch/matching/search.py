@@ -77,8 +77,8 @@ def symmetric_variants(pair: ShapePair, target_row: IntArray) -> list[Hypothesis
 def composed(pair: ShapePair, target_row: IntArray, most: float) -> list[Hypothesis]:
     """Compose a map (m_s,) with near-symmetries of either shape, of residuals up to the ``most``."""
 
-    # σ ∘ f distorts distances at most as f and σ do together: no more than the truth may, if σ distorts less than f. Closest
-    # points move a map from the side of the symmetry, so those of the source are composed with the inverse.
+    # σ ∘ f distorts distances at most as f and σ do together: so may the truth, if σ distorts less than f. Closest
+    # points repair σ better on the side of the target, so symmetries of the source are composed with the inverse.
     def moved(between: ShapePair, rows: IntArray) -> list[Hypothesis]:
         near = [s for s in between.target.near_symmetries if s.residual <= most and _allowed(pair, s)]
         return _moved(between, [s.image_row[rows] for s in near], "symmetry")

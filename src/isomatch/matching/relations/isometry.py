@@ -76,8 +76,8 @@ MOST_MIRRORED = 3  # maps of the orientation that is not allowed, which are refi
 
 
 AMBIGUOUS = (
-    "one of the shapes has a symmetry that is nearer to exact than the shapes are alike, and the map composed with it fits "
-    "about as well: look at the first of the alternatives, and give three to five landmarks if it is right"
+    "a shape has a symmetry about as near to exact as the shapes are alike, and the map composed with it fits about as "
+    "well: look at the first of the alternatives, and give three to five landmarks if it is right"
 )
 
 
@@ -488,7 +488,7 @@ class Isometry(Relation):
         return replace(solution, alternatives=self._alternatives(isometric, rivals))
 
     def _symmetric(self, map_: Measured) -> list[Candidate]:
-        """Compose the map with symmetries that distort distances hardly more than it does; those that fit about as well."""
+        """Compose the map with symmetries that distort hardly more than it does; those that fit about as well."""
         pair, config = self.pair, self.pair.config
         searches = self.refinement.searches_further and self.stages.starts is None
         if config.hypotheses != "all" or self.priors.any or not (pair.oriented and searches):
