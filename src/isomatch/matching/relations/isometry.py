@@ -515,7 +515,7 @@ class Isometry(Relation):
         fits = [fit for fit in fits if fit.score <= bounds.tie * first.score and is_another(self, fit, first)]
         cost, *costs = parallel_map(lambda fit: verifier_of(pair)(self._image(fit)).cost, [first, *fits])
         tied = sorted((c, i) for i, c in enumerate(costs) if c <= AS_WELL * cost)
-        return [fits[i].candidate for _, i in tied if fits[i].candidate]
+        return [candidate for _, i in tied if (candidate := fits[i].candidate)]
 
     def _polished(self, finer: SmoothPair, fit: Fit) -> PrecisePoints:
         """Polish a refined map at the finer levels of its shapes: image of each source vertex there."""
