@@ -23,6 +23,7 @@ from isomatch.matching.starts import (
     starts_from_priors,
 )
 from isomatch.runtime.threads import parallel_map
+from isomatch.shapes import Symmetry
 from isomatch.values.arrays import FloatArray, IntArray
 
 PRIOR_STEPS = 8  # of closest points from priors; most maps change little afterwards
@@ -68,11 +69,28 @@ def symmetric_variants(pair: ShapePair, target_row: IntArray) -> list[Hypothesis
     """Compose a map of the search vertices (m_s,) with the symmetries of the target."""
     # σ ∘ f keeps distances as f does, if σ is a self-isometry; mirror images only if either orientation is allowed
     starts = [
-        symmetry.image_row[target_row]
-        for symmetry in pair.target.symmetries
-        if symmetry.orientation >= 0 or pair.config.orientation == "any"
+        symmetry.image_row[target_row] for symmetry in pair.target.symmetries if _allowed(pair, symmetry)
     ]
     return _moved(pair, starts, "symmetry")
+
+
+def composed(pair: ShapePair, target_row: IntArray, most: float) -> list[Hypothesis]:
+    """Compose a map (m_s,) with near-symmetries of either shape, of residuals up to the ``most``."""
+
+    # σ ∘ f distorts distances at most as f and σ do together: so may the truth, if σ distorts less than f. Closest
+    # points repair σ better on the side of the target, so symmetries of the source are composed with the inverse.
+    def moved(between: ShapePair, rows: IntArray) -> list[Hypothesis]:
+        near = [s for s in between.target.near_symmetries if s.residual <= most and _allowed(pair, s)]
+        return _moved(between, [s.image_row[rows] for s in near], "symmetry")
+
+    turned = pair.turned
+    back = [turned.inverted(each.target_row) for each in moved(turned, pair.inverted(target_row))]
+    still = [Hypothesis(Alignment(rows, np.eye(1), 0.0), "symmetry") for rows in back]
+    return distinct_maps(pair, [*moved(pair, target_row), *still])
+
+
+def _allowed(pair: ShapePair, symmetry: Symmetry) -> bool:
+    return symmetry.orientation >= 0 or pair.config.orientation == "any"
 
 
 def _moved(pair: ShapePair, starts: list[IntArray], origin: str) -> list[Hypothesis]:

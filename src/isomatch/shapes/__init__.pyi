@@ -2,7 +2,7 @@ from isomatch.shapes.body import body_of
 from isomatch.shapes.prepare import prepare
 from isomatch.shapes.prepared_shape import N_BALLS, PreparedShape
 from isomatch.shapes.smooth_shape import CURVATURE_WEIGHT, WAVE_WEIGHT, SmoothShape, orientation_of
-from isomatch.shapes.symmetries import EXACTLY, SAME_SYMMETRY, describe_symmetries, farthest_rows
+from isomatch.shapes.symmetries import EXACTLY, SAME_SYMMETRY, Symmetry, describe_symmetries, farthest_rows
 from isomatch.shapes.variants import (
     capped_shape,
     components_of,
@@ -21,6 +21,7 @@ __all__ = [
     "WAVE_WEIGHT",
     "PreparedShape",
     "SmoothShape",
+    "Symmetry",
     "body_of",
     "capped_shape",
     "components_of",

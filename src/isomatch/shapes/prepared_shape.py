@@ -27,10 +27,10 @@ from isomatch.geodesics import Sampling, distance_along_edges_to_nearest
 from isomatch.loading.first_use import PlotOptions, Shown, view_room
 from isomatch.mending import check, handles, seems_inside_out
 from isomatch.resolution import Decimated, Prolongation
-from isomatch.settings import Config
+from isomatch.settings import Config, SymmetrySettings
 from isomatch.shapes.body import Body, Detail, Level
 from isomatch.shapes.smooth_shape import SmoothShape, orientation_of
-from isomatch.shapes.symmetries import Symmetry, find_symmetries
+from isomatch.shapes.symmetries import LOOSE, Symmetry, find_symmetries
 from isomatch.storage.array_file import Archive, ArrayFormat, Stored, save_arrays
 from isomatch.surfaces import Graph, Mesh, PointCloud
 from isomatch.values.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray
@@ -338,6 +338,17 @@ class PreparedShape(SmoothShape, Shown):
     @cached_property
     def symmetries(self) -> tuple[Symmetry, ...]:
         """Maps of the shape onto itself, by rows of its search vertices."""
+        return self._symmetries(self.config.symmetry)
+
+    @cached_property
+    def near_symmetries(self) -> tuple[Symmetry, ...]:
+        """The same, and such that distort distances as the map to another individual may do."""
+        exact, (residual, most) = self.config.symmetry, LOOSE
+        return self._symmetries(
+            SymmetrySettings(int(most * exact.most), largest_residual=residual * exact.largest_residual)
+        )
+
+    def _symmetries(self, settings: SymmetrySettings) -> tuple[Symmetry, ...]:
         vertices = self.sample_vertices[: self.config.n_search]
         basis = self.sampled_basis(self.config.n_search)
         k = min(self.config.selection.normal_functions, len(self.laplace.values))
@@ -345,7 +356,7 @@ class PreparedShape(SmoothShape, Shown):
             self.points.at(vertices, self.config.search.start_columns),
             self.distances_between(vertices),
             lambda image_row: orientation_of(self, basis, self, vertices[image_row], k),
-            self.config.symmetry,
+            settings,
         )
 
 

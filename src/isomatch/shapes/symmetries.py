@@ -33,6 +33,9 @@ LEAST_MOVED = 0.15  # √area: less is a variant of the identity; selection.runn
 SAME_SYMMETRY = 0.1  # √area: mean distance from which two maps differ; the spacing of the samples
 NEAR = 1.5  # residual, over the largest of a symmetry, up to which a map serves in products; chosen, not measured
 EXACT = 0.75  # the same, up to which its orientation need not be clear, as of one-sided surfaces; chosen, not measured
+# largest residual, and most assignments, of near-symmetries, over those of symmetries; half turns of ants have 1.3, and
+# are missed with as many assignments
+LOOSE = 2.0, 2.5
 EXACTLY = IntervalCost(tolerance=0.0, inside=0.0)
 
 

@@ -9,7 +9,7 @@ from operator import attrgetter
 
 import numpy as np
 
-from isomatch.correspondence import Correspondence, Embedding, PrecisePoints
+from isomatch.correspondence import Alignment, Correspondence, Embedding, PrecisePoints
 from isomatch.errors import SettingError
 from isomatch.matching.candidates import (
     Screening,
@@ -19,6 +19,7 @@ from isomatch.matching.candidates import (
     further_candidates,
     is_another,
     is_sure,
+    residual_of,
 )
 from isomatch.matching.confidence import (
     DoubtfulRegion,
@@ -39,9 +40,16 @@ from isomatch.matching.quality import (
     mean_known,
     measure_quality,
 )
-from isomatch.matching.result import Alternative, Quality
-from isomatch.matching.search import distinct_maps, hypotheses_from_priors, search, symmetric_variants
+from isomatch.matching.result import Alternative, Outcome, Quality
+from isomatch.matching.search import (
+    composed,
+    distinct_maps,
+    hypotheses_from_priors,
+    search,
+    symmetric_variants,
+)
 from isomatch.matching.selection import (
+    ENERGY_NOISE,
     SCORE_NOISE,
     Rules,
     Selection,
@@ -59,7 +67,18 @@ from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 from isomatch.values.cached import cached_property
 
 ELSEWHERE_DISTANCE = 0.3  # √area: from one limb to another, twice runner_up_distance
+TURNED = 0.2  # √area: mean distance from which a map is turned as a whole; half turns of ants 0.24, trunks alone to 0.2
+MOST_TURNED = 4  # such maps, which are refined
+# cost of a verification, over that of the map, up to which the map composed with a near-symmetry fits as well: from the
+# right map 1.46 at most, between ants; from a right one, of people, 1.84 at least
+AS_WELL = 1.6
 MOST_MIRRORED = 3  # maps of the orientation that is not allowed, which are refined
+
+
+AMBIGUOUS = (
+    "a shape has a symmetry about as near to exact as the shapes are alike, and the map composed with it fits about as "
+    "well: look at the first of the alternatives, and give three to five landmarks if it is right"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -460,7 +479,43 @@ class Isometry(Relation):
         if any(shape.origin is not None and (shape.origin < 0).any() for shape in (self.source, self.target)):
             notes.append("stretch, residual and distortion are those of the shapes with their holes closed")
         solution = map_.solution(pair, priors, errors, tuple(evidence), notes, level, points, regions)
-        return replace(solution, alternatives=self._alternatives(isometric), descriptors_count=not far)
+        solution = replace(solution, descriptors_count=not far)
+        rivals = self._symmetric(map_) if solution.outcome is Outcome.CONVERGED else []
+        if rivals:
+            solution = replace(solution, notes=(*solution.notes, AMBIGUOUS)).with_evidence(
+                Evidence(ambiguous=True)
+            )
+        return replace(solution, alternatives=self._alternatives(isometric, rivals))
+
+    def _symmetric(self, map_: Measured) -> list[Candidate]:
+        """Compose the map with symmetries that distort hardly more than it does; those that fit about as well."""
+        pair, config = self.pair, self.pair.config
+        searches = self.refinement.searches_further and self.stages.starts is None
+        if config.hypotheses != "all" or self.priors.any or not (pair.oriented and searches):
+            return []
+        image, bounds = map_.points.corners[pair.source_vertices, 0], config.outcome
+        rows = self.target.distances.between(pair.target_vertices, image).argmin(axis=0)
+        residual = residual_of(pair, pair.source_vertices, image, config.search.start_columns)
+        variants = composed(pair, rows, bounds.tie * residual)
+        itself = Hypothesis(Alignment(rows, np.eye(1), 0.0), map_.origin)
+        own, *others = Screening(pair, self.priors)([itself, *variants])
+        limit = config.selection.energy_limit * max(own.energy, ENERGY_NOISE)
+        turned = [
+            c
+            for c in sorted(others, key=attrgetter("energy"))
+            if c.energy <= limit
+            and (config.orientation == "any" or self._wanted_sign * c.orientation > 0)
+            and pair.differs(c.target_row, [rows], TURNED)
+        ]
+        if not turned:
+            return []
+        # all are refined alike and verified: which way found the map, and how far it was bent, does not count
+        first = map_.fit or self.refine_and_select(self.begun([own]))[0]
+        fits = self.refine_and_select(self.begun(distinct_maps(pair, turned, MOST_TURNED)))
+        fits = [fit for fit in fits if fit.score <= bounds.tie * first.score and is_another(self, fit, first)]
+        cost, *costs = parallel_map(lambda fit: verifier_of(pair)(self._image(fit)).cost, [first, *fits])
+        tied = sorted((c, i) for i, c in enumerate(costs) if c <= AS_WELL * cost)
+        return [candidate for _, i in tied if (candidate := fits[i].candidate)]
 
     def _polished(self, finer: SmoothPair, fit: Fit) -> PrecisePoints:
         """Polish a refined map at the finer levels of its shapes: image of each source vertex there."""
@@ -485,11 +540,13 @@ class Isometry(Relation):
             )
         return notes
 
-    def _alternatives(self, isometric: IsometricMatch) -> tuple[Alternative, ...]:
-        """Runners-up that differ from the winner, which comes first, and from each other; not refined."""
+    def _alternatives(
+        self, isometric: IsometricMatch, rivals: Sequence[Candidate]
+    ) -> tuple[Alternative, ...]:
+        """Rivals, and runners-up that differ from the winner, which comes first, and from each other; not refined."""
         pair, settings, selection = self.pair, self.pair.config.selection, isometric.selection
         refined = [fit.candidate for fit in (selection.winner, *selection.runners_up) if fit.candidate]
-        order = [*refined, *isometric.eligible, *isometric.runners_up]
+        order = [*refined[:1], *rivals, *refined[1:], *isometric.eligible, *isometric.runners_up]
         kept = distinct_maps(pair, order, 1 + settings.most_alternatives)
         return tuple(
             Alternative(
