@@ -480,7 +480,8 @@ class Isometry(Relation):
             notes.append("stretch, residual and distortion are those of the shapes with their holes closed")
         solution = map_.solution(pair, priors, errors, tuple(evidence), notes, level, points, regions)
         solution = replace(solution, descriptors_count=not far)
-        rivals = self._symmetric(map_) if solution.outcome is Outcome.CONVERGED else []
+        certain = not far and is_sure(self, selection)
+        rivals = self._symmetric(map_) if solution.outcome is Outcome.CONVERGED and not certain else []
         if rivals:
             solution = replace(solution, notes=(*solution.notes, AMBIGUOUS)).with_evidence(
                 Evidence(ambiguous=True)
