@@ -267,7 +267,7 @@ def test_a_mirror_image_that_was_wanted_is_no_evidence_against_the_map(result):
 def test_a_part_is_held_to_bounds_of_its_own(result):
     complete, bounds = quality_bounds(result), result.config.parts
     part = dataclasses.replace(result.quality, stress=0.01, doubt=2 * bounds.poor_doubt)
-    of_part = dataclasses.replace(result, quality=part)
+    of_part = dataclasses.replace(result, quality=part, way="part")
     held = quality_bounds(of_part)
     assert complete["spectral_residual"] == {"most": result.config.outcome.poor_spectral_residual}
     assert held["doubt"] == {"most": bounds.poor_doubt}

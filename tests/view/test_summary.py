@@ -103,6 +103,6 @@ def test_a_headline_says_whether_all_or_some_is_in_doubt(sure):
 
 def test_where_doubt_was_not_looked_for_nothing_is_said(sure):
     part = replace(sure.quality, doubt=1e-6, matched=0.9, coverage=0.5)
-    told = summary_of(replace(sure, outcome=Outcome.PARTIAL, quality=part)).sureness
+    told = summary_of(replace(sure, outcome=Outcome.PARTIAL, quality=part, way="part")).sureness
     assert told.startswith("90% of the source's points and 50% of the target's surface have a partner.")
     assert "No region" not in told
