@@ -161,7 +161,7 @@ def test_holes_are_closed_only_in_doubt_where_much_is_missing(bodies, prepared):
         for bound in (PartSettings().poor_doubt, 0.0)
     )
     assert (sure.outcome, ways(sure)) == (Outcome.PARTIAL, {"part"})
-    assert (doubted.outcome, ways(doubted)) == (Outcome.LOW_CONFIDENCE, {"part", FROM_CLOSED})
+    assert (doubted.outcome, ways(doubted)) == (Outcome.LOW_CONFIDENCE, {"part", "holes closed", FROM_CLOSED})
     if doubted.way == "part":
         np.testing.assert_array_equal(sure.map.vertices, doubted.map.vertices)
 
@@ -177,7 +177,7 @@ def test_where_little_is_missing_a_part_is_searched_only_in_doubt(bodies, prepar
             for least in (PartSettings().little_missing, 2.0)
         )
         assert sure.outcome is searched.outcome is Outcome.PARTIAL
-        assert ways(sure) == {FROM_CLOSED}
+        assert ways(sure) == {"holes closed", FROM_CLOSED}
         assert ways(searched) == {"part"}
         truth, real = bodies[2][part.original], sure.map.matched & searched.map.matched
         errors += [

@@ -244,11 +244,6 @@ class Solution:
         return outcome_of((*self.all_evidence, doubtful))
 
     @property
-    def is_mirrored(self) -> bool:
-        """Whether the mirror image of a shape fits clearly better."""
-        return any(piece.mirrored for piece in self.evidence)
-
-    @property
     def all_evidence(self) -> tuple[Evidence, ...]:
         """The evidence, and that of the doubt."""
         return self.evidence if self.doubt is None else (*self.evidence, self.doubt.evidence)

@@ -16,7 +16,7 @@ from isomatch.matching.pair import ShapePair, search_pairs
 from isomatch.matching.priors import Priors
 from isomatch.matching.relations.both_parts import BothParts
 from isomatch.matching.relations.elastic import FAR, FAR_KEPT, Elastic, far_from_isometric
-from isomatch.matching.relations.isometry import IsometricMatch, Isometry
+from isomatch.matching.relations.isometry import MOST_MIRRORED, IsometricMatch, Isometry
 from isomatch.matching.relations.part import Part, PartSide
 from isomatch.matching.result import Outcome
 from isomatch.matching.stages import Stages
@@ -24,7 +24,15 @@ from isomatch.matching.verify import on_bodies, verifier_of
 from isomatch.runtime.stage_timer import StageTimer
 from isomatch.runtime.threads import parallel_map
 from isomatch.settings import Config
-from isomatch.shapes import PreparedShape, capped_shape, creased_shape, cut_shape, opened_shape, turned_over
+from isomatch.shapes import (
+    PreparedShape,
+    capped_shape,
+    creased_shape,
+    cut_shape,
+    mirror_image,
+    opened_shape,
+    turned_over,
+)
 from isomatch.values.cached import cached_property
 
 # A way is a row: what it claims of the shapes, and when it is tried. It returns a finished map of the shapes as they are,
@@ -227,7 +235,8 @@ def _limbs_apart(case: Case) -> Solution | None:
     opened = opened_shape(case.pair.source, case.surplus[0])
     if opened is None:
         return None
-    return Part("source").on(replace(case.pair, source=opened), case.priors, case.stages).solution(case.timer)
+    apart = Part("source").on(replace(case.pair, source=opened), case.priors, case.stages)
+    return apart.solution(case.timer).with_evidence(Evidence(poor=True))  # never sure: much is guessed
 
 
 def _is_clear(case: Case, solution: Solution) -> bool:
@@ -312,8 +321,8 @@ OVERLAPPING = Way(
 
 # in the order in which they are tried
 COMPLETE = AS_IT_IS, SURPLUS_CUT, ALL_CUT, CREASES_CUT, LIMBS_APART, ELASTIC
-MUCH_MISSING = PART, CLOSED, SURPLUS_CUT, CREASES_CUT, PART_FROM_CLOSED
-LITTLE_MISSING = CLOSED, SURPLUS_CUT, CREASES_CUT, PART_FROM_CLOSED, PART
+MUCH_MISSING = PART, CLOSED, SURPLUS_CUT, ALL_CUT, CREASES_CUT, PART_FROM_CLOSED
+LITTLE_MISSING = CLOSED, SURPLUS_CUT, ALL_CUT, CREASES_CUT, PART_FROM_CLOSED, PART
 TWO_PARTS = AS_IT_IS, OVERLAPPING
 WAYS = {way.name: way for way in (*COMPLETE, *MUCH_MISSING, *TWO_PARTS)}
 """What each way claims, by its name, which `MatchResult.way` records."""
@@ -377,10 +386,26 @@ def _verified_best(case: Case) -> Solution:
     lead = min((cost for i, cost in enumerate(costs) if differs(i)), default=np.inf) / costs[best]
     told = ", ".join(f"{cost:.2g} by {solution.way}" for cost, solution in zip(costs, solutions))
     solution = solutions[best].led(max(lead, 1.0))
-    if solution.outcome not in SURE and any(each.is_mirrored for each in solutions):
-        # caps let the mirror image be searched, which a part alone does not
+    if solution.outcome not in SURE and _mirror_image_fits(case, costs[best]):
         solution = solution.with_evidence(Evidence(mirrored=True))
     return replace(solution, reason=f"{solution.reason}; of several ways it verifies best (cost {told})")
+
+
+def _mirror_image_fits(case: Case, cost: float) -> bool:
+    """Whether the mirror image of the source verifies clearly better, where one shape is a part of the other."""
+    # by the best map between capped shapes that reverses the orientation, refined as one of a part
+    match, side = case.closed if case.side in ("source", "target") else None, cast(PartSide, case.side)
+    if match is None or case.priors.any:
+        return False
+    relation, pair = match.relation, replace(case.pair, source=mirror_image(case.pair.source))
+    turned = relation.begun(relation.turned(match.eligible)[:MOST_MIRRORED])
+    best = min(relation.refine_and_select(turned), key=lambda fit: fit.score, default=None)
+    if best is None:
+        return False
+    image = replace(match, embedding=relation.everywhere(best)).image_of(side)
+    part = Part(side).on(pair, case.priors, case.stages).led_by(image, best.origin, np.inf)
+    mirrored = on_bodies(pair, part.solution(case.timer).map.vertices)
+    return verifier_of(pair)(mirrored).cost < case.pair.config.outcome.mirror_image * cost
 
 
 def side_to_turn(pair: ShapePair) -> Literal["source", "target"] | None:

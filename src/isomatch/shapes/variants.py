@@ -1,4 +1,4 @@
-"""Variants of a prepared shape: holes capped, contacts cut, turned over; and its components. Made once."""
+"""Variants of a prepared shape: holes capped, contacts cut, turned over, mirrored; and its components. Made once."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from isomatch.settings import Config
 from isomatch.shapes.body import LEFT_UNMATCHED, sound_body
 from isomatch.shapes.prepare import prepared_body
 from isomatch.shapes.prepared_shape import PreparedShape
-from isomatch.surfaces import Mesh, Surface
+from isomatch.surfaces import Mesh, Surface, reflected
 from isomatch.values.arrays import BoolArray, IntArray
 from isomatch.values.cached import cached_method
 
@@ -161,6 +161,11 @@ def _prepared_again(shape: PreparedShape, mesh: Mesh, config: Config) -> Prepare
     """Prepare a mesh that was made from the body of a shape, with all its vertices."""
     config = replace(config, resolution="full")
     return prepared_body(mesh, sound_body(mesh), config, shape.seed, StageTimer())
+
+
+def mirror_image(shape: PreparedShape) -> PreparedShape:
+    """Return the mirror image of a mesh in space; faces keep their orientation, and distances are the same."""
+    return replace(shape, body=reflected(shape.mesh_body))
 
 
 @cached_method
