@@ -28,11 +28,11 @@ from isomatch.matching.relations.part import (
 from isomatch.matching.relations.part_registration import N_ROUGH_VERTICES, BentPart, PartFit
 from isomatch.matching.stages import Relation, Stages
 from isomatch.matching.starts import first_maps_handed_in, nearest_in_pose, searches_by_anchors
+from isomatch.matching.verify import largest_piece
 from isomatch.runtime.stage_timer import StageTimer
 from isomatch.runtime.threads import parallel_map
 from isomatch.settings import Config
-from isomatch.shapes import PreparedShape, region_of
-from isomatch.surfaces import linked
+from isomatch.shapes import region_of
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 from isomatch.values.cached import cached_property
 
@@ -282,7 +282,7 @@ def refined_region(
     source, target = regions.source, regions.target
     n = source.shape.body.n_vertices
     gap, owner = distance_along_edges_to_nearest(source.shape.body, source.vertices[region.accepted])
-    vertices = _largest(source.shape, source.unit * gap <= AROUND)
+    vertices = largest_piece(source.shape.mesh_body, source.unit * gap <= AROUND)
     config = replace(pair.config, scale="same")
     if roughly:
         config = rough(config)
@@ -301,13 +301,3 @@ def refined_region(
     begun = relation.fits.begun(relation.fits.pair, first, region.origin)
     fit = relation.refine_and_select([begun])[0]
     return RefinedRegion(regions, vertices, cast(PartFit, fit))
-
-
-def _largest(shape: PreparedShape, kept: BoolArray) -> IntArray:
-    """Vertices of the largest piece of some vertices of a body, connected by its faces."""
-    faces = shape.faces[kept[shape.faces].all(axis=1)]
-    in_faces = np.zeros(len(kept), dtype=bool)
-    in_faces[faces] = True
-    _, label = linked(len(kept), (faces[:, 0], faces[:, 1]), (faces[:, 1], faces[:, 2]))
-    areas = np.bincount(label, shape.body.vertex_areas * in_faces)
-    return np.flatnonzero(in_faces & (label == areas.argmax()))
