@@ -44,6 +44,7 @@ OF_USERS = {"matrix", "function"}  # names of engines of the user's own distance
 FLIPPED = 6
 CREASED = 3  # times that a shape is cut along its creases, and matched; docs/lab/design_notes.md
 TORN = 0.1  # √area between the images of the two sides of a crease, from which it is a self-contact
+NO_COST = 1e-12  # of a shape on its copy, so that a lead is finite
 AGREES = 0.12  # √area: mean distance up to which maps of two ways are one; as between maps of a part
 # share of the bound of the doubt, up to which the map of a part needs no other way; that of a mirror image had 0.94
 LITTLE_DOUBT = 0.5
@@ -383,9 +384,11 @@ def _verified_best(case: Case) -> Solution:
         both = (images[i] >= 0) & (images[best] >= 0)
         return not both.any() or target.mean_distance(images[i][both], images[best][both]) > AGREES
 
-    lead = min((cost for i, cost in enumerate(costs) if differs(i)), default=np.inf) / costs[best]
+    lead = min((cost for i, cost in enumerate(costs) if differs(i)), default=np.inf) / max(
+        costs[best], NO_COST
+    )
     told = ", ".join(f"{cost:.2g} by {solution.way}" for cost, solution in zip(costs, solutions))
-    solution = solutions[best].led(max(lead, 1.0))
+    solution = solutions[best].led(lead if lead > 1.0 else 1.0)  # 1 also where nothing can be verified
     if solution.outcome not in SURE and _mirror_image_fits(case, costs[best]):
         solution = solution.with_evidence(Evidence(mirrored=True))
     return replace(solution, reason=f"{solution.reason}; of several ways it verifies best (cost {told})")
