@@ -39,7 +39,7 @@ from isomatch.cli.results import (
     say_result,
 )
 from isomatch.cli.terminal import TALK, Talk, json_text, part, say, say_rows
-from isomatch.errors import LandmarkError, MapError, MeshError, NotConvergedError
+from isomatch.errors import InputError, LandmarkError, MapError, MeshError, NotConvergedError
 from isomatch.settings import Hypotheses, Orientation, RefinementName, Resolution, Start
 from isomatch.storage.files import write_text
 
@@ -64,6 +64,8 @@ class Priors:
             map.npz.
         function: Name of a scalar or a colour of the points that means the same in both files, such as thickness: it
             takes part in search and refinement. May be given several times.
+        via: Surface file of a whole of which both shapes show parts, by way of which they are matched. Given twice: a
+            whole of the source's kind, then one of the target's.
     """
 
     landmarks: Path | None = None
@@ -72,6 +74,7 @@ class Priors:
     hypotheses: Hypotheses | None = None
     initial_map: Path | None = None
     function: list[str] | None = None
+    via: list[Path] | None = None
 
     def read(self, ends: tuple[Path, Path], shapes: tuple[Surface, Surface]) -> dict[str, Any]:
         """Read what `isomatch.match` takes of them."""
@@ -79,7 +82,8 @@ class Priors:
         counts, names, start = [shape.n_vertices for shape in shapes], self.function, self.initial_map
         functions = tuple(map(read_functions, ends, (names, names), counts)) if names else None
         first = None if start is None else isomatch.Correspondence.load(start, counts[1])
-        return {"landmarks": pairs, "initial_map": first, "functions": functions}
+        given = {"landmarks": pairs, "initial_map": first, "functions": functions}
+        return given | ({"via": tuple(map(read_surface, self.via))} if self.via else {})
 
 
 @Parameter(name="*")
@@ -138,11 +142,17 @@ def match(
             target, in the target's coordinates and frame.
     """
     refused = read_outcomes(fail_on)
+    if both and priors.via:
+        raise InputError(
+            "--via finds the map of one direction; match the other by a second command, without --both"
+        )
     folder, ends = ResultFolder(output, report=report, both=both), (source, target)
     options: dict[str, Any] = {**vars(way), "pin": priors.pin, "hypotheses": priors.hypotheses}
     chosen = {name: value for name, value in options.items() if value is not None and name != "config"}
     config = replace(read_config(way.config) or isomatch.Config(), **chosen)
-    options |= {"output": output, "initial_map": priors.initial_map, "function": priors.function}
+    options |= {name: getattr(priors, name) for name in ("initial_map", "function", "via")} | {
+        "output": output
+    }
     again = match_again(*ends, **options, seed=seed, both=both, as_mesh=as_mesh)
     with talk.progress() as tell:
         tell("reading", 0.0)

@@ -32,6 +32,7 @@ from isomatch.matching.result import Alternative, MatchResult
 from isomatch.matching.search import PRIOR_STEPS
 from isomatch.matching.solve import AS_IT_IS, ELASTIC, Case, side_to_turn, solve, solved
 from isomatch.matching.stages import Refinement, Relation, Stages, Start, name_of
+from isomatch.matching.via import Via, solve_via
 from isomatch.runtime.stage_timer import Progress, StageTimer, two_arguments
 from isomatch.runtime.threads import in_background, serial_blas
 from isomatch.settings import Config
@@ -52,6 +53,7 @@ def match(
     starts: Sequence[Start] | None = None,
     relation: Relation | None = None,
     functions: tuple[ArrayLike, ArrayLike] | None = None,
+    via: Via | None = None,
 ) -> MatchResult:
     """Match two near-isometric surfaces.
 
@@ -87,6 +89,10 @@ def match(
         (n_source, q) and (n_target, q), or (n_source,) and (n_target,), values that mean the same on both shapes, such as
         thickness, sulcal depth or colour; nan where unknown. Unlike ``initial_descriptors``, which only start the search,
         they are coordinates of every stage, with the weight ``Config.refining.function_weight``.
+    via : surface, tuple of surfaces or list of either, optional
+        Match by way of a whole of the kind of both shapes, such as two fragments show parts of; or of a whole of the
+        source's kind and one of the target's, ``via=(whole, other)``. The maps from each to the next are composed. Of a
+        list of such ways, the map that verifies best is taken. `prepare` wholes that are used more than once.
 
     Returns
     -------
@@ -127,7 +133,16 @@ def match(
             pair = with_functions(prepare_pair(source, target, config, seed, timer), functions)
             stages = stages_of(pair, refinement, starts, relation)
             require_landmarks_to_hold(pair, landmarks)
-            solution = solve_prepared(pair, (landmarks, initial_map, initial_descriptors), stages, timer)
+            priors = landmarks, initial_map, initial_descriptors
+            if via is None:
+                solution = solve_prepared(pair, priors, stages, timer)
+            else:
+                if functions is not None or any(prior is not None for prior in priors):
+                    raise SettingError(
+                        "via takes no priors: what is known of both shapes says nothing of those between"
+                    )
+                nothing: UserPriors = (None, None, None)
+                solution = solve_via(pair, via, lambda leg: solve_prepared(leg, nothing, stages, timer))
             handed = _handed_in(refinement, starts, relation)
             result = verified(replace(solution, notes=(*solution.notes, *handed)), timer, seed)
         timer.reach("done", 1.0)

@@ -320,12 +320,21 @@ OVERLAPPING = Way(
     lambda case: BothParts().on(case.pair, case.priors, case.stages).solution(case.timer),
 )
 
+VIA = Way(
+    "via",
+    "parts",
+    True,
+    "each to a whole in between",
+    lambda case: False,  # only where shapes in between were given, see `solve_via`
+    lambda case: None,
+)
+
 # in the order in which they are tried
 COMPLETE = AS_IT_IS, SURPLUS_CUT, ALL_CUT, CREASES_CUT, LIMBS_APART, ELASTIC
 MUCH_MISSING = PART, CLOSED, SURPLUS_CUT, ALL_CUT, CREASES_CUT, PART_FROM_CLOSED
 LITTLE_MISSING = CLOSED, SURPLUS_CUT, ALL_CUT, CREASES_CUT, PART_FROM_CLOSED, PART
 TWO_PARTS = AS_IT_IS, OVERLAPPING
-WAYS = {way.name: way for way in (*COMPLETE, *MUCH_MISSING, *TWO_PARTS)}
+WAYS = {way.name: way for way in (*COMPLETE, *MUCH_MISSING, *TWO_PARTS, VIA)}
 """What each way claims, by its name, which `MatchResult.way` records."""
 
 

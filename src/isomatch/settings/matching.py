@@ -212,6 +212,8 @@ class PartSettings(Settings):
         parts must look in the best of them for it to be sure.
     tie : float
         Score of an alternative, against the map returned, below which nothing decides between them.
+    poor_via : float
+        Cost of a composed map by `verify`, above which it is not sure.
     """
 
     hopeless: float = setting(3.0, "docs/lab/robustness.md: parts", least=1)
@@ -231,6 +233,7 @@ class PartSettings(Settings):
     n_common: int = setting(8, "docs/lab/design_notes.md", least=1)
     sure_common: float = setting(0.5, "docs/lab/design_notes.md", least=0)
     tie: float = setting(1.2, "chosen on cuts and holes, not one by one", least=1)
+    poor_via: float = setting(0.03, "docs/lab/design_notes.md", least=0)
 
 
 @dataclass(frozen=True)
