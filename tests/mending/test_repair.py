@@ -22,12 +22,14 @@ def assert_laws(mesh, **options):
     np.testing.assert_array_equal(mended.new_index[mended.vertex_index[:n]], np.arange(n))
     assert set(mended.vertex_index[n:]) == {int(v) for seam in mended.contacts for v in seam}
     of_old = np.sort(mended.new_index[mesh.faces[mended.face_index]], axis=1)
-    np.testing.assert_array_equal(of_old, np.sort(mended.new_index[mended.vertex_index][new.faces], axis=1))
+    of_new = np.sort(mended.new_index[mended.vertex_index][new.faces], axis=1)
+    alone = np.bincount(mended.face_index)[mended.face_index] == 1  # others were cut at a T-junction
+    np.testing.assert_array_equal(of_old[alone], of_new[alone])
     kept = (mended.new_index >= 0) & ~np.append(parted, True)[mended.new_index]
     np.testing.assert_array_equal(new.vertices[mended.new_index[kept]], mesh.vertices[kept])
     # order is kept
     assert (np.diff(mended.vertex_index[:n]) > 0).all()
-    assert (np.diff(mended.face_index) > 0).all()
+    assert (np.diff(mended.face_index) >= 0).all()
     # nothing is changed without saying so, and nothing twice
     assert (new is mesh) == (not mended.changes)
     again = repair(new, **options)
@@ -49,7 +51,7 @@ def test_laws_on_anything(mesh, options):
 def test_what_is_left_after_repair(specimen):
     mended = assert_laws(specimen.mesh)
     report = check(mended.mesh)
-    assert not len(report.unused_vertices)
+    assert not len(report.unused_vertices) or not mended.mesh.n_faces  # points are no rest of a surface
     assert not len(report.coincident_vertices)
     assert not len(report.inward_components)
     assert bool(len(report.inconsistent_edges)) == ("one_sided" in specimen.tags)

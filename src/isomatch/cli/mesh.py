@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from os.path import commonpath, dirname, isabs, relpath
@@ -124,6 +125,8 @@ def _say_one(record: dict[str, Any]) -> None:
     say(f"{'longest side, in the units of the file':<45} {size:>7}")
     for line in record["report"].splitlines():
         told = line.replace("repair(mesh, outer=True)", "isomatch repair --outer")
+        told = told.replace("repair(mesh, without_base=True)", "isomatch repair --without-base")
+        told = re.sub(r"repair\(mesh, weld=(\S+)\)", r"isomatch repair --weld \1", told)
         told = told.replace("repair(mesh)", "isomatch repair")
         say(told if len(told) <= Console().width else _filled(told))
     for note in record["notes"]:
@@ -202,8 +205,10 @@ def repair(
     *,
     output: Output,
     unmerge: float = 0.1,
+    weld: float | None = None,
     outer: bool = False,
     opening: float = 0.1,
+    without_base: Annotated[bool, Parameter(negative=())] = False,
     force: Force = False,
 ) -> None:
     """Mend a mesh: weld vertices, remove unusable faces, orient the others outward, part limbs that were merged.
@@ -219,12 +224,21 @@ def repair(
         file: Mesh: any surface file, such as .ply, .obj or .vtp.
         output: File for the repaired mesh.
         unmerge: How far apart limbs that were merged by distance are along the surface, in √area; inf leaves them merged.
+        weld: Also weld vertices this near to each other, in the units of the file; isomatch check proposes a distance.
         outer: Keep only the outermost surface, without chambers that are closed or have small openings.
         opening: With --outer: the smallest opening through which a chamber counts as outside, in √area.
+        without_base: Cut off the largest planar piece along its rim, as a plate that a scan has grown into.
     """
     index = output.with_suffix(".index.npz")
     with claimed_files(output, index, force=force):
-        repaired = isomatch.repair(_whole(file, output), unmerge=unmerge, outer=outer, opening=opening)
+        asked: dict[str, Any] = {
+            "unmerge": unmerge,
+            "outer": outer,
+            "opening": opening,
+            "without_base": without_base,
+        }
+        welding = True if weld is None else weld
+        repaired = isomatch.repair(_whole(file, output), weld=welding, **asked)
         asset = cast(isomatch.Asset, repaired.asset)
         beside = files_beside(output, asset)
         with claimed_files(*beside, force=force):

@@ -9,6 +9,7 @@ import numpy as np
 from isomatch.loading.compiled import compiled
 from isomatch.surfaces import Mesh, first_equal, linked
 from isomatch.values.arrays import AnyArray, BoolArray, FloatArray, IntArray, read_only
+from isomatch.values.cached import cached_method
 
 LEAST_VOLUME = 0.01
 """Volume over area^(3/2) that tells where an open surface looks: 0.03 of a cat and 0.09 of a ball, and more of parts of
@@ -20,12 +21,56 @@ NEARLY_CLOSED = 0.1
 def faces_to_rewind(mesh: Mesh) -> BoolArray:
     """Find the faces to rewind, (m,), so that orientable pieces are wound consistently, and outward if nearly closed."""
     # a piece that cannot be oriented is left as it is, one that is not nearly closed keeps the winding of most of its
-    # faces, and any other gets a positive volume. Relative to its first face, rewound ^ reverse says what is turned over
+    # faces, as does a void, and any other gets a positive volume. Relative to its first face, rewound ^ reverse says what
+    # is turned over
     pieces = _pieces(mesh)
     volume = np.where(pieces.openings <= NEARLY_CLOSED, pieces.volume, 0.0)
     reverse = np.where(volume == 0, pieces.majority, volume) < 0
+    inward = np.flatnonzero((volume != 0) & (reverse != (pieces.majority < 0)) & ~pieces.one_sided)
+    voids = inward[_depth(mesh, pieces, inward, volume != 0) % 2 == 1]
+    reverse[voids] = pieces.majority[voids] < 0
     to_rewind: BoolArray = (pieces.rewound ^ reverse[pieces.piece]) & ~pieces.one_sided[pieces.piece]
     return to_rewind
+
+
+def shells(mesh: Mesh) -> tuple[BoolArray, BoolArray]:
+    """Find the faces (m,) of nearly closed pieces: of solids, and of voids, which look inward and lie in a solid."""
+    pieces = _pieces(mesh)
+    closed = (pieces.openings <= NEARLY_CLOSED) & ~pieces.one_sided & (pieces.volume != 0)
+    inward = np.flatnonzero(closed & (pieces.volume * np.sign(pieces.majority) < 0))
+    is_void = np.zeros(len(closed), dtype=bool)
+    is_void[inward] = _depth(mesh, pieces, inward, closed) % 2 == 1
+    return (closed & ~is_void)[pieces.piece], is_void[pieces.piece]
+
+
+def _depth(mesh: Mesh, pieces: _Pieces, of: IntArray, closed: BoolArray) -> IntArray:
+    """In how many other closed pieces each of some pieces lies, by the winding number of its first corner."""
+    depth = np.zeros(len(of), dtype=np.int64)
+    if not len(of) or len(closed) < 2:
+        return depth
+    corners = mesh.vertices[mesh.faces]
+    lowest, highest = np.full((len(closed), 3), np.inf), np.full((len(closed), 3), -np.inf)
+    np.minimum.at(lowest, pieces.piece, corners.min(axis=1))
+    np.maximum.at(highest, pieces.piece, corners.max(axis=1))
+    for row, i in enumerate(of.tolist()):
+        around = closed & (lowest <= lowest[i]).all(axis=1) & (highest >= highest[i]).all(axis=1)
+        around[i] = False
+        for j in np.flatnonzero(around):
+            faces = np.flatnonzero(pieces.piece == j)
+            sign = np.where(pieces.rewound[faces], -1.0, 1.0)
+            place = corners[np.argmax(pieces.piece == i), 0]
+            depth[row] += abs((sign * _solid_angles(corners[faces] - place)).sum()) > 2 * np.pi
+    return depth
+
+
+def _solid_angles(corners: FloatArray) -> FloatArray:
+    """Signed solid angle (m,) of triangles (m, 3, 3) seen from the origin (Van Oosterom & Strackee 1983)."""
+    a, b, c = corners.transpose(1, 0, 2)
+    x, y, z = (np.linalg.norm(each, axis=1) for each in (a, b, c))
+    volume = np.einsum("ij,ij->i", a, np.cross(b, c))
+    ab, bc, ca = (np.einsum("ij,ij->i", *two) for two in ((a, b), (b, c), (c, a)))
+    angles: FloatArray = 2 * np.arctan2(volume, x * y * z + ab * z + bc * x + ca * y)
+    return angles
 
 
 def seems_inside_out(mesh: Mesh) -> bool:
@@ -60,6 +105,7 @@ class _Pieces:
     openings: FloatArray  # (p,) area of flat discs with the lengths of the openings, as a share of the area
 
 
+@cached_method
 def _pieces(mesh: Mesh) -> _Pieces:
     opposite = mesh.edge_table.opposite
     piece, rewound = np.full(mesh.n_faces, -1, dtype=np.int64), np.zeros(mesh.n_faces, dtype=bool)

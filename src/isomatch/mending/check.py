@@ -7,11 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from isomatch.assets import SurfaceLike, mesh_from
+from isomatch.assets import Polygons, SurfaceLike, mesh_from
 from isomatch.errors import some
 from isomatch.loading.compiled import compiled
-from isomatch.mending._winding import faces_to_rewind
+from isomatch.mending._winding import faces_to_rewind, shells
+from isomatch.mending.base import LARGE, base_of
+from isomatch.mending.gaps import close_vertices, t_junctions
 from isomatch.mending.merged import unmerged
+from isomatch.mending.outliers import outliers
 from isomatch.mending.walls import WALL, double_walled_share
 from isomatch.surfaces import Mesh, fans, first_equal, linked, unsound_faces
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
@@ -64,13 +67,14 @@ def check(mesh: SurfaceLike, *, wall: float = WALL) -> MeshReport:
     _fill_flatness(surface.vertices, surface.faces, doubled, flatness)
     areas = np.where(flatness > ZERO_AREA_RATIO, doubled / 2, 0.0)
     rewound = faces_to_rewind(surface)
-    sizes, shares, inward = _components(surface, inconsistent, used, areas, rewound)
+    components = _components(surface, inconsistent, used, areas, rewound)
+    nobody = np.zeros(0, dtype=np.int64)
+    parted, loose = t_junctions(surface.vertices, Polygons.of_triangles(faces)), close_vertices(surface)
     return MeshReport(
         n_vertices=mesh.n_vertices,
         n_faces=mesh.n_faces,
         euler_number=int(used.sum()) - len(edges.ends) + len(faces),
-        component_vertices=sizes,
-        component_shares=shares,
+        **components,
         boundary_edges=edges.ends[edges.n_faces == 1],
         boundary_lengths=_boundary_lengths(surface.vertices, edges.ends[edges.n_faces == 1], scale),
         non_finite_vertices=np.flatnonzero(~finite),
@@ -86,9 +90,13 @@ def check(mesh: SurfaceLike, *, wall: float = WALL) -> MeshReport:
         non_manifold_edges=edges.ends[edges.n_faces > 2],
         non_manifold_vertices=np.flatnonzero(n_fans > 1),
         inconsistent_edges=inconsistent,
-        inward_components=inward,
+        t_junctions=np.unique(parted.points),
+        close_vertices=loose.vertices,
+        weld_tolerance=loose.tolerance * scale,
         merged_vertices=_merged(surface, rewound),
+        outliers=np.flatnonzero(outliers(mesh.vertices)) if not mesh.n_faces and finite.all() else nobody,
         double_walled=double_walled_share(surface, wall, rewound) if wall else float("nan"),
+        planar=base_of(surface).share if wall else float("nan"),
     )
 
 
@@ -99,21 +107,23 @@ def _merged(surface: Mesh, rewound: BoolArray) -> IntArray:
 
 def _components(
     surface: Mesh, inconsistent: IntArray, used: BoolArray, areas: FloatArray, rewound: BoolArray
-) -> tuple[IntArray, FloatArray, IntArray]:
-    """Vertices and shares of the area of components that have faces, largest first, and which are inside out."""
+) -> dict[str, Any]:
+    """Describe components that have faces, largest first: vertices, shares of the area; solids, voids, inside out."""
     sizes = np.bincount(surface.components, used).astype(np.int64)
     has_faces = sizes > 0
     of_vertex = (np.cumsum(has_faces) - 1)[surface.components]
     sizes = sizes[has_faces]
     of_face = of_vertex[surface.faces[:, 0]]
     area = np.bincount(of_face, areas, len(sizes))
-    inward = np.zeros(len(sizes), dtype=bool)
-    inward[of_face[rewound]] = True
+    solid, void = shells(surface)
+    inward, *kinds = (np.bincount(of_face[rows], minlength=len(sizes)) > 0 for rows in (rewound, solid, void))
     inward[of_vertex[inconsistent[:, 0]]] = False
     order = np.lexsort([-sizes, -area])
     total = area.sum()
     shares = area[order] / total if total > 0 else np.zeros(len(sizes))
-    return sizes[order], shares, np.flatnonzero(inward[order])
+    names = "inward_components", "solid_components", "void_components"
+    numbers = {name: np.flatnonzero(of[order]) for name, of in zip(names, (inward, *kinds))}
+    return {"component_vertices": sizes[order], "component_shares": shares, **numbers}
 
 
 @compiled()
@@ -197,6 +207,14 @@ _SURVIVABLE = {
         "sheets touch at a single point there, and paths pass through it; match splits those that shorten paths, others "
         "need a mesh editor",
     ),
+    "t_junctions": (
+        "vertices on the middle of an edge (T-junctions)",
+        "paths do not cross there, so distances are too long; repair(mesh) inserts them into the edges",
+    ),
+    "outliers": (
+        "points far from all others",
+        "distances run over them; match leaves them out, and repair removes them",
+    ),
     "merged_vertices": (
         "vertices where limbs that touch were merged",
         "paths cross from one limb to the other there, as after a merge by distance with too large a distance; "
@@ -241,9 +259,21 @@ class MeshReport:
     non_manifold_edges, inconsistent_edges : (d, 2) array of int
         Edges of more than two faces; edges that both of their faces traverse in the same direction.
     inward_components : (d,) array of int
-        Closed or nearly closed, consistently wound components of negative volume; see `repair`.
+        Closed or nearly closed, consistently wound components of negative volume that are no voids; see `repair`.
+    solid_components, void_components : (d,) array of int
+        Closed or nearly closed components, and those of them that lie in a solid and look inward.
+    t_junctions : (d,) array of int
+        Vertices of the boundary that lie on the middle of an edge of the boundary.
+    close_vertices : (d,) array of int
+        Vertices of the boundary that nearly coincide with others, as where a file keeps few digits.
+    outliers : (d,) array of int
+        Of points without faces, those far from all others.
+    weld_tolerance : float
+        Distance that tells those from others, in mesh units: for ``repair(mesh, weld=...)``; nan if there are none.
     double_walled : float
         Share of the area that has another sheet close behind it, which faces away, as in skulls and thick shells.
+    planar : float
+        Share of the area in the largest connected piece that lies in a plane, as a base that a scan has grown into.
 
     Examples
     --------
@@ -274,8 +304,15 @@ class MeshReport:
     non_manifold_vertices: IntArray
     inconsistent_edges: IntArray
     inward_components: IntArray
+    solid_components: IntArray
+    void_components: IntArray
+    t_junctions: IntArray
+    close_vertices: IntArray
+    outliers: IntArray
     merged_vertices: IntArray
+    weld_tolerance: float = float("nan")
     double_walled: float = float("nan")
+    planar: float = float("nan")
 
     @property
     def n_components(self) -> int:
@@ -305,11 +342,16 @@ class MeshReport:
     def warnings(self) -> tuple[str, ...]:
         """Defects that reduce accuracy or leave vertices unmatched, one sentence each."""
         sentences = self._sentences(_SURVIVABLE)
-        if self.n_components > 1:
+        if self.n_components - len(self.void_components) > 1:
             shares = ", ".join(f"{share:.1%}" for share in self.component_shares[:5])
             sentences.append(
                 f"{self.n_components} components with {shares}{', …' * (self.n_components > 5)} of the area: "
                 "distances between them are infinite; keep one of them with mesh.submesh, or connect them"
+            )
+        if len(self.close_vertices):
+            sentences.append(
+                f"{len(self.close_vertices)} vertices nearly coincide with others ({_where(self.close_vertices)}): the "
+                f"surface falls apart there; repair(mesh, weld={self.weld_tolerance:.2g}) welds them"
             )
         if self.double_walled >= DOUBLE_WALLED_SHARE:
             sentences.append(
@@ -331,8 +373,8 @@ class MeshReport:
         plain = {
             name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in values.items()
         }
-        if np.isnan(self.double_walled):
-            plain["double_walled"] = None
+        for name in ("double_walled", "planar", "weld_tolerance"):
+            plain[name] = None if np.isnan(plain[name]) else plain[name]
         return plain | {"ok": self.ok, "fatal": list(self.fatal), "warnings": list(self.warnings)}
 
     def __repr__(self) -> str:
@@ -348,6 +390,9 @@ class MeshReport:
             if len(rows := getattr(self, name))
         ]
         walls = [("double-walled, per cent of the area", round(100 * self.double_walled), "")]
+        if self.planar >= LARGE:
+            advice = "if this is a base: repair(mesh, without_base=True) cuts it off"
+            walls.append(("in one plane, per cent of the area", round(100 * self.planar), advice))
         rows = [
             ("vertices", self.n_vertices, ""),
             ("faces", self.n_faces, ""),
@@ -356,6 +401,8 @@ class MeshReport:
                 self.n_components,
                 f"largest: {self.component_vertices[0]:,} vertices" if self.n_components > 1 else "",
             ),
+            *([("solids", len(self.solid_components), "")] if len(self.solid_components) > 1 else []),
+            *([("voids", len(self.void_components), "")] if len(self.void_components) else []),
             ("Euler number", self.euler_number, ""),
             *(walls if self.double_walled >= 0 else []),
             (

@@ -11,6 +11,7 @@ import numpy as np
 from isomatch.assets import (
     Asset,
     Attribute,
+    Polygons,
     Renumbering,
     SurfaceLike,
     asset_from,
@@ -20,10 +21,13 @@ from isomatch.assets import (
 )
 from isomatch.errors import FormatError, SettingError
 from isomatch.mending._winding import faces_to_rewind
+from isomatch.mending.base import base_of
 from isomatch.mending.check import OPENING, MeshReport
+from isomatch.mending.gaps import first_within, without_t_junctions
 from isomatch.mending.merged import unmerged
+from isomatch.mending.outliers import outliers
 from isomatch.mending.sheets import SHEET_DISTANCE
-from isomatch.surfaces import Mesh, PointCloud, first_equal, unsound_faces
+from isomatch.surfaces import Mesh, PointCloud, UnsoundFaces, first_equal, unsound_faces
 from isomatch.values.arrays import AnyArray, BoolArray, IntArray
 
 T = TypeVar("T")
@@ -37,6 +41,8 @@ MENDED = (
     "inconsistent_edges",
     "inward_components",
     "merged_vertices",
+    "t_junctions",
+    "outliers",
 )
 """Fields of `MeshReport` with defects that a repair removes."""
 
@@ -84,28 +90,33 @@ class Repair:
 def repair(
     mesh: SurfaceLike,
     *,
-    weld: bool = True,
+    weld: bool | float = True,
     remove_duplicates: bool = True,
     remove_unused: bool = True,
     orient: bool = True,
     unmerge: float = SHEET_DISTANCE,
     outer: bool = False,
     opening: float = OPENING,
+    without_base: bool = False,
     report: MeshReport | None = None,
 ) -> Repair:
     """Mend a mesh: weld, remove faces and vertices that are not part of a surface, and orient the faces outward.
 
     The steps are, in this order:
 
-    1. Vertices at exactly the same position are welded onto the first of them.
+    1. Vertices at the same position, or as near as is asked for, are welded onto the first of them; vertices on the
+       middle of an edge of the boundary (T-junctions) are inserted into it.
     2. Faces are removed that have an index out of range, a non-finite or a repeated vertex, or the vertices of an
        earlier face.
     3. Non-finite vertices, and vertices that no face uses, are removed.
     4. Each orientable piece is wound consistently: outward if it is closed, or if flat discs with the lengths of its
-       boundary loops have at most a tenth of its area; otherwise as most of its faces were.
+       boundary loops have at most a tenth of its area; otherwise as most of its faces were, as is a void: a closed piece
+       that looks inward, inside a solid.
     5. Vertices at which limbs that touch were merged by distance become two, each with the faces of one limb, and move
        apart by a quarter of the mean edge length. The second ones follow the others; holes that the merge left remain.
-    6. If asked for, only the outermost surface is kept.
+    6. If asked for, only the outermost surface is kept, and what is above the rim of a base.
+
+    Of points without faces, those far from all others are removed.
 
     Vertices and faces keep their order, and no other vertex moves. A second repair changes nothing but, perhaps,
     chambers.
@@ -114,8 +125,9 @@ def repair(
     ----------
     mesh : Mesh, Asset, path_like, tuple or object
         An asset, or anything that `mesh_from` takes; its arrays may contain anything.
-    weld : bool
-        Whether to weld coincident vertices, such as the seams of texture maps. Two sheets that touch at a vertex are
+    weld : bool or float
+        Whether to weld coincident vertices, such as the seams of texture maps; or a distance, in mesh units, within which
+        vertices are one, see `MeshReport.weld_tolerance`. Two sheets that touch at a vertex are
         joined there. Of values that differ the first is kept, but texture coordinates become those of corners. The parts
         of an asset stay apart.
     remove_duplicates : bool
@@ -134,6 +146,8 @@ def repair(
     opening : float
         The smallest opening through which a chamber counts as outside: the diameter of a ball that can be rolled in, in
         √area.
+    without_base : bool
+        Whether to cut off the largest planar piece along its rim, with what is below: a plate that a scan has grown into.
     report : MeshReport, optional
         What `check` found on this mesh. If there is nothing to mend, nothing is computed again.
 
@@ -158,12 +172,17 @@ def repair(
         raise SettingError(f"unmerge = {unmerge!r} is not a distance; give 0 or more, in √area, or infinity")
     if outer and not orient:
         raise SettingError("outer needs faces that look outward; leave orient at True")
+    if not (isinstance(weld, bool) or (isinstance(weld, int | float) and 0 <= weld < np.inf)):
+        raise SettingError(
+            f"weld = {weld!r} is no distance; give True, False, or 0 or more in the units of the mesh"
+        )
     asset, lost = _asset_of(mesh)
     mesh = mesh_from(mesh) if asset is None else Mesh(asset.placed_points, asset.polygons.triangles)
     identity = np.arange(mesh.n_vertices)
     if (
         report
-        and not outer
+        and not (outer or without_base)
+        and isinstance(weld, bool)
         and unmerge >= SHEET_DISTANCE
         and not any(len(getattr(report, defect)) for defect in MENDED)
     ):
@@ -172,20 +191,35 @@ def repair(
     places = mesh.vertices
     if asset is not None and len(asset.parts) > 1:
         places = np.column_stack([places, asset.part_of_point])
-    survivor = first_equal(places) if weld else identity
-    in_range = ((mesh.faces >= 0) & (mesh.faces < mesh.n_vertices)).all(axis=1)
-    faces = mesh.faces.copy()
-    faces[in_range] = survivor[faces[in_range]]
-
-    bad = unsound_faces(mesh.vertices, faces)
+    survivor = identity
+    if not isinstance(weld, bool):
+        survivor = first_within(places, weld)
+    elif weld:
+        survivor = first_equal(places)
+    original, of_triangle = asset, np.arange(mesh.n_faces)
+    faces, bad = _welded_faces(mesh, survivor)
+    polygons = Polygons.of_triangles(mesh.faces) if asset is None else asset.polygons
+    is_sound = np.bincount(polygons.of_triangle, ~bad.any, len(polygons)) > 0
+    on_sides = np.zeros(mesh.n_vertices, dtype=bool)
+    if asset is None or not asset.parts:
+        given = Asset(mesh.vertices, polygons) if asset is None else asset
+        whole, on_sides = without_t_junctions(given, survivor, is_sound)
+    if on_sides.any():
+        # triangles of a polygon with a further corner come from its first one
+        of_triangle = np.searchsorted(polygons.of_triangle, whole.polygons.of_triangle)
+        mesh, asset = Mesh(mesh.vertices, whole.polygons.triangles), asset and whole
+        faces, bad = _welded_faces(mesh, survivor)
     face_index = np.flatnonzero(~bad.any | (bad.duplicate & (not remove_duplicates)))
     faces = faces[face_index]
 
     finite = np.isfinite(mesh.vertices).all(axis=1)
     welded = survivor != identity
     unused = np.bincount(faces.ravel(), minlength=mesh.n_vertices) == 0
-    unused &= finite & ~welded & remove_unused
-    kept = finite & ~welded & ~unused
+    unused &= finite & ~welded & remove_unused & bool(mesh.n_faces)
+    stray = np.zeros(mesh.n_vertices, dtype=bool)
+    if not mesh.n_faces and remove_unused:
+        stray[finite & ~welded] = outliers(mesh.vertices[finite & ~welded])
+    kept = finite & ~welded & ~unused & ~stray
     vertex_index = np.flatnonzero(kept)
     new_index = np.where(kept, np.cumsum(kept) - 1, -1)[survivor]
 
@@ -198,19 +232,24 @@ def repair(
 
     contacts: tuple[IntArray, ...] = ()
     if orient and unmerge < np.inf and (asset is None or len(asset.parts) < 2):
-        parted = unmerged(mended, unmerge)
-        contacts = tuple(vertex_index[seam] for seam in parted.seams)
-        mended, vertex_index = parted.mesh, vertex_index[parted.vertex_index]
+        limbs = unmerged(mended, unmerge)
+        contacts = tuple(vertex_index[seam] for seam in limbs.seams)
+        mended, vertex_index = limbs.mesh, vertex_index[limbs.vertex_index]
 
-    chambers: tuple[str, ...] = ()
-    inner = np.zeros(len(faces), dtype=bool)
-    if outer:
-        from isomatch.mending.outer import inner_faces  # imports scipy.ndimage, which is slow
+    cut: tuple[str, ...] = ()
+    for what, is_asked in (("chambers", outer), ("a base and below its rim", without_base)):
+        if not is_asked:
+            continue
+        if what == "chambers":
+            from isomatch.mending.outer import inner_faces  # imports scipy.ndimage, which is slow
 
-        inner = inner_faces(mended, opening)
-    if inner.any():
+            inner = inner_faces(mended, opening)
+        else:
+            inner = base_of(mended).below
+        if not inner.any():
+            continue
         share = float(mended.face_areas[inner].sum() / mended.area)
-        chambers = (f"removed {_count(int(inner.sum()), 'face')} of chambers, {share:.1%} of the area",)
+        cut += (f"removed {_count(int(inner.sum()), 'face')} of {what}, {share:.1%} of the area",)
         lined = np.setdiff1d(mended.faces[inner], mended.faces[~inner])
         stays = np.ones(mended.n_vertices, dtype=bool)
         stays[lined] = False
@@ -219,24 +258,28 @@ def repair(
         vertex_index, new_index = vertex_index[stays], place[new_index]
         face_index, rewound = face_index[~inner], rewound[~inner]
 
+    at = "at the same position" if isinstance(weld, bool) else f"within {weld:g}"
     counted = (
-        ("welded {} onto an earlier vertex at the same position", "vertex", welded),
+        (f"welded {{}} onto an earlier vertex {at}", "vertex", welded),
+        ("inserted {} into edges that they lie on", "vertex", on_sides),
         ("removed {} with a vertex index out of range", "face", bad.out_of_range),
         ("removed {} with a non-finite vertex", "face", bad.non_finite),
         ("removed {} with a repeated vertex", "face", bad.repeated_index),
         ("removed {} with the vertices of an earlier face", "face", bad.duplicate & remove_duplicates),
         ("removed {} with non-finite coordinates", "vertex", ~finite),
         ("removed {} that no face used", "vertex", unused),
+        ("removed {} far from all others", "point", stray),
         ("rewound {}", "face", rewound),
     )
     changes = lost + tuple(
         sentence.format(_count(int(mask.sum()), noun)) for sentence, noun, mask in counted if mask.any()
     )
-    changes += ((parted_described(contacts),) if contacts else ()) + chambers
+    changes += ((parted_described(contacts),) if contacts else ()) + cut
     if asset is None or not changes:
         same = None if asset is None else np.arange(len(asset.polygons))
         mended = mended if changes else mesh
-        return Repair(mended, vertex_index, new_index, face_index, changes, asset, same, contacts)
+        face_index = of_triangle[face_index]
+        return Repair(mended, vertex_index, new_index, face_index, changes, original, same, contacts)
     apart = welded_apart(asset, survivor)
     rows = Renumbering.of(asset.polygons, vertex_index, new_index, face_index, rewound, mended.faces)
     whole = turned_over(kept_at_corners(asset, apart).renumbered(rows), asset, rows, face_index[rewound])
@@ -246,7 +289,16 @@ def repair(
         )
     told = tuple(_told(asset, name, n) for name, n in apart.items())
     changes += told
+    face_index = of_triangle[face_index]
     return Repair(mended, vertex_index, new_index, face_index, changes, whole, rows.polygon_index, contacts)
+
+
+def _welded_faces(mesh: Mesh, survivor: IntArray) -> tuple[IntArray, UnsoundFaces]:
+    """Return the faces between vertices that are one, and which of them are unsound."""
+    in_range = ((mesh.faces >= 0) & (mesh.faces < mesh.n_vertices)).all(axis=1)
+    faces = mesh.faces.copy()
+    faces[in_range] = survivor[faces[in_range]]
+    return faces, unsound_faces(mesh.vertices, faces)
 
 
 def _asset_of(surface: SurfaceLike) -> tuple[Asset | None, tuple[str, ...]]:
@@ -297,6 +349,7 @@ def _count(number: int, noun: str) -> str:
         "vertex": "vertices",
         "face": "faces",
         "welded vertex": "welded vertices",
+        "point": "points",
         "contact": "contacts",
     }
     return f"{number} {noun if number == 1 else plural[noun]}"

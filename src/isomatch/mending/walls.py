@@ -27,12 +27,11 @@ def double_walled_share(surface: Mesh, wall: float = WALL, turned: BoolArray | N
     if not 0 <= wall < np.inf:
         raise SettingError(f"wall = {wall!r} is not a thickness; give 0 or more, in √area")
     # in six dimensions, positions and normals times the wall, the vertex nearest to a place behind a vertex, with the
-    # opposite normal. Components within the box around the largest one look inward by right
+    # opposite normal
     area = surface.area
     if not 0 < area < np.inf:
         return 0.0
     if turned is not None and turned.any():
-        turned = turned & ~_is_nested(surface)
         surface = Mesh(surface.vertices, np.where(turned[:, None], surface.faces[:, ::-1], surface.faces))
     points, normals = surface.vertices / np.sqrt(area), surface.vertex_normals
     until = np.cumsum(surface.vertex_areas)
@@ -51,14 +50,3 @@ def double_walled_share(surface: Mesh, wall: float = WALL, turned: BoolArray | N
         opposite = (normals[other] * away).sum(axis=1) < OPPOSITE
         is_wall |= opposite & (behind > 0) & (behind <= wall) & (behind >= STEEP * along)
     return float(is_wall.mean())
-
-
-def _is_nested(surface: Mesh) -> BoolArray:
-    """(n,) faces of components within the box around the largest one."""
-    component = surface.components[surface.faces[:, 0]]
-    sizes = np.bincount(component, surface.face_areas)
-    largest = surface.vertices[surface.faces[component == sizes.argmax()]].reshape(-1, 3)
-    corners = surface.vertices[surface.faces]
-    inside = ((corners > largest.min(axis=0)) & (corners < largest.max(axis=0))).all(axis=(1, 2))
-    outside = np.bincount(component, ~inside, len(sizes)) > 0
-    return np.asarray(~outside[component])

@@ -6,9 +6,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from isomatch.errors import MeshError
+from isomatch.errors import MeshError, some
 from isomatch.geodesics import distance_engine, ordinary_unit
-from isomatch.mending import capped_at, check, parted_described, repair, seems_inside_out, separate_sheets
+from isomatch.mending import (
+    capped_at,
+    check,
+    outliers,
+    parted_described,
+    repair,
+    seems_inside_out,
+    separate_sheets,
+)
 from isomatch.resolution import Prolongation, decimations, normalised
 from isomatch.settings import Config, PreparationSettings
 from isomatch.surfaces import Graph, Mesh, PointCloud, Surface, in_spatial_order
@@ -101,8 +109,16 @@ def _repaired(shape: Surface, sheet_distance: float) -> tuple[Surface, float, In
     """Mend a mesh and separate glued sheets; of points and graphs, nothing is mended."""
     # returned in a unit in which no area overflows or vanishes, with that unit, and index maps both ways
     if isinstance(shape, PointCloud):
-        unit, everything = ordinary_unit(shape), np.arange(shape.n_vertices)
-        return PointCloud(shape.vertices / unit, shape.n_neighbours), unit, everything, everything, []
+        stray, notes = outliers(shape.vertices), list[str]()
+        kept = np.flatnonzero(~stray)
+        if stray.any():
+            notes = [
+                f"left out {stray.sum()} points far from all others, such as {some(np.flatnonzero(stray))}"
+            ]
+            shape = PointCloud(shape.vertices[kept], shape.n_neighbours)
+        unit = ordinary_unit(shape)
+        new_index = np.where(stray, -1, np.cumsum(~stray) - 1)
+        return PointCloud(shape.vertices / unit, shape.n_neighbours), unit, new_index, kept, notes
     if isinstance(shape, Graph):
         everything = np.arange(shape.n_vertices)
         return shape, 1.0, everything, everything, []
@@ -135,6 +151,11 @@ def _repaired(shape: Surface, sheet_distance: float) -> tuple[Surface, float, In
         notes.append(_seams_described(apart.seams, of_shape[glued.vertex_index]))
     if order is not None:
         new_index, old_index = new_index[np.argsort(order)], order[old_index]
+    if len(report.close_vertices):
+        notes.append(
+            f"{len(report.close_vertices)} vertices nearly coincide with others, and the surface falls apart there; if "
+            f"they belong together: isomatch repair --weld {report.weld_tolerance:.2g}"
+        )
     if seems_inside_out(whole):
         notes.append(INSIDE_OUT)
     unit = float(np.abs(whole.vertices).max())

@@ -10,7 +10,7 @@ from isomatch.surfaces._edges import (
     meetings,
     root,
 )
-from isomatch.surfaces._faces import unsound_faces, vertex_normals
+from isomatch.surfaces._faces import UnsoundFaces, unsound_faces, vertex_normals
 from isomatch.surfaces._shared import surface_in_use
 from isomatch.surfaces._spatial_order import in_spatial_order
 from isomatch.surfaces.graph import Graph
@@ -29,6 +29,7 @@ __all__ = [
     "PrecisePoints",
     "Raster",
     "Surface",
+    "UnsoundFaces",
     "corner_links",
     "edge_table",
     "fans",

@@ -10,12 +10,14 @@ import scipy
 from numpy.typing import ArrayLike
 
 from isomatch.errors import MeshError, SettingError, some
+from isomatch.surfaces._coincident import first_equal
 from isomatch.surfaces._edges import lengths, linked
 from isomatch.surfaces._shared import Plotted, hash_of
 from isomatch.values.arrays import FloatArray, IntArray, numbers_of
 from isomatch.values.cached import cached_property
 
 FEWEST_POINTS = 4  # fewer have no local triangulation
+MOST_AT_ONE_PLACE = 1000  # neighbours of so many take 0.1 s, of 60 000 45 s
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -78,6 +80,7 @@ class PointCloud(Plotted):
     def edges(self) -> IntArray:
         """(e, 2) pairs of points of which one is a nearest neighbour of the other; sorted, in lexicographic order."""
         n, k = self.n_vertices, self._n_joined
+        self._require_places()
         nearest = scipy.spatial.cKDTree(self._scaled).query(self._scaled, k + 1)[1]
         itself = nearest == np.arange(n)[:, None]
         itself[~itself.any(axis=1), k] = True  # a point with more than k coincident ones may not find itself
@@ -97,6 +100,7 @@ class PointCloud(Plotted):
 
         By the tufted Laplacian of Sharp & Crane 2020. `MeshError` where points lie on a line, or many at one place.
         """
+        self._require_places()
         try:
             mass = robust_laplacian.point_cloud_laplacian(self._scaled, n_neighbors=self._n_joined)[1]
         except RuntimeError:
@@ -125,6 +129,14 @@ class PointCloud(Plotted):
     def components(self) -> IntArray:
         """(n,) label of the connected component of each point."""
         return linked(self.n_vertices, tuple(self.edges.T))[1]
+
+    def _require_places(self) -> None:
+        """Raise `MeshError` if so many points lie at one place that it would take quadratic time to find neighbours."""
+        most = int(np.bincount(first_equal(self.vertices)).max())
+        if most > MOST_AT_ONE_PLACE:
+            raise MeshError(
+                f"{most} points lie at one place, and have no neighbours but each other; remove all but one"
+            )
 
     @property
     def _n_joined(self) -> int:
