@@ -91,8 +91,9 @@ class Frame:
     @classmethod
     def of_named(cls, texts: Mapping[str, str]) -> Frame | None:
         """Make the frame of texts under names, such as RAS under SPACE; None if they tell nothing."""
-        others = (f"{name}={text}" for name, text in texts.items() if name != COMMENTS)
-        return cls.of_lines(*texts.get(COMMENTS, "").splitlines(), *others)
+        lines = texts.get(COMMENTS, "").splitlines()
+        known = {COMMENTS, SPACE} if any(map(_AXES_SAID.search, lines)) else {COMMENTS}
+        return cls.of_lines(*lines, *(f"{name}={text}" for name, text in texts.items() if name not in known))
 
     @classmethod
     def of_volume(cls, volume: Mapping[str, Any]) -> Frame:

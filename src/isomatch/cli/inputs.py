@@ -84,14 +84,14 @@ def read_functions(path: Path, names: list[str], n: int) -> FloatArray:
 
 
 def read_landmarks(
-    landmarks: Path | None, of_target: Path | None, shapes: tuple[Surface, Surface]
+    landmarks: Path | None, of_target: Path | None, ends: tuple[Path, Path]
 ) -> IntArray | None:
     """Read pairs (q, 2) of vertices, from one file or from one of each shape; None if there is none."""
     if landmarks is None:
         if of_target is not None:
             raise LandmarkError("--target-landmarks needs --landmarks with the points of the source")
         return None
-    return isomatch.read_landmarks(landmarks, *shapes, of_target)
+    return isomatch.read_landmarks(landmarks, *ends, of_target)
 
 
 def read_config(path: Path | None) -> isomatch.Config | None:

@@ -75,7 +75,7 @@ class Priors:
 
     def read(self, ends: tuple[Path, Path], shapes: tuple[Surface, Surface]) -> dict[str, Any]:
         """Read what `isomatch.match` takes of them."""
-        pairs = read_landmarks(self.landmarks, self.target_landmarks, shapes)
+        pairs = read_landmarks(self.landmarks, self.target_landmarks, ends)
         counts, names, start = [shape.n_vertices for shape in shapes], self.function, self.initial_map
         functions = tuple(map(read_functions, ends, (names, names), counts)) if names else None
         first = None if start is None else isomatch.Correspondence.load(start, counts[1])

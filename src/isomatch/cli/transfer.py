@@ -172,21 +172,16 @@ def _transfer_landmarks(
     with talk.progress() as tell, claimed_files(output, force=force):
         tell("reading", 0.0)
         assets = isomatch.read_asset(ends[0]), isomatch.read_asset(ends[1])
-        first, second = (x if len(x.polygons) else isomatch.PointCloud(x.placed_points) for x in assets)
-        way = _read_map(map_file, second)
-        marked, shape = assets[to == "source"], (first, second)[to == "source"]
-        # with the points of the file, whose numbers a file of landmarks may have
-        surface = (
-            isomatch.Mesh(marked.placed_points, marked.polygons.triangles) if len(marked.polygons) else shape
-        )
+        way = _read_map(map_file, assets[1])
+        given, receiving = assets if to == "target" else assets[::-1]
         try:
-            own = isomatch.Landmarks.read(landmarks, surface)
+            own = isomatch.Landmarks.read(landmarks, given)
         except LandmarkError as error:
             side = "source" if to == "target" else "target"
             raise LandmarkError(f"{error}. They are taken as landmarks of the {side}, see --to") from None
         tell("carrying", 0.3)
         with naming_files(source=ends[0], target=ends[1]):
-            carried = isomatch.carry_landmarks(way, first, second, own, to=to, curve_points=curve_points)
+            carried = isomatch.carry_landmarks(way, *assets, own, to=to, curve_points=curve_points)
         tell("writing", 0.8)
         left = isomatch.write_landmarks(output, carried)
         tell("done", 1.0)
@@ -202,11 +197,10 @@ def _transfer_landmarks(
     talk.result(record, lambda: _say_landmarks(record, carried, output))
 
 
-def _read_map(path: Path, target: isomatch.Asset | isomatch.PointCloud) -> Any:
+def _read_map(path: Path, target: isomatch.Asset) -> Any:
     """Read a map, with the expected errors if it has them."""
     if path.suffix != ".npz":
-        n_target = len(target.points) if isinstance(target, isomatch.Asset) else target.n_vertices
-        return isomatch.Correspondence.load(path, n_target)
+        return isomatch.Correspondence.load(path, len(target.points))
     with suppress(FormatError):
         return isomatch.MatchResult.load(path)
     return isomatch.Correspondence.load(path)

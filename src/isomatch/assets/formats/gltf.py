@@ -302,7 +302,7 @@ def middles(asset: Asset) -> FloatArray:
 
 def _move(document: dict[str, Any], mesh: int, middle: FloatArray) -> None:
     """Put a mesh into a node of its own below its node, which moves it by the row of ``middle``, if that is not 0."""
-    nodes = document["nodes"]
+    nodes = document.get("nodes", [])
     for i, node in enumerate(nodes[:] if middle.any() else ()):
         if node.get("mesh") == mesh:
             node.setdefault("children", []).append(len(nodes))
