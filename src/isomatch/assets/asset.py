@@ -39,7 +39,10 @@ def product(a: FloatArray, b: FloatArray) -> FloatArray:
     return total
 
 
-TOLD, ASKED = 1e-4, 1e-3  # of the mean edge: rounding of positions that is avoided or told, and that is to be allowed
+TOLD, ASKED = (
+    1e-4,
+    1e-3,
+)  # of the mean edge: rounding of positions that is avoided or told, and that is to be allowed
 UNKNOWN, SCANNER = "unknown", "scanner_anat"
 # right, anterior, superior of FreeSurfer's voxel axes
 _AXES = np.array([[-1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
@@ -53,7 +56,10 @@ NEW_VOLUME: Mapping[str, Any] = {  # what nibabel writes before the numbers of a
 Axes: TypeAlias = Literal["RAS", "LPS"]
 """Where x, y and z point: to the right, to the front and up, or to the left, to the back and up."""
 TURN = np.array([-1.0, -1.0, 1.0])  # from RAS to LPS and back
-SPACE, COMMENTS = "SPACE", "comments"  # names of texts that tell the axes, as in VTP files of 3D Slicer, and of others
+SPACE, COMMENTS = (
+    "SPACE",
+    "comments",
+)  # names of texts that tell the axes, as in VTP files of 3D Slicer, and of others
 # lines that tell the axes, as those of 3D Slicer and NRRD, or the unit of the coordinates
 _AXES_SAID = re.compile(r"\b(?:space|coordinate[ _]?system)\s*[=:]\s*[\"']?(?P<axes>[rlaips]{3})\b", re.I)
 _UNIT = re.compile(r"\bunits?\s*([:=]|in\b|is\b|are\b|(milli|centi|micro)?met|[mc]?m\b|inch)", re.I)
@@ -294,7 +300,7 @@ class Asset:
             exact = self.points - middles
             rest = exact - exact.astype(np.float32)
             moved = replace(self, points=self.points - rest).placed_points - self.placed_points
-            return np.nan_to_num(np.linalg.norm(moved, axis=1))
+            return np.asarray(np.nan_to_num(np.linalg.norm(moved, axis=1)))
 
     @property
     def needs_doubles(self) -> bool:

@@ -113,6 +113,7 @@ def write_mesh(
     *,
     binary: bool | None = None,
     colors: ArrayLike | None = None,
+    rounded: bool = False,
 ) -> None:
     """Write a mesh to a file.
 
@@ -128,6 +129,8 @@ def write_mesh(
         For PLY, STL and VTK only: whether to write binary (the default) or text.
     colors : (n, 3) array_like of uint8, optional
         For formats with colours: red, green and blue of each vertex, 0…255.
+    rounded : bool
+        Whether the file may move vertices by more than a thousandth of the mean edge; see `write_asset`.
 
     Raises
     ------
@@ -143,8 +146,8 @@ def write_mesh(
     Notes
     -----
     `read_mesh` returns exactly the same float64 coordinates from OFF, OBJ, PLY and VTP. Binary STL, glTF, GIFTI and
-    FreeSurfer store float32, and other VTK files as text fewer digits. STL also loses the order of
-    the vertices, and vertices that no face uses.
+    FreeSurfer store float32, and VTK legacy files as text 11 digits. STL also loses the order of the vertices, and
+    vertices that no face uses.
 
     Examples
     --------
@@ -167,7 +170,7 @@ def write_mesh(
         if not format_of(path).keeps(color):
             raise _no_option(path, "colors", lambda other: other.keeps(color))
         asset = asset.with_attributes(color)
-    write_asset(path, asset, binary=binary)
+    write_asset(path, asset, binary=binary, rounded=rounded)
 
 
 def write_asset(
@@ -232,12 +235,14 @@ def _rounded(path: Path, asset: Asset, middles: FloatArray, is_allowed: bool) ->
     most = float(moved.max(initial=0))
     if not most > TOLD * asset.mean_edge > 0:
         return []
-    if most > ASKED * asset.mean_edge and not is_allowed:
+    if most > ASKED * asset.mean_edge and not (is_allowed and most < float(np.finfo(np.float32).max)):
         raise MeshError(
-            f"{path}: positions would move by up to {most:.2g}, {most / asset.mean_edge:.2g} times the mean edge, because "
-            f"{path.suffix} files round them; write a .ply file, or allow it by --rounded (rounded=True in Python)"
+            f"{path}: positions would move by up to {most:.2g}, {most / asset.mean_edge:.2g} times the mean edge, as "
+            f"{path.suffix} files round them; write a .ply file, or allow it (--rounded, in Python rounded=True)"
         )
-    return [Attribute(f"the last digits of the positions (moved by up to {most:.2g})", "point", "scalar", moved)]
+    return [
+        Attribute(f"the last digits of the positions (moved by up to {most:.2g})", "point", "scalar", moved)
+    ]
 
 
 def files_beside(path: str | os.PathLike[str], asset: Asset) -> tuple[Path, ...]:

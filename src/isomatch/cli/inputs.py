@@ -19,6 +19,9 @@ Surface: TypeAlias = "isomatch.Mesh | isomatch.PointCloud"
 
 Output = Annotated[Path, Parameter(name=["--output", "-o"])]
 Force = Annotated[bool, Parameter(help="Replace existing files.")]
+Rounded = Annotated[
+    bool, Parameter(help="Whether the format may move vertices by more than a thousandth of the mean edge.")
+]
 Seed = Annotated[int, Parameter(help="Seed of random choices.")]
 Json = Annotated[
     bool, Parameter(help="Print JSON and nothing else: an object, of several files a list of them.")

@@ -31,7 +31,9 @@ NOWHERE = {"", "na", "nan"}  # cells of a point without a position
 logger = logging.getLogger(__name__)
 
 OFF, FAR_OFF = 0.02, 0.1  # √area: a point farther from the surface is reported, and refused
-CLEARLY = 0.5  # times the mean distance: points in RAS that are so much nearer than in LPS are taken to be in RAS
+CLEARLY = (
+    0.5  # times the mean distance: points in RAS that are so much nearer than in LPS are taken to be in RAS
+)
 
 
 @dataclass(frozen=True)
@@ -293,24 +295,27 @@ def placed_positions(
         message = f"{points[free[worst]].where}: {gap[worst]:.3g} √area away from all {parts} of the {side}"
         if gap[worst] > FAR_OFF:
             is_turned = (distance(TURN * positions[free]) <= OFF * unit).all()
-            reason = "one of the files says the wrong space: they lie on it after half a turn" if is_turned else (
-                f"check that the positions are in the units and the coordinates of the {side}"
+            reason = (
+                "one of the files says the wrong space: they lie on it after half a turn"
+                if is_turned
+                else (f"check that the positions are in the units and the coordinates of the {side}")
             )
             raise LandmarkError(f"{message}; {reason}")
         logger.warning("%s; the nearest one is taken", message)
     return positions, axes
 
 
-def _ways(
-    positions: FloatArray, is_said: bool, frame: Frame
-) -> list[tuple[FloatArray, Axes | None, str]]:
+def _ways(positions: FloatArray, is_said: bool, frame: Frame) -> list[tuple[FloatArray, Axes | None, str]]:
     """Return where points can be meant to be, first as they are said to be: positions, axes, and how that is told.
 
     Positions of 3D Slicer, which says the axes, are in LPS here, in which it also writes meshes unless they say RAS.
     """
     turned = TURN * positions
     if not is_said:
-        return [(positions, frame.axes, ""), (turned, frame.axes, "after half a turn, from RAS to LPS or back")]
+        return [
+            (positions, frame.axes, ""),
+            (turned, frame.axes, "after half a turn, from RAS to LPS or back"),
+        ]
     ways: list[tuple[FloatArray, Axes | None, str]] = [
         (positions, "LPS", "if it is in LPS"),
         (turned, "RAS", "if it is in RAS"),

@@ -55,7 +55,9 @@ def read_asset(data: bytes, name: str) -> Asset:
             raise unexpected(name, f"an array of {what}", "none", "values alone are for read_attributes")
     with reading(name, "points and triangles of a GIFTI surface"):
         points, triangles = arrays[_POINTS], arrays[_TRIANGLES]
-        plain = {k: word for k, word in points.meta.items() if "VolGeom" not in k and k not in (SPACE, COMMENTS)}
+        plain = {
+            k: word for k, word in points.meta.items() if "VolGeom" not in k and k not in (SPACE, COMMENTS)
+        }
         attributes, intents = _values(image, len(points.data), "values")
         document = GiftiDocument(dict(image.meta), plain, dict(triangles.meta), intents)
         polygons = Polygons.of_triangles(triangles.data)

@@ -292,7 +292,9 @@ def middles(asset: Asset) -> FloatArray:
     if asset.needs_doubles:
         document = asset.document if isinstance(asset.document, GltfDocument) else new_document(asset)
         mesh_of_part = np.array([*{part: mesh for mesh, _, part in document.places}.values()])
-        mesh_of_point = mesh_of_part[asset.part_of_point if len(mesh_of_part) > 1 else np.zeros_like(asset.part_of_point)]
+        mesh_of_point = mesh_of_part[
+            asset.part_of_point if len(mesh_of_part) > 1 else np.zeros_like(asset.part_of_point)
+        ]
         for node in document.json.get("nodes", []):
             rows = mesh_of_point == node.get("mesh")
             if rows.any() and "skin" not in node:

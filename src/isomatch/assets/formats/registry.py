@@ -33,7 +33,9 @@ class MeshFormat:
     has_opacity: bool = True  # of colours
     keeps_frame: Callable[[Frame], bool] = lambda frame: not frame.has_space  # but axes and a unit, in words
     axes: Axes | None = None  # in which all its files are
-    middles: Callable[[Asset], FloatArray] | None = None  # what its floats are relative to; None if it has doubles
+    middles: Callable[[Asset], FloatArray] | None = (
+        None  # what its floats are relative to; None if it has doubles
+    )
 
     def missing(self, attribute: Attribute) -> list[Attribute]:
         """Return what has no place of an attribute that has one."""

@@ -9,7 +9,6 @@ from isomatch.assets.attribute import Attribute
 from isomatch.assets.formats._reading import unexpected
 from isomatch.assets.formats._text import TextLines, format_rows, read_lines
 from isomatch.assets.polygons import Polygons
-from isomatch.errors import MeshError
 from isomatch.surfaces import Mesh, welded
 from isomatch.values.arrays import AnyArray, FloatArray
 
@@ -56,11 +55,11 @@ def write(asset: Asset, binary: bool | None = None) -> bytes:
         template = "facet normal %r %r %r\nouter loop\n" + "vertex %r %r %r\n" * 3 + "endloop\nendfacet\n"
         table = np.hstack([normals, corners.reshape(-1, 9)])
         return f"solid {title}".strip().encode() + b"\n" + format_rows(template, table) + b"endsolid\n"
-    if (np.abs(corners[np.isfinite(corners)]) > np.finfo(np.float32).max).any():
-        raise MeshError("coordinates exceed the float32 range of binary STL; write text with binary=False")
     triangles = np.zeros(mesh.n_faces, _TRIANGLE)
     triangles["normal"], triangles["corners"] = normals, corners
-    return (title or "binary STL").encode().ljust(80) + mesh.n_faces.to_bytes(4, "little") + triangles.tobytes()
+    return (
+        (title or "binary STL").encode().ljust(80) + mesh.n_faces.to_bytes(4, "little") + triangles.tobytes()
+    )
 
 
 def _triangles(data: bytes, name: str) -> tuple[AnyArray, list[str]]:
