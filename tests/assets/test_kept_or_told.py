@@ -92,14 +92,14 @@ def test_the_space_goes_through_any_two_formats(tmp_path, first, words):
 
 def slicer_files(folder):
     """Files as 3D Slicer writes them, the space in the place that each format has for it."""
-    faces = "".join("3 %d %d %d\n" % tuple(face) for face in BODY.faces)
-    points = "".join("%r %r %r\n" % tuple(point) for point in BODY.vertices.tolist())
+    faces = "".join(f"3 {a} {b} {c}\n" for a, b, c in BODY.faces)
+    points = "".join(f"{x} {y} {z}\n" for x, y, z in BODY.vertices.tolist())
     said = "3D Slicer output. SPACE=RAS"
     (folder / "a.vtk").write_text(
         f"# vtk DataFile Version 3.0\n{said}\nASCII\nDATASET POLYDATA\nPOINTS {N} double\n{points}"
         f"POLYGONS {M} {4 * M}\n{faces}"
     )
-    rows = "".join("f %d %d %d\n" % tuple(face) for face in BODY.faces + 1)
+    rows = "".join(f"f {a} {b} {c}\n" for a, b, c in BODY.faces + 1)
     (folder / "a.obj").write_text(f"# {said}\n" + "".join(f"v {p}\n" for p in points.splitlines()) + rows)
     triangles = np.zeros(M, [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
     triangles["corners"] = BODY.vertices[BODY.faces]

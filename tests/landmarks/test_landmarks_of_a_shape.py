@@ -104,13 +104,14 @@ def test_left_stays_left_on_a_body_that_half_a_turn_carries_onto_itself(tmp_path
 
 def test_points_a_little_off_the_surface_are_not_refused(tmp_path):
     """0.09 √area off, so that neither space fits much better than the other."""
-    truth, unit = on_faces(SPHERE, 4), np.sqrt(SPHERE.area)
-    off = Landmarks(truth * (1 + 0.09 * unit), "abcd", axes="RAS")
-    write_landmarks(tmp_path / "a.fcsv", off)
-    body = SPHERE.moved(np.add(SPHERE.vertices, [0.1, 0, 0]))
-    write_landmarks(tmp_path / "b.fcsv", replace(off, positions=off.positions + [0.1, 0, 0]))
-    found = Landmarks.read(tmp_path / "b.fcsv", in_space(body, "LPS").moved(body.vertices * [-1, -1, 1]))
-    np.testing.assert_allclose(found.positions, (off.positions + [0.1, 0, 0]) * [-1, -1, 1])
+    body = SPHERE.moved(SPHERE.vertices + np.array([0.1, 0, 0]))
+    off = on_faces(SPHERE, 4) * (1 + 0.09 * np.sqrt(SPHERE.area)) + np.array([0.1, 0, 0])
+    write_landmarks(tmp_path / "a.fcsv", Landmarks(off, "abcd", axes="RAS"))
+    turned = body.moved(body.vertices * [-1, -1, 1])
+    found = Landmarks.read(tmp_path / "a.fcsv", in_space(turned, "LPS"))
+    np.testing.assert_array_equal(found.positions, off * [-1, -1, 1])
+    found = Landmarks.read(tmp_path / "a.fcsv", body)
+    np.testing.assert_array_equal(found.positions, off)
 
 
 def test_a_wrong_space_is_named(tmp_path):

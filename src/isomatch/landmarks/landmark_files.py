@@ -281,7 +281,7 @@ def placed_positions(
     ways = _ways(positions[free], is_said, frame)
     gaps = [distance(placed) / unit for placed, _, _ in ways]
     means = [gap.mean() for gap in gaps]
-    best = int(np.argmin(means))
+    best = min(range(len(ways)), key=lambda i: (gaps[i].max() > FAR_OFF, means[i]))
     # points on the surface stay as they are said or supposed to be, unless nothing is said and others fit much better
     if gaps[0].max() <= OFF and not (is_said and means[best] < CLEARLY * means[0]):
         best = 0
@@ -294,13 +294,10 @@ def placed_positions(
     if gap[worst] > OFF:
         message = f"{points[free[worst]].where}: {gap[worst]:.3g} √area away from all {parts} of the {side}"
         if gap[worst] > FAR_OFF:
-            is_turned = (distance(TURN * positions[free]) <= OFF * unit).all()
-            reason = (
-                "one of the files says the wrong space: they lie on it after half a turn"
-                if is_turned
-                else (f"check that the positions are in the units and the coordinates of the {side}")
-            )
-            raise LandmarkError(f"{message}; {reason}")
+            remedy = f"check that the positions are in the units and the coordinates of the {side}"
+            if (distance(TURN * positions[free]) <= OFF * unit).all():
+                remedy = "one of the files says the wrong space: they lie on it after half a turn"
+            raise LandmarkError(f"{message}; {remedy}")
         logger.warning("%s; the nearest one is taken", message)
     return positions, axes
 
