@@ -268,7 +268,7 @@ def test_collect_carries_the_landmarks_of_the_template(small, marks, in_threads,
     assert (out / "landmarks" / "s2.mrk.json").exists()
 
 
-def test_shapes_in_other_spaces_get_landmarks_in_their_own_and_tables_in_one(small, tmp_path, capsys):
+def test_shapes_in_other_spaces_get_landmarks_in_their_own_and_tables_in_one(small, tmp_path, capsys, caplog):
     """One shape is in RAS, the others in LPS by their files: half a turn apart, as 3D Slicer writes either."""
     folder, turn = tmp_path / "shapes", np.array([-1.0, -1.0, 1.0])
     folder.mkdir()
@@ -297,6 +297,12 @@ def test_shapes_in_other_spaces_get_landmarks_in_their_own_and_tables_in_one(sma
         in_table = [float(table[name][f"nose_{axis}"]) for axis in "XYZ"]
         np.testing.assert_allclose(in_table, found["nose"] * (1 if axes == "RAS" else turn))
         assert read_asset(tmp_path / "star" / "corresponded" / f"{name}.ply").frame.axes == axes
+    pytest.importorskip("nibabel")
+    assert main(["collect", "export", str(tmp_path / "star"), str(tmp_path / "all"), "--format", "pial"]) == 0
+    assert (
+        "not in s1.pial: the frame of the coordinates (SPACE=LPS; positions are turned to RAS)" in caplog.text
+    )
+    assert "not in s0.pial" not in caplog.text
 
 
 def test_what_is_wrong_with_landmarks_is_told_before_anything_is_matched(small, marks, tmp_path, capsys):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from corresponded import wrapped_as
-from isomatch import Asset, Correspondence, Landmarks, read_asset, read_mesh, write_asset, write_landmarks
+from isomatch import Asset, Landmarks, read_asset, read_landmarks, read_mesh, write_asset, write_landmarks
 from isomatch.assets import Attribute, Frame
 from isomatch.cli import main
 from isomatch.cli.outputs import say_wrapped, write_wrapped
@@ -79,8 +79,6 @@ def test_a_receiver_that_says_no_space_is_said_to_be_in_that_of_the_giver(tmp_pa
 
 
 def test_landmarks_of_a_match_are_brought_into_the_space_of_each_shape(tmp_path):
-    from isomatch import read_landmarks
-
     source, target = written(tmp_path / "s.stl", "RAS"), written(tmp_path / "t.vtp", "LPS")
     for name, axes in (("a", "LPS"), ("b", "RAS")):
         turn = TURN if axes == "LPS" else 1
@@ -149,7 +147,6 @@ def test_a_posed_body_far_away_is_where_it_was(tmp_path):
     assert write_asset(tmp_path / "a.glb", far) == ()
     found = read_asset(tmp_path / "a.glb")
     np.testing.assert_allclose(found.placed_points, BODY.vertices + UTM, rtol=0, atol=1e-6)
-    assert write_asset(tmp_path / "b.glb", found.moved(found.mesh.vertices + [0, 0, 7.0])) == ()
+    assert write_asset(tmp_path / "b.glb", found.moved(np.add(found.mesh.vertices, [0, 0, 7.0]))) == ()
     again = read_asset(tmp_path / "b.glb")
     np.testing.assert_allclose(again.placed_points, BODY.vertices + UTM + [0, 0, 7.0], rtol=0, atol=1e-6)
-    assert Correspondence(range(BODY.n_vertices), BODY.n_vertices).matched.all()

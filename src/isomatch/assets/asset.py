@@ -39,10 +39,8 @@ def product(a: FloatArray, b: FloatArray) -> FloatArray:
     return total
 
 
-TOLD, ASKED = (
-    1e-4,
-    1e-3,
-)  # of the mean edge: rounding of positions that is avoided or told, and that is to be allowed
+# of the mean edge: rounding of positions that is avoided or told, and that the user has to allow
+TOLD, ASKED = 1e-4, 1e-3
 UNKNOWN, SCANNER = "unknown", "scanner_anat"
 # right, anterior, superior of FreeSurfer's voxel axes
 _AXES = np.array([[-1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
@@ -56,10 +54,8 @@ NEW_VOLUME: Mapping[str, Any] = {  # what nibabel writes before the numbers of a
 Axes: TypeAlias = Literal["RAS", "LPS"]
 """Where x, y and z point: to the right, to the front and up, or to the left, to the back and up."""
 TURN = np.array([-1.0, -1.0, 1.0])  # from RAS to LPS and back
-SPACE, COMMENTS = (
-    "SPACE",
-    "comments",
-)  # names of texts that tell the axes, as in VTP files of 3D Slicer, and of others
+# names of texts that tell the axes, as in VTP files of 3D Slicer, and of others
+SPACE, COMMENTS = "SPACE", "comments"
 # lines that tell the axes, as those of 3D Slicer and NRRD, or the unit of the coordinates
 _AXES_SAID = re.compile(r"\b(?:space|coordinate[ _]?system)\s*[=:]\s*[\"']?(?P<axes>[rlaips]{3})\b", re.I)
 _UNIT = re.compile(r"\bunits?\s*([:=]|in\b|is\b|are\b|(milli|centi|micro)?met|[mc]?m\b|inch)", re.I)
@@ -285,13 +281,13 @@ class Asset:
 
     @cached_property
     def mean_edge(self) -> float:
-        """Mean length of the sides of the triangles where the surface is; of points alone, of as many on a square."""
+        """Mean length of the sides of the triangles where the surface is; of points alone, estimated by their extent."""
         places = self.placed_points
-        corners = places.take(self.polygons.triangles, axis=0, mode="clip") if len(places) else places
-        if not corners.size:
-            finite = places[np.isfinite(places).all(axis=1)]
-            return float(np.linalg.norm(np.ptp(finite, axis=0)) / len(finite) ** 0.5) if len(finite) else 0.0
-        sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
+        if len(self.polygons) and len(places):
+            corners = places.take(self.polygons.triangles, axis=0, mode="clip")
+            sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
+        else:  # as far apart as so many on a square
+            sides = np.linalg.norm(places - places[:1], axis=1) / max(len(places), 1) ** 0.5
         return float(sides[np.isfinite(sides)].sum() / max(np.isfinite(sides).sum(), 1))
 
     def rounding(self, middles: FloatArray | float = 0.0) -> FloatArray:

@@ -16,7 +16,7 @@ import isomatch
 from isomatch import collections, view
 from isomatch.cli.collect_landmarks import CurvePoints, landmark_files, landmarks, say_landmarks, write_all
 from isomatch.cli.inputs import ConfigFile, Force, Output, Rounded, Seed, read_config
-from isomatch.cli.outputs import require_writable, say_left_out
+from isomatch.cli.outputs import require_writable
 from isomatch.cli.terminal import TALK, Talk, Tell, complain, say, say_rows
 from isomatch.errors import InputError, MemoryBudgetError
 from isomatch.matching import Outcome
@@ -185,16 +185,15 @@ def export(
         require_writable(Path(f"mesh{meshes}"))
     collection = collections.Collection.open(folder)
     left_out = sorted({*collection.names} - {*collections.surfaces_written(collection)}) if meshes else []
-    written, lost, suffix = Counter[str](), set[str](), None if maps == "none" else f".{maps}"
+    written, suffix = Counter[str](), None if maps == "none" else f".{maps}"
     with talk.progress() as tell:
-        for path in collections.export(collection, to, meshes, suffix, force, rounded, lost):
+        for path in collections.export(collection, to, meshes, suffix, force, rounded):
             written[path.parent.name] += 1
             tell(f"written: {path.name}", 1.0)
     counts = {"meshes": written["meshes"], "maps": written["maps"]}
-    result = {"folder": str(to), **counts, "left_out": left_out, "lost": sorted(lost)}
+    result = {"folder": str(to), **counts, "left_out": left_out}
 
     def summary() -> None:
-        say_left_out(sorted(lost), to / f"meshes/…{meshes}")
         say(f"wrote {written['meshes']} meshes and {written['maps']} maps to {to}")
         if left_out:
             say(f"not in the topology of the template, see shapes.csv: {', '.join(left_out)}", "bold red")

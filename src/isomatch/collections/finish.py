@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Container, Iterator
 from concurrent.futures import Executor
@@ -38,6 +39,8 @@ from isomatch.storage.files import claimed, is_of_one_file, made_folder, replace
 from isomatch.storage.texts import read_csv, write_csv
 from isomatch.surfaces import Mesh, reflected
 from isomatch.view import camera_of, position_colours, surface_image, to_screen, turn_to_target
+
+logger = logging.getLogger(__name__)
 
 OWN = ("name", "key", "turned", "stretch", "distance", "extended", "error")  # columns of the work itself
 COLUMNS = (*OWN, "ways", "scale", "reflected", "mirror_image", "unlike")
@@ -305,7 +308,6 @@ def export(
     maps: str | None = ".npz",
     force: bool = False,
     rounded: bool = False,
-    lost: set[str] | None = None,
 ) -> Iterator[Path]:
     """Write the surfaces of `surfaces_written`, and the maps of all pairs as they are now; yield each file.
 
@@ -323,8 +325,6 @@ def export(
         is written.
     rounded : bool
         Whether files may move vertices by more than a thousandth of the mean edge; see `write_asset`.
-    lost : set of str, optional
-        Gets the names of what the format of the meshes has no place for.
 
     Raises
     ------
@@ -362,7 +362,10 @@ def export(
         for name in names:
             path = new / "meshes" / f"{name}{meshes}"
             left = write_asset(path, read_asset(collection.layout.corresponded(name)), rounded=rounded)
-            (set() if lost is None else lost).update(attribute.name for attribute in left)
+            for attribute in left:
+                logger.warning(
+                    "not in %s: %s; a %s file has no place for it", path.name, attribute.name, meshes
+                )
             yield last.parent / path.relative_to(new)
         for pair in pairs:
             pair_maps = collection.maps(*pair)

@@ -55,9 +55,8 @@ def read_asset(data: bytes, name: str) -> Asset:
             raise unexpected(name, f"an array of {what}", "none", "values alone are for read_attributes")
     with reading(name, "points and triangles of a GIFTI surface"):
         points, triangles = arrays[_POINTS], arrays[_TRIANGLES]
-        plain = {
-            k: word for k, word in points.meta.items() if "VolGeom" not in k and k not in (SPACE, COMMENTS)
-        }
+        names = [name for name in points.meta if "VolGeom" not in name and name not in (SPACE, COMMENTS)]
+        plain = {name: points.meta[name] for name in names}
         attributes, intents = _values(image, len(points.data), "values")
         document = GiftiDocument(dict(image.meta), plain, dict(triangles.meta), intents)
         polygons = Polygons.of_triangles(triangles.data)

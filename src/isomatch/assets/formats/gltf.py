@@ -137,8 +137,7 @@ def _read(gltf: GltfData) -> Asset:
     gltf.without_unused()
     document = GltfDocument(gltf.json, bytes(gltf.blob), tuple(places), of_triangle, polygons, names)
     numbered = told_apart(attributes, of_all=True)
-    extras = gltf.json["asset"].get("extras")
-    frame = Frame.of_named({k: str(text) for k, text in extras.items()} if isinstance(extras, dict) else {})
+    frame = Frame.of_named({name: str(text) for name, text in _extras(gltf.json).items()})
     return Asset(np.concatenate(points), polygons, numbered, tuple(parts), document, frame=frame)
 
 
@@ -275,12 +274,17 @@ def write(asset: Asset, *, is_glb: bool) -> bytes:
     for mesh, parts in of_mesh.items():
         _write_keys(gltf, mesh, parts, shape_keys, still=len(of_mesh) == 1)
     without_empty_primitives(gltf.json)
-    extras = gltf.json["asset"].pop("extras", {})
-    if isinstance(extras, dict):
-        extras = {k: text for k, text in extras.items() if k not in (SPACE, COMMENTS)}
-        extras |= asset.frame.named if asset.frame else {}
-    gltf.json["asset"] |= {"extras": extras} if extras else {}
+    had, named = _extras(gltf.json), asset.frame.named if asset.frame else {}
+    others = {name: text for name, text in had.items() if name not in (SPACE, COMMENTS)}
+    if others | named != had:
+        gltf.json["asset"]["extras"] = others | named
     return packed(gltf, is_glb)
+
+
+def _extras(document: dict[str, Any]) -> dict[str, Any]:
+    """Return what a file says of itself that the format does not foresee."""
+    extras = document["asset"].get("extras")
+    return extras if isinstance(extras, dict) else {}
 
 
 def middles(asset: Asset) -> FloatArray:
@@ -292,9 +296,7 @@ def middles(asset: Asset) -> FloatArray:
     if asset.needs_doubles:
         document = asset.document if isinstance(asset.document, GltfDocument) else new_document(asset)
         mesh_of_part = np.array([*{part: mesh for mesh, _, part in document.places}.values()])
-        mesh_of_point = mesh_of_part[
-            asset.part_of_point if len(mesh_of_part) > 1 else np.zeros_like(asset.part_of_point)
-        ]
+        mesh_of_point = mesh_of_part[np.minimum(asset.part_of_point, len(mesh_of_part) - 1)]
         for node in document.json.get("nodes", []):
             rows = mesh_of_point == node.get("mesh")
             if rows.any() and "skin" not in node:

@@ -34,7 +34,7 @@ class MeshFormat:
     keeps_frame: Callable[[Frame], bool] = lambda frame: not frame.has_space  # but axes and a unit, in words
     axes: Axes | None = None  # in which all its files are
     middles: Callable[[Asset], FloatArray] | None = (
-        None  # what its floats are relative to; None if it has doubles
+        None  # what is taken from points before they become floats
     )
 
     def missing(self, attribute: Attribute) -> list[Attribute]:

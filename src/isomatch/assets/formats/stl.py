@@ -39,7 +39,9 @@ def read_asset(data: bytes, name: str) -> Asset:
     points = corners.reshape(-1, 3)
     kept, vertex = welded(points)
     polygons = Polygons.of_triangles(vertex.reshape(-1, 3))
-    title = data[:TITLE].partition(b"\n")[0].partition(b" ")[2] if is_text else data[:80].partition(b"\0")[0]
+    title = (
+        data[:TITLE].partition(b"\n")[0].partition(b" ")[2] if is_text else data[:TITLE].partition(b"\0")[0]
+    )
     frame = Frame.of_lines(title.decode(errors="replace"))
     return Asset(points[kept], polygons, tuple(attributes), notes=tuple(notes), frame=frame)
 
@@ -57,9 +59,8 @@ def write(asset: Asset, binary: bool | None = None) -> bytes:
         return f"solid {title}".strip().encode() + b"\n" + format_rows(template, table) + b"endsolid\n"
     triangles = np.zeros(mesh.n_faces, _TRIANGLE)
     triangles["normal"], triangles["corners"] = normals, corners
-    return (
-        (title or "binary STL").encode().ljust(80) + mesh.n_faces.to_bytes(4, "little") + triangles.tobytes()
-    )
+    header = (title or "binary STL").encode().ljust(TITLE) + mesh.n_faces.to_bytes(4, "little")
+    return header + triangles.tobytes()
 
 
 def _triangles(data: bytes, name: str) -> tuple[AnyArray, list[str]]:
