@@ -124,10 +124,8 @@ def test_a_format_without_frames_tells_the_loss(pair, tmp_path, capsys):
         np.testing.assert_array_equal(lost.values, asset.frame.matrix)
     assert main(["repair", str(pair[0]), "-o", str(tmp_path / "b.ply")]) == 0
     told = "c_ras 5 -20 30, the offset to" if asset.frame.space == "unknown" else "in"
-    assert (
-        f"a .ply file has no place for the frame of the coordinates ({told} scanner_anat)"
-        in capsys.readouterr().out
-    )
+    lost = f"the frame of the coordinates ({told} scanner_anat); a .ply file has no place for it"
+    assert f"not in {tmp_path / 'b.ply'}: {lost}" in capsys.readouterr().out
     assert main(["repair", str(pair[0]), "-o", str(tmp_path / "b.surf.gii")]) == 0
     assert "has no place" not in capsys.readouterr().out
     np.testing.assert_allclose(
@@ -181,7 +179,7 @@ def test_a_unit_in_comments_is_that_of_the_coordinates(tmp_path):
     write_wrapped(tmp_path / "c.ply", asset, frame, wrapped, errors)
     header = (tmp_path / "c.ply").read_text().partition("element")[0].splitlines()
     assert header[2:] == ["comment by a", "comment units = metres"]
-    record = write_wrapped(tmp_path / "c.glb", asset, frame, wrapped, errors)
-    assert record["left_out"] == ["the frame of the coordinates (comment units = metres)"]
+    record = write_wrapped(tmp_path / "c.white", asset, frame, wrapped, errors)
+    assert record["left_out"] == ["the frame of the coordinates (units = metres)"]
     write_asset(tmp_path / "d.ply", read_asset(tmp_path / "a.ply"))
     assert (tmp_path / "d.ply").read_text() == (tmp_path / "a.ply").read_text()

@@ -106,17 +106,17 @@ def test_colours_that_do_not_fit(tmp_path, colors):
 
 
 @pytest.mark.parametrize(
-    ("suffix", "mesh", "message"),
+    ("suffix", "mesh", "message", "options"),
     [
-        (".ply", Mesh(np.eye(3), [[0, 1, 2**31]]), "exceed the 32 bits"),
-        (".obj", Mesh(np.eye(3), [[0, 1, -2]]), "outside 0…2"),
-        (".stl", Mesh(np.eye(3), [[0, 1, 3]]), "outside 0…2"),
-        (".stl", Mesh(np.eye(3) * 1e39, [[0, 1, 2]]), "float32 range of binary STL; write text"),
+        (".ply", Mesh(np.eye(3), [[0, 1, 2**31]]), "exceed the 32 bits", {}),
+        (".obj", Mesh(np.eye(3), [[0, 1, -2]]), "outside 0…2", {}),
+        (".stl", Mesh(np.eye(3), [[0, 1, 3]]), "outside 0…2", {}),
+        (".stl", Mesh(np.eye(3) * 1e39, [[0, 1, 2]]), "would move", {"binary": True, "rounded": True}),
     ],
 )
-def test_meshes_that_a_format_cannot_hold(tmp_path, suffix, mesh, message):
+def test_meshes_that_a_format_cannot_hold(tmp_path, suffix, mesh, message, options):
     with pytest.raises(MeshError, match=message):
-        write_mesh(tmp_path / f"a{suffix}", mesh)
+        write_mesh(tmp_path / f"a{suffix}", mesh, **options)
 
 
 def test_missing_files_and_folders(tmp_path):

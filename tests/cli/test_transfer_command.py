@@ -81,7 +81,7 @@ def test_a_map_of_other_files_is_refused(folder, capsys):
 @pytest.mark.long
 def test_the_match_writes_the_target_with_the_faces_of_the_source(tmp_path, capsys):
     for name, creature in zip(("source.off", "target.ply"), example_pair()):
-        frame = Frame(words=("comment unit: mm",)) if name == "target.ply" else None
+        frame = Frame(words=("unit: mm",)) if name == "target.ply" else None
         write_asset(tmp_path / name, replace(Asset.of_mesh(creature.mesh), frame=frame))
     source = tmp_path / "source.off"
     source.write_text(source.read_text().removeprefix("OFF"))
@@ -107,7 +107,7 @@ def test_the_match_writes_the_target_with_the_faces_of_the_source(tmp_path, caps
     assert record["distance"] < 0.01
     assert record["notes"] == [f"{source}: the word OFF is missing in the first line"]
     np.testing.assert_array_equal(read_mesh(tmp_path / "shared.ply").faces, read_mesh(source).faces)
-    assert read_asset(tmp_path / "shared.ply").frame.words == ("comment unit: mm",)
+    assert read_asset(tmp_path / "shared.ply").frame.words == ("unit: mm",)
 
 
 @pytest.fixture

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from isomatch import InputError, Landmarks, read_mesh, write_landmarks
+from isomatch import InputError, Landmarks, read_asset, read_mesh, write_asset, write_landmarks
+from isomatch.assets import Frame
 from isomatch.cli import main
 from isomatch.collections import (
     Collection,
@@ -265,6 +266,43 @@ def test_collect_carries_the_landmarks_of_the_template(small, marks, in_threads,
         list(finish(fewer, executor, 1))
     assert not (out / "landmarks" / "s3.mrk.json").exists()
     assert (out / "landmarks" / "s2.mrk.json").exists()
+
+
+def test_shapes_in_other_spaces_get_landmarks_in_their_own_and_tables_in_one(small, tmp_path, capsys, caplog):
+    """One shape is in RAS, the others in LPS by their files: half a turn apart, as 3D Slicer writes either."""
+    folder, turn = tmp_path / "shapes", np.array([-1.0, -1.0, 1.0])
+    folder.mkdir()
+    for name, axes in (("s0", "RAS"), ("s1", "LPS"), ("s2", "LPS")):
+        asset = read_asset(small.shapes / f"{name}.ply")
+        asset = asset.moved(asset.mesh.vertices * (1 if axes == "RAS" else turn))
+        write_asset(folder / f"{name}.ply", replace(asset, frame=Frame(words=(f"SPACE={axes}",))))
+    collection = Collection.create(tmp_path / "star", folder, template="s0", config=small.config)
+    run(collection)
+    with ThreadPoolExecutor(1) as executor:
+        list(finish(collection, executor, 1))
+    own = read_mesh(folder / "s0.ply").vertices[ROWS[:3]]
+    write_landmarks(tmp_path / "s0.mrk.json", Landmarks(own * turn, NAMES[:3], axes="LPS"))
+    words = ["collect", "landmarks", *(str(tmp_path / name) for name in ("star", "s0.mrk.json", "out"))]
+    assert main(words) == 0
+    assert "brought into RAS in the tables, from the space of their files: s1, s2" in capsys.readouterr().out
+    with (tmp_path / "out" / "landmarks.csv").open() as file:
+        table = {row["specimen"]: row for row in csv.DictReader(file)}
+    for name, axes in (("s0", "RAS"), ("s1", "LPS"), ("s2", "LPS")):
+        path, mesh = tmp_path / "out" / f"{name}.mrk.json", read_mesh(folder / f"{name}.ply")
+        assert json.loads(path.read_text())["markups"][0]["coordinateSystem"] == axes
+        found = Landmarks.read(path, folder / f"{name}.ply")
+        if name != "s0":
+            there = collection.maps("s0", name).there
+            np.testing.assert_allclose(found.positions, there.pull_back(mesh.vertices)[ROWS[:3]], atol=1e-6)
+        in_table = [float(table[name][f"nose_{axis}"]) for axis in "XYZ"]
+        np.testing.assert_allclose(in_table, found["nose"] * (1 if axes == "RAS" else turn))
+        assert read_asset(tmp_path / "star" / "corresponded" / f"{name}.ply").frame.axes == axes
+    pytest.importorskip("nibabel")
+    assert main(["collect", "export", str(tmp_path / "star"), str(tmp_path / "all"), "--format", "pial"]) == 0
+    assert (
+        "not in s1.pial: the frame of the coordinates (SPACE=LPS; positions are turned to RAS)" in caplog.text
+    )
+    assert "not in s0.pial" not in caplog.text
 
 
 def test_what_is_wrong_with_landmarks_is_told_before_anything_is_matched(small, marks, tmp_path, capsys):

@@ -3,11 +3,13 @@
 import csv
 import json
 import tracemalloc
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from isomatch import (
+    Asset,
     FormatError,
     LandmarkError,
     Landmarks,
@@ -16,6 +18,7 @@ from isomatch import (
     median_landmarks,
     write_landmarks,
 )
+from isomatch.assets import Frame
 from isomatch.landmarks import Curve, drawn_curve, equally_spaced, nearest_on_surface, write_specimens
 from shapes import box, flat_grid, icosphere
 
@@ -36,44 +39,114 @@ def on_faces(mesh, n, seed=0):
 def marks():
     points = on_faces(SPHERE, 5)
     points[3] = np.nan
-    return Landmarks(points, NAMES, systems=("LPS", "RAS"))
+    return Landmarks(points, NAMES, axes="RAS")
 
 
 @pytest.mark.parametrize("last", FORMATS)
 @pytest.mark.parametrize("first", FORMATS)
 def test_any_format_becomes_any_other(tmp_path, marks, first, last):
     """Names, order and the last digit stay; only fcsv has no place for a landmark that is nowhere."""
+    sphere = replace(Asset.of_mesh(SPHERE), frame=Frame(words=("SPACE=RAS",)))
     left = write_landmarks(tmp_path / first, marks)
-    between = Landmarks.read(tmp_path / first, SPHERE)
+    between = Landmarks.read(tmp_path / first, sphere)
     left += write_landmarks(tmp_path / f"again_{last}", between)
-    found = Landmarks.read(tmp_path / f"again_{last}", SPHERE)
+    found = Landmarks.read(tmp_path / f"again_{last}", sphere)
     kept = [0, 1, 2, 4] if "a.fcsv" in (first, last) else [0, 1, 2, 3, 4]
     assert found.names == tuple(NAMES[i] for i in kept)
     np.testing.assert_array_equal(found.positions, marks.positions[kept])
     assert ("landmarks without a place" in left) == (len(kept) < 5)
+    assert left.count("the space (RAS)") == (first in FORMATS[2:]) + (last in FORMATS[2:])
 
 
-def test_files_of_slicer_stay_in_their_system(tmp_path, marks):
+def test_files_of_slicer_say_the_space_of_the_surface(tmp_path, marks):
+    """As an other program reads them: positions of the surface, and its space; without one, LPS."""
     for name, read in (
         ("a.mrk.json", lambda text: json.loads(text)["markups"][0]["controlPoints"][0]["position"]),
         ("a.fcsv", lambda text: [float(x) for x in text.splitlines()[3].split(",")[1:4]]),
     ):
-        write_landmarks(tmp_path / name, marks)
-        text = (tmp_path / name).read_text()
-        assert "RAS" in text
-        assert "LPS" not in text
-        assert read(text) == (marks.positions[0] * [-1, -1, 1]).tolist()
-        again = Landmarks.read(tmp_path / name, SPHERE)
-        assert again.systems == ("LPS", "RAS")
+        for axes, said, other in (("RAS", "RAS", "LPS"), ("LPS", "LPS", "RAS"), (None, "LPS", "RAS")):
+            write_landmarks(tmp_path / name, replace(marks, axes=axes))
+            text = (tmp_path / name).read_text()
+            assert said in text
+            assert other not in text
+            assert read(text) == marks.positions[0].tolist()
 
 
-def test_a_surface_in_the_other_system(tmp_path):
-    """A mesh that was written in RAS: positions are its own, and the file is written as it was."""
+def in_space(mesh, axes):
+    return replace(Asset.of_mesh(mesh), frame=Frame(words=(f"SPACE={axes}",)))
+
+
+@pytest.mark.parametrize("of_file", ["RAS", "LPS"])
+@pytest.mark.parametrize("of_surface", ["RAS", "LPS", None])
+def test_points_are_brought_into_the_space_of_the_surface(tmp_path, caplog, of_file, of_surface):
+    """Where the surface says none, the points tell which it is in: half a turn moves it by far."""
     shifted = SPHERE.moved(np.add(SPHERE.vertices, [5, 2, 0]))
-    write_landmarks(tmp_path / "a.fcsv", Landmarks(on_faces(shifted, 4), "abcd", systems=("RAS", "LPS")))
-    found = Landmarks.read(tmp_path / "a.fcsv", shifted)
-    np.testing.assert_array_equal(found.positions, on_faces(shifted, 4))
-    assert found.systems == ("RAS", "LPS")
+    truth = on_faces(shifted, 4)
+    turn = 1 if of_surface in (of_file, None) else np.array([-1.0, -1.0, 1.0])
+    write_landmarks(tmp_path / "a.fcsv", Landmarks(truth * turn, "abcd", axes=of_file))
+    surface = in_space(shifted, of_surface) if of_surface else shifted
+    found = Landmarks.read(tmp_path / "a.fcsv", surface)
+    np.testing.assert_array_equal(found.positions, truth)
+    assert found.axes == (of_surface or of_file)
+    assert ("if it is in RAS" in caplog.text) == (of_surface is None and of_file == "RAS")
+
+
+def test_left_stays_left_on_a_body_that_half_a_turn_carries_onto_itself(tmp_path, caplog):
+    """On a sphere any turn fits: what the files say decides, and without that a warning says what was taken."""
+    left = Landmarks([[-1.0, 0, 0], [0, 0, 1]], ["left", "top"], axes="RAS")
+    write_landmarks(tmp_path / "a.mrk.json", left)
+    assert Landmarks.read(tmp_path / "a.mrk.json", in_space(SPHERE, "RAS"))["left"].tolist() == [-1, 0, 0]
+    assert Landmarks.read(tmp_path / "a.mrk.json", in_space(SPHERE, "LPS"))["left"].tolist() == [1, 0, 0]
+    assert not caplog.text
+    assert Landmarks.read(tmp_path / "a.mrk.json", SPHERE).axes == "LPS"
+    assert "in RAS and in LPS, which is taken" in caplog.text
+
+
+def test_points_a_little_off_the_surface_are_not_refused(tmp_path):
+    """0.09 √area off, so that neither space fits much better than the other."""
+    body = SPHERE.moved(SPHERE.vertices + np.array([0.1, 0, 0]))
+    off = on_faces(SPHERE, 4) * (1 + 0.09 * np.sqrt(SPHERE.area)) + np.array([0.1, 0, 0])
+    write_landmarks(tmp_path / "a.fcsv", Landmarks(off, "abcd", axes="RAS"))
+    turned = body.moved(body.vertices * [-1, -1, 1])
+    found = Landmarks.read(tmp_path / "a.fcsv", in_space(turned, "LPS"))
+    np.testing.assert_array_equal(found.positions, off * [-1, -1, 1])
+    found = Landmarks.read(tmp_path / "a.fcsv", body)
+    np.testing.assert_array_equal(found.positions, off)
+
+
+def test_a_wrong_space_is_named(tmp_path):
+    shifted = SPHERE.moved(np.add(SPHERE.vertices, [5, 2, 0]))
+    write_landmarks(tmp_path / "a.fcsv", Landmarks(on_faces(shifted, 4), "abcd", axes="LPS"))
+    with pytest.raises(LandmarkError, match=r"one of the files says the wrong space: .* half a turn"):
+        Landmarks.read(tmp_path / "a.fcsv", in_space(shifted, "RAS"))
+
+
+def test_a_table_says_no_space_and_the_surface_decides(tmp_path, caplog):
+    shifted = SPHERE.moved(np.add(SPHERE.vertices, [5, 2, 0]))
+    truth = on_faces(shifted, 4)
+    write_landmarks(tmp_path / "a.csv", Landmarks(truth, "abcd"))
+    write_landmarks(tmp_path / "b.pp", Landmarks(truth * [-1, -1, 1], "abcd"))
+    np.testing.assert_array_equal(Landmarks.read(tmp_path / "a.csv", shifted).positions, truth)
+    assert not caplog.text
+    np.testing.assert_array_equal(Landmarks.read(tmp_path / "b.pp", shifted).positions, truth)
+    assert "after half a turn" in caplog.text
+
+
+def test_points_in_the_scanner_are_brought_to_a_surface_with_an_offset(tmp_path):
+    """A GIFTI matrix leads from the surface to the scanner; points were marked there, or on the surface itself."""
+    matrix = np.eye(4)
+    matrix[:3, 3] = [5, -20, 30]
+    brain = replace(Asset.of_mesh(SPHERE), frame=Frame("unknown", "scanner_anat", matrix))
+    truth = on_faces(SPHERE, 4)
+    for name, points, axes in (
+        ("a.fcsv", truth + matrix[:3, 3], "RAS"),
+        ("b.fcsv", (truth + matrix[:3, 3]) * [-1, -1, 1], "LPS"),
+        ("c.fcsv", truth, "RAS"),
+    ):
+        write_landmarks(tmp_path / name, Landmarks(points, "abcd", axes=axes))
+        found = Landmarks.read(tmp_path / name, brain)
+        np.testing.assert_allclose(found.positions, truth, atol=1e-12)
+        assert found.axes == "RAS"
 
 
 def test_letters_of_windows_stay_apart(tmp_path):

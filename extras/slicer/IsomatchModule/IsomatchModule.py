@@ -104,7 +104,7 @@ class IsomatchModuleLogic(ScriptedLoadableModuleLogic):
         if markups.GetClassName() in CURVES:
             curves = [Curve(markups.GetName(), tuple(range(n)), markups.GetClassName() == CURVES[1])]
         names = [markups.GetNthControlPointLabel(i) for i in range(n)]
-        return Landmarks(positions, names, curves, systems=("RAS", "RAS"))
+        return Landmarks(positions, names, curves, axes="RAS")
 
     def planned(self, source, target, source_marks=None, target_marks=None, either_side=False) -> Callable:
         """Read two models and return their match, a function of its progress that touches no node.

@@ -1,5 +1,5 @@
 from isomatch.assets.appearance import as_written, looks_of, unread_files, with_looks_of, with_texture
-from isomatch.assets.asset import Asset, Frame, Part
+from isomatch.assets.asset import TURN, Asset, Axes, Frame, Part
 from isomatch.assets.attribute import Attribute, Domain, Kind, told_apart
 from isomatch.assets.files import (
     SurfaceLike,
@@ -22,8 +22,10 @@ from isomatch.assets.values import holds_values, read_attributes, write_attribut
 
 __all__ = [
     "FORMATS",
+    "TURN",
     "Asset",
     "Attribute",
+    "Axes",
     "Domain",
     "Frame",
     "Kind",

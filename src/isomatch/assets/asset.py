@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Literal, Protocol, TypeAlias, cast, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -38,6 +39,8 @@ def product(a: FloatArray, b: FloatArray) -> FloatArray:
     return total
 
 
+# of the mean edge: rounding of positions that is avoided or told, and that the user has to allow
+TOLD, ASKED = 1e-4, 1e-3
 UNKNOWN, SCANNER = "unknown", "scanner_anat"
 # right, anterior, superior of FreeSurfer's voxel axes
 _AXES = np.array([[-1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
@@ -48,11 +51,19 @@ NEW_VOLUME: Mapping[str, Any] = {  # what nibabel writes before the numbers of a
     "valid": "1  # volume info valid",
     "filename": "none",
 }
+Axes: TypeAlias = Literal["RAS", "LPS"]
+"""Where x, y and z point: to the right, to the front and up, or to the left, to the back and up."""
+TURN = np.array([-1.0, -1.0, 1.0])  # from RAS to LPS and back
+# names of texts that tell the axes, as in VTP files of 3D Slicer, and of others
+SPACE, COMMENTS = "SPACE", "comments"
+# lines that tell the axes, as those of 3D Slicer and NRRD, or the unit of the coordinates
+_AXES_SAID = re.compile(r"\b(?:space|coordinate[ _]?system)\s*[=:]\s*[\"']?(?P<axes>[rlaips]{3})\b", re.I)
+_UNIT = re.compile(r"\bunits?\s*([:=]|in\b|is\b|are\b|(milli|centi|micro)?met|[mc]?m\b|inch)", re.I)
 
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """The space of coordinates, as files of brains tell it.
+    """The space of coordinates, as files of brains and those of 3D Slicer tell it.
 
     Parameters
     ----------
@@ -64,9 +75,7 @@ class Frame:
     volume : mapping, optional
         The volume of which FreeSurfer made the surface, in the words of nibabel.
     words : tuple of str
-        Lines in which the file tells its unit or space, such as comments of PLY.
-    details : object, optional
-        What else the format says about the coordinates, for writing the same format again.
+        Lines in which the file tells its unit or axes, such as comments of PLY and titles of VTK.
     """
 
     space: str = UNKNOWN
@@ -74,7 +83,19 @@ class Frame:
     matrix: FloatArray = field(default_factory=lambda: np.eye(4))
     volume: Mapping[str, Any] | None = None
     words: tuple[str, ...] = ()
-    details: object = None
+
+    @classmethod
+    def of_lines(cls, *lines: str) -> Frame | None:
+        """Make the frame of those lines that tell a unit or axes; None if there are none."""
+        words = tuple(line.strip() for line in lines if _AXES_SAID.search(line) or _UNIT.search(line))
+        return cls(words=tuple(dict.fromkeys(words))) if words else None
+
+    @classmethod
+    def of_named(cls, texts: Mapping[str, str]) -> Frame | None:
+        """Make the frame of texts under names, such as RAS under SPACE; None if they tell nothing."""
+        lines = texts.get(COMMENTS, "").splitlines()
+        known = {COMMENTS, SPACE} if any(map(_AXES_SAID.search, lines)) else {COMMENTS}
+        return cls.of_lines(*lines, *(f"{name}={text}" for name, text in texts.items() if name not in known))
 
     @classmethod
     def of_volume(cls, volume: Mapping[str, Any]) -> Frame:
@@ -90,9 +111,31 @@ class Frame:
         return cls(UNKNOWN, SCANNER, matrix, volume)
 
     @property
-    def is_told(self) -> bool:
-        """Whether it says anything."""
-        return self.has_space or bool(self.words)
+    def axes(self) -> Axes | None:
+        """Where its axes point; None where that is not known. Spaces of NIfTI and of FreeSurfer are RAS."""
+        said = {match["axes"].upper() for line in self.words if (match := _AXES_SAID.search(line))}
+        if said:
+            return cast(Axes, said.pop()) if said in ({"RAS"}, {"LPS"}) else None
+        is_turned = not np.allclose(self.matrix[:3, :3], np.eye(3), atol=_CLOSE)
+        is_ras = self.volume is not None or self.space != UNKNOWN or (self.to != UNKNOWN and not is_turned)
+        return "RAS" if is_ras else None
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """Its words, one of which tells the axes if they are known."""
+        is_told = self.axes is None or any(map(_AXES_SAID.search, self.words))
+        return self.words if is_told else (*self.words, f"{SPACE}={self.axes}")
+
+    @property
+    def named(self) -> dict[str, str]:
+        """The same under the names by which `of_named` knows them."""
+        others = "\n".join(line for line in self.words if line != f"{SPACE}={self.axes}")
+        return {name: text for name, text in ((SPACE, self.axes), (COMMENTS, others)) if text}
+
+    def title(self, longest: int) -> str:
+        """Return its lines as one of at most so many bytes; of more, what tells the axes alone."""
+        title = "; ".join(self.lines)
+        return title if len(title.encode()) <= longest else f"{SPACE}={self.axes}" if self.axes else ""
 
     @property
     def has_space(self) -> bool:
@@ -121,7 +164,7 @@ class Frame:
     @property
     def is_in_volume(self) -> bool:
         """Whether a volume of FreeSurfer tells all of it."""
-        if self.words:
+        if self.words and (self.axes != "RAS" or any(map(_UNIT.search, self.words))):
             return False
         return not self.has_space or (self.to in (UNKNOWN, SCANNER) and self.in_volume is not None)
 
@@ -235,6 +278,30 @@ class Asset:
     def without_attributes(self, *names: str) -> Asset:
         """Return the same without the attributes of these names."""
         return replace(self, attributes=tuple(a for a in self.attributes if a.name not in names))
+
+    @cached_property
+    def mean_edge(self) -> float:
+        """Mean length of the sides of the triangles where the surface is; of points alone, estimated by their extent."""
+        places = self.placed_points
+        if len(self.polygons) and len(places):
+            corners = places.take(self.polygons.triangles, axis=0, mode="clip")
+            sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
+        else:  # as far apart as so many on a square
+            sides = np.linalg.norm(places - places[:1], axis=1) / max(len(places), 1) ** 0.5
+        return float(sides[np.isfinite(sides)].sum() / max(np.isfinite(sides).sum(), 1))
+
+    def rounding(self, middles: FloatArray | float = 0.0) -> FloatArray:
+        """(n,) how far floats of 32 bits, of points without ``middles``, (n, 3), move each point where the surface is."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            exact = self.points - middles
+            rest = exact - exact.astype(np.float32)
+            moved = replace(self, points=self.points - rest).placed_points - self.placed_points
+            return np.asarray(np.nan_to_num(np.linalg.norm(moved, axis=1)))
+
+    @property
+    def needs_doubles(self) -> bool:
+        """Whether floats of 32 bits would move points by more than `TOLD` of the mean edge."""
+        return bool(self.rounding().max(initial=0) > TOLD * self.mean_edge > 0)
 
     @cached_property
     def mesh(self) -> Mesh:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from isomatch.assets.appearance import as_written
-from isomatch.assets.asset import Asset
+from isomatch.assets.asset import ASKED, TOLD, Asset
 from isomatch.assets.attribute import Attribute, told_apart
 from isomatch.assets.formats.registry import FORMATS, MeshFormat, checked, format_of
 from isomatch.assets.libraries import geometry_of
@@ -20,6 +20,7 @@ from isomatch.assets.polygons import Polygons, merged_corners
 from isomatch.errors import DescriptorError, FormatError, MeshError
 from isomatch.storage.files import contents, replaced
 from isomatch.surfaces import Graph, Mesh, PointCloud, Surface
+from isomatch.values.arrays import FloatArray
 
 
 def read_mesh(path: str | os.PathLike[str]) -> Mesh:
@@ -112,6 +113,7 @@ def write_mesh(
     *,
     binary: bool | None = None,
     colors: ArrayLike | None = None,
+    rounded: bool = False,
 ) -> None:
     """Write a mesh to a file.
 
@@ -127,6 +129,8 @@ def write_mesh(
         For PLY, STL and VTK only: whether to write binary (the default) or text.
     colors : (n, 3) array_like of uint8, optional
         For formats with colours: red, green and blue of each vertex, 0…255.
+    rounded : bool
+        Whether the file may move vertices by more than a thousandth of the mean edge; see `write_asset`.
 
     Raises
     ------
@@ -142,8 +146,8 @@ def write_mesh(
     Notes
     -----
     `read_mesh` returns exactly the same float64 coordinates from OFF, OBJ, PLY and VTP. Binary STL, glTF, GIFTI and
-    FreeSurfer store float32, and other VTK files as text fewer digits. STL also loses the order of
-    the vertices, and vertices that no face uses.
+    FreeSurfer store float32, and VTK legacy files as text 11 digits. STL also loses the order of the vertices, and
+    vertices that no face uses.
 
     Examples
     --------
@@ -166,11 +170,11 @@ def write_mesh(
         if not format_of(path).keeps(color):
             raise _no_option(path, "colors", lambda other: other.keeps(color))
         asset = asset.with_attributes(color)
-    write_asset(path, asset, binary=binary)
+    write_asset(path, asset, binary=binary, rounded=rounded)
 
 
 def write_asset(
-    path: str | os.PathLike[str], asset: Asset, *, binary: bool | None = None
+    path: str | os.PathLike[str], asset: Asset, *, binary: bool | None = None, rounded: bool = False
 ) -> tuple[Attribute, ...]:
     """Write an asset as `write_mesh` a mesh; text or binary as it was read, unless ``binary`` is said.
 
@@ -178,11 +182,15 @@ def write_asset(
     of glTF the whole document, of PLY comments and other elements, of OBJ the material libraries. Libraries and their
     pictures are written beside an OBJ file, unless they are there, as are the materials of a glTF file.
 
+    Positions that floats of 32 bits do not hold are written as doubles to PLY, as text to STL, and about a translation of
+    the node to glTF. `MeshError` if a file moves them by more than a thousandth of the mean edge nevertheless, unless
+    that is allowed by ``rounded``.
+
     Returns
     -------
     tuple of Attribute
-        What is not in the file, because the format has no place for it: attributes, "names of" or "opacity of" one, or
-        the frame of the coordinates, with its matrix as the values.
+        What is not in the file, because the format has no place for it: attributes, "names of" or "opacity of" one,
+        the frame of the coordinates, with its matrix as the values, or digits of the positions, with how far each moved.
     """
     path = Path(path)
     mesh_format = format_of(path)
@@ -205,8 +213,12 @@ def write_asset(
             left += mesh_format.missing(place)
         else:
             left.append(attribute)
+    if mesh_format.middles and (binary or "binary" not in mesh_format.options):
+        left += _rounded(path, asset, mesh_format.middles(asset), rounded)
     if asset.frame is not None and not mesh_format.keeps_frame(asset.frame):
-        lost = f"the frame of the coordinates ({asset.frame})"
+        turned = asset.frame.axes and mesh_format.axes not in (None, asset.frame.axes)
+        told = f"{asset.frame}; positions are turned to {mesh_format.axes}" if turned else str(asset.frame)
+        lost = f"the frame of the coordinates ({told})"
         left.append(Attribute(lost, "point", "vector", asset.frame.matrix))
     data = mesh_format.write(
         replace(asset, attributes=told_apart(kept)), **({} if binary is None else {"binary": binary})
@@ -215,6 +227,22 @@ def write_asset(
         with replaced(each) as file:
             file.write(content)
     return tuple(left)
+
+
+def _rounded(path: Path, asset: Asset, middles: FloatArray, is_allowed: bool) -> list[Attribute]:
+    """Tell how far floats of 32 bits move the points, if at all; `MeshError` if that is far and not allowed."""
+    moved = asset.rounding(middles)
+    most = float(moved.max(initial=0))
+    if not most > TOLD * asset.mean_edge > 0:
+        return []
+    if most > ASKED * asset.mean_edge and not (is_allowed and most < float(np.finfo(np.float32).max)):
+        raise MeshError(
+            f"{path}: positions would move by up to {most:.2g}, {most / asset.mean_edge:.2g} times the mean edge, as "
+            f"{path.suffix} files round them; write a .ply file, or allow it (--rounded, in Python rounded=True)"
+        )
+    return [
+        Attribute(f"the last digits of the positions (moved by up to {most:.2g})", "point", "scalar", moved)
+    ]
 
 
 def files_beside(path: str | os.PathLike[str], asset: Asset) -> tuple[Path, ...]:

@@ -15,7 +15,7 @@ from cyclopts import App, Parameter
 import isomatch
 from isomatch import collections, view
 from isomatch.cli.collect_landmarks import CurvePoints, landmark_files, landmarks, say_landmarks, write_all
-from isomatch.cli.inputs import ConfigFile, Force, Output, Seed, read_config
+from isomatch.cli.inputs import ConfigFile, Force, Output, Rounded, Seed, read_config
 from isomatch.cli.outputs import require_writable
 from isomatch.cli.terminal import TALK, Talk, Tell, complain, say, say_rows
 from isomatch.errors import InputError, MemoryBudgetError
@@ -167,6 +167,7 @@ def export(
     *,
     format: str = ".ply",
     maps: Literal["npz", "txt", "none"] = "npz",
+    rounded: Rounded = False,
     force: Force = False,
     talk: Talk = TALK,
 ) -> None:
@@ -184,9 +185,9 @@ def export(
         require_writable(Path(f"mesh{meshes}"))
     collection = collections.Collection.open(folder)
     left_out = sorted({*collection.names} - {*collections.surfaces_written(collection)}) if meshes else []
-    written = Counter[str]()
+    written, suffix = Counter[str](), None if maps == "none" else f".{maps}"
     with talk.progress() as tell:
-        for path in collections.export(collection, to, meshes, None if maps == "none" else f".{maps}", force):
+        for path in collections.export(collection, to, meshes, suffix, force, rounded):
             written[path.parent.name] += 1
             tell(f"written: {path.name}", 1.0)
     counts = {"meshes": written["meshes"], "maps": written["maps"]}

@@ -107,8 +107,9 @@ def write_all(
         first = next(iter(points.values()))
         turned = rows.reflected(points)
         scales = collections.scales_of(collection.units, rows)
+        axes = next((each.axes for each in points.values() if each.axes), None)
         alike = {
-            name: _in_table(each, scales.get(name, 1.0), name in turned)
+            name: _in_table(each.turned(axes), scales.get(name, 1.0), name in turned)
             for name, each in points.items()
             if (each.names, each.curves) == (first.names, first.curves)
         }
@@ -131,6 +132,8 @@ def write_all(
         "not_written": sorted(lost),
         "other_landmarks": [name for name in points if name not in alike],
         "reflected": turned,
+        "axes": axes,
+        "half_turned": [name for name, each in points.items() if each.axes != axes],
         "doubtful": [pair for pair in rows.pairs if rows.is_doubtful(pair) and not ends.isdisjoint(pair)],
         "left_out": [name for name in collection.names if name not in points],
     }
@@ -153,6 +156,11 @@ def say_landmarks(record: dict[str, Any]) -> None:
         (f"not written, because {record['format']} has no place for them:", record["not_written"], ""),
         ("with other landmarks or curves, so not in the tables:", record["other_landmarks"], ""),
         ("reflected in the tables, as they were matched:", record["reflected"], ""),
+        (
+            f"brought into {record['axes']} in the tables, from the space of their files:",
+            record["half_turned"],
+            "",
+        ),
         ("not used, because they are doubtful: the maps of", doubtful, "bold red"),
         ("no map that is sure leads to:", record["left_out"], "bold red"),
     ):

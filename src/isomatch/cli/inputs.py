@@ -19,6 +19,9 @@ Surface: TypeAlias = "isomatch.Mesh | isomatch.PointCloud"
 
 Output = Annotated[Path, Parameter(name=["--output", "-o"])]
 Force = Annotated[bool, Parameter(help="Replace existing files.")]
+Rounded = Annotated[
+    bool, Parameter(help="Whether the format may move vertices by more than a thousandth of the mean edge.")
+]
 Seed = Annotated[int, Parameter(help="Seed of random choices.")]
 Json = Annotated[
     bool, Parameter(help="Print JSON and nothing else: an object, of several files a list of them.")
@@ -84,14 +87,14 @@ def read_functions(path: Path, names: list[str], n: int) -> FloatArray:
 
 
 def read_landmarks(
-    landmarks: Path | None, of_target: Path | None, shapes: tuple[Surface, Surface]
+    landmarks: Path | None, of_target: Path | None, ends: tuple[Path, Path]
 ) -> IntArray | None:
     """Read pairs (q, 2) of vertices, from one file or from one of each shape; None if there is none."""
     if landmarks is None:
         if of_target is not None:
             raise LandmarkError("--target-landmarks needs --landmarks with the points of the source")
         return None
-    return isomatch.read_landmarks(landmarks, *shapes, of_target)
+    return isomatch.read_landmarks(landmarks, *ends, of_target)
 
 
 def read_config(path: Path | None) -> isomatch.Config | None:

@@ -18,6 +18,7 @@ from isomatch.cli.inputs import (
     Details,
     Force,
     Output,
+    Rounded,
     Seed,
     Surface,
     naming_files,
@@ -78,7 +79,7 @@ class Priors:
 
     def read(self, ends: tuple[Path, Path], shapes: tuple[Surface, Surface]) -> dict[str, Any]:
         """Read what `isomatch.match` takes of them."""
-        pairs = read_landmarks(self.landmarks, self.target_landmarks, shapes)
+        pairs = read_landmarks(self.landmarks, self.target_landmarks, ends)
         counts, names, start = [shape.n_vertices for shape in shapes], self.function, self.initial_map
         functions = tuple(map(read_functions, ends, (names, names), counts)) if names else None
         first = None if start is None else isomatch.Correspondence.load(start, counts[1])
@@ -122,6 +123,7 @@ def match(
     report: Annotated[bool, Parameter(name="--report", negative="--no-report", show_default=False)] = True,
     as_mesh: Path | None = None,
     seed: Seed = 0,
+    rounded: Rounded = False,
     force: Force = False,
     details: Details = False,
     talk: Talk = TALK,
@@ -162,7 +164,7 @@ def match(
         files = {name: getattr(priors, name) for name in ("landmarks", "target_landmarks", "initial_map")}
         facts = {name.replace("_", " "): str(path) for name, path in files.items() if path is not None}
         inputs = Inputs(*ends, again, [] if pairs is None else pairs.tolist(), facts)
-        assets, beside = _to_wrap(as_mesh, ends, shapes)
+        assets, beside = _to_wrap(as_mesh, ends, shapes, rounded)
         with folder.claimed(force), claimed_files(as_mesh, *beside, force=force):
             run: Callable[..., Any] = isomatch.match_both if both else isomatch.match
             try:
@@ -176,7 +178,9 @@ def match(
             if as_mesh is not None:
                 wrapped = isomatch.wrap(result.map, *shapes)
                 record["as_mesh"] = {
-                    **write_wrapped(as_mesh, assets[0], assets[1].frame, wrapped, result.expected_error),
+                    **write_wrapped(
+                        as_mesh, assets[0], assets[1].frame, wrapped, result.expected_error, rounded
+                    ),
                     "files_beside": list(map(str, beside)),
                     "notes": notes_on(dict(zip(ends, assets))),
                 }
@@ -201,15 +205,15 @@ def match(
 
 
 def _to_wrap(
-    as_mesh: Path | None, ends: tuple[Path, Path], shapes: tuple[Surface, Surface]
+    as_mesh: Path | None, ends: tuple[Path, Path], shapes: tuple[Surface, Surface], rounded: bool
 ) -> tuple[list[isomatch.Asset], list[Path]]:
     """Read what the file of ``--as-mesh`` is made of, and name the files beside it; nothing without that option."""
     if as_mesh is None:
         return [], []
-    require_writable(as_mesh)
     for path, shape in zip(ends, shapes):
-        if isinstance(shape, isomatch.PointCloud):
+        if not isinstance(shape, isomatch.Mesh):
             raise MeshError(f"{path}: has no faces, which --as-mesh needs; give a mesh, or leave it out")
+    require_writable(as_mesh, shapes[1], rounded)
     assets = [isomatch.read_asset(ends[0]), isomatch.read_asset(ends[1], sound=False)]
     return assets, list(files_beside(as_mesh, assets[0]))
 

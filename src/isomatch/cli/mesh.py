@@ -18,7 +18,7 @@ import isomatch
 from isomatch import bases, mending, shapes
 from isomatch.assets import FORMATS, as_written, files_beside
 from isomatch.cli.distance import N_COLUMNS
-from isomatch.cli.inputs import Force, Json, Output, surface_of
+from isomatch.cli.inputs import Force, Json, Output, Rounded, surface_of
 from isomatch.cli.outputs import claimed_files, notes_on, say_left_out, say_notes
 from isomatch.cli.terminal import say, say_json
 from isomatch.storage.array_file import write_arrays
@@ -209,6 +209,7 @@ def repair(
     outer: bool = False,
     opening: float = 0.1,
     without_base: Annotated[bool, Parameter(negative=())] = False,
+    rounded: Rounded = False,
     force: Force = False,
 ) -> None:
     """Mend a mesh: weld vertices, remove unusable faces, orient the others outward, part limbs that were merged.
@@ -242,13 +243,18 @@ def repair(
         asset = cast(isomatch.Asset, repaired.asset)
         beside = files_beside(output, asset)
         with claimed_files(*beside, force=force):
-            left = [attribute.name for attribute in isomatch.write_asset(output, asset)]
+            left = [attribute.name for attribute in isomatch.write_asset(output, asset, rounded=rounded)]
         write_arrays(index, {name: getattr(repaired, name) for name in _INDICES})
     for change in repaired.changes:
         say(change)
     say_left_out(left, output)
     say_notes(notes_on({file: asset}))
-    what = "wrote" if repaired.changes else "nothing to repair; wrote an unchanged copy:"
+    copy = (
+        "nothing to repair; wrote a copy without these:"
+        if left
+        else "nothing to repair; wrote an unchanged copy:"
+    )
+    what = "wrote" if repaired.changes else copy
     say(f"{what} {', '.join(map(str, (output, *beside, index)))}")
 
 

@@ -67,7 +67,7 @@ def open(
     else:
         session = {"config": read_config(config), "seed": seed or 0}
         surfaces = read_surface(source), read_surface(target)
-        pairs = read_landmarks(landmarks, target_landmarks, surfaces)
+        pairs = read_landmarks(landmarks, target_landmarks, (source, target))
         again = match_again(source, target, output=output or Path("out"), config=config, seed=seed or 0)
         inputs = Inputs(source, target, again, [] if pairs is None else pairs.tolist())
         keeper = _Files(inputs, surfaces, ResultFolder(output) if output else None)

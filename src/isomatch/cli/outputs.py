@@ -9,9 +9,13 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+import numpy as np
+
 import isomatch
 from isomatch.assets import Attribute, Frame
+from isomatch.cli.inputs import Surface
 from isomatch.cli.terminal import INDENT, say, say_rows
+from isomatch.errors import MeshError
 from isomatch.storage.files import claimed
 from isomatch.values.arrays import FloatArray
 
@@ -25,11 +29,16 @@ def claimed_files(*paths: Path | None, force: bool) -> Iterator[None]:
         yield
 
 
-def require_writable(path: Path) -> None:
-    """Raise the error of a mesh file whose format is unknown, or needs a package that is not installed."""
-    triangle = isomatch.Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+def require_writable(path: Path, mesh: Surface | None = None, rounded: bool = False) -> None:
+    """Raise the error of a mesh file whose format is unknown, needs a package, or rounds the positions of a mesh."""
+    mesh = mesh if isinstance(mesh, isomatch.Mesh) else isomatch.Mesh(np.eye(3), [[0, 1, 2]])
+    corners = mesh.vertices[mesh.sound_faces].reshape(-1, 3)
     with TemporaryDirectory() as folder:
-        isomatch.write_mesh(Path(folder) / path.name, triangle)
+        try:
+            triangles = isomatch.Mesh(corners, np.arange(len(corners)).reshape(-1, 3))
+            isomatch.write_mesh(Path(folder) / path.name, triangles, rounded=rounded)
+        except MeshError as error:
+            raise MeshError(str(error).replace(str(Path(folder) / path.name), str(path))) from None
 
 
 def write_wrapped(
@@ -38,6 +47,7 @@ def write_wrapped(
     frame: Frame | None,
     wrapped: isomatch.Wrapped,
     expected_error: FloatArray,  # (n_source,)
+    rounded: bool = False,
 ) -> dict[str, Any]:
     """Write the asset of the source in the shape of the target, and say how good it is."""
     # shape keys turn with the surface, normals and tangents are left out, and the frame is that of the target
@@ -48,9 +58,11 @@ def write_wrapped(
     turned = [each.name for each in moved.attributes if each.kind == "normal" or each.is_tangent]
     scalars = {"expected_error": expected_error, "extended": wrapped.extended.astype(float)}
     own = [Attribute(name, "point", "scalar", values) for name, values in scalars.items()]
-    left = isomatch.write_asset(path, moved.without_attributes(*turned).with_attributes(*own))
+    left = isomatch.write_asset(
+        path, moved.without_attributes(*turned).with_attributes(*own), rounded=rounded
+    )
     names = [attribute.name for attribute in left if all(attribute is not each for each in own)]
-    return {"file": str(path), **asdict(wrapped.quality), "left_out": names}
+    return {"file": str(path), **asdict(wrapped.quality), "left_out": names, "not_of_this_shape": turned}
 
 
 def say_wrapped(record: dict[str, Any]) -> None:
@@ -65,6 +77,10 @@ def say_wrapped(record: dict[str, Any]) -> None:
         f"{extended} vertices have no counterpart and are placed by those around them" if extended else "",
     ]
     say_rows(("", line) for line in lines)
+    if record["not_of_this_shape"]:
+        say(
+            f"not in {record['file']}: {', '.join(record['not_of_this_shape'])}; they belong to the former shape"
+        )
     say_left_out(record["left_out"], record["file"])
     say_notes(record["notes"])
 
@@ -72,7 +88,7 @@ def say_wrapped(record: dict[str, Any]) -> None:
 def say_left_out(names: list[str], file: str | Path) -> None:
     """Print what the format of a file has no place for."""
     if names:
-        say(f"a {Path(file).suffix} file has no place for {', '.join(names)}")
+        say(f"not in {file}: {', '.join(names)}; a {Path(file).suffix} file has no place for it")
 
 
 def notes_on(assets: Mapping[Path, isomatch.Asset]) -> list[str]:

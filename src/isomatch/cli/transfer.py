@@ -13,7 +13,7 @@ from cyclopts import Parameter
 import isomatch
 import isomatch.landmarks as shape_landmarks
 from isomatch.assets import files_beside, holds_values, read_attributes, told_apart, write_attributes
-from isomatch.cli.inputs import Force, Output, naming_files
+from isomatch.cli.inputs import Force, Output, Rounded, naming_files
 from isomatch.cli.outputs import claimed_files, notes_on, say_left_out, say_notes
 from isomatch.cli.terminal import TALK, Talk, say
 from isomatch.errors import FormatError, LandmarkError, SettingError
@@ -36,6 +36,7 @@ def transfer(
     bake: int | None = None,
     landmarks: Path | None = None,
     curve_points: int | None = None,
+    rounded: Rounded = False,
     force: Force = False,
     talk: Talk = TALK,
 ) -> None:
@@ -106,7 +107,7 @@ def transfer(
         others = () if holds_values(output) else files_beside(output, carried.asset)
         beside = [each for each in others if each != picture]
         with claimed_files(*beside, force=force):
-            left = _written(output, carried.asset, carried.names)
+            left = _written(output, carried.asset, carried.names, rounded)
         if picture:
             with replaced(picture) as file:
                 file.write(baked.png)
@@ -125,10 +126,10 @@ def transfer(
     talk.result(record, lambda: _summary(record, output))
 
 
-def _written(output: Path, asset: isomatch.Asset, names: Collection[str]) -> list[str]:
+def _written(output: Path, asset: isomatch.Asset, names: Collection[str], rounded: bool) -> list[str]:
     """Write the asset, or what was carried alone; return the names of what has no place there."""
     if not holds_values(output):
-        return [attribute.name for attribute in isomatch.write_asset(output, asset)]
+        return [attribute.name for attribute in isomatch.write_asset(output, asset, rounded=rounded)]
     carried = [attribute for attribute in asset.attributes if attribute.name in names]
     left = [attribute.name for attribute in write_attributes(output, carried)]
     if set(names) <= set(left):
@@ -172,21 +173,16 @@ def _transfer_landmarks(
     with talk.progress() as tell, claimed_files(output, force=force):
         tell("reading", 0.0)
         assets = isomatch.read_asset(ends[0]), isomatch.read_asset(ends[1])
-        first, second = (x if len(x.polygons) else isomatch.PointCloud(x.placed_points) for x in assets)
-        way = _read_map(map_file, second)
-        marked, shape = assets[to == "source"], (first, second)[to == "source"]
-        # with the points of the file, whose numbers a file of landmarks may have
-        surface = (
-            isomatch.Mesh(marked.placed_points, marked.polygons.triangles) if len(marked.polygons) else shape
-        )
+        way = _read_map(map_file, assets[1])
+        given, receiving = assets if to == "target" else assets[::-1]
         try:
-            own = isomatch.Landmarks.read(landmarks, surface)
+            own = isomatch.Landmarks.read(landmarks, given)
         except LandmarkError as error:
             side = "source" if to == "target" else "target"
             raise LandmarkError(f"{error}. They are taken as landmarks of the {side}, see --to") from None
         tell("carrying", 0.3)
         with naming_files(source=ends[0], target=ends[1]):
-            carried = isomatch.carry_landmarks(way, first, second, own, to=to, curve_points=curve_points)
+            carried = isomatch.carry_landmarks(way, *assets, own, to=to, curve_points=curve_points)
         tell("writing", 0.8)
         left = isomatch.write_landmarks(output, carried)
         tell("done", 1.0)
@@ -197,19 +193,34 @@ def _transfer_landmarks(
         "landmarks": [dict(zip(("name", "position", "expected_error"), each)) for each in columns],
         "n_unmatched": int((~carried.placed).sum()),
         "left_out": list(left),
-        "notes": notes_on(dict(zip(ends, assets))),
+        "notes": [*notes_on(dict(zip(ends, assets))), *_supposed(carried, own, given, receiving, output)],
     }
     talk.result(record, lambda: _say_landmarks(record, carried, output))
 
 
-def _read_map(path: Path, target: isomatch.Asset | isomatch.PointCloud) -> Any:
+def _read_map(path: Path, target: isomatch.Asset) -> Any:
     """Read a map, with the expected errors if it has them."""
     if path.suffix != ".npz":
-        n_target = len(target.points) if isinstance(target, isomatch.Asset) else target.n_vertices
-        return isomatch.Correspondence.load(path, n_target)
+        return isomatch.Correspondence.load(path, len(target.points))
     with suppress(FormatError):
         return isomatch.MatchResult.load(path)
     return isomatch.Correspondence.load(path)
+
+
+def _supposed(
+    carried: isomatch.Landmarks,
+    own: isomatch.Landmarks,
+    given: isomatch.Asset,
+    receiving: isomatch.Asset,
+    output: Path,
+) -> list[str]:
+    """Say what was supposed of the space of a surface that does not say it, beside one that does."""
+    axes = [asset.frame.axes if asset.frame else None for asset in (given, receiving)]
+    if axes[0] is None or axes[1] is not None:
+        return []
+    return [
+        f"{output}: is said to be in {carried.axes} like the other surface, as that which receives says no space"
+    ]
 
 
 def _say_landmarks(record: dict[str, Any], landmarks: isomatch.Landmarks, output: Path) -> None:

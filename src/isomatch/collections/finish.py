@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Container, Iterator
 from concurrent.futures import Executor
-from dataclasses import asdict
+from contextlib import suppress
+from dataclasses import asdict, replace
 from functools import lru_cache, partial
 from hashlib import blake2b
 from pathlib import Path
@@ -14,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib.image import imsave
 
-from isomatch.assets import Asset, Attribute, mesh_from, read_asset, read_mesh, write_asset
+from isomatch.assets import Asset, Attribute, Frame, mesh_from, read_asset, read_mesh, write_asset
 from isomatch.collections.cohort import NOT_UNLIKE, mirror_images, scales_of
 from isomatch.collections.collection import Collection
 from isomatch.collections.ledger import Ledger, Record, Rows, read_ledgers, writing_ledger
@@ -37,6 +39,8 @@ from isomatch.storage.files import claimed, is_of_one_file, made_folder, replace
 from isomatch.storage.texts import read_csv, write_csv
 from isomatch.surfaces import Mesh, reflected
 from isomatch.view import camera_of, position_colours, surface_image, to_screen, turn_to_target
+
+logger = logging.getLogger(__name__)
 
 OWN = ("name", "key", "turned", "stretch", "distance", "extended", "error")  # columns of the work itself
 COLUMNS = (*OWN, "ways", "scale", "reflected", "mirror_image", "unlike")
@@ -247,7 +251,8 @@ def _wrapped(layout: Layout, of: Entry, plan: PlannedSurface) -> Record:
             if wrapped.extended.any():
                 marks = [Attribute(MEASURED, "point", "label", (~wrapped.extended).astype(np.uint8))]
         mesh = mesh.moved(plan.scale * mesh.vertices)
-        write_asset(layout.corresponded(name), Asset.of_mesh(mesh, marks))
+        asset = replace(Asset.of_mesh(mesh, marks), frame=_frame(plan.entry, plan.scale))
+        write_asset(layout.corresponded(name), asset)
         line["file"] = digest_of(layout.corresponded(name))
         _draw(template, mesh, layout.thumbnail(name))
     except (IsomatchError, OSError, ValueError, ArithmeticError) as error:
@@ -277,6 +282,15 @@ def _draw(template: Mesh, mesh: Mesh, path: Path) -> None:
         imsave(file, np.clip(image, 0.0, 1.0), format="png")
 
 
+def _frame(entry: Entry, scale: float) -> Frame | None:
+    """Return the space that a file says, without its unit if that is another; of a mirror image none."""
+    with suppress(IsomatchError):  # as of attributes that cannot be read
+        frame = read_asset(entry.path).frame
+        if frame and not entry.reflected:
+            return frame if scale == 1 else Frame(words=(f"SPACE={frame.axes}",) if frame.axes else ())
+    return None
+
+
 def _mesh(entry: Entry) -> Mesh:
     return _read(entry.path, entry.path.stat().st_mtime_ns)
 
@@ -293,6 +307,7 @@ def export(
     meshes: str | None = ".ply",
     maps: str | None = ".npz",
     force: bool = False,
+    rounded: bool = False,
 ) -> Iterator[Path]:
     """Write the surfaces of `surfaces_written`, and the maps of all pairs as they are now; yield each file.
 
@@ -308,6 +323,8 @@ def export(
     force : bool
         Whether to write over files of an earlier export; others in the folder stay. All are replaced once the last one
         is written.
+    rounded : bool
+        Whether files may move vertices by more than a thousandth of the mean edge; see `write_asset`.
 
     Raises
     ------
@@ -344,7 +361,11 @@ def export(
             (new / kind).mkdir()
         for name in names:
             path = new / "meshes" / f"{name}{meshes}"
-            write_asset(path, read_asset(collection.layout.corresponded(name)))
+            left = write_asset(path, read_asset(collection.layout.corresponded(name)), rounded=rounded)
+            for attribute in left:
+                logger.warning(
+                    "not in %s: %s; a %s file has no place for it", path.name, attribute.name, meshes
+                )
             yield last.parent / path.relative_to(new)
         for pair in pairs:
             pair_maps = collection.maps(*pair)

@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib import colormaps
 from scipy.spatial import cKDTree
 
-from isomatch.assets import read_mesh
+from isomatch.assets import Asset, read_asset, read_mesh
 from isomatch.collections.collection import Collection
 from isomatch.collections.map_file import require_unchanged
 from isomatch.correspondence import Correspondence
@@ -120,14 +120,14 @@ class _Templates:
         self._collection, self._curve_points = collection, curve_points
         self._rows = collection.rows()
         self._centre = collection.chosen_template(self._rows)
-        self._read = lru_cache(len(files) + 2)(lambda name: read_mesh(collection.paths[name]))
+        self._read = lru_cache(len(files) + 2)(lambda name: read_asset(collection.paths[name]))
         self._marks = {name: Landmarks.read(path, self._read(name)) for name, path in files.items()}
 
     def own(self, name: str) -> Landmarks:
         """Return the landmarks of a template, with the points of its curves equally spaced."""
-        mesh = self._read(name)
-        itself = Correspondence(range(mesh.n_vertices), mesh.n_vertices)
-        return carry_landmarks(itself, mesh, mesh, self._marks[name], curve_points=self._curve_points)
+        shape = self._read(name)
+        itself = Correspondence(range(len(shape.points)), len(shape.points))
+        return carry_landmarks(itself, shape, shape, self._marks[name], curve_points=self._curve_points)
 
     def carried(self, name: str, templates: Iterable[str]) -> Landmarks | None:
         """Return the median of what some templates give for a shape; None if no sure map leads to it."""
@@ -137,7 +137,7 @@ class _Templates:
             if there is not None:
                 ends, own = (self._read(template), self._read(name)), self._marks[template]
                 several.append(carry_landmarks(there, *ends, own, curve_points=n_points, expected_error=far))
-        return median_landmarks(several, self._read(name)) if several else None
+        return median_landmarks(several, _unwelded(self._read(name))) if several else None
 
     def _map(self, source: str, target: str) -> tuple[Correspondence | None, FloatArray | None]:
         """Return the map between two shapes with its expected error, directly or over the template, or None."""
@@ -148,7 +148,7 @@ class _Templates:
         if centre is None or not (self._is_sure(source, centre) and self._is_sure(centre, target)):
             return None, None
         first, second = self._collection.maps(source, centre), self._collection.maps(centre, target)
-        joined = first.there.then(second.there, self._read(centre), self._read(target))
+        joined = first.there.then(second.there, *map(_unwelded, map(self._read, (centre, target))))
         if first.there_error is None or second.there_error is None:
             return joined, None
         return joined, np.hypot(first.there_error, first.there.pull_back(second.there_error))
@@ -156,6 +156,10 @@ class _Templates:
     def _is_sure(self, one: str, other: str) -> bool:
         pairs = [pair for pair in ((one, other), (other, one)) if self._rows.is_current(pair)]
         return any(not self._rows.is_doubtful(pair) for pair in pairs)
+
+
+def _unwelded(shape: Asset) -> Mesh:
+    return Mesh(shape.placed_points, shape.polygons.triangles)
 
 
 def draw_landmarks(path: str | Path, collection: Collection, found: Mapping[str, Landmarks]) -> None:

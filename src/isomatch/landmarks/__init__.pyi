@@ -1,6 +1,13 @@
 from isomatch.landmarks.curves import drawn_curve, equally_spaced, nearest_on_surface
 from isomatch.landmarks.landmark_writers import write_landmarks, write_specimens, writer_of
-from isomatch.landmarks.landmarks import Curve, Landmarks, median_landmarks, nearest_landmarks, read_landmarks
+from isomatch.landmarks.landmarks import (
+    Curve,
+    Landmarks,
+    median_landmarks,
+    nearest_landmarks,
+    read_landmarks,
+    with_frame,
+)
 
 __all__ = [
     "Curve",
@@ -11,6 +18,7 @@ __all__ = [
     "nearest_landmarks",
     "nearest_on_surface",
     "read_landmarks",
+    "with_frame",
     "write_landmarks",
     "write_specimens",
     "writer_of",

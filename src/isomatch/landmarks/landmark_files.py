@@ -10,11 +10,12 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from io import StringIO
 from pathlib import Path
-from typing import Any, Literal, TypeAlias
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
 
+from isomatch.assets import TURN, Axes, Frame
 from isomatch.errors import FormatError, LandmarkError
 from isomatch.storage.files import opened
 from isomatch.storage.texts import is_whole_number, read_text, unescaped
@@ -25,14 +26,14 @@ POINTS = "write a 0-based vertex index or a position x y z, after a name if ther
 AXES = "x", "y", "z"
 NAMES, VERTICES = ("name", "label", "id"), ("vertex", "index")
 CURVES = "Curve", "ClosedCurve"  # of 3D Slicer
-SLICER = np.array([-1.0, -1.0, 1.0])  # from RAS to LPS and back
 NOWHERE = {"", "na", "nan"}  # cells of a point without a position
-
-System: TypeAlias = Literal["LPS", "RAS"]
 
 logger = logging.getLogger(__name__)
 
 OFF, FAR_OFF = 0.02, 0.1  # √area: a point farther from the surface is reported, and refused
+CLEARLY = (
+    0.5  # times the mean distance: points in RAS that are so much nearer than in LPS are taken to be in RAS
+)
 
 
 @dataclass(frozen=True)
@@ -42,7 +43,7 @@ class MarkedPoint:
     name: str
     at: tuple[float, ...]  # positions of 3D Slicer are in LPS
     where: str  # in which file
-    system: System | None = None  # of a file of 3D Slicer
+    axes: Axes | None = None  # that a file of 3D Slicer says
     curve: str = ""  # points of one follow each other along it
     closed: bool = False
 
@@ -127,16 +128,16 @@ def _slicer_markups(path: Path) -> list[MarkedPoint]:
     points: list[MarkedPoint] = []
     try:
         for number, markup in enumerate(content["markups"], start=1):
-            system = _system(markup.get("coordinateSystem", "LPS"))
+            axes = _axes(markup.get("coordinateSystem", "LPS"))
             kind = markup.get("type")
             curve = str(markup.get("name") or f"curve {number}") if kind in CURVES else ""
             if any(point.curve == curve for point in points if curve):
                 curve = f"{curve} {number}"
             for i, point in enumerate(markup["controlPoints"], start=1):
                 is_placed = point.get("positionStatus", "defined") == "defined"
-                at = _in_lps(point["position"], system) if is_placed else ()
+                at = _in_lps(point["position"], axes) if is_placed else ()
                 label, where = str(point.get("label", "")), f"{path}: point {i}"
-                points.append(MarkedPoint(label, at, where, system, curve, kind == CURVES[1]))
+                points.append(MarkedPoint(label, at, where, axes, curve, kind == CURVES[1]))
     except (KeyError, TypeError, AttributeError, ValueError, OverflowError) as error:
         raise FormatError(
             f"{path}: is no list of markups of 3D Slicer, with positions of three numbers ({error!r})"
@@ -145,13 +146,13 @@ def _slicer_markups(path: Path) -> list[MarkedPoint]:
 
 
 def _slicer_fiducials(path: Path) -> list[MarkedPoint]:
-    columns, axes, points = ["id", "x", "y", "z"], "RAS", []
+    columns, said, points = ["id", "x", "y", "z"], "RAS", []
     for number, line in enumerate(read_text(path).splitlines(), start=1):
         where = f"{path}:{number}"
         if line.startswith("#"):
             key, _, value = line[1:].partition("=")
             if key.strip() == "CoordinateSystem":
-                axes = value.strip()
+                said = value.strip()
             elif key.strip() == "columns":
                 columns = [each.strip() for each in value.split(",")]
             continue
@@ -159,27 +160,27 @@ def _slicer_fiducials(path: Path) -> list[MarkedPoint]:
             continue
         row = dict(zip(columns, _split(line, where, ",")))
         try:
-            system = _system(axes)
-            at = _in_lps([float(row[axis]) for axis in AXES], system)
+            axes = _axes(said)
+            at = _in_lps([float(row[axis]) for axis in AXES], axes)
         except (KeyError, ValueError):
             raise FormatError(
                 f"{where}: {line[:80]!r} has no position in its columns {', '.join(columns)[:80]}"
             ) from None
-        points.append(MarkedPoint(row.get("label") or row.get("id", ""), at, where, system))
+        points.append(MarkedPoint(row.get("label") or row.get("id", ""), at, where, axes))
     return points
 
 
-def _system(axes: Any) -> System:
-    if str(axes) not in ("LPS", "RAS", "0", "1"):
-        raise ValueError(f"coordinate system {axes!r} is neither LPS nor RAS")
-    return "RAS" if str(axes) in ("RAS", "0") else "LPS"
+def _axes(said: Any) -> Axes:
+    if str(said) not in ("LPS", "RAS", "0", "1"):
+        raise ValueError(f"coordinate system {said!r} is neither LPS nor RAS")
+    return "RAS" if str(said) in ("RAS", "0") else "LPS"
 
 
-def _in_lps(position: Any, system: System) -> tuple[float, ...]:
+def _in_lps(position: Any, axes: Axes) -> tuple[float, ...]:
     at = np.array([float(each) for each in position])
     if at.shape != (3,) or not np.isfinite(at).all():
         raise ValueError("a position has three finite numbers")
-    return tuple((SLICER * at if system == "RAS" else at).tolist())
+    return tuple((TURN * at if axes == "RAS" else at).tolist())
 
 
 def _meshlab_points(path: Path) -> list[MarkedPoint]:
@@ -256,10 +257,11 @@ def placed_positions(
     vertices: FloatArray,
     unit: float,  # √area of the surface
     distance: Callable[[FloatArray], FloatArray],  # of positions from it
+    frame: Frame | None,  # of the surface
     side: str,  # what the surface is, and
     parts: str,  # what the distance is measured to, for messages
-) -> tuple[FloatArray, System]:
-    """Return where points are in the coordinates of a surface, nan where they are nowhere, and which those are."""
+) -> tuple[FloatArray, Axes | None]:
+    """Return where points are in the coordinates of a surface, nan where they are nowhere, and the axes of these."""
     positions = np.full((len(points), 3), np.nan)
     for i, point in enumerate(points):
         if len(point.at) == 1:
@@ -271,25 +273,52 @@ def placed_positions(
             positions[i] = vertices[vertex]
         elif point.at:
             positions[i] = point.at
-    system: System = "LPS"
+    frame = frame or Frame()
     free = [i for i, point in enumerate(points) if len(point.at) == 3]
     if not free:
-        return positions, system
-    gap = distance(positions[free])
-    if any(points[i].system for i in free):
-        # positions of 3D Slicer are taken in LPS, in which it writes meshes, or in RAS if only so they lie on the surface
-        turned = distance(SLICER * positions[free])
-        if turned.mean() < 0.5 * gap.mean():
-            gap, system = turned, "RAS"
-            positions[free] *= SLICER
-            logger.warning("%s: the landmarks lie on the %s if it is in RAS", points[free[0]].where, side)
-    gap = gap / unit
+        return positions, frame.axes
+    where, is_said = points[free[0]].where, any(points[i].axes for i in free)
+    ways = _ways(positions[free], is_said, frame)
+    gaps = [distance(placed) / unit for placed, _, _ in ways]
+    means = [gap.mean() for gap in gaps]
+    best = min(range(len(ways)), key=lambda i: (gaps[i].max() > FAR_OFF, means[i]))
+    # points on the surface stay as they are said or supposed to be, unless nothing is said and others fit much better
+    if gaps[0].max() <= OFF and not (is_said and means[best] < CLEARLY * means[0]):
+        best = 0
+    (positions[free], axes, told), gap = ways[best], gaps[best]
+    if best:
+        logger.warning("%s: the landmarks lie on the %s %s", where, side, told)
+    elif is_said and not frame.axes and gaps[1].max() <= OFF:
+        logger.warning("%s: the landmarks lie on the %s in RAS and in LPS, which is taken", where, side)
     worst = int(gap.argmax())
     if gap[worst] > OFF:
         message = f"{points[free[worst]].where}: {gap[worst]:.3g} √area away from all {parts} of the {side}"
         if gap[worst] > FAR_OFF:
-            raise LandmarkError(
-                f"{message}; check that the positions are in the units and the coordinates of the {side}"
-            )
+            remedy = f"check that the positions are in the units and the coordinates of the {side}"
+            if (distance(TURN * positions[free]) <= OFF * unit).all():
+                remedy = "one of the files says the wrong space: they lie on it after half a turn"
+            raise LandmarkError(f"{message}; {remedy}")
         logger.warning("%s; the nearest one is taken", message)
-    return positions, system
+    return positions, axes
+
+
+def _ways(positions: FloatArray, is_said: bool, frame: Frame) -> list[tuple[FloatArray, Axes | None, str]]:
+    """Return where points can be meant to be, first as they are said to be: positions, axes, and how that is told.
+
+    Positions of 3D Slicer, which says the axes, are in LPS here, in which it also writes meshes unless they say RAS.
+    """
+    turned = TURN * positions
+    if not is_said:
+        return [
+            (positions, frame.axes, ""),
+            (turned, frame.axes, "after half a turn, from RAS to LPS or back"),
+        ]
+    ways: list[tuple[FloatArray, Axes | None, str]] = [
+        (positions, "LPS", "if it is in LPS"),
+        (turned, "RAS", "if it is in RAS"),
+    ]
+    ways = [way for way in ways if frame.axes in (None, way[1])]
+    if frame.has_space and not np.array_equal(frame.matrix, np.eye(4)):
+        back = np.linalg.inv(frame.matrix)
+        ways.append((turned @ back[:3, :3].T + back[:3, 3], frame.axes, f"if they are in {frame.to}"))
+    return ways

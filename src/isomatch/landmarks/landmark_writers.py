@@ -15,7 +15,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from isomatch.errors import FormatError, LandmarkError
-from isomatch.landmarks.landmark_files import CURVES, SLICER
+from isomatch.landmarks.landmark_files import CURVES
 from isomatch.landmarks.landmarks import Landmarks
 from isomatch.storage.files import write_text
 from isomatch.storage.texts import joined, write_csv
@@ -36,13 +36,14 @@ def write_landmarks(path: str | Path, landmarks: Landmarks) -> tuple[str, ...]:
     path : path_like
         ``.mrk.json`` or ``.fcsv`` of 3D Slicer, ``.pp`` of MeshLab, ``.csv`` with the columns name, x, y, z, or ``.tps``.
     landmarks : Landmarks
-        Names and order are kept; in ``.mrk.json``, the points of a curve follow each other. Files of 3D Slicer are in
-        the system of ``landmarks.systems``.
+        Names and order are kept; in ``.mrk.json``, the points of a curve follow each other. Files of 3D Slicer say the
+        axes of the coordinates, LPS if these are unknown.
 
     Returns
     -------
     tuple of str
-        What the format has no place for: "names", "curves", "expected errors", "landmarks without a place".
+        What the format has no place for: "names", "curves", "expected errors", "landmarks without a place", "the
+        space" with its axes.
 
     Raises
     ------
@@ -69,7 +70,9 @@ def write_landmarks(path: str | Path, landmarks: Landmarks) -> tuple[str, ...]:
         "expected errors": bool(np.isfinite(landmarks.expected_error).any()),
         "landmarks without a place": not landmarks.placed.all(),
     }
-    return tuple(what for what in left_out if missing[what])
+    left = [what for what in left_out if missing[what]]
+    says_axes = path.suffix.lower() in SAY_AXES
+    return (*left, *([f"the space ({landmarks.axes})"] if landmarks.axes and not says_axes else []))
 
 
 def writer_of(path: Path) -> tuple[Callable[[Landmarks, str], str], tuple[str, ...]]:
@@ -91,7 +94,7 @@ def _markups(landmarks: Landmarks, title: str) -> str:
         markup = {
             "type": "Fiducial" if curve is None else CURVES[curve.closed],
             "name": title if curve is None else curve.name,
-            "coordinateSystem": landmarks.systems[1],
+            "coordinateSystem": landmarks.axes or "LPS",
             "controlPoints": [_control_point(landmarks, row) for row in (curve.rows if curve else rows)],
         }
         markups.append(markup)
@@ -104,7 +107,7 @@ def _control_point(landmarks: Landmarks, row: int) -> dict[str, Any]:
         "id": str(row + 1),
         "label": landmarks.names[row],
         "description": _description(landmarks, row),
-        "position": _in_file(landmarks)[row].tolist() if is_placed else [0.0, 0.0, 0.0],
+        "position": landmarks.positions[row].tolist() if is_placed else [0.0, 0.0, 0.0],
         "positionStatus": "defined" if is_placed else "undefined",
     }
 
@@ -112,12 +115,11 @@ def _control_point(landmarks: Landmarks, row: int) -> dict[str, Any]:
 def _fiducials(landmarks: Landmarks, title: str) -> str:
     text = StringIO(newline="")
     text.write("# Markups fiducial file version = 4.11\n")
-    text.write(f"# CoordinateSystem = {landmarks.systems[1]}\n# columns = {FIDUCIAL_COLUMNS}\n")
+    text.write(f"# CoordinateSystem = {landmarks.axes or 'LPS'}\n# columns = {FIDUCIAL_COLUMNS}\n")
     rows = csv.writer(text, lineterminator="\n")
-    positions = _in_file(landmarks)
     for row in np.flatnonzero(landmarks.placed).tolist():
         described = landmarks.names[row], _description(landmarks, row), ""
-        rows.writerow([row + 1, *positions[row].tolist(), 0, 0, 0, 1, 1, 1, 0, *described])
+        rows.writerow([row + 1, *landmarks.positions[row].tolist(), 0, 0, 0, 1, 1, 1, 0, *described])
     return text.getvalue()
 
 
@@ -151,17 +153,12 @@ def _cells(values: FloatArray) -> list[Any]:
     return ["" if np.isnan(value) else value for value in values.tolist()]
 
 
-def _in_file(landmarks: Landmarks) -> FloatArray:
-    """(m, 3) positions in the coordinate system of the file."""
-    own, written = landmarks.systems
-    return landmarks.positions if own == written else landmarks.positions * SLICER
-
-
 def _description(landmarks: Landmarks, row: int) -> str:
     parts = ("expected error", landmarks.expected_error[row]), ("spread", landmarks.spread[row])
     return ", ".join(f"{name} {value:.4g}" for name, value in parts if np.isfinite(value))
 
 
+SAY_AXES = ".json", ".fcsv"
 WRITERS: dict[str, tuple[Callable[[Landmarks, str], str], tuple[str, ...]]] = {
     ".json": (_markups, ()),
     ".fcsv": (_fiducials, ("curves", "landmarks without a place")),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
-from isomatch.assets import SurfaceLike, surface_from
+from isomatch.assets import TURN, Asset, Axes, Frame, SurfaceLike, read_asset, surface_from
 from isomatch.correspondence import geometric_median
 from isomatch.errors import LandmarkError
 from isomatch.landmarks.curves import nearest_on_surface, respaced_curve
@@ -21,7 +21,6 @@ from isomatch.landmarks.landmark_files import (
     PAIRS,
     POINTS,
     MarkedPoint,
-    System,
     marked_pairs,
     marked_points,
     placed_positions,
@@ -67,9 +66,8 @@ class Landmarks:
         Estimate of the error of each, in the units of the surface; by default unknown, nan.
     spread : (m,) array_like of float, optional
         Mean distance of the points that several templates give from the one returned; nan of one template.
-    systems : (str, str)
-        "LPS" or "RAS": the coordinate system of the surface, and that of the file of 3D Slicer that they were read from,
-        in which they are written again.
+    axes : {"RAS", "LPS"}, optional
+        Where x, y and z of the coordinates point; None where neither the surface nor the landmarks say that.
 
     Raises
     ------
@@ -88,7 +86,7 @@ class Landmarks:
     curves: tuple[Curve, ...]
     expected_error: FloatArray
     spread: FloatArray
-    systems: tuple[System, System]
+    axes: Axes | None
 
     def __init__(
         self,
@@ -97,7 +95,7 @@ class Landmarks:
         curves: Sequence[Curve] = (),
         expected_error: ArrayLike | None = None,
         spread: ArrayLike | None = None,
-        systems: tuple[System, System] = ("LPS", "LPS"),
+        axes: Axes | None = None,
     ) -> None:
         placed = numbers_of(positions, "landmarks", LandmarkError).reshape(-1, 3)
         m = len(placed)
@@ -114,7 +112,7 @@ class Landmarks:
         curves = tuple(Curve(name, tuple(rows), closed) for name, rows, closed in curves)
         _check_curves(curves, m)
         fields = {"positions": placed, "names": names, "curves": curves, "expected_error": errors}
-        for field, value in {**fields, "spread": spreads, "systems": systems}.items():
+        for field, value in {**fields, "spread": spreads, "axes": axes}.items():
             object.__setattr__(self, field, value)
 
     def __repr__(self) -> str:
@@ -134,6 +132,11 @@ class Landmarks:
         """(m,) which landmarks have a place."""
         return np.asarray(np.isfinite(self.positions).all(axis=1))
 
+    def turned(self, axes: Axes | None) -> Landmarks:
+        """Return the same in coordinates with these axes; unchanged where either is unknown."""
+        positions = self.positions * (1 if None in (axes, self.axes) or axes == self.axes else TURN)
+        return replace(self, positions=positions, axes=axes or self.axes)
+
     @property
     def curve_of(self) -> list[Curve | None]:
         """The curve that each landmark is on."""
@@ -149,8 +152,9 @@ class Landmarks:
         path : path
             ``.mrk.json`` or ``.fcsv`` of 3D Slicer, ``.pp`` of MeshLab, or text with an index or a position on each line,
             or a table with ``x``, ``y``, ``z`` or ``vertex``, and perhaps ``name``, ``curve`` and ``closed``.
-        surface : Mesh, PointCloud, path_like, tuple or object, optional
-            The surface, as for `match`. Without one, positions are taken as they are, those of 3D Slicer in LPS.
+        surface : Asset, or what `surface_from` takes, optional
+            The surface; an asset or a file may say its space. Without one, positions of 3D Slicer are in LPS, others as
+            they are.
 
         Raises
         ------
@@ -173,18 +177,30 @@ class Landmarks:
         points = marked_points(Path(path))
         if not points:
             raise LandmarkError(f"{path}: no landmarks; {POINTS}")
+        names = [point.name for point in points]
         if surface is None:
-            return cls(_positions(points), [point.name for point in points], _curves(points))
-        shape = _with_positions(surface)
+            axes: Axes | None = "LPS" if any(point.axes for point in points) else None
+            return cls(_positions(points), names, _curves(points), axes=axes)
+        given, frame = with_frame(surface)
+        shape = _with_positions(given)
 
         def distance(positions: FloatArray) -> FloatArray:
             nearest = nearest_on_surface(shape, positions).interpolated(shape.vertices)
             return np.asarray(np.linalg.norm(nearest - positions, axis=1))
 
         unit = float(np.sqrt(shape.area))
-        positions, system = placed_positions(points, shape.vertices, unit, distance, "surface", "points")
-        written = next((point.system for point in points if point.system), system)
-        return cls(positions, [point.name for point in points], _curves(points), systems=(system, written))
+        positions, axes = placed_positions(points, shape.vertices, unit, distance, frame, "surface", "points")
+        return cls(positions, names, _curves(points), axes=axes)
+
+
+def with_frame(given: Asset | SurfaceLike) -> tuple[SurfaceLike, Frame | None]:
+    """Return the surface that is given, with the points of its file, and the frame of its coordinates, if any."""
+    if isinstance(given, str | PathLike):
+        given = read_asset(given)
+    if not isinstance(given, Asset):
+        return given, None
+    mesh = Mesh(given.placed_points, given.polygons.triangles)
+    return mesh if mesh.n_faces else PointCloud(mesh.vertices), given.frame
 
 
 def _with_positions(surface: SurfaceLike) -> Mesh | PointCloud:
@@ -240,8 +256,8 @@ def read_landmarks(
         Pairs as text: two vertex indices on each line, or two positions, separated by commas or blanks; or a table whose
         header has the columns ``source`` and ``target``, or ``source_x`` … ``target_z``. With ``target_path``, points
         marked on the source.
-    source, target : Mesh, PointCloud, Graph, path_like, tuple or object
-        The shapes, as for `match`.
+    source, target : Asset, or what `surface_from` takes
+        The shapes.
     target_path : path, optional
         Points marked on the target. Points of the two files are joined by name if they share any, otherwise in order.
         They may be files of 3D Slicer (``.mrk.json``, ``.fcsv``) or of MeshLab (``.pp``), or text: one index or position
@@ -261,8 +277,8 @@ def read_landmarks(
 
     Notes
     -----
-    A position stands for the nearest vertex. Positions of 3D Slicer are taken in LPS, in which it writes meshes, or in
-    RAS if only so they lie on the shape.
+    A position stands for the nearest vertex. Positions of 3D Slicer are brought into the space that the file of the
+    shape says. Where it says none, they are taken in LPS, in which 3D Slicer writes meshes, or in RAS if they fit better.
 
     Examples
     --------
@@ -342,7 +358,8 @@ def _vertices(points: list[MarkedPoint], surface: SurfaceLike, side: str) -> Int
     vertices = np.array([int(point.at[0]) if len(point.at) == 1 else -1 for point in points], dtype=np.int64)
     if not placed:
         return vertices
-    surface = surface_from(surface)
+    given, frame = with_frame(surface)
+    surface = surface_from(given)
     if isinstance(surface, Graph):
         raise LandmarkError(f"the {side} is a graph, without positions; give vertex indices as landmarks")
     tree = cKDTree(surface.vertices)
@@ -351,6 +368,7 @@ def _vertices(points: list[MarkedPoint], surface: SurfaceLike, side: str) -> Int
         surface.vertices,
         np.sqrt(surface.area),
         lambda x: np.asarray(tree.query(x)[0]),
+        frame,
         side,
         "vertices",
     )
@@ -444,7 +462,7 @@ def median_landmarks(several: Sequence[Landmarks], surface: SurfaceLike) -> Land
     spread, alone = _over_templates(np.mean, apart), _over_templates(np.median, errors)
     together = np.hypot(COMMON * alone, spread / np.sqrt(np.maximum(count, 1)))
     expected = np.where(count == 1, alone, together)
-    return Landmarks(positions, first.names, first.curves, expected, spread, first.systems)
+    return Landmarks(positions, first.names, first.curves, expected, spread, first.axes)
 
 
 def _rows_of(several: Sequence[Landmarks]) -> list[list[int | None]]:

@@ -10,7 +10,7 @@ from isomatch.assets import Asset, SurfaceLike, surface_from
 from isomatch.correspondence import UNMATCHED, Correspondence
 from isomatch.errors import LandmarkError
 from isomatch.geodesics import distance_along_edges_to_nearest
-from isomatch.landmarks import Curve, Landmarks, drawn_curve, equally_spaced, nearest_on_surface
+from isomatch.landmarks import Curve, Landmarks, drawn_curve, equally_spaced, nearest_on_surface, with_frame
 from isomatch.matching import MatchResult
 from isomatch.resolution import PlacedMesh, VertexGroups, normalised
 from isomatch.surfaces import Mesh, PointCloud, PrecisePoints
@@ -40,7 +40,7 @@ def carry_landmarks(
     source, target : Asset, or what `surface_from` takes
         Its two ends.
     landmarks : Landmarks
-        Of the source; of the target if ``to="source"``.
+        Of the source; of the target if ``to="source"``. They are brought into the space that its file says.
     to : {"target", "source"}
         Where they go: by the map, or by its inverse.
     curve_points : int, optional
@@ -52,8 +52,8 @@ def carry_landmarks(
     -------
     Landmarks
         Each is a precise point of the surface, inside a triangle if there are any, in the order and with the names given;
-        nan where the map has no image. Points of curves are equally spaced along the carried curve, and have no place if
-        a part of it has no image.
+        nan where the map has no image; in the space of the surface that receives. Points of curves are equally spaced
+        along the carried curve, and have no place if a part of it has no image.
 
     Raises
     ------
@@ -81,8 +81,11 @@ def carry_landmarks(
     if isinstance(given, MatchResult):
         expected_error = given.expected_error if expected_error is None else expected_error
         given = given.map
-    way = _Way.of(given, (source, target), to, expected_error)
-    placed, systems = landmarks.placed, landmarks.systems
+    framed = with_frame(source), with_frame(target)
+    way = _Way.of(given, (framed[0][0], framed[1][0]), to, expected_error)
+    own, other = (frame.axes if frame else None for _, frame in (framed if to == "target" else framed[::-1]))
+    landmarks, axes = landmarks.turned(own), other or landmarks.axes or own
+    placed = landmarks.placed
     every = np.full((len(landmarks), 4), np.nan)
     every[placed] = way.carried(landmarks.positions[placed])
     along: dict[Curve, FloatArray] = {}
@@ -92,7 +95,7 @@ def carry_landmarks(
     if curve_points is None:
         for curve, values in along.items():
             every[list(curve.rows)] = values
-        return Landmarks(every[:, :3], landmarks.names, landmarks.curves, every[:, 3], systems=systems)
+        return Landmarks(every[:, :3], landmarks.names, landmarks.curves, every[:, 3], axes=axes)
     names, images, curves = list[str](), list[FloatArray](), list[Curve]()
     for row, (name, on) in enumerate(zip(landmarks.names, landmarks.curve_of)):
         if on is None:
@@ -104,7 +107,7 @@ def carry_landmarks(
             names += [f"{on.name}-{i + 1}" for i in range(curve_points)]
             images += list(along[on])
     values = np.array(images).reshape(-1, 4)
-    return Landmarks(values[:, :3], names, curves, values[:, 3], systems=systems)
+    return Landmarks(values[:, :3], names, curves, values[:, 3], axes=axes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,8 +210,6 @@ def _preimages(images: Correspondence, points: PrecisePoints, source: Mesh, targ
 
 
 def _surface(shape: SurfaceLike) -> Asset | PointCloud:
-    if isinstance(shape, Asset):
-        return shape
     surface = surface_from(shape)
     if isinstance(surface, Mesh):
         return Asset.of_mesh(surface)

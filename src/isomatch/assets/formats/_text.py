@@ -11,6 +11,7 @@ from typing import NoReturn
 
 import numpy as np
 
+from isomatch.assets.asset import Frame
 from isomatch.assets.formats._reading import unexpected
 from isomatch.assets.polygons import spans
 from isomatch.storage.texts import MARKS, decoded
@@ -20,6 +21,7 @@ from isomatch.values.cached import cached_property
 EXPORT_AGAIN = "correct the line or export the file again"
 
 SPACE, NEWLINE, BACKSLASH, SLASH, COMMA, POINT = b" \n\\/,."
+_HEAD = 2**16  # bytes in which comments may tell the space of the coordinates
 _BLANKS = bytes.maketrans(b"\t\v\f", b"   ")
 _WORD = re.compile(rb"[^ \n]+")
 # Objects take many times the memory of what they are made of, so they are made of a piece at a time.
@@ -233,6 +235,17 @@ def read_lines(
         blank = np.append(True, ends[:-1])
         octets, numbers = octets[~(ends & blank)], numbers[~blank[ends]]
     return TextLines(name, octets, numbers, before)
+
+
+def told_frame(data: bytes) -> Frame | None:
+    """Return the frame that comments at the beginning of a text tell, if any."""
+    lines = decoded(data[:_HEAD]).splitlines() if b"#" in data[:_HEAD] else []
+    return Frame.of_lines(*(line.lstrip("# \t") for line in lines if line.lstrip().startswith("#")))
+
+
+def comments(frame: Frame | None) -> str:
+    """Return the lines of a frame as comments."""
+    return "".join(f"# {line}\n" for line in (frame.lines if frame else ()))
 
 
 def texts(lines: TextLines) -> list[bytes]:

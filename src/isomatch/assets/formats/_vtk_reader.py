@@ -59,7 +59,9 @@ def _arrays(path: Path) -> dict[str, object]:
     is_polygon = np.isin(types, (_TRIANGLE, _POLYGON, _QUAD))
     others, counts = np.unique(types[~is_polygon], return_counts=True)
     names = [vtkCommonDataModel.vtkCellTypes.GetClassNameFromTypeId(int(kind)) for kind in others]
-    points = data.GetPoints()
+    points, held = data.GetPoints(), data.GetFieldData()
+    fields = {each.GetName(): each for each in map(held.GetAbstractArray, range(held.GetNumberOfArrays()))}
+    texts = {name: "\n".join(_values(each)) for name, each in fields.items() if each.IsA("vtkStringArray")}
     return {
         "points": _values(points.GetData()) if points else np.zeros((0, 3)),
         "corners": corners[np.repeat(is_polygon, sizes)],
@@ -68,7 +70,9 @@ def _arrays(path: Path) -> dict[str, object]:
         "others": np.array([name.removeprefix("vtk").lower() for name in names], dtype=str),
         "counts": counts,
         "is_polygons": isinstance(data, vtkCommonDataModel.vtkPolyData),
-        "fields": _numbered("field", data.GetFieldData())["field_names"],
+        "fields": np.array(list(fields), dtype=str),
+        "text_names": np.array(list(texts), dtype=str),
+        "texts": np.array(list(texts.values()), dtype=str),
         **_numbered("point", data.GetPointData()),
         **_numbered("cell", data.GetCellData()),
     }

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from isomatch.assets.asset import Asset, Frame
+from isomatch.assets.asset import SPACE, TURN, Asset, Frame
 from isomatch.assets.attribute import Attribute
 from isomatch.assets.formats._reading import on_disk, reading
 from isomatch.assets.polygons import Polygons
@@ -42,7 +42,7 @@ def read_asset(data: bytes, name: str) -> Asset:
         if plain != data:
             volume["head"] = np.array([2, 1, 20], dtype=np.int32)
         polygons = Polygons.of_triangles(np.asarray(faces, dtype=np.int64))
-        frame = Frame.of_volume(volume) if volume else None
+        frame = Frame.of_volume(volume) if volume else Frame(words=(f"{SPACE}=RAS",))
         return Asset(points, polygons, document=FreeSurferDocument(stamp), frame=frame)
 
 
@@ -63,12 +63,13 @@ def read_attributes(data: bytes, name: str, surface: Asset | None) -> tuple[Attr
 
 
 def write(asset: Asset) -> bytes:
-    """Write a surface, in single precision, with the volume that its coordinates belong to."""
+    """Write a surface in RAS, in single precision, with the volume that its coordinates belong to."""
     freesurfer = _package()
     document = asset.document if isinstance(asset.document, FreeSurferDocument) else FreeSurferDocument()
     volume = asset.frame.in_volume if asset.frame else None
     with on_disk(b"", "") as path, warnings.catch_warnings(action="ignore"):
-        freesurfer.write_geometry(path, asset.points, asset.polygons.triangles, document.stamp, volume)
+        points = asset.points * (TURN if asset.frame and asset.frame.axes == "LPS" else 1)
+        freesurfer.write_geometry(path, points, asset.polygons.triangles, document.stamp, volume)
         return path.read_bytes()
 
 

@@ -14,7 +14,7 @@ from xml.etree.ElementTree import iterparse
 
 import numpy as np
 
-from isomatch.assets.asset import NEW_VOLUME, Asset, Frame
+from isomatch.assets.asset import COMMENTS, NEW_VOLUME, SPACE, Asset, Frame
 from isomatch.assets.attribute import Attribute, guessed_kind, told_apart
 from isomatch.assets.formats._reading import Room, reading, unexpected
 from isomatch.assets.polygons import Polygons
@@ -55,7 +55,8 @@ def read_asset(data: bytes, name: str) -> Asset:
             raise unexpected(name, f"an array of {what}", "none", "values alone are for read_attributes")
     with reading(name, "points and triangles of a GIFTI surface"):
         points, triangles = arrays[_POINTS], arrays[_TRIANGLES]
-        plain = {key: word for key, word in points.meta.items() if "VolGeom" not in key}
+        names = [name for name in points.meta if "VolGeom" not in name and name not in (SPACE, COMMENTS)]
+        plain = {name: points.meta[name] for name in names}
         attributes, intents = _values(image, len(points.data), "values")
         document = GiftiDocument(dict(image.meta), plain, dict(triangles.meta), intents)
         polygons = Polygons.of_triangles(triangles.data)
@@ -167,22 +168,23 @@ def _frame(points: Any) -> Frame:
             "filename": str(points.meta.get("VolGeomFname", "none")),
             **{key: np.array(numbers).astype(kinds[key]) for key, numbers in said.items()},
         }
-    system = points.coordsys
-    if system is None:
-        return Frame(volume=volume)
-    spaces = [_SPACES[int(code)] for code in (system.dataspace, system.xformspace)]
-    frame = Frame(spaces[0], spaces[1], np.array(system.xform, dtype=np.float64), volume)
-    return Frame.of_volume(volume) if volume is not None and not frame.has_space else frame
+    told, system = Frame.of_named(points.meta), points.coordsys
+    frame = Frame(volume=volume)
+    if system is not None:
+        spaces = [_SPACES[int(code)] for code in (system.dataspace, system.xformspace)]
+        frame = Frame(spaces[0], spaces[1], np.array(system.xform, dtype=np.float64), volume)
+        frame = Frame.of_volume(volume) if volume is not None and not frame.has_space else frame
+    return replace(frame, words=told.words) if told else frame
 
 
 def _described(frame: Frame | None) -> tuple[Any, dict[str, str]]:
-    """Return the coordinate system of a frame, and the meta data that tell its volume."""
+    """Return the coordinate system of a frame, and the meta data that tell its volume and its words."""
     if frame is None:
         return None, {}
     codes = [f"NIFTI_XFORM_{space.upper()}" for space in (frame.space, frame.to)]
-    volume = {}
+    volume = frame.named if frame.words else {}
     if frame.volume is not None and frame.has_space:
-        volume = {
+        volume |= {
             f"VolGeom{word}": f"{number:g}" if key == "volume" else f"{number:.6f}"
             for key, words in _VOLUME.items()
             for word, number in zip(words, frame.volume[key])

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from isomatch.assets.asset import Asset, Part, RenumberedDocument
+from isomatch.assets.asset import COMMENTS, SPACE, Asset, Frame, Part, RenumberedDocument
 from isomatch.assets.attribute import Attribute, Kind, guessed_kind, told_apart, unused_name
 from isomatch.assets.formats._gltf_data import (
     INDICES,
@@ -137,7 +137,8 @@ def _read(gltf: GltfData) -> Asset:
     gltf.without_unused()
     document = GltfDocument(gltf.json, bytes(gltf.blob), tuple(places), of_triangle, polygons, names)
     numbered = told_apart(attributes, of_all=True)
-    return Asset(np.concatenate(points), polygons, numbered, tuple(parts), document)
+    frame = Frame.of_named({name: str(text) for name, text in _extras(gltf.json).items()})
+    return Asset(np.concatenate(points), polygons, numbered, tuple(parts), document, frame=frame)
 
 
 def _named(key: str) -> tuple[str, Kind | None]:
@@ -241,7 +242,9 @@ def write(asset: Asset, *, is_glb: bool) -> bytes:
         asset = replace(asset.placed, parts=())
         if not len(asset.polygons):
             raise MeshError("glTF files are of triangles, and there is none; write points to a .ply file")
-    gltf = document.data
+    gltf, middle = document.data, middles(asset)
+    for mesh, part in {mesh: part for mesh, _, part in document.places}.items():
+        _move(gltf.json, mesh, middle[asset.part_of_point == part][:1])
     numbers = texcoord_numbers(replace(asset, document=document))
     attributes = told_apart(asset.attributes, of_all=True)
     split = split_at_seams(asset.polygons, len(asset.points), attributes)
@@ -255,7 +258,7 @@ def write(asset: Asset, *, is_glb: bool) -> bytes:
     for (part, mesh), group in groupby(zip(document.places, of_place), lambda each: (each[0][2], each[0][0])):
         listed = list(group)
         rows = slice(ends[part], ends[part + 1])
-        keys = {"POSITION": _add_positions(gltf, asset.points[split.source[rows]])}
+        keys = {"POSITION": _add_positions(gltf, (asset.points - middle)[split.source[rows]])}
         for attribute in split.attributes:
             here = attribute.at(np.arange(rows.start, rows.stop)) if n_parts > 1 else attribute
             if here.kind != "key" and not (n_parts > 1 and _is_missing(here)):
@@ -271,7 +274,48 @@ def write(asset: Asset, *, is_glb: bool) -> bytes:
     for mesh, parts in of_mesh.items():
         _write_keys(gltf, mesh, parts, shape_keys, still=len(of_mesh) == 1)
     without_empty_primitives(gltf.json)
+    had, named = _extras(gltf.json), asset.frame.named if asset.frame else {}
+    others = {name: text for name, text in had.items() if name not in (SPACE, COMMENTS)}
+    if others | named != had:
+        gltf.json["asset"]["extras"] = others | named
     return packed(gltf, is_glb)
+
+
+def _extras(document: dict[str, Any]) -> dict[str, Any]:
+    """Return what a file says of itself that the format does not foresee."""
+    extras = document["asset"].get("extras")
+    return extras if isinstance(extras, dict) else {}
+
+
+def middles(asset: Asset) -> FloatArray:
+    """(n, 3) what is taken from the points of a mesh and given to its node, where floats would round them; else 0.
+
+    A mesh with a skin is put by its joints, not by its node.
+    """
+    middle = np.zeros_like(asset.points)
+    if asset.needs_doubles:
+        document = asset.document if isinstance(asset.document, GltfDocument) else new_document(asset)
+        mesh_of_part = np.array([*{part: mesh for mesh, _, part in document.places}.values()])
+        mesh_of_point = mesh_of_part[np.minimum(asset.part_of_point, len(mesh_of_part) - 1)]
+        for node in document.json.get("nodes", []):
+            rows = mesh_of_point == node.get("mesh")
+            if rows.any() and "skin" not in node:
+                middle[rows] = (asset.points[rows].min(axis=0) + asset.points[rows].max(axis=0)) / 2
+    return middle
+
+
+def _move(document: dict[str, Any], mesh: int, middle: FloatArray) -> None:
+    """Put a mesh into a node of its own below its node, which moves it by the row of ``middle``, if that is not 0."""
+    nodes = document.get("nodes", [])
+    for i, node in enumerate(nodes[:] if middle.any() else ()):
+        if node.get("mesh") == mesh:
+            node.setdefault("children", []).append(len(nodes))
+            own = {key: node.pop(key) for key in ("mesh", "weights") if key in node}
+            nodes.append({**own, "translation": middle[0].tolist()})
+            for animation in document.get("animations", []):
+                for target in (channel["target"] for channel in animation["channels"]):
+                    if (target.get("node"), target["path"]) == (i, "weights"):
+                        target["node"] = len(nodes) - 1
 
 
 def _is_missing(attribute: Attribute) -> bool:

@@ -16,10 +16,12 @@ from isomatch.assets.formats._text import (
     NumberRows,
     TextLines,
     bytes_or_floats,
+    comments,
     format_rows,
     interleaved_lines,
     read_lines,
     texts,
+    told_frame,
 )
 from isomatch.assets.materials import Layer, Look, Picture, Wrap, picture_in
 from isomatch.assets.polygons import Polygons, Renumbering
@@ -88,7 +90,8 @@ def read_asset(data: bytes, name: str) -> Asset:
         if text.replace(b" ", b"").isdigit()
     )
     document = ObjDocument(libraries, elements, encoding, read_libraries(libraries, Path(name).parent))
-    return Asset(points, Polygons(corners, sizes), tuple(attributes), document=document, notes=notes)
+    polygons, frame = Polygons(corners, sizes), told_frame(data)
+    return Asset(points, polygons, tuple(attributes), document=document, notes=notes, frame=frame)
 
 
 def keeps(attribute: Attribute) -> bool:
@@ -114,6 +117,7 @@ def write(asset: Asset) -> bytes:
     except UnicodeEncodeError:  # which has no letters for a name
         encoding = "utf-8"
     lines = [
+        comments(asset.frame).encode(encoding, "backslashreplace"),
         *(f"mtllib {library}\n".encode(encoding, "backslashreplace") for library in document.libraries),
         _vertices(asset),
     ]

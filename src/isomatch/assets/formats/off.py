@@ -13,11 +13,13 @@ from isomatch.assets.formats._text import (
     NumberRows,
     TextLines,
     bytes_or_floats,
+    comments,
     format_rows,
     interleaved_lines,
     is_count,
     numbered,
     read_lines,
+    told_frame,
 )
 from isomatch.assets.polygons import Polygons, spans
 from isomatch.surfaces import Mesh
@@ -93,7 +95,7 @@ def read_asset(data: bytes, name: str) -> Asset:
     kept = [attribute for attribute in attributes if not np.isnan(attribute.values).all()]
     notes += [note for attribute in kept if (note := attribute.note_of_missing)]
     polygons = Polygons(tables.corners, tables.sizes)
-    return Asset(points, polygons, tuple(kept), notes=tuple(notes))
+    return Asset(points, polygons, tuple(kept), notes=tuple(notes), frame=told_frame(data))
 
 
 def keeps(attribute: Attribute) -> bool:
@@ -125,7 +127,7 @@ def write(asset: Asset) -> bytes:
             has_colour = ~np.isnan(values).any(axis=1)
             words.append((values.shape[1] * has_colour, numbered(values[has_colour].ravel(), notation)))
         faces = interleaved_lines(words, len(sizes))
-    head = f"{letters}OFF\n{len(asset.points)} {len(sizes)} 0\n".encode()
+    head = f"{letters}OFF\n{comments(asset.frame)}{len(asset.points)} {len(sizes)} 0\n".encode()
     return head + format_rows(f"{template}\n", np.hstack(columns)) + faces
 
 

@@ -6,7 +6,7 @@ The package plyfile 1.1 takes 4 to 30 times as long, has no integers of 64 bits,
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import takewhile
 
@@ -53,10 +53,6 @@ _GROUPS: tuple[tuple[str, Kind, tuple[str, ...]], ...] = (
     ("uv", "uv", ("texture_u", "texture_v")),
 )
 _CORNER_UV = "texcoord"
-_PLACE = re.compile(  # comments that tell the unit or the space of the coordinates
-    r"\bunits?\s*([:=]|in\b|is\b|are\b|(milli|centi|micro)?met|[mc]?m\b|inch)|\bspace\s*=\s*[rlaips]{3}\b",
-    re.I,
-)
 
 
 @dataclass(frozen=True)
@@ -162,8 +158,7 @@ def read_asset(data: bytes, name: str) -> Asset:
     document = PlyDocument(
         byte_order, comments, positions, index_list, names, other_of_points, other_of_faces, elements
     )
-    words = _of_place(comments)
-    frame = Frame(words=words) if words else None
+    frame = Frame.of_lines(*map(_text_of, comments))
     return Asset(points, Polygons(corners, sizes), of_points + of_faces, document=document, frame=frame)
 
 
@@ -179,7 +174,8 @@ def write(asset: Asset, binary: bool | None = None) -> bytes:
     """Write a PLY file, binary or text, by default as it was read; a new one little endian, in double precision."""
     document = asset.document if isinstance(asset.document, PlyDocument) else PlyDocument()
     byte_order = document.byte_order if binary is None else (document.byte_order or "<") if binary else ""
-    polygons, kind = asset.polygons, np.dtype(document.positions)
+    is_single = document.positions == "f4" and not asset.needs_doubles
+    polygons, kind = asset.polygons, np.dtype("f4" if is_single else "f8")
     if np.abs(polygons.corners).max(initial=0) >= 2**31:
         raise MeshError("face indices exceed the 32 bits of PLY; remove the faces with repair(mesh)")
     positions = tuple(Column(axis, kind, None, column) for axis, column in zip("xyz", asset.points.T))
@@ -189,9 +185,11 @@ def write(asset: Asset, binary: bool | None = None) -> bytes:
     elements = {"vertex": Element(vertex, len(asset.points)), "face": Element(face, len(polygons))}
     elements |= document.elements
     encoding = next(word for word, order in _BYTE_ORDERS.items() if order == byte_order)
-    comments, words = document.comments, asset.frame.words if asset.frame else ()
-    if _of_place(comments) != words:
-        comments = (*(line for line in comments if line not in _of_place(comments)), *words)
+    comments, lines = document.comments, asset.frame.lines if asset.frame else ()
+    told = Frame.of_lines(*map(_text_of, comments)) or Frame()
+    if told.words != lines:
+        others = (comment for comment in comments if _text_of(comment) not in told.words)
+        comments = (*others, *(f"comment {line}" for line in lines))
     header = ["ply", f"format {encoding} 1.0", *comments]
     for name, element in elements.items():
         header.append(f"element {name} {element.n_rows}")
@@ -199,11 +197,11 @@ def write(asset: Asset, binary: bool | None = None) -> bytes:
             count = "" if each.count_type is None else f"list {_LETTERS[each.count_type.str[1:]]} "
             header.append(f"property {count}{_LETTERS[each.type.str[1:]]} {each.name}")
     body = [_rows(element, byte_order) for element in elements.values()]
-    return b"".join(["\n".join([*header, "end_header\n"]).encode("latin-1"), *body])
+    return b"".join(["\n".join([*header, "end_header\n"]).encode("latin-1", "backslashreplace"), *body])
 
 
-def _of_place(comments: Iterable[str]) -> tuple[str, ...]:
-    return tuple(line for line in comments if _PLACE.search(line))
+def _text_of(comment: str) -> str:
+    return comment.partition(" ")[2].strip()
 
 
 def _elements(data: bytes, name: str) -> tuple[dict[str, Element], str, tuple[str, ...]]:

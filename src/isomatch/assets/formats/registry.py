@@ -8,15 +8,14 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from isomatch.assets.asset import Asset, Frame
+import numpy as np
+
+from isomatch.assets.asset import Asset, Axes, Frame
 from isomatch.assets.attribute import Attribute
 from isomatch.assets.formats import freesurfer, gifti, gltf, obj, off, ply, stl, vtk
 from isomatch.errors import FormatError, InputError
 from isomatch.surfaces import Mesh
-
-
-def _tells_nothing(frame: Frame) -> bool:
-    return not frame.is_told
+from isomatch.values.arrays import FloatArray
 
 
 @dataclass(frozen=True)
@@ -32,7 +31,11 @@ class MeshFormat:
     has_parts: bool = False  # and their transforms
     has_names: bool = False  # of labels
     has_opacity: bool = True  # of colours
-    keeps_frame: Callable[[Frame], bool] = _tells_nothing
+    keeps_frame: Callable[[Frame], bool] = lambda frame: not frame.has_space  # but axes and a unit, in words
+    axes: Axes | None = None  # in which all its files are
+    middles: Callable[[Asset], FloatArray] | None = (
+        None  # what is taken from points before they become floats
+    )
 
     def missing(self, attribute: Attribute) -> list[Attribute]:
         """Return what has no place of an attribute that has one."""
@@ -59,25 +62,35 @@ def _with_attributes(
     return MeshFormat(read, write, read_asset=read_asset, **others)
 
 
+def _fits_title(frame: Frame) -> bool:
+    return not frame.has_space and frame.title(stl.TITLE) == "; ".join(frame.lines)
+
+
 _BINARY = frozenset({"binary"})
 _PLAIN: dict[str, Any] = {"single": frozenset({"colour", "normal", "uv"}), "has_opacity": False}
-_PLY: dict[str, Any] = {"keeps": ply.keeps, "keeps_frame": lambda frame: not frame.has_space}  # but words
-_GLTF: dict[str, Any] = {"keeps": gltf.keeps, "has_parts": True, "has_names": True}
+_SINGLE: dict[str, Any] = {"middles": lambda asset: np.zeros(3)}
+_GLTF: dict[str, Any] = {
+    "keeps": gltf.keeps,
+    "has_parts": True,
+    "has_names": True,
+    "middles": gltf.middles,
+}
 _GIFTI: dict[str, Any] = {
     "keeps": gifti.keeps,
     "has_names": True,
-    "keeps_frame": lambda frame: not frame.words,
+    "keeps_frame": lambda frame: True,
+    **_SINGLE,
 }
 _VTK: dict[str, Any] = {"keeps": vtk.keeps, "options": _BINARY}
-_FREESURFER: dict[str, Any] = {"keeps_frame": lambda frame: frame.is_in_volume}
+_FREESURFER: dict[str, Any] = {"keeps_frame": lambda frame: frame.is_in_volume, "axes": "RAS", **_SINGLE}
 
 FORMATS: dict[str, MeshFormat] = {
     ".off": MeshFormat(off.read, off.write, read_asset=off.read_asset, keeps=off.keeps, **_PLAIN),
     ".obj": MeshFormat(
         obj.read, obj.write, read_asset=obj.read_asset, keeps=obj.keeps, has_names=True, **_PLAIN
     ),
-    ".ply": MeshFormat(ply.read, ply.write, _BINARY, ply.read_asset, **_PLY),
-    ".stl": MeshFormat(stl.read, stl.write, _BINARY, stl.read_asset),
+    ".ply": MeshFormat(ply.read, ply.write, _BINARY, ply.read_asset, ply.keeps),
+    ".stl": MeshFormat(stl.read, stl.write, _BINARY, stl.read_asset, keeps_frame=_fits_title, **_SINGLE),
     ".glb": _with_attributes(gltf.read_asset, partial(gltf.write, is_glb=True), **_GLTF),
     ".gltf": _with_attributes(gltf.read_asset, partial(gltf.write, is_glb=False), **_GLTF),
     **{

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from isomatch.assets.asset import Asset
+from isomatch.assets.asset import Asset, Frame
 from isomatch.assets.attribute import Attribute
 from isomatch.assets.formats._reading import unexpected
 from isomatch.assets.formats._text import TextLines, format_rows, read_lines
 from isomatch.assets.polygons import Polygons
-from isomatch.errors import MeshError
 from isomatch.surfaces import Mesh, welded
 from isomatch.values.arrays import AnyArray, FloatArray
 
 _HEADER_SIZE = 84
+TITLE = 80  # bytes before the number of triangles
 _UNCOUNTED = (0, 2**32 - 1)  # as numbers of triangles of programs that write them before they know
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
@@ -39,24 +39,28 @@ def read_asset(data: bytes, name: str) -> Asset:
     points = corners.reshape(-1, 3)
     kept, vertex = welded(points)
     polygons = Polygons.of_triangles(vertex.reshape(-1, 3))
-    return Asset(points[kept], polygons, tuple(attributes), notes=tuple(notes))
+    title = (
+        data[:TITLE].partition(b"\n")[0].partition(b" ")[2] if is_text else data[:TITLE].partition(b"\0")[0]
+    )
+    frame = Frame.of_lines(title.decode(errors="replace"))
+    return Asset(points[kept], polygons, tuple(attributes), notes=tuple(notes), frame=frame)
 
 
-def write(asset: Asset, binary: bool = True) -> bytes:
-    """Write an STL file, binary in single precision, or text with all digits."""
+def write(asset: Asset, binary: bool | None = None) -> bytes:
+    """Write an STL file, binary in single precision, or text with all digits; by default text where it needs them."""
     mesh = Mesh(asset.points, asset.polygons.triangles)
     corners = mesh.vertices[mesh.sound_faces]  # (m, 3, 3)
     lengths = np.linalg.norm(mesh.face_cross, axis=1, keepdims=True)
     normals = np.divide(mesh.face_cross, lengths, out=np.zeros_like(mesh.face_cross), where=lengths > 0)
-    if not binary:
+    title = asset.frame.title(TITLE) if asset.frame else ""
+    if not (not asset.needs_doubles if binary is None else binary):
         template = "facet normal %r %r %r\nouter loop\n" + "vertex %r %r %r\n" * 3 + "endloop\nendfacet\n"
         table = np.hstack([normals, corners.reshape(-1, 9)])
-        return b"solid\n" + format_rows(template, table) + b"endsolid\n"
-    if (np.abs(corners[np.isfinite(corners)]) > np.finfo(np.float32).max).any():
-        raise MeshError("coordinates exceed the float32 range of binary STL; write text with binary=False")
+        return f"solid {title}".strip().encode() + b"\n" + format_rows(template, table) + b"endsolid\n"
     triangles = np.zeros(mesh.n_faces, _TRIANGLE)
     triangles["normal"], triangles["corners"] = normals, corners
-    return b"binary STL".ljust(80) + mesh.n_faces.to_bytes(4, "little") + triangles.tobytes()
+    header = (title or "binary STL").encode().ljust(TITLE) + mesh.n_faces.to_bytes(4, "little")
+    return header + triangles.tobytes()
 
 
 def _triangles(data: bytes, name: str) -> tuple[AnyArray, list[str]]:

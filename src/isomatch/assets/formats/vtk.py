@@ -14,7 +14,7 @@ from io import BytesIO
 
 import numpy as np
 
-from isomatch.assets.asset import Asset
+from isomatch.assets.asset import COMMENTS, Asset, Frame
 from isomatch.assets.attribute import Attribute, told_apart
 from isomatch.assets.formats._reading import damaged, on_disk, reading
 from isomatch.assets.libraries import attributes_of, polygons_of, to_pyvista
@@ -26,6 +26,7 @@ from isomatch.values.arrays import AnyArray
 # time that a file may take, and more for large ones; a triangle takes 0.5 s, a million points in 20 MB of VTP 1.9 s
 SECONDS, BYTES_A_SECOND = 60.0, 1e6
 _MARK = "isomatch_end"
+TITLE = 255  # bytes of the second line of a legacy file
 # VTK reads on into this after an array of a legacy file that is too short, and does not find it as what it is
 _END = b"\n\nFIELD isomatch 1\n%s 1 1 int\n0000\n" % _MARK.encode()
 _ENDED = "the reader came to an end over it, as where more is declared than the file holds"
@@ -56,7 +57,11 @@ def read(suffix: str, data: bytes, name: str) -> Asset:
             *attributes_of(_named(stored, "point"), "point"),
             *attributes_of(_named(stored, "cell"), "face", cells.rows),
         ]
-        return Asset(cells.points, cells.polygons, told_apart(attributes), notes=cells.notes)
+        told = dict(zip(stored["text_names"].tolist(), stored["texts"].tolist()))
+        if suffix == ".vtk":  # its second line is a title
+            told[COMMENTS] = data.split(b"\n", 2)[1].decode(errors="replace")
+        frame = Frame.of_named(told)
+        return Asset(cells.points, cells.polygons, told_apart(attributes), notes=cells.notes, frame=frame)
 
 
 def _stored(data: bytes, name: str, suffix: str, what: str) -> Mapping[str, AnyArray]:
@@ -94,9 +99,15 @@ def write(suffix: str, asset: Asset, binary: bool = True) -> bytes:
     if suffix == ".vtu" and not len(asset.points):  # over which VTK ends the process
         raise MeshError("there are no points, and a VTU file without any cannot be read; write a .vtp file")
     mesh = to_pyvista(asset)
+    frame = asset.frame or Frame()
+    for name, text in frame.named.items() if suffix != ".vtk" else ():
+        mesh.field_data[name] = [text]
     with on_disk(b"", suffix) as path:
         (mesh.cast_to_unstructured_grid() if suffix == ".vtu" else mesh).save(path, binary=binary)
-        return path.read_bytes()
+        if suffix != ".vtk" or not (title := frame.title(TITLE)):
+            return path.read_bytes()
+        version, _, rest = path.read_bytes().split(b"\n", 2)
+        return b"\n".join([version, title.encode(), rest])
 
 
 def keeps(attribute: Attribute) -> bool:
