@@ -232,14 +232,14 @@ def repair(
     """
     index = output.with_suffix(".index.npz")
     with claimed_files(output, index, force=force):
-        asked: dict[str, Any] = {
-            "unmerge": unmerge,
-            "outer": outer,
-            "opening": opening,
-            "without_base": without_base,
-        }
-        welding = True if weld is None else weld
-        repaired = isomatch.repair(_whole(file, output), weld=welding, **asked)
+        repaired = isomatch.repair(
+            _whole(file, output),
+            weld=True if weld is None else weld,
+            unmerge=unmerge,
+            outer=outer,
+            opening=opening,
+            without_base=without_base,
+        )
         asset = cast(isomatch.Asset, repaired.asset)
         beside = files_beside(output, asset)
         with claimed_files(*beside, force=force):
@@ -249,12 +249,8 @@ def repair(
         say(change)
     say_left_out(left, output)
     say_notes(notes_on({file: asset}))
-    copy = (
-        "nothing to repair; wrote a copy without these:"
-        if left
-        else "nothing to repair; wrote an unchanged copy:"
-    )
-    what = "wrote" if repaired.changes else copy
+    copy = "a copy without these" if left else "an unchanged copy"
+    what = "wrote" if repaired.changes else f"nothing to repair; wrote {copy}:"
     say(f"{what} {', '.join(map(str, (output, *beside, index)))}")
 
 

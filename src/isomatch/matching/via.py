@@ -67,7 +67,8 @@ def _along(
         # independent errors, the first in √area of the shape in between, which is worth ``unit`` beyond it
         unit = _verified(leg.pair, leg.map).unit
         at_rim = np.nanmax(leg.expected_error, initial=0.0)  # next to vertices without an image
-        errors = np.hypot(unit * errors, np.nan_to_num(image.pull_back(leg.expected_error), nan=at_rim))
+        own = image.pull_back(leg.expected_error)
+        errors = np.hypot(unit * errors, np.where(np.isnan(own), at_rim, own))
         image = image.then(leg.map, leg.pair.source.surface, leg.pair.target.surface)
     found, bounds = _verified(pair, image), config.parts
     least = min((leg.outcome for leg in legs), key=lambda outcome: outcome.sureness)
