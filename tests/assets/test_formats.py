@@ -13,8 +13,10 @@ from isomatch import read_asset, read_mesh, write_asset
 from isomatch.assets import (
     FORMATS,
     asset_from,
+    linear_of,
     looks_of,
     pixels_of,
+    srgb_of,
     to_meshio,
     to_open3d,
     to_pyvista,
@@ -152,7 +154,7 @@ def test_a_texture_of_trimesh_goes_out_and_in(kind):
         (lambda m: setattr(m, "diffuse", np.uint8([51, 102, 255, 255])), [0.2, 0.4, 1, 1]),
         (lambda m: setattr(m, "diffuse", [0.2, 0.4, 1.0]), [0.2, 0.4, 1, 1]),
         (lambda m: setattr(m, "diffuse", type(m)().diffuse), [1, 1, 1, 1]),  # none was given
-        (lambda m: setattr(m, "baseColorFactor", [0.2, 0.4, 1.0, 0.6]), [0.2, 0.4, 1, 0.6]),
+        (lambda m: setattr(m, "baseColorFactor", [0.2, 0.4, 1.0, 0.6]), srgb_of([0.2, 0.4, 1, 0.6])),
         (lambda m: setattr(m, "baseColorFactor", None), [1, 1, 1, 1]),
         (lambda m: setattr(m, "diffuse", np.array([51.0, 102, 255, 255])), [0.2, 0.4, 1, 1]),
     ],
@@ -171,4 +173,5 @@ def test_the_tint_of_a_texture_of_trimesh_stays(change, tint, request, tmp_path)
 
     opened = to_trimesh(asset).visual.material.to_pbr()  # as trimesh writes it to a GLB file
     shown = np.asarray(opened.baseColorTexture) * (opened.baseColorFactor / 255)
-    assert np.abs(shown - TEXTURE * tint).max() < 0.51
+    light = linear_of(TEXTURE / 255) * linear_of(tint)
+    assert np.abs(shown - 255 * srgb_of(light)).max() < 0.51

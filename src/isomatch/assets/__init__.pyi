@@ -1,6 +1,6 @@
 from isomatch.assets.appearance import as_written, looks_of, unread_files, with_looks_of, with_texture
 from isomatch.assets.asset import TURN, Asset, Axes, Frame, Part
-from isomatch.assets.attribute import Attribute, Domain, Kind, told_apart
+from isomatch.assets.attribute import Attribute, Domain, Kind, linear_of, srgb_of, told_apart
 from isomatch.assets.files import (
     SurfaceLike,
     files_beside,
@@ -16,7 +16,17 @@ from isomatch.assets.formats.gltf import with_key_weights_of
 from isomatch.assets.formats.gltf_carried import animation_channels, is_posed, with_skin_of
 from isomatch.assets.formats.registry import FORMATS, MeshFormat
 from isomatch.assets.libraries import asset_from, to_meshio, to_open3d, to_pyvista, to_trimesh
-from isomatch.assets.materials import Layer, Look, Looks, Picture, pixels_of, png_of, sampled, unread
+from isomatch.assets.materials import (
+    Layer,
+    Look,
+    Looks,
+    Picture,
+    multiplied,
+    pixels_of,
+    png_of,
+    sampled,
+    unread,
+)
 from isomatch.assets.polygons import Polygons, Renumbering
 from isomatch.assets.values import holds_values, read_attributes, write_attribute, write_attributes
 
@@ -44,8 +54,10 @@ __all__ = [
     "files_beside",
     "holds_values",
     "is_posed",
+    "linear_of",
     "looks_of",
     "mesh_from",
+    "multiplied",
     "pixels_of",
     "png_of",
     "read_asset",
@@ -53,6 +65,7 @@ __all__ = [
     "read_mesh",
     "read_point_cloud",
     "sampled",
+    "srgb_of",
     "surface_from",
     "to_meshio",
     "to_open3d",

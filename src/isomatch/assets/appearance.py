@@ -21,6 +21,7 @@ from isomatch.assets.materials import (
     Looks,
     Picture,
     as_png,
+    multiplied,
     pixels_of,
     unread,
     unrolled,
@@ -122,7 +123,7 @@ def with_one_texture(asset: Asset) -> tuple[Asset, AnyArray | None]:
     layer = layers[used[0]]
     if layer.picture is None or unread([layer.picture]):
         return asset, None
-    pixels: AnyArray = np.rint(255 * pixels_of(layer.picture.data) * layer.tint).astype(np.uint8)
+    pixels: AnyArray = np.rint(255 * multiplied(pixels_of(layer.picture.data), layer.tint)).astype(np.uint8)
     return shown, pixels
 
 

@@ -8,6 +8,7 @@ from itertools import count
 from typing import Literal, get_args
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from isomatch.errors import DescriptorError
 from isomatch.runtime.memory import require_memory
@@ -214,6 +215,27 @@ class Attribute:
         sums = weights.sum(axis=1, keepdims=True)
         scale = np.divide(dense.sum(axis=1, keepdims=True), sums, out=np.ones_like(sums), where=sums > 0)
         return np.where(weights > 0, joints, 0), weights * scale
+
+
+def srgb_of(linear: ArrayLike) -> FloatArray:
+    """Encode amounts of light 0…1 of red, green and blue, as glTF has them, as pictures and other files do.
+
+    By IEC 61966-2-1. A fourth column is opacity, and stays.
+    """
+    light = np.array(linear, dtype=np.float64)
+    colours = light[..., :3]
+    root = np.maximum(colours, 0) ** (1 / 2.4)
+    light[..., :3] = np.where(colours <= 0.0031308, 12.92 * colours, root + 0.055 * (root - 1))  # 1 stays 1
+    return light
+
+
+def linear_of(srgb: ArrayLike) -> FloatArray:
+    """Decode what `srgb_of` encoded."""
+    light = np.array(srgb, dtype=np.float64)
+    colours = light[..., :3]
+    low, high = colours / 12.92, (np.maximum(colours + 0.055, 0) / 1.055) ** 2.4
+    light[..., :3] = np.where(colours <= 0.04045, low, high)
+    return light
 
 
 def require_lengths(attributes: tuple[Attribute, ...], n: Mapping[str, int]) -> None:

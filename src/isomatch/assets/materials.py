@@ -10,7 +10,9 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from isomatch.assets.attribute import linear_of, srgb_of
 from isomatch.errors import FormatError
 from isomatch.storage.files import contents, opened
 from isomatch.values.arrays import AnyArray, FloatArray, IntArray
@@ -31,7 +33,7 @@ class Picture:
 
 @dataclass(frozen=True)
 class Layer:
-    """A picture on a surface, multiplied by a tint of red to alpha, 0…1; or the tint alone.
+    """A picture on a surface, multiplied in linear light by a tint of red to alpha, 0…1 in sRGB; or the tint alone.
 
     ``uv`` is the attribute by which it is looked up. The ``matrix`` is multiplied by columns u, v, 1 first, where v goes
     down from the top of the picture. ``wrap`` says what is beyond its borders, sideways and upwards; with ``nearest``,
@@ -75,10 +77,14 @@ class Look:
 
 @dataclass(frozen=True)
 class Looks:
-    """The material of each triangle, (m,), −1 for none, and the materials."""
+    """The material of each triangle, (m,), −1 for none, and the materials.
+
+    Their base colours are multiplied by those of points, if ``tinted``, as in glTF.
+    """
 
     of_triangle: IntArray
     looks: tuple[Look, ...]
+    tinted: bool = False
 
     @property
     def pictures(self) -> tuple[Picture, ...]:
@@ -184,7 +190,13 @@ def sampled(pixels: FloatArray, layer: Layer, uv: FloatArray) -> FloatArray:
         row = _wrapped(top + i, height, layer.wrap[1])
         for j, right in ((0, 1 - s), (1, s)):
             total += down * right * pixels[row, _wrapped(left + j, width, layer.wrap[0])]
-    return total * layer.tint
+    return multiplied(total, layer.tint)
+
+
+def multiplied(colours: FloatArray, tint: ArrayLike) -> FloatArray:
+    """Multiply the light of colours (m, 4), 0…1 in sRGB, by that of others."""
+    tint = np.asarray(tint, dtype=np.float64)
+    return colours if (tint == 1).all() else srgb_of(linear_of(colours) * linear_of(tint))
 
 
 def unrolled(layer: Layer, uv: FloatArray) -> Layer:
@@ -244,4 +256,6 @@ def _tint(material: Any) -> tuple[float, ...]:
         return UNTINTED
     colour = np.asarray(tint)
     channels = colour if colour.dtype.kind == "f" and colour.max() <= 1 else colour / 255
+    if tint is getattr(material, "baseColorFactor", None):  # of glTF
+        channels = srgb_of(channels)
     return (*channels.tolist(), 1.0)[:4]

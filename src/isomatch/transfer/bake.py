@@ -11,10 +11,13 @@ from isomatch.assets import (
     Layer,
     Looks,
     Picture,
+    linear_of,
     looks_of,
+    multiplied,
     pixels_of,
     png_of,
     sampled,
+    srgb_of,
     unread,
     unread_files,
     with_texture,
@@ -169,18 +172,25 @@ class _Paint:
     def at(self, places: Places) -> FloatArray:
         """(m, 4) colours at places."""
         if self.looks is None:
-            colour = self.asset.of_kind("colour")[0]
-            seen = np.nan_to_num(places.interpolated(colour.fractions, places.rows(colour)), nan=UNPAINTED[0])
-            return np.column_stack([seen[:, :3], seen[:, 3] if seen.shape[1] == 4 else np.ones(len(seen))])
+            return self._of_points(places)
         look = np.where(places.has_place, self.looks.of_triangle[places.triangle], -1)
         colours = np.ones((len(look), 4))
         for i, each in enumerate(self.looks.looks):
             here = look == i
             those = Places(places.asset, places.triangle[here], places.barycentric[here])
-            colours[here] = self._of_layer(each.base, those)
+            base = self._of_layer(each.base, those)
+            if self.looks.tinted and self.asset.of_kind("colour"):
+                base = multiplied(base, self._of_points(those))
             if each.emitted:
-                colours[here, :3] += self._of_layer(each.emitted, those)[:, :3]
+                glow = self._of_layer(each.emitted, those)
+                base[:, :3] = srgb_of(linear_of(base) + linear_of(glow))[:, :3]
+            colours[here] = base
         return colours
+
+    def _of_points(self, places: Places) -> FloatArray:
+        colour = self.asset.of_kind("colour")[0]
+        seen = np.nan_to_num(places.interpolated(colour.fractions, places.rows(colour)), nan=UNPAINTED[0])
+        return np.column_stack([seen[:, :3], seen[:, 3] if seen.shape[1] == 4 else np.ones(len(seen))])
 
     def _of_layer(self, layer: Layer, places: Places) -> FloatArray:
         n = len(places.triangle)

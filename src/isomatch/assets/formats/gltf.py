@@ -11,7 +11,15 @@ from typing import Any
 import numpy as np
 
 from isomatch.assets.asset import COMMENTS, SPACE, Asset, Frame, Part, RenumberedDocument
-from isomatch.assets.attribute import Attribute, Kind, guessed_kind, told_apart, unused_name
+from isomatch.assets.attribute import (
+    Attribute,
+    Kind,
+    guessed_kind,
+    linear_of,
+    srgb_of,
+    told_apart,
+    unused_name,
+)
 from isomatch.assets.formats._gltf_data import (
     INDICES,
     GltfData,
@@ -43,6 +51,7 @@ Written = list[
     tuple[slice, list[dict[str, Any]]]
 ]  # of each part of a mesh, the rows of its points, and primitives
 # for points of parts without values; 0 and white of others
+_OCTET = 0.03  # of a byte: rounding of what was made of bytes, to 16 bits or floats
 _NONE = {"uv": np.nan, "scalar": np.nan, "label": -1}
 
 
@@ -159,7 +168,7 @@ def _read_values(gltf: GltfData, keys: Mapping[str, int], uv_names: dict[int, st
         said = gltf.json["accessors"][index].get("extras")
         said = said if isinstance(said, dict) else {}
         name = unused_name(str(said.get("name", name)), attributes)
-        values = gltf.array(index) if kind == "colour" else gltf.numbers(index)
+        values = _encoded(gltf.array(index)) if kind == "colour" else gltf.numbers(index)
         if kind == "uv":
             uv_names.setdefault(int(key.rpartition("_")[2]), name)
             values = _upside_down(values)
@@ -171,6 +180,14 @@ def _read_values(gltf: GltfData, keys: Mapping[str, int], uv_names: dict[int, st
         kind = kind or guessed_kind(name, values)
         attributes[name] = Attribute(name, "point", kind, values, names=words, colors=colors)
     return attributes
+
+
+def _encoded(light: AnyArray) -> AnyArray:
+    """Encode linear colours as sRGB: as bytes if they were made of bytes, or else as fractions."""
+    colours = srgb_of(light / _full(light))
+    octets = np.rint(255 * colours)
+    is_octets = bool((np.abs(255 * colours - octets) <= _OCTET).all() and (octets <= 255).all())
+    return octets.astype(np.uint8) if is_octets else colours.astype(np.float32)
 
 
 def _upside_down(uv: AnyArray) -> AnyArray:
@@ -351,12 +368,13 @@ def _write_values(
     if kind == "weights":
         _write_weights(gltf, keys, attribute, mesh)
         return
-    if kind == "colour" and values.dtype.kind == "u" and values.dtype.itemsize <= 2:
-        properties["normalized"] = True
-        if values.shape[1] == 3:
-            values = np.pad(values, ((0, 0), (0, 1)), constant_values=np.iinfo(values.dtype).max)
-    elif kind == "colour":
-        values = np.nan_to_num(attribute.fractions.astype(np.float32), nan=1.0)  # white is none
+    if kind == "colour":
+        light = np.nan_to_num(linear_of(attribute.fractions), nan=1.0)  # white is none
+        is_fine = values.dtype.kind == "f" or values.dtype.itemsize > 1
+        values = light.astype(np.float32) if is_fine else np.rint(light * 65535).astype(np.uint16)
+        if not is_fine:
+            properties["normalized"] = True
+            values = np.pad(values, ((0, 0), (0, 4 - values.shape[1])), constant_values=65535)
     elif kind == "label":
         low, high = values.min(initial=0), values.max(initial=0)
         fits = [kind for kind in (np.uint8, np.uint16) if low >= 0 and high <= np.iinfo(kind).max]

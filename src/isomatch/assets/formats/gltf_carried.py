@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from isomatch.assets.asset import Asset
+from isomatch.assets.attribute import linear_of, srgb_of
 from isomatch.assets.formats._gltf_data import (
     GltfData,
     are_alike,
@@ -51,7 +52,8 @@ def materials_of(document: GltfDocument) -> Looks | None:
         return None
     gltf = GltfData(document.json, bytearray(document.blob))
     of_triangle, used = _used(document)
-    return Looks(of_triangle, tuple(_look(gltf, material, document.uv_names) for material in used))
+    looks = tuple(_look(gltf, material, document.uv_names) for material in used)
+    return Looks(of_triangle, looks, tinted=True)
 
 
 def with_materials_of(receiver: Asset, giver: GltfDocument, giver_triangle: IntArray) -> Asset:
@@ -118,9 +120,10 @@ def _look(gltf: GltfData, index: int, names: Mapping[int, str]) -> Look:
     words, place = ("baseColorFactor", "baseColorTexture"), material.get("pbrMetallicRoughness", {})
     if _GLOSSY in extensions:
         words, place = ("diffuseFactor", "diffuseTexture"), extensions[_GLOSSY]
-    base = _layer(gltf, place.get(words[1]), tuple(place.get(words[0], UNTINTED)), names)
+    factor = srgb_of(place.get(words[0], UNTINTED))
+    base = _layer(gltf, place.get(words[1]), tuple(factor.tolist()), names)
     strength = extensions.get(_STRENGTH, {}).get("emissiveStrength", 1.0)
-    glow = (*(strength * x for x in material.get("emissiveFactor", (0, 0, 0))), 1.0)
+    glow = (*srgb_of(strength * np.array(material.get("emissiveFactor", (0, 0, 0)))).tolist(), 1.0)
     emitted = _layer(gltf, material.get("emissiveTexture"), glow, names) if max(glow[:3]) > 0 else None
     return Look(str(material.get("name", f"material_{index}")), base, emitted)
 
@@ -216,7 +219,7 @@ def _written(
     gltf: GltfData, layer: Layer, number_of: Mapping[str, int], name: str, default: tuple[float, ...]
 ) -> dict[str, Any]:
     """Add the picture of a layer; return what a material says of it."""
-    tint = tuple(layer.tint)[: len(default)]
+    tint = tuple(linear_of(layer.tint).tolist())[: len(default)]
     material: dict[str, Any] = {f"{name}Factor": list(tint)} if tint != default else {}
     if picture := layer.picture:
         image: dict[str, object] = {"uri": picture.name}
