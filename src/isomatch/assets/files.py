@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -19,6 +19,7 @@ from isomatch.assets.libraries import geometry_of
 from isomatch.assets.polygons import Polygons, merged_corners
 from isomatch.errors import DescriptorError, FormatError, MeshError
 from isomatch.storage.files import contents, replaced
+from isomatch.storage.texts import natural_order
 from isomatch.surfaces import Graph, Mesh, PointCloud, Surface
 from isomatch.values.arrays import FloatArray
 
@@ -105,6 +106,12 @@ def read_asset(path: str | os.PathLike[str], *, sound: bool = True) -> Asset:
         return asset.with_note_of_uncut
 
     return checked(read, contents(path), str(path))
+
+
+def meshes_among(paths: Iterable[Path]) -> list[Path]:
+    """Keep the surface files, in the natural order of their names; hidden ones, as macOS makes, are none."""
+    found = [path for path in paths if path.suffix.lower() in FORMATS and not path.name.startswith(".")]
+    return sorted((path for path in found if path.is_file()), key=lambda path: natural_order(str(path)))
 
 
 def write_mesh(

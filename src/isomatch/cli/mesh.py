@@ -16,7 +16,7 @@ from rich.console import Console
 
 import isomatch
 from isomatch import bases, mending, shapes
-from isomatch.assets import FORMATS, as_written, files_beside
+from isomatch.assets import FORMATS, as_written, files_beside, meshes_among
 from isomatch.cli.distance import N_COLUMNS
 from isomatch.cli.inputs import Force, Json, Output, Rounded, surface_of
 from isomatch.cli.outputs import claimed_files, notes_on, say_left_out, say_notes
@@ -76,7 +76,7 @@ def _meshes(place: Path) -> list[Path]:
     """Meshes in a folder and the folders in it, by name; or the file itself."""
     if not place.is_dir():
         return [place]
-    paths = sorted(path for path in place.rglob("*") if path.suffix.lower() in FORMATS and path.is_file())
+    paths = meshes_among(place.rglob("*"))
     if not paths:
         raise isomatch.MissingFileError(f"{place}: no mesh in this folder; known are {', '.join(FORMATS)}")
     return paths

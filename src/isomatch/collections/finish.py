@@ -7,16 +7,17 @@ import time
 from collections.abc import Container, Iterator
 from concurrent.futures import Executor
 from contextlib import suppress
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from functools import lru_cache, partial
 from hashlib import blake2b
+from itertools import pairwise
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from matplotlib.image import imsave
 
-from isomatch.assets import Asset, Attribute, Frame, mesh_from, read_asset, read_mesh, write_asset
+from isomatch.assets import Asset, Attribute, Frame, Polygons, mesh_from, read_asset, read_mesh, write_asset
 from isomatch.collections.cohort import NOT_UNLIKE, mirror_images, scales_of
 from isomatch.collections.collection import Collection
 from isomatch.collections.ledger import Ledger, Record, Rows, read_ledgers, writing_ledger
@@ -24,7 +25,7 @@ from isomatch.collections.map_file import (
     as_matched,
     changed_files,
     digest_of,
-    maps_of_pair,
+    maps_along,
     put_files,
     require_unchanged,
 )
@@ -43,7 +44,7 @@ from isomatch.view import camera_of, position_colours, surface_image, to_screen,
 logger = logging.getLogger(__name__)
 
 OWN = ("name", "key", "turned", "stretch", "distance", "extended", "error")  # columns of the work itself
-COLUMNS = (*OWN, "ways", "scale", "reflected", "mirror_image", "unlike")
+COLUMNS = (*OWN, "expected_error", "ways", "scale", "reflected", "mirror_image", "unlike")
 AT_ONCE = 4  # surfaces of a task
 N_COMPARED = 1000  # vertices of a shape by which outliers are found
 MOST_COMPARED = 2000  # shapes that are compared; of more, every so many-th
@@ -64,8 +65,10 @@ def finish(
     before. Often it is also matched with shapes that are matched with the template, as in a collection of all pairs. Then
     the images of the template's vertices by all these ways are combined: their median on the surface, see `median_map`.
     Doubtful maps are no such ways. Vertices for which it has nothing are placed by those around them; see
-    `isomatch.wrap`. Files of shapes that were taken out, or are not matched any more, are removed. A file that was
-    changed after it was written is written again.
+    `isomatch.wrap`. A shape that is not matched with the template, as in a chain, gets the composition of the maps on the
+    shortest path of sure ones. ``shapes.csv`` names those that none leads to, and has the expected error of the map, in
+    √area, which grows with the path. Files of shapes that were taken out, or are not matched any more, are removed. A
+    file that was changed after it was written is written again.
 
     Other arguments are those of `Collection.run`.
 
@@ -111,6 +114,7 @@ def finish(
                     again = {"again": f"its file {changed[file]}"} if file in changed else {}
                     yield {**lines[name], **again}
             _tell_sides(collection, rows, lines)
+            _tell_unreached(collection, rows, template, set(kept), lines)
             written = [plan.entry.name for plan in plans if _is_written(plan, lines, whole)]
             _tell_unlike(layout, written, lines)
             write_csv(layout.shapes_table, lines.values(), COLUMNS)
@@ -144,14 +148,21 @@ def _planned(collection: Collection, rows: Rows, template: str) -> list[PlannedS
         over = [each for each in linked if {each, name} in sure]
         if over:
             over = [over[i] for i in np.unique(np.linspace(0, len(over) - 1, MOST_WAYS).astype(int))]
-        ways: tuple[Entry | None, ...] = tuple(_entry(collection, rows, each) for each in over)
+        ways: Ways = tuple((_entry(collection, rows, each),) for each in over)
         legs = [frozenset(leg) for each in over for leg in ((template, each), (each, name))]
         if not over or frozenset(pair) in sure:
-            ways, legs = (None, *ways), [frozenset(pair), *legs]
+            ways, legs = ((), *ways), [frozenset(pair), *legs]
         key = "; ".join(keys[leg] for leg in legs)
         if over:
             key = blake2b(key.encode(), digest_size=16).hexdigest()
         plans.append(PlannedSurface(_entry(collection, rows, name), pair, key, ways=ways))
+    matched = {plan.entry.name for plan in plans}
+    for name in collection.names:
+        if name not in matched and (path := rows.path(template, name)):
+            key = "; ".join(keys[frozenset(leg)] for leg in pairwise(path))
+            way = tuple(_entry(collection, rows, each) for each in path[1:-1])
+            key = blake2b(key.encode(), digest_size=16).hexdigest()
+            plans.append(PlannedSurface(_entry(collection, rows, name), (template, name), key, ways=(way,)))
     for i, plan in enumerate(plans):
         if (factor := scales.get(plan.entry.name, 1.0)) != 1:
             plans[i] = plan._replace(scale=factor, key=f"{plan.key} × {factor:.6g}")
@@ -206,6 +217,18 @@ def _tell_unlike(layout: Layout, names: list[str], lines: dict[str, Any]) -> Non
         lines[name]["unlike"] = unlike.get(name, NOT_UNLIKE)
 
 
+def _tell_unreached(
+    collection: Collection, rows: Rows, template: str, kept: set[str], lines: dict[str, Any]
+) -> None:
+    """Add lines of shapes that no path of sure maps leads to, with the maps at which the paths end."""
+    broken = [pair for pair in rows.pairs if rows.is_doubtful(pair) and len(kept & {*pair}) == 1]
+    where = f", as those of {', '.join(' and '.join(pair) for pair in broken)} are doubtful" if broken else ""
+    for name in collection.names:
+        if name not in kept and name in rows.shapes:
+            reason = f"no sure maps lead to it from the template {template}{where}"
+            lines[name] = {"name": name, **lines.get(name, {}), "error": reason}
+
+
 def _tell_sides(collection: Collection, rows: Rows, lines: dict[str, Any]) -> None:
     """Add to the lines of shapes whether they were reflected, and whether they seem to be mirror images."""
     sides = {"reflected": rows.reflected(collection.names), "mirror_image": mirror_images(collection, rows)}
@@ -221,15 +244,18 @@ def _lines_of_table(collection: Collection) -> dict[str, Any]:
     return {line["name"]: line for line in lines if set(OWN) <= set(line)}  # others were not written by us
 
 
+Ways: TypeAlias = tuple[tuple[Entry, ...], ...]
+
+
 class PlannedSurface(NamedTuple):
     """A shape to be drawn with the vertices of the template."""
 
     entry: Entry
-    pair: Pair | None  # that with the template; None for the template itself
+    pair: Pair | None  # the template and the shape; None for the template itself
     key: str  # identifies the map, and with it the surface
     scale: float = 1.0  # what its positions are multiplied by, so that they are in the units of the others
-    # how the template's vertices come to it: by the map of the pair (None), and over other shapes; the median of all
-    ways: tuple[Entry | None, ...] = (None,)
+    # how the template's vertices come to it: over which other shapes, none by the map of the pair; the median of all
+    ways: Ways = ((),)
 
 
 def _wrapped(layout: Layout, of: Entry, plan: PlannedSurface) -> Record:
@@ -244,14 +270,15 @@ def _wrapped(layout: Layout, of: Entry, plan: PlannedSurface) -> Record:
             template = mesh = reflected(mesh) if plan.entry.reflected else mesh
         else:
             turned = of.reflected, plan.entry.reflected
-            there, template, mesh = as_matched(_map(layout, of, plan, mesh), template, mesh, turned)
+            there, line["expected_error"] = _map(layout, of, plan, mesh)
+            there, template, mesh = as_matched(there, template, mesh, turned)
             wrapped = wrap(there, template, mesh)
             mesh = wrapped.mesh
             line |= asdict(wrapped.quality)
             if wrapped.extended.any():
                 marks = [Attribute(MEASURED, "point", "label", (~wrapped.extended).astype(np.uint8))]
         mesh = mesh.moved(plan.scale * mesh.vertices)
-        asset = replace(Asset.of_mesh(mesh, marks), frame=_frame(plan.entry, plan.scale))
+        asset = Asset(mesh.vertices, _polygons(of, mesh), tuple(marks), frame=_frame(plan.entry, plan.scale))
         write_asset(layout.corresponded(name), asset)
         line["file"] = digest_of(layout.corresponded(name))
         _draw(template, mesh, layout.thumbnail(name))
@@ -262,15 +289,17 @@ def _wrapped(layout: Layout, of: Entry, plan: PlannedSurface) -> Record:
     return line
 
 
-def _map(layout: Layout, of: Entry, plan: PlannedSurface, mesh: Mesh) -> Correspondence:
-    """Return the map from the template, between the surfaces in the files: the median of all ways."""
-    maps, name = [], plan.entry.name
-    for over in plan.ways:
-        there = maps_of_pair(layout, of.name, over.name if over else name).there
-        if over:
-            there = there.then(maps_of_pair(layout, over.name, name).there, _mesh(over), mesh)
+def _map(layout: Layout, of: Entry, plan: PlannedSurface, mesh: Mesh) -> tuple[Correspondence, float]:
+    """Return the map from the template, the median of all ways, and its expected error by the first, in √area."""
+    meshes = {plan.entry.name: mesh}
+    maps, errors = [], []
+    for way in plan.ways:
+        path = (of, *way, plan.entry)
+        meshes |= {each.name: _mesh(each) for each in way}
+        there, error = maps_along(layout, [each.name for each in path], meshes.__getitem__)
         maps.append(there)
-    return median_map(maps, mesh) if len(maps) > 1 else maps[0]
+        errors.append(float(np.nanmean(error)) if np.isfinite(error).any() else np.nan)
+    return median_map(maps, mesh) if len(maps) > 1 else maps[0], errors[0]
 
 
 def _draw(template: Mesh, mesh: Mesh, path: Path) -> None:
@@ -280,6 +309,14 @@ def _draw(template: Mesh, mesh: Mesh, path: Path) -> None:
     image = surface_image(mesh, position_colours(template), to_screen, turned, PIXELS_PER_UNIT)
     with replaced(path) as file:
         imsave(file, np.clip(image, 0.0, 1.0), format="png")
+
+
+def _polygons(template: Entry, mesh: Mesh) -> Polygons:
+    """Return the polygons of the template's file, which its shapes have; triangles where it was reflected."""
+    with suppress(IsomatchError):  # as of attributes that cannot be read
+        if not template.reflected:
+            return read_asset(template.path).polygons
+    return Polygons.of_triangles(mesh.faces)
 
 
 def _frame(entry: Entry, scale: float) -> Frame | None:

@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 
 from isomatch.assets import Asset, read_asset, read_mesh
 from isomatch.collections.collection import Collection
-from isomatch.collections.map_file import require_unchanged
+from isomatch.collections.map_file import maps_along, require_unchanged
 from isomatch.correspondence import Correspondence
 from isomatch.errors import InputError
 from isomatch.landmarks import Landmarks, median_landmarks
@@ -44,9 +44,9 @@ def collected_landmarks(
 ) -> Iterator[tuple[str, Landmarks]]:
     """Carry the landmarks of some shapes, the templates, to all others.
 
-    Used are the maps of a template with a shape or, where they are not matched with each other, both maps with the
-    template of the collection, one after the other. Doubtful maps are not used, see `Rows.is_doubtful`; a shape that no
-    other map leads to is left out.
+    Used are the maps of a template with a shape or, where they are not matched with each other, those on the shortest
+    path between them, one after the other. Doubtful maps are not used, see `Rows.is_doubtful`; a shape that no other map
+    leads to is left out.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def collected_landmarks(
     ------
     str, Landmarks
         Each shape of the collection, and its landmarks: of a template its own, with the points of curves equally spaced;
-        of another the medians over templates, with their ``spread`` and ``expected_error``. Of two maps, one after the
+        of another the medians over templates, with their ``spread`` and ``expected_error``. Of maps one after the
         other, this is the root of the sum of squares.
 
     Raises
@@ -119,7 +119,6 @@ class _Templates:
         require_unchanged(collection.layout, ["maps"])
         self._collection, self._curve_points = collection, curve_points
         self._rows = collection.rows()
-        self._centre = collection.chosen_template(self._rows)
         self._read = lru_cache(len(files) + 2)(lambda name: read_asset(collection.paths[name]))
         self._marks = {name: Landmarks.read(path, self._read(name)) for name, path in files.items()}
 
@@ -140,22 +139,11 @@ class _Templates:
         return median_landmarks(several, _unwelded(self._read(name))) if several else None
 
     def _map(self, source: str, target: str) -> tuple[Correspondence | None, FloatArray | None]:
-        """Return the map between two shapes with its expected error, directly or over the template, or None."""
-        if self._is_sure(source, target):
-            maps = self._collection.maps(source, target)
-            return maps.there, maps.there_error
-        centre = self._centre
-        if centre is None or not (self._is_sure(source, centre) and self._is_sure(centre, target)):
+        """Return the map between two shapes with its expected error, by the shortest path of sure ones, or None."""
+        path = self._rows.path(source, target)
+        if path is None:
             return None, None
-        first, second = self._collection.maps(source, centre), self._collection.maps(centre, target)
-        joined = first.there.then(second.there, *map(_unwelded, map(self._read, (centre, target))))
-        if first.there_error is None or second.there_error is None:
-            return joined, None
-        return joined, np.hypot(first.there_error, first.there.pull_back(second.there_error))
-
-    def _is_sure(self, one: str, other: str) -> bool:
-        pairs = [pair for pair in ((one, other), (other, one)) if self._rows.is_current(pair)]
-        return any(not self._rows.is_doubtful(pair) for pair in pairs)
+        return maps_along(self._collection.layout, path, lambda name: _unwelded(self._read(name)))
 
 
 def _unwelded(shape: Asset) -> Mesh:

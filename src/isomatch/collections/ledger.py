@@ -72,6 +72,25 @@ class Rows:
             Outcome[self.pairs[pair][side]["outcome"]].is_doubtful for side in SIDES
         )
 
+    def path(self, source: str, target: str) -> tuple[str, ...] | None:
+        """Return the shapes on the shortest way from one to another by maps that are not doubtful; None without any."""
+        linked: dict[str, list[str]] = {}
+        for pair in self.pairs:
+            if self.is_current(pair) and not self.is_doubtful(pair):
+                for one, other in (pair, pair[::-1]):
+                    linked.setdefault(one, []).append(other)
+        before, front = {source: source}, [source]
+        while front and target not in before:
+            found = {other: one for one in front for other in linked.get(one, ()) if other not in before}
+            before |= found
+            front = list(found)
+        if target not in before:
+            return None
+        path = [target]
+        while path[-1] != source:
+            path.append(before[path[-1]])
+        return tuple(reversed(path))
+
     def of(self, names: Iterable[str]) -> Rows:
         """Return the rows of some shapes, and of the pairs of these."""
         kept = set(names)

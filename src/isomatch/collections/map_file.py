@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from hashlib import blake2b, file_digest
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -197,3 +198,25 @@ def _was_just_replaced(path: Path, row: Record) -> bool:
     record = PairMaps.load(path).record
     is_new = record.get("replaced_by") not in (None, row.get("replaced_by"))
     return bool(record.get("key") == row["key"] and is_new)
+
+
+def maps_along(
+    layout: Layout, path: Sequence[str], mesh_of: Callable[[str], Mesh]
+) -> tuple[Correspondence, FloatArray]:
+    """Compose the maps from each shape of a path to the next; give also the expected error of each vertex, or nan.
+
+    Errors are taken for independent: theirs is the root of the sum of squares.
+    """
+    composed: Correspondence | None = None
+    errors: FloatArray = np.zeros(0)
+    for here, to in pairwise(path):
+        maps = maps_of_pair(layout, here, to)
+        own = np.full(len(maps.there.vertices), np.nan) if maps.there_error is None else maps.there_error
+        if composed is None:
+            composed, errors = maps.there, own
+        else:
+            errors = np.asarray(np.hypot(errors, composed.pull_back(own)))
+            composed = composed.then(maps.there, mesh_of(here), mesh_of(to))
+    if composed is None:
+        raise ValueError("a path has at least two shapes")
+    return composed, errors

@@ -11,7 +11,7 @@ from itertools import combinations, pairwise
 from pathlib import Path
 from unicodedata import normalize
 
-from isomatch.assets import FORMATS
+from isomatch.assets import meshes_among
 from isomatch.errors import InputError
 from isomatch.storage.files import ignores_case, legible
 from isomatch.storage.texts import read_csv
@@ -44,8 +44,7 @@ def entries_of(shapes: str | Path | Iterable[str | Path]) -> tuple[Entry, ...]:
     else:
         folder = Path(shapes)
         paths = folder.iterdir() if folder.is_dir() else map(Path, glob(str(shapes)))
-        meshes = [path for path in sorted(paths) if path.is_file() and path.suffix.lower() in FORMATS]
-        entries = [Entry(legible(path.stem), path) for path in meshes]
+        entries = [Entry(legible(path.stem), path) for path in meshes_among(paths)]
     if not entries:
         raise InputError(
             f"{shapes}: no shapes that can be read; give a folder, a quoted pattern or a list.csv"

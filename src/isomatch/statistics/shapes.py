@@ -11,10 +11,11 @@ from typing import TypeVar
 
 import numpy as np
 
-from isomatch.assets import FORMATS, read_asset, read_mesh
+from isomatch.assets import FORMATS, Polygons, meshes_among, read_asset
 from isomatch.errors import FormatError, MeshError, MissingFileError, NotConvergedError, some
 from isomatch.statistics.procrustes import Scale, aligned_to, generalised_procrustes
 from isomatch.storage.files import legible, opened
+from isomatch.storage.texts import natural_order
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray, numbers_of
 from isomatch.values.cached import cached_property
@@ -98,19 +99,24 @@ class CorrespondedShapes:
 
     @classmethod
     def of_meshes(
-        cls, meshes: Mapping[str, Mesh], measured: Mapping[str, BoolArray] | None = None
+        cls,
+        meshes: Mapping[str, Mesh],
+        measured: Mapping[str, BoolArray] | None = None,
+        polygons: Mapping[str, Polygons] | None = None,
     ) -> CorrespondedShapes:
-        """Collect meshes, by name in alphabetical order; those that are not in correspondence are left out.
+        """Collect meshes, by name with numbers in their order; those that are not in correspondence are left out.
 
-        A mesh is left out if its faces are not those of most meshes, but for the order of corners; if it has a vertex
-        without a finite position, which is how unmatched vertices are written; or if less than half of its vertices were
-        ``measured``, an array (n,) for each mesh with vertices that were not. ``left_out`` says which and why.
+        A mesh is left out if its faces, or the ``polygons`` they were cut from, are not those of most meshes, but for
+        their order and that of corners; if it has a vertex without a finite position, which is how unmatched vertices are
+        written; or if less than half of its vertices were ``measured``, an array (n,) for each mesh with vertices that
+        were not. Polygons are cut as in the first mesh. ``left_out`` says which and why.
         `MeshError` if none is left.
         """
-        ordered = dict(sorted(meshes.items()))
+        ordered = {name: meshes[name] for name in sorted(meshes, key=natural_order)}
         if not ordered:
             raise MeshError("no shapes; give at least one")
-        forms = {n: (mesh.n_vertices, _digest(np.sort(mesh.faces, axis=1))) for n, mesh in ordered.items()}
+        outlines = dict(polygons or {n: Polygons.of_triangles(mesh.faces) for n, mesh in ordered.items()})
+        forms = {n: (mesh.n_vertices, _form(outlines[n])) for n, mesh in ordered.items()}
         common = _most_common(forms.values())
         masks = dict(measured or {})
         kept, left_out = {}, []
@@ -127,11 +133,12 @@ class CorrespondedShapes:
         if not kept:
             raise MeshError("; ".join(["no shapes", *left_out, "give at least one"]))
         positions = np.array([mesh.vertices for mesh in kept.values()])
-        faces = {_digest(mesh.faces): mesh.faces for mesh in kept.values()}
-        usual = _most_common(_digest(mesh.faces) for mesh in kept.values())
+        windings = {name: _digest(outlines[name].corners) for name in kept}
+        usual = _most_common(windings.values())
+        faces = next(mesh.faces for name, mesh in kept.items() if windings[name] == usual)
         everything = np.ones(positions.shape[1], dtype=bool)
         own = np.array([masks.get(name, everything) for name in kept])
-        return cls(tuple(kept), positions, faces[usual], tuple(left_out), own)
+        return cls(tuple(kept), positions, faces, tuple(left_out), own)
 
     @property
     def n_vertices(self) -> int:
@@ -184,6 +191,16 @@ def _digest(faces: IntArray) -> bytes:
     return blake2b(np.ascontiguousarray(faces).tobytes()).digest()
 
 
+def _form(polygons: Polygons) -> bytes:
+    """Digest which points each polygon joins, in whatever order."""
+    starts = np.cumsum(polygons.sizes) - polygons.sizes
+    rows = []
+    for size in np.unique(polygons.sizes).tolist():
+        of_size = np.sort(polygons.corners[starts[polygons.sizes == size, None] + np.arange(size)], axis=1)
+        rows.append(of_size[np.lexsort(of_size.T)].ravel())
+    return _digest(np.concatenate([np.sort(polygons.sizes), *rows]))
+
+
 def _most_common(values: Iterable[T]) -> T:
     """Return the most frequent value, the first of those that are as frequent."""
     return Counter(values).most_common(1)[0][0]
@@ -209,7 +226,10 @@ def read_shapes(source: str | Path | Iterable[str | Path]) -> CorrespondedShapes
     if twice:
         raise FormatError(f"{source}: several files are named {', '.join(twice)}; keep one of each")
     measured = {legible(file.stem): own for file in files if (own := read_measured(file)) is not None}
-    return CorrespondedShapes.of_meshes({legible(file.stem): read_mesh(file) for file in files}, measured)
+    assets = {legible(file.stem): read_asset(file) for file in files}
+    meshes = {name: Mesh(each.placed_points, each.polygons.triangles) for name, each in assets.items()}
+    polygons = {name: each.polygons for name, each in assets.items()}
+    return CorrespondedShapes.of_meshes(meshes, measured, polygons)
 
 
 def read_measured(file: str | Path) -> BoolArray | None:
@@ -229,7 +249,7 @@ def _files_of(folder: Path) -> list[Path]:
     folder = inner if inner.is_dir() else folder
     if not folder.is_dir():
         raise MissingFileError(f"{folder}: no such folder; give a folder of meshes in one topology")
-    files = sorted(file for file in folder.iterdir() if file.suffix.lower() in FORMATS)
+    files = meshes_among(folder.iterdir())
     if not files:
         raise FormatError(f"{folder}: no meshes; give a folder of {', '.join(FORMATS)} files in one topology")
     return files

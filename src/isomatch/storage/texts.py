@@ -75,6 +75,19 @@ def read_integers(path: Path, width: int, refuse: Callable[[int, str], NoReturn]
     return np.array(integers, dtype=np.int64).reshape(-1, width)
 
 
+def natural_order(name: str) -> list[tuple[str, int]]:
+    """Return a key by which names sort as people count: frame2 before frame10, whatever the case.
+
+    Examples
+    --------
+    >>> sorted(["b10", "b9", "A1", "b"], key=natural_order)
+    ['A1', 'b', 'b9', 'b10']
+    """
+    parts = re.split(r"([0-9]+)", name.casefold())
+    numbers = [*map(int, parts[1::2]), -1]
+    return [*zip(parts[::2], numbers), (name, -1)]  # names that differ in case alone keep one order
+
+
 def is_whole_number(word: str) -> bool:
     """Whether a word is an integer of at most 18 ASCII digits; `int` also takes 1_0 and other digits."""
     return re.fullmatch(r"[+-]?[0-9]{1,18}", word) is not None
