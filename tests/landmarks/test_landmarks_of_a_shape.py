@@ -434,3 +434,53 @@ def test_medians_are_joined_by_name_and_leave_out_what_is_missing(caplog):
         median_landmarks([Landmarks([a, b], ["x", "x"]), Landmarks([a, b], ["y", "y"])], SPHERE)
     with pytest.raises(LandmarkError, match="template"):
         median_landmarks([], SPHERE)
+
+
+NOWHERE_IN = {
+    "words.csv": "name,x,y,z\na,0.5,0.25,0\nb,-,-,-\nc,NaN,NaN,NaN\nd,,,\ne,1,1,0\n",
+    "numbers.csv": "name,x,y,z\na,0.5,0.25,0\nb,9999,9999,9999\nc,-9999,-9999,-9999\nd,n/a,n/a,n/a\ne,1,1,0\n",
+    "a.pts": "Version 1.0\n5\na 0.5 0.25 0\nb 9999 9999 9999\nc -9999 -9999 -9999\nd - - -\ne 1 1 0\n",
+    "a.fcsv": "# CoordinateSystem = LPS\n# columns = id,x,y,z,label\n"
+    "1,0.5,0.25,0,a\n2,nan,nan,nan,b\n3,,,,c\n4,9999,9999,9999,d\n5,1,1,0,e\n",
+    "a.pp": "<PickedPoints>"
+    + "".join(
+        f'<point x="{x}" y="{y}" z="{z}" active="1" name="{name}"/>'
+        for name, (x, y, z) in zip(
+            "abcde", [(0.5, 0.25, 0), ("nan",) * 3, (9999,) * 3, (-9999,) * 3, (1, 1, 0)]
+        )
+    )
+    + "</PickedPoints>",
+}
+
+
+@pytest.mark.parametrize("name", NOWHERE_IN)
+def test_landmarks_without_a_place_keep_name_and_order(tmp_path, name):
+    square = Mesh([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])
+    (tmp_path / name).write_text(NOWHERE_IN[name])
+    marks = Landmarks.read(tmp_path / name, square)
+    assert marks.names == tuple("abcde")
+    assert marks.placed.tolist() == [True, False, False, False, True]
+    write_landmarks(tmp_path / "again.csv", marks)
+    again = Landmarks.read(tmp_path / "again.csv", square)
+    assert again.names == marks.names
+    np.testing.assert_array_equal(again.positions, marks.positions)
+
+
+def test_a_label_of_freesurfer_has_vertices_or_positions(tmp_path):
+    square = Mesh([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])
+    (tmp_path / "lh.label").write_text("#!ascii label\n2\n2 9.0 9.0 9.0 0.0\n-1 0.5 0.25 0 1.0\n")
+    assert Landmarks.read(tmp_path / "lh.label", square).positions.tolist() == [[1, 1, 0], [0.5, 0.25, 0]]
+
+
+def test_units_of_slicer_are_kept(tmp_path):
+    point = {"label": "a", "position": [0.5, 0.25, 0], "positionStatus": "defined"}
+    markup = {
+        "type": "Fiducial",
+        "coordinateSystem": "LPS",
+        "coordinateUnits": "um",
+        "controlPoints": [point],
+    }
+    (tmp_path / "a.mrk.json").write_text(json.dumps({"markups": [markup]}))
+    square = Mesh([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])
+    write_landmarks(tmp_path / "b.mrk.json", Landmarks.read(tmp_path / "a.mrk.json", square))
+    assert json.loads((tmp_path / "b.mrk.json").read_text())["markups"][0]["coordinateUnits"] == "um"

@@ -26,7 +26,9 @@ POINTS = "write a 0-based vertex index or a position x y z, after a name if ther
 AXES = "x", "y", "z"
 NAMES, VERTICES = ("name", "label", "id"), ("vertex", "index")
 CURVES = "Curve", "ClosedCurve"  # of 3D Slicer
-NOWHERE = {"", "na", "nan"}  # cells of a point without a position
+# cells of a point without a position, in words and in numbers
+NOWHERE = {"", "na", "n/a", "nan", "none", "null", "-", "–", "−", "--", "?"}
+NO_NUMBER = 9999.0  # or −9999, in all three coordinates, as of programs for morphometrics
 
 logger = logging.getLogger(__name__)
 
@@ -46,6 +48,7 @@ class MarkedPoint:
     axes: Axes | None = None  # that a file of 3D Slicer says
     curve: str = ""  # points of one follow each other along it
     closed: bool = False
+    unit: str = ""  # that a file of 3D Slicer says
 
 
 def marked_pairs(path: Path) -> list[tuple[MarkedPoint, MarkedPoint]]:
@@ -87,7 +90,13 @@ def marked_points(path: Path) -> list[MarkedPoint]:
 
 
 def _reader(path: Path) -> Callable[[Path], list[MarkedPoint]] | None:
-    readers = {".json": _slicer_markups, ".fcsv": _slicer_fiducials, ".pp": _meshlab_points}
+    readers = {
+        ".json": _slicer_markups,
+        ".fcsv": _slicer_fiducials,
+        ".pp": _meshlab_points,
+        ".pts": _editor_points,
+        ".label": _freesurfer_label,
+    }
     return readers.get(path.suffix.lower())
 
 
@@ -109,8 +118,7 @@ def _text_points(path: Path) -> list[MarkedPoint]:
         chosen = list(range(len(cells))) if place is None else place
         if len(chosen) not in (1, 3):
             raise FormatError(f"{where}: {line[:80]!r} is not a point; {POINTS}")
-        nowhere = place is not None and all(i < len(cells) and cells[i].lower() in NOWHERE for i in place)
-        at = () if nowhere else _place(cells, chosen, where, line, POINTS)
+        at = _place(cells, chosen, where, line, POINTS, may_miss=True)
         texts = {each: cells[i] for each, i in column.items() if i < len(cells)}
         name = next((texts[each] for each in NAMES if each in texts), "")
         closed = texts.get("closed", "").lower() in ("1", "true", "yes")
@@ -129,6 +137,7 @@ def _slicer_markups(path: Path) -> list[MarkedPoint]:
     try:
         for number, markup in enumerate(content["markups"], start=1):
             axes = _axes(markup.get("coordinateSystem", "LPS"))
+            unit = str(markup.get("coordinateUnits") or "")
             kind = markup.get("type")
             curve = str(markup.get("name") or f"curve {number}") if kind in CURVES else ""
             if any(point.curve == curve for point in points if curve):
@@ -137,7 +146,7 @@ def _slicer_markups(path: Path) -> list[MarkedPoint]:
                 is_placed = point.get("positionStatus", "defined") == "defined"
                 at = _in_lps(point["position"], axes) if is_placed else ()
                 label, where = str(point.get("label", "")), f"{path}: point {i}"
-                points.append(MarkedPoint(label, at, where, axes, curve, kind == CURVES[1]))
+                points.append(MarkedPoint(label, at, where, axes, curve, kind == CURVES[1], unit))
     except (KeyError, TypeError, AttributeError, ValueError, OverflowError) as error:
         raise FormatError(
             f"{path}: is no list of markups of 3D Slicer, with positions of three numbers ({error!r})"
@@ -161,7 +170,8 @@ def _slicer_fiducials(path: Path) -> list[MarkedPoint]:
         row = dict(zip(columns, _split(line, where, ",")))
         try:
             axes = _axes(said)
-            at = _in_lps([float(row[axis]) for axis in AXES], axes)
+            cells = [row[axis].strip().lower() for axis in AXES]
+            at = _in_lps([None if cell in NOWHERE else float(cell) for cell in cells], axes)
         except (KeyError, ValueError):
             raise FormatError(
                 f"{where}: {line[:80]!r} has no position in its columns {', '.join(columns)[:80]}"
@@ -177,9 +187,11 @@ def _axes(said: Any) -> Axes:
 
 
 def _in_lps(position: Any, axes: Axes) -> tuple[float, ...]:
-    at = np.array([float(each) for each in position])
-    if at.shape != (3,) or not np.isfinite(at).all():
+    at = np.array([np.nan if each is None else float(each) for each in position])
+    if at.shape != (3,) or np.isinf(at).any():
         raise ValueError("a position has three finite numbers")
+    if np.isnan(at).any() or (np.abs(at) == NO_NUMBER).all():
+        return ()
     return tuple((TURN * at if axes == "RAS" else at).tolist())
 
 
@@ -196,8 +208,36 @@ def _meshlab_points(path: Path) -> list[MarkedPoint]:
         where = f"{path}: point {i}"
         cells = [point.get(axis, "") for axis in AXES]
         is_placed = point.get("active", "1") != "0"
-        at = _place(cells, [0, 1, 2], where, " ".join(cells), "write x, y, z") if is_placed else ()
+        line = " ".join(cells)
+        at = _place(cells, [0, 1, 2], where, line, "write x, y, z", may_miss=True) if is_placed else ()
         points.append(MarkedPoint(point.get("name", ""), at, where))
+    return points
+
+
+def _editor_points(path: Path) -> list[MarkedPoint]:
+    """Read a file of Landmark Editor: a version, the number of points, and a name and a position on each line."""
+    points = []
+    for number, line in enumerate(read_text(path).splitlines(), start=1):
+        cells, where = line.split(), f"{path}:{number}"
+        if cells and cells[0].lower() != "version" and len(cells) > 1:
+            if len(cells) < 4:
+                raise FormatError(f"{where}: {line[:80]!r} is not a name and a position; write name x y z")
+            at = _place(cells[-3:], [0, 1, 2], where, line, "write name x y z", may_miss=True)
+            points.append(MarkedPoint(" ".join(cells[:-3]), at, where))
+    return points
+
+
+def _freesurfer_label(path: Path) -> list[MarkedPoint]:
+    """Read a label of FreeSurfer: a vertex on each line, or −1 and a position, after a comment and their number."""
+    points = []
+    for number, line in enumerate(read_text(path).splitlines(), start=1):
+        cells, where = line.split(), f"{path}:{number}"
+        if number > 1 and len(cells) > 1 and not line.startswith("#"):
+            free = cells[0] == "-1"
+            remedy = "write vertex x y z value"
+            points.append(
+                MarkedPoint("", _place(cells, [1, 2, 3] if free else [0], where, line, remedy), where)
+            )
     return points
 
 
@@ -235,12 +275,16 @@ def _split(line: str, where: str, separator: str | None = None) -> list[str]:
 
 def _is_header(cells: list[str]) -> bool:
     """Tell whether a line names columns: no cell begins like a number."""
-    return all(re.match(r"[A-Za-z_]", cell) for cell in cells)
+    return all(re.match(r"[A-Za-z_]", cell) and cell.lower() not in NOWHERE for cell in cells)
 
 
-def _place(cells: list[str], columns: list[int], where: str, line: str, remedy: str) -> tuple[float, ...]:
-    """Return the vertex index, or the position, in some cells."""
+def _place(
+    cells: list[str], columns: list[int], where: str, line: str, remedy: str, may_miss: bool = False
+) -> tuple[float, ...]:
+    """Return the vertex index, or the position, in some cells; nothing of a point without a place, if it ``may_miss``."""
     chosen = [cells[column] if column < len(cells) else "" for column in columns]
+    if may_miss and max(columns) < len(cells) and all(cell.lower() in NOWHERE for cell in chosen):
+        return ()
     numbers: list[float] = []
     for cell in chosen:
         number = r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?"
@@ -249,7 +293,8 @@ def _place(cells: list[str], columns: list[int], where: str, line: str, remedy: 
         numbers.append(int(cell) if len(chosen) == 1 else float(cell))
     if not np.isfinite(numbers).all():
         raise FormatError(f"{where}: {line[:80]!r} is not finite; {remedy}")
-    return tuple(numbers)
+    is_missing = may_miss and len(numbers) == 3 and all(abs(number) == NO_NUMBER for number in numbers)
+    return () if is_missing else tuple(numbers)
 
 
 def placed_positions(

@@ -95,6 +95,7 @@ def _markups(landmarks: Landmarks, title: str) -> str:
             "type": "Fiducial" if curve is None else CURVES[curve.closed],
             "name": title if curve is None else curve.name,
             "coordinateSystem": landmarks.axes or "LPS",
+            **({"coordinateUnits": landmarks.unit} if landmarks.unit else {}),
             "controlPoints": [_control_point(landmarks, row) for row in (curve.rows if curve else rows)],
         }
         markups.append(markup)

@@ -68,6 +68,8 @@ class Landmarks:
         Mean distance of the points that several templates give from the one returned; nan of one template.
     axes : {"RAS", "LPS"}, optional
         Where x, y and z of the coordinates point; None where neither the surface nor the landmarks say that.
+    unit : str
+        Unit of the coordinates, as a file of 3D Slicer says it; empty if none does.
 
     Raises
     ------
@@ -87,6 +89,7 @@ class Landmarks:
     expected_error: FloatArray
     spread: FloatArray
     axes: Axes | None
+    unit: str
 
     def __init__(
         self,
@@ -96,6 +99,7 @@ class Landmarks:
         expected_error: ArrayLike | None = None,
         spread: ArrayLike | None = None,
         axes: Axes | None = None,
+        unit: str = "",
     ) -> None:
         placed = numbers_of(positions, "landmarks", LandmarkError).reshape(-1, 3)
         m = len(placed)
@@ -112,7 +116,7 @@ class Landmarks:
         curves = tuple(Curve(name, tuple(rows), closed) for name, rows, closed in curves)
         _check_curves(curves, m)
         fields = {"positions": placed, "names": names, "curves": curves, "expected_error": errors}
-        for field, value in {**fields, "spread": spreads, "axes": axes}.items():
+        for field, value in {**fields, "spread": spreads, "axes": axes, "unit": unit}.items():
             object.__setattr__(self, field, value)
 
     def __repr__(self) -> str:
@@ -150,8 +154,9 @@ class Landmarks:
         Parameters
         ----------
         path : path
-            ``.mrk.json`` or ``.fcsv`` of 3D Slicer, ``.pp`` of MeshLab, or text with an index or a position on each line,
-            or a table with ``x``, ``y``, ``z`` or ``vertex``, and perhaps ``name``, ``curve`` and ``closed``.
+            ``.mrk.json`` or ``.fcsv`` of 3D Slicer, ``.pp`` of MeshLab, ``.pts`` of Landmark Editor, ``.label`` of
+            FreeSurfer; text with an index or a position on each line, or a table with ``x``, ``y``, ``z`` or ``vertex``, and
+            perhaps ``name``, ``curve`` and ``closed``. Points that are nan, 9999, "-" or empty have no place.
         surface : Asset, or what `surface_from` takes, optional
             The surface; an asset or a file may say its space. Without one, positions of 3D Slicer are in LPS, others as
             they are.
@@ -180,7 +185,7 @@ class Landmarks:
         names = [point.name for point in points]
         if surface is None:
             axes: Axes | None = "LPS" if any(point.axes for point in points) else None
-            return cls(_positions(points), names, _curves(points), axes=axes)
+            return cls(_positions(points), names, _curves(points), axes=axes, unit=points[0].unit)
         given, frame = with_frame(surface)
         shape = _with_positions(given)
 
@@ -190,7 +195,7 @@ class Landmarks:
 
         unit = float(np.sqrt(shape.area))
         positions, axes = placed_positions(points, shape.vertices, unit, distance, frame, "surface", "points")
-        return cls(positions, names, _curves(points), axes=axes)
+        return cls(positions, names, _curves(points), axes=axes, unit=points[0].unit)
 
 
 def with_frame(given: Asset | SurfaceLike) -> tuple[SurfaceLike, Frame | None]:
@@ -462,7 +467,7 @@ def median_landmarks(several: Sequence[Landmarks], surface: SurfaceLike) -> Land
     spread, alone = _over_templates(np.mean, apart), _over_templates(np.median, errors)
     together = np.hypot(COMMON * alone, spread / np.sqrt(np.maximum(count, 1)))
     expected = np.where(count == 1, alone, together)
-    return Landmarks(positions, first.names, first.curves, expected, spread, first.axes)
+    return Landmarks(positions, first.names, first.curves, expected, spread, first.axes, first.unit)
 
 
 def _rows_of(several: Sequence[Landmarks]) -> list[list[int | None]]:

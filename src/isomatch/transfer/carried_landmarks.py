@@ -95,7 +95,9 @@ def carry_landmarks(
     if curve_points is None:
         for curve, values in along.items():
             every[list(curve.rows)] = values
-        return Landmarks(every[:, :3], landmarks.names, landmarks.curves, every[:, 3], axes=axes)
+        return Landmarks(
+            every[:, :3], landmarks.names, landmarks.curves, every[:, 3], axes=axes, unit=landmarks.unit
+        )
     names, images, curves = list[str](), list[FloatArray](), list[Curve]()
     for row, (name, on) in enumerate(zip(landmarks.names, landmarks.curve_of)):
         if on is None:
@@ -107,7 +109,7 @@ def carry_landmarks(
             names += [f"{on.name}-{i + 1}" for i in range(curve_points)]
             images += list(along[on])
     values = np.array(images).reshape(-1, 4)
-    return Landmarks(values[:, :3], names, curves, values[:, 3], axes=axes)
+    return Landmarks(values[:, :3], names, curves, values[:, 3], axes=axes, unit=landmarks.unit)
 
 
 @dataclass(frozen=True, eq=False)
