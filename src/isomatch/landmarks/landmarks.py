@@ -155,8 +155,8 @@ class Landmarks:
         ----------
         path : path
             ``.mrk.json`` or ``.fcsv`` of 3D Slicer, ``.pp`` of MeshLab, ``.pts`` of Landmark Editor, ``.label`` of
-            FreeSurfer; text with an index or a position on each line, or a table with ``x``, ``y``, ``z`` or ``vertex``, and
-            perhaps ``name``, ``curve`` and ``closed``. Points that are nan, 9999, "-" or empty have no place.
+            FreeSurfer; text with an index or a position on each line, or a table with ``x``, ``y``, ``z`` or ``vertex``,
+            and perhaps ``name``, ``curve`` and ``closed``. Points that are nan, 9999, "-" or empty have no place.
         surface : Asset, or what `surface_from` takes, optional
             The surface; an asset or a file may say its space. Without one, positions of 3D Slicer are in LPS, others as
             they are.
