@@ -100,8 +100,8 @@ def nearest_in_cells(candidates: FloatArray, queries: FloatArray, cells: VertexC
     # nearest so far are passed over. A surface is two-dimensional whatever d is, so a handful of cells is opened for
     # each query: 2 m c d operations for the centres, about m d n / c for each cell opened.
     middle = candidates.mean(axis=0)
-    x = _single(candidates[cells.members], middle)
-    centres = _single(candidates[cells.centres], middle)
+    x = _single(candidates, middle)
+    x, centres = x[cells.members], x[cells.centres]
     norms = np.einsum("ij,ij->i", centres, centres)
     radius, from_centre = np.zeros(len(centres), dtype=np.float32), np.zeros(len(x), dtype=np.float32)
     _radii(x, centres, cells.start, from_centre, radius)

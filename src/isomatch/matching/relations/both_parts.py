@@ -25,8 +25,13 @@ from isomatch.matching.relations.part import (
     filled,
     measured_part,
 )
-from isomatch.matching.relations.part_registration import N_ROUGH_VERTICES, BentPart, PartFit
-from isomatch.matching.stages import Relation, Stages
+from isomatch.matching.relations.part_registration import (
+    N_ROUGH_VERTICES,
+    BentPart,
+    PartFit,
+    WholeCoordinates,
+)
+from isomatch.matching.stages import Relation
 from isomatch.matching.starts import first_maps_handed_in, nearest_in_pose, searches_by_anchors
 from isomatch.matching.verify import largest_piece
 from isomatch.runtime.stage_timer import StageTimer
@@ -34,7 +39,7 @@ from isomatch.runtime.threads import parallel_map
 from isomatch.settings import Config
 from isomatch.shapes import region_of
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
-from isomatch.values.cached import cached_property
+from isomatch.values.cached import cached_method, cached_property
 
 # best refined regions that are grown again, cost of a sample up to which it joins, and whether it is refined roughly
 ROUNDS = (4, 0.05, True), (2, 0.045, False)
@@ -76,10 +81,43 @@ class BothParts(Relation):
     def _refined(self, regions: list[CommonRegion], roughly: bool) -> list[RefinedRegion]:
         def refined(region: CommonRegion) -> RefinedRegion | None:
             with suppress(MeshError):  # too small to be prepared
-                return refined_region(self._regions, region, self.pair, self.priors, self.stages, roughly)
+                return self._refined_region(region, roughly)
             return None
 
         return _ranked([region for region in parallel_map(refined, regions) if region])
+
+    def _refined_region(self, region: CommonRegion, roughly: bool) -> RefinedRegion:
+        """Refine the samples of a region, and what lies around them, as a part of the target."""
+        pair, regions, landmarks = self.pair, self._regions, self.priors.landmarks
+        source, target = regions.source, regions.target
+        n = source.shape.body.n_vertices
+        gap, owner = distance_along_edges_to_nearest(source.shape.body, source.vertices[region.accepted])
+        vertices = largest_piece(source.shape.mesh_body, source.unit * gap <= AROUND)
+        without_extremities = replace(pair.config.preparation, n_extremities=0)
+        config = replace(pair.config, scale="same", preparation=without_extremities)
+        if roughly:
+            config = rough(config)
+        part = region_of(source.shape, vertices, config)
+        # what a length is worth on the target, as if both came in the unit of both parts
+        length = part.scale / source.shape.scale * source.unit / target.unit
+        part = replace(part, scale=length * target.shape.scale)
+        images, number = np.full(n, -1), np.full(n, -1)
+        images[source.vertices], number[vertices] = region.images, np.arange(len(vertices))
+        landmarks = np.column_stack([number[landmarks[:, 0]], landmarks[:, 1]])[number[landmarks[:, 0]] >= 0]
+        nothing = np.zeros((len(vertices), 0)), np.zeros((target.shape.body.n_vertices, 0))
+        functions = pair.functions and Embedding(pair.known.source[vertices], pair.functions.target)
+        own_pair = ShapePair(part, target.shape, config, functions)
+        relation = Part().on(own_pair, Priors(landmarks, NO_LANDMARKS, nothing), self.stages)
+        relation.coordinates = self._coordinates(tuple(landmarks[:, 1].tolist()))
+        first = images[owner[vertices[part.sample_vertices[:N_ROUGH_VERTICES]]]]
+        begun = relation.fits.begun(relation.fits.pair, first, region.origin)
+        return RefinedRegion(regions, vertices, cast(PartFit, relation.refine_and_select([begun])[0]))
+
+    @cached_method
+    def _coordinates(self, landmarks: tuple[int, ...]) -> WholeCoordinates:
+        """Give the coordinates of the target that regions share which hold the same landmarks."""
+        functions = self.pair.known.target
+        return WholeCoordinates(self.target, self.pair.config, np.array(landmarks, dtype=np.int64), functions)
 
     @cached_property
     def _regions(self) -> CommonRegions:
@@ -268,36 +306,3 @@ def rough(config: Config) -> Config:
         refining=refining,
         parts=replace(config.parts, bending=bending, n_bent_vertices=n_bent),
     )
-
-
-def refined_region(
-    regions: CommonRegions,
-    region: CommonRegion,
-    pair: ShapePair,
-    priors: Priors,
-    stages: Stages,
-    roughly: bool,
-) -> RefinedRegion:
-    """Refine the samples of a region, and what lies around them, as a part of the target."""
-    source, target = regions.source, regions.target
-    n = source.shape.body.n_vertices
-    gap, owner = distance_along_edges_to_nearest(source.shape.body, source.vertices[region.accepted])
-    vertices = largest_piece(source.shape.mesh_body, source.unit * gap <= AROUND)
-    config = replace(pair.config, scale="same")
-    if roughly:
-        config = rough(config)
-    part = region_of(source.shape, vertices, config)
-    # what a length is worth on the target, as if both came in the unit of both parts
-    length = part.scale / source.shape.scale * source.unit / target.unit
-    part = replace(part, scale=length * target.shape.scale)
-    images, number = np.full(n, -1), np.full(n, -1)
-    images[source.vertices], number[vertices] = region.images, np.arange(len(vertices))
-    landmarks = np.column_stack([number[priors.landmarks[:, 0]], priors.landmarks[:, 1]])
-    nothing = np.zeros((len(vertices), 0)), np.zeros((target.shape.body.n_vertices, 0))
-    own_priors = Priors(landmarks[landmarks[:, 0] >= 0], NO_LANDMARKS, nothing)
-    functions = pair.functions and Embedding(pair.known.source[vertices], pair.functions.target)
-    relation = Part().on(ShapePair(part, target.shape, config, functions), own_priors, stages)
-    first = images[owner[vertices[part.sample_vertices[:N_ROUGH_VERTICES]]]]
-    begun = relation.fits.begun(relation.fits.pair, first, region.origin)
-    fit = relation.refine_and_select([begun])[0]
-    return RefinedRegion(regions, vertices, cast(PartFit, fit))

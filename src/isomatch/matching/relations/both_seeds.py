@@ -155,12 +155,12 @@ def signed_triangles(source: BothSide, rows: IntArray, target: BothSide, images:
     apart = source.intervals.upper[np.ix_(rows, rows)]
     np.fill_diagonal(apart, np.inf)
     near = np.argpartition(apart, N_AROUND - 1, axis=1)[:, :N_AROUND]
-    i, j = np.triu_indices(N_AROUND, 1)
     signs = []
     for mesh, vertices in ((source.shape.mesh_body, source.vertices[rows]), (target.shape.mesh_body, images)):
         points, normals = mesh.vertices[vertices], mesh.vertex_normals[vertices]
         around = points[near] - points[:, None]
-        signs.append(np.einsum("akd,ad->ak", np.cross(around[:, i], around[:, j]), normals))
+        # (a × b) · n = (n × a) · b, of all pairs at once
+        signs.append(np.cross(normals[:, None], around) @ around.transpose(0, 2, 1))
     weights = np.abs(signs[0])
     return float((np.sign(signs[0] * signs[1]) * weights).sum() / max(weights.sum(), 1e-12))
 
@@ -293,9 +293,10 @@ class CommonRegions:
     def _distinct(self, regions: IntArray) -> list[IntArray]:
         """Keep the first regions that differ."""
 
-        def apart(region: IntArray, others: Sequence[IntArray]) -> FloatArray:
-            both = (region >= 0) & (np.array(others) >= 0)
-            total = np.where(both, self.target.intervals.upper[region, np.array(others)], 0.0).sum(axis=1)
+        def apart(region: IntArray, kept: Sequence[IntArray]) -> FloatArray:
+            others = np.array(kept)
+            both = (region >= 0) & (others >= 0)
+            total = np.where(both, self.target.intervals.upper[region, others], 0.0).sum(axis=1)
             common = both.sum(axis=1)
             return np.where(common >= FEWEST_COMMON, total / np.maximum(common, 1), np.inf)
 
@@ -320,9 +321,10 @@ class CommonRegions:
         of_source, of_target = source.intervals.at(rows, everything), target.intervals.at(columns, there)
         # there and back: a sample whose image is not there at all is placed somewhere, but does not return from it
         placed, costs = trilaterate(of_source, of_target, COST, EXTENSION_NEAR)
-        back, _ = trilaterate(of_target, of_source, COST, EXTENSION_NEAR)
-        returned = source.intervals.upper[everything, back[placed]]
-        accepted = (costs < most) & (returned < ROUND_TRIP)
+        accepted = costs < most
+        images, of_image = np.unique(placed[accepted], return_inverse=True)
+        back, _ = trilaterate(of_target.each(lambda bound: bound[:, images]), of_source, COST, EXTENSION_NEAR)
+        accepted[accepted] = source.intervals.upper[everything[accepted], back[of_image]] < ROUND_TRIP
         marks = np.arange(len(source.landmarks))
         placed[marks], accepted[marks] = marks, True
         return placed, accepted

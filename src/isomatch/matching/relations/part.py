@@ -39,6 +39,7 @@ from isomatch.matching.relations.part_registration import (
     BentPart,
     PartFit,
     PartFits,
+    WholeCoordinates,
 )
 from isomatch.matching.relations.part_starts import APART, PartStarts, self_maps
 from isomatch.matching.result import Quality
@@ -95,6 +96,7 @@ class Part(Relation):
         # a map found otherwise, which is refined without a search: image of each vertex of the part, where it came from,
         # and the ratio by which the other search preferred it to others
         self.led: tuple[IntArray, str, float] | None = None
+        self.coordinates: WholeCoordinates | None = None  # of the whole, if other parts of it share them
 
     @property
     def source(self) -> PreparedShape:
@@ -260,7 +262,7 @@ class Part(Relation):
         landmarks = self._towards_whole(self.priors.landmarks)
         functions = (self.pair if self.side == "source" else self.pair.turned).known
         pair = PartPair.of(self.source, self.target, self.pair.config, landmarks, functions)
-        return PartFits(pair, self._with_priors_image)
+        return PartFits(pair, self._with_priors_image, self.coordinates)
 
     @cached_property
     def _with_priors_image(self) -> IntArray | None:

@@ -39,8 +39,6 @@ N_ENERGIES = 20
 # a function of eigenvalue λ feels a boundary at a distance of about REACH / √λ
 REACH, CURVATURE_REACH = 4.0, 3.0
 
-UNKNOWN = BallSignature(np.ones(1), np.zeros((0, 1, 4)), np.zeros(0))
-
 
 @dataclass(frozen=True)
 class PartPair:
@@ -56,7 +54,7 @@ class PartPair:
     lower: FloatArray = field(compare=False)
     along: FloatArray = field(compare=False)  # (m, n_part) distances along the part, in its units
     landmarks: IntArray = field(compare=False)  # (l,) vertices of the whole that the first anchors go to
-    balls: BallSignature = field(compare=False)  # of the part, in its own units
+    radii: tuple[float, ...] = field(compare=False)  # of its balls, in units of the part
     functions: Embedding = field(compare=False)  # known functions: (n_part, q) and (n_whole, q)
 
     @classmethod
@@ -94,15 +92,14 @@ class PartPair:
             lower = np.minimum(fused.distances_from(anchors), along)
         functions = functions or SmoothPair(part, whole, config).known
         bounds, known_images = (lower, along), landmarks[:, 1]
-        pair = cls(part, whole, unit, config, missing, anchors, *bounds, known_images, UNKNOWN, functions)
+        pair = cls(part, whole, unit, config, missing, anchors, *bounds, known_images, (), functions)
         # A ball of radius r in units of the whole has radius r / unit in those of the part. Balls of the part are
         # integrated once, for radii from the least r over the largest unit to the largest r over the least unit, in
         # steps small enough to interpolate between, so that `signature` costs nothing in any unit.
         units = pair.units
         first, last = RADII[0] / max(*units, LARGEST_UNIT), RADII[-1] / min(units)
         radii = np.geomspace(first, last, 2 + round(np.log(last / first) / np.log(RADIUS_STEP)))
-        samples = part.sample_vertices[:N_BALLS]
-        return replace(pair, balls=ball_signature(mesh, radii, unit=1.0, samples=samples, weld=False))
+        return replace(pair, radii=tuple(radii.tolist()))
 
     def with_unit(self, unit: float) -> PartPair:
         """Return the pair with another unit of the part."""
@@ -155,7 +152,7 @@ class PartPair:
     @cached_property
     def signature(self) -> BallSignature:
         """The ball signature of the part, in units of the whole."""
-        return self.balls.scaled(self.unit, RADII)
+        return _balls(self.part, self.radii).scaled(self.unit, RADII)
 
     def stress(self, images: IntArray) -> float:
         """Mean cost of the images (m,) of the anchors."""
@@ -215,6 +212,12 @@ class PartPair:
         # on a grid, so that maps which measure nearly the same unit share what was computed in it
         steps = np.round(np.log(unit / self.unit) / UNIT_GRID)
         return min(self.unit * float(np.exp(UNIT_GRID * steps)), LARGEST_UNIT)
+
+
+@cached_method
+def _balls(part: PreparedShape, radii: tuple[float, ...]) -> BallSignature:
+    """Compute the ball signature of a part, in its own units."""
+    return ball_signature(part.mesh_body, radii, unit=1.0, samples=part.sample_vertices[:N_BALLS], weld=False)
 
 
 def areas_of_samples(shape: PreparedShape, samples: IntArray) -> FloatArray:

@@ -167,6 +167,8 @@ class PartRefinement:
 
     def local_unit(self, image: IntArray) -> float:
         """Measure the unit by images (r,): the median ratio of known distances between near ones and along the part."""
+        if self._pair.keeps_unit:
+            return self._pair.unit
         near, exact, along = self._near.measures
         if exact.sum() < FEWEST_KNOWN:
             return self._pair.unit
@@ -331,11 +333,18 @@ class PartFit(Fit):
 class PartFits:
     """The two refinements of a start, rough and fine, with what they share for all starts in the same unit."""
 
-    # given with priors (n_part,): images under a map that is given
-    def __init__(self, pair: PartPair, with_priors: IntArray | None = None) -> None:
+    # given with priors (n_part,): images under a map that is given; coordinates: of the whole, if they are known
+    def __init__(
+        self,
+        pair: PartPair,
+        with_priors: IntArray | None = None,
+        coordinates: WholeCoordinates | None = None,
+    ) -> None:
         config = pair.config
         self.pair, self._config, self._with_priors, self._near = pair, config, with_priors, NearPairs(pair)
-        self.coordinates = WholeCoordinates(pair.whole, config, pair.landmarks, pair.functions.target)
+        self.coordinates = coordinates or WholeCoordinates(
+            pair.whole, config, pair.landmarks, pair.functions.target
+        )
         self.bending = PartBending(pair.meshes[0], config.parts.n_bent_vertices)
 
     @cached_method
