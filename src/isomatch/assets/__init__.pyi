@@ -1,4 +1,11 @@
-from isomatch.assets.appearance import as_written, looks_of, unread_files, with_looks_of, with_texture
+from isomatch.assets.appearance import (
+    as_written,
+    looks_of,
+    unread_files,
+    with_looks_of,
+    with_texture,
+    with_tiles,
+)
 from isomatch.assets.asset import TURN, Asset, Axes, Frame, Part
 from isomatch.assets.attribute import Attribute, Domain, Kind, linear_of, srgb_of, told_apart
 from isomatch.assets.files import (
@@ -80,6 +87,7 @@ __all__ = [
     "with_looks_of",
     "with_skin_of",
     "with_texture",
+    "with_tiles",
     "write_asset",
     "write_attribute",
     "write_attributes",

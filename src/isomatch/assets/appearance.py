@@ -97,6 +97,15 @@ def with_texture(receiver: Asset, png: bytes, tint: tuple[float, ...] = UNTINTED
     return gltf_carried.with_materials(receiver, Looks(of_triangle, (Look("baked", layer),)))
 
 
+def with_tiles(receiver: Asset, of_triangle: IntArray, pictures: dict[str, bytes]) -> Asset:
+    """Return the receiver as a glTF file with a material for each of several pictures by name, which repeat."""
+    uv = next((attribute.name for attribute in receiver.of_kind("uv")), "uv")
+    looks = tuple(
+        Look(name, Layer(UNTINTED, Picture(f"{name}.png", png), uv)) for name, png in pictures.items()
+    )
+    return gltf_carried.with_materials(receiver, Looks(of_triangle, looks))
+
+
 def as_written(path: Path, asset: Asset) -> tuple[Asset, dict[Path, bytes]]:
     """Return an asset with its materials in the format of a file to be written, and the files to be written beside it."""
     document, suffix = asset.document, path.suffix.lower()

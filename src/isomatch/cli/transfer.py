@@ -12,7 +12,7 @@ from cyclopts import Parameter
 
 import isomatch
 import isomatch.landmarks as shape_landmarks
-from isomatch.assets import files_beside, holds_values, read_attributes, told_apart, write_attributes
+from isomatch.assets import files_beside, holds_values, png_of, read_attributes, told_apart, write_attributes
 from isomatch.cli.inputs import Force, Output, Rounded, naming_files
 from isomatch.cli.outputs import claimed_files, notes_on, say_left_out, say_notes
 from isomatch.cli.terminal import TALK, Talk, say
@@ -106,15 +106,19 @@ def transfer(
         tell("writing", 0.8)
         others = () if holds_values(output) else files_beside(output, carried.asset)
         beside = [each for each in others if each != picture]
+        pictures = {picture: baked.png} if picture else {}
+        if picture and len(baked.tiles) > 1:  # by their UDIM numbers
+            pictures = {picture.with_suffix(f".{i}.png"): png_of(each) for i, each in baked.tiles.items()}
+            beside += [each for each in pictures if each not in beside]
         with claimed_files(*beside, force=force):
             left = _written(output, carried.asset, carried.names, rounded)
-        if picture:
-            with replaced(picture) as file:
-                file.write(baked.png)
+            for each, png in pictures.items():
+                with replaced(each) as file:
+                    file.write(png)
         tell("done", 1.0)
     told = [*notes_on(dict(zip(ends, assets))), *carried.notes]
     record: dict[str, Any] = {
-        "files": [str(path) for path in (output, *beside, picture) if path],
+        "files": [*dict.fromkeys(map(str, (output, *beside, *pictures)))],
         "to": to,
         "carried": [name for name in carried.names if name not in left],
         "left_out": left,

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -21,17 +22,20 @@ from isomatch.assets import (
     unread,
     unread_files,
     with_texture,
+    with_tiles,
 )
 from isomatch.correspondence import Correspondence
 from isomatch.errors import DescriptorError, SettingError
-from isomatch.surfaces import PrecisePoints, rasterise
+from isomatch.surfaces import Mesh, PrecisePoints, linked, rasterise
 from isomatch.transfer.bridge import Bridge, Places, columns, rows_of_corners
 from isomatch.transfer.choices import Side
-from isomatch.values.arrays import AnyArray, FloatArray
+from isomatch.values.arrays import AnyArray, FloatArray, IntArray
 
 CHUNK = 2**18  # texels at once
 UNPAINTED = (0.5, 0.5, 0.5, 1.0)  # grey: what is unmatched, or would show what cannot be read
 SIZES = (8, 16384)
+FIRST_TILE, MOST_TILES = 1001, 16  # of UDIM; more are taken for a picture that repeats
+APART = 0.01  # √area: two places of the surface that one texel shows
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,19 +45,23 @@ class Baked:
     Parameters
     ----------
     picture : (size, size, 4) array of uint8
-        Red, green, blue and opacity; row 0 is at the top.
+        Red, green, blue and opacity; row 0 is at the top. Of several tiles the first.
     asset : Asset
         The one that receives; written as glTF, it shows the picture.
     unmatched : int
         Texels of the surface without an image, which are grey.
     notes : tuple of str
-        What of the other cannot be read, and why; what it would paint is grey.
+        What of the other cannot be read, and why; what it would paint is grey. Which places of the picture two parts of
+        the surface share, of which the first is painted.
+    tiles : dict of int to array
+        The picture of each tile by its UDIM number, 1001 + u + 10 v; one, 1001, if all coordinates are in 0…1.
     """
 
     picture: AnyArray
     asset: Asset
     unmatched: int
     notes: tuple[str, ...] = ()
+    tiles: Mapping[int, AnyArray] = field(default_factory=dict)
 
     @property
     def png(self) -> bytes:
@@ -122,27 +130,80 @@ def bake_texture(
     attribute = receiver.of_kind("uv")[0]
     of_corner = columns(attribute)[rows_of_corners(receiver, attribute), :2]
     uv = of_corner[receiver.polygons.corner_of_triangle]  # (t, 3, 2)
-    uv -= np.floor(uv.mean(axis=1, keepdims=True))
-    uv = np.where(np.isnan(uv).any(axis=(1, 2), keepdims=True), -1.0, uv).reshape(-1, 2)
-    texels = np.column_stack([uv[:, 0], 1 - uv[:, 1], np.zeros(len(uv))]) * size
-    raster = rasterise(texels, np.arange(len(uv)).reshape(-1, 3), size, size)
-    covered = raster.covered
-    if not covered.any():
+    low = np.floor(uv.mean(axis=1))
+    uv -= low[:, None]
+    is_flat = np.isnan(uv).any(axis=(1, 2))
+    uv[is_flat] = -1.0
+    udim = np.where(
+        is_flat | (low < 0).any(axis=1) | (low[:, 0] > 9), FIRST_TILE, FIRST_TILE + low @ [1, 10]
+    ).astype(int)
+    tiles = np.unique(udim[~is_flat])
+    if len(tiles) > MOST_TILES:  # a picture that repeats, and no tiles
+        udim, tiles = np.full(len(udim), FIRST_TILE), np.array([FIRST_TILE])
+    paint, painted, unmatched, shared = _Paint.of(bridge.giver), dict[int, AnyArray](), 0, 0.0
+    for tile in tiles.tolist():
+        own = np.flatnonzero(udim == tile)
+        corners = uv[own].reshape(-1, 2)
+        height = -np.repeat(_chart(receiver.mesh.faces[own], uv[own]), 3) / size  # the first chart is on top
+        texels = np.column_stack([corners[:, 0], 1 - corners[:, 1], height]) * size
+        of_corners = np.arange(len(corners)).reshape(-1, 3)
+        raster, below = (rasterise(texels * [1, 1, way], of_corners, size, size) for way in (1, -1))
+        covered = raster.covered
+        if not covered.any():
+            continue
+        seen, hidden = (
+            PrecisePoints(receiver.mesh.faces[own[each.face[covered]]], each.barycentric[covered])
+            for each in (raster, below)
+        )
+        shared += _hidden_area(receiver.mesh, own[below.face[covered]], seen, hidden)
+        faces, weights = seen
+        colours = np.zeros((len(faces), 4))
+        for first in range(0, len(faces), CHUNK):
+            rows = slice(first, first + CHUNK)
+            places = bridge.at(PrecisePoints(faces[rows], weights[rows]))
+            colours[rows] = np.where(places.has_place[:, None], paint.at(places), UNPAINTED)
+            unmatched += int((~places.has_place).sum())
+        picture = np.zeros((size, size, 4))
+        picture[covered] = colours
+        nearest = distance_transform_edt(~covered, return_distances=False, return_indices=True)
+        painted[tile] = np.rint(np.clip(picture[tuple(nearest)], 0, 1) * 255).astype(np.uint8)
+    if not painted:
         raise DescriptorError(f"no texel of {size} × {size} lies on the surface; bake a larger picture")
-    faces, weights = receiver.mesh.faces[raster.face[covered]], raster.barycentric[covered]
-    colours = np.zeros((len(faces), 4))
-    paint = _Paint.of(bridge.giver)
-    unmatched = 0
-    for first in range(0, len(faces), CHUNK):
-        rows = slice(first, first + CHUNK)
-        places = bridge.at(PrecisePoints(faces[rows], weights[rows]))
-        colours[rows] = np.where(places.has_place[:, None], paint.at(places), UNPAINTED)
-        unmatched += int((~places.has_place).sum())
-    picture = np.zeros((size, size, 4))
-    picture[covered] = colours
-    nearest = distance_transform_edt(~covered, return_distances=False, return_indices=True)
-    painted = np.rint(np.clip(picture[tuple(nearest)], 0, 1) * 255).astype(np.uint8)
-    return Baked(painted, with_texture(receiver, png_of(painted)), unmatched, paint.notes)
+    notes = paint.notes
+    if shared:
+        share = shared / receiver.mesh.area
+        notes += (
+            f"{share:.1%} of the surface shows other parts, which have the same places in the picture and come first",
+        )
+    pictures = {f"baked_{tile}": png_of(each) for tile, each in painted.items()}
+    of_tile = np.searchsorted(list(painted), udim).clip(0, len(painted) - 1)
+    first_png = next(iter(pictures.values()))
+    asset = (
+        with_texture(receiver, first_png) if len(painted) == 1 else with_tiles(receiver, of_tile, pictures)
+    )
+    return Baked(next(iter(painted.values())), asset, unmatched, notes, painted)
+
+
+def _chart(faces: IntArray, uv: FloatArray) -> IntArray:
+    """Find the chart, numbered by first triangles, of each triangle (t, 3) with texture coordinates (t, 3, 2).
+
+    A chart is connected in the picture and on the surface, and not turned over, as the mirror image beside it is.
+    """
+    a, b, c = uv.transpose(1, 0, 2)
+    sides = np.sign((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
+    corners = np.column_stack([faces.ravel(), uv.reshape(-1, 2), np.repeat(sides, 3)])
+    place = np.unique(corners, axis=0, return_inverse=True)[1].reshape(-1, 3)
+    _, label = linked(int(place.max(initial=0)) + 1, (place[:, 0], place[:, 1]), (place[:, 1], place[:, 2]))
+    _, first, number = np.unique(label[place[:, 0]], return_index=True, return_inverse=True)
+    return np.asarray(np.argsort(np.argsort(first))[number])
+
+
+def _hidden_area(mesh: Mesh, below: IntArray, seen: PrecisePoints, hidden: PrecisePoints) -> float:
+    """Area of the faces of which most texels show what lies elsewhere on the surface."""
+    there, here = (points.interpolated(mesh.vertices) for points in (hidden, seen))
+    apart = np.linalg.norm(there - here, axis=1) > APART * np.sqrt(mesh.area)
+    n_hidden, n_texels = (np.bincount(below, each, mesh.n_faces) for each in (apart, np.ones(len(below))))
+    return float(mesh.face_areas[n_hidden > 0.5 * np.maximum(n_texels, 1)].sum())
 
 
 @dataclass(frozen=True, eq=False)
