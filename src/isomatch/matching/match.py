@@ -323,7 +323,7 @@ def _turned(pair: ShapePair, user_priors: UserPriors) -> UserPriors:
 
 def _turned_hypotheses(isometric: IsometricMatch, pair: ShapePair, pair_back: ShapePair) -> list[Hypothesis]:
     """Turn around the refined maps, best first, and the best of the others, as maps of the target's search vertices."""
-    fits = (isometric.selection.winner, *isometric.selection.runners_up)
+    fits = [fit for fit in (isometric.selection.winner, *isometric.selection.runners_up) if fit.candidate]
     refined = [fit.candidate for fit in fits if fit.candidate]
     images = [fit.image[: len(pair.source_vertices)] for fit in fits]
     tried = [candidate.hypothesis for candidate in refined]
@@ -334,7 +334,7 @@ def _turned_hypotheses(isometric: IsometricMatch, pair: ShapePair, pair_back: Sh
     between = pair.target.distances.between
     starts = np.array([between(pair.target_vertices, image).argmin(axis=1) for image in images])
     aligned = iterative_closest_points(*pair_back.search_points, starts, PRIOR_STEPS)
-    return [Hypothesis(each, c.hypothesis.origin) for each, c in zip(aligned, refined + others)]
+    return [Hypothesis(each, c.hypothesis.origin) for each, c in zip(aligned, refined + others, strict=True)]
 
 
 BEFORE = "the map before, "

@@ -9,7 +9,7 @@ from typing import Literal, TypeAlias, cast
 
 import numpy as np
 
-from isomatch.errors import NotConvergedError
+from isomatch.errors import MeshError, NotConvergedError
 from isomatch.matching.evidence import Evidence, Solution, fits_badly
 from isomatch.matching.fit import Hypothesis
 from isomatch.matching.pair import ShapePair, search_pairs
@@ -36,8 +36,8 @@ from isomatch.shapes import (
 from isomatch.values.cached import cached_property
 
 # A way is a row: what it claims of the shapes, and when it is tried. It returns a finished map of the shapes as they are,
-# with its own evidence. The first sure one ends the search. Which map is returned is decided by `verify` alone, on the
-# shapes as they are, whichever way found it; evidence says how sure it is, and never compares.
+# with its own evidence. The first sure one ends the search. Which map is returned is decided by `verify`, on the shapes
+# as they are, whichever way found it; evidence says how sure it is, and compares only maps that tie.
 SURE = Outcome.CONVERGED, Outcome.PARTIAL, Outcome.SYMMETRY_AMBIGUOUS  # nothing else is worth trying
 OF_USERS = {"matrix", "function"}  # names of engines of the user's own distances
 # best hypotheses whose flips are tried between capped shapes: of mesh018–mesh014 with holes the error is 30 with 3
@@ -94,14 +94,17 @@ class Case:
 
     @cached_property
     def closed(self) -> IsometricMatch | None:
-        """The match of the shapes with their holes capped; None where distances across caps are not known."""
+        """The match of the shapes with their holes capped; None where distances across caps are not known, or no map."""
         if self.has_own_distances or not self.pair.config.parts.close:
             return None
         self.timer.start("prepare")
         search = self.pair.config.search
         config = replace(self.pair.config, search=replace(search, flipped=max(FLIPPED, search.flipped)))
-        source, target = parallel_map(capped_shape, (self.pair.source, self.pair.target))
-        return self.between(source, target, config)
+        try:
+            source, target = parallel_map(capped_shape, (self.pair.source, self.pair.target))
+            return self.between(source, target, config)
+        except (MeshError, NotConvergedError):
+            return None
 
     def cut(self, n_source: int, n_target: int) -> Solution | None:
         """Match the shapes cut along the paths of so many self-contacts, and capped; None without any such path."""
@@ -366,7 +369,7 @@ def solved(case: Case) -> Solution:
             if way.is_enough(case, solution):
                 break
     if not case.solutions:
-        raise cast(NotConvergedError, problem)
+        raise problem or NotConvergedError("no way found a map; give three to five landmarks")
     return case.solutions[0] if len(case.solutions) == 1 else _verified_best(case)
 
 

@@ -157,9 +157,8 @@ class IsometricMatch:
         image = there.index.vertices(to, at)
         torn = np.zeros(len(here.original_vertex), dtype=bool)
         copies = np.flatnonzero(here.to_original == 0)
-        torn[here.original_vertex[copies]] |= (
-            there.distance(image[copies], image[here.original_vertex[copies]]) > apart
-        )
+        far = there.distance(image[copies], image[here.original_vertex[copies]]) > apart
+        torn[here.original_vertex[copies[far]]] = True  # a vertex may have several copies
         return torn
 
 
