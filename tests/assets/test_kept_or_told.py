@@ -7,6 +7,7 @@ import pytest
 
 from isomatch import Asset, MeshError, read_asset, write_asset
 from isomatch.assets import FORMATS, Attribute, Frame, asset_from, to_pyvista
+from later import some_later
 from shapes import icosphere
 
 BODY = icosphere(2)
@@ -26,6 +27,9 @@ CARRIED = {
 }
 # surfaces of FreeSurfer differ by their names alone
 SUFFIXES = [suffix for suffix in FORMATS if FORMATS[suffix].axes is None or suffix == ".pial"]
+MOSTLY_NOW = some_later(
+    SUFFIXES, lambda suffix: suffix not in (".vtp", ".vtu")
+)  # each read by a process of its own
 
 
 def is_like(given, found, asset):
@@ -40,7 +44,7 @@ def is_like(given, found, asset):
 
 
 @pytest.mark.parametrize("what", CARRIED)
-@pytest.mark.parametrize("suffix", SUFFIXES)
+@pytest.mark.parametrize("suffix", MOSTLY_NOW)
 def test_everything_is_kept_or_told(tmp_path, suffix, what):
     given, asset = CARRIED[what], Asset.of_mesh(BODY)
     is_frame = isinstance(given, Frame)
@@ -74,6 +78,7 @@ LINES = [
 ]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("words", LINES, ids=str)
 @pytest.mark.parametrize("first", SUFFIXES)
 def test_the_space_goes_through_any_two_formats(tmp_path, first, words):
@@ -112,6 +117,7 @@ def slicer_files(folder):
     mesh.save(folder / "a.vtp")
 
 
+@pytest.mark.long
 def test_files_of_slicer_and_what_is_written_from_them(tmp_path):
     pytest.importorskip("pyvista")
     slicer_files(tmp_path)
@@ -142,7 +148,7 @@ SCANNER = np.array([-3.2e7, 1.7e5, 9.9e6])
 
 
 @pytest.mark.parametrize("offset", [UTM, SCANNER], ids=["UTM", "scanner"])
-@pytest.mark.parametrize("suffix", SUFFIXES)
+@pytest.mark.parametrize("suffix", MOSTLY_NOW)
 @pytest.mark.parametrize("template", [None, ".ply", ".glb"])
 def test_far_from_the_origin_positions_stay_or_it_is_said_by_how_much(tmp_path, suffix, offset, template):
     """A thousandth of the mean edge is what a file may move them by without being asked."""

@@ -36,6 +36,7 @@ def lines(collection):
         return {line["name"]: line for line in csv.DictReader(file)}
 
 
+@pytest.mark.long
 def test_shapes_are_in_order_and_each_gets_a_surface(chain):
     assert list(chain.names) == ["frame1", "frame2", "frame10", "frame11"]
     doubtful = [pair for pair in chain.rows().pairs if chain.rows().is_doubtful(pair)]
