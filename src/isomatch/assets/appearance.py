@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from itertools import chain, count
 from pathlib import Path, PurePosixPath
@@ -91,17 +92,20 @@ def with_looks_of(receiver: Asset, giver: Asset, giver_triangle: IntArray) -> As
 
 def with_texture(receiver: Asset, png: bytes, tint: tuple[float, ...] = UNTINTED) -> Asset:
     """Return the receiver as a glTF file with one material of one picture, multiplied by a tint of red to alpha, 0…1."""
-    uv = next((attribute.name for attribute in receiver.of_kind("uv")), "uv")
-    layer = Layer(tuple(tint), Picture("baked.png", png), uv)
     of_triangle = np.zeros(len(receiver.polygons.corner_of_triangle), dtype=np.int64)
-    return gltf_carried.with_materials(receiver, Looks(of_triangle, (Look("baked", layer),)))
+    return with_tiles(receiver, of_triangle, {"baked": png}, tint)
 
 
-def with_tiles(receiver: Asset, of_triangle: IntArray, pictures: dict[str, bytes]) -> Asset:
-    """Return the receiver as a glTF file with a material for each of several pictures by name, which repeat."""
+def with_tiles(
+    receiver: Asset,
+    of_triangle: IntArray,
+    pictures: Mapping[str, bytes],
+    tint: tuple[float, ...] = UNTINTED,
+) -> Asset:
+    """Return the receiver as a glTF file with a material for each of some pictures by name, which repeat."""
     uv = next((attribute.name for attribute in receiver.of_kind("uv")), "uv")
     looks = tuple(
-        Look(name, Layer(UNTINTED, Picture(f"{name}.png", png), uv)) for name, png in pictures.items()
+        Look(name, Layer(tuple(tint), Picture(f"{name}.png", png), uv)) for name, png in pictures.items()
     )
     return gltf_carried.with_materials(receiver, Looks(of_triangle, looks))
 

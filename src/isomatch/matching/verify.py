@@ -189,7 +189,7 @@ class Verifier:
         back, gap = _inverse(target, image)
         covered = gap <= COVERED
         back = np.where(covered, back, UNMATCHED)
-        unit = self._unit_of(image)
+        unit = self.unit_of(image)
         ways = ((0, image, unit), (1, back, 1 / unit))
         there, onto_source = parallel_map(lambda way: self._bent(*way), ways)
         areas = source.body.vertex_areas, target.body.vertex_areas
@@ -211,7 +211,7 @@ class Verifier:
         distance = balls[way].descriptor_distance(balls[1 - way].at(image), deviation)
         return np.where(image >= 0, distance, np.nan)
 
-    def _unit_of(self, image: IntArray) -> float:
+    def unit_of(self, image: IntArray) -> float:
         """Measure the unit: the median ratio of distances of images and of near samples."""
         source, target = self.shapes
         if self.are_whole:

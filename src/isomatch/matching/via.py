@@ -65,7 +65,7 @@ def _along(
     image, errors = legs[0].map, legs[0].expected_error
     for leg in legs[1:]:
         # independent errors, the first in √area of the shape in between, which is worth ``unit`` beyond it
-        unit = _verified(leg.pair, leg.map).unit
+        unit = verifier_of(leg.pair).unit_of(on_bodies(leg.pair, leg.map.vertices))
         at_rim = np.nanmax(leg.expected_error, initial=0.0)  # next to vertices without an image
         own = image.pull_back(leg.expected_error)
         errors = np.hypot(unit * errors, np.where(np.isnan(own), at_rim, own))

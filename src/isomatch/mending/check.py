@@ -12,7 +12,7 @@ from isomatch.errors import some
 from isomatch.loading.compiled import compiled
 from isomatch.mending._winding import faces_to_rewind, shells
 from isomatch.mending.base import LARGE, base_of
-from isomatch.mending.gaps import close_vertices, t_junctions
+from isomatch.mending.gaps import NO_SIDES, close_vertices, free_sides, t_junctions
 from isomatch.mending.merged import unmerged
 from isomatch.mending.outliers import outliers
 from isomatch.mending.walls import WALL, double_walled_share
@@ -69,7 +69,11 @@ def check(mesh: SurfaceLike, *, wall: float = WALL) -> MeshReport:
     rewound = faces_to_rewind(surface)
     components = _components(surface, inconsistent, used, areas, rewound)
     nobody = np.zeros(0, dtype=np.int64)
-    parted, loose = t_junctions(surface.vertices, Polygons.of_triangles(faces)), close_vertices(surface)
+    first, polygons = first_equal(mesh.vertices), Polygons.of_triangles(faces)
+    # points that are joined close boundaries, and open none
+    free = free_sides(polygons, first) if (edges.n_faces == 1).any() else NO_SIDES
+    parted = t_junctions(surface.vertices, polygons, first, free)
+    loose = close_vertices(surface.vertices, free.ends)
     return MeshReport(
         n_vertices=mesh.n_vertices,
         n_faces=mesh.n_faces,
@@ -84,9 +88,7 @@ def check(mesh: SurfaceLike, *, wall: float = WALL) -> MeshReport:
         zero_area_faces=sound[flatness <= ZERO_AREA_RATIO],
         sliver_faces=sound[(flatness > ZERO_AREA_RATIO) & (flatness < SLIVER_RATIO)],
         unused_vertices=np.flatnonzero(finite & ~used),
-        coincident_vertices=np.flatnonzero(
-            finite & (first_equal(mesh.vertices) != np.arange(mesh.n_vertices))
-        ),
+        coincident_vertices=np.flatnonzero(finite & (first != np.arange(mesh.n_vertices))),
         non_manifold_edges=edges.ends[edges.n_faces > 2],
         non_manifold_vertices=np.flatnonzero(n_fans > 1),
         inconsistent_edges=inconsistent,

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from isomatch.assets import Asset, Polygons, Renumbering
-from isomatch.surfaces import Mesh, first_equal, linked
+from isomatch.surfaces import linked
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 
 ON_EDGE = 1e-3  # of the edge: a vertex this near to it lies on it
@@ -22,6 +22,16 @@ SHORT, MOST = (
     0.95,
 )  # quantiles of the lengths of sides, and of the small distances, where single ones fill the gap
 N_NEAREST = 8  # vertices among which one is sought that no side joins
+
+
+class Sides(NamedTuple):
+    """Sides of polygons: the corner at which each begins, (s,), and its ends, (s, 2)."""
+
+    corners: IntArray
+    ends: IntArray
+
+
+NO_SIDES = Sides(np.zeros(0, dtype=np.int64), np.zeros((0, 2), dtype=np.int64))
 
 
 class Loose(NamedTuple):
@@ -39,17 +49,15 @@ class TJunctions(NamedTuple):
     shares: FloatArray
 
 
-def close_vertices(mesh: Mesh) -> Loose:
+def close_vertices(positions: FloatArray, sides: IntArray) -> Loose:
     """Find vertices of the boundary that nearly coincide, by a gap in the distribution of distances between them."""
     # distances to the nearest vertex that no side of the boundary leads to, and lengths of the sides: where many of the
     # first are far below the others, the tolerance is in the middle of the gap
     none = Loose(np.zeros(0, dtype=np.int64), np.nan)
-    first = first_equal(mesh.vertices)
-    sides = _free_sides(Polygons.of_triangles(mesh.faces), first)[1]
     vertices = np.unique(sides)
     if len(vertices) < FEWEST:
         return none
-    points, rows = mesh.vertices[vertices], np.searchsorted(vertices, sides)
+    points, rows = positions[vertices], np.searchsorted(vertices, sides)
     apart, near = cKDTree(points).query(points, min(N_NEAREST, len(points)))
     joined = np.concatenate([rows[:, 0] * len(points) + rows[:, 1], rows[:, 1] * len(points) + rows[:, 0]])
     keys = np.arange(len(points))[:, None] * len(points) + near
@@ -77,15 +85,9 @@ def first_within(points: FloatArray, tolerance: float) -> IntArray:
     return np.asarray(first[group])
 
 
-def t_junctions(
-    points: FloatArray,
-    polygons: Polygons,
-    survivor: IntArray | None = None,
-    is_sound: BoolArray | None = None,
-) -> TJunctions:
-    """Find the points on the middle of sides of the boundary of sound polygons (p,); ``survivor`` (n,) joins points."""
-    survivor = first_equal(points) if survivor is None else survivor
-    corners, sides = _free_sides(polygons, survivor, is_sound)
+def t_junctions(points: FloatArray, polygons: Polygons, survivor: IntArray, free: Sides) -> TJunctions:
+    """Find the points on the middle of the free sides of polygons; ``survivor`` (n,) says which points are one."""
+    corners, sides = free
     finite = np.isfinite(points[sides]).all(axis=(1, 2))
     corners, sides = corners[finite], sides[finite]
     vertices = np.unique(sides)
@@ -111,10 +113,8 @@ def t_junctions(
     return TJunctions(vertex[inside][order], corners[side[inside]][order], share[inside][order])
 
 
-def _free_sides(
-    polygons: Polygons, survivor: IntArray, is_sound: BoolArray | None = None
-) -> tuple[IntArray, IntArray]:
-    """Sides of one polygon alone: the corner at which each begins, (s,), and its ends, (s, 2)."""
+def free_sides(polygons: Polygons, survivor: IntArray, is_sound: BoolArray | None = None) -> Sides:
+    """Find the sides of one polygon alone, of those that are sound (p,), if points that are one are joined."""
     corners, n = polygons.corners, len(survivor)
     inside = (corners >= 0) & (corners < n)
     ends = np.cumsum(polygons.sizes)
@@ -129,17 +129,20 @@ def _free_sides(
     rows = np.flatnonzero(counts)
     _, edge, count = np.unique(low[rows] * n + high[rows], return_inverse=True, return_counts=True)
     rows = rows[count[edge] == 1]
-    return rows, sides[rows]
+    return Sides(rows, sides[rows])
 
 
 def without_t_junctions(asset: Asset, survivor: IntArray, is_sound: BoolArray) -> tuple[Asset, BoolArray]:
     """Insert points into the sides that they lie on until none is left; returns also which points (n,) were inserted."""
     inserted = np.zeros(len(asset.points), dtype=bool)
     # each round gives a polygon points that it did not have, so they come to an end
-    while len((found := t_junctions(asset.placed_points, asset.polygons, survivor, is_sound)).points):
+    while True:
+        free = free_sides(asset.polygons, survivor, is_sound)
+        found = t_junctions(asset.placed_points, asset.polygons, survivor, free)
+        if not len(found.points):
+            return asset, inserted
         asset = _with_points_on_sides(asset, found)
         inserted[found.points] = True
-    return asset, inserted
 
 
 def _with_points_on_sides(asset: Asset, found: TJunctions) -> Asset:

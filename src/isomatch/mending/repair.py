@@ -201,7 +201,8 @@ def repair(
     polygons = Polygons.of_triangles(mesh.faces) if asset is None else asset.polygons
     is_sound = np.bincount(polygons.of_triangle, ~bad.any, len(polygons)) > 0
     on_sides = np.zeros(mesh.n_vertices, dtype=bool)
-    if asset is None or not asset.parts:
+    known = report if weld is True else None
+    if (asset is None or not asset.parts) and (known is None or len(known.t_junctions)):
         given = Asset(mesh.vertices, polygons) if asset is None else asset
         whole, on_sides = without_t_junctions(given, survivor, is_sound)
     if on_sides.any():
