@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TypeVar, cast
 
@@ -238,26 +239,26 @@ def repair(
         mended, vertex_index = limbs.mesh, vertex_index[limbs.vertex_index]
 
     cut: tuple[str, ...] = ()
-    for what, is_asked in (("chambers", outer), ("a base and below its rim", without_base)):
-        if not is_asked:
-            continue
-        if what == "chambers":
-            from isomatch.mending.outer import inner_faces  # imports scipy.ndimage, which is slow
+    removals: list[tuple[str, Callable[[Mesh], BoolArray]]] = []
+    if outer:
+        from isomatch.mending.outer import inner_faces  # imports scipy.ndimage, which is slow
 
-            inner = inner_faces(mended, opening)
-        else:
-            inner = base_of(mended).below
-        if not inner.any():
+        removals.append(("chambers", lambda mesh: inner_faces(mesh, opening)))
+    if without_base:
+        removals.append(("a base and below its rim", lambda mesh: base_of(mesh).below))
+    for what, found in removals:
+        gone = found(mended)
+        if not gone.any():
             continue
-        share = float(mended.face_areas[inner].sum() / mended.area)
-        cut += (f"removed {_count(int(inner.sum()), 'face')} of {what}, {share:.1%} of the area",)
-        lined = np.setdiff1d(mended.faces[inner], mended.faces[~inner])
+        share = float(mended.face_areas[gone].sum() / mended.area)
+        cut += (f"removed {_count(int(gone.sum()), 'face')} of {what}, {share:.1%} of the area",)
+        lined = np.setdiff1d(mended.faces[gone], mended.faces[~gone])
         stays = np.ones(mended.n_vertices, dtype=bool)
         stays[lined] = False
         place = np.append(np.where(stays, np.cumsum(stays) - 1, -1), -1)
-        mended = Mesh(mended.vertices[stays], place[mended.faces[~inner]])
+        mended = Mesh(mended.vertices[stays], place[mended.faces[~gone]])
         vertex_index, new_index = vertex_index[stays], place[new_index]
-        face_index, rewound = face_index[~inner], rewound[~inner]
+        face_index, rewound = face_index[~gone], rewound[~gone]
 
     at = "at the same position" if isinstance(weld, bool) else f"within {weld:g}"
     counted = (

@@ -11,7 +11,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from isomatch.assets import FORMATS, Polygons, meshes_among, read_asset
+from isomatch.assets import FORMATS, Asset, Polygons, meshes_among, read_asset
 from isomatch.errors import FormatError, MeshError, MissingFileError, NotConvergedError, some
 from isomatch.statistics.procrustes import Scale, aligned_to, generalised_procrustes
 from isomatch.storage.files import legible, opened
@@ -225,8 +225,9 @@ def read_shapes(source: str | Path | Iterable[str | Path]) -> CorrespondedShapes
     twice = [name for name, count in Counter(legible(file.stem) for file in files).items() if count > 1]
     if twice:
         raise FormatError(f"{source}: several files are named {', '.join(twice)}; keep one of each")
-    measured = {legible(file.stem): own for file in files if (own := read_measured(file)) is not None}
     assets = {legible(file.stem): read_asset(file) for file in files}
+    plys = {legible(file.stem) for file in files if file.suffix.lower() == ".ply"}
+    measured = {name: own for name in plys if (own := _measured(assets[name])) is not None}
     meshes = {name: Mesh(each.placed_points, each.polygons.triangles) for name, each in assets.items()}
     polygons = {name: each.polygons for name, each in assets.items()}
     return CorrespondedShapes.of_meshes(meshes, measured, polygons)
@@ -240,7 +241,11 @@ def read_measured(file: str | Path) -> BoolArray | None:
     with opened(file) as stream:
         if MEASURED.encode() not in stream.read(HEADER):
             return None
-    own = [each for each in read_asset(file).attributes if (each.name, each.domain) == (MEASURED, "point")]
+    return _measured(read_asset(file))
+
+
+def _measured(asset: Asset) -> BoolArray | None:
+    own = [each for each in asset.attributes if (each.name, each.domain) == (MEASURED, "point")]
     return np.asarray(own[0].values != 0) if own and own[0].values.ndim == 1 else None
 
 
