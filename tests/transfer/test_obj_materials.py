@@ -102,7 +102,7 @@ def test_the_command_names_what_goes_along_and_what_is_missing(folder, tmp_path,
     record = json.loads(capsys.readouterr().out)
     assert record["files"] == [str(tmp_path / "made" / name) for name in ("out.obj", "scan.mtl")]
     assert len(record["notes"]) == 1
-    assert record["notes"][0].startswith("'skin.png': there is no such file in the folder of the OBJ file")
+    assert record["notes"][0].startswith("'skin.png': there is no such file in the folder of the surface")
 
 
 def test_other_files_are_not_replaced(folder, tmp_path):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Container, Iterable, Mapping
 from dataclasses import replace
 from itertools import chain, count
 from pathlib import Path, PurePosixPath
@@ -14,6 +14,7 @@ from isomatch.assets.attribute import Attribute, unused_name
 from isomatch.assets.formats import gltf_carried, obj
 from isomatch.assets.formats.gltf import GltfDocument
 from isomatch.assets.formats.obj import ObjDocument
+from isomatch.assets.formats.ply import TEXTURE_NUMBER, PlyDocument
 from isomatch.assets.materials import (
     JPEG,
     UNTINTED,
@@ -40,6 +41,8 @@ def looks_of(asset: Asset) -> Looks | None:
     """
     if isinstance(asset.document, GltfDocument):
         return gltf_carried.materials_of(asset.document)
+    if isinstance(asset.document, PlyDocument):
+        return _textures_of(asset, asset.document)
     labels = [a for a in asset.attributes if (a.name, a.domain) == (_MATERIAL, "face")]
     if not isinstance(asset.document, ObjDocument) or not labels:
         return None
@@ -55,6 +58,20 @@ def looks_of(asset: Asset) -> Looks | None:
     return Looks(look[place][asset.polygons.of_triangle], materials)
 
 
+def _textures_of(asset: Asset, document: PlyDocument) -> Looks | None:
+    """Return the pictures that comments of a PLY file name, which faces show by their numbers."""
+    names, of_triangle = document.textures, np.zeros(len(asset.polygons.of_triangle), dtype=np.int64)
+    if not names or not asset.of_kind("uv"):
+        return None
+    for number in asset.attributes:
+        if (number.name, number.domain) == (TEXTURE_NUMBER, "face") and number.values.ndim == 1:
+            of_triangle = number.coded.values.astype(np.int64)[asset.polygons.of_triangle]
+            of_triangle = np.where((of_triangle >= 0) & (of_triangle < len(names)), of_triangle, -1)
+    uv = asset.of_kind("uv")[0].name
+    looks = (Look(name, Layer(picture=Picture.among(document.files, name), uv=uv)) for name in names)
+    return Looks(of_triangle, tuple(looks))
+
+
 def unread_files(asset: Asset) -> tuple[str, ...]:
     """Say of each picture of an asset, and each material and library of an OBJ file, that cannot be read, why not."""
     materials, document = looks_of(asset), asset.document
@@ -68,7 +85,7 @@ def unread_files(asset: Asset) -> tuple[str, ...]:
             words = line.split()
             missing = [] if line in document.files else [word for word in words if word not in document.files]
             names = missing if len(missing) < len(words) else [line]
-            notes += [f"{name!r}: there is no such file in the folder of the OBJ file" for name in names]
+            notes += [f"{name!r}: there is no such file in the folder of the surface" for name in names]
     return tuple(notes)
 
 
@@ -115,15 +132,31 @@ def as_written(path: Path, asset: Asset) -> tuple[Asset, dict[Path, bytes]]:
     document, suffix = asset.document, path.suffix.lower()
     if suffix in (".glb", ".gltf"):
         materials = None if isinstance(document, GltfDocument) else looks_of(asset)
-        return (gltf_carried.with_materials(asset, materials) if materials else asset), {}
+        return (gltf_carried.with_materials(_unnumbered(asset), materials) if materials else asset), {}
+    own = {".obj": ObjDocument, ".ply": PlyDocument}.get(suffix, ())
+    materials = looks_of(asset) if own and not isinstance(document, own) else None
     if isinstance(document, GltfDocument):
-        materials = looks_of(asset) if suffix == ".obj" else None
         asset = replace(asset, document=document.former)
-        asset = _in_obj(asset, materials, path.stem) if materials else asset
-    if suffix != ".obj" or not isinstance(asset.document, ObjDocument):
+    if materials:
+        asset = (_in_obj if own is ObjDocument else _in_ply)(asset, materials, path.stem)
+    document = asset.document
+    if not isinstance(document, ObjDocument | PlyDocument) or not isinstance(document, own):
         return asset, {}
-    placed, files = _beside(asset.document, path)
-    return replace(asset, document=placed), files
+    lines = document.libraries if isinstance(document, ObjDocument) else ()
+    names, files = _beside(document.files, {name for line in lines for name in (line, *line.split())}, path)
+    return replace(asset, document=document.with_renamed_files(names)), files
+
+
+def left_looks(path: Path, asset: Asset) -> tuple[Attribute, ...]:
+    """Return what a file to be written has no place for: pictures and colours of materials."""
+    suffix, materials = path.suffix.lower(), looks_of(asset)
+    if materials is None or suffix in (".glb", ".gltf", ".obj"):
+        return ()
+    has_pictures, is_ply = bool(materials.pictures), suffix == ".ply"
+    has_colours = any(layer.tint != UNTINTED for look in materials.looks for layer in look.layers)
+    words = ["pictures"] * (has_pictures and not is_ply) + ["colours"] * has_colours
+    name = f"the {' and '.join(words)} of the materials"
+    return (Attribute(name, "face", "label", np.zeros(len(asset.polygons), int)),) if words else ()
 
 
 def with_one_texture(asset: Asset) -> tuple[Asset, AnyArray | None]:
@@ -165,17 +198,41 @@ def _repeating(asset: Asset, materials: Looks) -> tuple[Asset, tuple[Layer, ...]
     return replace(asset, attributes=(Attribute("uv", "corner", "uv", uv_of_corner), *others)), tuple(layers)
 
 
+def _named(pictures: Iterable[Picture | None], stem: str) -> tuple[dict[Picture, str], dict[str, bytes]]:
+    """Name the pictures that were found after a surface; return also their files, as PNG or JPEG."""
+    kept = [each for each in dict.fromkeys(pictures) if each and not each.missing]
+    names: dict[Picture, str] = {}
+    files: dict[str, bytes] = {}
+    for picture in kept:
+        data = as_png(picture.data)
+        number = f"_{len(files)}" if len(kept) > 1 else ""
+        names[picture] = f"{stem}{number}{'.jpg' if data[:2] == JPEG else '.png'}"
+        files[names[picture]] = data
+    return names, files
+
+
+def _in_ply(asset: Asset, materials: Looks, stem: str) -> Asset:
+    """Return an asset with the pictures of its materials as those of a PLY file, which has no other materials."""
+    shown, layers = _repeating(asset, materials)
+    names, files = _named((layer.picture for layer in layers), stem)
+    former = asset.document if isinstance(asset.document, PlyDocument) else PlyDocument()
+    shown = replace(shown, document=former.with_textures(files))
+    if len(files) == len(layers) == 1 and (materials.of_triangle == 0).all():
+        return shown
+    number = {name: i for i, name in enumerate(files)}
+    of_look = np.array(
+        [number[names[each.picture]] if each.picture in names else -1 for each in layers] + [-1]
+    )
+    of_polygon = np.full(len(asset.polygons), -1, dtype=np.int32)
+    of_polygon[asset.polygons.of_triangle] = of_look[materials.of_triangle]
+    return shown.with_attributes(Attribute(TEXTURE_NUMBER, "face", "scalar", of_polygon)) if files else shown
+
+
 def _in_obj(asset: Asset, materials: Looks, stem: str) -> Asset:
     """Return an asset with a library of its materials, which it has as labels of its faces."""
     shown, layers = _repeating(asset, materials)
-    pictures = dict.fromkeys(layer.picture for layer in layers if layer.picture and not layer.picture.missing)
-    files: dict[str, bytes] = {}
-    names: dict[Picture, str] = {}
-    for picture in pictures:
-        data = as_png(picture.data)
-        number = f"_{len(files)}" if len(pictures) > 1 else ""
-        names[picture] = f"{stem}{number}{'.jpg' if data[:2] == JPEG else '.png'}"
-        files[names[picture]] = data
+    shown = _unnumbered(shown)
+    names, files = _named((layer.picture for layer in layers), stem)
     former = asset.document if isinstance(asset.document, ObjDocument) else ObjDocument()
     words: list[str] = []
     for look in materials.looks:
@@ -183,6 +240,12 @@ def _in_obj(asset: Asset, materials: Looks, stem: str) -> Asset:
     files[f"{stem}.mtl"] = obj.library_of(tuple(words), layers, names, former.encoding)
     document = ObjDocument((f"{stem}.mtl",), former.elements, former.encoding, files)
     return replace(_labelled(shown, materials.of_triangle, tuple(words)), document=document)
+
+
+def _unnumbered(asset: Asset) -> Asset:
+    """Leave out the numbers of a PLY file's pictures, where materials say the same."""
+    is_ply = isinstance(asset.document, PlyDocument)
+    return asset.without_attributes(TEXTURE_NUMBER) if is_ply else asset
 
 
 def _labelled(asset: Asset, of_triangle: IntArray, names: tuple[str, ...]) -> Asset:
@@ -193,13 +256,14 @@ def _labelled(asset: Asset, of_triangle: IntArray, names: tuple[str, ...]) -> As
     return asset.with_attributes(Attribute(_MATERIAL, "face", "label", of_polygon, names=words))
 
 
-def _beside(document: ObjDocument, path: Path) -> tuple[ObjDocument, dict[Path, bytes]]:
-    """Find names for the files of a document beside another file."""
+def _beside(
+    contents: Mapping[str, bytes], libraries: Container[str], path: Path
+) -> tuple[dict[str, str], dict[Path, bytes]]:
+    """Find names for files beside another file; return those to be written, and the new name of each."""
     files, taken, names = dict[Path, bytes](), dict[Path, bytes](), dict[str, str]()
     folder = path.parent.resolve()
-    libraries = {name for line in document.libraries for name in (line, *line.split())}
     # pictures first, as libraries name them
-    for name, content in sorted(document.files.items(), key=lambda item: item[0] in libraries):
+    for name, content in sorted(contents.items(), key=lambda item: item[0] in libraries):
         changed = {old: new for old, new in names.items() if old != new}
         content = obj.renamed(content, changed) if changed and name in libraries else content
         clean = name.replace("\\", "/")
@@ -220,9 +284,4 @@ def _beside(document: ObjDocument, path: Path) -> tuple[ObjDocument, dict[Path, 
         taken[file] = content
         if not is_there:
             files[file] = content
-    lines = [
-        names.get(line)
-        or (" ".join(names.get(word, word) for word in words) if names.keys() & set(words) else line)
-        for line, words in ((line, line.split()) for line in document.libraries)
-    ]
-    return replace(document, libraries=tuple(lines)), files
+    return names, files

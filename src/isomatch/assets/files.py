@@ -11,13 +11,13 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch.assets.appearance import as_written
+from isomatch.assets.appearance import as_written, left_looks
 from isomatch.assets.asset import ASKED, TOLD, Asset
 from isomatch.assets.attribute import Attribute, told_apart
 from isomatch.assets.formats.registry import FORMATS, MeshFormat, checked, format_of
 from isomatch.assets.libraries import geometry_of
 from isomatch.assets.polygons import Polygons, merged_corners
-from isomatch.errors import DescriptorError, FormatError, MeshError
+from isomatch.errors import DescriptorError, FormatError, IsomatchError, MeshError
 from isomatch.storage.files import contents, replaced
 from isomatch.storage.texts import natural_order
 from isomatch.surfaces import Graph, Mesh, PointCloud, Surface
@@ -34,7 +34,8 @@ def read_mesh(path: str | os.PathLike[str]) -> Mesh:
     ----------
     path : path_like
         File with a suffix of `FORMATS`, in upper or lower case: OFF, OBJ, PLY, STL, glTF and GLB; with the extra ``io``
-        GIFTI and FreeSurfer (``lh.pial``, ``rh.white``, …); with the extra ``vtk`` VTP, VTU and VTK.
+        GIFTI and FreeSurfer (``lh.pial``, ``rh.white``, …); with the extra ``vtk`` VTP, VTU and VTK. Points alone: XYZ,
+        NPY, with ``io`` PCD.
 
     Returns
     -------
@@ -63,7 +64,7 @@ def read_mesh(path: str | os.PathLike[str]) -> Mesh:
     Mesh(3 vertices, 1 faces)
     """
     path = Path(path)
-    return format_of(path).read(contents(path), str(path))
+    return format_of(path, reading=True).read(contents(path), str(path))
 
 
 def read_point_cloud(path: str | os.PathLike[str], n_neighbours: int = 30) -> PointCloud:
@@ -95,7 +96,7 @@ def read_asset(path: str | os.PathLike[str], *, sound: bool = True) -> Asset:
     Asset(4 points, 1 polygons; group)
     """
     path = Path(path)
-    mesh_format = format_of(path)
+    mesh_format = format_of(path, reading=True)
 
     def read(data: bytes, name: str) -> Asset:
         if mesh_format.read_asset is None:
@@ -108,9 +109,22 @@ def read_asset(path: str | os.PathLike[str], *, sound: bool = True) -> Asset:
     return checked(read, contents(path), str(path))
 
 
+def read_as_far(path: str | os.PathLike[str]) -> Asset:
+    """Read a surface file as `read_asset`; if its attributes cannot be read, points and triangles, with a note why."""
+    try:
+        return read_asset(path)
+    except IsomatchError as error:
+        return replace(Asset.of_mesh(read_mesh(path)), notes=(str(error),))
+
+
 def meshes_among(paths: Iterable[Path]) -> list[Path]:
-    """Keep the surface files, in the natural order of their names; hidden ones, as macOS makes, are none."""
-    found = [path for path in paths if path.suffix.lower() in FORMATS and not path.name.startswith(".")]
+    """Keep the surface files, in the natural order of their names; hidden ones, as macOS makes, are none.
+
+    Points alone, as text or PCD, are kept where there is nothing else: beside surfaces, they are values or landmarks.
+    """
+    seen = [path for path in paths if not path.name.startswith(".")]
+    found = [path for path in seen if path.suffix.lower() in FORMATS]
+    found = found or [path for path in seen if path.suffix.lower() in (".xyz", ".pcd")]
     return sorted((path for path in found if path.is_file()), key=lambda path: natural_order(str(path)))
 
 
@@ -203,12 +217,12 @@ def write_asset(
     mesh_format = format_of(path)
     if binary is not None and "binary" not in mesh_format.options:
         raise _no_option(path, "binary", lambda other: "binary" in other.options)
-    asset, beside = as_written(path, asset)
+    lost, (asset, beside) = left_looks(path, asset), as_written(path, asset)
     if not mesh_format.has_parts:
         asset = replace(asset.placed, document=asset.document)
     if any(attribute.domain == "corner" for attribute in asset.attributes):
         asset.require_points()
-    kept, left = list[Attribute](), list[Attribute]()
+    kept, left = list[Attribute](), list(lost)
     for attribute in asset.attributes:
         place: Attribute | None = attribute
         if attribute.domain == "corner" and not mesh_format.keeps(attribute):
@@ -225,8 +239,8 @@ def write_asset(
     if asset.frame is not None and not mesh_format.keeps_frame(asset.frame):
         turned = asset.frame.axes and mesh_format.axes not in (None, asset.frame.axes)
         told = f"{asset.frame}; positions are turned to {mesh_format.axes}" if turned else str(asset.frame)
-        lost = f"the frame of the coordinates ({told})"
-        left.append(Attribute(lost, "point", "vector", asset.frame.matrix))
+        name = f"the frame of the coordinates ({told})"
+        left.append(Attribute(name, "point", "vector", asset.frame.matrix))
     data = mesh_format.write(
         replace(asset, attributes=told_apart(kept)), **({} if binary is None else {"binary": binary})
     )

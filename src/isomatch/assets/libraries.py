@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from isomatch.assets.appearance import with_one_texture, with_texture
-from isomatch.assets.asset import Asset
+from isomatch.assets.asset import Asset, Frame
 from isomatch.assets.attribute import Attribute, Domain, Kind, guessed_kind, told_apart
 from isomatch.assets.materials import png_of, texture_on
 from isomatch.assets.polygons import Polygons, split_at_seams
@@ -50,13 +50,15 @@ def geometry_of(given: object) -> Geometry:
 def asset_from(given: object, *, sound: bool = True) -> Asset:
     """Make an asset of a mesh of another library, with its attributes, and its texture if it has just one.
 
+    The space is taken from texts of ``metadata`` (trimesh), ``field_data`` (PyVista) or ``info`` (meshio), as SPACE: LPS.
     It may be a ``trimesh.Trimesh``, ``pyvista.PolyData``, ``meshio.Mesh``, or a ``TriangleMesh`` of Open3D; or a
     ``PointCloud`` of trimesh or Open3D. Unless ``sound``, polygons may refer to points that are not there, and `repair`
     removes them. `MeshError` if it is none of these, or has no polygons but other cells.
     """
     geometry, attributes = _library(given)
     values = told_apart(attributes(given, geometry))
-    asset = Asset(geometry.points, geometry.polygons, values, notes=geometry.notes)
+    frame = Frame.of_named(_texts_of(given))
+    asset = Asset(geometry.points, geometry.polygons, values, notes=geometry.notes, frame=frame)
     if sound:
         asset.require_points()
     asset, texture = asset.with_note_of_uncut, texture_on(given)
@@ -64,6 +66,18 @@ def asset_from(given: object, *, sound: bool = True) -> Asset:
         return asset
     picture, tint = texture
     return with_texture(asset, png_of(picture), tint)
+
+
+def _texts_of(mesh: object) -> dict[str, str]:
+    """Return the texts by name that go with a mesh."""
+    texts = dict[str, str]()
+    for place in ("metadata", "field_data", "info"):
+        named: Any = getattr(mesh, place, None) or {}
+        for name, text in named.items():
+            words = [text] if isinstance(text, str) else np.asarray(text).ravel().tolist()[:1]
+            texts |= {str(name): word for word in words if isinstance(word, str)}
+    units = getattr(mesh, "units", None)  # of trimesh
+    return texts | ({"units": units} if isinstance(units, str) else {})
 
 
 _STANDARD = ("normal", "rgb", "rgba", "color", "colour", "texturecoordinate", "uv", "obj:vn")
@@ -225,6 +239,7 @@ def to_trimesh(asset: Asset) -> Any:
     shown, texture = with_one_texture(asset)
     split = _at_points(shown)
     mesh = trimesh.Trimesh(split.points, split.polygons.triangles, process=False)
+    mesh.metadata.update(_space_of(asset))
     of_triangle = split.polygons.of_triangle
     has_uv = any(uv.domain == "point" for uv in split.of_kind("uv"))  # instead of colours
     for attribute in split.attributes:
@@ -258,6 +273,8 @@ def to_pyvista(asset: Asset) -> Any:
     split = _at_points(asset)
     cells = np.insert(split.polygons.corners, split.polygons.starts, split.polygons.sizes)
     mesh = pyvista.PolyData(split.points, cells if len(cells) else None)
+    for name, text in _space_of(asset).items():
+        mesh.field_data[name] = [text]
     for attribute in split.attributes:
         data = mesh.point_data if attribute.domain == "point" else mesh.cell_data
         values = attribute.plain
@@ -288,7 +305,7 @@ def to_meshio(asset: Asset) -> Any:
     at_points = {a.name: a.plain for a in split.attributes if a.domain == "point"}
     on_faces = [a for a in split.attributes if a.domain == "face" and len(polygons)]
     of_blocks = {a.name: np.split(a.plain, first[1:]) for a in on_faces}
-    return meshio.Mesh(split.points, blocks, point_data=at_points, cell_data=of_blocks)
+    return meshio.Mesh(split.points, blocks, point_data=at_points, cell_data=of_blocks, info=_space_of(asset))
 
 
 def to_open3d(asset: Asset) -> Any:
@@ -321,6 +338,10 @@ def to_open3d(asset: Asset) -> Any:
         mesh.textures = [open3d.geometry.Image(np.ascontiguousarray(texture[::-1]))]
         mesh.triangle_material_ids = open3d.utility.IntVector(np.zeros(len(mesh.triangles), dtype=np.int32))
     return mesh
+
+
+def _space_of(asset: Asset) -> dict[str, str]:
+    return asset.frame.named if asset.frame else {}
 
 
 def _at_points(asset: Asset) -> Asset:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from io import BytesIO
 from pathlib import Path
@@ -29,6 +29,12 @@ class Picture:
     name: str
     data: bytes = b""
     missing: str = ""
+
+    @classmethod
+    def among(cls, files: Mapping[str, bytes], name: str) -> Picture:
+        """Return the picture of a name among those that were beside the surface."""
+        missing = "" if name in files else "there is no such file in the folder of the surface"
+        return cls(name, files.get(name, b""), missing)
 
 
 @dataclass(frozen=True)
@@ -70,9 +76,14 @@ class Look:
         return self.emitted if self.emitted and max(self.base.tint[:3]) == 0 else self.base
 
     @property
+    def layers(self) -> tuple[Layer, ...]:
+        """Its base and what is emitted, if anything is."""
+        return (self.base, self.emitted) if self.emitted else (self.base,)
+
+    @property
     def pictures(self) -> tuple[Picture, ...]:
         """The pictures of its layers."""
-        return tuple(layer.picture for layer in (self.base, self.emitted) if layer and layer.picture)
+        return tuple(layer.picture for layer in self.layers if layer.picture)
 
 
 @dataclass(frozen=True)

@@ -185,16 +185,19 @@ def export(
         require_writable(Path(f"mesh{meshes}"))
     collection = collections.Collection.open(folder)
     left_out = sorted({*collection.names} - {*collections.surfaces_written(collection)}) if meshes else []
-    written, suffix = Counter[str](), None if maps == "none" else f".{maps}"
+    written, lost, suffix = Counter[str](), Counter[str](), None if maps == "none" else f".{maps}"
     with talk.progress() as tell:
-        for path in collections.export(collection, to, meshes, suffix, force, rounded):
+        for path, left in collections.export(collection, to, meshes, suffix, force, rounded):
             written[path.parent.name] += 1
+            lost.update(left)
             tell(f"written: {path.name}", 1.0)
     counts = {"meshes": written["meshes"], "maps": written["maps"]}
-    result = {"folder": str(to), **counts, "left_out": left_out}
+    result = {"folder": str(to), **counts, "left_out": left_out, "not_kept": dict(lost)}
 
     def summary() -> None:
         say(f"wrote {written['meshes']} meshes and {written['maps']} maps to {to}")
+        for name, count in lost.items():
+            say(f"not in {count} of the meshes: {name}; a {meshes} file has no place for it")
         if left_out:
             say(f"not in the topology of the template, see shapes.csv: {', '.join(left_out)}", "bold red")
 

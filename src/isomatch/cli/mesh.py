@@ -16,7 +16,7 @@ from rich.console import Console
 
 import isomatch
 from isomatch import bases, mending, shapes
-from isomatch.assets import FORMATS, as_written, files_beside, meshes_among
+from isomatch.assets import FORMATS, as_written, files_beside, meshes_among, read_as_far
 from isomatch.cli.distance import N_COLUMNS
 from isomatch.cli.inputs import Force, Json, Output, Rounded, surface_of
 from isomatch.cli.outputs import claimed_files, notes_on, say_left_out, say_notes
@@ -85,7 +85,8 @@ def _meshes(place: Path) -> list[Path]:
 def _examined(path: Path, wall: float, in_table: bool) -> dict[str, Any]:
     """Plain values about a file; in a table, one that cannot be read is a row."""
     try:
-        mesh, notes = _read(path)
+        asset = read_as_far(path)
+        mesh = isomatch.Mesh(asset.placed_points, asset.polygons.triangles)
     except isomatch.IsomatchError as error:
         if not in_table:
             raise
@@ -97,19 +98,10 @@ def _examined(path: Path, wall: float, in_table: bool) -> dict[str, Any]:
         **report.to_dict(),
         # longest side of the box around the finite vertices, in the units of the file
         "size": float(np.ptp(finite, axis=0).max()) if len(finite) else None,
-        "notes": notes,
+        "notes": list(asset.notes),
         "report": str(report),
         "refused_by": {verb: _refusal(verb, mesh) for verb in get_args(Verb)},
     }
-
-
-def _read(path: Path) -> tuple[isomatch.Mesh, list[str]]:
-    """Read a mesh, with notes of what its reader left out or supposed, or why attributes cannot be read."""
-    try:
-        asset = isomatch.read_asset(path)
-    except isomatch.IsomatchError as error:
-        return isomatch.read_mesh(path), [str(error)]
-    return isomatch.Mesh(asset.placed_points, asset.polygons.triangles), list(asset.notes)
 
 
 def _reason(record: dict[str, Any], verb: Verb | None) -> str | None:

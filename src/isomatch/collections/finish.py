@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import time
 from collections.abc import Container, Iterator
 from concurrent.futures import Executor
@@ -40,8 +39,6 @@ from isomatch.storage.files import claimed, is_of_one_file, made_folder, replace
 from isomatch.storage.texts import read_csv, write_csv
 from isomatch.surfaces import Mesh, reflected
 from isomatch.view import camera_of, position_colours, surface_image, to_screen, turn_to_target
-
-logger = logging.getLogger(__name__)
 
 OWN = ("name", "key", "turned", "stretch", "distance", "extended", "error")  # columns of the work itself
 COLUMNS = (*OWN, "expected_error", "ways", "scale", "reflected", "mirror_image", "unlike")
@@ -345,8 +342,10 @@ def export(
     maps: str | None = ".npz",
     force: bool = False,
     rounded: bool = False,
-) -> Iterator[Path]:
-    """Write the surfaces of `surfaces_written`, and the maps of all pairs as they are now; yield each file.
+) -> Iterator[tuple[Path, tuple[str, ...]]]:
+    """Write the surfaces of `surfaces_written`, and the maps of all pairs as they are now.
+
+    Yields each file, and what its format has no place for.
 
     Parameters
     ----------
@@ -399,16 +398,12 @@ def export(
         for name in names:
             path = new / "meshes" / f"{name}{meshes}"
             left = write_asset(path, read_asset(collection.layout.corresponded(name)), rounded=rounded)
-            for attribute in left:
-                logger.warning(
-                    "not in %s: %s; a %s file has no place for it", path.name, attribute.name, meshes
-                )
-            yield last.parent / path.relative_to(new)
+            yield last.parent / path.relative_to(new), tuple(attribute.name for attribute in left)
         for pair in pairs:
             pair_maps = collection.maps(*pair)
             for ends, correspondence in ((pair, pair_maps.there), (pair[::-1], pair_maps.back)):
                 path = new / "maps" / f"{BETWEEN.join(ends)}{maps}"
                 correspondence.save(path)
-                yield last.parent / path.relative_to(new)
+                yield last.parent / path.relative_to(new), ()
         write_table(rows, new / last.name)
-    yield last
+    yield last, ()

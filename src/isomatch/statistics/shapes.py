@@ -11,7 +11,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from isomatch.assets import FORMATS, Asset, Polygons, meshes_among, read_asset
+from isomatch.assets import FORMATS, Asset, Polygons, meshes_among, read_as_far, read_asset
 from isomatch.errors import FormatError, MeshError, MissingFileError, NotConvergedError, some
 from isomatch.statistics.procrustes import Scale, aligned_to, generalised_procrustes
 from isomatch.storage.files import legible, opened
@@ -225,7 +225,7 @@ def read_shapes(source: str | Path | Iterable[str | Path]) -> CorrespondedShapes
     twice = [name for name, count in Counter(legible(file.stem) for file in files).items() if count > 1]
     if twice:
         raise FormatError(f"{source}: several files are named {', '.join(twice)}; keep one of each")
-    assets = {legible(file.stem): read_asset(file) for file in files}
+    assets = {legible(file.stem): read_as_far(file) for file in files}
     plys = {legible(file.stem) for file in files if file.suffix.lower() == ".ply"}
     measured = {name: own for name in plys if (own := _measured(assets[name])) is not None}
     meshes = {name: Mesh(each.placed_points, each.polygons.triangles) for name, each in assets.items()}

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from tempfile import TemporaryDirectory
 
 from isomatch.errors import FormatError, IsomatchError, MemoryBudgetError
 from isomatch.runtime.memory import room_for
-from isomatch.storage.files import writing
+from isomatch.storage.files import contents, writing
 
 
 @contextmanager
@@ -68,3 +68,15 @@ def on_disk(data: bytes, suffix: str) -> Iterator[Path]:
         with writing(path):
             path.write_bytes(data)
         yield path
+
+
+def content_beside(name: str, folder: Path, read: Callable[[Path], bytes | None] = contents) -> bytes | None:
+    """Read a file of the folder or below, as no other may be copied; None if there is none."""
+    clean = name.replace("\\", "/")
+    # of a path on the machine of who made the file, the last name is sought here too
+    for each in (clean, PurePosixPath(clean).name):
+        with suppress(FormatError, OSError, ValueError):  # as of names too long, or with a zero byte
+            path = (folder / each).resolve()
+            if each and path.is_relative_to(folder.resolve()) and path.is_file():
+                return read(path)
+    return None

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import suppress
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 
 import numpy as np
 
 from isomatch.assets.asset import Asset
 from isomatch.assets.attribute import Attribute, Kind
+from isomatch.assets.formats._reading import content_beside
 from isomatch.assets.formats._text import (
     NumberRows,
     TextLines,
@@ -25,8 +25,7 @@ from isomatch.assets.formats._text import (
 )
 from isomatch.assets.materials import Layer, Look, Picture, Wrap, picture_in
 from isomatch.assets.polygons import Polygons, Renumbering
-from isomatch.errors import FormatError, MeshError
-from isomatch.storage.files import contents
+from isomatch.errors import MeshError
 from isomatch.storage.texts import decoded, encoding_of
 from isomatch.surfaces import Mesh, welded
 from isomatch.values.arrays import AnyArray, FloatArray, IntArray
@@ -59,6 +58,15 @@ class ObjDocument:
             if inside.all() and new.all():
                 kept.append(" ".join([keyword, *map(str, new.tolist())]))
         return replace(self, elements=tuple(kept))
+
+    def with_renamed_files(self, names: Mapping[str, str]) -> ObjDocument:
+        """Refer to libraries by other names."""
+        lines = [
+            names.get(line)
+            or (" ".join(names.get(word, word) for word in words) if names.keys() & set(words) else line)
+            for line, words in ((line, line.split()) for line in self.libraries)
+        ]
+        return replace(self, libraries=tuple(lines))
 
 
 def read(data: bytes, name: str) -> Mesh:
@@ -277,7 +285,6 @@ _NUMBERS = {"-o": 3, "-s": 3, "-t": 3, "-mm": 2}
 """Options of a picture, with the most numbers that follow each."""
 _WORDS = ("-blendu", "-blendv", "-bm", "-boost", "-cc", "-clamp", "-imfchan", "-texres", "-type")
 _PICTURES = ("map_", "bump", "disp", "decal", "norm", "refl")
-_MISSING = "there is no such file in the folder of the OBJ file"
 
 
 def read_libraries(lines: tuple[str, ...], folder: Path) -> dict[str, bytes]:
@@ -286,7 +293,7 @@ def read_libraries(lines: tuple[str, ...], folder: Path) -> dict[str, bytes]:
         name: content
         for line in lines
         for name in (line, *line.split())  # one, whose name may have blanks, or several
-        if (content := _content(name, folder)) is not None
+        if (content := content_beside(name, folder)) is not None
         and any(keyword == "newmtl" for keyword, _ in _statements(content))  # nothing else is copied
     }
     pictures = {
@@ -294,7 +301,7 @@ def read_libraries(lines: tuple[str, ...], folder: Path) -> dict[str, bytes]:
         for library in libraries.values()
         for keyword, rest in _statements(library)
         if keyword.startswith(_PICTURES)
-        and (content := _content(name := _options(rest)[1], folder, picture_in)) is not None
+        and (content := content_beside(name := _options(rest)[1], folder, picture_in)) is not None
     }
     return libraries | pictures
 
@@ -361,12 +368,11 @@ def _layer(text: str, tint: tuple[float, ...], files: Mapping[str, bytes]) -> La
     if not text:
         return Layer(tint)
     options, name = _options(text)
-    picture = Picture(name, files[name]) if name in files else Picture(name, missing=_MISSING)
     sx, sy = [*_numbers(" ".join(options.get("-s", [])), 1, 2), 1.0, 1.0][:2]
     x, y = [*_numbers(" ".join(options.get("-o", [])), 1, 2), 0.0, 0.0][:2]
     matrix = (sx, 0.0, x), (0.0, sy, 1 - sy - y)  # v of OBJ goes up
     wrap: Wrap = "clamp" if options.get("-clamp") == ["on"] else "repeat"
-    return Layer(tint, picture, matrix=matrix, wrap=(wrap, wrap))
+    return Layer(tint, Picture.among(files, name), matrix=matrix, wrap=(wrap, wrap))
 
 
 def _options(text: str) -> tuple[dict[str, list[str]], str]:
@@ -402,15 +408,3 @@ def _statements(library: bytes) -> Iterator[tuple[str, str]]:
 
 def _lines(library: bytes) -> list[str]:
     return decoded(library).replace("\r\n", "\n").replace("\r", "\n").split("\n")
-
-
-def _content(name: str, folder: Path, read: Callable[[Path], bytes | None] = contents) -> bytes | None:
-    """Read a file of the folder or below, as no other may be copied; None if there is none."""
-    clean = name.replace("\\", "/")
-    # of a path on the machine of who made the file, the last name is sought here too
-    for each in (clean, PurePosixPath(clean).name):
-        with suppress(FormatError, OSError, ValueError):  # as of names too long, or with a zero byte
-            path = (folder / each).resolve()
-            if each and path.is_relative_to(folder.resolve()) and path.is_file():
-                return read(path)
-    return None

@@ -9,12 +9,13 @@ import re
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import takewhile
+from pathlib import Path
 
 import numpy as np
 
 from isomatch.assets.asset import Asset, Frame
 from isomatch.assets.attribute import Attribute, Domain, Kind, guessed_kind, told_apart
-from isomatch.assets.formats._reading import unexpected
+from isomatch.assets.formats._reading import content_beside, unexpected
 from isomatch.assets.formats._text import (
     TextLines,
     interleaved,
@@ -24,6 +25,7 @@ from isomatch.assets.formats._text import (
     numbered,
     read_lines,
 )
+from isomatch.assets.materials import picture_in
 from isomatch.assets.polygons import Polygons, Renumbering, spans
 from isomatch.errors import FormatError, MeshError
 from isomatch.surfaces import Mesh
@@ -53,6 +55,9 @@ _GROUPS: tuple[tuple[str, Kind, tuple[str, ...]], ...] = (
     ("uv", "uv", ("texture_u", "texture_v")),
 )
 _CORNER_UV = "texcoord"
+TEXTURE_NUMBER = "texnumber"
+"""The property of faces that says which of several pictures they show."""
+_TEXTURE = "TextureFile"  # the comment that names a picture
 
 
 @dataclass(frozen=True)
@@ -128,6 +133,23 @@ class PlyDocument:
     of_points: tuple[Column, ...] = ()
     of_faces: tuple[Column, ...] = ()
     elements: Mapping[str, Element] = field(default_factory=dict)
+    files: Mapping[str, bytes] = field(default_factory=dict)  # pictures
+
+    @property
+    def textures(self) -> tuple[str, ...]:
+        """Names of the pictures, in the order of their numbers."""
+        words = (_text_of(comment).partition(" ") for comment in self.comments)
+        return tuple(rest.strip() for keyword, _, rest in words if keyword.lower() == _TEXTURE.lower())
+
+    def with_textures(self, files: Mapping[str, bytes]) -> PlyDocument:
+        """Return the same with other pictures."""
+        others = (c for c in self.comments if not _text_of(c).lower().startswith(f"{_TEXTURE.lower()} "))
+        comments = (*others, *(f"comment {_TEXTURE} {name}" for name in files))
+        return replace(self, comments=comments, files=dict(files))
+
+    def with_renamed_files(self, names: Mapping[str, str]) -> PlyDocument:
+        """Refer to pictures by other names; those that were not found keep theirs."""
+        return self.with_textures({names.get(name, name): b"" for name in self.textures})
 
     def renumbered(self, before: Asset, after: Asset, rows: Renumbering) -> PlyDocument:
         """Take the same rows of lists, and renumber the points of edges."""
@@ -158,6 +180,8 @@ def read_asset(data: bytes, name: str) -> Asset:
     document = PlyDocument(
         byte_order, comments, positions, index_list, names, other_of_points, other_of_faces, elements
     )
+    pictures = {each: content_beside(each, Path(name).parent, picture_in) for each in document.textures}
+    document = replace(document, files={each: data for each, data in pictures.items() if data is not None})
     frame = Frame.of_lines(*map(_text_of, comments))
     return Asset(points, Polygons(corners, sizes), of_points + of_faces, document=document, frame=frame)
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from isomatch.assets.asset import Asset, Axes, Frame
 from isomatch.assets.attribute import Attribute
-from isomatch.assets.formats import freesurfer, gifti, gltf, obj, off, ply, stl, vtk
+from isomatch.assets.formats import clouds, freesurfer, gifti, gltf, obj, off, ply, stl, vtk
 from isomatch.errors import FormatError, InputError
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import FloatArray
@@ -105,13 +105,24 @@ FORMATS: dict[str, MeshFormat] = {
 """The format of each suffix, in lower case and with its dot. To add a format, add an entry."""
 
 
-def format_of(path: Path) -> MeshFormat:
-    """Return the format of a file by its suffix; `FormatError` if that is unknown."""
-    try:
-        return FORMATS[path.suffix.lower()]
-    except KeyError:
-        suffix = f"suffix {path.suffix!r}" if path.suffix else "no suffix"
-        raise FormatError(f"{path}: {suffix} is not a mesh format; use one of {', '.join(FORMATS)}") from None
+CLOUDS: dict[str, Callable[[bytes, str], Asset]] = {
+    ".xyz": clouds.read_xyz,
+    ".pcd": clouds.read_pcd,
+    ".npy": clouds.read_npy,
+}
+"""The reader of each suffix of files with points alone, which are not written."""
+
+
+def format_of(path: Path, reading: bool = False) -> MeshFormat:
+    """Return the format of a file by its suffix; `FormatError` if that is unknown, or of a cloud and not for reading."""
+    suffix = path.suffix.lower()
+    if suffix in FORMATS:
+        return FORMATS[suffix]
+    if reading and suffix in CLOUDS:
+        return _with_attributes(CLOUDS[suffix], ply.write)
+    told = f"suffix {path.suffix!r}" if path.suffix else "no suffix"
+    known = ", ".join([*FORMATS, *CLOUDS] if reading else FORMATS)
+    raise FormatError(f"{path}: {told} is not a mesh format; use one of {known}")
 
 
 def checked(read: Callable[[bytes, str], Asset], data: bytes, name: str) -> Asset:

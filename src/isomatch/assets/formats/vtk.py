@@ -99,12 +99,11 @@ def write(suffix: str, asset: Asset, binary: bool = True) -> bytes:
     if suffix == ".vtu" and not len(asset.points):  # over which VTK ends the process
         raise MeshError("there are no points, and a VTU file without any cannot be read; write a .vtp file")
     mesh = to_pyvista(asset)
-    frame = asset.frame or Frame()
-    for name, text in frame.named.items() if suffix != ".vtk" else ():
-        mesh.field_data[name] = [text]
+    if suffix == ".vtk":  # where the title tells it
+        mesh.field_data.clear()
     with on_disk(b"", suffix) as path:
         (mesh.cast_to_unstructured_grid() if suffix == ".vtu" else mesh).save(path, binary=binary)
-        if suffix != ".vtk" or not (title := frame.title(TITLE)):
+        if suffix != ".vtk" or not (title := (asset.frame or Frame()).title(TITLE)):
             return path.read_bytes()
         version, _, rest = path.read_bytes().split(b"\n", 2)
         return b"\n".join([version, title.encode(), rest])
