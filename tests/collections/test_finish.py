@@ -217,6 +217,6 @@ def test_the_command_line_exports(star, tmp_path, capsys):
         main(["collect", "export", str(star.folder), str(tmp_path / "out"), "--format", "vtp", "--json"]) == 0
     )
     said = json.loads(capsys.readouterr().out)
-    assert said == {"folder": str(tmp_path / "out"), "meshes": 4, "maps": 6, "left_out": []}
+    assert said == {"folder": str(tmp_path / "out"), "meshes": 4, "maps": 6, "left_out": [], "not_kept": {}}
     assert main(["collect", "export", str(star.folder), str(tmp_path / "out"), "--format", "doc"]) == 1
     assert "is not a mesh format" in capsys.readouterr().err

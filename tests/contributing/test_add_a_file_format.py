@@ -99,7 +99,7 @@ def test_each_kind_of_damage_is_named(text, message):
 
 
 def test_unknown_suffixes_and_options_are_told_what_there_is(tmp_path):
-    for refused in (lambda: read_mesh("a.xyz"), lambda: write_mesh("a.xyz", torus())):
+    for refused in (lambda: read_mesh("a.abc"), lambda: write_mesh("a.abc", torus())):
         with pytest.raises(FormatError, match="format"):
             refused()
     with pytest.raises(FormatError, match="option"):

@@ -215,6 +215,8 @@ def _in_ply(asset: Asset, materials: Looks, stem: str) -> Asset:
     """Return an asset with the pictures of its materials as those of a PLY file, which has no other materials."""
     shown, layers = _repeating(asset, materials)
     names, files = _named((layer.picture for layer in layers), stem)
+    if not files:
+        return asset
     former = asset.document if isinstance(asset.document, PlyDocument) else PlyDocument()
     shown = replace(shown, document=former.with_textures(files))
     if len(files) == len(layers) == 1 and (materials.of_triangle == 0).all():
@@ -225,7 +227,7 @@ def _in_ply(asset: Asset, materials: Looks, stem: str) -> Asset:
     )
     of_polygon = np.full(len(asset.polygons), -1, dtype=np.int32)
     of_polygon[asset.polygons.of_triangle] = of_look[materials.of_triangle]
-    return shown.with_attributes(Attribute(TEXTURE_NUMBER, "face", "scalar", of_polygon)) if files else shown
+    return shown.with_attributes(Attribute(TEXTURE_NUMBER, "face", "scalar", of_polygon))
 
 
 def _in_obj(asset: Asset, materials: Looks, stem: str) -> Asset:

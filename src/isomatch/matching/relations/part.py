@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import replace
+from functools import partial
 from itertools import product
 from operator import attrgetter
 from typing import Literal, Self, cast
 
 import numpy as np
 
-from isomatch.correspondence import Embedding, PrecisePoints, SpectralPair
+from isomatch.correspondence import Correspondence, Embedding, PrecisePoints, SpectralPair
 from isomatch.errors import NotConvergedError, SettingError
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching.confidence import expected_errors
@@ -42,12 +43,12 @@ from isomatch.matching.relations.part_registration import (
     WholeCoordinates,
 )
 from isomatch.matching.relations.part_starts import APART, PartStarts, self_maps
-from isomatch.matching.result import Quality
+from isomatch.matching.result import Alternative, Quality
 from isomatch.matching.selection import LANDMARK_SLACK, Rules, Selection, distances_between, distinct, select
 from isomatch.matching.stages import Relation
 from isomatch.matching.starts import first_maps_handed_in, nearest_in_pose, searches_by_anchors
 from isomatch.runtime.stage_timer import StageTimer
-from isomatch.runtime.threads import parallel_map
+from isomatch.runtime.threads import parallel_map, serial_blas
 from isomatch.shapes import PreparedShape
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 from isomatch.values.cached import cached_property
@@ -281,20 +282,42 @@ class Part(Relation):
         selection = self.match(timer)
         best = selection.winner
         doubt = PartDoubt(best.bent_cost, selection.runner_up, best.pair.trusted, self.pair.config.parts)
-        return self._summed_up(selection, doubt, timer)
+        solution = self._summed_up(selection, doubt, timer)
+        return replace(solution, alternatives=self._alternatives(selection))
+
+    def _alternatives(self, selection: Selection[PartFit]) -> tuple[Alternative, ...]:
+        """Give other maps that were refined to the end, best first; the part is bent by one when it is asked for."""
+        order = selection.winner, *selection.runners_up
+        others = self._distinct(list(order), 1 + self.pair.config.selection.most_alternatives)[1:]
+        return tuple(
+            Alternative(partial(self._bent_by, fit), fit.cost, fit.orientation, self.origin_of(fit))
+            for fit in others
+        )
+
+    def _bent_by(self, fit: PartFit) -> Correspondence:
+        with serial_blas():
+            points, matched, _ = self._directed(fit, self.bent(fit))
+            return self.pair.source.correspondence(self.pair.target, points, matched)
+
+    def _directed(self, fit: PartFit, bent: BentPart) -> tuple[PrecisePoints, BoolArray, float]:
+        """Return the map by a bent part in the direction asked for, which vertices have an image, and its unit."""
+        if self.side == "target":
+            return *bent.onto_part(), 1 / fit.pair.unit
+        return bent.points, np.ones(self.source.body.n_vertices, dtype=bool), fit.pair.unit
 
     def _summed_up(self, selection: Selection[PartFit], doubt: PartDoubt, timer: StageTimer) -> Solution:
         """Bend the part in full, and sum up the map in the direction asked for."""
         best = selection.winner
         timer.start("bending")
         bent = self.bent(best)
-        onto_whole, (onto_part, covered) = bent.points, bent.onto_part()
-        errors = expected_errors_of_part(best.pair, onto_whole)
-        area = best.pair.meshes[1].vertex_areas[covered].sum()
-        points, matched, unit = onto_whole, np.ones(len(errors), dtype=bool), best.pair.unit
+        points, matched, unit = self._directed(best, bent)
+        errors = expected_errors_of_part(best.pair, bent.points)
+        covered = matched
         if self.side == "target":
-            points, matched, unit = onto_part, covered, 1 / best.pair.unit
             errors = errors[points.corners[:, 0]] / best.pair.unit
+        else:
+            _, covered = bent.onto_part()
+        area = best.pair.meshes[1].vertex_areas[covered].sum()
         timer.start("quality")
         balls = best.pair.signature, best.pair.whole.balls
         here, there = balls if self.side == "source" else balls[::-1]

@@ -1,0 +1,117 @@
+"""Questions: points of the source whose image, once known, decides between the maps that a match was left with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from isomatch.correspondence import UNMATCHED
+from isomatch.matching.result import MatchResult
+from isomatch.surfaces import Mesh
+from isomatch.values.arrays import BoolArray, FloatArray, IntArray
+
+N_CANDIDATES = 400  # vertices that may be asked for
+APART = 0.1  # √area between two places that are told apart by eye; chosen: a hand is half as long
+REACH = 0.3  # √area of the source: questions nearer to each other than this tell less
+
+
+@dataclass(frozen=True)
+class Question:
+    """A vertex of the source, and its different places by the maps of a result, as vertices of the target.
+
+    Parameters
+    ----------
+    vertex : int
+        Vertex of the source.
+    places : tuple of int
+        Where the map puts it, and then the alternatives; −1 where one has no image of it.
+    """
+
+    vertex: int
+    places: tuple[int, ...]
+
+
+def questions(source: Mesh, target: Mesh, result: MatchResult, most: int = 3) -> tuple[Question, ...]:
+    """Ask for the points that decide between the map of a result and its alternatives.
+
+    Each question separates as many contenders as possible that none before does, on average as far apart as possible,
+    away from the earlier ones. Answers are landmarks of a match again.
+
+    Parameters
+    ----------
+    source, target : Mesh
+        The meshes that were matched.
+    result : MatchResult
+        Its map and alternatives are the contenders.
+    most : int
+        Most questions.
+
+    Returns
+    -------
+    tuple of Question
+        None if there are no alternatives.
+
+    Notes
+    -----
+    Places are compared through space, which tells apart what is apart to the eye. Linear time.
+    """
+    maps = [result.map, *(other.map for other in result.alternatives)]
+    if len(maps) < 2:
+        return ()
+    size = np.sqrt(source.area), np.sqrt(target.area)
+    vertices = _spread(source, result.map.matched)
+    images = np.stack([each.vertices[vertices] for each in maps])  # (maps, candidates)
+    pairs = list(combinations(range(len(maps)), 2))
+    gap = np.stack([_gaps(target, images[i], images[j]) for i, j in pairs]) / size[1]
+    open_pairs, asked = np.ones(len(pairs), dtype=bool), list[int]()
+    away = np.full(len(vertices), np.inf)  # from the questions asked
+    for _ in range(most):
+        told = np.minimum(gap, REACH)
+        told[gap < APART] = 0.0
+        # pairs that are still open first, then all pairs, so that later answers confirm the earlier ones
+        worth = told[open_pairs].sum(axis=0) + told.mean(axis=0)
+        worth = worth * np.minimum(away / (REACH * size[0]), 1.0)
+        best = int(worth.argmax())
+        if not worth[best] > 0:
+            break
+        asked.append(best)
+        open_pairs &= gap[:, best] < APART
+        apart = np.linalg.norm(source.vertices[vertices] - source.vertices[vertices[best]], axis=1)
+        away = np.minimum(away, apart)
+    return tuple(Question(int(vertices[k]), _different(target, images[:, k], size[1])) for k in asked)
+
+
+def _spread(source: Mesh, matched: BoolArray) -> IntArray:
+    """Vertices spread over what has an image by the map, farthest points first."""
+    inside = np.flatnonzero(matched)
+    points = source.vertices[inside]
+    chosen, away = [0], np.linalg.norm(points - points[0], axis=1)
+    while len(chosen) < min(N_CANDIDATES, len(inside)):
+        chosen.append(int(away.argmax()))
+        away = np.minimum(away, np.linalg.norm(points - points[chosen[-1]], axis=1))
+    return inside[chosen]
+
+
+def _gaps(target: Mesh, one: IntArray, other: IntArray) -> FloatArray:
+    """Distance between two images of each vertex; of one that only one map has, none is known, and 0 counts."""
+    both = (one != UNMATCHED) & (other != UNMATCHED)
+    gap: FloatArray = np.linalg.norm(target.vertices[one] - target.vertices[other], axis=1)
+    return np.where(both, gap, 0.0)
+
+
+def _different(target: Mesh, images: IntArray, size: float) -> tuple[int, ...]:
+    """Keep the first of the images that are told apart."""
+    kept = list[int]()
+    for image in images.tolist():
+        near = [k for k in kept if _near(target, image, k, size)]
+        if not near:
+            kept.append(image)
+    return tuple(kept)
+
+
+def _near(target: Mesh, one: int, other: int, size: float) -> bool:
+    if UNMATCHED in (one, other):
+        return one == other
+    return bool(np.linalg.norm(target.vertices[one] - target.vertices[other]) < APART * size)
