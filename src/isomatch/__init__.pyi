@@ -43,9 +43,11 @@ from isomatch.matching import (
     MatchResult,
     Outcome,
     Quality,
+    Question,
     Verification,
     match,
     match_both,
+    questions,
     verify,
 )
 from isomatch.mending import MeshReport, check, repair
@@ -90,6 +92,7 @@ __all__ = [
     "PrecisePoints",
     "PreparedShape",
     "Quality",
+    "Question",
     "SettingError",
     "UnwritableFileError",
     "Verification",
@@ -113,6 +116,7 @@ __all__ = [
     "median_landmarks",
     "nearest_landmarks",
     "prepare",
+    "questions",
     "read_asset",
     "read_landmarks",
     "read_mesh",

@@ -141,7 +141,7 @@ def test_landmarks_are_picked_and_corrected_and_the_map_is_shown_chosen_and_kept
     page.click("#match")
     done(page)
     assert page.is_visible("#since")
-    assert page.locator("#runners-up label").last.text_content().startswith("before")
+    assert page.locator("#runners_up label").last.text_content().startswith("before")
 
     page.click("#write")
     done(page)
@@ -236,11 +236,11 @@ def test_animals_from_files_to_files(opened, visit, tmp_path, viewport):
     assert page.is_disabled("#match")
     page.click("#clear")
 
-    page.locator("#runners-up input").nth(1).click()
+    page.locator("#runners_up input").nth(1).click()
     page.click("#choose")
     done(page)
     assert (
-        page.locator("#runners-up .soft")
+        page.locator("#runners_up .soft")
         .nth(1)
         .text_content()
         .startswith("The map before this one was chosen.")
@@ -268,7 +268,7 @@ def test_animals_from_files_to_files(opened, visit, tmp_path, viewport):
 
     page.reload()
     page.wait_for_selector("#found:visible")
-    assert page.locator("#runners-up label").count() == 1 + len(record["alternatives"])
+    assert page.locator("#runners_up label").count() == 1 + len(record["alternatives"])
 
     page.click("#propose")
     assert page.locator("#pairs .unsure").count() == 3
@@ -293,7 +293,7 @@ def test_a_folder_of_a_result_is_opened(opened, visit, animals, tmp_path):
     page = visit(opened(tmp_path / "out"))
     page.wait_for_selector("#found:visible")
     assert page.text_content("#outcome") == HEADLINES[isomatch.Outcome.CONVERGED]
-    page.locator("#runners-up input").nth(1).click()
+    page.locator("#runners_up input").nth(1).click()
     page.click("#choose")
     done(page)
     assert (tmp_path / "out" / "map.npz").read_bytes() == before

@@ -256,3 +256,17 @@ def test_a_converged_map_hides_the_list_until_picking(shape, flipped, visit, tmp
     assert not page.locator("#landmarks").is_visible()
     page.check("#picking")
     assert page.locator("#landmarks").is_visible()
+
+
+def test_an_answer_to_a_question_is_one_click(report, visit):
+    page = visit(report)
+    letters = page.locator("ol.asked li").first.locator("button")
+    assert letters.all_inner_texts() == ["A", "B", "elsewhere"]
+    letters.nth(1).hover()
+    settled(page)
+    assert page.locator("#link").get_attribute("visibility") == "visible"
+    vertex, place = letters.nth(1).get_attribute("data-pair").split(",")
+    letters.nth(1).click()
+    assert page.locator("#noted").input_value() == f"# source, target\n{vertex}, {place}\n"
+    letters.nth(2).click()
+    assert page.locator("#noted").input_value() == f"# source, target\n{vertex}, ?\n"

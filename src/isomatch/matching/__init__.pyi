@@ -14,6 +14,7 @@ from isomatch.matching.match import BothDirections, continue_with, match, match_
 from isomatch.matching.pair import ShapePair, prepare_pair
 from isomatch.matching.priors import Priors
 from isomatch.matching.quality import contradicted_landmarks, covered_share, measure_quality
+from isomatch.matching.questions import Question, questions
 from isomatch.matching.refinements import REFINEMENTS, check_refinement
 from isomatch.matching.relations.both_parts import BothParts
 from isomatch.matching.relations.elastic import Elastic
@@ -46,6 +47,7 @@ __all__ = [
     "Part",
     "Priors",
     "Quality",
+    "Question",
     "Refinement",
     "Relation",
     "ShapePair",
@@ -68,6 +70,7 @@ __all__ = [
     "measured_evidence",
     "outcome_of",
     "prepare_pair",
+    "questions",
     "stages_of",
     "verified",
     "verify",

@@ -26,7 +26,7 @@ class Question:
     vertex : int
         Vertex of the source.
     places : tuple of int
-        Where the map puts it, and then the alternatives; −1 where one has no image of it.
+        Where the map puts it, and then the alternatives, as far as they differ.
     """
 
     vertex: int
@@ -104,14 +104,8 @@ def _gaps(target: Mesh, one: IntArray, other: IntArray) -> FloatArray:
 def _different(target: Mesh, images: IntArray, size: float) -> tuple[int, ...]:
     """Keep the first of the images that are told apart."""
     kept = list[int]()
-    for image in images.tolist():
-        near = [k for k in kept if _near(target, image, k, size)]
-        if not near:
+    for image in images[images != UNMATCHED].tolist():
+        apart = np.linalg.norm(target.vertices[kept] - target.vertices[image], axis=1) / size
+        if (apart >= APART).all():
             kept.append(image)
     return tuple(kept)
-
-
-def _near(target: Mesh, one: int, other: int, size: float) -> bool:
-    if UNMATCHED in (one, other):
-        return one == other
-    return bool(np.linalg.norm(target.vertices[one] - target.vertices[other]) < APART * size)

@@ -45,6 +45,10 @@ const landmarks = (() => {
     else list.put(row, pane, vertex);
   };
   list.extend = (rows) => write([...list.rows, ...rows]);
+  list.answer = (vertex, place) => { // where a point is, or null: to be clicked
+    const row = list.rows.findIndex((each) => each[0] === vertex);
+    if (row < 0) write([...list.rows, [vertex, place]]); else list.put(row, 1, place);
+  };
   list.drop = (row) => { list.chosen = null; write(list.rows.filter((_, k) => k !== row)); };
   list.choose = (end) => { // again: not any more
     const { chosen } = list;
@@ -52,6 +56,10 @@ const landmarks = (() => {
   };
   list.undo = () => { if (past.length) { list.chosen = null; text.value = past.pop(); read(); } };
   text.addEventListener("input", () => { if (text.value !== before) past.push(before); read(); }); picking.addEventListener("change", read);
+  document.addEventListener("click", ({ target }) => { // an answer to a question
+    const [vertex, place] = (target.dataset?.pair ?? "").split(",");
+    if (place) list.answer(Number(vertex), place === MISSING ? null : Number(place));
+  });
   by("undo").addEventListener("click", list.undo);
   by("clear").addEventListener("click", () => { list.chosen = null; write([]); });
   text.value = stored() ?? written(given.landmarks); read();

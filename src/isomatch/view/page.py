@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from importlib.metadata import PackageNotFoundError, version
 from importlib.resources import files
 from platform import python_version
-from string import Template
+from string import Template, ascii_uppercase
 from typing import Any
 
 import numpy as np
@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from isomatch.correspondence import Correspondence
 from isomatch.errors import LandmarkError
-from isomatch.matching import MatchResult
+from isomatch.matching import MatchResult, Outcome, Question, questions
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import IntArray, array_of
 from isomatch.view.measures import quality_measures
@@ -162,6 +162,7 @@ LIBRARIES = ("numpy", "scipy", "numba", "robust_laplacian", "matplotlib")
 def details_of(source: Mesh, target: Mesh, result: MatchResult) -> str:
     """Make the sections below the view: what speaks against the map, other maps, all measures, and notes."""
     return template("details.html").substitute(
+        questions=list_of_questions(asked_of(source, target, result)),
         against=table_against(result),
         regions=table_of_regions(result),
         alternatives=pictures_of_alternatives(source, target, result),
@@ -200,6 +201,31 @@ def table_of_regions(result: MatchResult) -> str:
         "<section><h2>Regions of doubt</h2><p>Where the map may be wrong; the colour “doubt” shows the regions. The "
         "vertex is the most doubtful one of its region; the other image is where another map sends it.</p>"
         f"{_headed_table(rows, 'region', 'area', 'vertex', 'other image', 'reason')}</section>"
+    )
+
+
+def asked_of(source: Mesh, target: Mesh, result: MatchResult) -> tuple[Question, ...]:
+    """Return the questions that a page asks: none where the map is sure."""
+    return () if result.outcome in (Outcome.CONVERGED, Outcome.PARTIAL) else questions(source, target, result)
+
+
+def list_of_questions(asked: Sequence[Question]) -> str:
+    """Ask where points of the source are: each place by a map is a button, which adds the pair to the landmarks."""
+    if not asked:
+        return ""
+    rows = "".join(
+        f"<li>Point {number} (vertex {each.vertex}) "
+        + "".join(
+            f'<button type="button" class="small" data-pair="{each.vertex},{place}">{letter}</button> '
+            for letter, place in zip(ascii_uppercase, each.places)
+        )
+        + f'<button type="button" class="small" data-pair="{each.vertex},?">elsewhere</button></li>'
+        for number, each in enumerate(asked, 1)
+    )
+    return (
+        "<section><h2>Questions that decide</h2><p>Where are these points? Each letter is the place by one of the maps; "
+        "point at it to see both ends, and click the right one. Then match again with these landmarks.</p>"
+        f'<ol class="asked">{rows}</ol></section>'
     )
 
 

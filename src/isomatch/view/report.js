@@ -202,15 +202,16 @@ const report = (() => {
     const marks = ["dot0", "dot1", "link"].map(by), [, , link] = marks;
     for (const item of marks) item.setAttribute("visibility", "hidden");
     if (!mark) { status.textContent = now() ? status.dataset.help : "Drag to rotate both shapes; the wheel or two fingers zoom."; return; }
-    const { pane, vertex } = mark, map = now(), image = map?.images[vertex], item = shown();
+    const { pane, vertex, goal } = mark, map = now(), image = map?.images[vertex], item = shown();
     const own = place(marks[0], pane, shapes[pane].vertices, shapes[pane].normals, vertex);
     status.textContent = `${pane ? "target" : "source"} vertex ${shapes[pane].index[vertex]}`;
     if (pane || !map) return;
-    if (image >= 0) {
-      const goal = place(marks[1], 1, map.points, map.normals, vertex);
-      ["x1", "y1", "x2", "y2"].forEach((name, k) => link.setAttribute(name, (k < 2 ? own : goal)[k % 2]));
-      if (inside(0, own) && inside(1, goal)) link.setAttribute("visibility", "visible");
-      status.textContent += ` → target vertex ${image}${marks[1].classList.contains("far") ? ", on the far side" : ""}`;
+    const asked = goal !== undefined, [on, k] = asked ? [{ points: shapes[1].vertices, normals: shapes[1].normals }, goal] : [map, vertex];
+    if (asked || image >= 0) {
+      const to = place(marks[1], 1, on.points, on.normals, k);
+      ["x1", "y1", "x2", "y2"].forEach((name, end) => link.setAttribute(name, (end < 2 ? own : to)[end % 2]));
+      if (inside(0, own) && inside(1, to)) link.setAttribute("visibility", "visible");
+      if (!asked) status.textContent += ` → target vertex ${image}${marks[1].classList.contains("far") ? ", on the far side" : ""}`;
     } else status.textContent += " is unmatched";
     if (item && item.levels[vertex] !== NO_VALUE) status.textContent += `, ${layer.value} ${number(valueOf(item, vertex), item)}`;
   };
@@ -286,6 +287,12 @@ const report = (() => {
     rotate(2, 0, Math.atan2(x, z)); rotate(2, 1, Math.atan2(y, Math.hypot(x, z)));
     mark = { pane, vertex: at }; pinned = true; redraw();
   };
+  const ask = ({ target }) => { // show both ends of an answer
+    const [vertex, goal] = (target.dataset?.pair ?? "?").split(",").map(Number);
+    if (!where[0].has(vertex)) return;
+    look(0, vertex); mark.goal = where[1].get(goal);
+  };
+  ["pointerover", "focusin"].forEach((name) => on(document, name, ask));
   const farthest = (taken) => { // the vertex with an image that is farthest from some, or from the middle
     const at = (k) => shapes[0].vertices.slice(3 * k, 3 * k + 3), known = taken.map((vertex) => where[0].get(vertex)).filter((k) => k !== undefined);
     const from = known.length ? known.map(at) : [[0, 0, 0]], { images } = maps[0];

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from html import escape
 from pathlib import Path
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from isomatch.matching import MatchResult, Outcome
@@ -13,6 +14,7 @@ from isomatch.storage.files import write_text
 from isomatch.surfaces import Mesh
 from isomatch.view.page import (
     SIDES,
+    asked_of,
     details_of,
     maps_of,
     page_of,
@@ -93,7 +95,9 @@ def write_report(
     """
     pairs = pairs_on(landmarks, source, target)
     every = layers_of(result) | user_layers(layers or {}, source.n_vertices)
-    scene = scene_of(source, target, maps_of(result), layers=every, landmarks=pairs)
+    asked = [(each.vertex, place) for each in asked_of(source, target, result) for place in each.places]
+    shown = np.concatenate([pairs, np.reshape(asked, (-1, 2)).astype(np.int64)])
+    scene = scene_of(source, target, maps_of(result), layers=every, landmarks=shown)
     titles = title_of("source", names[0]), title_of("target", names[1])
     if picture is None:
         still = png(draw_map(source, target, result.map, titles=titles, width=WIDTH).png())

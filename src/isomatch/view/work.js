@@ -67,10 +67,7 @@
 
   const doubts = (regions) => regions.map(({ area, vertex, image, runner_up, reason }) => {
     const buttons = make("div", { className: "row" }, small("Look", () => report?.look(0, vertex), "Turn it to the front"));
-    const settle = (goal) => {
-      const row = landmarks.rows.findIndex((each) => each[0] === vertex);
-      if (row < 0) landmarks.extend([[vertex, goal]]); else landmarks.put(row, 1, goal);
-    };
+    const settle = (goal) => landmarks.answer(vertex, goal);
     if (image !== null) buttons.append(small("It is right", () => settle(image), "Adds its middle and the image as a pair"));
     if (runner_up !== null) buttons.append(small("The other place", () => settle(runner_up), "Adds its middle and the image by the other map as a pair"));
     buttons.append(small("Pick", () => { settle(null); report?.look(0, vertex); }, "Adds its middle; then click the right place"));
@@ -101,7 +98,7 @@
     by("regions").replaceChildren(...doubts(found.regions)); by("doubts").hidden = !found.regions.length;
     by("doubtful").ariaPressed = false; by("doubtful").textContent = "Show";
     by("runners_up").replaceChildren(...runners_up(found.runners_up)); by("others").hidden = found.runners_up.length < 2; by("choose").hidden = true;
-    by("details").innerHTML = found.details;
+    by("asked").innerHTML = found.questions; by("details").innerHTML = found.details;
     by("found").hidden = by("keeping").hidden = false;
     report?.take(found.scene); listed();
   };

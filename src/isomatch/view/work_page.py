@@ -9,12 +9,14 @@ from typing import Any, get_args
 import numpy as np
 
 from isomatch.correspondence import UNMATCHED, Correspondence
-from isomatch.matching import DoubtfulRegion, MatchResult
+from isomatch.matching import DoubtfulRegion, MatchResult, Question
 from isomatch.settings import Config, Orientation
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import IntArray
 from isomatch.view.page import (
     MOST_ALTERNATIVES,
+    asked_of,
+    list_of_questions,
     maps_of,
     notes_of,
     page_of,
@@ -115,6 +117,9 @@ class WorkPage:
             "colour": outcome_colour(result.outcome),
             "sure": summary.sureness,
             "since": since,
+            "questions": list_of_questions(
+                [self._shown(each) for each in asked_of(self._source, self._target, result)]
+            ),
             "regions": [self._region(region, result.map) for region in result.regions],
             "runners_up": [dict(zip(("name", "origin", "about"), row)) for row in zip(maps, origins, about)],
             "landmarks": [{"pair": pair, "off": off} for pair, off in zip(pairs.tolist(), apart)],
@@ -123,6 +128,11 @@ class WorkPage:
             ),
             "scene": self._drawn.maps(maps, layers_of(result)),
         }
+
+    def _shown(self, asked: Question) -> Question:
+        """Ask of vertices that are shown."""
+        places = (self._drawn.shown_near("target", place) for place in asked.places)
+        return Question(self._drawn.shown_near("source", asked.vertex), tuple(places))
 
     def _region(self, region: DoubtfulRegion, shown: Correspondence) -> dict[str, Any]:
         """Tell of a region its share, its most doubtful vertex with the images by both maps, and the reason."""

@@ -47,6 +47,7 @@ from isomatch.matching.result import Alternative, Quality
 from isomatch.matching.selection import LANDMARK_SLACK, Rules, Selection, distances_between, distinct, select
 from isomatch.matching.stages import Relation
 from isomatch.matching.starts import first_maps_handed_in, nearest_in_pose, searches_by_anchors
+from isomatch.matching.verify import verifier_of
 from isomatch.runtime.stage_timer import StageTimer
 from isomatch.runtime.threads import parallel_map, serial_blas
 from isomatch.shapes import PreparedShape
@@ -282,16 +283,31 @@ class Part(Relation):
         selection = self.match(timer)
         best = selection.winner
         doubt = PartDoubt(best.bent_cost, selection.runner_up, best.pair.trusted, self.pair.config.parts)
+        fits = self._distinct([best, *selection.runners_up], N_CONTENDERS)
+        if doubt.evidence.poor or doubt.evidence.ambiguous:
+            fits = self._by_verification(fits)
+            if fits[0] is not best:  # its own cost speaks for another
+                selection = replace(selection, winner=fits[0], runner_up=best.cost / fits[0].cost)
+                doubt = PartDoubt(
+                    fits[0].bent_cost, min(selection.runner_up, 1.0), fits[0].pair.trusted, doubt.settings
+                )
         solution = self._summed_up(selection, doubt, timer)
-        return replace(solution, alternatives=self._alternatives(selection))
+        return replace(solution, alternatives=self._alternatives(fits[1:]))
 
-    def _alternatives(self, selection: Selection[PartFit]) -> tuple[Alternative, ...]:
-        """Give other maps that were refined to the end, best first; the part is bent by one when it is asked for."""
-        order = selection.winner, *selection.runners_up
-        others = self._distinct(list(order), 1 + self.pair.config.selection.most_alternatives)[1:]
+    def _by_verification(self, fits: list[PartFit]) -> list[PartFit]:
+        """Order maps of which none is sure by what they cost on the shapes as they are, see `verify`."""
+        if self.led or self.priors.any or len(fits) < 2:
+            return fits
+        verified = verifier_of(self.pair if self.side == "source" else self.pair.turned)
+        vertices = np.arange(self.source.body.n_vertices)
+        costs = [verified(self.fits.bending.images(fit.bent, vertices)).cost for fit in fits]
+        return [fits[i] for i in np.argsort(costs, kind="stable")]
+
+    def _alternatives(self, fits: list[PartFit]) -> tuple[Alternative, ...]:
+        """Give other maps that were refined to the end; the part is bent by one when it is asked for."""
         return tuple(
             Alternative(partial(self._bent_by, fit), fit.cost, fit.orientation, self.origin_of(fit))
-            for fit in others
+            for fit in fits[: self.pair.config.selection.most_alternatives]
         )
 
     def _bent_by(self, fit: PartFit) -> Correspondence:
