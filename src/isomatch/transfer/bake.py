@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -21,7 +21,6 @@ from isomatch.assets import (
     srgb_of,
     unread,
     unread_files,
-    with_texture,
     with_tiles,
 )
 from isomatch.correspondence import Correspondence
@@ -29,7 +28,7 @@ from isomatch.errors import DescriptorError, SettingError
 from isomatch.surfaces import Mesh, PrecisePoints, linked, rasterise
 from isomatch.transfer.bridge import Bridge, Places, columns, rows_of_corners
 from isomatch.transfer.choices import Side
-from isomatch.values.arrays import AnyArray, FloatArray, IntArray
+from isomatch.values.arrays import AnyArray, BoolArray, FloatArray, IntArray
 
 CHUNK = 2**18  # texels at once
 UNPAINTED = (0.5, 0.5, 0.5, 1.0)  # grey: what is unmatched, or would show what cannot be read
@@ -44,24 +43,27 @@ class Baked:
 
     Parameters
     ----------
-    picture : (size, size, 4) array of uint8
-        Red, green, blue and opacity; row 0 is at the top. Of several tiles the first.
+    tiles : dict of int to (size, size, 4) array of uint8
+        The picture of each tile by its UDIM number, 1001 + u + 10 v; one, 1001, if all coordinates are in 0…1. Red,
+        green, blue and opacity; row 0 is at the top.
     asset : Asset
-        The one that receives; written as glTF, it shows the picture.
+        The one that receives; written as glTF, it shows the pictures.
     unmatched : int
         Texels of the surface without an image, which are grey.
     notes : tuple of str
         What of the other cannot be read, and why; what it would paint is grey. Which places of the picture two parts of
         the surface share, of which the first is painted.
-    tiles : dict of int to array
-        The picture of each tile by its UDIM number, 1001 + u + 10 v; one, 1001, if all coordinates are in 0…1.
     """
 
-    picture: AnyArray
+    tiles: Mapping[int, AnyArray]
     asset: Asset
     unmatched: int
     notes: tuple[str, ...] = ()
-    tiles: Mapping[int, AnyArray] = field(default_factory=dict)
+
+    @property
+    def picture(self) -> AnyArray:
+        """The picture, of several the first."""
+        return next(iter(self.tiles.values()))
 
     @property
     def png(self) -> bytes:
@@ -127,61 +129,75 @@ def bake_texture(
             f"the {to} has no texture coordinates to bake for; carry those of the other instead (uv)"
         )
     bridge = Bridge.between(correspondence, source, target, to_source=to == "source")
-    attribute = receiver.of_kind("uv")[0]
-    of_corner = columns(attribute)[rows_of_corners(receiver, attribute), :2]
-    uv = of_corner[receiver.polygons.corner_of_triangle]  # (t, 3, 2)
-    low = np.floor(uv.mean(axis=1))
-    uv -= low[:, None]
-    is_flat = np.isnan(uv).any(axis=(1, 2))
-    uv[is_flat] = -1.0
-    udim = np.where(
-        is_flat | (low < 0).any(axis=1) | (low[:, 0] > 9), FIRST_TILE, FIRST_TILE + low @ [1, 10]
-    ).astype(int)
-    tiles = np.unique(udim[~is_flat])
-    if len(tiles) > MOST_TILES:  # a picture that repeats, and no tiles
-        udim, tiles = np.full(len(udim), FIRST_TILE), np.array([FIRST_TILE])
-    paint, painted, unmatched, shared = _Paint.of(bridge.giver), dict[int, AnyArray](), 0, 0.0
-    for tile in tiles.tolist():
-        own = np.flatnonzero(udim == tile)
-        corners = uv[own].reshape(-1, 2)
-        height = -np.repeat(_chart(receiver.mesh.faces[own], uv[own]), 3) / size  # the first chart is on top
-        texels = np.column_stack([corners[:, 0], 1 - corners[:, 1], height]) * size
-        of_corners = np.arange(len(corners)).reshape(-1, 3)
-        raster, below = (rasterise(texels * [1, 1, way], of_corners, size, size) for way in (1, -1))
-        covered = raster.covered
-        if not covered.any():
-            continue
-        seen, hidden = (
-            PrecisePoints(receiver.mesh.faces[own[each.face[covered]]], each.barycentric[covered])
-            for each in (raster, below)
-        )
-        shared += _hidden_area(receiver.mesh, own[below.face[covered]], seen, hidden)
-        faces, weights = seen
-        colours = np.zeros((len(faces), 4))
-        for first in range(0, len(faces), CHUNK):
-            rows = slice(first, first + CHUNK)
-            places = bridge.at(PrecisePoints(faces[rows], weights[rows]))
-            colours[rows] = np.where(places.has_place[:, None], paint.at(places), UNPAINTED)
-            unmatched += int((~places.has_place).sum())
-        picture = np.zeros((size, size, 4))
-        picture[covered] = colours
-        nearest = distance_transform_edt(~covered, return_distances=False, return_indices=True)
-        painted[tile] = np.rint(np.clip(picture[tuple(nearest)], 0, 1) * 255).astype(np.uint8)
-    if not painted:
+    paint = _Paint.of(bridge.giver)
+    uv, tile_of_triangle, used = _in_tiles(receiver)
+    tiles, unmatched, hidden = dict[int, AnyArray](), 0, 0.0
+    for tile in used:
+        own = np.flatnonzero(tile_of_triangle == tile)
+        covered, seen, area = _texels(receiver.mesh, own, uv[own], size)
+        if covered.any():
+            colours, n_unmatched = _colours_at(seen, bridge, paint)
+            unmatched, hidden = unmatched + n_unmatched, hidden + area
+            picture = np.zeros((size, size, 4))
+            picture[covered] = colours
+            nearest = distance_transform_edt(~covered, return_distances=False, return_indices=True)
+            tiles[tile] = np.rint(np.clip(picture[tuple(nearest)], 0, 1) * 255).astype(np.uint8)
+    if not tiles:
         raise DescriptorError(f"no texel of {size} × {size} lies on the surface; bake a larger picture")
     notes = paint.notes
-    if shared:
-        share = shared / receiver.mesh.area
+    if hidden:
+        share = hidden / receiver.mesh.area
         notes += (
             f"{share:.1%} of the surface shows other parts, which have the same places in the picture and come first",
         )
-    pictures = {f"baked_{tile}": png_of(each) for tile, each in painted.items()}
-    of_tile = np.searchsorted(list(painted), udim).clip(0, len(painted) - 1)
-    first_png = next(iter(pictures.values()))
-    asset = (
-        with_texture(receiver, first_png) if len(painted) == 1 else with_tiles(receiver, of_tile, pictures)
+    pictures = {f"baked_{tile}" if len(tiles) > 1 else "baked": png_of(each) for tile, each in tiles.items()}
+    of_triangle = np.searchsorted(list(tiles), tile_of_triangle).clip(0, len(tiles) - 1)
+    return Baked(tiles, with_tiles(receiver, of_triangle, pictures), unmatched, notes)
+
+
+def _in_tiles(receiver: Asset) -> tuple[FloatArray, IntArray, list[int]]:
+    """(t, 3, 2) texture coordinates in the tile of each triangle, (t,) the numbers of these tiles, and those in use.
+
+    Triangles without texture coordinates lie beside the first tile.
+    """
+    attribute = receiver.of_kind("uv")[0]
+    of_corner = columns(attribute)[rows_of_corners(receiver, attribute), :2]
+    uv = of_corner[receiver.polygons.corner_of_triangle]
+    low = np.floor(uv.mean(axis=1))
+    uv -= low[:, None]
+    is_without = np.isnan(uv).any(axis=(1, 2))
+    uv[is_without] = -1.0
+    is_in_first = is_without | (low < 0).any(axis=1) | (low[:, 0] > 9)
+    tile = np.where(is_in_first, FIRST_TILE, FIRST_TILE + low @ [1, 10]).astype(np.int64)
+    if len(np.unique(tile[~is_without])) > MOST_TILES:  # a picture that repeats, and no tiles
+        tile[:] = FIRST_TILE
+    return uv, tile, np.unique(tile[~is_without]).tolist()
+
+
+def _texels(mesh: Mesh, own: IntArray, uv: FloatArray, size: int) -> tuple[BoolArray, PrecisePoints, float]:
+    """(size, size) which texels show some faces, the points that they show, and the area hidden below these."""
+    corners = uv.reshape(-1, 2)
+    height = -np.repeat(_chart(mesh.faces[own], uv), 3) / size  # the first chart is on top
+    texels = np.column_stack([corners[:, 0], 1 - corners[:, 1], height]) * size
+    of_corners = np.arange(len(corners)).reshape(-1, 3)
+    above, below = (rasterise(texels * [1, 1, way], of_corners, size, size) for way in (1, -1))
+    covered = above.covered
+    seen, hidden = (
+        PrecisePoints(mesh.faces[own[each.face[covered]]], each.barycentric[covered])
+        for each in (above, below)
     )
-    return Baked(next(iter(painted.values())), asset, unmatched, notes, painted)
+    return covered, seen, _hidden_area(mesh, own[below.face[covered]], seen, hidden)
+
+
+def _colours_at(points: PrecisePoints, bridge: Bridge, paint: _Paint) -> tuple[FloatArray, int]:
+    """(m, 4) colours of points of the receiver, and how many of these have no image."""
+    colours, unmatched = np.zeros((len(points.corners), 4)), 0
+    for first in range(0, len(colours), CHUNK):
+        rows = slice(first, first + CHUNK)
+        places = bridge.at(PrecisePoints(points.corners[rows], points.barycentric[rows]))
+        colours[rows] = np.where(places.has_place[:, None], paint.at(places), UNPAINTED)
+        unmatched += int((~places.has_place).sum())
+    return colours, unmatched
 
 
 def _chart(faces: IntArray, uv: FloatArray) -> IntArray:
@@ -254,11 +270,9 @@ class _Paint:
         return np.column_stack([seen[:, :3], seen[:, 3] if seen.shape[1] == 4 else np.ones(len(seen))])
 
     def _of_layer(self, layer: Layer, places: Places) -> FloatArray:
-        n = len(places.triangle)
-        if layer.picture is None:
-            return np.tile(np.array(layer.tint, dtype=np.float64), (n, 1))
         uv = [attribute for attribute in self.asset.of_kind("uv") if attribute.name == layer.uv]
-        if layer.picture not in self.pixels or not uv:
-            return np.tile(UNPAINTED, (n, 1))
-        at = places.interpolated(columns(uv[0]), places.rows(uv[0]))[:, :2]
-        return sampled(self.pixels[layer.picture], layer, np.nan_to_num(at))
+        if layer.picture in self.pixels and uv:
+            at = places.interpolated(columns(uv[0]), places.rows(uv[0]))[:, :2]
+            return sampled(self.pixels[layer.picture], layer, np.nan_to_num(at))
+        colour = np.array(UNPAINTED if layer.picture else layer.tint, dtype=np.float64)
+        return np.tile(colour, (len(places.triangle), 1))
