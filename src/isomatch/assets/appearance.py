@@ -15,7 +15,6 @@ from isomatch.assets.formats import gltf_carried, obj
 from isomatch.assets.formats.gltf import GltfDocument
 from isomatch.assets.formats.obj import ObjDocument
 from isomatch.assets.materials import (
-    JPEG,
     UNTINTED,
     Layer,
     Look,
@@ -172,9 +171,9 @@ def _in_obj(asset: Asset, materials: Looks, stem: str) -> Asset:
     files: dict[str, bytes] = {}
     names: dict[Picture, str] = {}
     for picture in pictures:
-        data = as_png(picture.data)
+        data, kind = as_png(picture.data)
         number = f"_{len(files)}" if len(pictures) > 1 else ""
-        names[picture] = f"{stem}{number}{'.jpg' if data[:2] == JPEG else '.png'}"
+        names[picture] = f"{stem}{number}{'.jpg' if kind == 'jpeg' else '.png'}"
         files[names[picture]] = data
     former = asset.document if isinstance(asset.document, ObjDocument) else ObjDocument()
     words: list[str] = []

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from io import BytesIO
 from pathlib import Path
@@ -92,9 +93,7 @@ class Looks:
         return tuple(dict.fromkeys(picture for look in self.looks for picture in look.pictures))
 
 
-JPEG = b"\xff\xd8"
-"""How such a file begins."""
-_KTX = b"\xabKTX 20\xbb"
+_PNG, _JPEG, _KTX = b"\x89PNG", b"\xff\xd8", b"\xabKTX 20\xbb"  # how such files begin
 _KINDS = ("PNG", "JPEG", "WEBP", "BMP", "GIF", "TIFF", "DDS")  # those that can be told from other files
 _UNREAD = "a picture cannot be read: "
 _MOST = 8  # widths of a picture that its border may go on, where it has to be painted
@@ -134,11 +133,6 @@ def unread(pictures: Iterable[Picture]) -> dict[Picture, str]:
     return reasons
 
 
-def is_picture(data: bytes) -> bool:
-    """Whether these bytes are a picture that can be read."""
-    return not unread([Picture("", data)])
-
-
 def picture_in(path: Path) -> bytes | None:
     """Return the contents of a file if they begin as those of a picture; nothing else may be copied into an output."""
     from PIL import Image
@@ -155,10 +149,14 @@ def picture_in(path: Path) -> bytes | None:
     return contents(path)
 
 
-def as_png(picture: bytes) -> bytes:
-    """Return a PNG or JPEG file as it is, and another as PNG if it can be read."""
-    stays = picture[:4] == b"\x89PNG" or picture[:2] == JPEG or not is_picture(picture)
-    return picture if stays else png_of(pixels_of(picture))
+def as_png(picture: bytes) -> tuple[bytes, str]:
+    """Return a PNG or JPEG file as it is, and another as PNG if it can be read; and which of the two it is."""
+    if picture.startswith(_JPEG):
+        return picture, "jpeg"
+    if not picture.startswith(_PNG):
+        with suppress(FormatError):
+            picture = png_of(pixels_of(picture))
+    return picture, "png"
 
 
 def png_of(pixels: AnyArray) -> bytes:
@@ -167,11 +165,11 @@ def png_of(pixels: AnyArray) -> bytes:
 
     if pixels.dtype.kind in "iu" and pixels.dtype != np.uint8:
         pixels = pixels / np.iinfo(pixels.dtype).max
-    file = BytesIO()
     table = pixels.reshape(*pixels.shape[:2], -1)
     table = np.repeat(table[:, :, :1], 3, axis=2) if table.shape[2] < 3 else table  # grey
     full = 255 if pixels.dtype == np.uint8 else 1
     opaque = np.pad(table, ((0, 0), (0, 0), (0, 4 - table.shape[2])), constant_values=full)
+    file = BytesIO()
     imsave(file, opaque, format="png")
     return file.getvalue()
 
@@ -248,14 +246,10 @@ def texture_on(mesh: Any) -> tuple[AnyArray, tuple[float, ...]] | None:
 
 def _tint(material: Any) -> tuple[float, ...]:
     """Colour by which a material of trimesh multiplies its picture; those of Open3D are not read."""
-    tint = getattr(material, "baseColorFactor", None)
-    diffuse = getattr(material, "diffuse", None)
-    if tint is None and diffuse is not None and tuple(diffuse) != NO_DIFFUSE:
-        tint = diffuse
-    if tint is None:
+    factor = getattr(material, "baseColorFactor", None)  # of glTF
+    tint = getattr(material, "diffuse", None) if factor is None else factor
+    if tint is None or (factor is None and tuple(tint) == NO_DIFFUSE):
         return UNTINTED
     colour = np.asarray(tint)
     channels = colour if colour.dtype.kind == "f" and colour.max() <= 1 else colour / 255
-    if tint is getattr(material, "baseColorFactor", None):  # of glTF
-        channels = srgb_of(channels)
-    return (*channels.tolist(), 1.0)[:4]
+    return (*(channels if factor is None else srgb_of(channels)).tolist(), 1.0)[:4]

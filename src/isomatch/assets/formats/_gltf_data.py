@@ -6,7 +6,7 @@ import base64
 import copy
 import json
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
 from mimetypes import guess_type
@@ -29,7 +29,7 @@ _COMPONENTS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 51
 _CODES = {np.dtype(kind): code for code, kind in _COMPONENTS.items()}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 _TYPES = {width: name for name, width in _WIDTHS.items()}
-VERTICES, INDICES = 34962, 34963  # targets of views
+_VERTICES, _INDICES = 34962, 34963  # targets of views
 _COMPRESSED = {"KHR_draco_mesh_compression", "EXT_meshopt_compression"}
 _LARGEST_GLB = 2**32 - 64  # bytes of JSON and data; their sizes have 32 bits
 _ENTRY = 24  # bytes that an entry of an array takes while parts are joined, measured
@@ -45,7 +45,7 @@ _REFERENCES = {  # keys of numbers of accessors or views, or of what holds nothi
 }
 _CUT_SHORT = "it is cut short, copy or export it again"
 Matrix = tuple[tuple[float, ...], ...]
-TRIANGLES, STRIP, FAN = 4, 5, 6
+_TRIANGLES, _STRIP, _FAN = 4, 5, 6
 _POSED = 1e-3  # of the largest entry: more than what rounding does to matrices
 
 
@@ -101,17 +101,21 @@ class GltfData:
         self.room.take(len(content), "a picture")
         return content
 
-    def add_array(self, values: AnyArray, target: int | None = VERTICES, **properties: object) -> int:
+    def add_array(self, values: AnyArray, target: int | None = _VERTICES, **properties: object) -> int:
         """Append the values of a new accessor, whose rows start at multiples of 4 bytes; return its index."""
         kind, width = values.dtype.newbyteorder("<"), math.prod(values.shape[1:])
         rows = np.ascontiguousarray(values.reshape(len(values), width), kind)
         octets = rows.view(np.uint8).reshape(len(rows), width * kind.itemsize)
         view: dict[str, object] = {} if target is None else {"target": target}
-        if octets.shape[1] % 4 and target == VERTICES:  # indices are packed
+        if octets.shape[1] % 4 and target == _VERTICES:  # indices are packed
             octets = np.pad(octets, ((0, 0), (0, -octets.shape[1] % 4)))
             view["byteStride"] = octets.shape[1]
         accessor = {"bufferView": self.add_bytes(octets.tobytes(), **view), "componentType": _CODES[kind]}
         return self.append("accessors", accessor | {"count": len(values), "type": _TYPES[width]} | properties)
+
+    def add_indices(self, faces: IntArray) -> int:
+        """Append a new accessor of the points of triangles; return its index."""
+        return self.add_array(faces.ravel().astype(np.uint32), target=_INDICES)
 
     def add_matrices(self, matrices: FloatArray) -> int:
         """Append a new accessor of (k, 4, 4) matrices; return its index."""
@@ -150,6 +154,91 @@ class GltfData:
             view["byteOffset"] = len(blob)
             blob += content
         self.blob = blob
+
+    def separate_instances(self) -> None:
+        """Give each node a mesh of its own, which shares the arrays of the mesh that several nodes had."""
+        used, sizes = set[int](), dict[int, int]()
+        for node in self.json.get("nodes", []):
+            if (mesh := node.get("mesh")) in used:
+                if mesh not in sizes:
+                    sizes[mesh] = _COPIED * len(str(self.json["meshes"][mesh]))
+                self.room.take(sizes[mesh], f"a node that repeats mesh {mesh}")
+                node["mesh"] = self.append("meshes", copy.deepcopy(self.json["meshes"][mesh]))
+            elif mesh is not None:
+                used.add(mesh)
+
+    def surfaces(self) -> Iterator[tuple[int, int]]:
+        """Find the meshes and primitives that are made of triangles, of the default scene if it has any mesh."""
+        nodes, scenes = self.json.get("nodes", []), self.json.get("scenes", [])
+        shown = with_below(nodes, scenes[self.json.get("scene", 0)].get("nodes", []) if scenes else [])
+        of_scene = {nodes[i]["mesh"] for i in shown if "mesh" in nodes[i]}
+        for mesh, each in enumerate(self.json.get("meshes", [])):
+            for i, primitive in enumerate(each["primitives"]):
+                is_surface = primitive.get("mode", _TRIANGLES) in (_TRIANGLES, _STRIP, _FAN)
+                if (
+                    (not of_scene or mesh in of_scene)
+                    and is_surface
+                    and "POSITION" in primitive["attributes"]
+                ):
+                    yield mesh, i
+
+    def triangles(self, primitive: dict[str, Any], n_points: int) -> IntArray:
+        """Return the triangles of a primitive, (m, 3)."""
+        index = np.arange(n_points)
+        if "indices" in primitive:
+            index = self.array(primitive["indices"]).astype(np.int64)
+            if index.max(initial=0) >= max(n_points, 1):
+                raise ValueError(f"a triangle refers to point {index.max()} of {n_points}")
+        mode = primitive.get("mode", _TRIANGLES)
+        if mode == _TRIANGLES:
+            return index[: len(index) // 3 * 3].reshape(-1, 3)
+        later = np.stack([index[1:-1], index[2:]], axis=1)
+        if mode == _FAN:
+            return np.column_stack([np.repeat(index[:1], len(later)), later])
+        strip = np.column_stack([index[:-2], later])
+        strip[1::2] = strip[1::2, [1, 0, 2]]
+        return strip
+
+    def transforms(self) -> dict[int, tuple[Matrix | None, int | None]]:
+        """Find matrix and skin of the first node of each mesh."""
+        nodes, there = self.json.get("nodes", []), node_matrices(self.json)
+        placed: dict[int, tuple[Matrix | None, int | None]] = {}
+        for i, matrix in there.items():
+            if "mesh" in nodes[i] and nodes[i]["mesh"] not in placed:
+                skin, own = nodes[i].get("skin"), matrix
+                if skin is not None:
+                    # its joints put the points, not the node; they stay where they are if these are posed
+                    bound, own = self.binding(self.json["skins"][skin], there), np.eye(4)
+                    if len(bound) and are_alike(bound, bound[0]) and not are_alike(bound, own):
+                        own = bound[0]
+                is_placed = not np.array_equal(own, np.eye(4))
+                placed[nodes[i]["mesh"]] = (tuple(map(tuple, own.tolist())) if is_placed else None), skin
+        return placed
+
+    def binding(self, skin: dict[str, Any], there: Mapping[int, FloatArray]) -> FloatArray:
+        """(k, 4, 4) where each joint of a skin puts what is bound to it; none if the file does not tell how."""
+        if "inverseBindMatrices" not in skin:
+            return np.zeros((0, 4, 4))
+        inverse = self.array(skin["inverseBindMatrices"]).reshape(-1, 4, 4).transpose(0, 2, 1)
+        placed: FloatArray = np.array([there[joint] for joint in skin["joints"]]).reshape(-1, 4, 4)
+        return placed @ inverse[: len(placed)]
+
+    def without_empty_primitives(self) -> None:
+        """Remove primitives without points, and meshes that have none left."""
+        document, number = self.json, dict[int, int]()
+        meshes = document.pop("meshes", [])
+        for mesh, each in enumerate(meshes):
+            each["primitives"] = [primitive for primitive in each["primitives"] if primitive["attributes"]]
+            if each["primitives"]:
+                number[mesh] = len(number)
+        if number:
+            document["meshes"] = [meshes[mesh] for mesh in number]
+        for node in document.get("nodes", []):
+            if node.get("mesh") in number:
+                node["mesh"] = number[node.pop("mesh")]
+            elif "mesh" in node:
+                for key in ("mesh", "skin", "weights"):
+                    node.pop(key, None)
 
 
 def _numbers_in(entry: Any, keys: tuple[str, ...], inside: bool = False) -> set[int]:
@@ -274,80 +363,6 @@ def _chunks(data: bytes, name: str) -> tuple[bytes, bytes]:
     return chunks[_JSON], chunks.get(_BINARY, b"")
 
 
-def separate_instances(gltf: GltfData) -> None:
-    """Give each node a mesh of its own, which shares the arrays of the mesh that several nodes had."""
-    used, sizes = set[int](), dict[int, int]()
-    for node in gltf.json.get("nodes", []):
-        if (mesh := node.get("mesh")) in used:
-            if mesh not in sizes:
-                sizes[mesh] = _COPIED * len(str(gltf.json["meshes"][mesh]))
-            gltf.room.take(sizes[mesh], f"a node that repeats mesh {mesh}")
-            node["mesh"] = gltf.append("meshes", copy.deepcopy(gltf.json["meshes"][mesh]))
-        elif mesh is not None:
-            used.add(mesh)
-
-
-def surfaces(document: dict[str, Any]) -> Iterator[tuple[int, int]]:
-    """Meshes and primitives that are made of triangles, of the default scene if it has any mesh."""
-    shown, scenes = set[int](), document.get("scenes", [])
-    waiting = list(scenes[document.get("scene", 0)].get("nodes", [])) if scenes else []
-    while waiting:
-        i = waiting.pop()
-        if i not in shown:
-            shown.add(i)
-            waiting += document["nodes"][i].get("children", [])
-    of_scene = {document["nodes"][i]["mesh"] for i in shown if "mesh" in document["nodes"][i]}
-    for mesh, each in enumerate(document.get("meshes", [])):
-        for i, primitive in enumerate(each["primitives"]):
-            is_surface = primitive.get("mode", TRIANGLES) in (TRIANGLES, STRIP, FAN)
-            if (not of_scene or mesh in of_scene) and is_surface and "POSITION" in primitive["attributes"]:
-                yield mesh, i
-
-
-def triangles(gltf: GltfData, primitive: dict[str, Any], n_points: int) -> IntArray:
-    """Return the triangles of a primitive, (m, 3)."""
-    index = np.arange(n_points)
-    if "indices" in primitive:
-        index = gltf.array(primitive["indices"]).astype(np.int64)
-        if index.max(initial=0) >= max(n_points, 1):
-            raise ValueError(f"a triangle refers to point {index.max()} of {n_points}")
-    mode = primitive.get("mode", TRIANGLES)
-    if mode == TRIANGLES:
-        return index[: len(index) // 3 * 3].reshape(-1, 3)
-    later = np.stack([index[1:-1], index[2:]], axis=1)
-    if mode == FAN:
-        return np.column_stack([np.repeat(index[:1], len(later)), later])
-    strip = np.column_stack([index[:-2], later])
-    strip[1::2] = strip[1::2, [1, 0, 2]]
-    return strip
-
-
-def transforms(gltf: GltfData) -> dict[int, tuple[Matrix | None, int | None]]:
-    """Find matrix and skin of the first node of each mesh."""
-    nodes, there = gltf.json.get("nodes", []), node_matrices(gltf.json)
-    placed: dict[int, tuple[Matrix | None, int | None]] = {}
-    for i, matrix in there.items():
-        if "mesh" in nodes[i] and nodes[i]["mesh"] not in placed:
-            skin, own = nodes[i].get("skin"), matrix
-            if skin is not None:
-                # its joints put the points, not the node; they stay where they are if these are posed
-                bound, own = binding(gltf, gltf.json["skins"][skin], there), np.eye(4)
-                if len(bound) and are_alike(bound, bound[0]) and not are_alike(bound, own):
-                    own = bound[0]
-            is_placed = not np.array_equal(own, np.eye(4))
-            placed[nodes[i]["mesh"]] = (tuple(map(tuple, own.tolist())) if is_placed else None), skin
-    return placed
-
-
-def binding(gltf: GltfData, skin: dict[str, Any], there: Mapping[int, FloatArray]) -> FloatArray:
-    """(k, 4, 4) where each joint of a skin puts what is bound to it; none if the file does not tell how that is bound."""
-    if "inverseBindMatrices" not in skin:
-        return np.zeros((0, 4, 4))
-    inverse = gltf.array(skin["inverseBindMatrices"]).reshape(-1, 4, 4).transpose(0, 2, 1)
-    placed: FloatArray = np.array([there[joint] for joint in skin["joints"]]).reshape(-1, 4, 4)
-    return placed @ inverse[: len(placed)]
-
-
 def are_alike(matrices: FloatArray, one: FloatArray) -> bool:
     """Whether matrices are one and the same, but for what rounding does to them."""
     return bool((np.abs(matrices - one) <= _POSED * np.abs(matrices).max(initial=0)).all())
@@ -366,6 +381,16 @@ def node_matrices(document: dict[str, Any]) -> dict[int, FloatArray]:
             there[i] = product(above, _local(nodes[i]))
             waiting += [(child, there[i]) for child in reversed(nodes[i].get("children", []))]
     return there
+
+
+def with_below(nodes: Sequence[dict[str, Any]], starts: Iterable[int]) -> set[int]:
+    """Return some nodes and all that are below them."""
+    chosen, waiting = set[int](), list(starts)
+    while waiting:
+        if (i := waiting.pop()) not in chosen:
+            chosen.add(i)
+            waiting += nodes[i].get("children", [])
+    return chosen
 
 
 def _local(node: dict[str, Any]) -> FloatArray:
@@ -390,23 +415,6 @@ def joint_names(document: dict[str, Any]) -> dict[int, str]:
     for i, node in enumerate(nodes):
         names[node] = unused_name(str(document["nodes"][node].get("name", f"joint_{i}")), names.values())
     return names
-
-
-def without_empty_primitives(document: dict[str, Any]) -> None:
-    """Remove primitives without points, and meshes that have none left."""
-    meshes, number = document.pop("meshes", []), dict[int, int]()
-    for mesh, each in enumerate(meshes):
-        each["primitives"] = [primitive for primitive in each["primitives"] if primitive["attributes"]]
-        if each["primitives"]:
-            number[mesh] = len(number)
-    if number:
-        document["meshes"] = [meshes[mesh] for mesh in number]
-    for node in document.get("nodes", []):
-        if node.get("mesh") in number:
-            node["mesh"] = number[node.pop("mesh")]
-        elif "mesh" in node:
-            for key in ("mesh", "skin", "weights"):
-                node.pop(key, None)
 
 
 def key_names(mesh: Mapping[str, Any]) -> list[str]:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import copy
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import groupby
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from isomatch.assets.asset import COMMENTS, SPACE, Asset, Frame, Part, RenumberedDocument
 from isomatch.assets.attribute import (
@@ -20,21 +22,7 @@ from isomatch.assets.attribute import (
     told_apart,
     unused_name,
 )
-from isomatch.assets.formats._gltf_data import (
-    INDICES,
-    GltfData,
-    Matrix,
-    joint_names,
-    key_names,
-    packed,
-    separate_instances,
-    set_keys,
-    surfaces,
-    transforms,
-    triangles,
-    unpacked,
-    without_empty_primitives,
-)
+from isomatch.assets.formats._gltf_data import GltfData, joint_names, key_names, packed, set_keys, unpacked
 from isomatch.assets.formats._reading import reading
 from isomatch.assets.polygons import Polygons, Renumbering, split_at_seams
 from isomatch.errors import MeshError
@@ -47,12 +35,11 @@ _KINDS: dict[str, tuple[str, Kind]] = {
     "COLOR": ("color", "colour"),
     "TANGENT": ("tangent", "vector"),
 }
-Written = list[
-    tuple[slice, list[dict[str, Any]]]
-]  # of each part of a mesh, the rows of its points, and primitives
-# for points of parts without values; 0 and white of others
 _OCTET = 0.03  # of a byte: rounding of what was made of bytes, to 16 bits or floats
+# for points of parts without values; 0 and white of others
 _NONE = {"uv": np.nan, "scalar": np.nan, "label": -1}
+# of each part of a mesh, the rows of its points, and its primitives
+Written = list[tuple[slice, list[dict[str, Any]]]]
 
 
 @dataclass(frozen=True)
@@ -94,12 +81,12 @@ def read_asset(data: bytes, name: str) -> Asset:
     """Read the triangles of a glTF file, one part after another, with all attributes of their points."""
     with reading(name, "a glTF 2.0 file"):
         gltf = unpacked(data, name)
-        separate_instances(gltf)
+        gltf.separate_instances()
         return _read(gltf)
 
 
 def _read(gltf: GltfData) -> Asset:
-    placed, meshes = transforms(gltf), gltf.json.get("meshes", [])
+    placed, meshes = gltf.transforms(), gltf.json.get("meshes", [])
     points: list[AnyArray] = [np.zeros((0, 3), np.float32)]
     faces: list[IntArray] = [np.zeros((0, 3), dtype=np.int64)]
     parts: list[Part] = []
@@ -112,14 +99,14 @@ def _read(gltf: GltfData) -> Asset:
     def arrays_of(place: tuple[int, int]) -> tuple[int, dict[str, int]]:
         return place[0], meshes[place[0]]["primitives"][place[1]]["attributes"]
 
-    for (mesh, keys), same in groupby(surfaces(gltf.json), arrays_of):
+    for (mesh, keys), same in groupby(gltf.surfaces(), arrays_of):
         listed = [i for _, i in same]
         primitives = [meshes[mesh]["primitives"][i] for i in listed]
         gltf.room.take(_PART + _PRIMITIVE * len(primitives), f"a part of {len(primitives)} primitives")
         points.append(gltf.numbers(keys["POSITION"]))
         n = len(points[-1])
         transform, skin = placed.get(mesh, (None, None))
-        of_each = [triangles(gltf, primitive, n) for primitive in primitives]
+        of_each = [gltf.triangles(primitive, n) for primitive in primitives]
         faces += [_outwards(each, transform) + start for each in of_each]
         places += [(mesh, i, len(parts)) for i in listed]
         start += n
@@ -245,9 +232,8 @@ def keeps(attribute: Attribute) -> bool:
         return False
     if attribute.kind == "label":
         return bool(np.abs(attribute.coded.values).max(initial=0) <= 2**24)
-    if attribute.kind in ("weights", "key") or attribute.values.ndim == 1:
-        return True
-    return bool(2 <= attribute.values.shape[1] <= 4)
+    has_any_width = attribute.kind in ("weights", "key") or attribute.values.ndim == 1
+    return has_any_width or 2 <= attribute.values.shape[1] <= 4
 
 
 def write(asset: Asset, *, is_glb: bool) -> bytes:
@@ -284,13 +270,13 @@ def write(asset: Asset, *, is_glb: bool) -> bytes:
         transform = asset.parts[part].transform if asset.parts else None
         primitives = [gltf.json["meshes"][mesh]["primitives"][i] for (_, i, _), _ in shown]
         for primitive, (_, held) in zip(primitives, shown):
-            indices = _outwards(faces[held] - rows.start, transform).ravel().astype(np.uint32)
-            primitive |= {"attributes": keys, "indices": gltf.add_array(indices, INDICES)}
+            turned = _outwards(faces[held] - rows.start, transform)
+            primitive |= {"attributes": keys, "indices": gltf.add_indices(turned)}
         of_mesh.setdefault(mesh, []).append((rows, primitives))
     shape_keys = {each.name: each.values for each in split.attributes if each.kind == "key"}
     for mesh, parts in of_mesh.items():
         _write_keys(gltf, mesh, parts, shape_keys, still=len(of_mesh) == 1)
-    without_empty_primitives(gltf.json)
+    gltf.without_empty_primitives()
     had, named = _extras(gltf.json), asset.frame.named if asset.frame else {}
     others = {name: text for name, text in had.items() if name not in (SPACE, COMMENTS)}
     if others | named != had:
@@ -349,11 +335,12 @@ def _add_positions(gltf: GltfData, points: FloatArray) -> int:
         raise MeshError(
             "glTF files hold no positions of nan or infinity; remove these points with repair(mesh)"
         )
-    bounds = {"min": positions.min(axis=0), "max": positions.max(axis=0)} if len(positions) else {}
-    return gltf.add_array(positions, **{name: bound.tolist() for name, bound in bounds.items()})
+    if not len(positions):
+        return gltf.add_array(positions)
+    return gltf.add_array(positions, min=positions.min(axis=0).tolist(), max=positions.max(axis=0).tolist())
 
 
-def _outwards(faces: IntArray, transform: Matrix | None) -> IntArray:
+def _outwards(faces: IntArray, transform: ArrayLike | None) -> IntArray:
     """Turn triangles over where the node is mirrored: those of the file are seen from the other side there."""
     mirrored = transform is not None and np.linalg.det(np.array(transform)[:3, :3]) < 0
     return faces[:, [0, 2, 1]] if mirrored else faces
@@ -409,10 +396,8 @@ def _key_of(attribute: Attribute, keys: Mapping[str, object], numbers: Mapping[s
 
 def _number(name: str, stem: str) -> int | None:
     """Return the number of a name such as uv, uv_1, uv_2."""
-    rest = name.removeprefix(stem)
-    if name == stem:
-        return 0
-    return int(rest[1:]) if rest != name and rest[:1] == "_" and rest[1:].isdecimal() else None
+    found = re.fullmatch(rf"{stem}(?:_(\d+))?", name)
+    return int(found[1] or 0) if found else None
 
 
 def texcoord_numbers(asset: Asset) -> dict[str, int]:
@@ -452,7 +437,7 @@ def _skin_joints(gltf: GltfData, attribute: Attribute, mesh: int, used: IntArray
             places: IntArray = np.array([place.get(node_of.get(name, -1), -1) for name in names])
             if (places[used] >= 0).all():
                 return np.maximum(places, 0)
-    placed = transforms(gltf).get(mesh, (None, None))[0]
+    placed = gltf.transforms().get(mesh, (None, None))[0]
     matrix = {} if placed is None else {"matrix": np.array(placed).T.ravel().tolist()}
     joints = [len(nodes) + i for i in range(len(names))]
     nodes += [{"name": name, **matrix} for name in names]

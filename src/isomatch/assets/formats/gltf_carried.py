@@ -16,25 +16,13 @@ from isomatch.assets.attribute import linear_of, srgb_of
 from isomatch.assets.formats._gltf_data import (
     GltfData,
     are_alike,
-    binding,
     joint_names,
     node_matrices,
-    transforms,
+    with_below,
     without_channels,
 )
 from isomatch.assets.formats.gltf import GltfDocument, edited, opened_document, texcoord_numbers
-from isomatch.assets.materials import (
-    IN_PLACE,
-    JPEG,
-    UNTINTED,
-    Layer,
-    Look,
-    Looks,
-    Picture,
-    Wrap,
-    as_png,
-    is_picture,
-)  # fmt: skip
+from isomatch.assets.materials import IN_PLACE, UNTINTED, Layer, Look, Looks, Picture, Wrap, as_png, unread
 from isomatch.errors import DescriptorError
 from isomatch.values.arrays import IntArray
 
@@ -151,7 +139,8 @@ def _picture(gltf: GltfData, index: int) -> Picture:
     texture = _entry(gltf, "textures", index)
     places = [*texture.get("extensions", {}).values(), texture]
     pictures = [_image(gltf, place["source"]) for place in places if "source" in place]
-    pictures = [each for each in pictures if is_picture(each.data)] or pictures
+    lost = unread(pictures)
+    pictures = [each for each in pictures if each not in lost] or pictures
     return pictures[0] if pictures else Picture(f"of texture {index}", missing="the texture names no image")
 
 
@@ -224,9 +213,8 @@ def _written(
     if picture := layer.picture:
         image: dict[str, object] = {"uri": picture.name}
         if not picture.missing:
-            data = as_png(picture.data)
-            kind = "image/jpeg" if data[:2] == JPEG else "image/png"
-            image = {"bufferView": gltf.add_bytes(data), "mimeType": kind}
+            data, kind = as_png(picture.data)
+            image = {"bufferView": gltf.add_bytes(data), "mimeType": f"image/{kind}"}
         texture: dict[str, Any] = {"source": gltf.append("images", image)}
         sampler = {f"wrap{axis}": _CODES[wrap] for axis, wrap in zip("ST", layer.wrap) if wrap != "repeat"}
         if sampler:
@@ -275,7 +263,7 @@ def with_skin_of(receiver: Asset, giver: Asset) -> Asset:
         return receiver
     document, gltf = opened_document(receiver)
     other, nodes = copy.deepcopy(theirs.json), gltf.json["nodes"]
-    meshes, placed = {mesh for mesh, *_ in document.places}, transforms(gltf)
+    meshes, placed = {mesh for mesh, *_ in document.places}, gltf.transforms()
     users = [node for node in nodes if node.get("mesh") in meshes]
     bound = [(node, np.array(placed[node["mesh"]][0] or np.eye(4))) for node in users]
     for node in users:
@@ -309,7 +297,7 @@ def is_posed(asset: Asset) -> bool:
     if not isinstance(document, GltfDocument):
         return False
     gltf, there = GltfData(document.json, bytearray(document.blob)), node_matrices(document.json)
-    bindings = [binding(gltf, skin, there) for skin in document.json.get("skins", [])]
+    bindings = [gltf.binding(skin, there) for skin in document.json.get("skins", [])]
     return any(len(each) > 0 and not are_alike(each, each[0]) for each in bindings)
 
 
@@ -362,11 +350,7 @@ def _without_unused_skins(document: dict[str, Any]) -> None:
         needed += [*skin["joints"], skin.get("skeleton", skin["joints"][0])]
     gone = _with_above(nodes, (joint for skin in skins for joint in skin["joints"]))
     gone -= _with_above(nodes, needed)
-    waiting = list(gone)
-    while waiting:
-        below = [i for i in nodes[waiting.pop()].get("children", []) if i not in gone]
-        gone.update(below)
-        waiting += below
+    gone = with_below(nodes, gone)
     for place in (*nodes, *document.get("scenes", [])):
         for key in ("children", "nodes"):
             if key in place:
