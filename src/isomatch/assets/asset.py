@@ -14,7 +14,7 @@ from isomatch.assets.attribute import Attribute, Domain, Kind, require_lengths
 from isomatch.assets.polygons import Polygons, Renumbering
 from isomatch.errors import DescriptorError, MeshError, some
 from isomatch.surfaces import Mesh, welded
-from isomatch.values.arrays import FloatArray, IntArray, numbers_of
+from isomatch.values.arrays import FloatArray, IntArray, numbers_of, read_only
 from isomatch.values.cached import cached_property
 
 
@@ -235,10 +235,9 @@ class Asset:
     frame: Frame | None = None
 
     def __post_init__(self) -> None:
-        points = numbers_of(self.points, "points", MeshError)
+        points = read_only(numbers_of(self.points, "points", MeshError))
         if points.ndim != 2 or points.shape[1] != 3:
             raise MeshError(f"points have shape {points.shape}, expected (n, 3): one row x, y, z per point")
-        points.flags.writeable = False
         object.__setattr__(self, "points", points)
         object.__setattr__(self, "polygons", self.polygons.at(points))
         object.__setattr__(self, "attributes", tuple(self.attributes))
@@ -358,11 +357,8 @@ class Asset:
             part_of_polygon = np.repeat(np.arange(len(parts)), [part.n_polygons for part in parts])
             n_points = np.bincount(self.part_of_point[rows.point_index], minlength=len(parts)).tolist()
             n_polygons = np.bincount(part_of_polygon[rows.polygon_index], minlength=len(parts)).tolist()
-            parts = tuple(
-                replace(part, n_points=n, n_polygons=m)
-                for part, n, m in zip(parts, n_points, n_polygons)
-                if n
-            )
+            counted = zip(parts, n_points, n_polygons)
+            parts = tuple(replace(part, n_points=n, n_polygons=m) for part, n, m in counted if n)
         after = replace(
             self,
             points=self.points[rows.point_index],
@@ -433,9 +429,10 @@ class Asset:
                 if back:
                     along, across = across.T, along.T
                 vectors = product(values[part_of == i, :3], across if attribute.kind == "normal" else along)
-                length = np.linalg.norm(vectors, axis=1, keepdims=True)
-                length = np.ones((1, 1)) if attribute.kind == "key" else length
-                values[part_of == i, :3] = vectors / np.where(length > 0, length, 1)
+                if attribute.kind != "key":
+                    length = np.linalg.norm(vectors, axis=1, keepdims=True)
+                    vectors = vectors / np.where(length > 0, length, 1)
+                values[part_of == i, :3] = vectors
         return attribute.with_values(values)
 
     @cached_property

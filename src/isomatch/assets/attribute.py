@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from isomatch.errors import DescriptorError
 from isomatch.runtime.memory import require_memory
-from isomatch.values.arrays import AnyArray, FloatArray, IntArray
+from isomatch.values.arrays import AnyArray, FloatArray, IntArray, read_only
 
 Domain = Literal["point", "corner", "face"]
 Kind = Literal["colour", "label", "scalar", "vector", "normal", "uv", "weights", "key"]
@@ -66,15 +66,14 @@ class Attribute:
     colors: Mapping[int, tuple[float, ...]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        for what, options in (("domain", get_args(Domain)), ("kind", get_args(Kind))):
-            if (said := getattr(self, what)) not in options:
-                raise DescriptorError(
-                    f"attribute {self.name!r} has {what} {said!r}; use one of {', '.join(options)}"
-                )
-        object.__setattr__(self, "values", _frozen(self.values))
+        for what, said, options in (("domain", self.domain, Domain), ("kind", self.kind, Kind)):
+            if said not in get_args(options):
+                expected = ", ".join(get_args(options))
+                raise DescriptorError(f"attribute {self.name!r} has {what} {said!r}; use one of {expected}")
+        object.__setattr__(self, "values", read_only(np.array(self.values)))
         self._require_kind()
         if self.joints is not None:
-            object.__setattr__(self, "joints", _frozen(self.joints))
+            object.__setattr__(self, "joints", read_only(np.array(self.joints)))
             if self.joints.dtype.kind not in "iu" or self.joints.shape != self.values.shape:
                 self._refuse("joints", self.joints, f"integers of shape {self.values.shape}")
 
@@ -250,12 +249,6 @@ def require_lengths(attributes: tuple[Attribute, ...], n: Mapping[str, int]) -> 
     twice = [f"{name!r} of {domain}s" for name, domain in keys if keys.count((name, domain)) > 1]
     if twice:
         raise DescriptorError(f"attributes with the same name: {', '.join(sorted(set(twice)))}; rename one")
-
-
-def _frozen(values: AnyArray) -> AnyArray:
-    array = np.array(values)
-    array.flags.writeable = False
-    return array
 
 
 _UV_NAMES = {

@@ -12,13 +12,12 @@ from numpy.typing import ArrayLike
 from isomatch.assets.attribute import Attribute
 from isomatch.errors import MeshError
 from isomatch.surfaces import first_equal, welded
-from isomatch.values.arrays import AnyArray, BoolArray, FloatArray, IntArray, array_of
+from isomatch.values.arrays import AnyArray, BoolArray, FloatArray, IntArray, array_of, read_only
 from isomatch.values.cached import cached_property
 
 _ROUNDING = 16 * np.finfo(np.float64).eps  # of a corner, relative to the largest coordinate
 _COCIRCULAR = 1e-12  # below this, in a polygon of size 1, corners count as on one line or circle
 _OVERLAP = 1e-9  # share of the area of a polygon that triangles of rounded corners may cover twice
-_UNCUT = (np.zeros(0, dtype=np.int64), np.zeros((0, 3), dtype=np.int64), np.zeros(0, dtype=np.int64))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -55,18 +54,14 @@ class Polygons:
 
     def __init__(self, corners: ArrayLike, sizes: ArrayLike, points: FloatArray | None = None) -> None:
         if points is not None:
-            points = np.ascontiguousarray(points, dtype=np.float64).view()
-            points.flags.writeable = False
+            points = read_only(np.ascontiguousarray(points, dtype=np.float64))
         object.__setattr__(self, "points", points)
         for name, values in (("corners", corners), ("sizes", sizes)):
             array = array_of(values, name, MeshError)
             if array.ndim != 1 or (array.size and array.dtype.kind not in "iu"):
-                raise MeshError(
-                    f"{name} have shape {array.shape} and type {array.dtype}, expected (k,) integers"
-                )
-            array = np.array(array, dtype=np.int64)
-            array.flags.writeable = False
-            object.__setattr__(self, name, array)
+                found = f"shape {array.shape} and type {array.dtype}"
+                raise MeshError(f"{name} have {found}, expected (k,) integers")
+            object.__setattr__(self, name, read_only(np.array(array, dtype=np.int64)))
         if (self.sizes < 3).any() or self.sizes.sum() != len(self.corners):
             raise MeshError(
                 f"sizes of polygons, at least {self.sizes.min(initial=3)} and together {self.sizes.sum()}, do not "
@@ -84,13 +79,10 @@ class Polygons:
     @cached_property
     def _cut(self) -> tuple[IntArray, IntArray, IntArray]:
         """Rows of `corner_of_triangle` that are no fans, what they are instead, and `uncut`."""
-        if self.points is None:
-            return _UNCUT
-        rows, triangles, left = [_UNCUT[0]], [_UNCUT[1]], []
-        for polygon, flat, rounding in self._concave():
+        rows, triangles, left = [np.zeros(0, dtype=np.int64)], [np.zeros((0, 3), dtype=np.int64)], list[int]()
+        for polygon, places, flat, rounding in self._concave():
             start, size = int(self.starts[polygon]), len(flat)
-            points = self.points[self.corners[start : start + size]]
-            first = int(np.lexsort(points.T)[0])  # whichever corner the file begins with
+            first = int(np.lexsort(places.T)[0])  # whichever corner the file begins with
             ears = _ears(np.roll(flat, -first, axis=0), rounding)
             if ears is None:
                 left.append(polygon)
@@ -101,18 +93,20 @@ class Polygons:
                 triangles.append(start + ears[np.lexsort(ears.T[::-1])])
         return np.concatenate(rows), np.concatenate(triangles), np.array(left, dtype=np.int64)
 
-    def _concave(self) -> list[tuple[int, FloatArray, float]]:
-        """Polygons that are not convex, each with its corners in its plane, (k, 2), and how exact these are."""
-        assert self.points is not None
+    def _concave(self) -> list[tuple[int, FloatArray, FloatArray, float]]:
+        """Polygons that are not convex, with their corners in space, in their planes, (k, 2), and how exact these are."""
+        if self.points is None:
+            return []
         sound = (self.corners >= 0) & (self.corners < len(self.points))
         sound[sound] = np.isfinite(self.points[self.corners[sound]]).all(axis=1)
         n_sound = np.add.reduceat(sound, self.starts) if len(self) else self.sizes
         polygons = []
         for size in np.unique(self.sizes[self.sizes > 3]).tolist():
             rows = np.flatnonzero((self.sizes == size) & (n_sound == size))
-            flat, rounding = _flattened(self.points[self.corners[self.starts[rows, None] + np.arange(size)]])
+            places = self.points[self.corners[self.starts[rows, None] + np.arange(size)]]
+            flat, rounding = _flattened(places)
             concave = np.flatnonzero(~_are_convex(flat, rounding)).tolist()
-            polygons += [(int(rows[i]), flat[i], float(rounding[i])) for i in concave]
+            polygons += [(int(rows[i]), places[i], flat[i], float(rounding[i])) for i in concave]
         return sorted(polygons, key=lambda each: each[0])
 
     @cached_property
@@ -155,8 +149,7 @@ class Polygons:
     @cached_property
     def starts(self) -> IntArray:
         """(p,) the first corner of each polygon."""
-        starts: IntArray = np.cumsum(self.sizes) - self.sizes
-        return starts
+        return np.cumsum(self.sizes) - self.sizes
 
     @property
     def of_triangle(self) -> IntArray:
@@ -172,8 +165,7 @@ class Polygons:
 def spans(starts: IntArray, counts: IntArray) -> IntArray:
     """Concatenate the ranges start, start + 1, … of the given lengths."""
     before = np.cumsum(counts) - counts
-    ranges: IntArray = np.repeat(starts - before, counts) + np.arange(counts.sum(), dtype=np.int64)
-    return ranges
+    return np.repeat(starts - before, counts) + np.arange(counts.sum(), dtype=np.int64)
 
 
 def _flattened(points: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -384,9 +376,7 @@ def _without(attribute: Attribute, rows: BoolArray) -> Attribute:
 
 def _codes(values: AnyArray) -> IntArray:
     """One integer for each row, the same for equal rows; here nan is equal to nan."""
-    table = values.reshape(len(values), -1)
-    if table.dtype.kind == "U":
+    if values.dtype.kind == "U":
         return np.unique(values, return_inverse=True)[1]
-    if table.dtype.kind == "f":
-        table = np.where(np.isnan(table), np.finfo(np.float64).max, table.astype(np.float64))
-    return first_equal(table.astype(np.float64))
+    table = values.reshape(len(values), -1).astype(np.float64)
+    return first_equal(np.where(np.isnan(table), np.finfo(np.float64).max, table))
