@@ -16,7 +16,7 @@ from isomatch.assets.asset import ASKED, TOLD, Asset
 from isomatch.assets.attribute import Attribute, told_apart
 from isomatch.assets.formats.registry import FORMATS, MeshFormat, checked, format_of
 from isomatch.assets.libraries import geometry_of
-from isomatch.assets.polygons import Polygons, merged_corners
+from isomatch.assets.polygons import merged_corners
 from isomatch.errors import DescriptorError, FormatError, MeshError
 from isomatch.storage.files import contents, replaced
 from isomatch.storage.texts import natural_order
@@ -317,4 +317,4 @@ def mesh_from(given: SurfaceLike) -> Mesh:
         raise MeshError("a PointCloud is no mesh; give a surface with faces")
     geometry = geometry_of(given)
     points = Mesh(geometry.points, []).vertices
-    return Mesh(points, Polygons(geometry.corners, geometry.sizes, points).triangles)
+    return Mesh(points, geometry.polygons.at(points).triangles)

@@ -24,20 +24,15 @@ class Geometry:
     """Points and polygons of an object, which may have other cells."""
 
     points: AnyArray
-    corners: IntArray
-    sizes: IntArray
+    polygons: Polygons  # not cut yet
     rows: IntArray  # of each polygon among the cells of the object
     left_out: Mapping[str, int] = field(default_factory=dict)  # how many cells of each kind are no polygons
 
     @property
-    def polygons(self) -> Polygons:
-        """The polygons, not cut yet."""
-        return Polygons(self.corners, self.sizes)
-
-    @property
     def notes(self) -> tuple[str, ...]:
         """What is to be known of other cells; vertices of a cloud of points are none."""
-        counts = {kind: n for kind, n in self.left_out.items() if n and (len(self.sizes) or kind != "vertex")}
+        is_cloud = not len(self.polygons)
+        counts = {kind: n for kind, n in self.left_out.items() if n and not (is_cloud and kind == "vertex")}
         told = ", ".join(f"{n} {kind}" for kind, n in counts.items())
         return (f"cells that are no polygons are left out: {told}",) if told else ()
 
@@ -72,8 +67,7 @@ _STANDARD = ("normal", "rgb", "rgba", "color", "colour", "texturecoordinate", "u
 def _triangles(mesh: object, points: Any, faces: Any) -> Geometry:
     array = np.asarray(faces)
     array = array if array.ndim == 2 else array.reshape(-1, 3)
-    sizes, rows = np.full(len(array), array.shape[1]), np.arange(len(array))
-    return Geometry(np.asarray(points), array.ravel(), sizes, rows)
+    return Geometry(np.asarray(points), Polygons.of_triangles(array), np.arange(len(array)))
 
 
 def _polydata(mesh: Any, points: Any, faces: Any) -> Geometry:
@@ -109,8 +103,7 @@ def _blocks(mesh: Any, points: Any, cells: Any) -> Geometry:
         else:
             others[block.type] += len(block.data)
         start += len(block.data)
-    flat = [np.concatenate(part) for part in (corners, sizes, rows)]
-    return polygons_of(points, flat[0], flat[1], flat[2], others)
+    return polygons_of(points, np.concatenate(corners), np.concatenate(sizes), np.concatenate(rows), others)
 
 
 def polygons_of(
@@ -122,7 +115,8 @@ def polygons_of(
     if not len(sizes) and {kind for kind, n in others.items() if n} - {"vertex", "line"}:
         told = ", ".join(sorted(kind for kind, n in others.items() if n))
         raise MeshError(f"there are no triangles, quads or polygons but {told}; extract the surface first")
-    return Geometry(np.asarray(points), corners[np.repeat(kept, sizes)], sizes[kept], rows[kept], others)
+    polygons = Polygons(corners[np.repeat(kept, sizes)], sizes[kept])
+    return Geometry(np.asarray(points), polygons, rows[kept], others)
 
 
 def _trimesh_attributes(mesh: Any, geometry: Geometry) -> Iterator[Attribute]:
@@ -260,8 +254,7 @@ def to_pyvista(asset: Asset) -> Any:
     mesh = pyvista.PolyData(split.points, cells if len(cells) else None)
     for attribute in split.attributes:
         data = mesh.point_data if attribute.domain == "point" else mesh.cell_data
-        values = attribute.plain
-        data[attribute.name] = values
+        data[attribute.name] = attribute.plain
         if attribute.kind == "uv" and attribute.domain == "point":
             data.active_texture_coordinates_name = attribute.name
         if attribute.kind == "normal":
