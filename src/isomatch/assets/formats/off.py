@@ -34,31 +34,17 @@ class _Tables(NamedTuple):
 
     letters: str  # before OFF
     vertices: NumberRows
+    points: FloatArray  # (n, 3) positions
     faces: NumberRows
+    corners: IntArray  # of all faces, one after another
     sizes: IntArray  # of each face
     notes: list[str]
-
-    @property
-    def points(self) -> FloatArray:
-        """(n, 3) positions; with the letter 4 the first three numbers are divided by the fourth."""
-        if "4" not in self.letters:
-            return self.vertices.leading(3, "at least 3 numbers x y z of a vertex")
-        rows = self.vertices.leading(4, "at least 4 numbers x y z w of a vertex")
-        with np.errstate(all="ignore"):
-            positions: FloatArray = rows[:, :3] / rows[:, 3:]
-        return positions
-
-    @property
-    def corners(self) -> IntArray:
-        """The corners of all faces, one after another."""
-        return self.faces.whole(spans(self.faces.starts + 1, self.sizes), "whole vertex indices")
 
 
 def read(data: bytes, name: str) -> Mesh:
     """Read an OFF, COFF, NOFF, 4OFF or STOFF file. Counts may be on the header line; faces may have colours."""
     tables = _tables(read_lines(name, data))
-    points = tables.points
-    return Mesh(points, Polygons(tables.corners, tables.sizes, points).triangles)
+    return Mesh(tables.points, Polygons(tables.corners, tables.sizes, tables.points).triangles)
 
 
 def read_asset(data: bytes, name: str) -> Asset:
@@ -67,8 +53,7 @@ def read_asset(data: bytes, name: str) -> Asset:
     Three or four numbers after the positions are colours if they can be, whatever the header says.
     """
     tables = _tables(read_lines(name, data))
-    rows, letters, notes = tables.vertices, tables.letters, tables.notes
-    points, attributes = tables.points, []
+    rows, letters, notes, attributes = tables.vertices, tables.letters, tables.notes, []
     start, n_last = 4 if "4" in letters else 3, 2 if "ST" in letters else 0
     if "N" in letters:
         attributes.append(Attribute("normal", "point", "normal", rows.columns(start, 3)))
@@ -95,7 +80,7 @@ def read_asset(data: bytes, name: str) -> Asset:
     kept = [attribute for attribute in attributes if not np.isnan(attribute.values).all()]
     notes += [note for attribute in kept if (note := attribute.note_of_missing)]
     polygons = Polygons(tables.corners, tables.sizes)
-    return Asset(points, polygons, tuple(kept), notes=tuple(notes), frame=told_frame(data))
+    return Asset(tables.points, polygons, tuple(kept), notes=tuple(notes), frame=told_frame(data))
 
 
 def keeps(attribute: Attribute) -> bool:
@@ -162,4 +147,11 @@ def _tables(lines: TextLines) -> _Tables:
     sizes = faces.whole(faces.starts, "the number of corners of a face")
     faces.require(sizes >= 3, "a face of at least 3 corners")
     faces.require(faces.counts > sizes, "the number of corners of a face, then as many vertex indices")
-    return _Tables(header["letters"].upper() if header else "", vertices, faces, sizes, notes)
+    letters = header["letters"].upper() if header else ""
+    width, names = (4, "x y z w") if "4" in letters else (3, "x y z")
+    points = vertices.leading(width, f"at least {width} numbers {names} of a vertex")
+    if width == 4:
+        with np.errstate(all="ignore"):
+            points = points[:, :3] / points[:, 3:]
+    corners = faces.whole(spans(faces.starts + 1, sizes), "whole vertex indices")
+    return _Tables(letters, vertices, points, faces, corners, sizes, notes)
