@@ -134,16 +134,15 @@ def _values(image: Any, n_points: int | None, title: str) -> tuple[tuple[Attribu
     table = {label.key: label for label in image.labeltable.labels}
     names = {key: str(label.label) for key, label in table.items()}
     colors = {key: tuple(label.rgba) for key, label in table.items() if None not in label.rgba}
-    arrays = [a for a in image.darrays if a.intent not in (_POINTS, _TRIANGLES)]
-    nodes = [a for a in arrays if a.intent == _NODES and np.size(a.data) == len(a.data)]
-    arrays = [a for a in arrays if a not in nodes]
+    nodes = [a for a in image.darrays if a.intent == _NODES and np.size(a.data) == len(a.data)]
+    arrays = [a for a in image.darrays if a.intent not in (_POINTS, _TRIANGLES) and a not in nodes]
     attributes = []
     for i, array in enumerate(arrays):
         values = np.asarray(array.data)
         values = values[:, 0] if values.ndim == 2 and values.shape[1] == 1 else values
         is_colour = array.intent in (_RGB, _RGBA)
-        name = str(array.meta.get("Name") or "") or ("color" if is_colour else "")
-        name = name or (f"{title}_{i}" if len(arrays) > 1 else title)
+        unnamed = "color" if is_colour else f"{title}_{i}" if len(arrays) > 1 else title
+        name = str(array.meta.get("Name") or unnamed)
         if array.intent == _LABEL:
             attribute = Attribute(name, "point", "label", values, names=names, colors=colors)
         else:
@@ -162,12 +161,9 @@ def _frame(points: Any) -> Frame:
     said = {key: [points.meta.get(f"VolGeom{word}") for word in words] for key, words in _VOLUME.items()}
     volume = None
     if all(None not in numbers for numbers in said.values()):
-        kinds = {key: int if key == "volume" else float for key in said}
-        volume = {
-            **NEW_VOLUME,
-            "filename": str(points.meta.get("VolGeomFname", "none")),
-            **{key: np.array(numbers).astype(kinds[key]) for key, numbers in said.items()},
-        }
+        volume = {**NEW_VOLUME, "filename": str(points.meta.get("VolGeomFname", "none"))}
+        for key, numbers in said.items():
+            volume[key] = np.array(numbers).astype(int if key == "volume" else float)
     told, system = Frame.of_named(points.meta), points.coordsys
     frame = Frame(volume=volume)
     if system is not None:

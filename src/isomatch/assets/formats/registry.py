@@ -33,9 +33,7 @@ class MeshFormat:
     has_opacity: bool = True  # of colours
     keeps_frame: Callable[[Frame], bool] = lambda frame: not frame.has_space  # but axes and a unit, in words
     axes: Axes | None = None  # in which all its files are
-    middles: Callable[[Asset], FloatArray] | None = (
-        None  # what is taken from points before they become floats
-    )
+    middles: Callable[[Asset], FloatArray] | None = None  # taken from points before they become floats
 
     def missing(self, attribute: Attribute) -> list[Attribute]:
         """Return what has no place of an attribute that has one."""
@@ -69,18 +67,8 @@ def _fits_title(frame: Frame) -> bool:
 _BINARY = frozenset({"binary"})
 _PLAIN: dict[str, Any] = {"single": frozenset({"colour", "normal", "uv"}), "has_opacity": False}
 _SINGLE: dict[str, Any] = {"middles": lambda asset: np.zeros(3)}
-_GLTF: dict[str, Any] = {
-    "keeps": gltf.keeps,
-    "has_parts": True,
-    "has_names": True,
-    "middles": gltf.middles,
-}
-_GIFTI: dict[str, Any] = {
-    "keeps": gifti.keeps,
-    "has_names": True,
-    "keeps_frame": lambda frame: True,
-    **_SINGLE,
-}
+_GLTF: dict[str, Any] = {"keeps": gltf.keeps, "has_parts": True, "has_names": True, "middles": gltf.middles}
+_GIFTI = {"keeps": gifti.keeps, "has_names": True, "keeps_frame": lambda frame: True, **_SINGLE}
 _VTK: dict[str, Any] = {"keeps": vtk.keeps, "options": _BINARY}
 _FREESURFER: dict[str, Any] = {"keeps_frame": lambda frame: frame.is_in_volume, "axes": "RAS", **_SINGLE}
 
