@@ -14,18 +14,7 @@ from isomatch.assets.attribute import Attribute, unused_name
 from isomatch.assets.formats import gltf_carried, obj
 from isomatch.assets.formats.gltf import GltfDocument
 from isomatch.assets.formats.obj import ObjDocument
-from isomatch.assets.materials import (
-    UNTINTED,
-    Layer,
-    Look,
-    Looks,
-    Picture,
-    as_png,
-    multiplied,
-    pixels_of,
-    unread,
-    unrolled,
-)
+from isomatch.assets.materials import UNTINTED, Layer, Look, Looks, Picture, as_png, unread
 from isomatch.values.arrays import AnyArray, IntArray
 
 _MATERIAL = "material"
@@ -42,7 +31,7 @@ def looks_of(asset: Asset) -> Looks | None:
     labels = [a for a in asset.attributes if (a.name, a.domain) == (_MATERIAL, "face")]
     if not isinstance(asset.document, ObjDocument) or not labels:
         return None
-    look_of = obj.materials_of_libraries(asset.document.files, asset.document.libraries)
+    look_of = obj.materials_of(asset.document)
     coded = labels[0].coded
     codes, place = np.unique(coded.values, return_inverse=True)
     names = [coded.names.get(code, str(code)) for code in codes.tolist()]
@@ -60,7 +49,7 @@ def unread_files(asset: Asset) -> tuple[str, ...]:
     pictures = unread(materials.pictures if materials else ())
     notes = [f"{picture.name!r}: {why}" for picture, why in pictures.items()]
     if isinstance(document, ObjDocument):
-        look_of = obj.materials_of_libraries(document.files, document.libraries)
+        look_of = obj.materials_of(document)
         undefined = [look.name for look in materials.looks if look.name not in look_of] if materials else []
         notes += [f"{name!r}: the material is in none of the libraries" for name in undefined]
         for line in document.libraries:  # one, whose name may have blanks, or several
@@ -96,10 +85,7 @@ def with_texture(receiver: Asset, png: bytes, tint: tuple[float, ...] = UNTINTED
 
 
 def with_tiles(
-    receiver: Asset,
-    of_triangle: IntArray,
-    pictures: Mapping[str, bytes],
-    tint: tuple[float, ...] = UNTINTED,
+    receiver: Asset, of_triangle: IntArray, pictures: Mapping[str, bytes], tint: tuple[float, ...] = UNTINTED
 ) -> Asset:
     """Return the receiver as a glTF file with a material for each of some pictures by name, which repeat."""
     uv = next((attribute.name for attribute in receiver.of_kind("uv")), "uv")
@@ -132,11 +118,8 @@ def with_one_texture(asset: Asset) -> tuple[Asset, AnyArray | None]:
     if materials is None or len(used) != 1 or used[0] < 0:
         return asset, None
     shown, layers = _repeating(asset, materials)
-    layer = layers[used[0]]
-    if layer.picture is None or unread([layer.picture]):
-        return asset, None
-    pixels: AnyArray = np.rint(255 * multiplied(pixels_of(layer.picture.data), layer.tint)).astype(np.uint8)
-    return shown, pixels
+    pixels = layers[used[0]].pixels
+    return (asset, None) if pixels is None else (shown, np.rint(255 * pixels).astype(np.uint8))
 
 
 def _repeating(asset: Asset, materials: Looks) -> tuple[Asset, tuple[Layer, ...]]:
@@ -158,7 +141,7 @@ def _repeating(asset: Asset, materials: Looks) -> tuple[Asset, tuple[Layer, ...]
                 here = np.flatnonzero(of_corner == i)
                 rows = here if attribute.domain == "corner" else polygons.corners[here]
                 uv = attribute.values[rows].astype(np.float64)
-                layers[i] = unrolled(layer, layer.looked_up(uv))
+                layers[i] = layer.unrolled(layer.looked_up(uv))
                 uv_of_corner[here] = layers[i].looked_up(uv)
     others = tuple(a for a in asset.attributes if a.name not in (*first, "uv"))
     return replace(asset, attributes=(Attribute("uv", "corner", "uv", uv_of_corner), *others)), tuple(layers)
@@ -196,7 +179,7 @@ def _beside(document: ObjDocument, path: Path) -> tuple[ObjDocument, dict[Path, 
     """Find names for the files of a document beside another file."""
     files, taken, names = dict[Path, bytes](), dict[Path, bytes](), dict[str, str]()
     folder = path.parent.resolve()
-    libraries = {name for line in document.libraries for name in (line, *line.split())}
+    libraries = document.library_names
     # pictures first, as libraries name them
     for name, content in sorted(document.files.items(), key=lambda item: item[0] in libraries):
         changed = {old: new for old, new in names.items() if old != new}

@@ -56,6 +56,35 @@ class Layer:
         places[:, 1] = 1 - places[:, 1]
         return places
 
+    @property
+    def pixels(self) -> FloatArray | None:
+        """(h, w, 4) the pixels of its picture, multiplied by the tint; None if it has none that can be read."""
+        if self.picture is None or unread([self.picture]):
+            return None
+        return multiplied(pixels_of(self.picture.data), self.tint)
+
+    def unrolled(self, uv: FloatArray) -> Layer:
+        """Return a layer whose picture repeats and shows the same at places (m, 2) in the former one.
+
+        A mirrored picture is put beside its mirror image; of one whose border goes on, as much is added as is seen.
+        """
+        if self.picture is None or self.wrap == ("repeat", "repeat") or unread([self.picture]):
+            return self
+        pixels, matrix = pixels_of(self.picture.data), np.array(self.matrix)
+        for axis, wrap in enumerate(self.wrap):
+            seen = uv[:, 0] if axis == 0 else 1 - uv[:, 1]  # down from the top
+            seen = seen[np.isfinite(seen)]
+            first, last = 0, 2 if wrap == "mirror" else 1
+            if wrap == "clamp" and len(seen):
+                first = int(np.floor(seen.min()).clip(-_MOST, 0))
+                last = int(np.ceil(seen.max()).clip(1, _MOST))
+            n = pixels.shape[1 - axis]
+            pixels = pixels.take(_wrapped(np.arange(first * n, last * n), n, wrap), axis=1 - axis)
+            matrix[axis, 2] -= first
+            matrix[axis] /= last - first
+        picture, rows = Picture(self.picture.name, png_of(pixels)), tuple(map(tuple, matrix.tolist()))
+        return replace(self, picture=picture, matrix=rows, wrap=("repeat", "repeat"))
+
 
 @dataclass(frozen=True)
 class Look:
@@ -195,30 +224,6 @@ def multiplied(colours: FloatArray, tint: ArrayLike) -> FloatArray:
     """Multiply the light of colours (m, 4), 0…1 in sRGB, by that of others."""
     tint = np.asarray(tint, dtype=np.float64)
     return colours if (tint == 1).all() else srgb_of(linear_of(colours) * linear_of(tint))
-
-
-def unrolled(layer: Layer, uv: FloatArray) -> Layer:
-    """Return a layer whose picture repeats and shows the same at places (m, 2) in the former one.
-
-    A mirrored picture is put beside its mirror image; of one whose border goes on, as much is added as is seen.
-    """
-    if layer.picture is None or layer.wrap == ("repeat", "repeat") or unread([layer.picture]):
-        return layer
-    pixels, matrix = pixels_of(layer.picture.data), np.array(layer.matrix)
-    for axis, wrap in enumerate(layer.wrap):
-        seen = uv[:, 0] if axis == 0 else 1 - uv[:, 1]  # down from the top
-        seen = seen[np.isfinite(seen)]
-        first, last = 0, 2 if wrap == "mirror" else 1
-        if wrap == "clamp" and len(seen):
-            first = int(np.floor(seen.min()).clip(-_MOST, 0))
-            last = int(np.ceil(seen.max()).clip(1, _MOST))
-        n = pixels.shape[1 - axis]
-        pixels = pixels.take(_wrapped(np.arange(first * n, last * n), n, wrap), axis=1 - axis)
-        matrix[axis, 2] -= first
-        matrix[axis] /= last - first
-    picture = Picture(layer.picture.name, png_of(pixels))
-    rows = tuple(tuple(row) for row in matrix.tolist())
-    return replace(layer, picture=picture, matrix=rows, wrap=("repeat", "repeat"))
 
 
 def _wrapped(index: IntArray, n: int, wrap: Wrap) -> IntArray:
