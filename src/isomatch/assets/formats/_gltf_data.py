@@ -260,7 +260,7 @@ def unpacked(data: bytes, name: str) -> GltfData:
     room = Room(len(data))
     room.take(sum(size * text.count(mark) for mark, size in _MARKS.items()), "its JSON")
     gltf, folder = GltfData(json.loads(text), bytearray(), room), Path(name).parent
-    extensions = [each for key in ("extensionsUsed", "extensionsRequired") for each in gltf.json.get(key, [])]
+    extensions = [*gltf.json.get("extensionsUsed", []), *gltf.json.get("extensionsRequired", [])]
     if compressed := _COMPRESSED.intersection(extensions):
         raise FormatError(f"{name}: is compressed by {min(compressed)}; export it without compression")
     starts: list[int] = []
@@ -280,9 +280,9 @@ def unpacked(data: bytes, name: str) -> GltfData:
         elif uri.startswith("data:"):
             content = base64.b64decode(uri.partition(",")[2])
         else:
+            remedy = "copy that file beside this one, or export as .glb"
             raise FormatError(
-                f"{name}: its data is in {uri!r}, outside of its folder, and is not read; "
-                "copy that file beside this one, or export as .glb"
+                f"{name}: its data is in {uri!r}, outside of its folder, and is not read; {remedy}"
             )
         if not 0 <= n <= len(content):
             raise unexpected(name, f"a buffer of {n} bytes", str(len(content)), _CUT_SHORT)
@@ -295,12 +295,10 @@ def unpacked(data: bytes, name: str) -> GltfData:
     views: dict[Path, int | None] = {}
     for image in gltf.json.get("images", []):
         path = beside(image.get("uri"))
-        if path is None:
-            continue
-        if path not in views:
+        if path is not None and path not in views:
             picture = picture_in(path) if path.is_file() else None
             views[path] = None if picture is None else gltf.add_bytes(picture)
-        if views[path] is not None:
+        if path is not None and views[path] is not None:
             image.setdefault("name", path.stem)
             image.setdefault("mimeType", guess_type(path, strict=False)[0] or "image/png")
             del image["uri"]
@@ -332,8 +330,7 @@ def packed(gltf: GltfData, binary: bool) -> bytes:
     if not binary:
         return json.dumps(document, indent=1).encode()
     content = json.dumps(document, separators=(",", ":")).encode()
-    size = len(content) + len(blob)
-    if size > _LARGEST_GLB:
+    if (size := len(content) + len(blob)) > _LARGEST_GLB:
         raise MeshError(f"a .glb file holds 4 GiB, and this one would have {size} bytes; write .ply or .gltf")
     chunks = _chunk(_JSON, content, b" ") + (_chunk(_BINARY, blob, b"\0") if blob else b"")
     return _MAGIC + np.array([2, 12 + len(chunks)], "<u4").tobytes() + chunks
@@ -346,8 +343,7 @@ def _chunk(kind: bytes, content: bytes, padding: bytes) -> bytes:
 
 def _chunks(data: bytes, name: str) -> tuple[bytes, bytes]:
     """Return the JSON and the binary chunk of a ``.glb`` file."""
-    version = int.from_bytes(data[4:8], "little")
-    if version != 2:
+    if (version := int.from_bytes(data[4:8], "little")) != 2:
         raise FormatError(f"{name}: byte 4: expected version 2, found {version}; export it as glTF 2.0")
     chunks, at = dict[bytes, bytes](), 12
     while at + 8 <= len(data):
@@ -417,10 +413,15 @@ def joint_names(document: dict[str, Any]) -> dict[int, str]:
     return names
 
 
+def extras_of(entry: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what an entry says of itself that the format does not foresee."""
+    extras = entry.get("extras")
+    return extras if isinstance(extras, dict) else {}
+
+
 def key_names(mesh: Mapping[str, Any]) -> list[str]:
     """Names of the shape keys of a mesh, which glTF itself does not have, but most programs write."""
-    extras = mesh.get("extras")
-    own = extras.get("targetNames", []) if isinstance(extras, dict) else []
+    own = extras_of(mesh).get("targetNames", [])
     n = max([len(own), *(len(primitive.get("targets", [])) for primitive in mesh["primitives"])])
     names: list[str] = []
     for i in range(n):

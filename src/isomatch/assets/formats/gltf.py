@@ -22,7 +22,8 @@ from isomatch.assets.attribute import (
     told_apart,
     unused_name,
 )
-from isomatch.assets.formats._gltf_data import GltfData, joint_names, key_names, packed, set_keys, unpacked
+from isomatch.assets.formats import _gltf_data
+from isomatch.assets.formats._gltf_data import GltfData, extras_of, joint_names, key_names, set_keys
 from isomatch.assets.formats._reading import reading
 from isomatch.assets.polygons import Polygons, Renumbering, split_at_seams
 from isomatch.errors import MeshError
@@ -80,7 +81,7 @@ class GltfDocument:
 def read_asset(data: bytes, name: str) -> Asset:
     """Read the triangles of a glTF file, one part after another, with all attributes of their points."""
     with reading(name, "a glTF 2.0 file"):
-        gltf = unpacked(data, name)
+        gltf = _gltf_data.unpacked(data, name)
         gltf.separate_instances()
         return _read(gltf)
 
@@ -133,7 +134,7 @@ def _read(gltf: GltfData) -> Asset:
     gltf.without_unused()
     document = GltfDocument(gltf.json, bytes(gltf.blob), tuple(places), of_triangle, polygons, names)
     numbered = told_apart(attributes, of_all=True)
-    frame = Frame.of_named({name: str(text) for name, text in _extras(gltf.json).items()})
+    frame = Frame.of_named({name: str(text) for name, text in extras_of(gltf.json["asset"]).items()})
     return Asset(np.concatenate(points), polygons, numbered, tuple(parts), document, frame=frame)
 
 
@@ -152,8 +153,7 @@ def _read_values(gltf: GltfData, keys: Mapping[str, int], uv_names: dict[int, st
         if key == "POSITION" or key.startswith(("JOINTS_", "WEIGHTS_")):
             continue
         name, kind = _named(key)
-        said = gltf.json["accessors"][index].get("extras")
-        said = said if isinstance(said, dict) else {}
+        said = extras_of(gltf.json["accessors"][index])
         name = unused_name(str(said.get("name", name)), attributes)
         values = _encoded(gltf.array(index)) if kind == "colour" else gltf.numbers(index)
         if kind == "uv":
@@ -264,8 +264,12 @@ def write(asset: Asset, *, is_glb: bool) -> bytes:
         keys = {"POSITION": _add_positions(gltf, (asset.points - middle)[split.source[rows]])}
         for attribute in split.attributes:
             here = attribute.at(np.arange(rows.start, rows.stop)) if n_parts > 1 else attribute
-            if here.kind != "key" and not (n_parts > 1 and _is_missing(here)):
-                _write_values(gltf, keys, here, mesh, numbers)
+            if here.kind == "key" or (n_parts > 1 and _is_missing(here)):
+                continue
+            if here.kind == "weights":
+                _write_weights(gltf, keys, here, mesh)
+            else:
+                _write_values(gltf, keys, here, numbers)
         shown = [each for each in listed if len(each[1])] or listed[:1]
         transform = asset.parts[part].transform if asset.parts else None
         primitives = [gltf.json["meshes"][mesh]["primitives"][i] for (_, i, _), _ in shown]
@@ -277,17 +281,11 @@ def write(asset: Asset, *, is_glb: bool) -> bytes:
     for mesh, parts in of_mesh.items():
         _write_keys(gltf, mesh, parts, shape_keys, still=len(of_mesh) == 1)
     gltf.without_empty_primitives()
-    had, named = _extras(gltf.json), asset.frame.named if asset.frame else {}
+    had, named = extras_of(gltf.json["asset"]), asset.frame.named if asset.frame else {}
     others = {name: text for name, text in had.items() if name not in (SPACE, COMMENTS)}
     if others | named != had:
         gltf.json["asset"]["extras"] = others | named
-    return packed(gltf, is_glb)
-
-
-def _extras(document: dict[str, Any]) -> dict[str, Any]:
-    """Return what a file says of itself that the format does not foresee."""
-    extras = document["asset"].get("extras")
-    return extras if isinstance(extras, dict) else {}
+    return _gltf_data.packed(gltf, is_glb)
 
 
 def middles(asset: Asset) -> FloatArray:
@@ -332,12 +330,10 @@ def _add_positions(gltf: GltfData, points: FloatArray) -> int:
     """Append the accessor of positions or how far they move, with their bounds; return its index."""
     positions = points.astype(np.float32)
     if not np.isfinite(positions).all():
-        raise MeshError(
-            "glTF files hold no positions of nan or infinity; remove these points with repair(mesh)"
-        )
-    if not len(positions):
-        return gltf.add_array(positions)
-    return gltf.add_array(positions, min=positions.min(axis=0).tolist(), max=positions.max(axis=0).tolist())
+        remedy = "remove these points with repair(mesh)"
+        raise MeshError(f"glTF files hold no positions of nan or infinity; {remedy}")
+    bounds = {"min": positions.min(axis=0), "max": positions.max(axis=0)} if len(positions) else {}
+    return gltf.add_array(positions, **{name: bound.tolist() for name, bound in bounds.items()})
 
 
 def _outwards(faces: IntArray, transform: ArrayLike | None) -> IntArray:
@@ -347,14 +343,11 @@ def _outwards(faces: IntArray, transform: ArrayLike | None) -> IntArray:
 
 
 def _write_values(
-    gltf: GltfData, keys: dict[str, int], attribute: Attribute, mesh: int, numbers: Mapping[str, int]
+    gltf: GltfData, keys: dict[str, int], attribute: Attribute, numbers: Mapping[str, int]
 ) -> None:
-    """Add the accessors of an attribute to the keys of a part."""
+    """Add the accessor of an attribute to the keys of a part."""
     values, kind = attribute.coded.values, attribute.kind
     properties, extras = dict[str, Any](), dict[str, object]()
-    if kind == "weights":
-        _write_weights(gltf, keys, attribute, mesh)
-        return
     if kind == "colour":
         light = np.nan_to_num(linear_of(attribute.fractions), nan=1.0)  # white is none
         is_fine = values.dtype.kind == "f" or values.dtype.itemsize > 1

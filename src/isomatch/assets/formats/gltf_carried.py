@@ -13,14 +13,8 @@ import numpy as np
 
 from isomatch.assets.asset import Asset
 from isomatch.assets.attribute import linear_of, srgb_of
-from isomatch.assets.formats._gltf_data import (
-    GltfData,
-    are_alike,
-    joint_names,
-    node_matrices,
-    with_below,
-    without_channels,
-)
+from isomatch.assets.formats import _gltf_data
+from isomatch.assets.formats._gltf_data import GltfData, joint_names, node_matrices
 from isomatch.assets.formats.gltf import GltfDocument, edited, opened_document, texcoord_numbers
 from isomatch.assets.materials import IN_PLACE, UNTINTED, Layer, Look, Looks, Picture, Wrap, as_png, unread
 from isomatch.errors import DescriptorError
@@ -272,15 +266,13 @@ def with_skin_of(receiver: Asset, giver: Asset) -> Asset:
     new, there, joints = _appended(gltf.json, other), node_matrices(other), joint_names(other)
     for joint, name in joints.items():
         if np.linalg.det(there[joint]) == 0:
+            remedy = "give it a size, or carry all but the weights"
             raise DescriptorError(
-                f"nothing can be bound to joint {name!r}, which its node scales to nothing; give it a size, or carry "
-                "all but the weights"
+                f"nothing can be bound to joint {name!r}, which its node scales to nothing; {remedy}"
             )
-    own = {matrix.tobytes(): matrix for _, matrix in bound}
-    skins = []
+    own, skins = {matrix.tobytes(): matrix for _, matrix in bound}, []
     for matrix in own.values():
-        inverse = np.stack([np.linalg.inv(there[joint]) @ matrix for joint in joints])
-        number = gltf.add_matrices(inverse)
+        number = gltf.add_matrices(np.stack([np.linalg.inv(there[joint]) @ matrix for joint in joints]))
         skins.append({"joints": [new[joint] for joint in joints], "inverseBindMatrices": number})
     for node in nodes:  # the new skins come first, so that the names of their joints stay
         if "skin" in node:
@@ -298,7 +290,7 @@ def is_posed(asset: Asset) -> bool:
         return False
     gltf, there = GltfData(document.json, bytearray(document.blob)), node_matrices(document.json)
     bindings = [gltf.binding(skin, there) for skin in document.json.get("skins", [])]
-    return any(len(each) > 0 and not are_alike(each, each[0]) for each in bindings)
+    return any(len(each) > 0 and not _gltf_data.are_alike(each, each[0]) for each in bindings)
 
 
 def animation_channels(asset: Asset) -> int:
@@ -350,13 +342,12 @@ def _without_unused_skins(document: dict[str, Any]) -> None:
         needed += [*skin["joints"], skin.get("skeleton", skin["joints"][0])]
     gone = _with_above(nodes, (joint for skin in skins for joint in skin["joints"]))
     gone -= _with_above(nodes, needed)
-    gone = with_below(nodes, gone)
+    gone = _gltf_data.with_below(nodes, gone)
     for place in (*nodes, *document.get("scenes", [])):
-        for key in ("children", "nodes"):
-            if key in place:
-                place[key] = [i for i in place[key] if i not in gone]
-                if not place[key] and key == "children":
-                    del place[key]
+        for key in place.keys() & {"children", "nodes"}:
+            place[key] = [i for i in place[key] if i not in gone]
+            if not place[key] and key == "children":
+                del place[key]
     for i in gone:
         nodes[i] = {}
-    without_channels(document, lambda target: target.get("node") in gone)
+    _gltf_data.without_channels(document, lambda target: target.get("node") in gone)
