@@ -29,7 +29,7 @@ _COMPONENTS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 51
 _CODES = {np.dtype(kind): code for code, kind in _COMPONENTS.items()}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 _TYPES = {width: name for name, width in _WIDTHS.items()}
-_VERTICES, _INDICES = 34962, 34963  # targets of views
+VERTICES, INDICES = 34962, 34963  # targets of views
 _COMPRESSED = {"KHR_draco_mesh_compression", "EXT_meshopt_compression"}
 _LARGEST_GLB = 2**32 - 64  # bytes of JSON and data; their sizes have 32 bits
 _ENTRY = 24  # bytes that an entry of an array takes while parts are joined, measured
@@ -101,21 +101,17 @@ class GltfData:
         self.room.take(len(content), "a picture")
         return content
 
-    def add_array(self, values: AnyArray, target: int | None = _VERTICES, **properties: object) -> int:
+    def add_array(self, values: AnyArray, target: int | None = VERTICES, **properties: object) -> int:
         """Append the values of a new accessor, whose rows start at multiples of 4 bytes; return its index."""
         kind, width = values.dtype.newbyteorder("<"), math.prod(values.shape[1:])
         rows = np.ascontiguousarray(values.reshape(len(values), width), kind)
         octets = rows.view(np.uint8).reshape(len(rows), width * kind.itemsize)
         view: dict[str, object] = {} if target is None else {"target": target}
-        if octets.shape[1] % 4 and target == _VERTICES:  # indices are packed
+        if octets.shape[1] % 4 and target == VERTICES:  # indices are packed
             octets = np.pad(octets, ((0, 0), (0, -octets.shape[1] % 4)))
             view["byteStride"] = octets.shape[1]
         accessor = {"bufferView": self.add_bytes(octets.tobytes(), **view), "componentType": _CODES[kind]}
         return self.append("accessors", accessor | {"count": len(values), "type": _TYPES[width]} | properties)
-
-    def add_indices(self, faces: IntArray) -> int:
-        """Append a new accessor of the points of triangles; return its index."""
-        return self.add_array(faces.ravel().astype(np.uint32), target=_INDICES)
 
     def add_matrices(self, matrices: FloatArray) -> int:
         """Append a new accessor of (k, 4, 4) matrices; return its index."""
@@ -167,20 +163,17 @@ class GltfData:
             elif mesh is not None:
                 used.add(mesh)
 
-    def surfaces(self) -> Iterator[tuple[int, int]]:
-        """Find the meshes and primitives that are made of triangles, of the default scene if it has any mesh."""
+    def surfaces(self) -> Iterator[tuple[int, int, dict[str, int]]]:
+        """Find meshes, primitives of triangles and their keys, of the default scene if it has any mesh."""
         nodes, scenes = self.json.get("nodes", []), self.json.get("scenes", [])
         shown = with_below(nodes, scenes[self.json.get("scene", 0)].get("nodes", []) if scenes else [])
         of_scene = {nodes[i]["mesh"] for i in shown if "mesh" in nodes[i]}
         for mesh, each in enumerate(self.json.get("meshes", [])):
             for i, primitive in enumerate(each["primitives"]):
-                is_surface = primitive.get("mode", _TRIANGLES) in (_TRIANGLES, _STRIP, _FAN)
-                if (
-                    (not of_scene or mesh in of_scene)
-                    and is_surface
-                    and "POSITION" in primitive["attributes"]
-                ):
-                    yield mesh, i
+                is_of_triangles = primitive.get("mode", _TRIANGLES) in (_TRIANGLES, _STRIP, _FAN)
+                is_shown = not of_scene or mesh in of_scene
+                if is_shown and is_of_triangles and "POSITION" in (keys := primitive["attributes"]):
+                    yield mesh, i, keys
 
     def triangles(self, primitive: dict[str, Any], n_points: int) -> IntArray:
         """Return the triangles of a primitive, (m, 3)."""
@@ -280,10 +273,8 @@ def unpacked(data: bytes, name: str) -> GltfData:
         elif uri.startswith("data:"):
             content = base64.b64decode(uri.partition(",")[2])
         else:
-            remedy = "copy that file beside this one, or export as .glb"
-            raise FormatError(
-                f"{name}: its data is in {uri!r}, outside of its folder, and is not read; {remedy}"
-            )
+            told = f"{name}: its data is in {uri!r}, outside of its folder, and is not read"
+            raise FormatError(f"{told}; copy that file beside this one, or export as .glb")
         if not 0 <= n <= len(content):
             raise unexpected(name, f"a buffer of {n} bytes", str(len(content)), _CUT_SHORT)
         gltf.blob += b"\0" * (-len(gltf.blob) % 4)
@@ -322,11 +313,10 @@ def packed(gltf: GltfData, binary: bool) -> bytes:
             document[name].pop()
         if not document.get(name, [free]):
             del document[name]
-    if blob:
-        document = {**document, "buffers": [{"byteLength": len(blob)}]}
-    if blob and not binary:
-        text = base64.b64encode(blob).decode()
-        document["buffers"][0]["uri"] = f"data:application/octet-stream;base64,{text}"
+    buffer: dict[str, object] = {"byteLength": len(blob)}
+    if not binary:
+        buffer["uri"] = f"data:application/octet-stream;base64,{base64.b64encode(blob).decode()}"
+    document = document | ({"buffers": [buffer]} if blob else {})
     if not binary:
         return json.dumps(document, indent=1).encode()
     content = json.dumps(document, separators=(",", ":")).encode()
@@ -430,14 +420,11 @@ def key_names(mesh: Mapping[str, Any]) -> list[str]:
 
 
 def set_keys(document: dict[str, Any], mesh: int, names: list[str], weights: Mapping[str, float]) -> None:
-    """Set the names of the shape keys of a mesh; they keep their weights, unless there are others.
-
-    If the names are others, what animates the weights is left out, of which the number is another.
-    """
+    """Set the names of the shape keys of a mesh; they keep their weights, unless there are others."""
     each = document["meshes"][mesh]
     had, own = key_names(each), each.get("weights", [])
     nodes = {i: node for i, node in enumerate(document.get("nodes", [])) if node.get("mesh") == mesh}
-    if names != had:
+    if names != had:  # what animates the weights has values for those it had
         without_channels(document, lambda at: at.get("path") == "weights" and at.get("node") in nodes)
     for place in (*(node for node in nodes.values() if "weights" in node), each):
         weight_of = {**dict(zip(had, place.pop("weights", own))), **weights}

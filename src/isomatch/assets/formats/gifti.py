@@ -190,16 +190,14 @@ def _described(frame: Frame | None) -> tuple[Any, dict[str, str]]:
 
 
 def _array(gifti: Any, attribute: Attribute, intents: Mapping[str, int]) -> Any:
-    values = attribute.plain
-    intent, kind = _VECTOR, "NIFTI_TYPE_FLOAT32"
+    values, intent, kind = attribute.plain, _VECTOR, "float32"
     if attribute.kind == "colour":
         intent, values = _RGB if values.shape[1] == 3 else _RGBA, attribute.fractions
     elif attribute.kind == "label":
-        intent, kind = _LABEL, "NIFTI_TYPE_INT32"
+        intent, kind = _LABEL, "int32"
     elif attribute.kind == "scalar":
         intent = intents.get(attribute.name, _SHAPE)
-    values = values.astype(np.int32 if kind.endswith("INT32") else np.float32)
-    return gifti.GiftiDataArray(values, intent, datatype=kind, meta={"Name": attribute.name})
+    return gifti.GiftiDataArray(values.astype(kind), intent, meta={"Name": attribute.name})
 
 
 def _numbered(attributes: Sequence[Attribute]) -> list[Attribute]:

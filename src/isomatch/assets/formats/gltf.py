@@ -7,10 +7,10 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import groupby
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from isomatch.assets.asset import COMMENTS, SPACE, Asset, Frame, Part, RenumberedDocument
 from isomatch.assets.attribute import (
@@ -23,7 +23,7 @@ from isomatch.assets.attribute import (
     unused_name,
 )
 from isomatch.assets.formats import _gltf_data
-from isomatch.assets.formats._gltf_data import GltfData, extras_of, joint_names, key_names, set_keys
+from isomatch.assets.formats._gltf_data import GltfData, Matrix, extras_of, joint_names, key_names, set_keys
 from isomatch.assets.formats._reading import reading
 from isomatch.assets.polygons import Polygons, Renumbering, split_at_seams
 from isomatch.errors import MeshError
@@ -96,12 +96,8 @@ def _read(gltf: GltfData) -> Asset:
     places: list[tuple[int, int, int]] = []
     names: dict[int, str] = {}
     start = 0
-
-    def arrays_of(place: tuple[int, int]) -> tuple[int, dict[str, int]]:
-        return place[0], meshes[place[0]]["primitives"][place[1]]["attributes"]
-
-    for (mesh, keys), same in groupby(gltf.surfaces(), arrays_of):
-        listed = [i for _, i in same]
+    for (mesh, keys), same in groupby(gltf.surfaces(), itemgetter(0, 2)):
+        listed = [i for _, i, _ in same]
         primitives = [meshes[mesh]["primitives"][i] for i in listed]
         gltf.room.take(_PART + _PRIMITIVE * len(primitives), f"a part of {len(primitives)} primitives")
         points.append(gltf.numbers(keys["POSITION"]))
@@ -269,13 +265,14 @@ def write(asset: Asset, *, is_glb: bool) -> bytes:
             if here.kind == "weights":
                 _write_weights(gltf, keys, here, mesh)
             else:
-                _write_values(gltf, keys, here, numbers)
+                key = _key_of(here, keys, numbers)
+                keys[key] = _add_values(gltf, key, here)
         shown = [each for each in listed if len(each[1])] or listed[:1]
         transform = asset.parts[part].transform if asset.parts else None
         primitives = [gltf.json["meshes"][mesh]["primitives"][i] for (_, i, _), _ in shown]
         for primitive, (_, held) in zip(primitives, shown):
-            turned = _outwards(faces[held] - rows.start, transform)
-            primitive |= {"attributes": keys, "indices": gltf.add_indices(turned)}
+            indices = _outwards(faces[held] - rows.start, transform).ravel().astype(np.uint32)
+            primitive |= {"attributes": keys, "indices": gltf.add_array(indices, _gltf_data.INDICES)}
         of_mesh.setdefault(mesh, []).append((rows, primitives))
     shape_keys = {each.name: each.values for each in split.attributes if each.kind == "key"}
     for mesh, parts in of_mesh.items():
@@ -289,10 +286,7 @@ def write(asset: Asset, *, is_glb: bool) -> bytes:
 
 
 def middles(asset: Asset) -> FloatArray:
-    """(n, 3) what is taken from the points of a mesh and given to its node, where floats would round them; else 0.
-
-    A mesh with a skin is put by its joints, not by its node.
-    """
+    """(n, 3) what is taken from the points of a mesh and given to its node, where floats would round them; else 0."""
     middle = np.zeros_like(asset.points)
     if asset.needs_doubles:
         document = asset.document if isinstance(asset.document, GltfDocument) else new_document(asset)
@@ -300,7 +294,7 @@ def middles(asset: Asset) -> FloatArray:
         mesh_of_point = mesh_of_part[np.minimum(asset.part_of_point, len(mesh_of_part) - 1)]
         for node in document.json.get("nodes", []):
             rows = mesh_of_point == node.get("mesh")
-            if rows.any() and "skin" not in node:
+            if rows.any() and "skin" not in node:  # a mesh with a skin is put by its joints
                 middle[rows] = (asset.points[rows].min(axis=0) + asset.points[rows].max(axis=0)) / 2
     return middle
 
@@ -336,16 +330,14 @@ def _add_positions(gltf: GltfData, points: FloatArray) -> int:
     return gltf.add_array(positions, **{name: bound.tolist() for name, bound in bounds.items()})
 
 
-def _outwards(faces: IntArray, transform: ArrayLike | None) -> IntArray:
+def _outwards(faces: IntArray, transform: Matrix | None) -> IntArray:
     """Turn triangles over where the node is mirrored: those of the file are seen from the other side there."""
     mirrored = transform is not None and np.linalg.det(np.array(transform)[:3, :3]) < 0
     return faces[:, [0, 2, 1]] if mirrored else faces
 
 
-def _write_values(
-    gltf: GltfData, keys: dict[str, int], attribute: Attribute, numbers: Mapping[str, int]
-) -> None:
-    """Add the accessor of an attribute to the keys of a part."""
+def _add_values(gltf: GltfData, key: str, attribute: Attribute) -> int:
+    """Append the accessor of an attribute that is written under a key; return its index."""
     values, kind = attribute.coded.values, attribute.kind
     properties, extras = dict[str, Any](), dict[str, object]()
     if kind == "colour":
@@ -366,12 +358,11 @@ def _write_values(
     else:
         values = np.nan_to_num(_upside_down(values[:, :2])) if kind == "uv" else values
         values = values.astype(np.float32)
-    key = _key_of(attribute, keys, numbers)
     if _named(key)[0] != attribute.name:
         extras["name"] = attribute.name
     if extras:
         properties["extras"] = extras
-    keys[key] = gltf.add_array(values, **properties)
+    return gltf.add_array(values, **properties)
 
 
 def _key_of(attribute: Attribute, keys: Mapping[str, object], numbers: Mapping[str, int]) -> str:
@@ -460,9 +451,7 @@ def _write_keys(
 
 def opened_document(asset: Asset) -> tuple[GltfDocument, GltfData]:
     """Return the glTF document of an asset, or a new one, and its contents, which may be changed."""
-    document = asset.document
-    if not isinstance(document, GltfDocument):
-        document = replace(new_document(asset), former=document)
+    document = asset.document if isinstance(asset.document, GltfDocument) else new_document(asset)
     return document, document.data
 
 
@@ -496,4 +485,4 @@ def new_document(asset: Asset) -> GltfDocument:
         "meshes": [{"primitives": [{"attributes": {}}]}],
     }
     of_triangle = np.zeros(int((asset.polygons.sizes - 2).sum()), dtype=np.int64)
-    return GltfDocument(document, b"", ((0, 0, 0),), of_triangle, asset.polygons)
+    return GltfDocument(document, b"", ((0, 0, 0),), of_triangle, asset.polygons, former=asset.document)

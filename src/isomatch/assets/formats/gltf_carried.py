@@ -26,6 +26,7 @@ _CODES = {wrap: code for code, wrap in _WRAPS.items()}
 _NEAREST = 9728
 _TRANSFORM, _VARIANTS = "KHR_texture_transform", "KHR_materials_variants"
 _GLOSSY, _STRENGTH = "KHR_materials_pbrSpecularGlossiness", "KHR_materials_emissive_strength"
+_MESH = ("mesh", "skin", "camera", "extensions", "weights")  # of a node, what is not of a joint
 
 
 def materials_of(document: GltfDocument) -> Looks | None:
@@ -62,7 +63,8 @@ def with_materials_of(receiver: Asset, giver: GltfDocument, giver_triangle: IntA
             gltf.append(name, entry)
     for name in ("extensionsUsed", "extensionsRequired"):
         _use(gltf, name, other.get(name, []))
-    return edited(receiver, _painted(document, gltf, seen(of_triangle, giver_triangle), starts), gltf)
+    painted = _painted(document, gltf, seen(of_triangle, giver_triangle), starts["materials"])
+    return edited(receiver, painted, gltf)
 
 
 def with_materials(receiver: Asset, materials: Looks) -> Asset:
@@ -76,7 +78,7 @@ def with_materials(receiver: Asset, materials: Looks) -> Asset:
         if look.emitted:
             entry |= _written(gltf, look.emitted, number_of, "emissive", (0.0, 0.0, 0.0))
         gltf.append("materials", entry)
-    return edited(receiver, _painted(document, gltf, materials.of_triangle, starts), gltf)
+    return edited(receiver, _painted(document, gltf, materials.of_triangle, starts["materials"]), gltf)
 
 
 def seen(of_triangle: IntArray, giver_triangle: IntArray) -> IntArray:
@@ -177,10 +179,8 @@ def _opened(asset: Asset) -> tuple[GltfDocument, GltfData, dict[str, int], dict[
     return document, gltf, starts, texcoord_numbers(replace(asset, document=document))
 
 
-def _painted(
-    document: GltfDocument, gltf: GltfData, look: IntArray, starts: Mapping[str, int]
-) -> GltfDocument:
-    """Give each triangle its material; a primitive of several becomes as many primitives."""
+def _painted(document: GltfDocument, gltf: GltfData, look: IntArray, start: int) -> GltfDocument:
+    """Give each triangle its material, numbered from ``start``; a primitive of several becomes as many primitives."""
     places: list[tuple[int, int, int]] = []
     of_triangle = np.zeros(len(look), dtype=np.int64)
     for number, (mesh, i, part) in enumerate(document.places):
@@ -191,7 +191,7 @@ def _painted(
         held = document.place_of_triangle == number
         for k, each in enumerate(np.unique(look[held]).tolist() or [-1]):
             at = len(primitives) if k else i
-            material = {"material": each + starts["materials"]} if each >= 0 else {}
+            material = {"material": start + each} if each >= 0 else {}
             primitives[at : at + 1] = [{**copy.deepcopy(plain), **material}]
             of_triangle[held & (look == each)] = len(places)
             places.append((mesh, at, part))
@@ -243,9 +243,6 @@ def _shift_textures(entry: Any, by: int, numbers: Mapping[int, int]) -> None:
         _shift_textures(value, by, numbers)
 
 
-_MESH = ("mesh", "skin", "camera", "extensions", "weights")  # of a node, what is not of a joint
-
-
 def with_skin_of(receiver: Asset, giver: Asset) -> Asset:
     """Return the receiver with the joints of the giver, if that is a glTF file, bound to them as both are now.
 
@@ -266,10 +263,8 @@ def with_skin_of(receiver: Asset, giver: Asset) -> Asset:
     new, there, joints = _appended(gltf.json, other), node_matrices(other), joint_names(other)
     for joint, name in joints.items():
         if np.linalg.det(there[joint]) == 0:
-            remedy = "give it a size, or carry all but the weights"
-            raise DescriptorError(
-                f"nothing can be bound to joint {name!r}, which its node scales to nothing; {remedy}"
-            )
+            told = f"nothing can be bound to joint {name!r}, which its node scales to nothing"
+            raise DescriptorError(f"{told}; give it a size, or carry all but the weights")
     own, skins = {matrix.tobytes(): matrix for _, matrix in bound}, []
     for matrix in own.values():
         number = gltf.add_matrices(np.stack([np.linalg.inv(there[joint]) @ matrix for joint in joints]))

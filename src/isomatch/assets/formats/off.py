@@ -97,10 +97,8 @@ def write(asset: Asset) -> bytes:
     if (sizes == 3).all() and not colours:
         faces = _text.format_rows("3 %d %d %d\n", corners.reshape(-1, 3))
     else:
-        words = [
-            (np.ones(len(sizes), dtype=np.int64), _text.numbered(sizes)),
-            (sizes, _text.numbered(corners)),
-        ]
+        once = np.ones(len(sizes), dtype=np.int64)
+        words = [(once, _text.numbered(sizes)), (sizes, _text.numbered(corners))]
         for values, notation in map(_colours, colours):
             has_colour = ~np.isnan(values).any(axis=1)
             words.append((values.shape[1] * has_colour, _text.numbered(values[has_colour].ravel(), notation)))
