@@ -22,10 +22,7 @@ _UNDEFINED = Layer((0.5, 0.5, 0.5, 1.0))
 
 
 def looks_of(asset: Asset) -> Looks | None:
-    """Return the materials of the triangles of an asset; None if its file has none.
-
-    Materials that are in no library are grey, if others are.
-    """
+    """Return the materials of the triangles, grey for those that no library has; None if the file has none at all."""
     if isinstance(asset.document, GltfDocument):
         return gltf_carried.materials_of(asset.document)
     labels = [a for a in asset.attributes if (a.name, a.domain) == (_MATERIAL, "face")]
@@ -89,9 +86,8 @@ def with_tiles(
 ) -> Asset:
     """Return the receiver as a glTF file with a material for each of some pictures by name, which repeat."""
     uv = next((attribute.name for attribute in receiver.of_kind("uv")), "uv")
-    looks = tuple(
-        Look(name, Layer(tuple(tint), Picture(f"{name}.png", png), uv)) for name, png in pictures.items()
-    )
+    layers = {name: Layer(tuple(tint), Picture(f"{name}.png", png), uv) for name, png in pictures.items()}
+    looks = tuple(Look(name, layer) for name, layer in layers.items())
     return gltf_carried.with_materials(receiver, Looks(of_triangle, looks))
 
 
@@ -162,7 +158,7 @@ def _in_obj(asset: Asset, materials: Looks, stem: str) -> Asset:
     words: list[str] = []
     for look in materials.looks:
         words.append(unused_name(look.name, words))
-    files[f"{stem}.mtl"] = obj.library_of(tuple(words), layers, names, former.encoding)
+    files[f"{stem}.mtl"] = obj.library_of(dict(zip(words, layers)), names, former.encoding)
     document = ObjDocument((f"{stem}.mtl",), former.elements, former.encoding, files)
     return replace(_labelled(shown, materials.of_triangle, tuple(words)), document=document)
 

@@ -21,6 +21,11 @@ from isomatch.values.arrays import AnyArray, FloatArray, IntArray
 Wrap = Literal["repeat", "clamp", "mirror"]
 UNTINTED = (1.0, 1.0, 1.0, 1.0)
 IN_PLACE = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+_PNG, _JPEG, _KTX = b"\x89PNG", b"\xff\xd8", b"\xabKTX 20\xbb"  # how such files begin
+_KINDS = ("PNG", "JPEG", "WEBP", "BMP", "GIF", "TIFF", "DDS")  # those that can be told from other files
+_UNREAD = "a picture cannot be read: "
+_MOST = 8  # widths of a picture that its border may go on, where it has to be painted
+NO_DIFFUSE = (102, 102, 102, 255)  # of a simple material of trimesh for which none was given
 
 
 @dataclass(frozen=True)
@@ -120,13 +125,6 @@ class Looks:
     def pictures(self) -> tuple[Picture, ...]:
         """All different pictures."""
         return tuple(dict.fromkeys(picture for look in self.looks for picture in look.pictures))
-
-
-_PNG, _JPEG, _KTX = b"\x89PNG", b"\xff\xd8", b"\xabKTX 20\xbb"  # how such files begin
-_KINDS = ("PNG", "JPEG", "WEBP", "BMP", "GIF", "TIFF", "DDS")  # those that can be told from other files
-_UNREAD = "a picture cannot be read: "
-_MOST = 8  # widths of a picture that its border may go on, where it has to be painted
-NO_DIFFUSE = (102, 102, 102, 255)  # of a simple material of trimesh for which none was given
 
 
 def pixels_of(picture: bytes) -> FloatArray:
@@ -238,14 +236,11 @@ def _wrapped(index: IntArray, n: int, wrap: Wrap) -> IntArray:
 
 def texture_on(mesh: Any) -> tuple[AnyArray, tuple[float, ...]] | None:
     """Return the texture of a mesh of trimesh or Open3D, and the colour that tints it, 0…1; None unless it has one."""
-    textures: list[AnyArray] = []
     material = getattr(getattr(mesh, "visual", None), "material", None)  # of trimesh
-    for name in ("image", "baseColorTexture"):
-        if getattr(material, name, None) is not None:
-            textures = [np.asarray(getattr(material, name).convert("RGBA"))]
-    for image in getattr(mesh, "textures", ()):  # of Open3D, upside down
-        if np.asarray(image).size > 1:
-            textures.append(np.asarray(image)[::-1])
+    images = [getattr(material, name, None) for name in ("image", "baseColorTexture")]
+    textures = [np.asarray(image.convert("RGBA")) for image in images if image is not None][-1:]
+    upside_down = map(np.asarray, getattr(mesh, "textures", ()))  # of Open3D
+    textures += [texture[::-1] for texture in upside_down if texture.size > 1]
     return (textures[0], _tint(material)) if len(textures) == 1 else None
 
 

@@ -28,6 +28,13 @@ _INDEXED: tuple[tuple[str, str, Kind, int], ...] = (("vt", "uv", "uv", 2), ("vn"
 """Keyword, name, kind and width of what a face refers to after the vertex, in this order."""
 _NAMED = ("mtllib", "o", "g", "usemtl")
 """Keywords of lines whose rest is a name."""
+_BLOCK = re.compile(rb"(?m)^#MRGB[ \t]+((?:[0-9A-Fa-f]{8})+)[ \t]*$")
+"""Colours of ZBrush in comments: for each vertex a mask, red, green and blue, two hexadecimal digits each."""
+_NUMBERS = {"-o": 3, "-s": 3, "-t": 3, "-mm": 2}
+"""Options of a picture, with the most numbers that follow each."""
+_WORDS = ("-blendu", "-blendv", "-bm", "-boost", "-cc", "-clamp", "-imfchan", "-texres", "-type")
+_PICTURES = ("map_", "bump", "disp", "decal", "norm", "refl")
+_MISSING = "there is no such file in the folder of the OBJ file"
 
 
 @dataclass(frozen=True)
@@ -95,9 +102,7 @@ def keeps(attribute: Attribute) -> bool:
     """Whether OBJ has a place for an attribute."""
     if attribute.domain == "face":
         return attribute.kind == "label" and attribute.name in _STATEMENTS
-    if attribute.kind == "colour":
-        return attribute.domain == "point"
-    return attribute.kind in ("uv", "normal")
+    return attribute.kind in ("uv", "normal") or (attribute.domain, attribute.kind) == ("point", "colour")
 
 
 def write(asset: Asset) -> bytes:
@@ -231,10 +236,6 @@ def _from_zero(corners: IntArray, rows: NumberRows, vertex_lines: TextLines) -> 
     return np.where(backwards, corners + np.repeat(read_before, rows.counts), corners - 1)
 
 
-_BLOCK = re.compile(rb"(?m)^#MRGB[ \t]+((?:[0-9A-Fa-f]{8})+)[ \t]*$")
-"""Colours of ZBrush in comments: for each vertex a mask, red, green and blue, two hexadecimal digits each."""
-
-
 def read_colours(vertices: NumberRows, data: bytes) -> tuple[list[Attribute], tuple[str, ...]]:
     """Read what follows the positions, ``r g b`` or ``r g b a``, or the blocks in comments; and notes on them."""
     counts, n, notes = vertices.counts, len(vertices.counts), []
@@ -260,13 +261,6 @@ def read_colours(vertices: NumberRows, data: bytes) -> tuple[list[Attribute], tu
             colours = np.vstack([colours, np.full((n - len(octets), 3), np.nan)])
     attribute = Attribute("color", "point", "colour", colours)
     return [attribute], tuple(filter(None, [*notes, attribute.note_of_missing]))
-
-
-_NUMBERS = {"-o": 3, "-s": 3, "-t": 3, "-mm": 2}
-"""Options of a picture, with the most numbers that follow each."""
-_WORDS = ("-blendu", "-blendv", "-bm", "-boost", "-cc", "-clamp", "-imfchan", "-texres", "-type")
-_PICTURES = ("map_", "bump", "disp", "decal", "norm", "refl")
-_MISSING = "there is no such file in the folder of the OBJ file"
 
 
 def _read_libraries(document: ObjDocument, folder: Path) -> dict[str, bytes]:
@@ -297,12 +291,10 @@ def materials_of(document: ObjDocument) -> dict[str, Look]:
     return {name: _look(name, each, document.files) for name, each in said.items()}
 
 
-def library_of(
-    names: tuple[str, ...], layers: tuple[Layer, ...], pictures: Mapping[Picture, str], encoding: str
-) -> bytes:
-    """Write a library of layers under these names; pictures have names too, or keep their own."""
+def library_of(layers: Mapping[str, Layer], pictures: Mapping[Picture, str], encoding: str) -> bytes:
+    """Write a library of layers by their names; pictures have names too, or keep their own."""
     lines = []
-    for name, layer in zip(names, layers):
+    for name, layer in layers.items():
         lines += [f"newmtl {name}", "Kd " + " ".join(f"{x:.6g}" for x in layer.tint[:3])]
         if len(layer.tint) > 3 and layer.tint[3] < 1:
             lines.append(f"d {layer.tint[3]:.6g}")
