@@ -18,6 +18,8 @@ from isomatch.errors import MeshError
 from isomatch.loading.first_use import package
 from isomatch.values.arrays import AnyArray, IntArray
 
+_STANDARD = ("normal", "rgb", "rgba", "color", "colour", "texturecoordinate", "uv", "obj:vn")
+
 
 @dataclass(frozen=True)
 class Geometry:
@@ -37,11 +39,6 @@ class Geometry:
         return (f"cells that are no polygons are left out: {told}",) if told else ()
 
 
-def geometry_of(given: object) -> Geometry:
-    """Return points and polygons of a mesh of trimesh, PyVista, meshio or Open3D."""
-    return _library(given)[0]
-
-
 def asset_from(given: object, *, sound: bool = True) -> Asset:
     """Make an asset of a mesh of another library, with its attributes, and its texture if it has just one.
 
@@ -49,7 +46,7 @@ def asset_from(given: object, *, sound: bool = True) -> Asset:
     ``PointCloud`` of trimesh or Open3D. Unless ``sound``, polygons may refer to points that are not there, and `repair`
     removes them. `MeshError` if it is none of these, or has no polygons but other cells.
     """
-    geometry, attributes = _library(given)
+    geometry, attributes = read_geometry(given)
     values = told_apart(attributes(given, geometry))
     asset = Asset(geometry.points, geometry.polygons, values, notes=geometry.notes)
     if sound:
@@ -59,9 +56,6 @@ def asset_from(given: object, *, sound: bool = True) -> Asset:
         return asset
     picture, tint = texture
     return with_texture(asset, png_of(picture), tint)
-
-
-_STANDARD = ("normal", "rgb", "rgba", "color", "colour", "texturecoordinate", "uv", "obj:vn")
 
 
 def _triangles(mesh: object, points: Any, faces: Any) -> Geometry:
@@ -180,13 +174,11 @@ _LIBRARIES: dict[tuple[str, str], tuple[Callable[[Any, Any, Any], Geometry], Att
 }
 """How the mesh of a library is read that has these two attributes: trimesh, Open3D, PyVista, meshio."""
 
-_REMEDIES = {
-    "extract_surface": "; its extract_surface() is one",  # grids of PyVista
-    "to_geometry": "; its to_geometry() is one",  # scenes of trimesh
-}
+_REMEDIES = ("extract_surface", "to_geometry")  # of grids of PyVista and scenes of trimesh
 
 
-def _library(mesh: object) -> tuple[Geometry, Attributes]:
+def read_geometry(mesh: object) -> tuple[Geometry, Attributes]:
+    """Read points and polygons of a mesh of trimesh, PyVista, meshio or Open3D, and say how its attributes are read."""
     if type(mesh).__name__ == "PointCloud":
         for name in ("vertices", "points"):  # trimesh, Open3D
             if _has(mesh, name):
@@ -197,7 +189,7 @@ def _library(mesh: object) -> tuple[Geometry, Attributes]:
             points, cells = (getattr(mesh, name) for name in names)
             if names[1] != "cells" or all(hasattr(block, "type") for block in cells):
                 return geometry(mesh, points, cells), attributes
-    remedy = next((text for name, text in _REMEDIES.items() if hasattr(mesh, name)), "")
+    remedy = next((f"; its {name}() is one" for name in _REMEDIES if hasattr(mesh, name)), "")
     raise MeshError(
         f"a {type(mesh).__module__}.{type(mesh).__qualname__} is no mesh{remedy}; give a Mesh, the path of a mesh "
         "file, a tuple (vertices, faces), or a mesh of trimesh, PyVista (PolyData), meshio or Open3D (TriangleMesh); "
@@ -222,8 +214,8 @@ def to_trimesh(asset: Asset) -> Any:
     of_triangle = split.polygons.of_triangle
     has_uv = any(uv.domain == "point" for uv in split.of_kind("uv"))  # instead of colours
     for attribute in split.attributes:
-        values = attribute.plain
         of_points = attribute.domain == "point"
+        values = attribute.plain if of_points else attribute.plain[of_triangle]
         if attribute.kind == "uv" and of_points:
             material = None
             if texture is not None:
@@ -234,15 +226,11 @@ def to_trimesh(asset: Asset) -> Any:
         elif attribute.kind == "colour" and not has_uv:
             if values.dtype.kind == "f":
                 values = np.nan_to_num(values, nan=attribute.full)  # white is none
-            values = trimesh.visual.to_rgba(values)
-            if of_points:
-                mesh.visual.vertex_colors = values
-            else:
-                mesh.visual.face_colors = values[of_triangle]
-        elif of_points:
-            mesh.vertex_attributes[attribute.name] = values
+            name = "vertex_colors" if of_points else "face_colors"
+            setattr(mesh.visual, name, trimesh.visual.to_rgba(values))
         else:
-            mesh.face_attributes[attribute.name] = values[of_triangle]
+            held = mesh.vertex_attributes if of_points else mesh.face_attributes
+            held[attribute.name] = values
     return mesh
 
 
@@ -272,10 +260,8 @@ def to_meshio(asset: Asset) -> Any:
     polygons = split.polygons
     first = np.flatnonzero(np.diff(polygons.sizes, prepend=0))
     corners = np.split(polygons.corners, polygons.starts[first[1:]])
-    blocks = [
-        ({3: "triangle", 4: "quad"}.get(size, "polygon"), each.reshape(-1, size))
-        for each, size in zip(corners, polygons.sizes[first].tolist())
-    ]
+    kinds, sizes = {3: "triangle", 4: "quad"}, polygons.sizes[first].tolist()
+    blocks = [(kinds.get(n, "polygon"), each.reshape(-1, n)) for each, n in zip(corners, sizes)]
     if not blocks:  # a file without cells cannot be read
         blocks = [("vertex", np.arange(len(split.points))[:, None])]
     at_points = {a.name: a.plain for a in split.attributes if a.domain == "point"}
