@@ -17,28 +17,6 @@ from isomatch.surfaces import Mesh, welded
 from isomatch.values.arrays import FloatArray, IntArray, numbers_of, read_only
 from isomatch.values.cached import cached_property
 
-
-@dataclass(frozen=True)
-class Part:
-    """One of several meshes in a file, whose points and polygons follow those of the parts before.
-
-    The ``transform`` is where the file puts it: a matrix that is multiplied by columns x, y, z, 1.
-    """
-
-    name: str
-    n_points: int
-    n_polygons: int
-    transform: tuple[tuple[float, ...], ...] | None = None
-
-
-def product(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return a @ b, rounded alike on every machine, so that hashes of what is placed are the same."""
-    total: FloatArray = a[:, :1] * b[0]
-    for i in range(1, len(b)):
-        total = total + a[:, i, None] * b[i]
-    return total
-
-
 # of the mean edge: rounding of positions that is avoided or told, and that the user has to allow
 TOLD, ASKED = 1e-4, 1e-3
 UNKNOWN, SCANNER = "unknown", "scanner_anat"
@@ -59,6 +37,27 @@ SPACE, COMMENTS = "SPACE", "comments"
 # lines that tell the axes, as those of 3D Slicer and NRRD, or the unit of the coordinates
 _AXES_SAID = re.compile(r"\b(?:space|coordinate[ _]?system)\s*[=:]\s*[\"']?(?P<axes>[rlaips]{3})\b", re.I)
 _UNIT = re.compile(r"\bunits?\s*([:=]|in\b|is\b|are\b|(milli|centi|micro)?met|[mc]?m\b|inch)", re.I)
+
+
+@dataclass(frozen=True)
+class Part:
+    """One of several meshes in a file, whose points and polygons follow those of the parts before.
+
+    The ``transform`` is where the file puts it: a matrix that is multiplied by columns x, y, z, 1.
+    """
+
+    name: str
+    n_points: int
+    n_polygons: int
+    transform: tuple[tuple[float, ...], ...] | None = None
+
+
+def product(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return a @ b, rounded alike on every machine, so that hashes of what is placed are the same."""
+    total: FloatArray = a[:, :1] * b[0]
+    for i in range(1, len(b)):
+        total = total + a[:, i, None] * b[i]
+    return total
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,7 +139,7 @@ class Frame:
     @property
     def has_space(self) -> bool:
         """Whether it names a space or has a matrix."""
-        return self.space != UNKNOWN or self.to != UNKNOWN or not self._is_identity
+        return self.space != UNKNOWN or self.to != UNKNOWN or not self._is_like(Frame())
 
     @property
     def in_volume(self) -> Mapping[str, Any] | None:
@@ -171,16 +170,12 @@ class Frame:
     def __str__(self) -> str:
         if self.words:
             return ", ".join(self.words)
-        if self._is_identity:
+        if self._is_like(Frame()):
             return f"in {self.to if self.space == UNKNOWN else self.space}"
         if np.allclose(self.matrix[:3, :3], np.eye(3), atol=_CLOSE):
             offset = " ".join(f"{number:g}" for number in self.matrix[:3, 3])
             return f"c_ras {offset}, the offset to {self.to}"
         return f"matrix to {self.to}"
-
-    @property
-    def _is_identity(self) -> bool:
-        return self._is_like(Frame())
 
     def _is_like(self, other: Frame) -> bool:
         return bool(np.allclose(self.matrix, other.matrix, rtol=0, atol=_CLOSE))
@@ -344,10 +339,9 @@ class Asset:
         corners = self.polygons.corners
         outside = np.flatnonzero((corners < 0) | (corners >= len(self.points)))
         if len(outside):
-            raise MeshError(
-                f"polygons {some(np.unique(self.polygons.of_corner[outside]))} refer to points outside "
-                f"0…{len(self.points) - 1}; remove them, or export the file again"
-            )
+            polygons, points = some(np.unique(self.polygons.of_corner[outside])), f"0…{len(self.points) - 1}"
+            remedy = "remove them, or export the file again"
+            raise MeshError(f"polygons {polygons} refer to points outside {points}; {remedy}")
 
     def renumbered(self, rows: Renumbering) -> Asset:
         """Return other points and polygons made of those that there are, with all values on them."""

@@ -9,7 +9,7 @@ import numpy as np
 from mapbox_earcut import triangulate_float64
 from numpy.typing import ArrayLike
 
-from isomatch.assets.attribute import Attribute
+from isomatch.assets.attribute import Attribute, without_labels
 from isomatch.errors import MeshError
 from isomatch.surfaces import first_equal, welded
 from isomatch.values.arrays import AnyArray, BoolArray, FloatArray, IntArray, array_of, read_only
@@ -63,10 +63,9 @@ class Polygons:
                 raise MeshError(f"{name} have {found}, expected (k,) integers")
             object.__setattr__(self, name, read_only(np.array(array, dtype=np.int64)))
         if (self.sizes < 3).any() or self.sizes.sum() != len(self.corners):
-            raise MeshError(
-                f"sizes of polygons, at least {self.sizes.min(initial=3)} and together {self.sizes.sum()}, do not "
-                f"fit {len(self.corners)} corners; give the number of corners of each, at least 3"
-            )
+            found = f"at least {self.sizes.min(initial=3)} and together {self.sizes.sum()}"
+            remedy = "give the number of corners of each, at least 3"
+            raise MeshError(f"sizes of polygons, {found}, do not fit {len(self.corners)} corners; {remedy}")
 
     @classmethod
     def of_triangles(cls, faces: IntArray) -> Polygons:
@@ -112,7 +111,12 @@ class Polygons:
     @cached_property
     def corner_of_triangle(self) -> IntArray:
         """(m, 3) the corners of the polygons that are those of each triangle; only convex polygons are fans."""
-        return self._with_ears(np.arange(len(self.corners)))
+        rows, ears, _ = self._cut
+        second = spans(self.starts + 1, self.sizes - 2)
+        first = np.repeat(self.starts, self.sizes - 2)
+        triangles = np.stack([first, second, second + 1], axis=1)
+        triangles[rows] = ears
+        return triangles
 
     @property
     def uncut(self) -> IntArray:
@@ -124,15 +128,7 @@ class Polygons:
         """(m, 3) points of each triangle."""
         if (self.sizes == 3).all():
             return self.corners.reshape(-1, 3)
-        return self._with_ears(self.corners)
-
-    def _with_ears(self, corners: IntArray) -> IntArray:
-        rows, ears, _ = self._cut
-        second = spans(self.starts + 1, self.sizes - 2)
-        first = np.repeat(self.starts, self.sizes - 2)
-        triangles = corners[np.stack([first, second, second + 1], axis=1)]
-        triangles[rows] = corners[ears]
-        return triangles
+        return self.corners[self.corner_of_triangle]
 
     def at(self, points: FloatArray) -> Polygons:
         """Return the same, cut as they lie at these points, unless they have points already."""
@@ -199,15 +195,13 @@ def _are_convex(flat: FloatArray, rounding: FloatArray) -> BoolArray:
     turn[np.abs(after).max(axis=2) <= rounding[:, None]] = 0
     around = np.arctan2(np.maximum(turn, 0), (before * after).sum(axis=2)).sum(axis=1)
     tolerance = rounding[:, None] * (np.abs(before) + np.abs(after)).sum(axis=2)
-    convex: BoolArray = (turn >= -tolerance).all(axis=1) & (around < 3 * np.pi) & (_area(flat) > rounding)
-    return convex
+    return np.asarray((turn >= -tolerance).all(axis=1) & (around < 3 * np.pi) & (_area(flat) > rounding))
 
 
 def _area(flat: FloatArray) -> FloatArray:
     """Twice the area of outlines (…, k, 2) that turn left."""
     after = np.roll(flat, -1, axis=-2)
-    area: FloatArray = (flat[..., 0] * after[..., 1] - flat[..., 1] * after[..., 0]).sum(axis=-1)
-    return area
+    return np.asarray((flat[..., 0] * after[..., 1] - flat[..., 1] * after[..., 0]).sum(axis=-1))
 
 
 def _ears(flat: FloatArray, rounding: float) -> IntArray | None:
@@ -362,15 +356,11 @@ def merged_corners(polygons: Polygons, n_points: int, attribute: Attribute) -> A
 
 def _without(attribute: Attribute, rows: BoolArray) -> Attribute:
     """Return the same with no value in some rows: nan, −1, an empty text, or 0 where 0 is none."""
-    if not rows.any():
-        return attribute
-    values = np.array(attribute.values)
     if attribute.kind == "label":
-        values = values.astype(np.int64) if values.dtype.kind == "u" else values
-        values[rows] = {"U": "", "b": False}.get(values.dtype.kind, -1)
-    else:
-        may_be_nan = values.dtype.kind == "f" and attribute.kind not in ("colour", "weights")
-        values[rows] = np.nan if may_be_nan else 0
+        return replace(attribute, values=without_labels(attribute.values, rows))
+    values = np.array(attribute.values)
+    may_be_nan = values.dtype.kind == "f" and attribute.kind not in ("colour", "weights")
+    values[rows] = np.nan if may_be_nan else 0
     return replace(attribute, values=values)
 
 

@@ -7,22 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from isomatch.assets import (
-    Asset,
-    Layer,
-    Looks,
-    Picture,
-    linear_of,
-    looks_of,
-    multiplied,
-    pixels_of,
-    png_of,
-    sampled,
-    srgb_of,
-    unread,
-    unread_files,
-    with_tiles,
-)
+from isomatch import assets
+from isomatch.assets import Asset, Layer, Looks, Picture
 from isomatch.correspondence import Correspondence
 from isomatch.errors import DescriptorError, SettingError
 from isomatch.surfaces import Mesh, PrecisePoints, linked, rasterise
@@ -68,7 +54,7 @@ class Baked:
     @property
     def png(self) -> bytes:
         """The picture as a PNG file."""
-        return png_of(self.picture)
+        return assets.png_of(self.picture)
 
 
 def bake_texture(
@@ -125,9 +111,8 @@ def bake_texture(
         raise SettingError(f"size = {size}; give a number of texels from {SIZES[0]} to {SIZES[1]}")
     receiver = source if to == "source" else target
     if not receiver.of_kind("uv"):
-        raise DescriptorError(
-            f"the {to} has no texture coordinates to bake for; carry those of the other instead (uv)"
-        )
+        remedy = "carry those of the other instead (uv)"
+        raise DescriptorError(f"the {to} has no texture coordinates to bake for; {remedy}")
     bridge = Bridge.between(correspondence, source, target, to_source=to == "source")
     paint = _Paint.of(bridge.giver)
     uv, tile_of_triangle, used = _in_tiles(receiver)
@@ -146,27 +131,23 @@ def bake_texture(
         raise DescriptorError(f"no texel of {size} × {size} lies on the surface; bake a larger picture")
     notes = paint.notes
     if hidden:
-        share = hidden / receiver.mesh.area
-        notes += (
-            f"{share:.1%} of the surface shows other parts, which have the same places in the picture and come first",
-        )
-    pictures = {f"baked_{tile}" if len(tiles) > 1 else "baked": png_of(each) for tile, each in tiles.items()}
+        share = f"{hidden / receiver.mesh.area:.1%} of the surface"
+        notes += (f"{share} shows other parts, which have the same places in the picture and come first",)
+    names = [f"baked_{tile}" for tile in tiles] if len(tiles) > 1 else ["baked"]
+    pictures = dict(zip(names, map(assets.png_of, tiles.values())))
     of_triangle = np.searchsorted(list(tiles), tile_of_triangle).clip(0, len(tiles) - 1)
-    return Baked(tiles, with_tiles(receiver, of_triangle, pictures), unmatched, notes)
+    return Baked(tiles, assets.with_tiles(receiver, of_triangle, pictures), unmatched, notes)
 
 
 def _in_tiles(receiver: Asset) -> tuple[FloatArray, IntArray, list[int]]:
-    """(t, 3, 2) texture coordinates in the tile of each triangle, (t,) the numbers of these tiles, and those in use.
-
-    Triangles without texture coordinates lie beside the first tile.
-    """
+    """(t, 3, 2) texture coordinates in the tile of each triangle, (t,) the numbers of these tiles, and those in use."""
     attribute = receiver.of_kind("uv")[0]
     of_corner = columns(attribute)[rows_of_corners(receiver, attribute), :2]
     uv = of_corner[receiver.polygons.corner_of_triangle]
     low = np.floor(uv.mean(axis=1))
     uv -= low[:, None]
     is_without = np.isnan(uv).any(axis=(1, 2))
-    uv[is_without] = -1.0
+    uv[is_without] = -1.0  # beside the first tile
     is_in_first = is_without | (low < 0).any(axis=1) | (low[:, 0] > 9)
     tile = np.where(is_in_first, FIRST_TILE, FIRST_TILE + low @ [1, 10]).astype(np.int64)
     if len(np.unique(tile[~is_without])) > MOST_TILES:  # a picture that repeats, and no tiles
@@ -182,11 +163,10 @@ def _texels(mesh: Mesh, own: IntArray, uv: FloatArray, size: int) -> tuple[BoolA
     of_corners = np.arange(len(corners)).reshape(-1, 3)
     above, below = (rasterise(texels * [1, 1, way], of_corners, size, size) for way in (1, -1))
     covered = above.covered
-    seen, hidden = (
-        PrecisePoints(mesh.faces[own[each.face[covered]]], each.barycentric[covered])
-        for each in (above, below)
-    )
-    return covered, seen, _hidden_area(mesh, own[below.face[covered]], seen, hidden)
+    face, face_below = own[above.face[covered]], own[below.face[covered]]
+    seen = PrecisePoints(mesh.faces[face], above.barycentric[covered])
+    hidden = PrecisePoints(mesh.faces[face_below], below.barycentric[covered])
+    return covered, seen, _hidden_area(mesh, face_below, seen, hidden)
 
 
 def _colours_at(points: PrecisePoints, bridge: Bridge, paint: _Paint) -> tuple[FloatArray, int]:
@@ -201,10 +181,8 @@ def _colours_at(points: PrecisePoints, bridge: Bridge, paint: _Paint) -> tuple[F
 
 
 def _chart(faces: IntArray, uv: FloatArray) -> IntArray:
-    """Find the chart, numbered by first triangles, of each triangle (t, 3) with texture coordinates (t, 3, 2).
-
-    A chart is connected in the picture and on the surface, and not turned over, as the mirror image beside it is.
-    """
+    """Find the chart, numbered by first triangles, of each triangle (t, 3) with texture coordinates (t, 3, 2)."""
+    # A chart is connected in the picture and on the surface, and not turned over, as the mirror image beside it is.
     a, b, c = uv.transpose(1, 0, 2)
     sides = np.sign((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
     corners = np.column_stack([faces.ravel(), uv.reshape(-1, 2), np.repeat(sides, 3)])
@@ -233,16 +211,16 @@ class _Paint:
 
     @classmethod
     def of(cls, asset: Asset) -> _Paint:
-        looks, colours, notes = looks_of(asset), asset.of_kind("colour"), unread_files(asset)
+        looks, colours, notes = assets.looks_of(asset), asset.of_kind("colour"), assets.unread_files(asset)
         pictures = looks.pictures if looks else ()
-        lost = unread(pictures)
+        lost = assets.unread(pictures)
         if len(lost) == len(pictures) and colours:
             looks = None
         elif not looks or all(lost.keys() & set(look.pictures) for look in looks.looks):
             why = f"no colour to bake, and no picture can be read ({'; '.join(notes)})"
             why = why if notes else "neither a texture nor a colour to bake"
             raise DescriptorError(f"there is {why}; give a file that has one")
-        pixels = {picture: pixels_of(picture.data) for picture in pictures if picture not in lost}
+        pixels = {picture: assets.pixels_of(picture.data) for picture in pictures if picture not in lost}
         instead = "what it would paint is grey" if looks else "colours are painted instead"
         return cls(asset, looks, pixels, tuple(f"{note}; {instead}" for note in notes))
 
@@ -257,10 +235,10 @@ class _Paint:
             those = Places(places.asset, places.triangle[here], places.barycentric[here])
             base = self._of_layer(each.base, those)
             if self.looks.tinted and self.asset.of_kind("colour"):
-                base = multiplied(base, self._of_points(those))
+                base = assets.multiplied(base, self._of_points(those))
             if each.emitted:
                 glow = self._of_layer(each.emitted, those)
-                base[:, :3] = srgb_of(linear_of(base) + linear_of(glow))[:, :3]
+                base[:, :3] = assets.srgb_of(assets.linear_of(base) + assets.linear_of(glow))[:, :3]
             colours[here] = base
         return colours
 
@@ -273,6 +251,6 @@ class _Paint:
         uv = [attribute for attribute in self.asset.of_kind("uv") if attribute.name == layer.uv]
         if layer.picture in self.pixels and uv:
             at = places.interpolated(columns(uv[0]), places.rows(uv[0]))[:, :2]
-            return sampled(self.pixels[layer.picture], layer, np.nan_to_num(at))
+            return assets.sampled(self.pixels[layer.picture], layer, np.nan_to_num(at))
         colour = np.array(UNPAINTED if layer.picture else layer.tint, dtype=np.float64)
         return np.tile(colour, (len(places.triangle), 1))
