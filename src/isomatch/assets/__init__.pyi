@@ -7,7 +7,7 @@ from isomatch.assets.appearance import (
     with_tiles,
 )
 from isomatch.assets.asset import TURN, Asset, Axes, Frame, Part
-from isomatch.assets.attribute import Attribute, Domain, Kind, linear_of, srgb_of, told_apart
+from isomatch.assets.attribute import Attribute, Domain, Kind, linear_of, srgb_of, told_apart, without_labels
 from isomatch.assets.files import (
     SurfaceLike,
     files_beside,
@@ -90,6 +90,7 @@ __all__ = [
     "with_skin_of",
     "with_texture",
     "with_tiles",
+    "without_labels",
     "write_asset",
     "write_attribute",
     "write_attributes",

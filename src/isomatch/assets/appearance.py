@@ -15,19 +15,7 @@ from isomatch.assets.formats import gltf_carried, obj
 from isomatch.assets.formats.gltf import GltfDocument
 from isomatch.assets.formats.obj import ObjDocument
 from isomatch.assets.formats.ply import TEXTURE_NUMBER, PlyDocument
-from isomatch.assets.materials import (
-    JPEG,
-    UNTINTED,
-    Layer,
-    Look,
-    Looks,
-    Picture,
-    as_png,
-    multiplied,
-    pixels_of,
-    unread,
-    unrolled,
-)
+from isomatch.assets.materials import UNTINTED, Layer, Look, Looks, Picture, as_png, unread
 from isomatch.values.arrays import AnyArray, IntArray
 
 _MATERIAL = "material"
@@ -35,10 +23,7 @@ _UNDEFINED = Layer((0.5, 0.5, 0.5, 1.0))
 
 
 def looks_of(asset: Asset) -> Looks | None:
-    """Return the materials of the triangles of an asset; None if its file has none.
-
-    Materials that are in no library are grey, if others are.
-    """
+    """Return the materials of the triangles, grey for those that no library has; None if the file has none at all."""
     if isinstance(asset.document, GltfDocument):
         return gltf_carried.materials_of(asset.document)
     if isinstance(asset.document, PlyDocument):
@@ -46,7 +31,7 @@ def looks_of(asset: Asset) -> Looks | None:
     labels = [a for a in asset.attributes if (a.name, a.domain) == (_MATERIAL, "face")]
     if not isinstance(asset.document, ObjDocument) or not labels:
         return None
-    look_of = obj.materials_of_libraries(asset.document.files, asset.document.libraries)
+    look_of = obj.materials_of(asset.document)
     coded = labels[0].coded
     codes, place = np.unique(coded.values, return_inverse=True)
     names = [coded.names.get(code, str(code)) for code in codes.tolist()]
@@ -78,7 +63,7 @@ def unread_files(asset: Asset) -> tuple[str, ...]:
     pictures = unread(materials.pictures if materials else ())
     notes = [f"{picture.name!r}: {why}" for picture, why in pictures.items()]
     if isinstance(document, ObjDocument):
-        look_of = obj.materials_of_libraries(document.files, document.libraries)
+        look_of = obj.materials_of(document)
         undefined = [look.name for look in materials.looks if look.name not in look_of] if materials else []
         notes += [f"{name!r}: the material is in none of the libraries" for name in undefined]
         for line in document.libraries:  # one, whose name may have blanks, or several
@@ -114,16 +99,12 @@ def with_texture(receiver: Asset, png: bytes, tint: tuple[float, ...] = UNTINTED
 
 
 def with_tiles(
-    receiver: Asset,
-    of_triangle: IntArray,
-    pictures: Mapping[str, bytes],
-    tint: tuple[float, ...] = UNTINTED,
+    receiver: Asset, of_triangle: IntArray, pictures: Mapping[str, bytes], tint: tuple[float, ...] = UNTINTED
 ) -> Asset:
     """Return the receiver as a glTF file with a material for each of some pictures by name, which repeat."""
     uv = next((attribute.name for attribute in receiver.of_kind("uv")), "uv")
-    looks = tuple(
-        Look(name, Layer(tuple(tint), Picture(f"{name}.png", png), uv)) for name, png in pictures.items()
-    )
+    layers = {name: Layer(tuple(tint), Picture(f"{name}.png", png), uv) for name, png in pictures.items()}
+    looks = tuple(Look(name, layer) for name, layer in layers.items())
     return gltf_carried.with_materials(receiver, Looks(of_triangle, looks))
 
 
@@ -142,8 +123,8 @@ def as_written(path: Path, asset: Asset) -> tuple[Asset, dict[Path, bytes]]:
     document = asset.document
     if not isinstance(document, ObjDocument | PlyDocument) or not isinstance(document, own):
         return asset, {}
-    lines = document.libraries if isinstance(document, ObjDocument) else ()
-    names, files = _beside(document.files, {name for line in lines for name in (line, *line.split())}, path)
+    libraries = document.library_names if isinstance(document, ObjDocument) else ()
+    names, files = _beside(document.files, libraries, path)
     return replace(asset, document=document.with_renamed_files(names)), files
 
 
@@ -166,11 +147,8 @@ def with_one_texture(asset: Asset) -> tuple[Asset, AnyArray | None]:
     if materials is None or len(used) != 1 or used[0] < 0:
         return asset, None
     shown, layers = _repeating(asset, materials)
-    layer = layers[used[0]]
-    if layer.picture is None or unread([layer.picture]):
-        return asset, None
-    pixels: AnyArray = np.rint(255 * multiplied(pixels_of(layer.picture.data), layer.tint)).astype(np.uint8)
-    return shown, pixels
+    pixels = layers[used[0]].pixels
+    return (asset, None) if pixels is None else (shown, np.rint(255 * pixels).astype(np.uint8))
 
 
 def _repeating(asset: Asset, materials: Looks) -> tuple[Asset, tuple[Layer, ...]]:
@@ -192,7 +170,7 @@ def _repeating(asset: Asset, materials: Looks) -> tuple[Asset, tuple[Layer, ...]
                 here = np.flatnonzero(of_corner == i)
                 rows = here if attribute.domain == "corner" else polygons.corners[here]
                 uv = attribute.values[rows].astype(np.float64)
-                layers[i] = unrolled(layer, layer.looked_up(uv))
+                layers[i] = layer.unrolled(layer.looked_up(uv))
                 uv_of_corner[here] = layers[i].looked_up(uv)
     others = tuple(a for a in asset.attributes if a.name not in (*first, "uv"))
     return replace(asset, attributes=(Attribute("uv", "corner", "uv", uv_of_corner), *others)), tuple(layers)
@@ -204,9 +182,9 @@ def _named(pictures: Iterable[Picture | None], stem: str) -> tuple[dict[Picture,
     names: dict[Picture, str] = {}
     files: dict[str, bytes] = {}
     for picture in kept:
-        data = as_png(picture.data)
+        data, kind = as_png(picture.data)
         number = f"_{len(files)}" if len(kept) > 1 else ""
-        names[picture] = f"{stem}{number}{'.jpg' if data[:2] == JPEG else '.png'}"
+        names[picture] = f"{stem}{number}{'.jpg' if kind == 'jpeg' else '.png'}"
         files[names[picture]] = data
     return names, files
 
@@ -239,7 +217,7 @@ def _in_obj(asset: Asset, materials: Looks, stem: str) -> Asset:
     words: list[str] = []
     for look in materials.looks:
         words.append(unused_name(look.name, words))
-    files[f"{stem}.mtl"] = obj.library_of(tuple(words), layers, names, former.encoding)
+    files[f"{stem}.mtl"] = obj.library_of(dict(zip(words, layers)), names, former.encoding)
     document = ObjDocument((f"{stem}.mtl",), former.elements, former.encoding, files)
     return replace(_labelled(shown, materials.of_triangle, tuple(words)), document=document)
 

@@ -14,30 +14,8 @@ from isomatch.assets.attribute import Attribute, Domain, Kind, require_lengths
 from isomatch.assets.polygons import Polygons, Renumbering
 from isomatch.errors import DescriptorError, MeshError, some
 from isomatch.surfaces import Mesh, welded
-from isomatch.values.arrays import FloatArray, IntArray, numbers_of
+from isomatch.values.arrays import FloatArray, IntArray, numbers_of, read_only
 from isomatch.values.cached import cached_property
-
-
-@dataclass(frozen=True)
-class Part:
-    """One of several meshes in a file, whose points and polygons follow those of the parts before.
-
-    The ``transform`` is where the file puts it: a matrix that is multiplied by columns x, y, z, 1.
-    """
-
-    name: str
-    n_points: int
-    n_polygons: int
-    transform: tuple[tuple[float, ...], ...] | None = None
-
-
-def product(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return a @ b, rounded alike on every machine, so that hashes of what is placed are the same."""
-    total: FloatArray = a[:, :1] * b[0]
-    for i in range(1, len(b)):
-        total = total + a[:, i, None] * b[i]
-    return total
-
 
 # of the mean edge: rounding of positions that is avoided or told, and that the user has to allow
 TOLD, ASKED = 1e-4, 1e-3
@@ -59,6 +37,27 @@ SPACE, COMMENTS = "SPACE", "comments"
 # lines that tell the axes, as those of 3D Slicer and NRRD, or the unit of the coordinates
 _AXES_SAID = re.compile(r"\b(?:space|coordinate[ _]?system)\s*[=:]\s*[\"']?(?P<axes>[rlaips]{3})\b", re.I)
 _UNIT = re.compile(r"\bunits?\s*([:=]|in\b|is\b|are\b|(milli|centi|micro)?met|[mc]?m\b|inch)", re.I)
+
+
+@dataclass(frozen=True)
+class Part:
+    """One of several meshes in a file, whose points and polygons follow those of the parts before.
+
+    The ``transform`` is where the file puts it: a matrix that is multiplied by columns x, y, z, 1.
+    """
+
+    name: str
+    n_points: int
+    n_polygons: int
+    transform: tuple[tuple[float, ...], ...] | None = None
+
+
+def product(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return a @ b, rounded alike on every machine, so that hashes of what is placed are the same."""
+    total: FloatArray = a[:, :1] * b[0]
+    for i in range(1, len(b)):
+        total = total + a[:, i, None] * b[i]
+    return total
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,7 +139,7 @@ class Frame:
     @property
     def has_space(self) -> bool:
         """Whether it names a space or has a matrix."""
-        return self.space != UNKNOWN or self.to != UNKNOWN or not self._is_identity
+        return self.space != UNKNOWN or self.to != UNKNOWN or not self._is_like(Frame())
 
     @property
     def in_volume(self) -> Mapping[str, Any] | None:
@@ -171,16 +170,12 @@ class Frame:
     def __str__(self) -> str:
         if self.words:
             return ", ".join(self.words)
-        if self._is_identity:
+        if self._is_like(Frame()):
             return f"in {self.to if self.space == UNKNOWN else self.space}"
         if np.allclose(self.matrix[:3, :3], np.eye(3), atol=_CLOSE):
             offset = " ".join(f"{number:g}" for number in self.matrix[:3, 3])
             return f"c_ras {offset}, the offset to {self.to}"
         return f"matrix to {self.to}"
-
-    @property
-    def _is_identity(self) -> bool:
-        return self._is_like(Frame())
 
     def _is_like(self, other: Frame) -> bool:
         return bool(np.allclose(self.matrix, other.matrix, rtol=0, atol=_CLOSE))
@@ -235,10 +230,9 @@ class Asset:
     frame: Frame | None = None
 
     def __post_init__(self) -> None:
-        points = numbers_of(self.points, "points", MeshError)
+        points = read_only(numbers_of(self.points, "points", MeshError))
         if points.ndim != 2 or points.shape[1] != 3:
             raise MeshError(f"points have shape {points.shape}, expected (n, 3): one row x, y, z per point")
-        points.flags.writeable = False
         object.__setattr__(self, "points", points)
         object.__setattr__(self, "polygons", self.polygons.at(points))
         object.__setattr__(self, "attributes", tuple(self.attributes))
@@ -345,10 +339,9 @@ class Asset:
         corners = self.polygons.corners
         outside = np.flatnonzero((corners < 0) | (corners >= len(self.points)))
         if len(outside):
-            raise MeshError(
-                f"polygons {some(np.unique(self.polygons.of_corner[outside]))} refer to points outside "
-                f"0…{len(self.points) - 1}; remove them, or export the file again"
-            )
+            polygons, points = some(np.unique(self.polygons.of_corner[outside])), f"0…{len(self.points) - 1}"
+            remedy = "remove them, or export the file again"
+            raise MeshError(f"polygons {polygons} refer to points outside {points}; {remedy}")
 
     def renumbered(self, rows: Renumbering) -> Asset:
         """Return other points and polygons made of those that there are, with all values on them."""
@@ -358,11 +351,8 @@ class Asset:
             part_of_polygon = np.repeat(np.arange(len(parts)), [part.n_polygons for part in parts])
             n_points = np.bincount(self.part_of_point[rows.point_index], minlength=len(parts)).tolist()
             n_polygons = np.bincount(part_of_polygon[rows.polygon_index], minlength=len(parts)).tolist()
-            parts = tuple(
-                replace(part, n_points=n, n_polygons=m)
-                for part, n, m in zip(parts, n_points, n_polygons)
-                if n
-            )
+            counted = zip(parts, n_points, n_polygons)
+            parts = tuple(replace(part, n_points=n, n_polygons=m) for part, n, m in counted if n)
         after = replace(
             self,
             points=self.points[rows.point_index],
@@ -433,9 +423,10 @@ class Asset:
                 if back:
                     along, across = across.T, along.T
                 vectors = product(values[part_of == i, :3], across if attribute.kind == "normal" else along)
-                length = np.linalg.norm(vectors, axis=1, keepdims=True)
-                length = np.ones((1, 1)) if attribute.kind == "key" else length
-                values[part_of == i, :3] = vectors / np.where(length > 0, length, 1)
+                if attribute.kind != "key":
+                    length = np.linalg.norm(vectors, axis=1, keepdims=True)
+                    vectors = vectors / np.where(length > 0, length, 1)
+                values[part_of == i, :3] = vectors
         return attribute.with_values(values)
 
     @cached_property

@@ -12,13 +12,17 @@ from numpy.typing import ArrayLike
 
 from isomatch.errors import DescriptorError
 from isomatch.runtime.memory import require_memory
-from isomatch.values.arrays import AnyArray, FloatArray, IntArray
+from isomatch.values.arrays import AnyArray, BoolArray, FloatArray, IntArray, read_only
 
 Domain = Literal["point", "corner", "face"]
 Kind = Literal["colour", "label", "scalar", "vector", "normal", "uv", "weights", "key"]
 
 _WIDTHS = {"colour": (3, 4), "normal": (3,), "uv": (2, 3), "key": (3,)}
 _ROUNDING = 1e-3  # by which interpolated white may exceed 1
+_UV_NAMES = {
+    "uv", "st", "uvs", "uvmap", "texcoord",
+    "texcoords", "tcoords", "texturecoordinates", "texturecoords",
+}  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -66,15 +70,14 @@ class Attribute:
     colors: Mapping[int, tuple[float, ...]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        for what, options in (("domain", get_args(Domain)), ("kind", get_args(Kind))):
-            if (said := getattr(self, what)) not in options:
-                raise DescriptorError(
-                    f"attribute {self.name!r} has {what} {said!r}; use one of {', '.join(options)}"
-                )
-        object.__setattr__(self, "values", _frozen(self.values))
+        for what, said, options in (("domain", self.domain, Domain), ("kind", self.kind, Kind)):
+            if said not in get_args(options):
+                expected = ", ".join(get_args(options))
+                raise DescriptorError(f"attribute {self.name!r} has {what} {said!r}; use one of {expected}")
+        object.__setattr__(self, "values", read_only(np.array(self.values)))
         self._require_kind()
         if self.joints is not None:
-            object.__setattr__(self, "joints", _frozen(self.joints))
+            object.__setattr__(self, "joints", read_only(np.array(self.joints)))
             if self.joints.dtype.kind not in "iu" or self.joints.shape != self.values.shape:
                 self._refuse("joints", self.joints, f"integers of shape {self.values.shape}")
 
@@ -96,10 +99,8 @@ class Attribute:
             self._refuse("values", values, f"{' or '.join(map(str, widths))} columns")
 
     def _refuse(self, what: str, values: AnyArray, expected: str) -> None:
-        raise DescriptorError(
-            f"attribute {self.name!r}: {what} of {self.kind} have shape {values.shape} and type {values.dtype}, "
-            f"expected {expected}"
-        )
+        found = f"{what} of {self.kind} have shape {values.shape} and type {values.dtype}"
+        raise DescriptorError(f"attribute {self.name!r}: {found}, expected {expected}")
 
     def with_values(self, values: AnyArray, domain: Domain | None = None) -> Attribute:
         """Return other values of the same name, kind and label names; skinning weights are dense: column j is joint j."""
@@ -198,9 +199,8 @@ class Attribute:
         purpose = f"a table of {len(self)} points and {self.n_joints} joints"
         require_memory(8.0 * len(self) * self.n_joints, purpose, "number the joints from 0, without gaps")
         dense = np.zeros((len(self), self.n_joints))
-        joints = np.broadcast_to(np.arange(self.values.shape[1]), self.values.shape)
-        rows = np.broadcast_to(np.arange(len(self))[:, None], self.values.shape)
-        np.add.at(dense, (rows, joints if self.joints is None else self.joints), self.values)
+        joints = np.arange(self.values.shape[1]) if self.joints is None else self.joints
+        np.add.at(dense, (np.arange(len(self))[:, None], joints), self.values)
         return dense
 
     def strongest(self, n: int) -> tuple[IntArray, AnyArray]:
@@ -238,48 +238,36 @@ def linear_of(srgb: ArrayLike) -> FloatArray:
     return light
 
 
+def without_labels(labels: AnyArray, rows: BoolArray) -> AnyArray:
+    """Put −1, False, nan or an empty text in some rows; unsigned integers become signed ones for that."""
+    if not rows.any():
+        return labels
+    labels = labels.astype(np.int64) if labels.dtype.kind == "u" else labels.copy()
+    labels[rows] = {"i": -1, "b": False, "f": np.nan, "U": ""}[labels.dtype.kind]
+    return labels
+
+
 def require_lengths(attributes: tuple[Attribute, ...], n: Mapping[str, int]) -> None:
     """Raise `DescriptorError` unless the attributes have different names and a row for each point, corner or face."""
     for attribute in attributes:
         if len(attribute) != n[attribute.domain]:
-            raise DescriptorError(
-                f"attribute {attribute.name!r} has {len(attribute)} rows for {n[attribute.domain]} "
-                f"{attribute.domain}s; give one for each"
-            )
+            there = f"{n[attribute.domain]} {attribute.domain}s; give one for each"
+            raise DescriptorError(f"attribute {attribute.name!r} has {len(attribute)} rows for {there}")
     keys = [(attribute.name, attribute.domain) for attribute in attributes]
     twice = [f"{name!r} of {domain}s" for name, domain in keys if keys.count((name, domain)) > 1]
     if twice:
         raise DescriptorError(f"attributes with the same name: {', '.join(sorted(set(twice)))}; rename one")
 
 
-def _frozen(values: AnyArray) -> AnyArray:
-    array = np.array(values)
-    array.flags.writeable = False
-    return array
-
-
-_UV_NAMES = {
-    "uv", "st", "uvs", "uvmap", "texcoord",
-    "texcoords", "tcoords", "texturecoordinates", "texturecoords",
-}  # fmt: skip
-
-
 def guessed_kind(name: str, values: AnyArray) -> Kind:
-    """Say what values mean by their name, type and width, in formats that do not tell.
-
-    Examples
-    --------
-    >>> guessed_kind("Normals", np.zeros((5, 3))), guessed_kind("region", np.zeros(5, int))
-    ('normal', 'label')
-    """
+    """Say what values mean by their name, type and width, in formats that do not tell."""
     word = name.lower().strip("_").rstrip("0123456789").rstrip("_")
     width = values.shape[1] if values.ndim == 2 else 1
     if values.ndim == 1:
         return "label" if values.dtype.kind in "iubU" else "scalar"
     if width in (3, 4) and ("rgb" in word or "color" in word or "colour" in word):
-        if values.dtype == np.uint8:
-            return "colour"
-        if values.dtype.kind == "f" and len(values) and values.min() >= 0 and values.max() <= 1:
+        is_float = values.dtype.kind == "f" and len(values) > 0
+        if values.dtype == np.uint8 or (is_float and values.min() >= 0 and values.max() <= 1):
             return "colour"
     if word == "weights":
         return "weights"

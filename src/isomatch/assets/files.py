@@ -14,14 +14,17 @@ from numpy.typing import ArrayLike
 from isomatch.assets.appearance import as_written, left_looks
 from isomatch.assets.asset import ASKED, TOLD, Asset
 from isomatch.assets.attribute import Attribute, told_apart
-from isomatch.assets.formats.registry import FORMATS, MeshFormat, checked, format_of
-from isomatch.assets.libraries import geometry_of
-from isomatch.assets.polygons import Polygons, merged_corners
+from isomatch.assets.formats.registry import FORMATS, MeshFormat, format_of, naming
+from isomatch.assets.libraries import read_geometry
+from isomatch.assets.polygons import merged_corners
 from isomatch.errors import DescriptorError, FormatError, IsomatchError, MeshError
 from isomatch.storage.files import contents, replaced
 from isomatch.storage.texts import natural_order
 from isomatch.surfaces import Graph, Mesh, PointCloud, Surface
 from isomatch.values.arrays import FloatArray
+
+SurfaceLike: TypeAlias = Any
+"""What `surface_from` takes. As a type it says nothing, because other libraries' classes are not imported."""
 
 
 def read_mesh(path: str | os.PathLike[str]) -> Mesh:
@@ -96,17 +99,14 @@ def read_asset(path: str | os.PathLike[str], *, sound: bool = True) -> Asset:
     Asset(4 points, 1 polygons; group)
     """
     path = Path(path)
-    mesh_format = format_of(path, reading=True)
-
-    def read(data: bytes, name: str) -> Asset:
+    mesh_format, data, name = format_of(path, reading=True), contents(path), str(path)
+    with naming(name):
         if mesh_format.read_asset is None:
             return Asset.of_mesh(mesh_format.read(data, name))
         asset = mesh_format.read_asset(data, name)
         if sound:
             asset.require_points()
         return asset.with_note_of_uncut
-
-    return checked(read, contents(path), str(path))
 
 
 def read_as_far(path: str | os.PathLike[str]) -> Asset:
@@ -183,13 +183,10 @@ def write_mesh(
     if colors is not None:
         array, expected = np.asarray(colors), (mesh.n_vertices, 3)
         if array.shape != expected or array.dtype != np.uint8:
-            raise DescriptorError(
-                f"colors have shape {array.shape} and type {array.dtype}, expected {expected} and uint8: "
-                "red, green and blue from 0 to 255 per vertex"
-            )
+            found = f"shape {array.shape} and type {array.dtype}, expected {expected} and uint8"
+            raise DescriptorError(f"colors have {found}: red, green and blue from 0 to 255 per vertex")
         color = Attribute("color", "point", "colour", array)
-        if not format_of(path).keeps(color):
-            raise _no_option(path, "colors", lambda other: other.keeps(color))
+        _require_option(path, "colors", lambda other: other.keeps(color))
         asset = asset.with_attributes(color)
     write_asset(path, asset, binary=binary, rounded=rounded)
 
@@ -215,8 +212,8 @@ def write_asset(
     """
     path = Path(path)
     mesh_format = format_of(path)
-    if binary is not None and "binary" not in mesh_format.options:
-        raise _no_option(path, "binary", lambda other: "binary" in other.options)
+    if binary is not None:
+        _require_option(path, "binary", lambda other: "binary" in other.options)
     lost, (asset, beside) = left_looks(path, asset), as_written(path, asset)
     if not mesh_format.has_parts:
         asset = replace(asset.placed, document=asset.document)
@@ -241,9 +238,8 @@ def write_asset(
         told = f"{asset.frame}; positions are turned to {mesh_format.axes}" if turned else str(asset.frame)
         name = f"the frame of the coordinates ({told})"
         left.append(Attribute(name, "point", "vector", asset.frame.matrix))
-    data = mesh_format.write(
-        replace(asset, attributes=told_apart(kept)), **({} if binary is None else {"binary": binary})
-    )
+    options = {} if binary is None else {"binary": binary}
+    data = mesh_format.write(replace(asset, attributes=told_apart(kept)), **options)
     for each, content in {**beside, path: data}.items():
         with replaced(each) as file:
             file.write(content)
@@ -261,9 +257,8 @@ def _rounded(path: Path, asset: Asset, middles: FloatArray, is_allowed: bool) ->
             f"{path}: positions would move by up to {most:.2g}, {most / asset.mean_edge:.2g} times the mean edge, as "
             f"{path.suffix} files round them; write a .ply file, or allow it (--rounded, in Python rounded=True)"
         )
-    return [
-        Attribute(f"the last digits of the positions (moved by up to {most:.2g})", "point", "scalar", moved)
-    ]
+    lost = f"the last digits of the positions (moved by up to {most:.2g})"
+    return [Attribute(lost, "point", "scalar", moved)]
 
 
 def files_beside(path: str | os.PathLike[str], asset: Asset) -> tuple[Path, ...]:
@@ -274,17 +269,14 @@ def files_beside(path: str | os.PathLike[str], asset: Asset) -> tuple[Path, ...]
     return tuple(as_written(Path(path), asset)[1])
 
 
-def _no_option(path: Path, option: str, is_able: Callable[[MeshFormat], bool]) -> FormatError:
-    able = [suffix for suffix, other in FORMATS.items() if is_able(other)]
-    return FormatError(f"{path}: a {path.suffix} file has no option {option!r}; use one of {', '.join(able)}")
-
-
-SurfaceLike: TypeAlias = Any
-"""What `surface_from` takes. As a type it says nothing, because other libraries' classes are not imported."""
+def _require_option(path: Path, option: str, is_able: Callable[[MeshFormat], bool]) -> None:
+    if not is_able(format_of(path)):
+        able = ", ".join(suffix for suffix, other in FORMATS.items() if is_able(other))
+        raise FormatError(f"{path}: a {path.suffix} file has no option {option!r}; use one of {able}")
 
 
 def surface_from(given: SurfaceLike) -> Surface:
-    """Make a surface of what a user has.
+    """Make a `Mesh`, `PointCloud` or `Graph` of what a user has.
 
     Vertices keep their order and number. Polygons are split into triangles. Without faces, the vertices of a file or an
     object become a `PointCloud`. An array of points alone is refused, as nothing says what it samples: give
@@ -296,10 +288,6 @@ def surface_from(given: SurfaceLike) -> Surface:
         A surface, which is returned as it is; the path of a mesh file, see `read_mesh`; a tuple (vertices, faces) of
         array_likes; a ``trimesh.Trimesh``, ``pyvista.PolyData``, ``meshio.Mesh``, a ``TriangleMesh`` of Open3D, or
         anything else with the same attributes; or a ``PointCloud`` of trimesh or Open3D.
-
-    Returns
-    -------
-    Mesh, PointCloud or Graph
 
     Raises
     ------
@@ -329,6 +317,6 @@ def mesh_from(given: SurfaceLike) -> Mesh:
         return Mesh(*given)
     if isinstance(given, PointCloud):
         raise MeshError("a PointCloud is no mesh; give a surface with faces")
-    geometry = geometry_of(given)
+    geometry, _ = read_geometry(given)
     points = Mesh(geometry.points, []).vertices
-    return Mesh(points, Polygons(geometry.corners, geometry.sizes, points).triangles)
+    return Mesh(points, geometry.polygons.at(points).triangles)

@@ -18,33 +18,25 @@ from isomatch.errors import MeshError
 from isomatch.loading.first_use import package
 from isomatch.values.arrays import AnyArray, IntArray
 
+_STANDARD = ("normal", "rgb", "rgba", "color", "colour", "texturecoordinate", "uv", "obj:vn")
+
 
 @dataclass(frozen=True)
 class Geometry:
     """Points and polygons of an object, which may have other cells."""
 
     points: AnyArray
-    corners: IntArray
-    sizes: IntArray
+    polygons: Polygons  # not cut yet
     rows: IntArray  # of each polygon among the cells of the object
     left_out: Mapping[str, int] = field(default_factory=dict)  # how many cells of each kind are no polygons
 
     @property
-    def polygons(self) -> Polygons:
-        """The polygons, not cut yet."""
-        return Polygons(self.corners, self.sizes)
-
-    @property
     def notes(self) -> tuple[str, ...]:
         """What is to be known of other cells; vertices of a cloud of points are none."""
-        counts = {kind: n for kind, n in self.left_out.items() if n and (len(self.sizes) or kind != "vertex")}
+        is_cloud = not len(self.polygons)
+        counts = {kind: n for kind, n in self.left_out.items() if n and not (is_cloud and kind == "vertex")}
         told = ", ".join(f"{n} {kind}" for kind, n in counts.items())
         return (f"cells that are no polygons are left out: {told}",) if told else ()
-
-
-def geometry_of(given: object) -> Geometry:
-    """Return points and polygons of a mesh of trimesh, PyVista, meshio or Open3D."""
-    return _library(given)[0]
 
 
 def asset_from(given: object, *, sound: bool = True) -> Asset:
@@ -55,7 +47,7 @@ def asset_from(given: object, *, sound: bool = True) -> Asset:
     ``PointCloud`` of trimesh or Open3D. Unless ``sound``, polygons may refer to points that are not there, and `repair`
     removes them. `MeshError` if it is none of these, or has no polygons but other cells.
     """
-    geometry, attributes = _library(given)
+    geometry, attributes = read_geometry(given)
     values = told_apart(attributes(given, geometry))
     frame = Frame.of_named(_texts_of(given))
     asset = Asset(geometry.points, geometry.polygons, values, notes=geometry.notes, frame=frame)
@@ -80,14 +72,10 @@ def _texts_of(mesh: object) -> dict[str, str]:
     return texts | ({"units": units} if isinstance(units, str) else {})
 
 
-_STANDARD = ("normal", "rgb", "rgba", "color", "colour", "texturecoordinate", "uv", "obj:vn")
-
-
 def _triangles(mesh: object, points: Any, faces: Any) -> Geometry:
     array = np.asarray(faces)
     array = array if array.ndim == 2 else array.reshape(-1, 3)
-    sizes, rows = np.full(len(array), array.shape[1]), np.arange(len(array))
-    return Geometry(np.asarray(points), array.ravel(), sizes, rows)
+    return Geometry(np.asarray(points), Polygons.of_triangles(array), np.arange(len(array)))
 
 
 def _polydata(mesh: Any, points: Any, faces: Any) -> Geometry:
@@ -123,8 +111,7 @@ def _blocks(mesh: Any, points: Any, cells: Any) -> Geometry:
         else:
             others[block.type] += len(block.data)
         start += len(block.data)
-    flat = [np.concatenate(part) for part in (corners, sizes, rows)]
-    return polygons_of(points, flat[0], flat[1], flat[2], others)
+    return polygons_of(points, np.concatenate(corners), np.concatenate(sizes), np.concatenate(rows), others)
 
 
 def polygons_of(
@@ -136,7 +123,8 @@ def polygons_of(
     if not len(sizes) and {kind for kind, n in others.items() if n} - {"vertex", "line"}:
         told = ", ".join(sorted(kind for kind, n in others.items() if n))
         raise MeshError(f"there are no triangles, quads or polygons but {told}; extract the surface first")
-    return Geometry(np.asarray(points), corners[np.repeat(kept, sizes)], sizes[kept], rows[kept], others)
+    polygons = Polygons(corners[np.repeat(kept, sizes)], sizes[kept])
+    return Geometry(np.asarray(points), polygons, rows[kept], others)
 
 
 def _trimesh_attributes(mesh: Any, geometry: Geometry) -> Iterator[Attribute]:
@@ -200,13 +188,11 @@ _LIBRARIES: dict[tuple[str, str], tuple[Callable[[Any, Any, Any], Geometry], Att
 }
 """How the mesh of a library is read that has these two attributes: trimesh, Open3D, PyVista, meshio."""
 
-_REMEDIES = {
-    "extract_surface": "; its extract_surface() is one",  # grids of PyVista
-    "to_geometry": "; its to_geometry() is one",  # scenes of trimesh
-}
+_REMEDIES = ("extract_surface", "to_geometry")  # of grids of PyVista and scenes of trimesh
 
 
-def _library(mesh: object) -> tuple[Geometry, Attributes]:
+def read_geometry(mesh: object) -> tuple[Geometry, Attributes]:
+    """Read points and polygons of a mesh of trimesh, PyVista, meshio or Open3D, and say how its attributes are read."""
     if type(mesh).__name__ == "PointCloud":
         for name in ("vertices", "points"):  # trimesh, Open3D
             if _has(mesh, name):
@@ -217,7 +203,7 @@ def _library(mesh: object) -> tuple[Geometry, Attributes]:
             points, cells = (getattr(mesh, name) for name in names)
             if names[1] != "cells" or all(hasattr(block, "type") for block in cells):
                 return geometry(mesh, points, cells), attributes
-    remedy = next((text for name, text in _REMEDIES.items() if hasattr(mesh, name)), "")
+    remedy = next((f"; its {name}() is one" for name in _REMEDIES if hasattr(mesh, name)), "")
     raise MeshError(
         f"a {type(mesh).__module__}.{type(mesh).__qualname__} is no mesh{remedy}; give a Mesh, the path of a mesh "
         "file, a tuple (vertices, faces), or a mesh of trimesh, PyVista (PolyData), meshio or Open3D (TriangleMesh); "
@@ -243,8 +229,8 @@ def to_trimesh(asset: Asset) -> Any:
     of_triangle = split.polygons.of_triangle
     has_uv = any(uv.domain == "point" for uv in split.of_kind("uv"))  # instead of colours
     for attribute in split.attributes:
-        values = attribute.plain
         of_points = attribute.domain == "point"
+        values = attribute.plain if of_points else attribute.plain[of_triangle]
         if attribute.kind == "uv" and of_points:
             material = None
             if texture is not None:
@@ -255,15 +241,11 @@ def to_trimesh(asset: Asset) -> Any:
         elif attribute.kind == "colour" and not has_uv:
             if values.dtype.kind == "f":
                 values = np.nan_to_num(values, nan=attribute.full)  # white is none
-            values = trimesh.visual.to_rgba(values)
-            if of_points:
-                mesh.visual.vertex_colors = values
-            else:
-                mesh.visual.face_colors = values[of_triangle]
-        elif of_points:
-            mesh.vertex_attributes[attribute.name] = values
+            name = "vertex_colors" if of_points else "face_colors"
+            setattr(mesh.visual, name, trimesh.visual.to_rgba(values))
         else:
-            mesh.face_attributes[attribute.name] = values[of_triangle]
+            held = mesh.vertex_attributes if of_points else mesh.face_attributes
+            held[attribute.name] = values
     return mesh
 
 
@@ -277,8 +259,7 @@ def to_pyvista(asset: Asset) -> Any:
         mesh.field_data[name] = [text]
     for attribute in split.attributes:
         data = mesh.point_data if attribute.domain == "point" else mesh.cell_data
-        values = attribute.plain
-        data[attribute.name] = values
+        data[attribute.name] = attribute.plain
         if attribute.kind == "uv" and attribute.domain == "point":
             data.active_texture_coordinates_name = attribute.name
         if attribute.kind == "normal":
@@ -296,10 +277,8 @@ def to_meshio(asset: Asset) -> Any:
     polygons = split.polygons
     first = np.flatnonzero(np.diff(polygons.sizes, prepend=0))
     corners = np.split(polygons.corners, polygons.starts[first[1:]])
-    blocks = [
-        ({3: "triangle", 4: "quad"}.get(size, "polygon"), each.reshape(-1, size))
-        for each, size in zip(corners, polygons.sizes[first].tolist())
-    ]
+    kinds, sizes = {3: "triangle", 4: "quad"}, polygons.sizes[first].tolist()
+    blocks = [(kinds.get(n, "polygon"), each.reshape(-1, n)) for each, n in zip(corners, sizes)]
     if not blocks:  # a file without cells cannot be read
         blocks = [("vertex", np.arange(len(split.points))[:, None])]
     at_points = {a.name: a.plain for a in split.attributes if a.domain == "point"}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from io import BytesIO
 from pathlib import Path
@@ -20,6 +21,11 @@ from isomatch.values.arrays import AnyArray, FloatArray, IntArray
 Wrap = Literal["repeat", "clamp", "mirror"]
 UNTINTED = (1.0, 1.0, 1.0, 1.0)
 IN_PLACE = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+_PNG, _JPEG, _KTX = b"\x89PNG", b"\xff\xd8", b"\xabKTX 20\xbb"  # how such files begin
+_KINDS = ("PNG", "JPEG", "WEBP", "BMP", "GIF", "TIFF", "DDS")  # those that can be told from other files
+_UNREAD = "a picture cannot be read: "
+_MOST = 8  # widths of a picture that its border may go on, where it has to be painted
+NO_DIFFUSE = (102, 102, 102, 255)  # of a simple material of trimesh for which none was given
 
 
 @dataclass(frozen=True)
@@ -60,6 +66,35 @@ class Layer:
         places: FloatArray = down @ matrix[:, :2].T + matrix[:, 2]
         places[:, 1] = 1 - places[:, 1]
         return places
+
+    @property
+    def pixels(self) -> FloatArray | None:
+        """(h, w, 4) the pixels of its picture, multiplied by the tint; None if it has none that can be read."""
+        if self.picture is None or unread([self.picture]):
+            return None
+        return multiplied(pixels_of(self.picture.data), self.tint)
+
+    def unrolled(self, uv: FloatArray) -> Layer:
+        """Return a layer whose picture repeats and shows the same at places (m, 2) in the former one.
+
+        A mirrored picture is put beside its mirror image; of one whose border goes on, as much is added as is seen.
+        """
+        if self.picture is None or self.wrap == ("repeat", "repeat") or unread([self.picture]):
+            return self
+        pixels, matrix = pixels_of(self.picture.data), np.array(self.matrix)
+        for axis, wrap in enumerate(self.wrap):
+            seen = uv[:, 0] if axis == 0 else 1 - uv[:, 1]  # down from the top
+            seen = seen[np.isfinite(seen)]
+            first, last = 0, 2 if wrap == "mirror" else 1
+            if wrap == "clamp" and len(seen):
+                first = int(np.floor(seen.min()).clip(-_MOST, 0))
+                last = int(np.ceil(seen.max()).clip(1, _MOST))
+            n = pixels.shape[1 - axis]
+            pixels = pixels.take(_wrapped(np.arange(first * n, last * n), n, wrap), axis=1 - axis)
+            matrix[axis, 2] -= first
+            matrix[axis] /= last - first
+        picture, rows = Picture(self.picture.name, png_of(pixels)), tuple(map(tuple, matrix.tolist()))
+        return replace(self, picture=picture, matrix=rows, wrap=("repeat", "repeat"))
 
 
 @dataclass(frozen=True)
@@ -103,15 +138,6 @@ class Looks:
         return tuple(dict.fromkeys(picture for look in self.looks for picture in look.pictures))
 
 
-JPEG = b"\xff\xd8"
-"""How such a file begins."""
-_KTX = b"\xabKTX 20\xbb"
-_KINDS = ("PNG", "JPEG", "WEBP", "BMP", "GIF", "TIFF", "DDS")  # those that can be told from other files
-_UNREAD = "a picture cannot be read: "
-_MOST = 8  # widths of a picture that its border may go on, where it has to be painted
-NO_DIFFUSE = (102, 102, 102, 255)  # of a simple material of trimesh for which none was given
-
-
 def pixels_of(picture: bytes) -> FloatArray:
     """(height, width, 4) the pixels of a picture file, 0…1, row 0 at the top; `FormatError` if Pillow cannot read it."""
     return np.asarray(_loaded(picture)) / 255
@@ -145,11 +171,6 @@ def unread(pictures: Iterable[Picture]) -> dict[Picture, str]:
     return reasons
 
 
-def is_picture(data: bytes) -> bool:
-    """Whether these bytes are a picture that can be read."""
-    return not unread([Picture("", data)])
-
-
 def picture_in(path: Path) -> bytes | None:
     """Return the contents of a file if they begin as those of a picture; nothing else may be copied into an output."""
     from PIL import Image
@@ -166,10 +187,14 @@ def picture_in(path: Path) -> bytes | None:
     return contents(path)
 
 
-def as_png(picture: bytes) -> bytes:
-    """Return a PNG or JPEG file as it is, and another as PNG if it can be read."""
-    stays = picture[:4] == b"\x89PNG" or picture[:2] == JPEG or not is_picture(picture)
-    return picture if stays else png_of(pixels_of(picture))
+def as_png(picture: bytes) -> tuple[bytes, str]:
+    """Return a PNG or JPEG file as it is, and another as PNG if it can be read; and which of the two it is."""
+    if picture.startswith(_JPEG):
+        return picture, "jpeg"
+    if not picture.startswith(_PNG):
+        with suppress(FormatError):
+            picture = png_of(pixels_of(picture))
+    return picture, "png"
 
 
 def png_of(pixels: AnyArray) -> bytes:
@@ -178,11 +203,11 @@ def png_of(pixels: AnyArray) -> bytes:
 
     if pixels.dtype.kind in "iu" and pixels.dtype != np.uint8:
         pixels = pixels / np.iinfo(pixels.dtype).max
-    file = BytesIO()
     table = pixels.reshape(*pixels.shape[:2], -1)
     table = np.repeat(table[:, :, :1], 3, axis=2) if table.shape[2] < 3 else table  # grey
     full = 255 if pixels.dtype == np.uint8 else 1
     opaque = np.pad(table, ((0, 0), (0, 0), (0, 4 - table.shape[2])), constant_values=full)
+    file = BytesIO()
     imsave(file, opaque, format="png")
     return file.getvalue()
 
@@ -210,30 +235,6 @@ def multiplied(colours: FloatArray, tint: ArrayLike) -> FloatArray:
     return colours if (tint == 1).all() else srgb_of(linear_of(colours) * linear_of(tint))
 
 
-def unrolled(layer: Layer, uv: FloatArray) -> Layer:
-    """Return a layer whose picture repeats and shows the same at places (m, 2) in the former one.
-
-    A mirrored picture is put beside its mirror image; of one whose border goes on, as much is added as is seen.
-    """
-    if layer.picture is None or layer.wrap == ("repeat", "repeat") or unread([layer.picture]):
-        return layer
-    pixels, matrix = pixels_of(layer.picture.data), np.array(layer.matrix)
-    for axis, wrap in enumerate(layer.wrap):
-        seen = uv[:, 0] if axis == 0 else 1 - uv[:, 1]  # down from the top
-        seen = seen[np.isfinite(seen)]
-        first, last = 0, 2 if wrap == "mirror" else 1
-        if wrap == "clamp" and len(seen):
-            first = int(np.floor(seen.min()).clip(-_MOST, 0))
-            last = int(np.ceil(seen.max()).clip(1, _MOST))
-        n = pixels.shape[1 - axis]
-        pixels = pixels.take(_wrapped(np.arange(first * n, last * n), n, wrap), axis=1 - axis)
-        matrix[axis, 2] -= first
-        matrix[axis] /= last - first
-    picture = Picture(layer.picture.name, png_of(pixels))
-    rows = tuple(tuple(row) for row in matrix.tolist())
-    return replace(layer, picture=picture, matrix=rows, wrap=("repeat", "repeat"))
-
-
 def _wrapped(index: IntArray, n: int, wrap: Wrap) -> IntArray:
     """Return the texel of n that is shown at an index inside or beyond them."""
     if wrap == "clamp":
@@ -246,27 +247,20 @@ def _wrapped(index: IntArray, n: int, wrap: Wrap) -> IntArray:
 
 def texture_on(mesh: Any) -> tuple[AnyArray, tuple[float, ...]] | None:
     """Return the texture of a mesh of trimesh or Open3D, and the colour that tints it, 0…1; None unless it has one."""
-    textures: list[AnyArray] = []
     material = getattr(getattr(mesh, "visual", None), "material", None)  # of trimesh
-    for name in ("image", "baseColorTexture"):
-        if getattr(material, name, None) is not None:
-            textures = [np.asarray(getattr(material, name).convert("RGBA"))]
-    for image in getattr(mesh, "textures", ()):  # of Open3D, upside down
-        if np.asarray(image).size > 1:
-            textures.append(np.asarray(image)[::-1])
+    images = [getattr(material, name, None) for name in ("image", "baseColorTexture")]
+    textures = [np.asarray(image.convert("RGBA")) for image in images if image is not None][-1:]
+    upside_down = map(np.asarray, getattr(mesh, "textures", ()))  # of Open3D
+    textures += [texture[::-1] for texture in upside_down if texture.size > 1]
     return (textures[0], _tint(material)) if len(textures) == 1 else None
 
 
 def _tint(material: Any) -> tuple[float, ...]:
     """Colour by which a material of trimesh multiplies its picture; those of Open3D are not read."""
-    tint = getattr(material, "baseColorFactor", None)
-    diffuse = getattr(material, "diffuse", None)
-    if tint is None and diffuse is not None and tuple(diffuse) != NO_DIFFUSE:
-        tint = diffuse
-    if tint is None:
+    factor = getattr(material, "baseColorFactor", None)  # of glTF
+    tint = getattr(material, "diffuse", None) if factor is None else factor
+    if tint is None or (factor is None and tuple(tint) == NO_DIFFUSE):
         return UNTINTED
     colour = np.asarray(tint)
     channels = colour if colour.dtype.kind == "f" and colour.max() <= 1 else colour / 255
-    if tint is getattr(material, "baseColorFactor", None):  # of glTF
-        channels = srgb_of(channels)
-    return (*channels.tolist(), 1.0)[:4]
+    return (*(channels if factor is None else srgb_of(channels)).tolist(), 1.0)[:4]

@@ -9,16 +9,15 @@ import numpy as np
 from mapbox_earcut import triangulate_float64
 from numpy.typing import ArrayLike
 
-from isomatch.assets.attribute import Attribute
+from isomatch.assets.attribute import Attribute, without_labels
 from isomatch.errors import MeshError
 from isomatch.surfaces import first_equal, welded
-from isomatch.values.arrays import AnyArray, BoolArray, FloatArray, IntArray, array_of
+from isomatch.values.arrays import AnyArray, BoolArray, FloatArray, IntArray, array_of, read_only
 from isomatch.values.cached import cached_property
 
 _ROUNDING = 16 * np.finfo(np.float64).eps  # of a corner, relative to the largest coordinate
 _COCIRCULAR = 1e-12  # below this, in a polygon of size 1, corners count as on one line or circle
 _OVERLAP = 1e-9  # share of the area of a polygon that triangles of rounded corners may cover twice
-_UNCUT = (np.zeros(0, dtype=np.int64), np.zeros((0, 3), dtype=np.int64), np.zeros(0, dtype=np.int64))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -55,23 +54,18 @@ class Polygons:
 
     def __init__(self, corners: ArrayLike, sizes: ArrayLike, points: FloatArray | None = None) -> None:
         if points is not None:
-            points = np.ascontiguousarray(points, dtype=np.float64).view()
-            points.flags.writeable = False
+            points = read_only(np.ascontiguousarray(points, dtype=np.float64))
         object.__setattr__(self, "points", points)
         for name, values in (("corners", corners), ("sizes", sizes)):
             array = array_of(values, name, MeshError)
             if array.ndim != 1 or (array.size and array.dtype.kind not in "iu"):
-                raise MeshError(
-                    f"{name} have shape {array.shape} and type {array.dtype}, expected (k,) integers"
-                )
-            array = np.array(array, dtype=np.int64)
-            array.flags.writeable = False
-            object.__setattr__(self, name, array)
+                found = f"shape {array.shape} and type {array.dtype}"
+                raise MeshError(f"{name} have {found}, expected (k,) integers")
+            object.__setattr__(self, name, read_only(np.array(array, dtype=np.int64)))
         if (self.sizes < 3).any() or self.sizes.sum() != len(self.corners):
-            raise MeshError(
-                f"sizes of polygons, at least {self.sizes.min(initial=3)} and together {self.sizes.sum()}, do not "
-                f"fit {len(self.corners)} corners; give the number of corners of each, at least 3"
-            )
+            found = f"at least {self.sizes.min(initial=3)} and together {self.sizes.sum()}"
+            remedy = "give the number of corners of each, at least 3"
+            raise MeshError(f"sizes of polygons, {found}, do not fit {len(self.corners)} corners; {remedy}")
 
     @classmethod
     def of_triangles(cls, faces: IntArray) -> Polygons:
@@ -84,13 +78,10 @@ class Polygons:
     @cached_property
     def _cut(self) -> tuple[IntArray, IntArray, IntArray]:
         """Rows of `corner_of_triangle` that are no fans, what they are instead, and `uncut`."""
-        if self.points is None:
-            return _UNCUT
-        rows, triangles, left = [_UNCUT[0]], [_UNCUT[1]], []
-        for polygon, flat, rounding in self._concave():
+        rows, triangles, left = [np.zeros(0, dtype=np.int64)], [np.zeros((0, 3), dtype=np.int64)], list[int]()
+        for polygon, places, flat, rounding in self._concave():
             start, size = int(self.starts[polygon]), len(flat)
-            points = self.points[self.corners[start : start + size]]
-            first = int(np.lexsort(points.T)[0])  # whichever corner the file begins with
+            first = int(np.lexsort(places.T)[0])  # whichever corner the file begins with
             ears = _ears(np.roll(flat, -first, axis=0), rounding)
             if ears is None:
                 left.append(polygon)
@@ -101,24 +92,31 @@ class Polygons:
                 triangles.append(start + ears[np.lexsort(ears.T[::-1])])
         return np.concatenate(rows), np.concatenate(triangles), np.array(left, dtype=np.int64)
 
-    def _concave(self) -> list[tuple[int, FloatArray, float]]:
-        """Polygons that are not convex, each with its corners in its plane, (k, 2), and how exact these are."""
-        assert self.points is not None
+    def _concave(self) -> list[tuple[int, FloatArray, FloatArray, float]]:
+        """Polygons that are not convex, with their corners in space, in their planes, (k, 2), and how exact these are."""
+        if self.points is None:
+            return []
         sound = (self.corners >= 0) & (self.corners < len(self.points))
         sound[sound] = np.isfinite(self.points[self.corners[sound]]).all(axis=1)
         n_sound = np.add.reduceat(sound, self.starts) if len(self) else self.sizes
         polygons = []
         for size in np.unique(self.sizes[self.sizes > 3]).tolist():
             rows = np.flatnonzero((self.sizes == size) & (n_sound == size))
-            flat, rounding = _flattened(self.points[self.corners[self.starts[rows, None] + np.arange(size)]])
+            places = self.points[self.corners[self.starts[rows, None] + np.arange(size)]]
+            flat, rounding = _flattened(places)
             concave = np.flatnonzero(~_are_convex(flat, rounding)).tolist()
-            polygons += [(int(rows[i]), flat[i], float(rounding[i])) for i in concave]
+            polygons += [(int(rows[i]), places[i], flat[i], float(rounding[i])) for i in concave]
         return sorted(polygons, key=lambda each: each[0])
 
     @cached_property
     def corner_of_triangle(self) -> IntArray:
         """(m, 3) the corners of the polygons that are those of each triangle; only convex polygons are fans."""
-        return self._with_ears(np.arange(len(self.corners)))
+        rows, ears, _ = self._cut
+        second = spans(self.starts + 1, self.sizes - 2)
+        first = np.repeat(self.starts, self.sizes - 2)
+        triangles = np.stack([first, second, second + 1], axis=1)
+        triangles[rows] = ears
+        return triangles
 
     @property
     def uncut(self) -> IntArray:
@@ -130,15 +128,7 @@ class Polygons:
         """(m, 3) points of each triangle."""
         if (self.sizes == 3).all():
             return self.corners.reshape(-1, 3)
-        return self._with_ears(self.corners)
-
-    def _with_ears(self, corners: IntArray) -> IntArray:
-        rows, ears, _ = self._cut
-        second = spans(self.starts + 1, self.sizes - 2)
-        first = np.repeat(self.starts, self.sizes - 2)
-        triangles = corners[np.stack([first, second, second + 1], axis=1)]
-        triangles[rows] = corners[ears]
-        return triangles
+        return self.corners[self.corner_of_triangle]
 
     def at(self, points: FloatArray) -> Polygons:
         """Return the same, cut as they lie at these points, unless they have points already."""
@@ -155,8 +145,7 @@ class Polygons:
     @cached_property
     def starts(self) -> IntArray:
         """(p,) the first corner of each polygon."""
-        starts: IntArray = np.cumsum(self.sizes) - self.sizes
-        return starts
+        return np.cumsum(self.sizes) - self.sizes
 
     @property
     def of_triangle(self) -> IntArray:
@@ -172,8 +161,7 @@ class Polygons:
 def spans(starts: IntArray, counts: IntArray) -> IntArray:
     """Concatenate the ranges start, start + 1, … of the given lengths."""
     before = np.cumsum(counts) - counts
-    ranges: IntArray = np.repeat(starts - before, counts) + np.arange(counts.sum(), dtype=np.int64)
-    return ranges
+    return np.repeat(starts - before, counts) + np.arange(counts.sum(), dtype=np.int64)
 
 
 def _flattened(points: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -207,15 +195,13 @@ def _are_convex(flat: FloatArray, rounding: FloatArray) -> BoolArray:
     turn[np.abs(after).max(axis=2) <= rounding[:, None]] = 0
     around = np.arctan2(np.maximum(turn, 0), (before * after).sum(axis=2)).sum(axis=1)
     tolerance = rounding[:, None] * (np.abs(before) + np.abs(after)).sum(axis=2)
-    convex: BoolArray = (turn >= -tolerance).all(axis=1) & (around < 3 * np.pi) & (_area(flat) > rounding)
-    return convex
+    return np.asarray((turn >= -tolerance).all(axis=1) & (around < 3 * np.pi) & (_area(flat) > rounding))
 
 
 def _area(flat: FloatArray) -> FloatArray:
     """Twice the area of outlines (…, k, 2) that turn left."""
     after = np.roll(flat, -1, axis=-2)
-    area: FloatArray = (flat[..., 0] * after[..., 1] - flat[..., 1] * after[..., 0]).sum(axis=-1)
-    return area
+    return np.asarray((flat[..., 0] * after[..., 1] - flat[..., 1] * after[..., 0]).sum(axis=-1))
 
 
 def _ears(flat: FloatArray, rounding: float) -> IntArray | None:
@@ -370,23 +356,17 @@ def merged_corners(polygons: Polygons, n_points: int, attribute: Attribute) -> A
 
 def _without(attribute: Attribute, rows: BoolArray) -> Attribute:
     """Return the same with no value in some rows: nan, −1, an empty text, or 0 where 0 is none."""
-    if not rows.any():
-        return attribute
-    values = np.array(attribute.values)
     if attribute.kind == "label":
-        values = values.astype(np.int64) if values.dtype.kind == "u" else values
-        values[rows] = {"U": "", "b": False}.get(values.dtype.kind, -1)
-    else:
-        may_be_nan = values.dtype.kind == "f" and attribute.kind not in ("colour", "weights")
-        values[rows] = np.nan if may_be_nan else 0
+        return replace(attribute, values=without_labels(attribute.values, rows))
+    values = np.array(attribute.values)
+    may_be_nan = values.dtype.kind == "f" and attribute.kind not in ("colour", "weights")
+    values[rows] = np.nan if may_be_nan else 0
     return replace(attribute, values=values)
 
 
 def _codes(values: AnyArray) -> IntArray:
     """One integer for each row, the same for equal rows; here nan is equal to nan."""
-    table = values.reshape(len(values), -1)
-    if table.dtype.kind == "U":
+    if values.dtype.kind == "U":
         return np.unique(values, return_inverse=True)[1]
-    if table.dtype.kind == "f":
-        table = np.where(np.isnan(table), np.finfo(np.float64).max, table.astype(np.float64))
-    return first_equal(table.astype(np.float64))
+    table = values.reshape(len(values), -1).astype(np.float64)
+    return first_equal(np.where(np.isnan(table), np.finfo(np.float64).max, table))

@@ -23,6 +23,9 @@ from isomatch.storage.files import contents, replaced
 from isomatch.storage.texts import SEPARATORS, decoded, encoding_of, joined, separated
 from isomatch.values.arrays import AnyArray
 
+_INDEX_NAMES = ("", "index", "vertex", "vertex_index", "point", "node", "unnamed: 0")
+_BLANK = {"", "nan", "na", "n/a", "#n/a", "none", "null"}
+
 
 @dataclass(frozen=True)
 class ValuesFormat:
@@ -31,7 +34,7 @@ class ValuesFormat:
     # of the bytes of a file, its name, and the surface that they belong to, if that is known
     read: Callable[[bytes, str, Asset | None], tuple[Attribute, ...]]
     write: Callable[[Sequence[Attribute]], bytes]
-    keeps: Callable[[Attribute], bool]
+    keeps: Callable[[Attribute], bool] = lambda attribute: attribute.domain != "corner"
     is_single: bool = False  # whether it holds only one attribute
     has_names: bool = False  # of labels
 
@@ -77,10 +80,8 @@ def _on(surface: Asset, attribute: Attribute, path: Path) -> Attribute:
         return replace(attribute, domain="face")
     if n == surface.mesh.n_vertices:
         return attribute.at(surface.vertex_of_point)
-    raise DescriptorError(
-        f"{path}: {n} rows for a surface of {len(surface.points)} points and {len(surface.polygons)} polygons; give the "
-        "values of this surface"
-    )
+    there = f"{len(surface.points)} points and {len(surface.polygons)} polygons"
+    raise DescriptorError(f"{path}: {n} rows for a surface of {there}; give the values of this surface")
 
 
 def write_attribute(path: str | os.PathLike[str], attribute: Attribute) -> None:
@@ -130,15 +131,10 @@ def _placed(attribute: Attribute, values_format: ValuesFormat) -> Attribute | No
 
 
 def _format_of(path: Path) -> ValuesFormat:
-    name = path.name.lower()
     for suffix in sorted(VALUES_FORMATS, key=len, reverse=True):
-        if name.endswith(suffix):
+        if path.name.lower().endswith(suffix):
             return VALUES_FORMATS[suffix]
     raise FormatError(f"{path}: no format of values; use one of {', '.join(VALUES_FORMATS)}")
-
-
-_INDEX_NAMES = ("", "index", "vertex", "vertex_index", "point", "node", "unnamed: 0")
-_BLANK = {"", "nan", "na", "n/a", "#n/a", "none", "null"}
 
 
 def _read_array(data: bytes, name: str, surface: Asset | None) -> tuple[Attribute, ...]:
@@ -146,9 +142,8 @@ def _read_array(data: bytes, name: str, surface: Asset | None) -> tuple[Attribut
     with reading(name, "a .npy file of numbers or texts, without pickled objects"):
         values = np.load(BytesIO(data), allow_pickle=False)
     if not isinstance(values, np.ndarray) or values.ndim not in (1, 2) or values.dtype.kind not in "fiubUS":
-        raise FormatError(
-            f"{name}: expected an array (n,) or (n, k) of numbers or texts, a row for each point"
-        )
+        expected = "an array (n,) or (n, k) of numbers or texts, a row for each point"
+        raise FormatError(f"{name}: expected {expected}")
     values = np.char.decode(values, encoding_of(values.tobytes())) if values.dtype.kind == "S" else values
     values = values[:, 0] if values.ndim == 2 and values.shape[1] == 1 else values
     title = Path(name).stem
@@ -177,12 +172,11 @@ def _read_table(data: bytes, name: str, surface: Asset | None) -> tuple[Attribut
     titles = rows.pop(0) if has_header else []
     stem = Path(name).stem
     columns = [_column(list(cells), may_have_commas) for cells in zip(*rows)]
-    titles = titles or ([stem] if len(columns) == 1 else [f"{stem}_{i}" for i in range(len(columns))])
     first = columns[0]  # named vertex, index or nothing, different whole numbers say which point a row is of
-    is_index = (
-        len(columns) > 1 and has_header and titles[0].lower() in _INDEX_NAMES and first.dtype.kind == "i"
-    )
-    is_index = is_index and bool(first.min(initial=0) >= 0) and len(np.unique(first)) == len(first)
+    is_named = len(columns) > 1 and has_header and titles[0].lower() in _INDEX_NAMES
+    is_whole = first.dtype.kind == "i" and bool(first.min(initial=0) >= 0)
+    is_index = is_named and is_whole and len(np.unique(first)) == len(first)
+    titles = titles or ([stem] if len(columns) == 1 else [f"{stem}_{i}" for i in range(len(columns))])
     attributes = [
         Attribute(title or f"{stem}_{i}", "point", guessed_kind(title, column), column)
         for i, (title, column) in enumerate(zip(titles[is_index:], columns[is_index:]))
@@ -199,9 +193,9 @@ def _write_table(attributes: Sequence[Attribute], mark: str = ",") -> bytes:
     names, columns = [], []
     for attribute in attributes:
         table = _words_or_numbers(attribute).reshape(len(attribute), -1)
-        single = table.shape[1] == 1
-        names += [attribute.name if single else f"{attribute.name}_{i}" for i in range(table.shape[1])]
-        columns += [column.tolist() for column in table.T]
+        numbered = [f"{attribute.name}_{i}" for i in range(table.shape[1])]
+        names += numbered if len(numbered) != 1 else [attribute.name]
+        columns += table.T.tolist()
     return joined([names, *zip(*columns)], mark).encode(errors="backslashreplace")
 
 
@@ -249,38 +243,21 @@ def _column(cells: list[str], may_have_commas: bool) -> AnyArray:
     return np.array(cells)
 
 
-def _gifti(*kinds: Kind) -> ValuesFormat:
-    return ValuesFormat(
-        gifti.read_attributes,
-        gifti.write_attributes,
-        lambda attribute: gifti.keeps(attribute) and (not kinds or attribute.kind in kinds),
-        has_names=True,
-    )
+def _on_points(kind: Kind) -> Callable[[Attribute], bool]:
+    return lambda attribute: (attribute.domain, attribute.kind) == ("point", kind)
 
 
-def _freesurfer(kind: Kind) -> ValuesFormat:
-    return ValuesFormat(
-        freesurfer.read_attributes,
-        freesurfer.write_attributes,
-        lambda attribute: (attribute.domain, attribute.kind) == ("point", kind),
-        is_single=True,
-        has_names=True,
-    )
-
-
-def _is_of_rows(attribute: Attribute) -> bool:
-    return attribute.domain != "corner"
-
-
+_GIFTI = partial(ValuesFormat, gifti.read_attributes, gifti.write_attributes, has_names=True)
+_FREESURFER = partial(
+    ValuesFormat, freesurfer.read_attributes, freesurfer.write_attributes, is_single=True, has_names=True
+)
 VALUES_FORMATS = {
-    ".gii": _gifti(),
-    ".annot": _freesurfer("label"),
-    ".label.gii": _gifti("label"),
-    ".shape.gii": _gifti("scalar"),
-    **dict.fromkeys(freesurfer.VALUES, _freesurfer("scalar")),
-    ".npy": ValuesFormat(_read_array, _write_array, _is_of_rows, is_single=True),
-    ".csv": ValuesFormat(_read_table, _write_table, _is_of_rows),
-    **dict.fromkeys(
-        (".tsv", ".txt"), ValuesFormat(_read_table, partial(_write_table, mark="\t"), _is_of_rows)
-    ),
+    ".gii": _GIFTI(gifti.keeps),
+    ".annot": _FREESURFER(_on_points("label")),
+    ".label.gii": _GIFTI(_on_points("label")),
+    ".shape.gii": _GIFTI(_on_points("scalar")),
+    **dict.fromkeys(freesurfer.VALUES, _FREESURFER(_on_points("scalar"))),
+    ".npy": ValuesFormat(_read_array, _write_array, is_single=True),
+    ".csv": ValuesFormat(_read_table, _write_table),
+    **dict.fromkeys((".tsv", ".txt"), ValuesFormat(_read_table, partial(_write_table, mark="\t"))),
 }

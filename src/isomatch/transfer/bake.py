@@ -3,33 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
-from isomatch.assets import (
-    Asset,
-    Layer,
-    Looks,
-    Picture,
-    linear_of,
-    looks_of,
-    multiplied,
-    pixels_of,
-    png_of,
-    sampled,
-    srgb_of,
-    unread,
-    unread_files,
-    with_texture,
-    with_tiles,
-)
+from isomatch import assets
+from isomatch.assets import Asset, Layer, Looks, Picture
 from isomatch.correspondence import Correspondence
 from isomatch.errors import DescriptorError, SettingError
 from isomatch.surfaces import Mesh, PrecisePoints, linked, rasterise
 from isomatch.transfer.bridge import Bridge, Places, columns, rows_of_corners
 from isomatch.transfer.choices import Side
-from isomatch.values.arrays import AnyArray, FloatArray, IntArray
+from isomatch.values.arrays import AnyArray, BoolArray, FloatArray, IntArray
 
 CHUNK = 2**18  # texels at once
 UNPAINTED = (0.5, 0.5, 0.5, 1.0)  # grey: what is unmatched, or would show what cannot be read
@@ -44,29 +29,32 @@ class Baked:
 
     Parameters
     ----------
-    picture : (size, size, 4) array of uint8
-        Red, green, blue and opacity; row 0 is at the top. Of several tiles the first.
+    tiles : dict of int to (size, size, 4) array of uint8
+        The picture of each tile by its UDIM number, 1001 + u + 10 v; one, 1001, if all coordinates are in 0…1. Red,
+        green, blue and opacity; row 0 is at the top.
     asset : Asset
-        The one that receives; written as glTF, it shows the picture.
+        The one that receives; written as glTF, it shows the pictures.
     unmatched : int
         Texels of the surface without an image, which are grey.
     notes : tuple of str
         What of the other cannot be read, and why; what it would paint is grey. Which places of the picture two parts of
         the surface share, of which the first is painted.
-    tiles : dict of int to array
-        The picture of each tile by its UDIM number, 1001 + u + 10 v; one, 1001, if all coordinates are in 0…1.
     """
 
-    picture: AnyArray
+    tiles: Mapping[int, AnyArray]
     asset: Asset
     unmatched: int
     notes: tuple[str, ...] = ()
-    tiles: Mapping[int, AnyArray] = field(default_factory=dict)
+
+    @property
+    def picture(self) -> AnyArray:
+        """The picture, of several the first."""
+        return next(iter(self.tiles.values()))
 
     @property
     def png(self) -> bytes:
         """The picture as a PNG file."""
-        return png_of(self.picture)
+        return assets.png_of(self.picture)
 
 
 def bake_texture(
@@ -123,72 +111,78 @@ def bake_texture(
         raise SettingError(f"size = {size}; give a number of texels from {SIZES[0]} to {SIZES[1]}")
     receiver = source if to == "source" else target
     if not receiver.of_kind("uv"):
-        raise DescriptorError(
-            f"the {to} has no texture coordinates to bake for; carry those of the other instead (uv)"
-        )
+        remedy = "carry those of the other instead (uv)"
+        raise DescriptorError(f"the {to} has no texture coordinates to bake for; {remedy}")
     bridge = Bridge.between(correspondence, source, target, to_source=to == "source")
-    attribute = receiver.of_kind("uv")[0]
-    of_corner = columns(attribute)[rows_of_corners(receiver, attribute), :2]
-    uv = of_corner[receiver.polygons.corner_of_triangle]  # (t, 3, 2)
-    low = np.floor(uv.mean(axis=1))
-    uv -= low[:, None]
-    is_flat = np.isnan(uv).any(axis=(1, 2))
-    uv[is_flat] = -1.0
-    udim = np.where(
-        is_flat | (low < 0).any(axis=1) | (low[:, 0] > 9), FIRST_TILE, FIRST_TILE + low @ [1, 10]
-    ).astype(int)
-    tiles = np.unique(udim[~is_flat])
-    if len(tiles) > MOST_TILES:  # a picture that repeats, and no tiles
-        udim, tiles = np.full(len(udim), FIRST_TILE), np.array([FIRST_TILE])
-    paint, painted, unmatched, shared = _Paint.of(bridge.giver), dict[int, AnyArray](), 0, 0.0
-    for tile in tiles.tolist():
-        own = np.flatnonzero(udim == tile)
-        corners = uv[own].reshape(-1, 2)
-        height = -np.repeat(_chart(receiver.mesh.faces[own], uv[own]), 3) / size  # the first chart is on top
-        texels = np.column_stack([corners[:, 0], 1 - corners[:, 1], height]) * size
-        of_corners = np.arange(len(corners)).reshape(-1, 3)
-        raster, below = (rasterise(texels * [1, 1, way], of_corners, size, size) for way in (1, -1))
-        covered = raster.covered
-        if not covered.any():
-            continue
-        seen, hidden = (
-            PrecisePoints(receiver.mesh.faces[own[each.face[covered]]], each.barycentric[covered])
-            for each in (raster, below)
-        )
-        shared += _hidden_area(receiver.mesh, own[below.face[covered]], seen, hidden)
-        faces, weights = seen
-        colours = np.zeros((len(faces), 4))
-        for first in range(0, len(faces), CHUNK):
-            rows = slice(first, first + CHUNK)
-            places = bridge.at(PrecisePoints(faces[rows], weights[rows]))
-            colours[rows] = np.where(places.has_place[:, None], paint.at(places), UNPAINTED)
-            unmatched += int((~places.has_place).sum())
-        picture = np.zeros((size, size, 4))
-        picture[covered] = colours
-        nearest = distance_transform_edt(~covered, return_distances=False, return_indices=True)
-        painted[tile] = np.rint(np.clip(picture[tuple(nearest)], 0, 1) * 255).astype(np.uint8)
-    if not painted:
+    paint = _Paint.of(bridge.giver)
+    uv, tile_of_triangle, used = _in_tiles(receiver)
+    tiles, unmatched, hidden = dict[int, AnyArray](), 0, 0.0
+    for tile in used:
+        own = np.flatnonzero(tile_of_triangle == tile)
+        covered, seen, area = _texels(receiver.mesh, own, uv[own], size)
+        if covered.any():
+            colours, n_unmatched = _colours_at(seen, bridge, paint)
+            unmatched, hidden = unmatched + n_unmatched, hidden + area
+            picture = np.zeros((size, size, 4))
+            picture[covered] = colours
+            nearest = distance_transform_edt(~covered, return_distances=False, return_indices=True)
+            tiles[tile] = np.rint(np.clip(picture[tuple(nearest)], 0, 1) * 255).astype(np.uint8)
+    if not tiles:
         raise DescriptorError(f"no texel of {size} × {size} lies on the surface; bake a larger picture")
     notes = paint.notes
-    if shared:
-        share = shared / receiver.mesh.area
-        notes += (
-            f"{share:.1%} of the surface shows other parts, which have the same places in the picture and come first",
-        )
-    pictures = {f"baked_{tile}": png_of(each) for tile, each in painted.items()}
-    of_tile = np.searchsorted(list(painted), udim).clip(0, len(painted) - 1)
-    first_png = next(iter(pictures.values()))
-    asset = (
-        with_texture(receiver, first_png) if len(painted) == 1 else with_tiles(receiver, of_tile, pictures)
-    )
-    return Baked(next(iter(painted.values())), asset, unmatched, notes, painted)
+    if hidden:
+        share = f"{hidden / receiver.mesh.area:.1%} of the surface"
+        notes += (f"{share} shows other parts, which have the same places in the picture and come first",)
+    names = [f"baked_{tile}" for tile in tiles] if len(tiles) > 1 else ["baked"]
+    pictures = dict(zip(names, map(assets.png_of, tiles.values())))
+    of_triangle = np.searchsorted(list(tiles), tile_of_triangle).clip(0, len(tiles) - 1)
+    return Baked(tiles, assets.with_tiles(receiver, of_triangle, pictures), unmatched, notes)
+
+
+def _in_tiles(receiver: Asset) -> tuple[FloatArray, IntArray, list[int]]:
+    """(t, 3, 2) texture coordinates in the tile of each triangle, (t,) the numbers of these tiles, and those in use."""
+    attribute = receiver.of_kind("uv")[0]
+    of_corner = columns(attribute)[rows_of_corners(receiver, attribute), :2]
+    uv = of_corner[receiver.polygons.corner_of_triangle]
+    low = np.floor(uv.mean(axis=1))
+    uv -= low[:, None]
+    is_without = np.isnan(uv).any(axis=(1, 2))
+    uv[is_without] = -1.0  # beside the first tile
+    is_in_first = is_without | (low < 0).any(axis=1) | (low[:, 0] > 9)
+    tile = np.where(is_in_first, FIRST_TILE, FIRST_TILE + low @ [1, 10]).astype(np.int64)
+    if len(np.unique(tile[~is_without])) > MOST_TILES:  # a picture that repeats, and no tiles
+        tile[:] = FIRST_TILE
+    return uv, tile, np.unique(tile[~is_without]).tolist()
+
+
+def _texels(mesh: Mesh, own: IntArray, uv: FloatArray, size: int) -> tuple[BoolArray, PrecisePoints, float]:
+    """(size, size) which texels show some faces, the points that they show, and the area hidden below these."""
+    corners = uv.reshape(-1, 2)
+    height = -np.repeat(_chart(mesh.faces[own], uv), 3) / size  # the first chart is on top
+    texels = np.column_stack([corners[:, 0], 1 - corners[:, 1], height]) * size
+    of_corners = np.arange(len(corners)).reshape(-1, 3)
+    above, below = (rasterise(texels * [1, 1, way], of_corners, size, size) for way in (1, -1))
+    covered = above.covered
+    face, face_below = own[above.face[covered]], own[below.face[covered]]
+    seen = PrecisePoints(mesh.faces[face], above.barycentric[covered])
+    hidden = PrecisePoints(mesh.faces[face_below], below.barycentric[covered])
+    return covered, seen, _hidden_area(mesh, face_below, seen, hidden)
+
+
+def _colours_at(points: PrecisePoints, bridge: Bridge, paint: _Paint) -> tuple[FloatArray, int]:
+    """(m, 4) colours of points of the receiver, and how many of these have no image."""
+    colours, unmatched = np.zeros((len(points.corners), 4)), 0
+    for first in range(0, len(colours), CHUNK):
+        rows = slice(first, first + CHUNK)
+        places = bridge.at(PrecisePoints(points.corners[rows], points.barycentric[rows]))
+        colours[rows] = np.where(places.has_place[:, None], paint.at(places), UNPAINTED)
+        unmatched += int((~places.has_place).sum())
+    return colours, unmatched
 
 
 def _chart(faces: IntArray, uv: FloatArray) -> IntArray:
-    """Find the chart, numbered by first triangles, of each triangle (t, 3) with texture coordinates (t, 3, 2).
-
-    A chart is connected in the picture and on the surface, and not turned over, as the mirror image beside it is.
-    """
+    """Find the chart, numbered by first triangles, of each triangle (t, 3) with texture coordinates (t, 3, 2)."""
+    # A chart is connected in the picture and on the surface, and not turned over, as the mirror image beside it is.
     a, b, c = uv.transpose(1, 0, 2)
     sides = np.sign((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
     corners = np.column_stack([faces.ravel(), uv.reshape(-1, 2), np.repeat(sides, 3)])
@@ -217,16 +211,16 @@ class _Paint:
 
     @classmethod
     def of(cls, asset: Asset) -> _Paint:
-        looks, colours, notes = looks_of(asset), asset.of_kind("colour"), unread_files(asset)
+        looks, colours, notes = assets.looks_of(asset), asset.of_kind("colour"), assets.unread_files(asset)
         pictures = looks.pictures if looks else ()
-        lost = unread(pictures)
+        lost = assets.unread(pictures)
         if len(lost) == len(pictures) and colours:
             looks = None
         elif not looks or all(lost.keys() & set(look.pictures) for look in looks.looks):
             why = f"no colour to bake, and no picture can be read ({'; '.join(notes)})"
             why = why if notes else "neither a texture nor a colour to bake"
             raise DescriptorError(f"there is {why}; give a file that has one")
-        pixels = {picture: pixels_of(picture.data) for picture in pictures if picture not in lost}
+        pixels = {picture: assets.pixels_of(picture.data) for picture in pictures if picture not in lost}
         instead = "what it would paint is grey" if looks else "colours are painted instead"
         return cls(asset, looks, pixels, tuple(f"{note}; {instead}" for note in notes))
 
@@ -241,10 +235,10 @@ class _Paint:
             those = Places(places.asset, places.triangle[here], places.barycentric[here])
             base = self._of_layer(each.base, those)
             if self.looks.tinted and self.asset.of_kind("colour"):
-                base = multiplied(base, self._of_points(those))
+                base = assets.multiplied(base, self._of_points(those))
             if each.emitted:
                 glow = self._of_layer(each.emitted, those)
-                base[:, :3] = srgb_of(linear_of(base) + linear_of(glow))[:, :3]
+                base[:, :3] = assets.srgb_of(assets.linear_of(base) + assets.linear_of(glow))[:, :3]
             colours[here] = base
         return colours
 
@@ -254,11 +248,9 @@ class _Paint:
         return np.column_stack([seen[:, :3], seen[:, 3] if seen.shape[1] == 4 else np.ones(len(seen))])
 
     def _of_layer(self, layer: Layer, places: Places) -> FloatArray:
-        n = len(places.triangle)
-        if layer.picture is None:
-            return np.tile(np.array(layer.tint, dtype=np.float64), (n, 1))
         uv = [attribute for attribute in self.asset.of_kind("uv") if attribute.name == layer.uv]
-        if layer.picture not in self.pixels or not uv:
-            return np.tile(UNPAINTED, (n, 1))
-        at = places.interpolated(columns(uv[0]), places.rows(uv[0]))[:, :2]
-        return sampled(self.pixels[layer.picture], layer, np.nan_to_num(at))
+        if layer.picture in self.pixels and uv:
+            at = places.interpolated(columns(uv[0]), places.rows(uv[0]))[:, :2]
+            return assets.sampled(self.pixels[layer.picture], layer, np.nan_to_num(at))
+        colour = np.array(UNPAINTED if layer.picture else layer.tint, dtype=np.float64)
+        return np.tile(colour, (len(places.triangle), 1))

@@ -40,8 +40,7 @@ class Places:
     def nearest_rows(self, attribute: Attribute) -> IntArray:
         """(m,) row of an attribute at the nearest corner of the triangle."""
         nearest = self.barycentric.argmax(axis=1)
-        rows: IntArray = self.rows(attribute)[np.arange(len(nearest)), nearest]
-        return rows
+        return np.asarray(self.rows(attribute)[np.arange(len(nearest)), nearest])
 
     def interpolated(self, values: FloatArray, rows: IntArray) -> FloatArray:
         """Interpolate rows (m, 3) of values (n, d): (m, d), nan where a point has no place."""
@@ -84,8 +83,7 @@ class Bridge:
 
     def at(self, points: PrecisePoints) -> Places:
         """Where points of the receiver's mesh lie."""
-        first = points.corners[np.arange(len(points.corners)), points.barycentric.argmax(axis=1)]
-        samples = Correspondence(first, self.receiver.mesh.n_vertices, *points)
+        samples = as_map(points, self.receiver.mesh.n_vertices)
         return self._places(samples.then(self.map, self.receiver.mesh, self.giver.mesh))
 
     @cached_property
@@ -109,22 +107,19 @@ class Bridge:
     def _places(self, images: Correspondence) -> Places:
         """Find the triangles of precise images; one that lies in none is its nearest vertex."""
         faces = self.giver.mesh.faces
-        n = self.giver.mesh.n_vertices
         order, corner_order = np.argsort(images.faces, axis=1), np.argsort(faces, axis=1)
         triples = np.take_along_axis(images.faces, order, axis=1)
         sorted_faces = np.take_along_axis(faces, corner_order, axis=1)
         triangle = first_equal(np.concatenate([sorted_faces, triples]))[len(faces) :]
         inside = images.matched & (triangle < len(faces))
-        barycentric = np.zeros((len(triples), 3))
-        held = np.flatnonzero(inside)
+        triangle[~inside] = UNMATCHED
+        barycentric, held = np.zeros((len(triples), 3)), np.flatnonzero(inside)
         sorted_weights = np.take_along_axis(images.barycentric, order, axis=1)
         barycentric[held[:, None], corner_order[triangle[held]]] = sorted_weights[held]
-        corner_of_vertex = np.full(n, UNMATCHED)
+        corner_of_vertex = np.full(self.giver.mesh.n_vertices, UNMATCHED)
         corner_of_vertex[faces.ravel()] = np.arange(faces.size)
         alone = np.flatnonzero(images.matched & ~inside)
-        strongest = images.faces[alone, images.barycentric[alone].argmax(axis=1)]
-        triangle[~inside] = UNMATCHED
-        corner = corner_of_vertex[strongest]
+        corner = corner_of_vertex[images.faces[alone, images.barycentric[alone].argmax(axis=1)]]
         triangle[alone] = np.where(corner >= 0, corner // 3, UNMATCHED)
         barycentric[alone, corner % 3] = 1.0
         return Places(self.giver, triangle, barycentric)
@@ -189,14 +184,10 @@ class Patches:
         area = np.repeat(receiver.mesh.face_areas, 3)[pieces] + np.finfo(float).tiny
         return cls(area, owner[pieces], places.nearest_rows(attribute)[pieces], owner_of_row)
 
-    @property
-    def n_owners(self) -> int:
-        """Number of owners."""
-        return int(self.owner_of_row.max(initial=-1)) + 1
-
     def sums(self, of_piece: IntArray, n: int) -> csr_array:
         """(n_owners, n) area of the pieces of each owner that have each of n values."""
-        return csr_array((self.area, (self.owner, of_piece)), shape=(self.n_owners, n))
+        n_owners = int(self.owner_of_row.max(initial=-1)) + 1
+        return csr_array((self.area, (self.owner, of_piece)), shape=(n_owners, n))
 
 
 def is_seamless(asset: Asset, attribute: Attribute) -> bool:
@@ -234,10 +225,15 @@ def _first_corners(asset: Asset, attribute: Attribute) -> IntArray:
     return first_equal(np.column_stack([asset.vertex_of_corner, np.where(np.isnan(values), none, values)]))
 
 
+def as_map(points: PrecisePoints, n: int) -> Correspondence:
+    """Take points of a surface of n vertices as a map onto it."""
+    nearest = points.corners[np.arange(len(points.corners)), points.barycentric.argmax(axis=1)]
+    return Correspondence(nearest, n, *points)
+
+
 def columns(attribute: Attribute) -> FloatArray:
     """(k, d) the values of an attribute as floats."""
-    values: FloatArray = attribute.values.reshape(len(attribute), -1).astype(np.float64)
-    return values
+    return attribute.values.reshape(len(attribute), -1).astype(np.float64)
 
 
 def rows_of_corners(asset: Asset, attribute: Attribute) -> IntArray:

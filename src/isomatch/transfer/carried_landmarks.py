@@ -14,7 +14,7 @@ from isomatch.landmarks import Curve, Landmarks, drawn_curve, equally_spaced, ne
 from isomatch.matching import MatchResult
 from isomatch.resolution import PlacedMesh, VertexGroups, normalised
 from isomatch.surfaces import Mesh, PointCloud, PrecisePoints
-from isomatch.transfer.bridge import Bridge
+from isomatch.transfer.bridge import Bridge, as_map
 from isomatch.transfer.choices import Side
 from isomatch.values.arrays import FloatArray
 
@@ -82,10 +82,10 @@ def carry_landmarks(
         expected_error = given.expected_error if expected_error is None else expected_error
         given = given.map
     framed = with_frame(source), with_frame(target)
-    way = _Way.of(given, (framed[0][0], framed[1][0]), to, expected_error)
+    way = _Way.of(given, (framed[0][0], framed[1][0]), expected_error, to)
     own, other = (frame.axes if frame else None for _, frame in (framed if to == "target" else framed[::-1]))
     landmarks, axes = landmarks.turned(own), other or landmarks.axes or own
-    placed = landmarks.placed
+    placed, unit = landmarks.placed, landmarks.unit
     every = np.full((len(landmarks), 4), np.nan)
     every[placed] = way.carried(landmarks.positions[placed])
     along: dict[Curve, FloatArray] = {}
@@ -95,9 +95,7 @@ def carry_landmarks(
     if curve_points is None:
         for curve, values in along.items():
             every[list(curve.rows)] = values
-        return Landmarks(
-            every[:, :3], landmarks.names, landmarks.curves, every[:, 3], axes=axes, unit=landmarks.unit
-        )
+        return Landmarks(every[:, :3], landmarks.names, landmarks.curves, every[:, 3], axes=axes, unit=unit)
     names, images, curves = list[str](), list[FloatArray](), list[Curve]()
     for row, (name, on) in enumerate(zip(landmarks.names, landmarks.curve_of)):
         if on is None:
@@ -109,7 +107,7 @@ def carry_landmarks(
             names += [f"{on.name}-{i + 1}" for i in range(curve_points)]
             images += list(along[on])
     values = np.array(images).reshape(-1, 4)
-    return Landmarks(values[:, :3], names, curves, values[:, 3], axes=axes, unit=landmarks.unit)
+    return Landmarks(values[:, :3], names, curves, values[:, 3], axes=axes, unit=unit)
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,66 +122,51 @@ class _Way:
 
     @classmethod
     def of(
-        cls,
-        images: Correspondence,
-        shapes: tuple[SurfaceLike, SurfaceLike],
-        to: Side,
-        errors: FloatArray | None,
+        cls, given: Correspondence, ends: tuple[SurfaceLike, SurfaceLike], errors: FloatArray | None, to: Side
     ) -> _Way:
-        errors = np.full(images.shape[0], np.nan) if errors is None else errors
-        first, second = map(_surface, shapes)
+        errors = np.full(given.shape[0], np.nan) if errors is None else errors
+        first, second = map(_surface, ends)
         if isinstance(first, Asset) and isinstance(second, Asset):
-            bridge = Bridge.between(images, first, second, to_source=True)
+            images = Bridge.between(given, first, second, to_source=True).map
             if len(errors) == len(first.points):
                 errors = errors[first.point_of_vertex]
-            return cls(bridge.map, first.mesh, second.mesh, errors, to)
-        ends = [each.mesh if isinstance(each, Asset) else each for each in (first, second)]
-        images.check_fits(*ends)
-        return cls(images, ends[0], ends[1], errors, to)
+            return cls(images, first.mesh, second.mesh, errors, to)
+        source, target = (each.mesh if isinstance(each, Asset) else each for each in (first, second))
+        given.check_fits(source, target)
+        return cls(given, source, target, errors, to)
 
     @property
-    def start(self) -> Mesh | PointCloud:
-        """What has landmarks."""
-        return self.source if self.to == "target" else self.target
-
-    @property
-    def end(self) -> Mesh | PointCloud:
-        """What gets them."""
-        return self.target if self.to == "target" else self.source
+    def ends(self) -> tuple[Mesh | PointCloud, Mesh | PointCloud]:
+        """What has landmarks, and what gets them."""
+        return (self.source, self.target) if self.to == "target" else (self.target, self.source)
 
     def carried(self, positions: FloatArray) -> FloatArray:
         """(m, 4) where positions (m, 3) go, and the error to be expected; nan where they have no image."""
-        points = nearest_on_surface(self.start, positions)
-        own, images = _as_map(points, self.start.n_vertices), self._images(points)
+        start, end = self.ends
+        points = nearest_on_surface(start, positions)
+        own = as_map(points, start.n_vertices)
+        if not isinstance(self.source, Mesh) or not isinstance(self.target, Mesh):
+            way = self.map if self.to == "target" else self.map.reversed(self.source, self.target)
+            images = own.then(way)
+        elif self.to == "target":
+            images = own.then(self.map, self.source, self.target)
+        else:
+            images = _preimages(self.map, points, self.source, self.target)
         errors = (own if self.to == "target" else images).pull_back(self.errors)
-        return np.column_stack([images.pull_back(self.end.vertices), errors * np.sqrt(self.end.area)])
-
-    def _images(self, points: PrecisePoints) -> Correspondence:
-        own = _as_map(points, self.start.n_vertices)
-        if isinstance(self.source, Mesh) and isinstance(self.target, Mesh):
-            if self.to == "target":
-                return own.then(self.map, self.source, self.target)
-            return _preimages(self.map, points, self.source, self.target)
-        return own.then(self.map if self.to == "target" else self.map.reversed(self.source, self.target))
+        return np.column_stack([images.pull_back(end.vertices), errors * np.sqrt(end.area)])
 
     def carried_curve(self, points: FloatArray, curve: Curve, n: int) -> FloatArray:
         """(n, 4) the same for n points at equal distances along a curve through points; all nan if a part is."""
+        (start, end), nowhere = self.ends, np.full((n, 4), np.nan)
         if np.isnan(points).any():
-            return np.full((n, 4), np.nan)
-        images = self.carried(drawn_curve(self.start, points, curve.closed, curve.name or "curve"))
+            return nowhere
+        images = self.carried(drawn_curve(start, points, curve.closed, curve.name or "curve"))
         if np.isnan(images[:, :3]).any():
-            return np.full((n, 4), np.nan)
+            return nowhere
         piece, share = equally_spaced(images[:, :3], n, curve.closed)
         between: FloatArray = images[piece] + share[:, None] * (images[piece + 1] - images[piece])
-        near = nearest_on_surface(self.end, between[:, :3])
-        between[:, :3] = near.interpolated(self.end.vertices)
+        between[:, :3] = nearest_on_surface(end, between[:, :3]).interpolated(end.vertices)
         return between
-
-
-def _as_map(points: PrecisePoints, n: int) -> Correspondence:
-    """Take points of a surface of n vertices as a map onto it."""
-    nearest = points.corners[np.arange(len(points.corners)), points.barycentric.argmax(axis=1)]
-    return Correspondence(nearest, n, *points)
 
 
 def _preimages(images: Correspondence, points: PrecisePoints, source: Mesh, target: Mesh) -> Correspondence:

@@ -8,23 +8,13 @@ from typing import get_args
 
 import numpy as np
 
-from isomatch.assets import (
-    Asset,
-    Attribute,
-    Domain,
-    Kind,
-    animation_channels,
-    is_posed,
-    unread_files,
-    with_key_weights_of,
-    with_looks_of,
-    with_skin_of,
-)
+from isomatch import assets
+from isomatch.assets import Asset, Attribute, Domain, Kind
 from isomatch.correspondence import Correspondence
 from isomatch.errors import DescriptorError, SettingError
 from isomatch.transfer.bridge import Bridge, Patches, columns, interpolated_at_corners, is_seamless
 from isomatch.transfer.choices import Labelling, NumbersAs, Side
-from isomatch.values.arrays import AnyArray, BoolArray, FloatArray, IntArray
+from isomatch.values.arrays import AnyArray, FloatArray, IntArray
 
 _SYNONYMS: dict[str, Kind] = {
     "color": "colour",
@@ -119,55 +109,50 @@ def carry_attributes(
     >>> carry_attributes(half_turn, square, named).asset.attribute("side").values.tolist()
     ['right', 'left', 'left', 'right']
     """
-    for name, value, options in (
-        ("to", to, Side),
-        ("labels", labels, Labelling),
-        ("numbers_as", numbers_as, NumbersAs),
-    ):
+    of_options = ("to", to, Side), ("labels", labels, Labelling), ("numbers_as", numbers_as, NumbersAs)
+    for name, value, options in of_options:
         if value not in get_args(options) and not (value is None and options is NumbersAs):
             raise SettingError(f"{name} = {value!r} is unknown; use one of {', '.join(get_args(options))}")
     receiver, giver = (source, target) if to == "source" else (target, source)
     chosen = selected(giver.placed, data)
     bridge = Bridge.between(correspondence, source, target, to_source=to == "source")
-    asset, across = receiver.without_attributes(*(attribute.name for attribute in chosen)), 0
+    names = [attribute.name for attribute in chosen]
+    asset, across = receiver.without_attributes(*names), 0
     as_labels = [_is_label(attribute, numbers_as) for attribute in chosen]
     for attribute, is_label in zip(chosen, as_labels):
+        if attribute.kind == "label" and not is_label:
+            attribute = replace(attribute, kind="scalar")
         if is_label:
             new = _labels(attribute, bridge, labels)
         elif attribute.domain == "face":
-            new = _means(_as_values(attribute), bridge)
+            new = _means(attribute, bridge)
         elif attribute.kind == "weights":
             new = _weights(attribute, bridge)
         elif attribute.kind == "key":
             new = _key(attribute, bridge)
         else:
-            new, torn = _interpolated(_as_values(attribute), bridge)
+            new, torn = _interpolated(attribute, bridge)
             across = max(across, torn)
         asset = asset.with_attributes(receiver.from_placed(new))
-    names = [attribute.name for attribute in chosen]
     # formats that have but one of a kind write the first
     carried_first = sorted(asset.attributes, key=lambda attribute: attribute.name not in names)
     asset = replace(asset, attributes=tuple(carried_first))
-    kinds = {attribute.kind for attribute in chosen}
-    notes: list[str] = []
+    kinds, notes = {attribute.kind for attribute in chosen}, list[str]()
     if "uv" in kinds:
         asset = asset.without_attributes(*(each.name for each in asset.attributes if each.is_tangent))
-        asset = with_looks_of(asset, giver, bridge.at_polygons.triangle[receiver.polygons.of_triangle])
-        notes += unread_files(giver)
+        asset = assets.with_looks_of(asset, giver, bridge.at_polygons.triangle[receiver.polygons.of_triangle])
+        notes += assets.unread_files(giver)
     if "weights" in kinds:
-        asset = with_skin_of(asset, giver)
-        if is_posed(giver):
+        asset = assets.with_skin_of(asset, giver)
+        if assets.is_posed(giver):
             notes.append("the skeleton is posed, and the surface is bound to it so; pose it back before")
     if "key" in kinds:
-        asset = with_key_weights_of(asset, giver.document)
-    if animation_channels(asset) < animation_channels(receiver):
+        asset = assets.with_key_weights_of(asset, giver.document)
+    if assets.animation_channels(asset) < assets.animation_channels(receiver):
         notes.append("animations of joints and shape keys that the receiver had before are left out")
     left = {attribute.name for attribute in asset.attributes}
-    taken = tuple(
-        attribute.name
-        for attribute, is_label in zip(chosen, as_labels)
-        if is_label and numbers_as is None and not _is_declared(attribute)
-    )
+    supposed = () if numbers_as else (each for each, is_label in zip(chosen, as_labels) if is_label)
+    taken = tuple(each.name for each in supposed if not _is_declared(each))
     unmatched = int((~bridge.at_vertices.has_place).sum())
     kept = tuple(name for name in names if name in left)
     return Carried(asset, kept, unmatched, across, tuple(notes), taken)
@@ -182,10 +167,8 @@ def selected(asset: Asset, data: str | Iterable[str]) -> tuple[Attribute, ...]:
     for word in words:
         kind = word.lower().removesuffix("s")
         kind = _SYNONYMS.get(kind.replace("_", " ").replace("-", " "), kind)
-        is_label = kind == "label"
-        those = [
-            a for a in asset.attributes if word == a.name or kind == a.kind or (is_label and a.seems_labels)
-        ]
+        like_labels = [a for a in asset.attributes if kind == "label" and a.seems_labels]
+        those = [a for a in asset.attributes if word == a.name or kind == a.kind or a in like_labels]
         if not those:
             available = ", ".join(f"{a.name} ({a.kind})" for a in asset.attributes) or "nothing"
             raise DescriptorError(
@@ -252,23 +235,19 @@ def _is_label(attribute: Attribute, numbers_as: NumbersAs | None) -> bool:
     return is_number and (attribute.seems_labels if numbers_as is None else numbers_as == "labels")
 
 
-def _as_values(attribute: Attribute) -> Attribute:
-    return replace(attribute, kind="scalar") if attribute.kind == "label" else attribute
-
-
 def _labels(attribute: Attribute, bridge: Bridge, labels: Labelling) -> Attribute:
     """Carry labels to the same domain, by the area around each row unless by nearest."""
     receiver = bridge.receiver
     if attribute.domain == "point" and labels == "nearest":
         places = bridge.at_vertices
-        nearest = _or_none(attribute.values[places.nearest_rows(attribute)], places.has_place)
+        nearest = assets.without_labels(attribute.values[places.nearest_rows(attribute)], ~places.has_place)
         return attribute.with_values(nearest[receiver.vertex_of_point])
     patches = Patches.of(attribute, bridge)
     rows = attribute.values
     distinct, code = np.unique(rows, axis=0 if rows.ndim > 1 else None, return_inverse=True)
     votes = patches.sums(code.ravel()[patches.rows], len(distinct))
-    voted = np.bincount(patches.owner, minlength=patches.n_owners) > 0
-    return attribute.with_values(_or_none(distinct[votes.argmax(axis=1)], voted)[patches.owner_of_row])
+    winner = assets.without_labels(distinct[votes.argmax(axis=1)], votes.sum(axis=1) == 0)
+    return attribute.with_values(winner[patches.owner_of_row])
 
 
 def _means(attribute: Attribute, bridge: Bridge) -> Attribute:
@@ -281,15 +260,6 @@ def _means(attribute: Attribute, bridge: Bridge) -> Attribute:
         receiver = bridge.receiver
         means = _turned(bridge, means, receiver.vertex_of_corner[receiver.polygons.starts])
     return attribute.with_values(_in_type(means, attribute)[patches.owner_of_row])
-
-
-def _or_none(labels: AnyArray, has_label: BoolArray) -> AnyArray:
-    """Put −1, False, nan or an empty text where there is no label; unsigned integers become signed ones for that."""
-    if has_label.all():
-        return labels
-    labels = labels.astype(np.int64) if labels.dtype.kind == "u" else labels.copy()
-    labels[~has_label] = {"i": -1, "b": False, "f": np.nan, "U": ""}[labels.dtype.kind]
-    return labels
 
 
 def _in_type(values: FloatArray, attribute: Attribute) -> AnyArray:

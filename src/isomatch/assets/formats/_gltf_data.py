@@ -6,7 +6,7 @@ import base64
 import copy
 import json
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
 from mimetypes import guess_type
@@ -45,7 +45,7 @@ _REFERENCES = {  # keys of numbers of accessors or views, or of what holds nothi
 }
 _CUT_SHORT = "it is cut short, copy or export it again"
 Matrix = tuple[tuple[float, ...], ...]
-TRIANGLES, STRIP, FAN = 4, 5, 6
+_TRIANGLES, _STRIP, _FAN = 4, 5, 6
 _POSED = 1e-3  # of the largest entry: more than what rounding does to matrices
 
 
@@ -151,6 +151,88 @@ class GltfData:
             blob += content
         self.blob = blob
 
+    def separate_instances(self) -> None:
+        """Give each node a mesh of its own, which shares the arrays of the mesh that several nodes had."""
+        used, sizes = set[int](), dict[int, int]()
+        for node in self.json.get("nodes", []):
+            if (mesh := node.get("mesh")) in used:
+                if mesh not in sizes:
+                    sizes[mesh] = _COPIED * len(str(self.json["meshes"][mesh]))
+                self.room.take(sizes[mesh], f"a node that repeats mesh {mesh}")
+                node["mesh"] = self.append("meshes", copy.deepcopy(self.json["meshes"][mesh]))
+            elif mesh is not None:
+                used.add(mesh)
+
+    def surfaces(self) -> Iterator[tuple[int, int, dict[str, int]]]:
+        """Find meshes, primitives of triangles and their keys, of the default scene if it has any mesh."""
+        nodes, scenes = self.json.get("nodes", []), self.json.get("scenes", [])
+        shown = with_below(nodes, scenes[self.json.get("scene", 0)].get("nodes", []) if scenes else [])
+        of_scene = {nodes[i]["mesh"] for i in shown if "mesh" in nodes[i]}
+        for mesh, each in enumerate(self.json.get("meshes", [])):
+            for i, primitive in enumerate(each["primitives"]):
+                is_of_triangles = primitive.get("mode", _TRIANGLES) in (_TRIANGLES, _STRIP, _FAN)
+                is_shown = not of_scene or mesh in of_scene
+                if is_shown and is_of_triangles and "POSITION" in (keys := primitive["attributes"]):
+                    yield mesh, i, keys
+
+    def triangles(self, primitive: dict[str, Any], n_points: int) -> IntArray:
+        """Return the triangles of a primitive, (m, 3)."""
+        index = np.arange(n_points)
+        if "indices" in primitive:
+            index = self.array(primitive["indices"]).astype(np.int64)
+            if index.max(initial=0) >= max(n_points, 1):
+                raise ValueError(f"a triangle refers to point {index.max()} of {n_points}")
+        mode = primitive.get("mode", _TRIANGLES)
+        if mode == _TRIANGLES:
+            return index[: len(index) // 3 * 3].reshape(-1, 3)
+        later = np.stack([index[1:-1], index[2:]], axis=1)
+        if mode == _FAN:
+            return np.column_stack([np.repeat(index[:1], len(later)), later])
+        strip = np.column_stack([index[:-2], later])
+        strip[1::2] = strip[1::2, [1, 0, 2]]
+        return strip
+
+    def transforms(self) -> dict[int, tuple[Matrix | None, int | None]]:
+        """Find matrix and skin of the first node of each mesh."""
+        nodes, there = self.json.get("nodes", []), node_matrices(self.json)
+        placed: dict[int, tuple[Matrix | None, int | None]] = {}
+        for i, matrix in there.items():
+            if "mesh" in nodes[i] and nodes[i]["mesh"] not in placed:
+                skin, own = nodes[i].get("skin"), matrix
+                if skin is not None:
+                    # its joints put the points, not the node; they stay where they are if these are posed
+                    bound, own = self.binding(self.json["skins"][skin], there), np.eye(4)
+                    if len(bound) and are_alike(bound, bound[0]) and not are_alike(bound, own):
+                        own = bound[0]
+                is_placed = not np.array_equal(own, np.eye(4))
+                placed[nodes[i]["mesh"]] = (tuple(map(tuple, own.tolist())) if is_placed else None), skin
+        return placed
+
+    def binding(self, skin: dict[str, Any], there: Mapping[int, FloatArray]) -> FloatArray:
+        """(k, 4, 4) where each joint of a skin puts what is bound to it; none if the file does not tell how."""
+        if "inverseBindMatrices" not in skin:
+            return np.zeros((0, 4, 4))
+        inverse = self.array(skin["inverseBindMatrices"]).reshape(-1, 4, 4).transpose(0, 2, 1)
+        placed: FloatArray = np.array([there[joint] for joint in skin["joints"]]).reshape(-1, 4, 4)
+        return placed @ inverse[: len(placed)]
+
+    def without_empty_primitives(self) -> None:
+        """Remove primitives without points, and meshes that have none left."""
+        document, number = self.json, dict[int, int]()
+        meshes = document.pop("meshes", [])
+        for mesh, each in enumerate(meshes):
+            each["primitives"] = [primitive for primitive in each["primitives"] if primitive["attributes"]]
+            if each["primitives"]:
+                number[mesh] = len(number)
+        if number:
+            document["meshes"] = [meshes[mesh] for mesh in number]
+        for node in document.get("nodes", []):
+            if node.get("mesh") in number:
+                node["mesh"] = number[node.pop("mesh")]
+            elif "mesh" in node:
+                for key in ("mesh", "skin", "weights"):
+                    node.pop(key, None)
+
 
 def _numbers_in(entry: Any, keys: tuple[str, ...], inside: bool = False) -> set[int]:
     """Numbers under some keys; in extensions, of which nothing is known, any number."""
@@ -171,7 +253,7 @@ def unpacked(data: bytes, name: str) -> GltfData:
     room = Room(len(data))
     room.take(sum(size * text.count(mark) for mark, size in _MARKS.items()), "its JSON")
     gltf, folder = GltfData(json.loads(text), bytearray(), room), Path(name).parent
-    extensions = [each for key in ("extensionsUsed", "extensionsRequired") for each in gltf.json.get(key, [])]
+    extensions = [*gltf.json.get("extensionsUsed", []), *gltf.json.get("extensionsRequired", [])]
     if compressed := _COMPRESSED.intersection(extensions):
         raise FormatError(f"{name}: is compressed by {min(compressed)}; export it without compression")
     starts: list[int] = []
@@ -191,10 +273,8 @@ def unpacked(data: bytes, name: str) -> GltfData:
         elif uri.startswith("data:"):
             content = base64.b64decode(uri.partition(",")[2])
         else:
-            raise FormatError(
-                f"{name}: its data is in {uri!r}, outside of its folder, and is not read; "
-                "copy that file beside this one, or export as .glb"
-            )
+            told = f"{name}: its data is in {uri!r}, outside of its folder, and is not read"
+            raise FormatError(f"{told}; copy that file beside this one, or export as .glb")
         if not 0 <= n <= len(content):
             raise unexpected(name, f"a buffer of {n} bytes", str(len(content)), _CUT_SHORT)
         gltf.blob += b"\0" * (-len(gltf.blob) % 4)
@@ -206,12 +286,10 @@ def unpacked(data: bytes, name: str) -> GltfData:
     views: dict[Path, int | None] = {}
     for image in gltf.json.get("images", []):
         path = beside(image.get("uri"))
-        if path is None:
-            continue
-        if path not in views:
+        if path is not None and path not in views:
             picture = picture_in(path) if path.is_file() else None
             views[path] = None if picture is None else gltf.add_bytes(picture)
-        if views[path] is not None:
+        if path is not None and views[path] is not None:
             image.setdefault("name", path.stem)
             image.setdefault("mimeType", guess_type(path, strict=False)[0] or "image/png")
             del image["uri"]
@@ -235,16 +313,14 @@ def packed(gltf: GltfData, binary: bool) -> bytes:
             document[name].pop()
         if not document.get(name, [free]):
             del document[name]
-    if blob:
-        document = {**document, "buffers": [{"byteLength": len(blob)}]}
-    if blob and not binary:
-        text = base64.b64encode(blob).decode()
-        document["buffers"][0]["uri"] = f"data:application/octet-stream;base64,{text}"
+    buffer: dict[str, object] = {"byteLength": len(blob)}
+    if not binary:
+        buffer["uri"] = f"data:application/octet-stream;base64,{base64.b64encode(blob).decode()}"
+    document = document | ({"buffers": [buffer]} if blob else {})
     if not binary:
         return json.dumps(document, indent=1).encode()
     content = json.dumps(document, separators=(",", ":")).encode()
-    size = len(content) + len(blob)
-    if size > _LARGEST_GLB:
+    if (size := len(content) + len(blob)) > _LARGEST_GLB:
         raise MeshError(f"a .glb file holds 4 GiB, and this one would have {size} bytes; write .ply or .gltf")
     chunks = _chunk(_JSON, content, b" ") + (_chunk(_BINARY, blob, b"\0") if blob else b"")
     return _MAGIC + np.array([2, 12 + len(chunks)], "<u4").tobytes() + chunks
@@ -257,8 +333,7 @@ def _chunk(kind: bytes, content: bytes, padding: bytes) -> bytes:
 
 def _chunks(data: bytes, name: str) -> tuple[bytes, bytes]:
     """Return the JSON and the binary chunk of a ``.glb`` file."""
-    version = int.from_bytes(data[4:8], "little")
-    if version != 2:
+    if (version := int.from_bytes(data[4:8], "little")) != 2:
         raise FormatError(f"{name}: byte 4: expected version 2, found {version}; export it as glTF 2.0")
     chunks, at = dict[bytes, bytes](), 12
     while at + 8 <= len(data):
@@ -272,80 +347,6 @@ def _chunks(data: bytes, name: str) -> tuple[bytes, bytes]:
     if _JSON not in chunks:
         raise unexpected(f"{name}: byte 12", "a chunk of JSON", "none", "export the file again")
     return chunks[_JSON], chunks.get(_BINARY, b"")
-
-
-def separate_instances(gltf: GltfData) -> None:
-    """Give each node a mesh of its own, which shares the arrays of the mesh that several nodes had."""
-    used, sizes = set[int](), dict[int, int]()
-    for node in gltf.json.get("nodes", []):
-        if (mesh := node.get("mesh")) in used:
-            if mesh not in sizes:
-                sizes[mesh] = _COPIED * len(str(gltf.json["meshes"][mesh]))
-            gltf.room.take(sizes[mesh], f"a node that repeats mesh {mesh}")
-            node["mesh"] = gltf.append("meshes", copy.deepcopy(gltf.json["meshes"][mesh]))
-        elif mesh is not None:
-            used.add(mesh)
-
-
-def surfaces(document: dict[str, Any]) -> Iterator[tuple[int, int]]:
-    """Meshes and primitives that are made of triangles, of the default scene if it has any mesh."""
-    shown, scenes = set[int](), document.get("scenes", [])
-    waiting = list(scenes[document.get("scene", 0)].get("nodes", [])) if scenes else []
-    while waiting:
-        i = waiting.pop()
-        if i not in shown:
-            shown.add(i)
-            waiting += document["nodes"][i].get("children", [])
-    of_scene = {document["nodes"][i]["mesh"] for i in shown if "mesh" in document["nodes"][i]}
-    for mesh, each in enumerate(document.get("meshes", [])):
-        for i, primitive in enumerate(each["primitives"]):
-            is_surface = primitive.get("mode", TRIANGLES) in (TRIANGLES, STRIP, FAN)
-            if (not of_scene or mesh in of_scene) and is_surface and "POSITION" in primitive["attributes"]:
-                yield mesh, i
-
-
-def triangles(gltf: GltfData, primitive: dict[str, Any], n_points: int) -> IntArray:
-    """Return the triangles of a primitive, (m, 3)."""
-    index = np.arange(n_points)
-    if "indices" in primitive:
-        index = gltf.array(primitive["indices"]).astype(np.int64)
-        if index.max(initial=0) >= max(n_points, 1):
-            raise ValueError(f"a triangle refers to point {index.max()} of {n_points}")
-    mode = primitive.get("mode", TRIANGLES)
-    if mode == TRIANGLES:
-        return index[: len(index) // 3 * 3].reshape(-1, 3)
-    later = np.stack([index[1:-1], index[2:]], axis=1)
-    if mode == FAN:
-        return np.column_stack([np.repeat(index[:1], len(later)), later])
-    strip = np.column_stack([index[:-2], later])
-    strip[1::2] = strip[1::2, [1, 0, 2]]
-    return strip
-
-
-def transforms(gltf: GltfData) -> dict[int, tuple[Matrix | None, int | None]]:
-    """Find matrix and skin of the first node of each mesh."""
-    nodes, there = gltf.json.get("nodes", []), node_matrices(gltf.json)
-    placed: dict[int, tuple[Matrix | None, int | None]] = {}
-    for i, matrix in there.items():
-        if "mesh" in nodes[i] and nodes[i]["mesh"] not in placed:
-            skin, own = nodes[i].get("skin"), matrix
-            if skin is not None:
-                # its joints put the points, not the node; they stay where they are if these are posed
-                bound, own = binding(gltf, gltf.json["skins"][skin], there), np.eye(4)
-                if len(bound) and are_alike(bound, bound[0]) and not are_alike(bound, own):
-                    own = bound[0]
-            is_placed = not np.array_equal(own, np.eye(4))
-            placed[nodes[i]["mesh"]] = (tuple(map(tuple, own.tolist())) if is_placed else None), skin
-    return placed
-
-
-def binding(gltf: GltfData, skin: dict[str, Any], there: Mapping[int, FloatArray]) -> FloatArray:
-    """(k, 4, 4) where each joint of a skin puts what is bound to it; none if the file does not tell how that is bound."""
-    if "inverseBindMatrices" not in skin:
-        return np.zeros((0, 4, 4))
-    inverse = gltf.array(skin["inverseBindMatrices"]).reshape(-1, 4, 4).transpose(0, 2, 1)
-    placed: FloatArray = np.array([there[joint] for joint in skin["joints"]]).reshape(-1, 4, 4)
-    return placed @ inverse[: len(placed)]
 
 
 def are_alike(matrices: FloatArray, one: FloatArray) -> bool:
@@ -366,6 +367,16 @@ def node_matrices(document: dict[str, Any]) -> dict[int, FloatArray]:
             there[i] = product(above, _local(nodes[i]))
             waiting += [(child, there[i]) for child in reversed(nodes[i].get("children", []))]
     return there
+
+
+def with_below(nodes: Sequence[dict[str, Any]], starts: Iterable[int]) -> set[int]:
+    """Return some nodes and all that are below them."""
+    chosen, waiting = set[int](), list(starts)
+    while waiting:
+        if (i := waiting.pop()) not in chosen:
+            chosen.add(i)
+            waiting += nodes[i].get("children", [])
+    return chosen
 
 
 def _local(node: dict[str, Any]) -> FloatArray:
@@ -392,27 +403,15 @@ def joint_names(document: dict[str, Any]) -> dict[int, str]:
     return names
 
 
-def without_empty_primitives(document: dict[str, Any]) -> None:
-    """Remove primitives without points, and meshes that have none left."""
-    meshes, number = document.pop("meshes", []), dict[int, int]()
-    for mesh, each in enumerate(meshes):
-        each["primitives"] = [primitive for primitive in each["primitives"] if primitive["attributes"]]
-        if each["primitives"]:
-            number[mesh] = len(number)
-    if number:
-        document["meshes"] = [meshes[mesh] for mesh in number]
-    for node in document.get("nodes", []):
-        if node.get("mesh") in number:
-            node["mesh"] = number[node.pop("mesh")]
-        elif "mesh" in node:
-            for key in ("mesh", "skin", "weights"):
-                node.pop(key, None)
+def extras_of(entry: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what an entry says of itself that the format does not foresee."""
+    extras = entry.get("extras")
+    return extras if isinstance(extras, dict) else {}
 
 
 def key_names(mesh: Mapping[str, Any]) -> list[str]:
     """Names of the shape keys of a mesh, which glTF itself does not have, but most programs write."""
-    extras = mesh.get("extras")
-    own = extras.get("targetNames", []) if isinstance(extras, dict) else []
+    own = extras_of(mesh).get("targetNames", [])
     n = max([len(own), *(len(primitive.get("targets", [])) for primitive in mesh["primitives"])])
     names: list[str] = []
     for i in range(n):
@@ -421,14 +420,11 @@ def key_names(mesh: Mapping[str, Any]) -> list[str]:
 
 
 def set_keys(document: dict[str, Any], mesh: int, names: list[str], weights: Mapping[str, float]) -> None:
-    """Set the names of the shape keys of a mesh; they keep their weights, unless there are others.
-
-    If the names are others, what animates the weights is left out, of which the number is another.
-    """
+    """Set the names of the shape keys of a mesh; they keep their weights, unless there are others."""
     each = document["meshes"][mesh]
     had, own = key_names(each), each.get("weights", [])
     nodes = {i: node for i, node in enumerate(document.get("nodes", [])) if node.get("mesh") == mesh}
-    if names != had:
+    if names != had:  # what animates the weights has values for those it had
         without_channels(document, lambda at: at.get("path") == "weights" and at.get("node") in nodes)
     for place in (*(node for node in nodes.values() if "weights" in node), each):
         weight_of = {**dict(zip(had, place.pop("weights", own))), **weights}

@@ -25,9 +25,8 @@ def reading(name: str, what: str) -> Iterator[None]:
             raise FormatError(f"{name}: {error}") from None
         raise
     except MemoryError:
-        raise MemoryBudgetError(
-            f"{name}: reading needs more memory than there is; close other programs"
-        ) from None
+        needed = "reading needs more memory than there is"
+        raise MemoryBudgetError(f"{name}: {needed}; close other programs") from None
     except Exception as error:
         lines = str(error).splitlines()
         raise damaged(name, what, ": ".join([type(error).__name__, *lines[:1]])) from None

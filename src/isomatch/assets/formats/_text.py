@@ -48,16 +48,19 @@ class TextLines:
 
     def row(self, i: int) -> str:
         """Return the text of one line."""
-        return self.data[self._start(i) : self.ends[i]].tobytes().decode("latin-1")
-
-    def _start(self, i: int) -> int:
-        return int(self.ends[i - 1]) + 1 if i else 0
+        return self[i : i + 1].data[:-1].tobytes().decode("latin-1")
 
     def __getitem__(self, part: slice) -> TextLines:
         first, stop, _ = part.indices(len(self))
         before = int(self.numbers[first - 1]) if first and len(self) else self.before
-        data = self.data[self._start(first) : self.ends[stop - 1] + 1] if first < stop else self.data[:0]
+        start = self.ends[first - 1] + 1 if first else 0
+        data = self.data[start : self.ends[stop - 1] + 1] if first < stop else self.data[:0]
         return TextLines(self.name, data, self.numbers[part], before)
+
+    @property
+    def texts(self) -> list[bytes]:
+        """Each line as bytes, without outer blanks."""
+        return [text.strip() for text in self.data.tobytes().split(b"\n")[: len(self)]]
 
     def fail(self, row: int, expected: str, remedy: str = EXPORT_AGAIN) -> NoReturn:
         """Raise a `FormatError` that quotes one row; a row past the end means that the file is too short."""
@@ -65,8 +68,8 @@ class TextLines:
             number, text = self.numbers[row], self.row(row).strip()
             quoted = repr(text if len(text) <= 40 else text[:40] + "…")
         else:
-            number, quoted = (self.numbers[-1] if len(self) else max(self.before, 1)), "the end of the file"
-            remedy = "it is cut short, copy or export it again"
+            number = self.numbers[-1] if len(self) else max(self.before, 1)
+            quoted, remedy = "the end of the file", "it is cut short, copy or export it again"
         raise unexpected(f"{self.name}:{number}", expected, quoted, remedy)
 
     def starting_with(self, keyword: str) -> TextLines:
@@ -130,16 +133,14 @@ class NumberRows:
     @property
     def starts(self) -> IntArray:
         """(rows,) position of the first value of each row."""
-        starts: IntArray = np.cumsum(self.counts) - self.counts
-        return starts
+        return np.cumsum(self.counts) - self.counts
 
     def leading(self, width: int, expected: str) -> FloatArray:
         """Return the first ``width`` numbers of each row, (rows, width); a shorter row raises `FormatError`."""
         self.require(self.counts >= width, expected)
         if len(self.counts) and (self.counts == self.counts[0]).all():
             return self.values.reshape(len(self.counts), -1)[:, :width]
-        table: FloatArray = self.values[self.starts[:, None] + np.arange(width)]
-        return table
+        return np.asarray(self.values[self.starts[:, None] + np.arange(width)])
 
     def columns(self, first: int | IntArray, width: int) -> FloatArray:
         """Return ``width`` numbers of each row from a column on, (rows, width), nan where the row has no more."""
@@ -173,8 +174,7 @@ def number_of(text: str, has_decimal_comma: bool = False) -> float:
 
 def is_whole(values: AnyArray) -> BoolArray:
     """Which values are integers that a float holds exactly."""
-    whole: BoolArray = (np.abs(values) < 2**53) & (values == np.rint(values))  # false for inf and nan
-    return whole
+    return np.asarray((np.abs(values) < 2**53) & (values == np.rint(values)))  # false for inf and nan
 
 
 def bytes_or_floats(colours: FloatArray) -> AnyArray:
@@ -196,12 +196,7 @@ def is_count(word: str) -> bool:
 
 
 def read_lines(
-    name: str,
-    data: bytes,
-    before: int = 0,
-    continued: bool = False,
-    lower: bool = False,
-    named: tuple[str, ...] = (),
+    name: str, data: bytes, before: int = 0, continued: bool = False, named: tuple[str, ...] = ()
 ) -> TextLines:
     r"""Split the bytes of a file into lines, without ``#`` comments and blank lines.
 
@@ -211,8 +206,7 @@ def read_lines(
     """
     if data.startswith(tuple(MARKS)):
         data = decoded(data).encode()
-    text = data.translate(_BLANKS)
-    text = (text.lower() if lower else text).replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    text = data.translate(_BLANKS).replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     if not text.endswith(b"\n"):
         text += b"\n"
     if continued and text.endswith(b"\\\n"):  # the last line is not continued
@@ -248,11 +242,6 @@ def comments(frame: Frame | None) -> str:
     return "".join(f"# {line}\n" for line in (frame.lines if frame else ()))
 
 
-def texts(lines: TextLines) -> list[bytes]:
-    """Return each line as bytes, without outer blanks."""
-    return [text.strip() for text in lines.data.tobytes().split(b"\n")[: len(lines)]]
-
-
 def format_rows(template: str, table: AnyArray) -> bytes:
     """Write each row of a table with a ``%`` template; a float written with ``%r`` is read back unchanged."""
     return (template * len(table) % tuple(table.ravel().tolist())).encode("ascii")
@@ -282,8 +271,7 @@ def interleaved(parts: list[tuple[IntArray, AnyArray]], n_rows: int, kind: type)
 
 
 def _is_blank(octets: AnyArray) -> BoolArray:
-    blank: BoolArray = (octets == SPACE) | (octets == NEWLINE)
-    return blank
+    return np.asarray((octets == SPACE) | (octets == NEWLINE))
 
 
 def _pieces(octets: AnyArray) -> Iterator[bytes]:

@@ -134,16 +134,15 @@ def _values(image: Any, n_points: int | None, title: str) -> tuple[tuple[Attribu
     table = {label.key: label for label in image.labeltable.labels}
     names = {key: str(label.label) for key, label in table.items()}
     colors = {key: tuple(label.rgba) for key, label in table.items() if None not in label.rgba}
-    arrays = [a for a in image.darrays if a.intent not in (_POINTS, _TRIANGLES)]
-    nodes = [a for a in arrays if a.intent == _NODES and np.size(a.data) == len(a.data)]
-    arrays = [a for a in arrays if a not in nodes]
+    nodes = [a for a in image.darrays if a.intent == _NODES and np.size(a.data) == len(a.data)]
+    arrays = [a for a in image.darrays if a.intent not in (_POINTS, _TRIANGLES) and a not in nodes]
     attributes = []
     for i, array in enumerate(arrays):
         values = np.asarray(array.data)
         values = values[:, 0] if values.ndim == 2 and values.shape[1] == 1 else values
         is_colour = array.intent in (_RGB, _RGBA)
-        name = str(array.meta.get("Name") or "") or ("color" if is_colour else "")
-        name = name or (f"{title}_{i}" if len(arrays) > 1 else title)
+        unnamed = "color" if is_colour else f"{title}_{i}" if len(arrays) > 1 else title
+        name = str(array.meta.get("Name") or unnamed)
         if array.intent == _LABEL:
             attribute = Attribute(name, "point", "label", values, names=names, colors=colors)
         else:
@@ -162,12 +161,9 @@ def _frame(points: Any) -> Frame:
     said = {key: [points.meta.get(f"VolGeom{word}") for word in words] for key, words in _VOLUME.items()}
     volume = None
     if all(None not in numbers for numbers in said.values()):
-        kinds = {key: int if key == "volume" else float for key in said}
-        volume = {
-            **NEW_VOLUME,
-            "filename": str(points.meta.get("VolGeomFname", "none")),
-            **{key: np.array(numbers).astype(kinds[key]) for key, numbers in said.items()},
-        }
+        volume = {**NEW_VOLUME, "filename": str(points.meta.get("VolGeomFname", "none"))}
+        for key, numbers in said.items():
+            volume[key] = np.array(numbers).astype(int if key == "volume" else float)
     told, system = Frame.of_named(points.meta), points.coordsys
     frame = Frame(volume=volume)
     if system is not None:
@@ -194,16 +190,14 @@ def _described(frame: Frame | None) -> tuple[Any, dict[str, str]]:
 
 
 def _array(gifti: Any, attribute: Attribute, intents: Mapping[str, int]) -> Any:
-    values = attribute.plain
-    intent, kind = _VECTOR, "NIFTI_TYPE_FLOAT32"
+    values, intent, kind = attribute.plain, _VECTOR, "float32"
     if attribute.kind == "colour":
         intent, values = _RGB if values.shape[1] == 3 else _RGBA, attribute.fractions
     elif attribute.kind == "label":
-        intent, kind = _LABEL, "NIFTI_TYPE_INT32"
+        intent, kind = _LABEL, "int32"
     elif attribute.kind == "scalar":
         intent = intents.get(attribute.name, _SHAPE)
-    values = values.astype(np.int32 if kind.endswith("INT32") else np.float32)
-    return gifti.GiftiDataArray(values, intent, datatype=kind, meta={"Name": attribute.name})
+    return gifti.GiftiDataArray(values.astype(kind), intent, meta={"Name": attribute.name})
 
 
 def _numbered(attributes: Sequence[Attribute]) -> list[Attribute]:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import copy
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import groupby
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -20,21 +22,8 @@ from isomatch.assets.attribute import (
     told_apart,
     unused_name,
 )
-from isomatch.assets.formats._gltf_data import (
-    INDICES,
-    GltfData,
-    Matrix,
-    joint_names,
-    key_names,
-    packed,
-    separate_instances,
-    set_keys,
-    surfaces,
-    transforms,
-    triangles,
-    unpacked,
-    without_empty_primitives,
-)
+from isomatch.assets.formats import _gltf_data
+from isomatch.assets.formats._gltf_data import GltfData, Matrix, extras_of, joint_names, key_names, set_keys
 from isomatch.assets.formats._reading import reading
 from isomatch.assets.polygons import Polygons, Renumbering, split_at_seams
 from isomatch.errors import MeshError
@@ -47,12 +36,11 @@ _KINDS: dict[str, tuple[str, Kind]] = {
     "COLOR": ("color", "colour"),
     "TANGENT": ("tangent", "vector"),
 }
-Written = list[
-    tuple[slice, list[dict[str, Any]]]
-]  # of each part of a mesh, the rows of its points, and primitives
-# for points of parts without values; 0 and white of others
 _OCTET = 0.03  # of a byte: rounding of what was made of bytes, to 16 bits or floats
+# for points of parts without values; 0 and white of others
 _NONE = {"uv": np.nan, "scalar": np.nan, "label": -1}
+# of each part of a mesh, the rows of its points, and its primitives
+Written = list[tuple[slice, list[dict[str, Any]]]]
 
 
 @dataclass(frozen=True)
@@ -93,13 +81,13 @@ class GltfDocument:
 def read_asset(data: bytes, name: str) -> Asset:
     """Read the triangles of a glTF file, one part after another, with all attributes of their points."""
     with reading(name, "a glTF 2.0 file"):
-        gltf = unpacked(data, name)
-        separate_instances(gltf)
+        gltf = _gltf_data.unpacked(data, name)
+        gltf.separate_instances()
         return _read(gltf)
 
 
 def _read(gltf: GltfData) -> Asset:
-    placed, meshes = transforms(gltf), gltf.json.get("meshes", [])
+    placed, meshes = gltf.transforms(), gltf.json.get("meshes", [])
     points: list[AnyArray] = [np.zeros((0, 3), np.float32)]
     faces: list[IntArray] = [np.zeros((0, 3), dtype=np.int64)]
     parts: list[Part] = []
@@ -108,18 +96,14 @@ def _read(gltf: GltfData) -> Asset:
     places: list[tuple[int, int, int]] = []
     names: dict[int, str] = {}
     start = 0
-
-    def arrays_of(place: tuple[int, int]) -> tuple[int, dict[str, int]]:
-        return place[0], meshes[place[0]]["primitives"][place[1]]["attributes"]
-
-    for (mesh, keys), same in groupby(surfaces(gltf.json), arrays_of):
-        listed = [i for _, i in same]
+    for (mesh, keys), same in groupby(gltf.surfaces(), itemgetter(0, 2)):
+        listed = [i for _, i, _ in same]
         primitives = [meshes[mesh]["primitives"][i] for i in listed]
         gltf.room.take(_PART + _PRIMITIVE * len(primitives), f"a part of {len(primitives)} primitives")
         points.append(gltf.numbers(keys["POSITION"]))
         n = len(points[-1])
         transform, skin = placed.get(mesh, (None, None))
-        of_each = [triangles(gltf, primitive, n) for primitive in primitives]
+        of_each = [gltf.triangles(primitive, n) for primitive in primitives]
         faces += [_outwards(each, transform) + start for each in of_each]
         places += [(mesh, i, len(parts)) for i in listed]
         start += n
@@ -146,7 +130,7 @@ def _read(gltf: GltfData) -> Asset:
     gltf.without_unused()
     document = GltfDocument(gltf.json, bytes(gltf.blob), tuple(places), of_triangle, polygons, names)
     numbered = told_apart(attributes, of_all=True)
-    frame = Frame.of_named({name: str(text) for name, text in _extras(gltf.json).items()})
+    frame = Frame.of_named({name: str(text) for name, text in extras_of(gltf.json["asset"]).items()})
     return Asset(np.concatenate(points), polygons, numbered, tuple(parts), document, frame=frame)
 
 
@@ -165,8 +149,7 @@ def _read_values(gltf: GltfData, keys: Mapping[str, int], uv_names: dict[int, st
         if key == "POSITION" or key.startswith(("JOINTS_", "WEIGHTS_")):
             continue
         name, kind = _named(key)
-        said = gltf.json["accessors"][index].get("extras")
-        said = said if isinstance(said, dict) else {}
+        said = extras_of(gltf.json["accessors"][index])
         name = unused_name(str(said.get("name", name)), attributes)
         values = _encoded(gltf.array(index)) if kind == "colour" else gltf.numbers(index)
         if kind == "uv":
@@ -245,9 +228,8 @@ def keeps(attribute: Attribute) -> bool:
         return False
     if attribute.kind == "label":
         return bool(np.abs(attribute.coded.values).max(initial=0) <= 2**24)
-    if attribute.kind in ("weights", "key") or attribute.values.ndim == 1:
-        return True
-    return bool(2 <= attribute.values.shape[1] <= 4)
+    has_any_width = attribute.kind in ("weights", "key") or attribute.values.ndim == 1
+    return has_any_width or 2 <= attribute.values.shape[1] <= 4
 
 
 def write(asset: Asset, *, is_glb: bool) -> bytes:
@@ -278,37 +260,33 @@ def write(asset: Asset, *, is_glb: bool) -> bytes:
         keys = {"POSITION": _add_positions(gltf, (asset.points - middle)[split.source[rows]])}
         for attribute in split.attributes:
             here = attribute.at(np.arange(rows.start, rows.stop)) if n_parts > 1 else attribute
-            if here.kind != "key" and not (n_parts > 1 and _is_missing(here)):
-                _write_values(gltf, keys, here, mesh, numbers)
+            if here.kind == "key" or (n_parts > 1 and _is_missing(here)):
+                continue
+            if here.kind == "weights":
+                _write_weights(gltf, keys, here, mesh)
+            else:
+                key = _key_of(here, keys, numbers)
+                keys[key] = _add_values(gltf, key, here)
         shown = [each for each in listed if len(each[1])] or listed[:1]
         transform = asset.parts[part].transform if asset.parts else None
         primitives = [gltf.json["meshes"][mesh]["primitives"][i] for (_, i, _), _ in shown]
         for primitive, (_, held) in zip(primitives, shown):
             indices = _outwards(faces[held] - rows.start, transform).ravel().astype(np.uint32)
-            primitive |= {"attributes": keys, "indices": gltf.add_array(indices, INDICES)}
+            primitive |= {"attributes": keys, "indices": gltf.add_array(indices, _gltf_data.INDICES)}
         of_mesh.setdefault(mesh, []).append((rows, primitives))
     shape_keys = {each.name: each.values for each in split.attributes if each.kind == "key"}
     for mesh, parts in of_mesh.items():
         _write_keys(gltf, mesh, parts, shape_keys, still=len(of_mesh) == 1)
-    without_empty_primitives(gltf.json)
-    had, named = _extras(gltf.json), asset.frame.named if asset.frame else {}
+    gltf.without_empty_primitives()
+    had, named = extras_of(gltf.json["asset"]), asset.frame.named if asset.frame else {}
     others = {name: text for name, text in had.items() if name not in (SPACE, COMMENTS)}
     if others | named != had:
         gltf.json["asset"]["extras"] = others | named
-    return packed(gltf, is_glb)
-
-
-def _extras(document: dict[str, Any]) -> dict[str, Any]:
-    """Return what a file says of itself that the format does not foresee."""
-    extras = document["asset"].get("extras")
-    return extras if isinstance(extras, dict) else {}
+    return _gltf_data.packed(gltf, is_glb)
 
 
 def middles(asset: Asset) -> FloatArray:
-    """(n, 3) what is taken from the points of a mesh and given to its node, where floats would round them; else 0.
-
-    A mesh with a skin is put by its joints, not by its node.
-    """
+    """(n, 3) what is taken from the points of a mesh and given to its node, where floats would round them; else 0."""
     middle = np.zeros_like(asset.points)
     if asset.needs_doubles:
         document = asset.document if isinstance(asset.document, GltfDocument) else new_document(asset)
@@ -316,7 +294,7 @@ def middles(asset: Asset) -> FloatArray:
         mesh_of_point = mesh_of_part[np.minimum(asset.part_of_point, len(mesh_of_part) - 1)]
         for node in document.json.get("nodes", []):
             rows = mesh_of_point == node.get("mesh")
-            if rows.any() and "skin" not in node:
+            if rows.any() and "skin" not in node:  # a mesh with a skin is put by its joints
                 middle[rows] = (asset.points[rows].min(axis=0) + asset.points[rows].max(axis=0)) / 2
     return middle
 
@@ -346,9 +324,8 @@ def _add_positions(gltf: GltfData, points: FloatArray) -> int:
     """Append the accessor of positions or how far they move, with their bounds; return its index."""
     positions = points.astype(np.float32)
     if not np.isfinite(positions).all():
-        raise MeshError(
-            "glTF files hold no positions of nan or infinity; remove these points with repair(mesh)"
-        )
+        remedy = "remove these points with repair(mesh)"
+        raise MeshError(f"glTF files hold no positions of nan or infinity; {remedy}")
     bounds = {"min": positions.min(axis=0), "max": positions.max(axis=0)} if len(positions) else {}
     return gltf.add_array(positions, **{name: bound.tolist() for name, bound in bounds.items()})
 
@@ -359,15 +336,10 @@ def _outwards(faces: IntArray, transform: Matrix | None) -> IntArray:
     return faces[:, [0, 2, 1]] if mirrored else faces
 
 
-def _write_values(
-    gltf: GltfData, keys: dict[str, int], attribute: Attribute, mesh: int, numbers: Mapping[str, int]
-) -> None:
-    """Add the accessors of an attribute to the keys of a part."""
+def _add_values(gltf: GltfData, key: str, attribute: Attribute) -> int:
+    """Append the accessor of an attribute that is written under a key; return its index."""
     values, kind = attribute.coded.values, attribute.kind
     properties, extras = dict[str, Any](), dict[str, object]()
-    if kind == "weights":
-        _write_weights(gltf, keys, attribute, mesh)
-        return
     if kind == "colour":
         light = np.nan_to_num(linear_of(attribute.fractions), nan=1.0)  # white is none
         is_fine = values.dtype.kind == "f" or values.dtype.itemsize > 1
@@ -386,12 +358,11 @@ def _write_values(
     else:
         values = np.nan_to_num(_upside_down(values[:, :2])) if kind == "uv" else values
         values = values.astype(np.float32)
-    key = _key_of(attribute, keys, numbers)
     if _named(key)[0] != attribute.name:
         extras["name"] = attribute.name
     if extras:
         properties["extras"] = extras
-    keys[key] = gltf.add_array(values, **properties)
+    return gltf.add_array(values, **properties)
 
 
 def _key_of(attribute: Attribute, keys: Mapping[str, object], numbers: Mapping[str, int]) -> str:
@@ -409,10 +380,8 @@ def _key_of(attribute: Attribute, keys: Mapping[str, object], numbers: Mapping[s
 
 def _number(name: str, stem: str) -> int | None:
     """Return the number of a name such as uv, uv_1, uv_2."""
-    rest = name.removeprefix(stem)
-    if name == stem:
-        return 0
-    return int(rest[1:]) if rest != name and rest[:1] == "_" and rest[1:].isdecimal() else None
+    found = re.fullmatch(rf"{stem}(?:_(\d+))?", name)
+    return int(found[1] or 0) if found else None
 
 
 def texcoord_numbers(asset: Asset) -> dict[str, int]:
@@ -452,7 +421,7 @@ def _skin_joints(gltf: GltfData, attribute: Attribute, mesh: int, used: IntArray
             places: IntArray = np.array([place.get(node_of.get(name, -1), -1) for name in names])
             if (places[used] >= 0).all():
                 return np.maximum(places, 0)
-    placed = transforms(gltf).get(mesh, (None, None))[0]
+    placed = gltf.transforms().get(mesh, (None, None))[0]
     matrix = {} if placed is None else {"matrix": np.array(placed).T.ravel().tolist()}
     joints = [len(nodes) + i for i in range(len(names))]
     nodes += [{"name": name, **matrix} for name in names]
@@ -482,9 +451,7 @@ def _write_keys(
 
 def opened_document(asset: Asset) -> tuple[GltfDocument, GltfData]:
     """Return the glTF document of an asset, or a new one, and its contents, which may be changed."""
-    document = asset.document
-    if not isinstance(document, GltfDocument):
-        document = replace(new_document(asset), former=document)
+    document = asset.document if isinstance(asset.document, GltfDocument) else new_document(asset)
     return document, document.data
 
 
@@ -518,4 +485,4 @@ def new_document(asset: Asset) -> GltfDocument:
         "meshes": [{"primitives": [{"attributes": {}}]}],
     }
     of_triangle = np.zeros(int((asset.polygons.sizes - 2).sum()), dtype=np.int64)
-    return GltfDocument(document, b"", ((0, 0, 0),), of_triangle, asset.polygons)
+    return GltfDocument(document, b"", ((0, 0, 0),), of_triangle, asset.polygons, former=asset.document)

@@ -13,28 +13,10 @@ import numpy as np
 
 from isomatch.assets.asset import Asset
 from isomatch.assets.attribute import linear_of, srgb_of
-from isomatch.assets.formats._gltf_data import (
-    GltfData,
-    are_alike,
-    binding,
-    joint_names,
-    node_matrices,
-    transforms,
-    without_channels,
-)
+from isomatch.assets.formats import _gltf_data
+from isomatch.assets.formats._gltf_data import GltfData, joint_names, node_matrices
 from isomatch.assets.formats.gltf import GltfDocument, edited, opened_document, texcoord_numbers
-from isomatch.assets.materials import (
-    IN_PLACE,
-    JPEG,
-    UNTINTED,
-    Layer,
-    Look,
-    Looks,
-    Picture,
-    Wrap,
-    as_png,
-    is_picture,
-)  # fmt: skip
+from isomatch.assets.materials import IN_PLACE, UNTINTED, Layer, Look, Looks, Picture, Wrap, as_png, unread
 from isomatch.errors import DescriptorError
 from isomatch.values.arrays import IntArray
 
@@ -44,6 +26,7 @@ _CODES = {wrap: code for code, wrap in _WRAPS.items()}
 _NEAREST = 9728
 _TRANSFORM, _VARIANTS = "KHR_texture_transform", "KHR_materials_variants"
 _GLOSSY, _STRENGTH = "KHR_materials_pbrSpecularGlossiness", "KHR_materials_emissive_strength"
+_MESH = ("mesh", "skin", "camera", "extensions", "weights")  # of a node, what is not of a joint
 
 
 def materials_of(document: GltfDocument) -> Looks | None:
@@ -80,7 +63,8 @@ def with_materials_of(receiver: Asset, giver: GltfDocument, giver_triangle: IntA
             gltf.append(name, entry)
     for name in ("extensionsUsed", "extensionsRequired"):
         _use(gltf, name, other.get(name, []))
-    return edited(receiver, _painted(document, gltf, seen(of_triangle, giver_triangle), starts), gltf)
+    painted = _painted(document, gltf, seen(of_triangle, giver_triangle), starts["materials"])
+    return edited(receiver, painted, gltf)
 
 
 def with_materials(receiver: Asset, materials: Looks) -> Asset:
@@ -94,7 +78,7 @@ def with_materials(receiver: Asset, materials: Looks) -> Asset:
         if look.emitted:
             entry |= _written(gltf, look.emitted, number_of, "emissive", (0.0, 0.0, 0.0))
         gltf.append("materials", entry)
-    return edited(receiver, _painted(document, gltf, materials.of_triangle, starts), gltf)
+    return edited(receiver, _painted(document, gltf, materials.of_triangle, starts["materials"]), gltf)
 
 
 def seen(of_triangle: IntArray, giver_triangle: IntArray) -> IntArray:
@@ -151,7 +135,8 @@ def _picture(gltf: GltfData, index: int) -> Picture:
     texture = _entry(gltf, "textures", index)
     places = [*texture.get("extensions", {}).values(), texture]
     pictures = [_image(gltf, place["source"]) for place in places if "source" in place]
-    pictures = [each for each in pictures if is_picture(each.data)] or pictures
+    lost = unread(pictures)
+    pictures = [each for each in pictures if each not in lost] or pictures
     return pictures[0] if pictures else Picture(f"of texture {index}", missing="the texture names no image")
 
 
@@ -194,10 +179,8 @@ def _opened(asset: Asset) -> tuple[GltfDocument, GltfData, dict[str, int], dict[
     return document, gltf, starts, texcoord_numbers(replace(asset, document=document))
 
 
-def _painted(
-    document: GltfDocument, gltf: GltfData, look: IntArray, starts: Mapping[str, int]
-) -> GltfDocument:
-    """Give each triangle its material; a primitive of several becomes as many primitives."""
+def _painted(document: GltfDocument, gltf: GltfData, look: IntArray, start: int) -> GltfDocument:
+    """Give each triangle its material, numbered from ``start``; a primitive of several becomes as many primitives."""
     places: list[tuple[int, int, int]] = []
     of_triangle = np.zeros(len(look), dtype=np.int64)
     for number, (mesh, i, part) in enumerate(document.places):
@@ -208,7 +191,7 @@ def _painted(
         held = document.place_of_triangle == number
         for k, each in enumerate(np.unique(look[held]).tolist() or [-1]):
             at = len(primitives) if k else i
-            material = {"material": each + starts["materials"]} if each >= 0 else {}
+            material = {"material": start + each} if each >= 0 else {}
             primitives[at : at + 1] = [{**copy.deepcopy(plain), **material}]
             of_triangle[held & (look == each)] = len(places)
             places.append((mesh, at, part))
@@ -224,9 +207,8 @@ def _written(
     if picture := layer.picture:
         image: dict[str, object] = {"uri": picture.name}
         if not picture.missing:
-            data = as_png(picture.data)
-            kind = "image/jpeg" if data[:2] == JPEG else "image/png"
-            image = {"bufferView": gltf.add_bytes(data), "mimeType": kind}
+            data, kind = as_png(picture.data)
+            image = {"bufferView": gltf.add_bytes(data), "mimeType": f"image/{kind}"}
         texture: dict[str, Any] = {"source": gltf.append("images", image)}
         sampler = {f"wrap{axis}": _CODES[wrap] for axis, wrap in zip("ST", layer.wrap) if wrap != "repeat"}
         if sampler:
@@ -261,9 +243,6 @@ def _shift_textures(entry: Any, by: int, numbers: Mapping[int, int]) -> None:
         _shift_textures(value, by, numbers)
 
 
-_MESH = ("mesh", "skin", "camera", "extensions", "weights")  # of a node, what is not of a joint
-
-
 def with_skin_of(receiver: Asset, giver: Asset) -> Asset:
     """Return the receiver with the joints of the giver, if that is a glTF file, bound to them as both are now.
 
@@ -275,7 +254,7 @@ def with_skin_of(receiver: Asset, giver: Asset) -> Asset:
         return receiver
     document, gltf = opened_document(receiver)
     other, nodes = copy.deepcopy(theirs.json), gltf.json["nodes"]
-    meshes, placed = {mesh for mesh, *_ in document.places}, transforms(gltf)
+    meshes, placed = {mesh for mesh, *_ in document.places}, gltf.transforms()
     users = [node for node in nodes if node.get("mesh") in meshes]
     bound = [(node, np.array(placed[node["mesh"]][0] or np.eye(4))) for node in users]
     for node in users:
@@ -284,15 +263,11 @@ def with_skin_of(receiver: Asset, giver: Asset) -> Asset:
     new, there, joints = _appended(gltf.json, other), node_matrices(other), joint_names(other)
     for joint, name in joints.items():
         if np.linalg.det(there[joint]) == 0:
-            raise DescriptorError(
-                f"nothing can be bound to joint {name!r}, which its node scales to nothing; give it a size, or carry "
-                "all but the weights"
-            )
-    own = {matrix.tobytes(): matrix for _, matrix in bound}
-    skins = []
+            told = f"nothing can be bound to joint {name!r}, which its node scales to nothing"
+            raise DescriptorError(f"{told}; give it a size, or carry all but the weights")
+    own, skins = {matrix.tobytes(): matrix for _, matrix in bound}, []
     for matrix in own.values():
-        inverse = np.stack([np.linalg.inv(there[joint]) @ matrix for joint in joints])
-        number = gltf.add_matrices(inverse)
+        number = gltf.add_matrices(np.stack([np.linalg.inv(there[joint]) @ matrix for joint in joints]))
         skins.append({"joints": [new[joint] for joint in joints], "inverseBindMatrices": number})
     for node in nodes:  # the new skins come first, so that the names of their joints stay
         if "skin" in node:
@@ -309,8 +284,8 @@ def is_posed(asset: Asset) -> bool:
     if not isinstance(document, GltfDocument):
         return False
     gltf, there = GltfData(document.json, bytearray(document.blob)), node_matrices(document.json)
-    bindings = [binding(gltf, skin, there) for skin in document.json.get("skins", [])]
-    return any(len(each) > 0 and not are_alike(each, each[0]) for each in bindings)
+    bindings = [gltf.binding(skin, there) for skin in document.json.get("skins", [])]
+    return any(len(each) > 0 and not _gltf_data.are_alike(each, each[0]) for each in bindings)
 
 
 def animation_channels(asset: Asset) -> int:
@@ -362,17 +337,12 @@ def _without_unused_skins(document: dict[str, Any]) -> None:
         needed += [*skin["joints"], skin.get("skeleton", skin["joints"][0])]
     gone = _with_above(nodes, (joint for skin in skins for joint in skin["joints"]))
     gone -= _with_above(nodes, needed)
-    waiting = list(gone)
-    while waiting:
-        below = [i for i in nodes[waiting.pop()].get("children", []) if i not in gone]
-        gone.update(below)
-        waiting += below
+    gone = _gltf_data.with_below(nodes, gone)
     for place in (*nodes, *document.get("scenes", [])):
-        for key in ("children", "nodes"):
-            if key in place:
-                place[key] = [i for i in place[key] if i not in gone]
-                if not place[key] and key == "children":
-                    del place[key]
+        for key in place.keys() & {"children", "nodes"}:
+            place[key] = [i for i in place[key] if i not in gone]
+            if not place[key] and key == "children":
+                del place[key]
     for i in gone:
         nodes[i] = {}
-    without_channels(document, lambda target: target.get("node") in gone)
+    _gltf_data.without_channels(document, lambda target: target.get("node") in gone)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -11,18 +12,9 @@ import numpy as np
 
 from isomatch.assets.asset import Asset
 from isomatch.assets.attribute import Attribute, Kind
+from isomatch.assets.formats import _text
 from isomatch.assets.formats._reading import content_beside
-from isomatch.assets.formats._text import (
-    NumberRows,
-    TextLines,
-    bytes_or_floats,
-    comments,
-    format_rows,
-    interleaved_lines,
-    read_lines,
-    texts,
-    told_frame,
-)
+from isomatch.assets.formats._text import NumberRows, TextLines
 from isomatch.assets.materials import Layer, Look, Picture, Wrap, picture_in
 from isomatch.assets.polygons import Polygons, Renumbering
 from isomatch.errors import MeshError
@@ -36,6 +28,13 @@ _INDEXED: tuple[tuple[str, str, Kind, int], ...] = (("vt", "uv", "uv", 2), ("vn"
 """Keyword, name, kind and width of what a face refers to after the vertex, in this order."""
 _NAMED = ("mtllib", "o", "g", "usemtl")
 """Keywords of lines whose rest is a name."""
+_BLOCK = re.compile(rb"(?m)^#MRGB[ \t]+((?:[0-9A-Fa-f]{8})+)[ \t]*$")
+"""Colours of ZBrush in comments: for each vertex a mask, red, green and blue, two hexadecimal digits each."""
+_NUMBERS = {"-o": 3, "-s": 3, "-t": 3, "-mm": 2}
+"""Options of a picture, with the most numbers that follow each."""
+_WORDS = ("-blendu", "-blendv", "-bm", "-boost", "-cc", "-clamp", "-imfchan", "-texres", "-type")
+_PICTURES = ("map_", "bump", "disp", "decal", "norm", "refl")
+_MISSING = "there is no such file in the folder of the OBJ file"
 
 
 @dataclass(frozen=True)
@@ -46,6 +45,11 @@ class ObjDocument:
     elements: tuple[str, ...] = ()
     encoding: str = "utf-8"
     files: Mapping[str, bytes] = field(default_factory=dict)
+
+    @property
+    def library_names(self) -> tuple[str, ...]:
+        """What may name its libraries: a whole line, as names may have blanks, or each of its words."""
+        return tuple(dict.fromkeys(name for line in self.libraries for name in (line, *line.split())))
 
     def renumbered(self, before: Asset, after: Asset, rows: Renumbering) -> ObjDocument:
         """Renumber lines and points, without those that lose a point."""
@@ -71,13 +75,13 @@ class ObjDocument:
 
 def read(data: bytes, name: str) -> Mesh:
     """Read the faces of an OBJ file. They may be polygons and may have negative indices."""
-    _, points, corners, sizes = _geometry(read_lines(name, data, continued=True))
+    _, points, corners, sizes = _geometry(_text.read_lines(name, data, continued=True))
     return Mesh(points, Polygons(corners, sizes, points).triangles)
 
 
 def read_asset(data: bytes, name: str) -> Asset:
     """Read an OBJ file with colours of vertices, texture coordinates and normals of corners, groups and materials."""
-    lines = read_lines(name, data, continued=True, named=_NAMED)
+    lines = _text.read_lines(name, data, continued=True, named=_NAMED)
     vertices, points, corners, sizes = _geometry(lines)
     attributes, notes = read_colours(vertices, data)
     face_lines = lines.starting_with("f")
@@ -90,15 +94,16 @@ def read_asset(data: bytes, name: str) -> Asset:
     for attribute, keyword in _STATEMENTS.items():
         if len(statements[keyword]):
             attributes.append(_labels(attribute, statements[keyword], face_lines, encoding))
-    libraries = tuple(text.decode(encoding) for text in texts(statements["mtllib"]))
+    libraries = tuple(text.decode(encoding) for text in statements["mtllib"].texts)
     elements = tuple(
         f"{keyword} {text.decode()}"
         for keyword in "pl"
-        for text in texts(lines.starting_with(keyword))
+        for text in lines.starting_with(keyword).texts
         if text.replace(b" ", b"").isdigit()
     )
-    document = ObjDocument(libraries, elements, encoding, read_libraries(libraries, Path(name).parent))
-    polygons, frame = Polygons(corners, sizes), told_frame(data)
+    document = ObjDocument(libraries, elements, encoding)
+    document = replace(document, files=_read_libraries(document, Path(name).parent))
+    polygons, frame = Polygons(corners, sizes), _text.told_frame(data)
     return Asset(points, polygons, tuple(attributes), document=document, notes=notes, frame=frame)
 
 
@@ -106,15 +111,12 @@ def keeps(attribute: Attribute) -> bool:
     """Whether OBJ has a place for an attribute."""
     if attribute.domain == "face":
         return attribute.kind == "label" and attribute.name in _STATEMENTS
-    if attribute.kind == "colour":
-        return attribute.domain == "point"
-    return attribute.kind in ("uv", "normal")
+    return attribute.kind in ("uv", "normal") or (attribute.domain, attribute.kind) == ("point", "colour")
 
 
 def write(asset: Asset) -> bytes:
     """Write an OBJ file; colours follow the positions as three numbers from 0 to 1."""
     document = asset.document if isinstance(asset.document, ObjDocument) else ObjDocument()
-    corners, sizes = asset.polygons.corners, asset.polygons.sizes
     if not len(asset.points):
         raise MeshError("there are no points, and an OBJ file without any cannot be read; write a .ply file")
     asset.require_points()
@@ -124,17 +126,13 @@ def write(asset: Asset) -> bytes:
         "".join([*document.libraries, *names]).encode(encoding)
     except UnicodeEncodeError:  # which has no letters for a name
         encoding = "utf-8"
-    lines = [
-        comments(asset.frame).encode(encoding, "backslashreplace"),
-        *(f"mtllib {library}\n".encode(encoding, "backslashreplace") for library in document.libraries),
-        _vertices(asset),
-    ]
-    indices = [corners]
+    head = _text.comments(asset.frame) + "".join(f"mtllib {library}\n" for library in document.libraries)
+    lines, indices = [head.encode(encoding, "backslashreplace"), _vertices(asset)], [asset.polygons.corners]
     for keyword, _, kind, width in _INDEXED:
         table, index = _table(asset, kind, width)
-        lines.append(format_rows(f"{keyword}{' %r' * width}\n", table))
+        lines.append(_text.format_rows(f"{keyword}{' %r' * width}\n", table))
         indices.append(index)
-    lines.append(_faces(asset, indices, sizes, encoding))
+    lines.append(_faces(asset, indices, encoding))
     lines += [f"{element}\n".encode() for element in document.elements]
     return b"".join(lines)
 
@@ -142,13 +140,13 @@ def write(asset: Asset) -> bytes:
 def _vertices(asset: Asset) -> bytes:
     colours = asset.of_kind("colour")
     if not colours:
-        return format_rows("v %r %r %r\n", asset.points)
+        return _text.format_rows("v %r %r %r\n", asset.points)
     colors = colours[0].fractions[:, :3]
     template = "v %r %r %r" + (" %r %r %r" if colours[0].values.dtype.kind == "f" else " %.6g %.6g %.6g")
     rows, is_coloured = np.hstack([asset.points, colors]), ~np.isnan(colors.sum(axis=1))
     lines = np.full(len(rows), b"", dtype=object)
-    lines[~is_coloured] = format_rows("v %r %r %r\n", rows[~is_coloured, :3]).splitlines(keepends=True)
-    lines[is_coloured] = format_rows(f"{template}\n", rows[is_coloured]).splitlines(keepends=True)
+    lines[~is_coloured] = _text.format_rows("v %r %r %r\n", rows[~is_coloured, :3]).splitlines(keepends=True)
+    lines[is_coloured] = _text.format_rows(f"{template}\n", rows[is_coloured]).splitlines(keepends=True)
     return b"".join(lines)
 
 
@@ -157,21 +155,20 @@ def _table(asset: Asset, kind: Kind, width: int) -> tuple[AnyArray, IntArray]:
     corners, attributes = asset.polygons.corners, asset.of_kind(kind)
     if not attributes:
         return np.zeros((0, width)), np.full(len(corners), -1)
-    values = attributes[0].values[:, :width].astype(np.float64)
+    values, of_points = attributes[0].values[:, :width].astype(np.float64), attributes[0].domain == "point"
     rows = np.flatnonzero(~np.isnan(values).any(axis=1))
-    of_points = attributes[0].domain == "point"
     kept, place = (np.arange(len(rows)),) * 2 if of_points else welded(values[rows])
     index = np.full(len(values), -1)
     index[rows] = place
     return values[rows[kept]], index[corners] if of_points else index
 
 
-def _faces(asset: Asset, indices: list[IntArray], sizes: IntArray, encoding: str) -> bytes:
-    vertex, texture, normal = indices
+def _faces(asset: Asset, indices: list[IntArray], encoding: str) -> bytes:
+    sizes, (vertex, texture, normal) = asset.polygons.sizes, indices
     statements = [a for name in _STATEMENTS for a in asset.attributes if (a.name, a.domain) == (name, "face")]
     plain = (texture < 0).all() and (normal < 0).all()
     if plain and not statements and (sizes == 3).all():
-        return format_rows("f %d %d %d\n", vertex.reshape(-1, 3) + 1)
+        return _text.format_rows("f %d %d %d\n", vertex.reshape(-1, 3) + 1)
     words = np.zeros(len(vertex), dtype=object)
     for template, rows, used in (
         ("%d", (texture < 0) & (normal < 0), [vertex]),
@@ -180,10 +177,11 @@ def _faces(asset: Asset, indices: list[IntArray], sizes: IntArray, encoding: str
         ("%d/%d/%d", (texture >= 0) & (normal >= 0), indices),
     ):
         table = np.stack([index[rows] + 1 for index in used], axis=1)
-        words[rows] = format_rows(f"{template} ", table).decode().split()
-    parts: list[tuple[IntArray, AnyArray]] = [_changes(statement) for statement in statements]
-    parts += [(np.ones(len(sizes), dtype=np.int64), np.full(len(sizes), "f", object)), (sizes, words)]
-    return interleaved_lines(parts, len(sizes), encoding)
+        words[rows] = _text.format_rows(f"{template} ", table).decode().split()
+    keyword = np.ones(len(sizes), dtype=np.int64), np.full(len(sizes), "f", object)
+    return _text.interleaved_lines(
+        [*map(_changes, statements), keyword, (sizes, words)], len(sizes), encoding
+    )
 
 
 def _indexed(table_lines: TextLines, keyword: str, width: int, words: TextLines, which: int) -> FloatArray:
@@ -201,8 +199,7 @@ def _indexed(table_lines: TextLines, keyword: str, width: int, words: TextLines,
     if not inside.all():
         row = int(np.searchsorted(np.cumsum(rows.counts), np.argmin(inside), side="right"))
         words.fail(row, f"indices of the {len(table_lines)} {keyword} lines")
-    values: FloatArray = table[index]
-    return values
+    return table[index]
 
 
 def _changes(attribute: Attribute) -> tuple[IntArray, AnyArray]:
@@ -219,7 +216,7 @@ def _changes(attribute: Attribute) -> tuple[IntArray, AnyArray]:
 
 def _labels(name: str, statements: TextLines, face_lines: TextLines, encoding: str) -> Attribute:
     """Make a label of what the last statement before each face said."""
-    words = ["", *(text.decode(encoding) for text in texts(statements))]
+    words = ["", *(text.decode(encoding) for text in statements.texts)]
     codes = {word: code for code, word in enumerate(dict.fromkeys(words))}
     code_of = np.array([codes[word] for word in words])
     values = code_of[np.searchsorted(statements.numbers, face_lines.numbers)]
@@ -248,22 +245,16 @@ def _from_zero(corners: IntArray, rows: NumberRows, vertex_lines: TextLines) -> 
     return np.where(backwards, corners + np.repeat(read_before, rows.counts), corners - 1)
 
 
-_BLOCK = re.compile(rb"(?m)^#MRGB[ \t]+((?:[0-9A-Fa-f]{8})+)[ \t]*$")
-"""Colours of ZBrush in comments: for each vertex a mask, red, green and blue, two hexadecimal digits each."""
-
-
 def read_colours(vertices: NumberRows, data: bytes) -> tuple[list[Attribute], tuple[str, ...]]:
     """Read what follows the positions, ``r g b`` or ``r g b a``, or the blocks in comments; and notes on them."""
-    counts, n = vertices.counts, len(vertices.counts)
+    counts, n, notes = vertices.counts, len(vertices.counts), []
     coloured = counts >= 6
-    notes = []
-    if (counts == 4).any():
-        n_weights = int((counts == 4).sum())
+    if n_weights := int((counts == 4).sum()):
         notes.append(f"{n_weights} vertices have a weight after the position, which is left out")
     if coloured.any():
         values = vertices.columns(3, 4 if (counts > 6).any() else 3)
         values[~coloured] = np.nan
-        colours = bytes_or_floats(values)
+        colours = _text.bytes_or_floats(values)
     else:
         blocks = _BLOCK.finditer(data.replace(b"\r", b"\n")) if b"#MRGB" in data else ()
         digits = b"".join(block[1] for block in blocks).decode()
@@ -281,51 +272,41 @@ def read_colours(vertices: NumberRows, data: bytes) -> tuple[list[Attribute], tu
     return [attribute], tuple(filter(None, [*notes, attribute.note_of_missing]))
 
 
-_NUMBERS = {"-o": 3, "-s": 3, "-t": 3, "-mm": 2}
-"""Options of a picture, with the most numbers that follow each."""
-_WORDS = ("-blendu", "-blendv", "-bm", "-boost", "-cc", "-clamp", "-imfchan", "-texres", "-type")
-_PICTURES = ("map_", "bump", "disp", "decal", "norm", "refl")
-
-
-def read_libraries(lines: tuple[str, ...], folder: Path) -> dict[str, bytes]:
-    """Read the libraries that lines of ``mtllib`` name, and the pictures that these name, by their names."""
-    libraries = {
-        name: content
-        for line in lines
-        for name in (line, *line.split())  # one, whose name may have blanks, or several
-        if (content := content_beside(name, folder)) is not None
-        and any(keyword == "newmtl" for keyword, _ in _statements(content))  # nothing else is copied
-    }
-    pictures = {
-        name: content
-        for library in libraries.values()
-        for keyword, rest in _statements(library)
-        if keyword.startswith(_PICTURES)
-        and (content := content_beside(name := _options(rest)[1], folder, picture_in)) is not None
-    }
+def _read_libraries(document: ObjDocument, folder: Path) -> dict[str, bytes]:
+    """Read the libraries of a document, and the pictures that these name, by their names."""
+    libraries, pictures = dict[str, bytes](), dict[str, bytes]()
+    for name in document.library_names:
+        content = content_beside(name, folder)
+        if content is not None and "newmtl" in dict(_statements(content)):  # nothing else is copied
+            libraries[name] = content
+    for library in libraries.values():
+        for keyword, rest in _statements(library):
+            name = _options(rest)[1]
+            if (
+                keyword.startswith(_PICTURES)
+                and (content := content_beside(name, folder, picture_in)) is not None
+            ):
+                pictures[name] = content
     return libraries | pictures
 
 
-def materials_of_libraries(files: Mapping[str, bytes], libraries: tuple[str, ...]) -> dict[str, Look]:
+def materials_of(document: ObjDocument) -> dict[str, Look]:
     """Return the look of each material, by its name."""
-    names = (name for line in libraries for name in (line, *line.split()))
     said: dict[str, dict[str, str]] = {}
-    for library in dict.fromkeys(names):
+    for library in document.library_names:
         of_material: dict[str, str] = {}
-        for keyword, rest in _statements(files.get(library, b"")):
+        for keyword, rest in _statements(document.files.get(library, b"")):
             if keyword == "newmtl":
                 of_material = said.setdefault(rest, {})
             else:
                 of_material[keyword] = rest
-    return {name: _look(name, each, files) for name, each in said.items()}
+    return {name: _look(name, each, document.files) for name, each in said.items()}
 
 
-def library_of(
-    names: tuple[str, ...], layers: tuple[Layer, ...], pictures: Mapping[Picture, str], encoding: str
-) -> bytes:
-    """Write a library of layers under these names; pictures have names too, or keep their own."""
+def library_of(layers: Mapping[str, Layer], pictures: Mapping[Picture, str], encoding: str) -> bytes:
+    """Write a library of layers by their names; pictures have names too, or keep their own."""
     lines = []
-    for name, layer in zip(names, layers):
+    for name, layer in layers.items():
         lines += [f"newmtl {name}", "Kd " + " ".join(f"{x:.6g}" for x in layer.tint[:3])]
         if len(layer.tint) > 3 and layer.tint[3] < 1:
             lines.append(f"d {layer.tint[3]:.6g}")
@@ -348,10 +329,9 @@ def renamed(library: bytes, names: Mapping[str, str]) -> bytes:
 
 def _encoded(text: str, encoding: str) -> bytes:
     """Write a text in an encoding, or in UTF-8 where that has no letters for it."""
-    try:
+    with suppress(UnicodeEncodeError):
         return text.encode(encoding)
-    except UnicodeEncodeError:
-        return text.encode(errors="backslashreplace")
+    return text.encode(errors="backslashreplace")
 
 
 def _look(name: str, said: Mapping[str, str], files: Mapping[str, bytes]) -> Look:

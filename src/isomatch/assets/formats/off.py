@@ -9,18 +9,8 @@ import numpy as np
 
 from isomatch.assets.asset import Asset
 from isomatch.assets.attribute import Attribute, Kind
-from isomatch.assets.formats._text import (
-    NumberRows,
-    TextLines,
-    bytes_or_floats,
-    comments,
-    format_rows,
-    interleaved_lines,
-    is_count,
-    numbered,
-    read_lines,
-    told_frame,
-)
+from isomatch.assets.formats import _text
+from isomatch.assets.formats._text import NumberRows, TextLines
 from isomatch.assets.polygons import Polygons, spans
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import FloatArray, IntArray
@@ -34,31 +24,17 @@ class _Tables(NamedTuple):
 
     letters: str  # before OFF
     vertices: NumberRows
+    points: FloatArray  # (n, 3) positions
     faces: NumberRows
+    corners: IntArray  # of all faces, one after another
     sizes: IntArray  # of each face
     notes: list[str]
-
-    @property
-    def points(self) -> FloatArray:
-        """(n, 3) positions; with the letter 4 the first three numbers are divided by the fourth."""
-        if "4" not in self.letters:
-            return self.vertices.leading(3, "at least 3 numbers x y z of a vertex")
-        rows = self.vertices.leading(4, "at least 4 numbers x y z w of a vertex")
-        with np.errstate(all="ignore"):
-            positions: FloatArray = rows[:, :3] / rows[:, 3:]
-        return positions
-
-    @property
-    def corners(self) -> IntArray:
-        """The corners of all faces, one after another."""
-        return self.faces.whole(spans(self.faces.starts + 1, self.sizes), "whole vertex indices")
 
 
 def read(data: bytes, name: str) -> Mesh:
     """Read an OFF, COFF, NOFF, 4OFF or STOFF file. Counts may be on the header line; faces may have colours."""
-    tables = _tables(read_lines(name, data))
-    points = tables.points
-    return Mesh(points, Polygons(tables.corners, tables.sizes, points).triangles)
+    tables = _tables(_text.read_lines(name, data))
+    return Mesh(tables.points, Polygons(tables.corners, tables.sizes, tables.points).triangles)
 
 
 def read_asset(data: bytes, name: str) -> Asset:
@@ -66,9 +42,8 @@ def read_asset(data: bytes, name: str) -> Asset:
 
     Three or four numbers after the positions are colours if they can be, whatever the header says.
     """
-    tables = _tables(read_lines(name, data))
-    rows, letters, notes = tables.vertices, tables.letters, tables.notes
-    points, attributes = tables.points, []
+    tables = _tables(_text.read_lines(name, data))
+    rows, letters, notes, attributes = tables.vertices, tables.letters, tables.notes, []
     start, n_last = 4 if "4" in letters else 3, 2 if "ST" in letters else 0
     if "N" in letters:
         attributes.append(Attribute("normal", "point", "normal", rows.columns(start, 3)))
@@ -79,7 +54,7 @@ def read_asset(data: bytes, name: str) -> Asset:
     is_byte = (numbers == np.rint(numbers)).all() and (numbers <= 255).all()
     may_be_colours = (numbers >= 0).all() and (is_byte or (numbers <= 1).all())
     if n_left in (3, 4) and ("C" in letters or may_be_colours):
-        attributes.append(Attribute("color", "point", "colour", bytes_or_floats(values)))
+        attributes.append(Attribute("color", "point", "colour", _text.bytes_or_floats(values)))
     elif n_left > 0:
         what = _MAP if "C" in letters and n_left == 1 else f"{n_left} numbers after the positions"
         notes.append(f"{what} of vertices are left out")
@@ -88,14 +63,14 @@ def read_asset(data: bytes, name: str) -> Asset:
     n_left = int((tables.faces.counts - tables.sizes).max(initial=1)) - 1
     if n_left in (3, 4):
         values = tables.faces.columns(1 + tables.sizes, n_left)
-        attributes.append(Attribute("color", "face", "colour", bytes_or_floats(values)))
+        attributes.append(Attribute("color", "face", "colour", _text.bytes_or_floats(values)))
     elif n_left > 0:
         what = _MAP if n_left == 1 else f"{n_left} numbers after the corners"
         notes.append(f"{what} of faces are left out")
     kept = [attribute for attribute in attributes if not np.isnan(attribute.values).all()]
     notes += [note for attribute in kept if (note := attribute.note_of_missing)]
     polygons = Polygons(tables.corners, tables.sizes)
-    return Asset(points, polygons, tuple(kept), notes=tuple(notes), frame=told_frame(data))
+    return Asset(tables.points, polygons, tuple(kept), notes=tuple(notes), frame=_text.told_frame(data))
 
 
 def keeps(attribute: Attribute) -> bool:
@@ -120,15 +95,16 @@ def write(asset: Asset) -> bytes:
     sizes, corners = asset.polygons.sizes, asset.polygons.corners
     colours = [attribute for attribute in asset.of_kind("colour") if attribute.domain == "face"]
     if (sizes == 3).all() and not colours:
-        faces = format_rows("3 %d %d %d\n", corners.reshape(-1, 3))
+        faces = _text.format_rows("3 %d %d %d\n", corners.reshape(-1, 3))
     else:
-        words = [(np.ones(len(sizes), dtype=np.int64), numbered(sizes)), (sizes, numbered(corners))]
+        once = np.ones(len(sizes), dtype=np.int64)
+        words = [(once, _text.numbered(sizes)), (sizes, _text.numbered(corners))]
         for values, notation in map(_colours, colours):
             has_colour = ~np.isnan(values).any(axis=1)
-            words.append((values.shape[1] * has_colour, numbered(values[has_colour].ravel(), notation)))
-        faces = interleaved_lines(words, len(sizes))
-    head = f"{letters}OFF\n{comments(asset.frame)}{len(asset.points)} {len(sizes)} 0\n".encode()
-    return head + format_rows(f"{template}\n", np.hstack(columns)) + faces
+            words.append((values.shape[1] * has_colour, _text.numbered(values[has_colour].ravel(), notation)))
+        faces = _text.interleaved_lines(words, len(sizes))
+    head = f"{letters}OFF\n{_text.comments(asset.frame)}{len(asset.points)} {len(sizes)} 0\n".encode()
+    return head + _text.format_rows(f"{template}\n", np.hstack(columns)) + faces
 
 
 def _colours(attribute: Attribute) -> tuple[FloatArray, str]:
@@ -147,12 +123,12 @@ def _tables(lines: TextLines) -> _Tables:
     if header and "nOFF" not in first:
         row = 0 if header["rest"] else 1
         words = header["rest"].split() if row == 0 else (lines.row(1).split() if len(lines) > 1 else [])
-    elif len(words) == 3 and all(map(is_count, words)) and sum(map(int, words[:2])) == len(lines) - 1:
+    elif len(words) == 3 and all(map(_text.is_count, words)) and sum(map(int, words[:2])) == len(lines) - 1:
         notes.append("the word OFF is missing in the first line")
     else:
         expected = "the header OFF (or COFF, NOFF, STOFF, 4OFF) of a text file"
         lines.fail(0, expected, "add it or export the file again")
-    if len(words) not in (2, 3) or not all(map(is_count, words)):
+    if len(words) not in (2, 3) or not all(map(_text.is_count, words)):
         lines.fail(row, "the number of vertices, of faces and of edges")
     n_vertices, n_faces, body = int(words[0]), int(words[1]), lines[row + 1 :]
     if len(body) != n_vertices + n_faces:
@@ -162,4 +138,11 @@ def _tables(lines: TextLines) -> _Tables:
     sizes = faces.whole(faces.starts, "the number of corners of a face")
     faces.require(sizes >= 3, "a face of at least 3 corners")
     faces.require(faces.counts > sizes, "the number of corners of a face, then as many vertex indices")
-    return _Tables(header["letters"].upper() if header else "", vertices, faces, sizes, notes)
+    letters = header["letters"].upper() if header else ""
+    width, names = (4, "x y z w") if "4" in letters else (3, "x y z")
+    points = vertices.leading(width, f"at least {width} numbers {names} of a vertex")
+    if width == 4:
+        with np.errstate(all="ignore"):
+            points = points[:, :3] / points[:, 3:]
+    corners = faces.whole(spans(faces.starts + 1, sizes), "whole vertex indices")
+    return _Tables(letters, vertices, points, faces, corners, sizes, notes)

@@ -15,16 +15,9 @@ import numpy as np
 
 from isomatch.assets.asset import Asset, Frame
 from isomatch.assets.attribute import Attribute, Domain, Kind, guessed_kind, told_apart
+from isomatch.assets.formats import _text
 from isomatch.assets.formats._reading import content_beside, unexpected
-from isomatch.assets.formats._text import (
-    TextLines,
-    interleaved,
-    interleaved_lines,
-    is_count,
-    is_whole,
-    numbered,
-    read_lines,
-)
+from isomatch.assets.formats._text import TextLines
 from isomatch.assets.materials import picture_in
 from isomatch.assets.polygons import Polygons, Renumbering, spans
 from isomatch.errors import FormatError, MeshError
@@ -88,7 +81,8 @@ class Column:
         """The values in the type that the header declares, which text need not keep to."""
         if self.type.kind != "f" and self.values.dtype.kind == "f":
             limits = np.iinfo(self.type.str)
-            if not (is_whole(self.values) & (limits.min <= self.values) & (self.values <= limits.max)).all():
+            is_whole = _text.is_whole(self.values).all()
+            if not is_whole or (self.values < limits.min).any() or (self.values > limits.max).any():
                 return self.values
         with np.errstate(over="ignore"):
             return self.values.astype(self.type.newbyteorder("="))
@@ -119,6 +113,7 @@ class Element:
 
 
 Names = Mapping[tuple[str, Domain], tuple[str, ...]]  # the properties of each attribute
+Declared = Mapping[str, tuple[int, list[Column]]]  # of each element, the number of rows and the columns
 
 
 @dataclass(frozen=True)
@@ -170,16 +165,14 @@ def read(data: bytes, name: str) -> Mesh:
 
 def read_asset(data: bytes, name: str) -> Asset:
     """Read a PLY file with all properties of its vertices and faces, and its other elements as they are."""
-    elements, byte_order, comments = _elements(data, name)
+    elements, order, comments = _elements(data, name)
     points, (corners, sizes, index_list) = _positions(elements, name), _polygons(elements, name)
     vertex, face = elements.pop("vertex"), elements.pop("face", Element())
-    of_points, point_names, other_of_points = _attributes(vertex, "point", "xyz", sizes)
-    of_faces, face_names, other_of_faces = _attributes(face, "face", (index_list,), sizes)
+    of_points, point_names, point_lists = _attributes(vertex, "point", "xyz", sizes)
+    of_faces, face_names, face_lists = _attributes(face, "face", (index_list,), sizes)
     single = {each.type.str[1:] for each in vertex.columns if each.name == "x"} == {"f4"}
     names, positions = {**point_names, **face_names}, "f4" if single else "f8"
-    document = PlyDocument(
-        byte_order, comments, positions, index_list, names, other_of_points, other_of_faces, elements
-    )
+    document = PlyDocument(order, comments, positions, index_list, names, point_lists, face_lists, elements)
     pictures = {each: content_beside(each, Path(name).parent, picture_in) for each in document.textures}
     document = replace(document, files={each: data for each, data in pictures.items() if data is not None})
     frame = Frame.of_lines(*map(_text_of, comments))
@@ -242,11 +235,11 @@ def _elements(data: bytes, name: str) -> tuple[dict[str, Element], str, tuple[st
         match lines.row(i).split():
             case ["comment" | "obj_info", *_]:
                 comments.append(lines.row(i))
-            case ["element", element, n_rows] if is_count(n_rows) and element not in declared:
+            case ["element", element, n_rows] if _text.is_count(n_rows) and element not in declared:
                 columns = []
                 declared[element] = int(n_rows), columns
             case ["property", "list", number, kind, column] if (
-                declared and kind in _TYPES and number in _TYPES and _TYPES[number] in _COUNT_TYPES
+                declared and kind in _TYPES and _TYPES.get(number) in _COUNT_TYPES
             ):
                 count_type = np.dtype(order + _TYPES[number])
                 columns.append(Column(column, np.dtype(order + _TYPES[kind]), count_type))
@@ -257,7 +250,7 @@ def _elements(data: bytes, name: str) -> tuple[dict[str, Element], str, tuple[st
                 lines.fail(i, f"'element NAME COUNT' of a new name, {properties}")
         if i - len(comments) > _MOST_DECLARED:
             lines.fail(i, f"at most {_MOST_DECLARED} elements and properties", "remove those not needed")
-    read_body = _binary if order else _text
+    read_body = _in_binary if order else _in_text
     return read_body(data, name, n_bytes, len(lines), declared), order, tuple(comments)
 
 
@@ -274,11 +267,8 @@ def _header_lines(data: bytes, name: str) -> tuple[TextLines, int]:
     return TextLines(name, np.frombuffer(text, np.uint8), np.arange(1, text.count(b"\n") + 1)), end + 1
 
 
-Declared = Mapping[str, tuple[int, list[Column]]]
-
-
-def _text(data: bytes, name: str, n_bytes: int, n_lines: int, declared: Declared) -> dict[str, Element]:
-    lines, elements, start = read_lines(name, data[n_bytes:], before=n_lines), dict[str, Element](), 0
+def _in_text(data: bytes, name: str, n_bytes: int, n_lines: int, declared: Declared) -> dict[str, Element]:
+    lines, elements, start = _text.read_lines(name, data[n_bytes:], before=n_lines), dict[str, Element](), 0
     for element, (n_rows, columns) in declared.items():
         stop = start + (n_rows if columns else 0)
         if stop > len(lines):
@@ -304,22 +294,19 @@ def _text(data: bytes, name: str, n_bytes: int, n_lines: int, declared: Declared
     return elements
 
 
-def _binary(data: bytes, name: str, position: int, _: int, declared: Declared) -> dict[str, Element]:
+def _in_binary(data: bytes, name: str, position: int, _: int, declared: Declared) -> dict[str, Element]:
     elements = dict[str, Element]()
     for element, (n_rows, columns) in declared.items():
         held, end = _uniform(columns, n_rows, data, position) or _mixed(columns, n_rows, data, position)
         if end > len(data):
-            expected, remedy = (
-                f"{n_rows} rows of element {element}",
-                "it is cut short or damaged, copy or export it again",
-            )
-            raise unexpected(f"{name}: byte {len(data)}", expected, "the end of the file", remedy)
+            place, expected = f"{name}: byte {len(data)}", f"{n_rows} rows of element {element}"
+            remedy = "it is cut short or damaged, copy or export it again"
+            raise unexpected(place, expected, "the end of the file", remedy)
         elements[element], position = Element(tuple(held), n_rows, f"{name}: byte {position}"), end
     if data[position:].strip():
-        raise FormatError(
-            f"{name}: byte {position}: expected the end of the file, found {len(data) - position} more "
-            "bytes; the counts in the header do not fit the data, export the file again"
-        )
+        place, found = f"{name}: byte {position}", f"{len(data) - position} more bytes"
+        remedy = "the counts in the header do not fit the data, export the file again"
+        raise unexpected(place, "the end of the file", found, remedy)
     return elements
 
 
@@ -352,17 +339,14 @@ def _uniform(columns: list[Column], n_rows: int, data: bytes, start: int) -> tup
 
 def _mixed(columns: list[Column], n_rows: int, data: bytes, start: int) -> tuple[list[Column], int]:
     """Read rows that differ in length; the end is after that of the data if these end before."""
-    too_far = len(data) + 1
+    too_far, end, n_rows = len(data) + 1, start, n_rows if columns else 0
     sizes = [column.type.itemsize for column in columns]
     types = [column.count_type or np.dtype("V0") for column in columns]
-    least = sum(kind.itemsize or size for kind, size in zip(types, sizes))
-    n_rows = n_rows if columns else 0
-    if n_rows * least > len(data) - start:
+    if n_rows * sum(kind.itemsize or size for kind, size in zip(types, sizes)) > len(data) - start:
         return [], too_far
     orders = ["big" if kind.byteorder == ">" else "little" for kind in types]
     plan = list(zip([kind.itemsize for kind in types], orders, [kind.kind == "i" for kind in types], sizes))
     told: list[int] = []  # the number of values of each property, row by row
-    end = start
     for _ in range(n_rows):
         for n_bytes, order, is_signed, size in plan:
             count = 1
@@ -409,7 +393,7 @@ def _polygons(elements: Mapping[str, Element], name: str) -> tuple[IntArray, Int
     corners, counts = lists[0].values, lists[0].counts
     small, broken = np.flatnonzero(counts < 3), counts[:0]
     if corners.dtype.kind == "f":
-        broken = np.repeat(np.arange(len(counts)), counts)[~is_whole(corners)]
+        broken = np.repeat(np.arange(len(counts)), counts)[~_text.is_whole(corners)]
     for rows, expected in ((small, "a face of at least 3 corners"), (broken, "whole vertex indices")):
         if len(rows):
             raise FormatError(
@@ -535,8 +519,8 @@ def _rows(element: Element, byte_order: str) -> bytes:
         fields.append((once if column.counts is None else column.counts, column.values, column.type.str[1:]))
     if not byte_order:
         formats = {"f4": "%.9g", "f8": "%r"}
-        words = [(each, numbered(values, formats.get(kind, "%d"))) for each, values, kind in fields]
-        return interleaved_lines(words, n_rows)
+        words = [(each, _text.numbered(values, formats.get(kind, "%d"))) for each, values, kind in fields]
+        return _text.interleaved_lines(words, n_rows)
     if all((each == each[:1]).all() for each, _, _ in fields):
         row = [(f"{i}", byte_order + kind, (each[:1].sum(),)) for i, (each, _, kind) in enumerate(fields)]
         rows = np.zeros(n_rows, row)
@@ -547,4 +531,4 @@ def _rows(element: Element, byte_order: str) -> bytes:
         (each * int(kind[1:]), np.ascontiguousarray(values, byte_order + kind).view(np.uint8))
         for each, values, kind in fields
     ]
-    return interleaved(octets, n_rows, np.uint8).tobytes()
+    return _text.interleaved(octets, n_rows, np.uint8).tobytes()

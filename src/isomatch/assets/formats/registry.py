@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -33,9 +34,7 @@ class MeshFormat:
     has_opacity: bool = True  # of colours
     keeps_frame: Callable[[Frame], bool] = lambda frame: not frame.has_space  # but axes and a unit, in words
     axes: Axes | None = None  # in which all its files are
-    middles: Callable[[Asset], FloatArray] | None = (
-        None  # what is taken from points before they become floats
-    )
+    middles: Callable[[Asset], FloatArray] | None = None  # taken from points before they become floats
 
     def missing(self, attribute: Attribute) -> list[Attribute]:
         """Return what has no place of an attribute that has one."""
@@ -56,7 +55,8 @@ def _with_attributes(
     """Make a format whose meshes are read with all that the file holds."""
 
     def read(data: bytes, name: str) -> Mesh:
-        asset = checked(read_asset, data, name)
+        with naming(name):
+            asset = read_asset(data, name)
         return Mesh(asset.placed_points, asset.polygons.triangles)
 
     return MeshFormat(read, write, read_asset=read_asset, **others)
@@ -69,19 +69,9 @@ def _fits_title(frame: Frame) -> bool:
 _BINARY = frozenset({"binary"})
 _PLAIN: dict[str, Any] = {"single": frozenset({"colour", "normal", "uv"}), "has_opacity": False}
 _SINGLE: dict[str, Any] = {"middles": lambda asset: np.zeros(3)}
-_GLTF: dict[str, Any] = {
-    "keeps": gltf.keeps,
-    "has_parts": True,
-    "has_names": True,
-    "middles": gltf.middles,
-}
-_GIFTI: dict[str, Any] = {
-    "keeps": gifti.keeps,
-    "has_names": True,
-    "keeps_frame": lambda frame: True,
-    **_SINGLE,
-}
-_VTK: dict[str, Any] = {"keeps": vtk.keeps, "options": _BINARY}
+_GLTF: dict[str, Any] = {"keeps": gltf.keeps, "has_parts": True, "has_names": True, "middles": gltf.middles}
+_GIFTI = {"keeps": gifti.keeps, "has_names": True, "keeps_frame": lambda frame: True, **_SINGLE}
+_VTK: dict[str, Any] = {"keeps": lambda attribute: attribute.domain != "corner", "options": _BINARY}
 _FREESURFER: dict[str, Any] = {"keeps_frame": lambda frame: frame.is_in_volume, "axes": "RAS", **_SINGLE}
 
 FORMATS: dict[str, MeshFormat] = {
@@ -125,9 +115,10 @@ def format_of(path: Path, reading: bool = False) -> MeshFormat:
     raise FormatError(f"{path}: {told} is not a mesh format; use one of {known}")
 
 
-def checked(read: Callable[[bytes, str], Asset], data: bytes, name: str) -> Asset:
-    """Read a file, and name it where what it holds does not fit together."""
+@contextmanager
+def naming(name: str) -> Iterator[None]:
+    """Name a file where what it holds does not fit together."""
     try:
-        return read(data, name)
+        yield
     except InputError as error:
         raise FormatError(f"{name}: {error}") from None

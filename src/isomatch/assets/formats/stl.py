@@ -29,7 +29,7 @@ def read_asset(data: bytes, name: str) -> Asset:
     is_text = data.removeprefix(b"\xef\xbb\xbf").lstrip()[:5].lower() in (b"solid", b"facet")
     # binary files may start with it, too
     if is_text and b"\0" not in data[: _HEADER_SIZE + _TRIANGLE.itemsize]:
-        (corners, notes), attributes = _read_text(read_lines(name, data, lower=True)), list[Attribute]()
+        (corners, notes), attributes = _read_text(read_lines(name, data.lower())), list[Attribute]()
     else:
         triangles, notes = _triangles(data, name)
         with np.errstate(invalid="ignore"):  # which a signalling nan sets
@@ -39,9 +39,8 @@ def read_asset(data: bytes, name: str) -> Asset:
     points = corners.reshape(-1, 3)
     kept, vertex = welded(points)
     polygons = Polygons.of_triangles(vertex.reshape(-1, 3))
-    title = (
-        data[:TITLE].partition(b"\n")[0].partition(b" ")[2] if is_text else data[:TITLE].partition(b"\0")[0]
-    )
+    head = data[:TITLE]
+    title = head.partition(b"\n")[0].partition(b" ")[2] if is_text else head.partition(b"\0")[0]
     frame = Frame.of_lines(title.decode(errors="replace"))
     return Asset(points[kept], polygons, tuple(attributes), notes=tuple(notes), frame=frame)
 
@@ -53,7 +52,7 @@ def write(asset: Asset, binary: bool | None = None) -> bytes:
     lengths = np.linalg.norm(mesh.face_cross, axis=1, keepdims=True)
     normals = np.divide(mesh.face_cross, lengths, out=np.zeros_like(mesh.face_cross), where=lengths > 0)
     title = asset.frame.title(TITLE) if asset.frame else ""
-    if not (not asset.needs_doubles if binary is None else binary):
+    if asset.needs_doubles if binary is None else not binary:
         template = "facet normal %r %r %r\nouter loop\n" + "vertex %r %r %r\n" * 3 + "endloop\nendfacet\n"
         table = np.hstack([normals, corners.reshape(-1, 9)])
         return f"solid {title}".strip().encode() + b"\n" + format_rows(template, table) + b"endsolid\n"
@@ -78,9 +77,9 @@ def _triangles(data: bytes, name: str) -> tuple[AnyArray, list[str]]:
     elif declared > 0 and size < len(data):
         notes = [f"{len(data) - size} bytes after the triangles are left out"]
     elif len(data) != size:
-        place, remedy = f"{name}: byte {min(len(data), size)}", "the file is damaged, copy or export it again"
+        place = f"{name}: byte {min(len(data), size)}"
         expected = f"{size} bytes for the {declared} triangles declared at byte 80"
-        raise unexpected(place, expected, str(len(data)), remedy)
+        raise unexpected(place, expected, str(len(data)), "the file is damaged, copy or export it again")
     return np.frombuffer(data, _TRIANGLE, n, _HEADER_SIZE), notes
 
 

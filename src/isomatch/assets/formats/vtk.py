@@ -15,7 +15,7 @@ from io import BytesIO
 import numpy as np
 
 from isomatch.assets.asset import COMMENTS, Asset, Frame
-from isomatch.assets.attribute import Attribute, told_apart
+from isomatch.assets.attribute import told_apart
 from isomatch.assets.formats._reading import damaged, on_disk, reading
 from isomatch.assets.libraries import attributes_of, polygons_of, to_pyvista
 from isomatch.errors import FormatError, MeshError
@@ -53,10 +53,8 @@ def read(suffix: str, data: bytes, name: str) -> Asset:
         raise damaged(name, what, "it is cut short, or an array is shorter than declared")
     with reading(name, what):
         cells = polygons_of(stored["points"], stored["corners"], stored["sizes"], stored["rows"], others)
-        attributes = [
-            *attributes_of(_named(stored, "point"), "point"),
-            *attributes_of(_named(stored, "cell"), "face", cells.rows),
-        ]
+        of_points = attributes_of(_named(stored, "point"), "point")
+        attributes = [*of_points, *attributes_of(_named(stored, "cell"), "face", cells.rows)]
         told = dict(zip(stored["text_names"].tolist(), stored["texts"].tolist()))
         if suffix == ".vtk":  # its second line is a title
             told[COMMENTS] = data.split(b"\n", 2)[1].decode(errors="replace")
@@ -66,19 +64,16 @@ def read(suffix: str, data: bytes, name: str) -> Asset:
 
 def _stored(data: bytes, name: str, suffix: str, what: str) -> Mapping[str, AnyArray]:
     with reading(name, what), on_disk(data, suffix) as path:
-        # -P: nothing in the working folder is imported
-        command = [sys.executable, "-P", "-m", "isomatch.assets.formats._vtk_reader", str(path)]
+        arguments = "isomatch.assets.formats._vtk_reader", str(path), str(room_for(len(data)))
+        command = [sys.executable, "-P", "-m", *arguments]  # -P: nothing in the working folder is imported
         environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
         limit = SECONDS + len(data) / BYTES_A_SECOND
         try:
-            ended = subprocess.run(
-                [*command, str(room_for(len(data)))], env=environment, capture_output=True, timeout=limit
-            )
+            ended = subprocess.run(command, env=environment, capture_output=True, timeout=limit)
         except subprocess.TimeoutExpired:
-            raise FormatError(
-                f"{name}: reading took more than {limit:.0f} s and was ended; try again when the machine is less busy, "
-                "or export it in another format"
-            ) from None
+            told = f"{name}: reading took more than {limit:.0f} s and was ended"
+            remedy = "try again when the machine is less busy, or export it in another format"
+            raise FormatError(f"{told}; {remedy}") from None
         if ended.returncode:
             said = ended.stderr.decode(errors="replace").strip().splitlines()
             raise damaged(name, what, said[-1] if said and ended.returncode > 0 else _ENDED)
@@ -87,11 +82,8 @@ def _stored(data: bytes, name: str, suffix: str, what: str) -> Mapping[str, AnyA
 
 
 def _named(stored: Mapping[str, AnyArray], domain: str) -> dict[str, AnyArray]:
-    return {
-        name: stored[f"{domain}_{i}"]
-        for i, name in enumerate(stored[f"{domain}_names"].tolist())
-        if name != _MARK
-    }
+    names = enumerate(stored[f"{domain}_names"].tolist())
+    return {name: stored[f"{domain}_{i}"] for i, name in names if name != _MARK}
 
 
 def write(suffix: str, asset: Asset, binary: bool = True) -> bytes:
@@ -107,8 +99,3 @@ def write(suffix: str, asset: Asset, binary: bool = True) -> bytes:
             return path.read_bytes()
         version, _, rest = path.read_bytes().split(b"\n", 2)
         return b"\n".join([version, title.encode(), rest])
-
-
-def keeps(attribute: Attribute) -> bool:
-    """Whether these formats have a place for an attribute: any array of numbers on points or faces."""
-    return attribute.domain != "corner"
