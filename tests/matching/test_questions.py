@@ -45,6 +45,7 @@ def test_it_asks_where_maps_differ_and_for_their_places():
     for each in asked:
         assert cap[each.vertex]
         assert each.places == (each.vertex, other[each.vertex])
+        assert each.maps == (0, 1)
 
 
 @pytest.mark.parametrize("right", range(4))

@@ -268,5 +268,6 @@ def test_an_answer_to_a_question_is_one_click(report, visit):
     vertex, place = letters.nth(1).get_attribute("data-pair").split(",")
     letters.nth(1).click()
     assert page.locator("#noted").input_value() == f"# source, target\n{vertex}, {place}\n"
+    assert page.locator("#which").input_value() == "alternative 1"
     letters.nth(2).click()
     assert page.locator("#noted").input_value() == f"# source, target\n{vertex}, ?\n"

@@ -27,10 +27,13 @@ class Question:
         Vertex of the source.
     places : tuple of int
         Where the map puts it, and then the alternatives, as far as they differ.
+    maps : tuple of int
+        The first map that puts it there: 0, or the number of the alternative.
     """
 
     vertex: int
     places: tuple[int, ...]
+    maps: tuple[int, ...]
 
 
 def questions(source: Mesh, target: Mesh, result: MatchResult, most: int = 3) -> tuple[Question, ...]:
@@ -80,7 +83,7 @@ def questions(source: Mesh, target: Mesh, result: MatchResult, most: int = 3) ->
         open_pairs &= gap[:, best] < APART
         apart = np.linalg.norm(source.vertices[vertices] - source.vertices[vertices[best]], axis=1)
         away = np.minimum(away, apart)
-    return tuple(Question(int(vertices[k]), _different(target, images[:, k], size[1])) for k in asked)
+    return tuple(_question(int(vertices[k]), images[:, k], target, size[1]) for k in asked)
 
 
 def _spread(source: Mesh, matched: BoolArray) -> IntArray:
@@ -101,11 +104,11 @@ def _gaps(target: Mesh, one: IntArray, other: IntArray) -> FloatArray:
     return np.where(both, gap, 0.0)
 
 
-def _different(target: Mesh, images: IntArray, size: float) -> tuple[int, ...]:
-    """Keep the first of the images that are told apart."""
-    kept = list[int]()
-    for image in images[images != UNMATCHED].tolist():
-        apart = np.linalg.norm(target.vertices[kept] - target.vertices[image], axis=1) / size
+def _question(vertex: int, images: IntArray, target: Mesh, size: float) -> Question:
+    """Ask for the images of a vertex that are told apart."""
+    maps = list[int]()
+    for k in np.flatnonzero(images != UNMATCHED).tolist():
+        apart = np.linalg.norm(target.vertices[images[maps]] - target.vertices[images[k]], axis=1) / size
         if (apart >= APART).all():
-            kept.append(image)
-    return tuple(kept)
+            maps.append(k)
+    return Question(vertex, tuple(images[maps].tolist()), tuple(maps))

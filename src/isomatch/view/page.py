@@ -216,15 +216,16 @@ def list_of_questions(asked: Sequence[Question]) -> str:
     rows = "".join(
         f"<li>Point {number} (vertex {each.vertex}) "
         + "".join(
-            f'<button type="button" class="small" data-pair="{each.vertex},{place}">{letter}</button> '
-            for letter, place in zip(ascii_uppercase, each.places)
+            f'<button type="button" class="small" data-pair="{each.vertex},{place}" data-map="{k}">{letter}</button> '
+            for letter, place, k in zip(ascii_uppercase, each.places, each.maps)
         )
         + f'<button type="button" class="small" data-pair="{each.vertex},?">elsewhere</button></li>'
         for number, each in enumerate(asked, 1)
     )
     return (
         "<section><h2>Questions that decide</h2><p>Where are these points? Each letter is the place by one of the maps; "
-        "point at it to see both ends, and click the right one. Then match again with these landmarks.</p>"
+        "point at it to see both ends, and click the right one, which shows its map. Then match again with these "
+        "landmarks.</p>"
         f'<ol class="asked">{rows}</ol></section>'
     )
 

@@ -293,6 +293,7 @@ const report = (() => {
     look(0, vertex); mark.goal = where[1].get(goal);
   };
   ["pointerover", "focusin"].forEach((name) => on(document, name, ask));
+  on(document, "click", ({ target }) => { if (target.dataset?.map in maps) show(Number(target.dataset.map)); });
   const farthest = (taken) => { // the vertex with an image that is farthest from some, or from the middle
     const at = (k) => shapes[0].vertices.slice(3 * k, 3 * k + 3), known = taken.map((vertex) => where[0].get(vertex)).filter((k) => k !== undefined);
     const from = known.length ? known.map(at) : [[0, 0, 0]], { images } = maps[0];

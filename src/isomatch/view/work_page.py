@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from html import escape
 from typing import Any, get_args
 
@@ -132,7 +133,7 @@ class WorkPage:
     def _shown(self, asked: Question) -> Question:
         """Ask of vertices that are shown."""
         places = (self._drawn.shown_near("target", place) for place in asked.places)
-        return Question(self._drawn.shown_near("source", asked.vertex), tuple(places))
+        return replace(asked, vertex=self._drawn.shown_near("source", asked.vertex), places=tuple(places))
 
     def _region(self, region: DoubtfulRegion, shown: Correspondence) -> dict[str, Any]:
         """Tell of a region its share, its most doubtful vertex with the images by both maps, and the reason."""

@@ -44,7 +44,15 @@ from isomatch.matching.relations.part_registration import (
 )
 from isomatch.matching.relations.part_starts import APART, PartStarts, self_maps
 from isomatch.matching.result import Alternative, Quality
-from isomatch.matching.selection import LANDMARK_SLACK, Rules, Selection, distances_between, distinct, select
+from isomatch.matching.selection import (
+    LANDMARK_SLACK,
+    Rules,
+    Selection,
+    distances_between,
+    distinct,
+    nearest_to_priors,
+    select,
+)
 from isomatch.matching.stages import Relation
 from isomatch.matching.starts import first_maps_handed_in, nearest_in_pose, searches_by_anchors
 from isomatch.matching.verify import verifier_of
@@ -296,7 +304,8 @@ class Part(Relation):
 
     def _by_verification(self, fits: list[PartFit]) -> list[PartFit]:
         """Order maps of which none is sure by what they cost on the shapes as they are, see `verify`."""
-        if self.led or self.priors.any or len(fits) < 2:
+        fits = cast(list[PartFit], nearest_to_priors(fits, LANDMARK_SLACK))
+        if self.led or len(fits) < 2:
             return fits
         verified = verifier_of(self.pair if self.side == "source" else self.pair.turned)
         vertices = np.arange(self.source.body.n_vertices)
