@@ -29,6 +29,11 @@ class Question:
         Where the map puts it, and then the alternatives, as far as they differ.
     maps : tuple of int
         The first map that puts it there: 0, or the number of the alternative.
+
+    Examples
+    --------
+    >>> Question(vertex=7, places=(12, 80), maps=(0, 1)).places
+    (12, 80)
     """
 
     vertex: int
@@ -59,6 +64,14 @@ def questions(source: Mesh, target: Mesh, result: MatchResult, most: int = 3) ->
     Notes
     -----
     Places are compared through space, which tells apart what is apart to the eye. Linear time.
+
+    Examples
+    --------
+    >>> from isomatch import match
+    >>> from isomatch.datasets import example_pair
+    >>> source, target = (animal.mesh for animal in example_pair())
+    >>> [question.maps for question in questions(source, target, match(source, target), most=1)]
+    [(0, 1, 2)]
     """
     maps = [result.map, *(other.map for other in result.alternatives)]
     if len(maps) < 2:
