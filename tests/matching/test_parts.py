@@ -1,12 +1,13 @@
 """Parts matched to wholes, and wholes to parts."""
 
 from dataclasses import replace
+from itertools import combinations
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from isomatch import Config, Mesh, Outcome, match, prepare
+from isomatch import Config, Mesh, Outcome, match, prepare, questions, verify
 from isomatch.datasets import ground_truth
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching import Part, Priors, ShapePair, prepare_pair, stages_of
@@ -14,7 +15,7 @@ from isomatch.matching.quality import covered_share
 from isomatch.matching.solve import Case
 from isomatch.runtime.stage_timer import StageTimer
 from isomatch.settings import PartSettings
-from isomatch_lab.damage import cut, holes, limb_removed
+from isomatch_lab.damage import cut, holes, limb_removed, view
 from isomatch_lab.procedural import creature
 from isomatch_lab.sets import relabelled
 
@@ -318,3 +319,28 @@ def test_roles_are_found(bodies):
     assert roles(whole, other, part="target") == "target"
     assert roles(part, other, orientation="any") is None
     assert roles(part, other, refinement="none") is None
+
+
+@pytest.mark.long
+def test_a_view_in_doubt_is_chosen_by_verification_and_has_alternatives(bodies, prepared):
+    part = view(bodies[0], 1, seed=3).mesh
+    config = Config(parts=PartSettings(poor_doubt=1e-9, close=False))  # so that nothing is sure
+    source = prepare(part, config)
+    found = match(source, prepared, config=config)
+    assert found.outcome is Outcome.LOW_CONFIDENCE
+    maps = [found.map, *(other.map for other in found.alternatives)]
+    costs = [verify(source, prepared, each).cost for each in maps]
+    assert costs[0] == min(costs)
+    for one, other in combinations(maps, 2):
+        both = one.matched & other.matched
+        apart = prepared.mean_distance(
+            prepared.body_vertex[one.vertices[both]], prepared.body_vertex[other.vertices[both]]
+        )
+        assert apart > 0.1
+    asked = questions(part, bodies[1], found)
+    assert asked
+    assert all(len(each.places) > 1 for each in asked)
+    turned = match(prepared, source, config=config)  # the whole to its part
+    assert [other.map.shape for other in turned.alternatives] == [found.map.shape[::-1]] * len(
+        turned.alternatives
+    )
