@@ -15,6 +15,7 @@ import matplotlib
 import numpy as np
 import pytest
 from matplotlib.image import imread
+from scipy.spatial import KDTree
 
 from isomatch import (
     BothDirections,
@@ -31,6 +32,7 @@ from isomatch import (
     show_progress,
 )
 from isomatch.errors import DescriptorError, MapError, MeshError, MissingDependencyError, SettingError
+from isomatch.matching import Alternative
 from isomatch.view import ValuePanel, camera_of, html_of, notebook, summary_of
 from shapes import icosphere
 from view_results import QUALITY, map_of, result_of
@@ -285,6 +287,18 @@ def test_the_view_in_a_notebook_holds_the_arrays_and_begins_with_the_landmarks()
     assert 'sandbox="allow-scripts allow-downloads"' in html
     assert "height:500px" in html
     assert not re.search(r'(src|href)="(?!data:|#)[^"]', page.replace(html, ""))
+
+
+def test_the_view_asks_what_decides_between_the_maps_of_a_doubtful_result():
+    there = result_of(BALL)
+    half_turn = KDTree(BALL.vertices).query(BALL.vertices * [-1.0, 1.0, -1.0])[1]
+    other = Alternative(lambda: Correspondence(half_turn, BALL.n_vertices), 0.1, 1.0, "flip")
+    doubtful = replace(there, outcome=Outcome.LOW_CONFIDENCE, alternatives=(other,))
+    assert "data-pair=" in unescape(doubtful.show()._repr_html_())
+    assert (
+        "data-pair="
+        not in unescape(replace(there, outcome=Outcome.PARTIAL).show()._repr_html_()).split("<script")[0]
+    )
 
 
 @pytest.mark.skipif(HAS_ANYWIDGET, reason="anywidget is installed")

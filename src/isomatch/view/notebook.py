@@ -23,7 +23,17 @@ from isomatch.surfaces import Graph, Mesh, PointCloud, Surface, unsound_faces
 from isomatch.values.arrays import IntArray
 from isomatch.values.cached import cached_property
 from isomatch.view.measures import MEASURES, quality_measures
-from isomatch.view.page import maps_of, page_of, pairs_on, parts_of, template, text_of
+from isomatch.view.page import (
+    asked_of,
+    list_of_questions,
+    maps_of,
+    page_of,
+    pairs_asked,
+    pairs_on,
+    parts_of,
+    template,
+    text_of,
+)
 from isomatch.view.picture import SHARPNESS
 from isomatch.view.plots import draw_map, drawable, paintable, plot_surface
 from isomatch.view.scene import layers_of, scene_of
@@ -312,7 +322,9 @@ def show_result(
     """Make the view of a result for a notebook, see `MatchResult.show`."""
     source, target = drawable(source), drawable(target)
     pairs = pairs_on(landmarks, source, target)
-    scene = scene_of(source, target, maps_of(result), layers=layers_of(result), landmarks=pairs)
+    asked = asked_of(source, target, result)
+    shown = np.concatenate([pairs, pairs_asked(asked)])
+    scene = scene_of(source, target, maps_of(result), layers=layers_of(result), landmarks=shown)
     told, command = (FETCHED, MATCH_AGAIN) if clicks_return() else (STATIC, MATCH_SAVED)
     panel = template("inline_landmarks.html").substitute(told=told, command=escape(command))
     page = page_of(
@@ -325,6 +337,7 @@ def show_result(
         **parts_of(scene, result),
         picking="" if result.outcome is Outcome.CONVERGED else " checked",
         landmarks=panel,
+        details=list_of_questions(asked),
     )
     return ResultView(page, pairs, height)
 

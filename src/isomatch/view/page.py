@@ -159,10 +159,10 @@ _OF_MEASURES = ("measure", "value", "bound", "meaning")
 LIBRARIES = ("numpy", "scipy", "numba", "robust_laplacian", "matplotlib")
 
 
-def details_of(source: Mesh, target: Mesh, result: MatchResult) -> str:
-    """Make the sections below the view: what speaks against the map, other maps, all measures, and notes."""
+def details_of(source: Mesh, target: Mesh, result: MatchResult, asked: Sequence[Question]) -> str:
+    """Make the sections below the view: questions, what speaks against the map, other maps, all measures, and notes."""
     return template("details.html").substitute(
-        questions=list_of_questions(asked_of(source, target, result)),
+        questions=list_of_questions(asked),
         against=table_against(result),
         regions=table_of_regions(result),
         alternatives=pictures_of_alternatives(source, target, result),
@@ -207,6 +207,12 @@ def table_of_regions(result: MatchResult) -> str:
 def asked_of(source: Mesh, target: Mesh, result: MatchResult) -> tuple[Question, ...]:
     """Return the questions that a page asks: none where the map is sure."""
     return () if result.outcome in (Outcome.CONVERGED, Outcome.PARTIAL) else questions(source, target, result)
+
+
+def pairs_asked(asked: Iterable[Question]) -> IntArray:
+    """(q, 2) the pairs that answers would be, whose vertices are to be shown."""
+    pairs = [(each.vertex, place) for each in asked for place in each.places]
+    return np.array(pairs, dtype=np.int64).reshape(-1, 2)
 
 
 def list_of_questions(asked: Sequence[Question]) -> str:

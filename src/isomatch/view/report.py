@@ -18,6 +18,7 @@ from isomatch.view.page import (
     details_of,
     maps_of,
     page_of,
+    pairs_asked,
     pairs_on,
     paragraphs,
     parts_of,
@@ -95,8 +96,8 @@ def write_report(
     """
     pairs = pairs_on(landmarks, source, target)
     every = layers_of(result) | user_layers(layers or {}, source.n_vertices)
-    asked = [(each.vertex, place) for each in asked_of(source, target, result) for place in each.places]
-    shown = np.concatenate([pairs, np.reshape(asked, (-1, 2)).astype(np.int64)])
+    asked = asked_of(source, target, result)
+    shown = np.concatenate([pairs, pairs_asked(asked)])
     scene = scene_of(source, target, maps_of(result), layers=every, landmarks=shown)
     titles = title_of("source", names[0]), title_of("target", names[1])
     if picture is None:
@@ -113,7 +114,7 @@ def write_report(
         picture=f'<img src="{still}" alt="{SEEN.format("Source", "target")}">' if still else "",
         picking=" checked" if helped else "",
         landmarks=_list(command, shown=helped or bool(len(pairs))),
-        details=details_of(source, target, result),
+        details=details_of(source, target, result, asked),
         run=tables_of_run(result, facts or {}),
     )
     write_text(Path(path), page)
