@@ -59,6 +59,15 @@ def test_overlap_is_the_share_of_both_in_common(parts, found):
     assert found.overlap[0] == pytest.approx(found.map.matched.mean())
 
 
+def test_other_maps_are_alternatives_that_differ_where_both_have_images(parts, found):
+    target = prepare(parts[1])
+    for other in found.alternatives:
+        both = found.map.matched & other.map.matched
+        assert other.map.shape == found.map.shape
+        images = (target.body_vertex[each.vertices[both]] for each in (found.map, other.map))
+        assert not both.any() or target.mean_distance(*images) > 0.1
+
+
 @pytest.mark.long
 def test_the_other_way_round(parts):
     source, target, truth = parts

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, cast
 
 import numpy as np
 
-from isomatch.correspondence import UNMATCHED, Boundary, Embedding, PrecisePoints
+from isomatch.correspondence import UNMATCHED, Boundary, Correspondence, Embedding, PrecisePoints
 from isomatch.errors import MeshError, NotConvergedError
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching.evidence import CommonDoubt, Solution
@@ -31,11 +32,12 @@ from isomatch.matching.relations.part_registration import (
     PartFit,
     WholeCoordinates,
 )
+from isomatch.matching.result import Alternative
 from isomatch.matching.stages import Relation
 from isomatch.matching.starts import first_maps_handed_in, nearest_in_pose, searches_by_anchors
 from isomatch.matching.verify import largest_piece
 from isomatch.runtime.stage_timer import StageTimer
-from isomatch.runtime.threads import parallel_map
+from isomatch.runtime.threads import parallel_map, serial_blas
 from isomatch.settings import Config
 from isomatch.shapes import region_of
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
@@ -147,8 +149,25 @@ class BothParts(Relation):
         timer.start("search")
         regions = self.match()
         best = regions[0]
-        runners_up = (each for each in regions[1:] if each.held >= best.held and self._differs(best, each))
-        return self._summed_up(best, next(runners_up, None), timer)
+        others = [each for each in regions[1:] if each.held >= best.held and self._differs(best, each)]
+        solution = self._summed_up(best, others[0] if others else None, timer)
+        return replace(solution, alternatives=self._alternatives(others))
+
+    def _alternatives(self, regions: list[RefinedRegion]) -> tuple[Alternative, ...]:
+        """Give the maps of other regions that differ from each other, as far as they were refined."""
+        kept: list[RefinedRegion] = []
+        for region in regions:
+            if len(kept) < self.pair.config.selection.most_alternatives:
+                kept += [region] * all(self._differs(each, region) for each in kept)
+        return tuple(
+            Alternative(partial(self._map_of, each), -each.score, each.fit.orientation, each.fit.origin)
+            for each in kept
+        )
+
+    def _map_of(self, region: RefinedRegion) -> Correspondence:
+        with serial_blas():
+            image = np.where(region.matched, region.image, 0)
+            return self.pair.source.correspondence(self.pair.target, image, region.matched)
 
     def _differs(self, best: RefinedRegion, other: RefinedRegion) -> bool:
         """Whether two maps differ where both have images; those that have none in common do."""
