@@ -89,12 +89,9 @@ def _fill_squared(x: FloatArray, edges: IntArray, squared: FloatArray) -> None:
 def diffused(shape: SmoothShape, values: FloatArray, radius: float) -> FloatArray:
     """Spread values (n,) by heat diffusion over a radius; nowhere less than half the least of them."""
     # u_t = Σ_j e^{−t λ_j} ⟨φ_j, u⟩ φ_j solves the heat equation; its kernel in the plane has mean square distance 4 t
-    time = radius**2 / 4
-    laplace = shape.laplace
-    smooth: FloatArray = laplace.vectors @ (
-        np.exp(-time * laplace.values) * laplace.coefficients(values[:, None])[:, 0]
-    )
-    return np.asarray(np.maximum(smooth, 0.5 * values.min()))
+    laplace, time = shape.laplace, radius**2 / 4
+    coefficients = np.exp(-time * laplace.values) * laplace.coefficients(values[:, None])[:, 0]
+    return np.asarray(np.maximum(laplace.vectors @ coefficients, 0.5 * values.min()))
 
 
 ANOTHER_MAP = "another map that fits nearly as well sends it elsewhere"

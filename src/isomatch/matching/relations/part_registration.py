@@ -74,10 +74,8 @@ class WholeCoordinates:
     @cached_method
     def features_of_part(self, pair: PartPair) -> PartSignatures:
         """Return the same of a part in the unit of a pair; a distance counts where its interval is a point."""
-        signatures, n = self.signatures.of_part(pair), len(self._landmarks)
-        lower, upper = (
-            np.minimum(pair.unit * bound[:n].T, LANDMARK_REACH) for bound in (pair.lower, pair.along)
-        )
+        signatures, n, bounds = self.signatures.of_part(pair), len(self._landmarks), (pair.lower, pair.along)
+        lower, upper = (np.minimum(pair.unit * bound[:n].T, LANDMARK_REACH) for bound in bounds)
         return PartSignatures(
             np.hstack([signatures.values, upper / self._settings.position_unit]),
             np.hstack([signatures.weights, (lower >= TRUSTED * upper).astype(np.float64)]),
@@ -202,10 +200,8 @@ class PartRefinement:
         if with_positions:
             smooth = self._whole.smooth(k)
             positions, normals = self._pulled_back(smooth.vertices[image], k_part)
-            columns += [
-                positions[vertices] / settings.position_unit,
-                settings.normal_weight * normals[vertices],
-            ]
+            positions = positions[vertices] / settings.position_unit
+            columns += [positions, settings.normal_weight * normals[vertices]]
         return Embedding(np.hstack(columns), self._whole.at(k, with_positions))
 
     def _pulled_back(self, positions: FloatArray, k_part: int) -> tuple[FloatArray, FloatArray]:
@@ -342,9 +338,8 @@ class PartFits:
     ) -> None:
         config = pair.config
         self.pair, self._config, self._with_priors, self._near = pair, config, with_priors, NearPairs(pair)
-        self.coordinates = coordinates or WholeCoordinates(
-            pair.whole, config, pair.landmarks, pair.functions.target
-        )
+        known = pair.landmarks, pair.functions.target
+        self.coordinates = coordinates or WholeCoordinates(pair.whole, config, *known)
         self.bending = PartBending(pair.meshes[0], config.parts.n_bent_vertices)
 
     @cached_method
