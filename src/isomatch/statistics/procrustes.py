@@ -106,11 +106,7 @@ def generalised_procrustes(
 
 
 def procrustes_distances(
-    vertices: FloatArray,
-    weights: FloatArray | None = None,
-    scale: Scale = "keep",
-    *,
-    mirrored: bool = False,
+    vertices: FloatArray, weights: FloatArray | None = None, scale: Scale = "keep", *, mirrored: bool = False
 ) -> FloatArray:
     """Compute the distance of each pair of shapes, (m, m), after the best motion of one onto the other.
 

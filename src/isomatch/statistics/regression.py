@@ -107,9 +107,8 @@ def shape_regression(
     products = scalar_products(about_mean, share)
     explained = float(np.einsum("iq,ij,jq->", basis, products, basis))
     total = float(np.trace(products))
-    drawn = generator(seed).permuted(np.tile(np.arange(m), (n_permutations, 1)), axis=1)
     reached = 1  # the values as they are
-    for order in drawn:
+    for order in generator(seed).permuted(np.tile(np.arange(m), (n_permutations, 1)), axis=1):
         permuted = basis[order]
         reached += float(np.einsum("iq,iq->", permuted, products @ permuted)) >= explained * (1 - 1e-9)
     length = np.sqrt(np.einsum("i,qij,qij->q", share, coefficients, coefficients))

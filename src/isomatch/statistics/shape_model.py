@@ -144,9 +144,8 @@ class ShapeModel:
         about_mean, about_centre = superimposed.aligned - mean, mean - share @ mean
         with serial_blas():
             # X √W = U S Vᵀ of displacements X (m, 3 n): the modes are S⁻¹ Uᵀ X, the scores U S
-            u, values, _ = np.linalg.svd(
-                (about_mean * np.sqrt(share)[:, None]).reshape(len(shapes), -1), full_matrices=False
-            )
+            weighted = (about_mean * np.sqrt(share)[:, None]).reshape(len(shapes), -1)
+            u, values, _ = np.linalg.svd(weighted, full_matrices=False)
             least = LEAST_DEVIATION * np.sqrt(len(shapes) * (share @ about_centre**2).max())
             kept = int((values[: len(shapes) - 1] > least).sum())
             u, values = u[:, :kept], values[:kept]
@@ -328,7 +327,10 @@ def generalisation(model: ShapeModel, *, seed: int = 0, most: int = MOST_LEFT_OU
     chosen = np.sort(generator(seed).choice(m, most, replace=False)) if m > most else np.arange(m)
     rows = np.zeros((len(chosen), m - 1))
     number = {name: i for i, name in enumerate(model.names)}
-    both = [sorted({i, number.get(_other_side(name), i)}) for name, i in number.items()]
+    other_side = [
+        name.removesuffix(MIRRORED) if name.endswith(MIRRORED) else name + MIRRORED for name in model.names
+    ]
+    both = [sorted({i, number.get(other, i)}) for i, other in enumerate(other_side)]
     with serial_blas():
         for row, left_out in zip(rows, chosen):
             others = np.delete(model.scores, both[left_out], axis=0)
@@ -374,8 +376,3 @@ def specificity(model: ShapeModel, *, n_samples: int = N_SAMPLES, seed: int = 0)
         squares += drawn[:, None] * (drawn[:, None] - 2 * scores)  # (z − b)² instead of b²
         rows.append(np.sqrt(np.maximum(squares.min(axis=1), 0.0)))
     return ModelCurve.of_rows(np.array(rows).T)
-
-
-def _other_side(name: str) -> str:
-    """Name of the mirror image of a shape, or of the shape that it is the mirror image of."""
-    return name.removesuffix(MIRRORED) if name.endswith(MIRRORED) else name + MIRRORED
