@@ -125,10 +125,10 @@ def _verify(
         tell("verification", 0.1)
         found = isomatch.verify(*shapes, read.map, seed=seed)
         tell("done", 1.0)
+    values = {**asdict(found), "cost": found.cost}
     record: dict[str, Any] = {
         "map": str(map_file),
-        **{name: value if np.isfinite(value) else None for name, value in asdict(found).items()},
-        "cost": found.cost if np.isfinite(found.cost) else None,
+        **{name: value if np.isfinite(value) else None for name, value in values.items()},
         "notes": [read.note] if read.note else [],
     }
 

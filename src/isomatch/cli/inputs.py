@@ -62,9 +62,8 @@ def naming_files(**files: Path) -> Iterator[None]:
     try:
         yield
     except IsomatchError as error:
-        message = re.sub(
-            rf"(^|; )({'|'.join(files)}): ", lambda at: f"{at[1]}{at[2]} {files[at[2]]}: ", str(error)
-        )
+        role = rf"(^|; )({'|'.join(files)}): "
+        message = re.sub(role, lambda at: f"{at[1]}{at[2]} {files[at[2]]}: ", str(error))
         raise type(error)(message) from error
 
 
