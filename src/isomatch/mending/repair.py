@@ -33,17 +33,9 @@ from isomatch.values.arrays import AnyArray, BoolArray, IntArray
 
 T = TypeVar("T")
 MENDED = (
-    "non_finite_vertices",
-    "out_of_range_faces",
-    "repeated_index_faces",
-    "duplicate_faces",
-    "unused_vertices",
-    "coincident_vertices",
-    "inconsistent_edges",
-    "inward_components",
-    "merged_vertices",
-    "t_junctions",
-    "outliers",
+    *("non_finite_vertices", "out_of_range_faces", "repeated_index_faces", "duplicate_faces"),
+    *("unused_vertices", "coincident_vertices", "inconsistent_edges", "inward_components"),
+    *("merged_vertices", "t_junctions", "outliers"),
 )
 """Fields of `MeshReport` with defects that a repair removes."""
 
