@@ -14,13 +14,7 @@ from isomatch.bases.distance_basis import orthonormalised
 from isomatch.bases.laplacian import require_mesh_or_points
 from isomatch.bases.low_rank import biharmonic_interpolant, leading_eigenpairs, swapped
 from isomatch.errors import MeshError, SettingError
-from isomatch.geodesics import (
-    MetricSpace,
-    Sampling,
-    farthest_point_sampling,
-    metric_space,
-    peripheral_vertex,
-)
+from isomatch.geodesics import MetricSpace, Sampling, farthest_point_sampling, metric_space, peripheral_vertex
 from isomatch.mending import without_seams
 from isomatch.runtime.memory import require_memory
 from isomatch.runtime.threads import serial_blas

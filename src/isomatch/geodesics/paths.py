@@ -300,7 +300,7 @@ def _obj(paths: Sequence[GeodesicPath]) -> str:
 
 
 def _vtp(paths: Sequence[GeodesicPath]) -> str:
-    ends = np.cumsum([len(path.positions) for path in paths])
+    ends = np.cumsum([len(path.positions) for path in paths]).astype(np.int64)
     n = int(ends[-1]) if len(paths) else 0
 
     def together(parts: Iterable[AnyArray], width: int) -> AnyArray:
@@ -312,10 +312,7 @@ def _vtp(paths: Sequence[GeodesicPath]) -> str:
         ("PointData", [_array("corners", corners), _array("barycentric", weights)]),
         ("CellData", [_array("length", np.array([path.length for path in paths], dtype=np.float64))]),
         ("Points", [_array("points", together((path.positions for path in paths), 3))]),
-        (
-            "Lines",
-            [_array("connectivity", np.arange(n)), _array("offsets", np.asarray(ends, dtype=np.int64))],
-        ),
+        ("Lines", [_array("connectivity", np.arange(n)), _array("offsets", ends)]),
     )
     parts = [line for tag, inside in arrays for line in (f"<{tag}>", *inside, f"</{tag}>")]
     return "\n".join(

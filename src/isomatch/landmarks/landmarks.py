@@ -302,9 +302,8 @@ def read_landmarks(
         pairs = marked_pairs(first)
         here, there = [a for a, _ in pairs], [b for _, b in pairs]
     else:
-        here, there = (
-            [point for point in marked_points(Path(file)) if point.at] for file in (path, target_path)
-        )
+        files = map(Path, (path, target_path))
+        here, there = ([point for point in marked_points(file) if point.at] for file in files)
         here, there = _joined(here, there, f"{first} and {target_path}")
     if not here:
         raise LandmarkError(f"{first}: no landmarks; {PAIRS if target_path is None else POINTS}")

@@ -34,9 +34,8 @@ COVERED = 0.05  # √area from an image, up to which a vertex has a counterpart;
 NEAR, FAR = 0.08, 0.3  # √area of the source: distances that measure the unit of a map
 N_MEASURED, FEWEST_MEASURED = 300, 40  # samples whose distances do, and how many distances are enough
 LARGEST_UNIT_CHANGE = 1.3  # by which a map may measure another unit than that of the files
-MOST_UNLIKE = (
-    4.0  # times that one part may be as long as the other in the files' units; beyond, areas are equal
-)
+# times that one part may be as long as the other in the units of the files; beyond, areas are equal
+MOST_UNLIKE = 4.0
 FEWEST_BENT = 30  # vertices of a piece that can be bent
 LEAST = 1e-9  # of what is divided by
 

@@ -104,9 +104,8 @@ def _require_allowed(name: str, value: Any, hint: Any, bounds: Mapping[str, Any]
     least, most = bounds.get("least"), bounds.get("most")
     if hint in (int, float):
         kinds: Any = int if hint is int else (int, float)
-        fits = (
-            isinstance(value, kinds) and not isinstance(value, bool) and value == value
-        )  # nan is not itself
+        is_number = isinstance(value, kinds) and not isinstance(value, bool)
+        fits = is_number and value == value  # nan is not itself
         if not fits or (least is not None and value < least) or (most is not None and value > most):
             limits = [f"at least {least}"] if least is not None else []
             limits += [f"at most {most}"] if most is not None else []

@@ -240,15 +240,9 @@ class Elastic(Relation):
         # spectral residual × (unit + asymmetry)^exponent: of two fits that are as good, the one that exchanges mirror
         # images is right; below the unit, asymmetry is that of the shapes themselves
         penalty = (ASYMMETRY_UNIT + coarse.asymmetry(images)) ** ASYMMETRY_EXPONENT
-        image = coarse.target.targets[images.forth]
-        return replace(
-            fit,
-            image=image,
-            spectral_residual=images.spectral_residual,
-            score=images.spectral_residual * penalty,
-            coefficients=coefficients,
-            images=images,
-        )
+        image, residual = coarse.target.targets[images.forth], images.spectral_residual
+        moved = replace(fit, image=image, coefficients=coefficients, images=images)
+        return replace(moved, spectral_residual=residual, score=residual * penalty)
 
     def _begun(self, fit: StretchedFit) -> StretchedFit:
         """Extend a rough fit to the vertices of the relation."""

@@ -331,10 +331,7 @@ class PartFits:
 
     # given with priors (n_part,): images under a map that is given; coordinates: of the whole, if they are known
     def __init__(
-        self,
-        pair: PartPair,
-        with_priors: IntArray | None = None,
-        coordinates: WholeCoordinates | None = None,
+        self, pair: PartPair, with_priors: IntArray | None = None, coordinates: WholeCoordinates | None = None
     ) -> None:
         config = pair.config
         self.pair, self._config, self._with_priors, self._near = pair, config, with_priors, NearPairs(pair)
@@ -404,12 +401,7 @@ class PartFits:
         return self._finely(pair, image, spectral_residual, self._config.parts.bending, origin)
 
     def _finely(
-        self,
-        pair: PartPair,
-        image: IntArray,
-        spectral_residual: float,
-        lengths: tuple[float, ...],
-        origin: str,
+        self, pair: PartPair, image: IntArray, residual: float, lengths: tuple[float, ...], origin: str
     ) -> PartFit:
         refinement = self._refinement(pair, self._config.n_refine)
         k = min(N_ANCHOR_FUNCTIONS, len(pair.whole.laplace.values))
@@ -417,7 +409,7 @@ class PartFits:
         error = 0.0
         if self._with_priors is not None:
             error = pair.whole.mean_distance(image, self._with_priors[refinement.vertices])
-        fit = self._fit(refinement, pair, image, spectral_residual, anchors, N_FINE_FUNCTIONS, origin)
+        fit = self._fit(refinement, pair, image, residual, anchors, N_FINE_FUNCTIONS, origin)
         return replace(fit, lengths=lengths, prior_error=error)
 
     def _fit(
