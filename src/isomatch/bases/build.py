@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from typing import get_args
 
 import numpy as np
 from numpy.typing import DTypeLike
@@ -36,7 +35,7 @@ from isomatch.mending import Repair, without_seams
 from isomatch.runtime.threads import in_background, serial_blas
 from isomatch.surfaces import Mesh, PointCloud
 from isomatch.values.arrays import FloatArray
-from isomatch.values.settings import generator
+from isomatch.values.settings import generator, require_one_of
 
 MOST_COLUMNS = 800  # tried to reach a tolerance
 
@@ -130,8 +129,7 @@ def distance_basis(
     surface, seams = without_seams(metric_space(surface), weld)
     if method is None:
         method = "predicted" if isinstance(surface, Mesh | PointCloud) else "nystrom"
-    if method not in get_args(BasisMethod):
-        raise SettingError(f"method = {method!r} is not one of {', '.join(map(repr, get_args(BasisMethod)))}")
+    require_one_of("method", method, BasisMethod)
     if k < 1 or (method != "exact" and k > p):
         raise SettingError(f"k = {k} must lie in 1…p = {p}: the rank cannot exceed the number of columns")
     if np.dtype(dtype) not in (np.float32, np.float64):

@@ -113,12 +113,6 @@ def shape_regression(
         reached += float(np.einsum("iq,iq->", permuted, products @ permuted)) >= explained * (1 - 1e-9)
     length = np.sqrt(np.einsum("i,qij,qij->q", share, coefficients, coefficients))
     along = coefficients / np.where(length > 0, length, 1.0)[:, None, None]
-    return ShapeRegression(
-        explained / total if total > 0 else 0.0,
-        reached / (n_permutations + 1),
-        n_permutations,
-        seed,
-        mean,
-        coefficients,
-        np.einsum("i,mij,qij->mq", share, about_mean, along),
-    )
+    scores = np.einsum("i,mij,qij->mq", share, about_mean, along)
+    r_squared, p_value = explained / total if total > 0 else 0.0, reached / (n_permutations + 1)
+    return ShapeRegression(r_squared, p_value, n_permutations, seed, mean, coefficients, scores)

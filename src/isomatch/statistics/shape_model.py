@@ -18,7 +18,7 @@ from isomatch.storage.array_file import ArrayFormat, Stored, save_arrays
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray, numbers_of
 from isomatch.values.cached import cached_property
-from isomatch.values.settings import generator
+from isomatch.values.settings import generator, require_one_of
 
 Weighting = Literal["area", "uniform"]
 
@@ -134,8 +134,7 @@ class ShapeModel:
         Cootes et al., *Active shape models*, CVIU 1995. One singular value decomposition of the weighted m × 3n matrix:
         O(m n min(m, n)) time. The sign of a mode is such that it moves the outer parts of the mean outward.
         """
-        if weights not in ("area", "uniform"):
-            raise SettingError(f"weights = {weights!r} is not one of 'area', 'uniform'")
+        require_one_of("weights", weights, Weighting)
         n = shapes.n_vertices
         share = shapes.area_weights if weights == "area" else np.full(n, 1 / n)
         shapes = filled(shapes, share, scale)
@@ -152,16 +151,10 @@ class ShapeModel:
             modes = np.tensordot(u.T / values[:, None], about_mean, 1)  # also where a vertex has no weight
         outward = share[:, None] * (about_centre**2).sum(axis=1, keepdims=True) * about_centre
         signs = np.where(np.einsum("kij,ij->k", modes, outward) < 0, -1.0, 1.0)
-        return cls(
-            shapes.names,
-            mean,
-            shapes.faces,
-            share,
-            modes * signs[:, None, None],
-            values**2 / max(len(shapes) - 1, 1),
-            u * values * signs,
-            superimposed.size,
-        )
+        modes, scores = modes * signs[:, None, None], u * values * signs
+        variances = values**2 / max(len(shapes) - 1, 1)
+        of_mean = shapes.names, mean, shapes.faces, share
+        return cls(*of_mean, modes, variances, scores, superimposed.size)
 
     @property
     def n_modes(self) -> int:
