@@ -95,21 +95,9 @@ class FastMarching(ColumnEngine):
         distance, settled = np.full(n, np.inf), np.full(n, np.inf)
         awaited = np.zeros(n if len(targets) else 0, dtype=bool)
         awaited[targets] = True
-        slot, heap = np.full(n, -1, dtype=np.int32), np.empty(n, dtype=np.int32)
-        missing = int(np.count_nonzero(awaited))
-        _advance(
-            *self._stencil,
-            source,
-            distance,
-            bound,
-            awaited,
-            missing,
-            farthest,
-            settled,
-            np.zeros(n),
-            slot,
-            heap,
-        )
+        scratch = np.zeros(n), np.full(n, -1, dtype=np.int32), np.empty(n, dtype=np.int32)
+        goal = awaited, int(np.count_nonzero(awaited)), farthest
+        _advance(*self._stencil, source, distance, bound, *goal, settled, *scratch)
         return distance
 
 

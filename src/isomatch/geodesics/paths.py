@@ -233,9 +233,8 @@ class _Ways:
                     face, at = int(windows.before[at]), int(windows.parent[at])
                     if at < 0:
                         break
-                    x, y = (1 - share) * self._corner(windows.side[at], start) + share * self._corner(
-                        windows.side[at], end
-                    )
+                    begin, last = (self._corner(windows.side[at], vertex_at) for vertex_at in (start, end))
+                    x, y = (1 - share) * begin + share * last
             stops.append(_Stop(root, root, 0.0, int(face)))
             vertex = root
         return stops
@@ -315,20 +314,11 @@ def _vtp(paths: Sequence[GeodesicPath]) -> str:
         ("Lines", [_array("connectivity", np.arange(n)), _array("offsets", ends)]),
     )
     parts = [line for tag, inside in arrays for line in (f"<{tag}>", *inside, f"</{tag}>")]
-    return "\n".join(
-        [
-            '<?xml version="1.0"?>',
-            '<VTKFile type="PolyData" version="1.0" byte_order="LittleEndian" header_type="UInt64">',
-            "<PolyData>",
-            f'<Piece NumberOfPoints="{n}" NumberOfVerts="0" NumberOfLines="{len(paths)}" NumberOfStrips="0" '
-            'NumberOfPolys="0">',
-            *parts,
-            "</Piece>",
-            "</PolyData>",
-            "</VTKFile>",
-            "",
-        ]
-    )
+    counts = {"Points": n, "Verts": 0, "Lines": len(paths), "Strips": 0, "Polys": 0}
+    piece = " ".join(f'NumberOf{kind}="{count}"' for kind, count in counts.items())
+    file = '<VTKFile type="PolyData" version="1.0" byte_order="LittleEndian" header_type="UInt64">'
+    head = ['<?xml version="1.0"?>', file, "<PolyData>", f"<Piece {piece}>"]
+    return "\n".join([*head, *parts, "</Piece>", "</PolyData>", "</VTKFile>", ""])
 
 
 def _array(name: str, values: AnyArray) -> str:

@@ -89,13 +89,8 @@ def marked_points(path: Path) -> list[MarkedPoint]:
 
 
 def _reader(path: Path) -> Callable[[Path], list[MarkedPoint]] | None:
-    readers = {
-        ".json": _slicer_markups,
-        ".fcsv": _slicer_fiducials,
-        ".pp": _meshlab_points,
-        ".pts": _editor_points,
-        ".label": _freesurfer_label,
-    }
+    readers = {".json": _slicer_markups, ".fcsv": _slicer_fiducials, ".pp": _meshlab_points}
+    readers |= {".pts": _editor_points, ".label": _freesurfer_label}
     return readers.get(path.suffix.lower())
 
 

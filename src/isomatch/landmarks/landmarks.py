@@ -104,10 +104,8 @@ class Landmarks:
         placed = numbers_of(positions, "landmarks", LandmarkError).reshape(-1, 3)
         m = len(placed)
         names = ("",) * m if names is None else tuple(names)
-        errors, spreads = (
-            np.full(m, np.nan) if each is None else np.asarray(each, dtype=np.float64)
-            for each in (expected_error, spread)
-        )
+        given = (np.full(m, np.nan) if each is None else each for each in (expected_error, spread))
+        errors, spreads = (np.asarray(each, dtype=np.float64) for each in given)
         if len(names) != m or errors.shape != (m,) or spreads.shape != (m,):
             raise LandmarkError(
                 f"{m} landmarks with {len(names)} names, {errors.size} expected errors and {spreads.size} spreads; give "
@@ -367,14 +365,9 @@ def _vertices(points: list[MarkedPoint], surface: SurfaceLike, side: str) -> Int
     if isinstance(surface, Graph):
         raise LandmarkError(f"the {side} is a graph, without positions; give vertex indices as landmarks")
     tree = cKDTree(surface.vertices)
+    marked, unit = [points[i] for i in placed], np.sqrt(surface.area)
     positions, _ = placed_positions(
-        [points[i] for i in placed],
-        surface.vertices,
-        np.sqrt(surface.area),
-        lambda x: np.asarray(tree.query(x)[0]),
-        frame,
-        side,
-        "vertices",
+        marked, surface.vertices, unit, lambda x: np.asarray(tree.query(x)[0]), frame, side, "vertices"
     )
     vertices[placed] = tree.query(positions)[1]
     return vertices

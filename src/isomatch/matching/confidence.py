@@ -142,13 +142,9 @@ class DoubtfulRegion:
     @classmethod
     def from_dict(cls, summary: Mapping[str, Any]) -> DoubtfulRegion:
         """Restore what `to_dict` told of a region: of its vertices the most doubtful one."""
-        runner_up = summary["runner_up"]
-        return cls(
-            np.array([summary["vertex"]]),
-            summary["area"],
-            summary["reason"],
-            None if runner_up is None else np.array([runner_up]),
-        )
+        vertex, other = summary["vertex"], summary["runner_up"]
+        runner_up = None if other is None else np.array([other])
+        return cls(np.array([vertex]), summary["area"], summary["reason"], runner_up)
 
 
 def regions_of_doubt(
@@ -166,9 +162,8 @@ def regions_of_doubt(
     if descriptor_distance is not None and np.isfinite(descriptor_distance[pair.refinement_vertices]).any():
         # two people look more different everywhere than two poses of one
         usual = np.nanmedian(descriptor_distance[pair.refinement_vertices])
-        doubts[UNLIKE_ITS_IMAGE] = np.nan_to_num(
-            (around(source, descriptor_distance) - usual) / bounds.doubtful_descriptor_distance
-        )
+        excess = around(source, descriptor_distance) - usual
+        doubts[UNLIKE_ITS_IMAGE] = np.nan_to_num(excess / bounds.doubtful_descriptor_distance)
     if not doubts:
         return ()
     body, most = source.body, np.max(list(doubts.values()), axis=0)

@@ -124,10 +124,8 @@ def torn_off_share(source: Surface, target_area: float, images: FloatArray | Non
     if isinstance(source, Graph) or images is None:
         return np.nan
     i, j = source.edges.T
-    there, here = (
-        np.linalg.norm(x[i] - x[j], axis=1) / np.sqrt(area)
-        for x, area in ((images, target_area), (source.vertices, source.area))
-    )
+    both = (images, target_area), (source.vertices, source.area)
+    there, here = (np.linalg.norm(x[i] - x[j], axis=1) / np.sqrt(area) for x, area in both)
     whole = there - here <= apart
     _, piece = linked(source.n_vertices, (i[whole], j[whole]))
     shares = np.sort(np.bincount(piece, source.vertex_areas))[::-1] / source.vertex_areas.sum()

@@ -306,10 +306,8 @@ class MatchResult(Shown):
         others = zip(*(arrays.pop(f"alternative_{name}") for name in MAP_ARRAYS))
         try:
             about = json.loads(arrays.pop("about"))
-            errors, descriptor_distance = (
-                np.where(values == UNMATCHED, np.nan, values)
-                for values in map(arrays.pop, ("expected_error", "descriptor_distance"))
-            )
+            of_vertices = map(arrays.pop, ("expected_error", "descriptor_distance"))
+            errors, distances = (np.where(values == UNMATCHED, np.nan, values) for values in of_vertices)
             regions = unpacked(arrays, about.get("regions", []))
             main = Correspondence(**{**arrays, "n_target": int(arrays["n_target"])})
             maps = [replace(main, **dict(zip(MAP_ARRAYS, parts))) for parts in others]
@@ -319,7 +317,7 @@ class MatchResult(Shown):
                 map=main,
                 quality=Quality(**about["quality"]),
                 expected_error=errors,
-                descriptor_distance=descriptor_distance if len(descriptor_distance) else None,
+                descriptor_distance=distances if len(distances) else None,
                 regions=regions,
                 alternatives=tuple(Alternative(partial(_itself, map), *numbers) for map, numbers in evidence),
                 symmetries=tuple(about["symmetries"]),

@@ -17,10 +17,8 @@ END = 1e-2  # share of an edge next to its ends where no vertex is inserted
 GAP = 3.0  # ratio of distances that tells vertices that nearly coincide from others
 NEAR = 0.3  # of the median side: above, distances are those of a surface
 LEAST_SHARE, FEWEST = 0.05, 4  # of the vertices of the boundary, and vertices, that nearly coincide
-SHORT, MOST = (
-    0.02,
-    0.95,
-)  # quantiles of the lengths of sides, and of the small distances, where single ones fill the gap
+# quantiles of the lengths of sides, and of the small distances, where single ones fill the gap
+SHORT, MOST = 0.02, 0.95
 N_NEAREST = 8  # vertices among which one is sought that no side joins
 
 

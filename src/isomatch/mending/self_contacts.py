@@ -240,14 +240,9 @@ def creases(mesh: Mesh) -> IntArray:
     sharp_ends = np.flatnonzero(np.bincount(piece, minlength=count)[piece] > 1)
     if not len(sharp_ends):
         return np.zeros((0, 2), dtype=np.int64)
-    near, before, owner = dijkstra(
-        coo_array((costs, tuple(ends.T)), shape=(n, n)).tocsr(),
-        directed=False,
-        indices=sharp_ends,
-        min_only=True,
-        return_predecessors=True,
-        limit=GAP * size,
-    )
+    graph = coo_array((costs, tuple(ends.T)), shape=(n, n)).tocsr()
+    asked = {"indices": sharp_ends, "min_only": True, "return_predecessors": True, "limit": GAP * size}
+    near, before, owner = dijkstra(graph, directed=False, **asked)
     i, j = ends.T
     gaps = near[i] + near[j] + costs
     bridges = np.flatnonzero(gaps <= GAP * size)

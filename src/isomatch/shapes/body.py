@@ -275,11 +275,7 @@ def _level(body: Body, transfer: Prolongation, refining: Prolongation) -> Level:
     coarse, owner = transfer.coarse.mesh, transfer.coarse.owner
     unit = float(np.sqrt(coarse.area))
     middle = np.average(coarse.vertices, axis=0, weights=coarse.vertex_areas)
-    return Level(
-        coarse.moved((coarse.vertices - middle) / unit),
-        body.scale * unit,
-        np.append(owner, -1)[body.body_vertex],
-        body.user_vertex[transfer.nearest_members],
-        Detail(transfer, body.body_vertex, body.user_vertex),
-        refining,
-    )
+    surface = coarse.moved((coarse.vertices - middle) / unit)
+    vertices = np.append(owner, -1)[body.body_vertex], body.user_vertex[transfer.nearest_members]
+    detail = Detail(transfer, body.body_vertex, body.user_vertex)
+    return Level(surface, body.scale * unit, *vertices, detail, refining)

@@ -111,13 +111,10 @@ def find_symmetries(
 def describe_symmetries(symmetries: Sequence[Symmetry]) -> str:
     """Count the symmetries in words; empty if there are none. Groups are not always found whole."""
     sides = np.sign([symmetry.orientation for symmetry in symmetries])
-    words = (
-        ("rotation", "rotations"),
-        ("mirror image", "mirror images"),
-        ("map onto itself", "maps onto itself"),
-    )
-    counts = zip(((sides > 0).sum(), (sides < 0).sum(), (sides == 0).sum()), words)
-    named = [f"{n} {several if n > 1 else one}" for n, (one, several) in counts if n]
+    words = {1: ("rotation", "rotations"), -1: ("mirror image", "mirror images")}
+    words[0] = "map onto itself", "maps onto itself"
+    counts = [((sides == side).sum(), *both) for side, both in words.items()]
+    named = [f"{n} {several if n > 1 else one}" for n, one, several in counts if n]
     return ("at least " if len(symmetries) > 1 else "") + " and ".join(named)
 
 

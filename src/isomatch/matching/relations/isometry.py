@@ -253,11 +253,8 @@ class Isometry(Relation):
         functions, and the better map stays. O(n_refine √n (K + q)) a step.
         """
         pair, settings = self.pair, self.pair.config.refining
-        stages = (
-            (settings.sizes_without_positions, False),
-            (settings.sizes_with_positions, True),
-            (settings.final_sizes, True),
-        )
+        with_them = settings.sizes_with_positions, settings.final_sizes
+        stages = [(settings.sizes_without_positions, False), *((sizes, True) for sizes in with_them)]
         refined = list(fits)
         for sizes, with_positions in stages:
             if sizes and refined:
