@@ -85,15 +85,11 @@ def read_functions(path: Path, names: list[str], n: int) -> FloatArray:
     return values
 
 
-def read_landmarks(
-    landmarks: Path | None, of_target: Path | None, ends: tuple[Path, Path]
-) -> IntArray | None:
+def read_landmarks(path: Path | None, of_target: Path | None, ends: tuple[Path, Path]) -> IntArray | None:
     """Read pairs (q, 2) of vertices, from one file or from one of each shape; None if there is none."""
-    if landmarks is None:
-        if of_target is not None:
-            raise LandmarkError("--target-landmarks needs --landmarks with the points of the source")
-        return None
-    return isomatch.read_landmarks(landmarks, *ends, of_target)
+    if path is None and of_target is not None:
+        raise LandmarkError("--target-landmarks needs --landmarks with the points of the source")
+    return None if path is None else isomatch.read_landmarks(path, *ends, of_target)
 
 
 def read_config(path: Path | None) -> isomatch.Config | None:

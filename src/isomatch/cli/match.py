@@ -262,16 +262,11 @@ def demo(*, output: Output = Path("demo"), details: Details = False, talk: Talk 
         for path, mesh in zip(ends, shapes):
             isomatch.write_mesh(path, mesh)
         facts = {"error, mean": f"{errors.mean():.2%} of √(target area), against the ground truth"}
-        record = folder.write(
-            shapes,
-            result,
-            Inputs(*ends, match_again(*ends, output=output), facts=facts),
-            titles=(
-                f"source, {source.mesh.n_vertices} vertices, coloured by their images",
-                f"target, {target.mesh.n_vertices} vertices",
-            ),
-            more={"mean_error_over_sqrt_target_area": float(errors.mean())},
-        )
+        inputs = Inputs(*ends, match_again(*ends, output=output), facts=facts)
+        here, there = (f"{mesh.n_vertices} vertices" for mesh in shapes)
+        titles = f"source, {here}, coloured by their images", f"target, {there}"
+        more = {"mean_error_over_sqrt_target_area": float(errors.mean())}
+        record = folder.write(shapes, result, inputs, titles=titles, more=more)
 
     def summary() -> None:
         say_result(result, details)
