@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal, Unpack, get_args
+from typing import TYPE_CHECKING, Literal, Unpack
 
 import numpy as np
 
 from isomatch.assets import SurfaceLike
-from isomatch.errors import MeshError, SettingError
+from isomatch.errors import MeshError
 from isomatch.geodesics import DistanceEngine, MetricSpace, distance_engine
 from isomatch.loading.first_use import PlotOptions, Shown, view_room
 from isomatch.values.arrays import FloatArray, IntArray
+from isomatch.values.settings import require_one_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -40,8 +41,7 @@ def basis_domain(
         raise MeshError(
             f"{n} vertices are too few for {n_columns} distance columns; subdivide the mesh, or ask for fewer columns"
         )
-    if weights not in get_args(Weighting):
-        raise SettingError(f"weights = {weights!r} is not one of {', '.join(map(repr, get_args(Weighting)))}")
+    require_one_of("weights", weights, Weighting)
     areas: FloatArray | None = None if weights == "uniform" else getattr(surface, "vertex_areas", None)
     measure = np.ones(n) if areas is None else require_areas(areas, ", or use weights='uniform'")
     require_one_component(surface)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
-from typing import get_args
+from functools import partial
 
 import numpy as np
 from numpy.typing import DTypeLike
@@ -34,7 +35,7 @@ from isomatch.mending import Repair, without_seams
 from isomatch.runtime.threads import in_background, serial_blas
 from isomatch.surfaces import Mesh, PointCloud
 from isomatch.values.arrays import FloatArray
-from isomatch.values.settings import generator
+from isomatch.values.settings import generator, require_one_of
 
 MOST_COLUMNS = 800  # tried to reach a tolerance
 
@@ -128,8 +129,7 @@ def distance_basis(
     surface, seams = without_seams(metric_space(surface), weld)
     if method is None:
         method = "predicted" if isinstance(surface, Mesh | PointCloud) else "nystrom"
-    if method not in get_args(BasisMethod):
-        raise SettingError(f"method = {method!r} is not one of {', '.join(map(repr, get_args(BasisMethod)))}")
+    require_one_of("method", method, BasisMethod)
     if k < 1 or (method != "exact" and k > p):
         raise SettingError(f"k = {k} must lie in 1…p = {p}: the rank cannot exceed the number of columns")
     if np.dtype(dtype) not in (np.float32, np.float64):
@@ -140,10 +140,10 @@ def distance_basis(
             fixed = tolerance is None and method != "exact"
             distances, measure = basis_domain(surface, weights, engine, p if fixed else 1)
             start = peripheral_vertex(surface, distances, seed)
+            built = partial(_basis, surface, distances, start, method, measure)
             if tolerance is not None:
-                return _within(tolerance, surface, distances, start, method, measure, seed, max(held_out, 10))
-            basis = _basis(surface, distances, start, method, measure, rank=k, n_columns=p)
-            return _with_held_out(basis, distances, seed, held_out)
+                return _within(tolerance, built, distances, seed, max(held_out, 10))
+            return _with_held_out(built(k, p), distances, seed, held_out)
 
     basis = in_background(computed)
     return (_at_vertices(basis, seams) if seams else basis).astype(dtype)
@@ -199,13 +199,10 @@ def _with_held_out(basis: DistanceBasis, engine: DistanceEngine, seed: int, coun
 
 def _within(
     tolerance: float,
-    surface: MetricSpace,
+    built: Callable[[int, int], DistanceBasis],
     engine: DistanceEngine,
-    start: int,
-    method: BasisMethod,
-    measure: FloatArray,
     seed: int,
-    held_out: int,
+    count: int,
 ) -> DistanceBasis:
     """Double the number of columns until the estimated error is small enough, then drop vectors not needed."""
     if not tolerance > 0:
@@ -213,8 +210,7 @@ def _within(
     n, n_columns, best = engine.n_points, 25, np.inf
     while n_columns < min(MOST_COLUMNS, n):
         n_columns = min(2 * n_columns, n)
-        basis = _basis(surface, engine, start, method, measure, max(n_columns // 2, 1), n_columns)
-        basis = _with_held_out(basis, engine, seed, held_out)
+        basis = _with_held_out(built(max(n_columns // 2, 1), n_columns), engine, seed, count)
         errors = basis.error_estimates()
         if errors.min() <= tolerance:
             return basis.truncated(int((errors <= tolerance).argmax()) + 1)

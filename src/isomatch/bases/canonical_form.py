@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
 from scipy.linalg import eigh
@@ -14,17 +14,12 @@ from isomatch.bases.distance_basis import orthonormalised
 from isomatch.bases.laplacian import require_mesh_or_points
 from isomatch.bases.low_rank import biharmonic_interpolant, leading_eigenpairs, swapped
 from isomatch.errors import MeshError, SettingError
-from isomatch.geodesics import (
-    MetricSpace,
-    Sampling,
-    farthest_point_sampling,
-    metric_space,
-    peripheral_vertex,
-)
+from isomatch.geodesics import MetricSpace, Sampling, farthest_point_sampling, metric_space, peripheral_vertex
 from isomatch.mending import without_seams
 from isomatch.runtime.memory import require_memory
 from isomatch.runtime.threads import serial_blas
 from isomatch.values.arrays import FloatArray
+from isomatch.values.settings import require_one_of
 
 EmbeddingMethod = Literal["nystrom", "exact", "fmds"]
 
@@ -125,10 +120,7 @@ def canonical_form(
     >>> canonical_form(square, dim=2, method="exact").points.shape
     (4, 2)
     """
-    if method not in get_args(EmbeddingMethod):
-        raise SettingError(
-            f"method = {method!r} is not one of {', '.join(map(repr, get_args(EmbeddingMethod)))}"
-        )
+    require_one_of("method", method, EmbeddingMethod)
     surface, seams = without_seams(metric_space(surface), weld)
     distances, measure = basis_domain(surface, weights, engine)
     n = distances.n_points

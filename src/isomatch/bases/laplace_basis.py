@@ -83,12 +83,7 @@ class LaplaceBasis(PlottedBasis):
 
 
 def laplace_basis(
-    surface: SurfaceLike,
-    k: int = 200,
-    seed: int = 0,
-    precision: Precision = "double",
-    *,
-    weld: bool = True,
+    surface: SurfaceLike, k: int = 200, seed: int = 0, precision: Precision = "double", *, weld: bool = True
 ) -> LaplaceBasis:
     """Compute the first k eigenpairs of the Laplacian, L φ = λ A φ.
 

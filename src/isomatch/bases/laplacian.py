@@ -76,13 +76,9 @@ def factorised_single(stiffness: csc_array, diagonal: FloatArray) -> Callable[[F
 
 
 def _factors(stiffness: csc_array, diagonal: FloatArray) -> Any:
+    matrix, options = csc_array(stiffness + diags_array(diagonal)), {"SymmetricMode": True}
     try:
-        return splu(
-            csc_array(stiffness + diags_array(diagonal)),
-            permc_spec="MMD_AT_PLUS_A",
-            diag_pivot_thresh=0.0,
-            options={"SymmetricMode": True},
-        )
+        return splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
     except RuntimeError as error:
         raise MeshError(
             f"the Laplacian cannot be factorised ({error}): some vertices nearly coincide, or triangles are nearly "

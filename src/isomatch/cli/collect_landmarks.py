@@ -151,16 +151,12 @@ def say_landmarks(record: dict[str, Any]) -> None:
             f"{name}, carried from the others: error {error['mean']:.4g} in the mean, at most {error['largest']:.4g} at "
             f"{error['at']}"
         )
-    doubtful = [" and ".join(pair) for pair in record["doubtful"]]
+    doubtful, half_turned = [" and ".join(pair) for pair in record["doubtful"]], record["half_turned"]
     for told, names, style in (
         (f"not written, because {record['format']} has no place for them:", record["not_written"], ""),
         ("with other landmarks or curves, so not in the tables:", record["other_landmarks"], ""),
         ("reflected in the tables, as they were matched:", record["reflected"], ""),
-        (
-            f"brought into {record['axes']} in the tables, from the space of their files:",
-            record["half_turned"],
-            "",
-        ),
+        (f"brought into {record['axes']} in the tables, from the space of their files:", half_turned, ""),
         ("not used, because they are doubtful: the maps of", doubtful, "bold red"),
         ("no map that is sure leads to:", record["left_out"], "bold red"),
     ):

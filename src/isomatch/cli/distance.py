@@ -90,10 +90,8 @@ def distance(
         raise SettingError("--to needs --from, the points to measure from")
     if path is not None and pairs is None and targets is None:
         raise SettingError("--path needs the ends of the paths: --pairs, or --from and --to")
-    words: dict[str, list[Any]] = {}
-    if pairs is not None:
-        words["pairs"] = word_pairs(pairs)
-    else:
+    words: dict[str, list[Any]] = {"pairs": word_pairs(pairs)} if pairs else {}
+    if pairs is None:
         words["sources"] = words_of(sources or "", "--from")
     if targets is not None:
         words["targets"] = words_of(targets, "--to")
@@ -106,8 +104,7 @@ def distance(
             _write(output, asked, measured.distances)
         tell("done", 1.0)
     record = {"file": str(file), "engine": measured.name, "basis": basis and str(basis), **_plain(words)}
-    record["approximate"] = basis is not None
-    record["notes"] = list(measured.notes)
+    record |= {"approximate": basis is not None, "notes": list(measured.notes)}
     if measured.error is not None:
         record["estimated_relative_error"] = measured.error
     if path is not None:
@@ -372,10 +369,8 @@ def basis(
         mesh = isomatch.read_mesh(file)
         tell("distances", 0.05)
         started = time.perf_counter()
-        dtype = np.float32 if single else np.float64
-        computed = isomatch.distance_basis(
-            mesh, k, p, method, weights, seed, engine, tolerance, dtype, weld=weld
-        )
+        how = method, weights, seed, engine, tolerance, np.float32 if single else np.float64
+        computed = isomatch.distance_basis(mesh, k, p, *how, weld=weld)
         seconds = time.perf_counter() - started
         tell("writing", 0.95 if canonical is None else 0.55)
         computed.save(output)

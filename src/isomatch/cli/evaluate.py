@@ -125,23 +125,22 @@ def _verify(
         tell("verification", 0.1)
         found = isomatch.verify(*shapes, read.map, seed=seed)
         tell("done", 1.0)
+    values = {**asdict(found), "cost": found.cost}
     record: dict[str, Any] = {
         "map": str(map_file),
-        **{name: value if np.isfinite(value) else None for name, value in asdict(found).items()},
-        "cost": found.cost if np.isfinite(found.cost) else None,
+        **{name: value if np.isfinite(value) else None for name, value in values.items()},
         "notes": [read.note] if read.note else [],
     }
 
     def summary() -> None:
-        say_table(
-            [
-                ("support", f"{found.support:.1%}", "of the area has a counterpart"),
-                ("descriptor distance", f"{found.descriptor_distance:.2f}", USUAL),
-                ("bending", f"{found.bending:.1e}", "stretch × distance from the target, in √area"),
-                ("bending back", f"{found.bending_back:.1e}", "the same of the target onto the source"),
-                ("cost", f"{found.cost:.1e}", "compares maps of these two shapes; lower is better"),
-            ]
-        )
+        rows = [
+            ("support", f"{found.support:.1%}", "of the area has a counterpart"),
+            ("descriptor distance", f"{found.descriptor_distance:.2f}", USUAL),
+            ("bending", f"{found.bending:.1e}", "stretch × distance from the target, in √area"),
+            ("bending back", f"{found.bending_back:.1e}", "the same of the target onto the source"),
+            ("cost", f"{found.cost:.1e}", "compares maps of these two shapes; lower is better"),
+        ]
+        say_table(rows)
         say_notes(record["notes"])
 
     talk.result(record, summary, is_answer=True)
@@ -168,16 +167,13 @@ def _require_within(path: Path, pairs: IntArray, sizes: tuple[int, int]) -> None
 
 
 def _rows(record: dict[str, Any]) -> list[tuple[str, ...]]:
-    of_area = "of √(target area)"
+    of_area, within = "of √(target area)", record["within"].items()
     return [
         ("error, mean", f"{record['mean']:.2%}", of_area + "; a point without an image counts 100 %"),
         ("error, median", f"{record['median']:.2%}", of_area),
         ("error, 95th percentile", f"{record['p95']:.2%}", of_area),
         ("error, largest", f"{record['max']:.2%}", of_area),
-        *(
-            (f"error at most {float(at):.0%}", f"{share:.1%}", "of the points")
-            for at, share in record["within"].items()
-        ),
+        *((f"error at most {float(at):.0%}", f"{share:.1%}", "of the points") for at, share in within),
         ("area under the curve", f"{record['auc']:.3f}", f"to {evaluation.LIMIT:.0%}; 1 is perfect"),
         ("unmatched", f"{record['unmatched']:.1%}", f"of {record['points']} points"),
         ("coverage", f"{record['coverage']:.1%}", "of the target area is near an image"),

@@ -62,9 +62,8 @@ def naming_files(**files: Path) -> Iterator[None]:
     try:
         yield
     except IsomatchError as error:
-        message = re.sub(
-            rf"(^|; )({'|'.join(files)}): ", lambda at: f"{at[1]}{at[2]} {files[at[2]]}: ", str(error)
-        )
+        role = rf"(^|; )({'|'.join(files)}): "
+        message = re.sub(role, lambda at: f"{at[1]}{at[2]} {files[at[2]]}: ", str(error))
         raise type(error)(message) from error
 
 
@@ -86,15 +85,11 @@ def read_functions(path: Path, names: list[str], n: int) -> FloatArray:
     return values
 
 
-def read_landmarks(
-    landmarks: Path | None, of_target: Path | None, ends: tuple[Path, Path]
-) -> IntArray | None:
+def read_landmarks(path: Path | None, of_target: Path | None, ends: tuple[Path, Path]) -> IntArray | None:
     """Read pairs (q, 2) of vertices, from one file or from one of each shape; None if there is none."""
-    if landmarks is None:
-        if of_target is not None:
-            raise LandmarkError("--target-landmarks needs --landmarks with the points of the source")
-        return None
-    return isomatch.read_landmarks(landmarks, *ends, of_target)
+    if path is None and of_target is not None:
+        raise LandmarkError("--target-landmarks needs --landmarks with the points of the source")
+    return None if path is None else isomatch.read_landmarks(path, *ends, of_target)
 
 
 def read_config(path: Path | None) -> isomatch.Config | None:

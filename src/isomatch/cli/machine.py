@@ -19,6 +19,7 @@ from isomatch.runtime.threads import n_threads
 NEEDED = ("numpy", "scipy", "numba", "robust_laplacian", "mapbox_earcut", "matplotlib", "rich", "cyclopts")
 OPTIONAL = ("scikit-image", "pygeodesic", "potpourri3d", "pyfmaps", "POT", "h5py")
 
+CACHES = "__pycache__ next to each module, or the cache of the user"
 SETTINGS = {
     "threads": "ISOMATCH_NUM_THREADS",
     "memory_budget_gib": "ISOMATCH_MEMORY_BUDGET",
@@ -35,8 +36,7 @@ def info(*, json: Json = False) -> None:
         "platform": platform.platform(),
         "threads": n_threads(),
         "blas": _blas(),
-        "numba_cache": os.environ.get("NUMBA_CACHE_DIR")
-        or "__pycache__ next to each module, or the cache of the user",
+        "numba_cache": os.environ.get("NUMBA_CACHE_DIR") or CACHES,
         "memory_budget_gib": round(memory_budget() / GIB, 1),
     }
     if json:

@@ -152,10 +152,8 @@ def match(
     options: dict[str, Any] = {**vars(way), "pin": priors.pin, "hypotheses": priors.hypotheses}
     chosen = {name: value for name, value in options.items() if value is not None and name != "config"}
     config = replace(read_config(way.config) or isomatch.Config(), **chosen)
-    options |= {name: getattr(priors, name) for name in ("initial_map", "function", "via")} | {
-        "output": output
-    }
-    again = match_again(*ends, **options, seed=seed, both=both, as_mesh=as_mesh)
+    options |= {name: getattr(priors, name) for name in ("initial_map", "function", "via")}
+    again = match_again(*ends, **options, output=output, seed=seed, both=both, as_mesh=as_mesh)
     with talk.progress() as tell:
         tell("reading", 0.0)
         shapes = read_surface(source), read_surface(target)
@@ -176,14 +174,10 @@ def match(
             tell("writing", 0.85)
             record = folder.write(shapes, result, inputs, back=(back.map, described(back)) if back else None)
             if as_mesh is not None:
-                wrapped = isomatch.wrap(result.map, *shapes)
-                record["as_mesh"] = {
-                    **write_wrapped(
-                        as_mesh, assets[0], assets[1].frame, wrapped, result.expected_error, rounded
-                    ),
-                    "files_beside": list(map(str, beside)),
-                    "notes": notes_on(dict(zip(ends, assets))),
-                }
+                wrapped, errors = isomatch.wrap(result.map, *shapes), result.expected_error
+                told = write_wrapped(as_mesh, assets[0], assets[1].frame, wrapped, errors, rounded)
+                told |= {"files_beside": list(map(str, beside)), "notes": notes_on(dict(zip(ends, assets)))}
+                record["as_mesh"] = told
                 write_text(folder.result, json_text(record))
         tell("done", 1.0)
 
@@ -268,16 +262,11 @@ def demo(*, output: Output = Path("demo"), details: Details = False, talk: Talk 
         for path, mesh in zip(ends, shapes):
             isomatch.write_mesh(path, mesh)
         facts = {"error, mean": f"{errors.mean():.2%} of √(target area), against the ground truth"}
-        record = folder.write(
-            shapes,
-            result,
-            Inputs(*ends, match_again(*ends, output=output), facts=facts),
-            titles=(
-                f"source, {source.mesh.n_vertices} vertices, coloured by their images",
-                f"target, {target.mesh.n_vertices} vertices",
-            ),
-            more={"mean_error_over_sqrt_target_area": float(errors.mean())},
-        )
+        inputs = Inputs(*ends, match_again(*ends, output=output), facts=facts)
+        here, there = (f"{mesh.n_vertices} vertices" for mesh in shapes)
+        titles = f"source, {here}, coloured by their images", f"target, {there}"
+        more = {"mean_error_over_sqrt_target_area": float(errors.mean())}
+        record = folder.write(shapes, result, inputs, titles=titles, more=more)
 
     def summary() -> None:
         say_result(result, details)

@@ -76,9 +76,8 @@ def open(
     page = view.WorkPage(*drawn, names=keeper.inputs.names, landmarks=marks)
     with keeper.claimed(force):
         server = serving.PageServer(serving.Session(surfaces, page, keeper, landmarks=marks, **session), port)
-        say(
-            f"{server.address}\nBrowsers of this machine that have this address show the page. Ctrl-C ends it."
-        )
+        say(server.address)
+        say("Browsers of this machine that have this address show the page. Ctrl-C ends it.")
         if browser:
             # a browser in a terminal returns when it is closed
             Thread(target=webbrowser.open, args=(server.once,), daemon=True).start()

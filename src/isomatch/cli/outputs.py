@@ -58,9 +58,8 @@ def write_wrapped(
     turned = [each.name for each in moved.attributes if each.kind == "normal" or each.is_tangent]
     scalars = {"expected_error": expected_error, "extended": wrapped.extended.astype(float)}
     own = [Attribute(name, "point", "scalar", values) for name, values in scalars.items()]
-    left = isomatch.write_asset(
-        path, moved.without_attributes(*turned).with_attributes(*own), rounded=rounded
-    )
+    moved = moved.without_attributes(*turned).with_attributes(*own)
+    left = isomatch.write_asset(path, moved, rounded=rounded)
     names = [attribute.name for attribute in left if all(attribute is not each for each in own)]
     return {"file": str(path), **asdict(wrapped.quality), "left_out": names, "not_of_this_shape": turned}
 
@@ -77,10 +76,8 @@ def say_wrapped(record: dict[str, Any]) -> None:
         f"{extended} vertices have no counterpart and are placed by those around them" if extended else "",
     ]
     say_rows(("", line) for line in lines)
-    if record["not_of_this_shape"]:
-        say(
-            f"not in {record['file']}: {', '.join(record['not_of_this_shape'])}; they belong to the former shape"
-        )
+    if former := ", ".join(record["not_of_this_shape"]):
+        say(f"not in {record['file']}: {former}; they belong to the former shape")
     say_left_out(record["left_out"], record["file"])
     say_notes(record["notes"])
 

@@ -74,10 +74,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         where = f"{error.filename}: " if error.filename else ""
         return _complain(f"{where}{reason}; check the name, the folder and its permissions", BAD)
     except MemoryError as error:
-        what = str(error) or "no more is given"
-        return _complain(
-            f"memory does not suffice ({what}); close other programs, or give smaller shapes", BAD
-        )
+        what, remedy = str(error) or "no more is given", "close other programs, or give smaller shapes"
+        return _complain(f"memory does not suffice ({what}); {remedy}", BAD)
     except KeyboardInterrupt:
         return _complain("interrupted", INTERRUPTED)
     return DONE

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from json import loads
 from math import nan
@@ -204,11 +204,9 @@ class Earlier:
         path = ResultFolder(folder).result
         with opened(path) as file:
             text = file.read()
-        try:
-            record = loads(text)
-        except ValueError:
-            record = None
-        fields = record if isinstance(record, dict) else {}
+        fields: dict[str, Any] = {}
+        with suppress(ValueError):
+            fields = record if isinstance(record := loads(text), dict) else {}
         missing = [name for name, kind in _NEEDED.items() if not isinstance(fields.get(name), kind)]
         if missing:
             raise FormatError(
@@ -247,10 +245,9 @@ class Earlier:
     @property
     def mesh_left(self) -> list[str]:
         """Say that the mesh file is not of another map; empty if there is none."""
-        left = (
-            "is of the map before and was left; in Python, MatchResult.as_mesh gives the surface by this one"
-        )
-        return [f"{self.as_mesh['file']} {left}"] if self.as_mesh else []
+        remedy = "in Python, MatchResult.as_mesh gives the surface by this one"
+        file = self.as_mesh.get("file")
+        return [f"{file} is of the map before and was left; {remedy}"] if file else []
 
 
 def _alternative(evidence: Mapping[str, Any], other: isomatch.Correspondence) -> matching.Alternative:

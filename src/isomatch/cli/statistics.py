@@ -83,10 +83,8 @@ def run(
         share = shapes.area_weights if weights == "area" else None
         shapes = shape_statistics.filled(shapes, share, scale)
         missing = _missing(shapes)
-        notes += [
-            f"{name}: {lacks:.1%} of the vertices were not measured, and count as the mean of the others"
-            for name, lacks in missing.items()
-        ]
+        told = "of the vertices were not measured, and count as the mean of the others"
+        notes += [f"{name}: {lacks:.1%} {told}" for name, lacks in missing.items()]
         model = ShapeModel.fit(shapes, scale, weights)
         scored = {name: _scored(model, name, mesh) for name, mesh in extra.items()}
         tested, of_groups = _tested(model, shapes, labels, test, seed) if groups else (None, None)
@@ -258,10 +256,8 @@ def _missing(shapes: CorrespondedShapes) -> dict[str, float]:
 
 
 def _told(test: dict[str, Any], share: str = "r_squared", of: str = "variance of shape") -> str:
-    return (
-        f"{test[share]:.1%} of the {of}, p = {test['p_value']:.4g} ({test['n_permutations']} permutations, seed "
-        f"{test['seed']})"
-    )
+    drawn = f"{test['n_permutations']} permutations, seed {test['seed']}"
+    return f"{test[share]:.1%} of the {of}, p = {test['p_value']:.4g} ({drawn})"
 
 
 def _lines(record: dict[str, Any]) -> list[str]:
@@ -270,12 +266,11 @@ def _lines(record: dict[str, Any]) -> list[str]:
     if tested := record["groups"]:
         first, second = (f"{name} ({count})" for name, count in zip(tested["names"], tested["counts"]))
         share = tested["significant_share_of_area"]
-        lines += [
-            f"{first} and {second} "
-            + (f"differ on {share:.1%} of the area" if share else "do not differ significantly at any vertex")
-            + ", at a false discovery rate of 5 %",
-            f"the groups describe {_told(tested)}",
-        ]
+        differ = (
+            f"differ on {share:.1%} of the area" if share else "do not differ significantly at any vertex"
+        )
+        lines.append(f"{first} and {second} {differ}, at a false discovery rate of 5 %")
+        lines.append(f"the groups describe {_told(tested)}")
     if record["allometry"]:
         lines.append(f"size describes {_told(record['allometry'])}")
     if record["asymmetry"]:
@@ -379,15 +374,9 @@ def complete(
     with talk.progress() as tell, claimed_files(output, about, force=force):
         tell("reading", 0.0)
         prior = ShapeModel.load(model)
-        observed = shape_statistics.read_observations(
-            shape,
-            prior,
-            landmarks,
-            noise=noise,
-            config=read_config(config),
-            seed=seed,
-            progress=part(tell, 0.1, 0.8),
-        )
+        how: dict[str, Any] = {"noise": noise, "config": read_config(config), "seed": seed}
+        told = part(tell, 0.1, 0.8)
+        observed = shape_statistics.read_observations(shape, prior, landmarks, **how, progress=told)
         tell("completing", 0.8)
         completed = shape_statistics.complete(prior, observed, pose=pose)
         values = {name: getattr(completed, name) for name in ("standard_deviation", "expected_error")}

@@ -63,10 +63,10 @@ class StatisticsFolder:
         """Return the path of a picture that is about to be written."""
         return self.path(f"{name}.{self.pictures}")
 
-    def table(self, name: str, rows: Iterable[Mapping[str, object]]) -> None:
-        """Write rows with the same columns as CSV."""
-        listed = list(rows)
-        write_csv(self.path(name), listed, list(listed[0]))
+    def table(self, file: str, /, **columns: Iterable[object]) -> None:
+        """Write columns as CSV."""
+        rows = [dict(zip(columns, row)) for row in zip(*columns.values())]
+        write_csv(self.path(file), rows, list(columns))
 
     def mesh(
         self, name: str, mesh: Mesh, values: Mapping[str, FloatArray], shown: FloatArray, highest: float
@@ -78,11 +78,7 @@ class StatisticsFolder:
         write_asset(self.path(name), Asset.of_mesh(mesh, [*attributes, colours]), binary=True)
 
     def model(
-        self,
-        model: ShapeModel,
-        shapes: CorrespondedShapes,
-        n_modes: int,
-        groups: list[str] | None,
+        self, model: ShapeModel, shapes: CorrespondedShapes, n_modes: int, groups: list[str] | None
     ) -> None:
         """Write the model: meshes, scores, variances and the picture of the modes."""
         model.save(self.path("model.npz"))
@@ -92,14 +88,13 @@ class StatisticsFolder:
                 moved = model.mode_mesh(mode, sign * DEVIATIONS)
                 write_mesh(self.path(f"mode_{mode + 1}_{word}{DEVIATIONS}sd.ply"), moved, binary=True)
         shape_statistics.draw_modes(self.picture("modes"), model, n_modes, DEVIATIONS)
-        self.table("scores.csv", (_score_row(*row) for row in zip(model.names, model.scores)))
+        self.table("scores.csv", name=model.names, **_by_mode(model.scores))
         ratios = shape_statistics.compactness(model)
         if model.n_modes:
             shape_statistics.draw_scores(self.picture("scores"), model, groups)
-            names = "mode", "variance", "share", "share_so_far"
-            columns = model.variances, model.variance_ratios, ratios[1:]
-            numbered = range(1, model.n_modes + 1), *(column.tolist() for column in columns)
-            self.table("variance.csv", _rows(**dict(zip(names, numbered))))
+            shares = {"share": model.variance_ratios.tolist(), "share_so_far": ratios[1:].tolist()}
+            numbers = range(1, model.n_modes + 1)
+            self.table("variance.csv", mode=numbers, variance=model.variances.tolist(), **shares)
         variances = shape_statistics.measured_variances(model.aligned, shapes)
         deviations = np.sqrt(variances)
         values = {"variance": variances, "standard_deviation": deviations}
@@ -119,7 +114,7 @@ class StatisticsFolder:
             columns |= {name: curve.mean, f"{name}_standard_error": curve.standard_error}
         every = range(len(compact))
         listed = {name: [float(of[j]) if j < len(of) else "" for j in every] for name, of in columns.items()}
-        self.table("quality.csv", _rows(modes=every, **listed))
+        self.table("quality.csv", modes=every, **listed)
         shape_statistics.draw_quality(self.picture("quality"), compact, general, specific)
 
     def sizes(
@@ -131,14 +126,14 @@ class StatisticsFolder:
     ) -> None:
         """Write the sizes of the shapes, and how shape depends on them."""
         logarithms = np.log(sizes)
-        rows = _rows(
+        self.table(
+            "sizes.csv",
             name=shapes.names,
             centroid_size=sizes.tolist(),
             log_centroid_size=logarithms.tolist(),
             area=[shapes.mesh(i).area for i in range(len(shapes))],
             **({"regression_score": allometry.scores[:, 0].tolist()} if allometry else {}),
         )
-        self.table("sizes.csv", rows)
         if allometry is None:
             return
         label = "logarithm of the centroid size"
@@ -151,7 +146,7 @@ class StatisticsFolder:
     def asymmetry(self, model: ShapeModel, sides: shape_statistics.Asymmetry) -> None:
         """Write how far the shapes are from their mirror images, which follow them in the model."""
         amounts, own = sides.amounts.tolist(), sides.fluctuating.tolist()
-        self.table("asymmetry.csv", _rows(name=model.names, asymmetry=amounts, fluctuating=own))
+        self.table("asymmetry.csv", name=model.names, asymmetry=amounts, fluctuating=own)
         length = np.linalg.norm(sides.directional, axis=1)
         highest = float(np.quantile(length, 0.995))
         self.mesh("asymmetry.ply", model.mesh(), {"asymmetry": length}, length, highest)
@@ -167,10 +162,10 @@ class StatisticsFolder:
     ) -> None:
         """Write the distances between shapes, their tree and their places."""
         for name, distances in (("distances.csv", geodesic), ("procrustes_distances.csv", procrustes)):
-            self.table(name, _rows(name=shapes.names, **dict(zip(shapes.names, distances.T.tolist()))))
+            self.table(name, name=shapes.names, **dict(zip(shapes.names, distances.T.tolist())))
         points = shape_statistics.classical_scaling(geodesic)
         x, y = points.T.tolist()
-        self.table("embedding.csv", _rows(name=shapes.names, x=x, y=y))
+        self.table("embedding.csv", name=shapes.names, x=x, y=y)
         shape_statistics.draw_embedding(self.picture("embedding"), points, shapes.names, GEODESIC, groups)
         if len(shapes) > 1:
             shape_statistics.draw_tree(self.picture("dendrogram"), geodesic, shapes.names, GEODESIC)
@@ -188,11 +183,13 @@ class StatisticsFolder:
         shape_statistics.draw_values(self.picture("groups"), mean, shown, label)
         columns = np.column_stack([test.t_squared, test.p_values, test.q_values, test.difference]).T.tolist()
         names = ("t_squared", "p_value", "q_value", "dx", "dy", "dz")
-        self.table("groups.csv", _rows(vertex=range(len(length)), **dict(zip(names, columns))))
+        self.table("groups.csv", vertex=range(len(length)), **dict(zip(names, columns)))
 
     def scored(self, scored: Mapping[str, shape_statistics.ScoredShape]) -> None:
         """Write the scores and errors of shapes that are no part of the model."""
-        self.table("scored.csv", ({**_score_row(n, s.scores), "error": s.error} for n, s in scored.items()))
+        scores = np.array([each.scores for each in scored.values()])
+        errors = [each.error for each in scored.values()]
+        self.table("scored.csv", name=scored, **_by_mode(scores), error=errors)
 
     def exports(self, shapes: CorrespondedShapes, model: ShapeModel) -> list[str]:
         """Write aligned meshes and the files of ShapeWorks and Scalismo; return what could not be written, and why."""
@@ -239,12 +236,8 @@ class StatisticsFolder:
         write_text(self.folder / RECORD, json_text({**record, "files": self.written}))
 
 
-def _rows(**columns: Iterable[object]) -> list[dict[str, object]]:
-    return [dict(zip(columns, row)) for row in zip(*columns.values())]
-
-
-def _score_row(name: str, scores: FloatArray) -> dict[str, object]:
-    return {"name": name, **{f"mode_{i + 1}": score for i, score in enumerate(scores.tolist())}}
+def _by_mode(scores: FloatArray) -> dict[str, list[float]]:
+    return {f"mode_{i}": column.tolist() for i, column in enumerate(scores.T, 1)}
 
 
 def _files_of(record: Path) -> list[str]:

@@ -137,19 +137,16 @@ def _written(output: Path, asset: isomatch.Asset, names: Collection[str], rounde
     carried = [attribute for attribute in asset.attributes if attribute.name in names]
     left = [attribute.name for attribute in write_attributes(output, carried)]
     if set(names) <= set(left):
-        reason = (
-            f"a {output.suffix} file has no place for {', '.join(left)}" if left else "nothing was carried"
-        )
+        no_place = f"a {output.suffix} file has no place for {', '.join(left)}"
+        reason = no_place if left else "nothing was carried"
         raise FormatError(f"{output}: {reason}; name other --data or --values, or write another format")
     return left
 
 
 def _summary(record: dict[str, Any], output: Path) -> None:
     say(f"carried to the {record['to']}: {', '.join(record['carried']) or 'nothing'}")
-    if record["taken_as_labels"]:
-        say(
-            f"taken for labels, which are not averaged: {', '.join(record['taken_as_labels'])}; --as values interpolates"
-        )
+    if labels := ", ".join(record["taken_as_labels"]):
+        say(f"taken for labels, which are not averaged: {labels}; --as values interpolates")
     say_left_out(record["left_out"], output)
     for count, meaning in (
         ("n_unmatched", "vertices are unmatched and have no value"),
@@ -197,7 +194,7 @@ def _transfer_landmarks(
         "landmarks": [dict(zip(("name", "position", "expected_error"), each)) for each in columns],
         "n_unmatched": int((~carried.placed).sum()),
         "left_out": list(left),
-        "notes": [*notes_on(dict(zip(ends, assets))), *_supposed(carried, own, given, receiving, output)],
+        "notes": [*notes_on(dict(zip(ends, assets))), *_supposed(carried, given, receiving, output)],
     }
     talk.result(record, lambda: _say_landmarks(record, carried, output))
 
@@ -212,11 +209,7 @@ def _read_map(path: Path, target: isomatch.Asset) -> Any:
 
 
 def _supposed(
-    carried: isomatch.Landmarks,
-    own: isomatch.Landmarks,
-    given: isomatch.Asset,
-    receiving: isomatch.Asset,
-    output: Path,
+    carried: isomatch.Landmarks, given: isomatch.Asset, receiving: isomatch.Asset, output: Path
 ) -> list[str]:
     """Say what was supposed of the space of a surface that does not say it, beside one that does."""
     axes = [asset.frame.axes if asset.frame else None for asset in (given, receiving)]

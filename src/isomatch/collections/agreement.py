@@ -97,11 +97,9 @@ def agree(
         ledger.rows.merge(read_ledgers(others))
         ledger.rows = ledger.rows.of(collection.names)
         names = _in_triangles(ledger.rows)
-        require_memory(
-            BYTES * len(names) ** 3,
-            f"the comparison of the maps of {len(names)} shapes",
-            "match all pairs of fewer shapes, or leave the maps as they are (--no-agree)",
-        )
+        what = f"the comparison of the maps of {len(names)} shapes"
+        remedy = "match all pairs of fewer shapes, or leave the maps as they are (--no-agree)"
+        require_memory(BYTES * len(names) ** 3, what, remedy)
         job = CycleJob(collection.of(names), {name: ledger.rows.shapes[name]["key"] for name in names})
         for _ in range(MOST_ROUNDS):
             inconsistencies = _measured(job, ledger, workers, late)
@@ -133,12 +131,10 @@ def agreement_of(rows: Rows) -> Agreement:
         i, j = (number[name] for name in pair)
         orientation = rows.pairs[pair]["there"]["quality"]["orientation"]
         orientations[i, j] = orientations[j, i] = np.nan if orientation is None else orientation
-    return Agreement(
-        len(compared),
-        [pair for pair in compared if is_contradicted(rows.pairs[pair])],
-        [pair for pair in compared if "replaced_by" in rows.pairs[pair]],
-        [names[i] for i in turned_shapes(orientations)] if names else [],
-    )
+    contradicted = [pair for pair in compared if is_contradicted(rows.pairs[pair])]
+    replaced = [pair for pair in compared if "replaced_by" in rows.pairs[pair]]
+    turned = [names[i] for i in turned_shapes(orientations)] if names else []
+    return Agreement(len(compared), contradicted, replaced, turned)
 
 
 def _in_triangles(rows: Rows) -> list[str]:

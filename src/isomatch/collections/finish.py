@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Container, Iterator
+from collections.abc import Container, Iterable, Iterator
 from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import asdict
@@ -143,27 +143,28 @@ def _planned(collection: Collection, rows: Rows, template: str) -> list[PlannedS
             continue
         name = pair[0] if pair[1] == template else pair[1]
         over = [each for each in linked if {each, name} in sure]
-        if over:
+        if len(over) > MOST_WAYS:
             over = [over[i] for i in np.unique(np.linspace(0, len(over) - 1, MOST_WAYS).astype(int))]
         ways: Ways = tuple((_entry(collection, rows, each),) for each in over)
         legs = [frozenset(leg) for each in over for leg in ((template, each), (each, name))]
         if not over or frozenset(pair) in sure:
             ways, legs = ((), *ways), [frozenset(pair), *legs]
-        key = "; ".join(keys[leg] for leg in legs)
-        if over:
-            key = blake2b(key.encode(), digest_size=16).hexdigest()
+        key = _joined(keys[leg] for leg in legs) if over else keys[frozenset(pair)]
         plans.append(PlannedSurface(_entry(collection, rows, name), pair, key, ways=ways))
     matched = {plan.entry.name for plan in plans}
     for name in collection.names:
         if name not in matched and (path := rows.path(template, name)):
-            key = "; ".join(keys[frozenset(leg)] for leg in pairwise(path))
+            key = _joined(keys[frozenset(leg)] for leg in pairwise(path))
             way = tuple(_entry(collection, rows, each) for each in path[1:-1])
-            key = blake2b(key.encode(), digest_size=16).hexdigest()
             plans.append(PlannedSurface(_entry(collection, rows, name), (template, name), key, ways=(way,)))
     for i, plan in enumerate(plans):
         if (factor := scales.get(plan.entry.name, 1.0)) != 1:
             plans[i] = plan._replace(scale=factor, key=f"{plan.key} × {factor:.6g}")
     return plans
+
+
+def _joined(keys: Iterable[str]) -> str:
+    return blake2b("; ".join(keys).encode(), digest_size=16).hexdigest()
 
 
 def _entry(collection: Collection, rows: Rows, name: str) -> Entry:

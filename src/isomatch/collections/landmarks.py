@@ -107,9 +107,7 @@ def _positions(marks: Landmarks, names: tuple[str, ...]) -> FloatArray:
 class _Templates:
     """The shapes that have landmarks, and what they give for others."""
 
-    def __init__(
-        self, collection: Collection, files: Mapping[str, str | Path], curve_points: int | None
-    ) -> None:
+    def __init__(self, collection: Collection, files: Mapping[str, str | Path], n_points: int | None) -> None:
         if unknown := [name for name in files if name not in collection.paths]:
             raise InputError(
                 f"{', '.join(unknown)}: no shapes of {collection.folder}; files are named like shapes"
@@ -117,7 +115,7 @@ class _Templates:
         if not files:
             raise InputError("no landmarks; give a file for one shape of the collection or more")
         require_unchanged(collection.layout, ["maps"])
-        self._collection, self._curve_points = collection, curve_points
+        self._collection, self._curve_points = collection, n_points
         self._rows = collection.rows()
         self._read = lru_cache(len(files) + 2)(lambda name: read_asset(collection.paths[name]))
         self._marks = {name: Landmarks.read(path, self._read(name)) for name, path in files.items()}

@@ -68,9 +68,8 @@ class Rows:
 
     def is_doubtful(self, pair: Pair) -> bool:
         """Whether a pair is current, and one of its maps may be wrong altogether."""
-        return self.is_current(pair) and any(
-            Outcome[self.pairs[pair][side]["outcome"]].is_doubtful for side in SIDES
-        )
+        row = self.pairs.get(pair, {})
+        return self.is_current(pair) and any(Outcome[row[side]["outcome"]].is_doubtful for side in SIDES)
 
     def path(self, source: str, target: str) -> tuple[str, ...] | None:
         """Return the shapes on the shortest way from one to another by maps that are not doubtful; None without any."""
@@ -272,24 +271,16 @@ _KINDS = {
     "origins": {"done": {"made_with": dict}},
 }
 _OPTIONAL: Mapping[str, Kind] = {  # what other values must be, where a row has them
-    "file": str,
-    "error": str,
-    "source_hash": str,
-    "target_hash": str,
-    "seconds": NUMBER,
+    **dict.fromkeys(("file", "error", "source_hash", "target_hash"), str),
+    **dict.fromkeys(("seconds", "spread", "handedness"), NUMBER),
+    **dict.fromkeys(("again", "replaced_by"), _texts),
     "memory": NUMBER | None,
-    "again": _texts,
-    "replaced_by": _texts,
     "reflected": lambda value: isinstance(value, bool) or _texts(value),
     "made_with": str | dict,
-    "agreement": lambda value: (
-        isinstance(value, dict) and isinstance(value.get("inconsistency", 0.0), NUMBER)
-    ),
+    "agreement": lambda value: isinstance(value, dict) and _is(value.get("inconsistency", 0.0), NUMBER),
     "not_reflected": lambda value: isinstance(value, dict) and _texts(list(value.values())),
     "n_points": int,
-    "spread": NUMBER,
     "ranks": _list_of(NUMBER, N_RANKS),
-    "handedness": NUMBER,
     "holes": lambda value: value is None or _holes(value),
 }
 

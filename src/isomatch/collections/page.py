@@ -45,15 +45,8 @@ MOST_TURNED = 0.01  # share of faces that are turned over, which is not worth a 
 MOST_SHOWN = 200  # pairs on the page
 MEASURES = tuple(each.name for each in fields(Quality))
 COLUMNS = (
-    *(
-        "source",
-        "target",
-        "state",
-        "outcome",
-        "outcome_back",
-        *MEASURES,
-        *(f"{name}_back" for name in MEASURES),
-    ),
+    *("source", "target", "state", "outcome", "outcome_back"),
+    *(*MEASURES, *(f"{name}_back" for name in MEASURES)),
     *("inconsistency", "inconsistency_before", "replaced_by", "reflected", "seconds", "memory", "error"),
     *("source_hash", "target_hash", "key"),
 )
@@ -84,10 +77,8 @@ def write_page(
 
 def _first(odd: Sequence[Outlier]) -> str:
     """List what does not fit, if anything does not."""
-    items = "".join(
-        f"<li><b>{escape(name)}</b> <small>{escape(kind)}</small> {escape(reason)}</li>\n"
-        for kind, name, reason in odd
-    )
+    item = "<li><b>{1}</b> <small>{0}</small> {2}</li>\n"
+    items = "".join(item.format(*map(escape, outlier)) for outlier in odd)
     return f"<h2>To look at first</h2>\n<ul class=first>{items}</ul>" if odd else ""
 
 

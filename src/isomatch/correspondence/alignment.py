@@ -99,11 +99,7 @@ class Alignment:
 
 
 def iterative_closest_points(
-    source: SignedPoints,
-    target: SignedPoints,
-    starts: IntArray,
-    max_iterations: int,
-    unchanged: float = 0.99,
+    source: SignedPoints, target: SignedPoints, starts: IntArray, max_iterations: int, unchanged: float = 0.99
 ) -> list[Alignment]:
     """Alternate the best rotation and the nearest neighbours, from several first maps at once.
 
@@ -139,11 +135,7 @@ def iterative_closest_points(
 
 
 def closest_point_images(
-    source: SignedPoints,
-    target: SignedPoints,
-    starts: IntArray,
-    max_iterations: int,
-    unchanged: float = 0.99,
+    source: SignedPoints, target: SignedPoints, starts: IntArray, max_iterations: int, unchanged: float = 0.99
 ) -> IntArray:
     """Return the maps of `iterative_closest_points` alone, without the rotations: (h, m_s) target rows.
 

@@ -192,10 +192,8 @@ def composed_on_surface(
     # more than one corner left.
     positions, _, _ = normalised(target.vertices)
     images = there.interpolated(positions)
-    apart, stretched = (
-        np.linalg.norm(x[points.corners] - x[points.corners[:, :1]], axis=2)
-        for x in (normalised(middle.vertices)[0], images)
-    )
+    corners, both = points.corners, (normalised(middle.vertices)[0], images)
+    apart, stretched = (np.linalg.norm(x[corners] - x[corners[:, :1]], axis=2) for x in both)
     used = (points.barycentric > 0) & (apart > 0)
     usual = np.median(stretched[used] / apart[used]) if used.any() else 0.0
     near = used & (stretched <= TORN * usual * apart)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import permutations, product
+from typing import TypeAlias
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -106,9 +107,11 @@ def _settled(source: FloatArray, tree: cKDTree, nearest: IntArray, mirrored: boo
     return Pose(*similarity, np.asarray(nearest, dtype=np.int64), float(least + back.mean()) / 2)
 
 
-def _axes_on_axes(
-    source: FloatArray, target: FloatArray, mirrored: bool
-) -> list[tuple[FloatArray, float, FloatArray]]:
+Similarity: TypeAlias = tuple[FloatArray, float, FloatArray]
+"""Rotation, scale and shift."""
+
+
+def _axes_on_axes(source: FloatArray, target: FloatArray, mirrored: bool) -> list[Similarity]:
     """Similarities that lay the centre and the principal axes of some points on those of others, in all 24 ways."""
     (centre, size, axes), (to, their_size, theirs) = _principal_axes(source), _principal_axes(target)
     signs = [np.array(each) for each in product([1.0, -1.0], repeat=3)]
@@ -123,10 +126,8 @@ def _principal_axes(points: FloatArray) -> tuple[FloatArray, float, FloatArray]:
     return points.mean(axis=0), float(np.sqrt(squares.sum())), axes
 
 
-def _best_similarity(
-    source: FloatArray, target: FloatArray, mirrored: bool
-) -> tuple[FloatArray, float, FloatArray]:
-    """Rotation, scale and shift of least squares from points and normals to others, row by row (Umeyama, PAMI 1991)."""
+def _best_similarity(source: FloatArray, target: FloatArray, mirrored: bool) -> Similarity:
+    """Similarity of least squares from points and normals to others, row by row (Umeyama, PAMI 1991)."""
     # min over s, R, t of Σ ‖s x_i R + t − y_i‖² has t = ȳ − s x̄ R, so that both may be centred. Then R is that of
     # Kabsch for XᵀY, whatever s; normals add their own products. The derivative by s vanishes at s = Σ (x_i R) · y_i /
     # Σ ‖x_i‖².

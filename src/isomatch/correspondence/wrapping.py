@@ -133,12 +133,9 @@ def wrap(correspondence: Correspondence, source: SurfaceLike, target: SurfaceLik
         bent = bend_template(part, onto, positions[rows], trusted[rows], matched[rows])
         positions[rows], extended[rows], turned = bent.positions, bent.beyond, int(bent.turned.sum())
         positions = _extended(whole, positions, matched | bendable)
-    quality = WrapQuality(
-        turned / max(whole.n_faces, 1),
-        _stretch(whole, positions),
-        _distance(positions[~extended], onto),
-        int(extended[vertex].sum()),
-    )
+    stretch, distance = _stretch(whole, positions), _distance(positions[~extended], onto)
+    n_extended = int(extended[vertex].sum())
+    quality = WrapQuality(turned / max(whole.n_faces, 1), stretch, distance, n_extended)
     return Wrapped(source.moved(positions[vertex] * size + centre), extended[vertex], quality)
 
 

@@ -22,10 +22,8 @@ class Truth:
 
     def points(self, target: Mesh) -> FloatArray:
         """Compute the precise images, (n, 3), on the target mesh in any pose."""
-        images: FloatArray = np.einsum(
-            "ij,ijx->ix", self.barycentric, target.vertices[target.faces[self.faces]]
-        )
-        return images
+        corners = target.vertices[target.faces[self.faces]]
+        return np.asarray(np.einsum("ij,ijx->ix", self.barycentric, corners))
 
 
 def closest_points(points: FloatArray, mesh: Mesh) -> Truth:

@@ -107,9 +107,8 @@ def _distances_to_points(
     # interpolated between those to its corners, and a straight line if the vertex is one of them
     pairs = np.column_stack([np.repeat(vertices, 3), points.corners.ravel()])
     to_corners = pair_distances(engine, pairs).reshape(-1, 3)
-    weighted = np.where(
-        points.barycentric > 0, points.barycentric * to_corners, 0.0
-    )  # 0 × inf counts nothing
+    weights = points.barycentric
+    weighted = np.where(weights > 0, weights * to_corners, 0.0)  # 0 × inf counts nothing
     straight = np.linalg.norm(points.interpolated(target.vertices) - target.vertices[vertices], axis=1)
     is_corner = (points.corners == vertices[:, None]).any(axis=1)
     return np.asarray(np.where(is_corner, straight, weighted.sum(axis=1)))
@@ -179,9 +178,7 @@ def area_under_curve(errors: FloatArray, limit: float = LIMIT) -> float:
     >>> area_under_curve(np.array([0.0, 0.125, np.inf, np.inf]))
     0.375
     """
-    return float(
-        np.clip(1 - errors / limit, 0, 1).mean()
-    )  # exact: an error e contributes a step from e to the limit
+    return float(np.clip(1 - errors / limit, 0, 1).mean())  # exact: an error contributes a step to the limit
 
 
 def coverage(target: Mesh, correspondence: Correspondence, reach: float = COVERAGE_RADIUS) -> float:

@@ -16,9 +16,7 @@ from isomatch.surfaces import Mesh, PrecisePoints
 from isomatch.values.arrays import AnyArray, FloatArray, IntArray
 
 ROUNDED = 1e-2  # by which published weights, which have few digits, may be negative or miss the sum of 1
-WITH_MASK = (
-    ".map"  # PARTIALSMAL appends to a map, counted from 0, which vertices of the target have a counterpart
-)
+WITH_MASK = ".map"  # PARTIALSMAL appends to a map, counted from 0, which target vertices have a counterpart
 EXPECTED = (
     "expected, for each vertex of the source, a vertex of the target or a triangle and three weights, or else rows of a "
     "source vertex and a target vertex"
@@ -30,9 +28,8 @@ class Truth(NamedTuple):
 
     rows: IntArray  # (q, 2) source and target vertex; of a point in a triangle, the corner with the largest weight
     points: PrecisePoints | None  # the q images, where they are points in triangles
-    alone: (
-        IntArray | None
-    )  # (m,) source vertices without a counterpart, if the file tells of all, or marks some as −1
+    # (m,) source vertices without a counterpart, if the file tells of all, or marks some as −1
+    alone: IntArray | None
     base: IndexBase  # what the file counts from
 
 
@@ -72,9 +69,8 @@ def read_marked(of_source: Path, of_target: Path, target: Mesh) -> Truth:
     for path in (of_source, of_target):
         held = read_mat(path, "landmarks", "points, verts and baryc")
         try:
-            sides.append(
-                (np.ravel(held["points"]), np.ravel(held["verts"]), np.reshape(held["baryc"], (-1, 4)))
-            )
+            weights = np.reshape(held["baryc"], (-1, 4))
+            sides.append((np.ravel(held["points"]), np.ravel(held["verts"]), weights))
         except (KeyError, ValueError) as error:
             raise FormatError(f"{path}: no landmarks ({error}); expected points, verts and baryc") from None
     _, here, there = np.intersect1d(sides[0][0], sides[1][0], return_indices=True)
@@ -112,10 +108,9 @@ def _table(path: Path, n_source: int) -> FloatArray | None:
 def _text_table(path: Path) -> FloatArray:
     try:
         rows = [list(map(float, line.replace(",", " ").split())) for _, line in text_lines(path)]
-        table = np.array(rows, dtype=np.float64)
+        return np.array(rows, dtype=np.float64)
     except ValueError as error:
         raise FormatError(f"{path}: cannot be read ({error}); {EXPECTED}") from None
-    return table
 
 
 def _of_map(path: Path, source: Mesh, target: Mesh, counts_from: int | None) -> Truth:
@@ -139,11 +134,7 @@ def _integers(path: Path, columns: int, wanted: str) -> IntArray:
 
 
 def _of_image(
-    path: Path,
-    image: IntArray,
-    target: Mesh,
-    points: PrecisePoints | None,
-    base: IndexBase,
+    path: Path, image: IntArray, target: Mesh, points: PrecisePoints | None, base: IndexBase
 ) -> Truth:
     _require_within(path, "target vertices", image, -1, target.n_vertices)
     has = np.flatnonzero(image >= 0)

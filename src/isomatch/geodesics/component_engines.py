@@ -35,9 +35,8 @@ class ComponentEngine(ColumnEngine):
         self.n_points = mesh.n_vertices
         self._unit = ordinary_unit(mesh)
         self._mesh = mesh.moved(mesh.vertices / self._unit)
-        self._solvers: dict[
-            int, tuple[IntArray, Solver]
-        ] = {}  # of components, and their vertices, increasing
+        # of components, with their vertices, increasing
+        self._solvers: dict[int, tuple[IntArray, Solver]] = {}
 
     def _columns(self, sources: IntArray) -> FloatArray:
         distances = np.full((len(sources), self.n_points), np.inf)

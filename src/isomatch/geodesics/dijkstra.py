@@ -30,16 +30,14 @@ class Dijkstra(ColumnEngine):
         i, j = surface.edges.T
         both = np.concatenate([i, j]), np.concatenate([j, i])
         # coincident vertices are joined by an edge of length 0, which csr_array keeps as an explicit zero
-        self._graph = scipy.sparse.csr_array(
-            (np.tile(surface.edge_lengths, 2), both), shape=(self.n_points,) * 2
-        )
+        lengths = np.tile(surface.edge_lengths, 2)
+        self._graph = scipy.sparse.csr_array((lengths, both), shape=(self.n_points,) * 2)
 
     def lower(self, nearest: FloatArray, source: int) -> None:
         """Lower ``nearest`` (n,) in place to the distance from one more source, where it is nearer."""
         self._require_in_range(np.array([source]))
-        column = scipy.sparse.csgraph.dijkstra(
-            self._graph, indices=int(source), limit=float(nearest.max(initial=0.0))
-        )
+        farthest = float(nearest.max(initial=0.0))
+        column = scipy.sparse.csgraph.dijkstra(self._graph, indices=int(source), limit=farthest)
         np.minimum(nearest, column, out=nearest)
 
     def _columns(self, sources: IntArray) -> FloatArray:

@@ -110,7 +110,6 @@ def distance_engine(
             raise SettingError(
                 f"a {kind.__name__} has no engine {name!r}; available: {', '.join(map(repr, engine_names(kind)))}"
             )
-    wrapped: DistanceEngine
     if isinstance(surface, DistanceEngine):
         wrapped = surface
     elif isinstance(surface, np.ndarray):

@@ -86,11 +86,7 @@ class FastMarching(ColumnEngine):
         return distances if self._unit == 1.0 else distances * self._unit
 
     def _front(
-        self,
-        source: int,
-        bound: FloatArray = NO_BOUND,
-        targets: IntArray = TO_ALL,
-        farthest: float = np.inf,
+        self, source: int, bound: FloatArray = NO_BOUND, targets: IntArray = TO_ALL, farthest: float = np.inf
     ) -> FloatArray:
         """Distances (n,) from a source; ``inf`` where no path leads."""
         # A vertex no nearer than its bound (n,) stays at inf, and the front does not go on from it. The front ends at the
@@ -99,21 +95,9 @@ class FastMarching(ColumnEngine):
         distance, settled = np.full(n, np.inf), np.full(n, np.inf)
         awaited = np.zeros(n if len(targets) else 0, dtype=bool)
         awaited[targets] = True
-        slot, heap = np.full(n, -1, dtype=np.int32), np.empty(n, dtype=np.int32)
-        missing = int(np.count_nonzero(awaited))
-        _advance(
-            *self._stencil,
-            source,
-            distance,
-            bound,
-            awaited,
-            missing,
-            farthest,
-            settled,
-            np.zeros(n),
-            slot,
-            heap,
-        )
+        scratch = np.zeros(n), np.full(n, -1, dtype=np.int32), np.empty(n, dtype=np.int32)
+        goal = awaited, int(np.count_nonzero(awaited)), farthest
+        _advance(*self._stencil, source, distance, bound, *goal, settled, *scratch)
         return distance
 
 
@@ -157,9 +141,8 @@ def _gaussian_curvature(mesh: Mesh, opposite: IntArray) -> FloatArray:
     """Angle defect 2π − Σ angles divided by vertex area, (n,); 0 on boundaries and at non-manifold edges."""
     corner = mesh.sound_faces.ravel()
     # Gauss–Bonnet on the star of a vertex: ∫ K dA = 2π − Σ angles; the mean of K is that over the area of the vertex
-    at, following, before = (
-        mesh.vertices[np.roll(mesh.sound_faces, -turn, axis=1).ravel()] for turn in range(3)
-    )
+    faces, points = mesh.sound_faces, mesh.vertices
+    at, following, before = (points[np.roll(faces, -turn, axis=1).ravel()] for turn in range(3))
     u, v = following - at, before - at
     # arctan2(|u × v|, u · v) is accurate at angles near 0 and π, where arccos is not
     angles = np.arctan2(np.linalg.norm(np.cross(u, v), axis=1), np.einsum("ij,ij->i", u, v))

@@ -43,10 +43,8 @@ class GivenMatrix(ColumnEngine):
             with np.errstate(invalid="ignore"):  # inf − inf is NaN; equal entries are compared before
                 near = (rows == columns) | (np.abs(rows - columns) <= ASYMMETRY * largest)
             _require_all(near, first, "the distance matrix is not symmetric")
-            own = rows[np.arange(len(rows)), first + np.arange(len(rows))]
-            _require_all(
-                own[:, None] <= DIAGONAL * largest, first, "the diagonal of the distance matrix is not 0"
-            )
+            near = rows[np.arange(len(rows)), first + np.arange(len(rows)), None] <= DIAGONAL * largest
+            _require_all(near, first, "the diagonal of the distance matrix is not 0")
 
     def _blocks(self) -> Iterator[tuple[int, FloatArray]]:
         for first in range(0, self.n_points, ROWS):

@@ -233,9 +233,8 @@ class _Ways:
                     face, at = int(windows.before[at]), int(windows.parent[at])
                     if at < 0:
                         break
-                    x, y = (1 - share) * self._corner(windows.side[at], start) + share * self._corner(
-                        windows.side[at], end
-                    )
+                    begin, last = (self._corner(windows.side[at], vertex_at) for vertex_at in (start, end))
+                    x, y = (1 - share) * begin + share * last
             stops.append(_Stop(root, root, 0.0, int(face)))
             vertex = root
         return stops
@@ -300,7 +299,7 @@ def _obj(paths: Sequence[GeodesicPath]) -> str:
 
 
 def _vtp(paths: Sequence[GeodesicPath]) -> str:
-    ends = np.cumsum([len(path.positions) for path in paths])
+    ends = np.cumsum([len(path.positions) for path in paths]).astype(np.int64)
     n = int(ends[-1]) if len(paths) else 0
 
     def together(parts: Iterable[AnyArray], width: int) -> AnyArray:
@@ -312,26 +311,14 @@ def _vtp(paths: Sequence[GeodesicPath]) -> str:
         ("PointData", [_array("corners", corners), _array("barycentric", weights)]),
         ("CellData", [_array("length", np.array([path.length for path in paths], dtype=np.float64))]),
         ("Points", [_array("points", together((path.positions for path in paths), 3))]),
-        (
-            "Lines",
-            [_array("connectivity", np.arange(n)), _array("offsets", np.asarray(ends, dtype=np.int64))],
-        ),
+        ("Lines", [_array("connectivity", np.arange(n)), _array("offsets", ends)]),
     )
     parts = [line for tag, inside in arrays for line in (f"<{tag}>", *inside, f"</{tag}>")]
-    return "\n".join(
-        [
-            '<?xml version="1.0"?>',
-            '<VTKFile type="PolyData" version="1.0" byte_order="LittleEndian" header_type="UInt64">',
-            "<PolyData>",
-            f'<Piece NumberOfPoints="{n}" NumberOfVerts="0" NumberOfLines="{len(paths)}" NumberOfStrips="0" '
-            'NumberOfPolys="0">',
-            *parts,
-            "</Piece>",
-            "</PolyData>",
-            "</VTKFile>",
-            "",
-        ]
-    )
+    counts = {"Points": n, "Verts": 0, "Lines": len(paths), "Strips": 0, "Polys": 0}
+    piece = " ".join(f'NumberOf{kind}="{count}"' for kind, count in counts.items())
+    file = '<VTKFile type="PolyData" version="1.0" byte_order="LittleEndian" header_type="UInt64">'
+    head = ['<?xml version="1.0"?>', file, "<PolyData>", f"<Piece {piece}>"]
+    return "\n".join([*head, *parts, "</Piece>", "</PolyData>", "</VTKFile>", ""])
 
 
 def _array(name: str, values: AnyArray) -> str:

@@ -56,9 +56,8 @@ class ColumnEngine(ABC):
         if wanted.ndim != 1 or (wanted.size and wanted.dtype.kind not in "iu"):
             raise MeshError("sources must be a one-dimensional array of vertex indices")
         self._require_in_range(wanted)
-        require_memory(
-            8.0 * len(wanted) * self.n_points, f"{len(wanted)} distance columns", "ask for fewer at once"
-        )
+        m = len(wanted)
+        require_memory(8.0 * m * self.n_points, f"{m} distance columns", "ask for fewer at once")
         return self._columns(wanted.astype(np.int64))
 
     def lower(self, nearest: FloatArray, source: int) -> FloatArray | None:
@@ -165,9 +164,8 @@ def geodesic_balls(engine: DistanceEngine, centres: ArrayLike, radius: float) ->
     parts = []
     for first in range(0, len(wanted), BLOCK):
         columns = engine.distances_from(wanted[first : first + BLOCK])
-        parts += [
-            (inside, column[inside]) for column in columns for inside in [np.flatnonzero(column <= radius)]
-        ]
+        rows = [np.flatnonzero(column <= radius) for column in columns]
+        parts += [(inside, column[inside]) for inside, column in zip(rows, columns)]
     return Balls.of(parts)
 
 

@@ -73,9 +73,8 @@ def farthest_point_sampling(engine: DistanceEngine, n_samples: int, start: int) 
     """
     if n_samples < 1:
         raise SettingError(f"n_samples = {n_samples} is not a positive number of samples")
-    require_memory(
-        8.0 * n_samples * engine.n_points, f"{n_samples} distance columns", "ask for fewer samples"
-    )
+    n_bytes = 8.0 * n_samples * engine.n_points
+    require_memory(n_bytes, f"{n_samples} distance columns", "ask for fewer samples")
     # While samples are chosen, a front advances only where its sample is the nearest so far. The cells of p samples
     # have about n / p points each, so that sample i costs a front of n / i points: Σ n / i ≈ n log p, about log p full
     # fronts. The p full columns are then computed on all threads. Engines that compute full columns anyway are asked

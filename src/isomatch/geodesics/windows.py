@@ -204,9 +204,7 @@ def _add(
         side = unfolded.sides[k]  # of another face at the same edge, of which there are several off manifolds
         if side == own:
             continue
-        same = (
-            faces[side // 3, side % 3] == a
-        )  # it runs the same way, or the other way, where t becomes full − t
+        same = faces[side // 3, side % 3] == a  # it runs the same way, or the other, where t becomes full − t
         size = queue.sizes[0]
         numbers, values = queue.numbers[size], queue.values[size]
         numbers[0], numbers[1], numbers[2], numbers[3] = side, face, parent, root
@@ -275,9 +273,7 @@ def _propagate(
             items = np.concatenate((items, np.zeros_like(items)))
         queue = _Queue(numbers, values, sizes, keys, items)
         goal = (points, target, bound)
-        if (
-            at < 0
-        ):  # light spreads from a vertex, along the edges to its neighbours and over the sides opposite
+        if at < 0:  # light spreads from a vertex, along the edges to neighbours and over the sides opposite
             v = -1 - at
             sigma = distance[v]
             if spread[v] <= sigma:

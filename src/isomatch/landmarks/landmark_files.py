@@ -33,9 +33,8 @@ NO_NUMBER = 9999.0  # or −9999, in all three coordinates, as of programs for m
 logger = logging.getLogger(__name__)
 
 OFF, FAR_OFF = 0.02, 0.1  # √area: a point farther from the surface is reported, and refused
-CLEARLY = (
-    0.5  # times the mean distance: points in RAS that are so much nearer than in LPS are taken to be in RAS
-)
+# times the mean distance: points in RAS that are so much nearer than in LPS are taken to be in RAS
+CLEARLY = 0.5
 
 
 @dataclass(frozen=True)
@@ -90,13 +89,8 @@ def marked_points(path: Path) -> list[MarkedPoint]:
 
 
 def _reader(path: Path) -> Callable[[Path], list[MarkedPoint]] | None:
-    readers = {
-        ".json": _slicer_markups,
-        ".fcsv": _slicer_fiducials,
-        ".pp": _meshlab_points,
-        ".pts": _editor_points,
-        ".label": _freesurfer_label,
-    }
+    readers = {".json": _slicer_markups, ".fcsv": _slicer_fiducials, ".pp": _meshlab_points}
+    readers |= {".pts": _editor_points, ".label": _freesurfer_label}
     return readers.get(path.suffix.lower())
 
 
@@ -233,11 +227,9 @@ def _freesurfer_label(path: Path) -> list[MarkedPoint]:
     for number, line in enumerate(read_text(path).splitlines(), start=1):
         cells, where = line.split(), f"{path}:{number}"
         if number > 1 and len(cells) > 1 and not line.startswith("#"):
-            free = cells[0] == "-1"
-            remedy = "write vertex x y z value"
-            points.append(
-                MarkedPoint("", _place(cells, [1, 2, 3] if free else [0], where, line, remedy), where)
-            )
+            columns = [1, 2, 3] if cells[0] == "-1" else [0]
+            at = _place(cells, columns, where, line, "write vertex x y z value")
+            points.append(MarkedPoint("", at, where))
     return points
 
 
@@ -354,15 +346,11 @@ def _ways(positions: FloatArray, is_said: bool, frame: Frame) -> list[tuple[Floa
     """
     turned = TURN * positions
     if not is_said:
-        return [
-            (positions, frame.axes, ""),
-            (turned, frame.axes, "after half a turn, from RAS to LPS or back"),
-        ]
-    ways: list[tuple[FloatArray, Axes | None, str]] = [
-        (positions, "LPS", "if it is in LPS"),
-        (turned, "RAS", "if it is in RAS"),
-    ]
-    ways = [way for way in ways if frame.axes in (None, way[1])]
+        told = "after half a turn, from RAS to LPS or back"
+        return [(positions, frame.axes, ""), (turned, frame.axes, told)]
+    said: tuple[tuple[FloatArray, Axes], ...] = (positions, "LPS"), (turned, "RAS")
+    ways: list[tuple[FloatArray, Axes | None, str]]
+    ways = [(at, axes, f"if it is in {axes}") for at, axes in said if frame.axes in (None, axes)]
     if frame.has_space and not np.array_equal(frame.matrix, np.eye(4)):
         back = np.linalg.inv(frame.matrix)
         ways.append((turned @ back[:3, :3].T + back[:3, 3], frame.axes, f"if they are in {frame.to}"))

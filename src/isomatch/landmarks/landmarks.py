@@ -104,10 +104,8 @@ class Landmarks:
         placed = numbers_of(positions, "landmarks", LandmarkError).reshape(-1, 3)
         m = len(placed)
         names = ("",) * m if names is None else tuple(names)
-        errors, spreads = (
-            np.full(m, np.nan) if each is None else np.asarray(each, dtype=np.float64)
-            for each in (expected_error, spread)
-        )
+        given = (np.full(m, np.nan) if each is None else each for each in (expected_error, spread))
+        errors, spreads = (np.asarray(each, dtype=np.float64) for each in given)
         if len(names) != m or errors.shape != (m,) or spreads.shape != (m,):
             raise LandmarkError(
                 f"{m} landmarks with {len(names)} names, {errors.size} expected errors and {spreads.size} spreads; give "
@@ -302,9 +300,8 @@ def read_landmarks(
         pairs = marked_pairs(first)
         here, there = [a for a, _ in pairs], [b for _, b in pairs]
     else:
-        here, there = (
-            [point for point in marked_points(Path(file)) if point.at] for file in (path, target_path)
-        )
+        files = map(Path, (path, target_path))
+        here, there = ([point for point in marked_points(file) if point.at] for file in files)
         here, there = _joined(here, there, f"{first} and {target_path}")
     if not here:
         raise LandmarkError(f"{first}: no landmarks; {PAIRS if target_path is None else POINTS}")
@@ -368,14 +365,9 @@ def _vertices(points: list[MarkedPoint], surface: SurfaceLike, side: str) -> Int
     if isinstance(surface, Graph):
         raise LandmarkError(f"the {side} is a graph, without positions; give vertex indices as landmarks")
     tree = cKDTree(surface.vertices)
+    marked, unit = [points[i] for i in placed], np.sqrt(surface.area)
     positions, _ = placed_positions(
-        [points[i] for i in placed],
-        surface.vertices,
-        np.sqrt(surface.area),
-        lambda x: np.asarray(tree.query(x)[0]),
-        frame,
-        side,
-        "vertices",
+        marked, surface.vertices, unit, lambda x: np.asarray(tree.query(x)[0]), frame, side, "vertices"
     )
     vertices[placed] = tree.query(positions)[1]
     return vertices

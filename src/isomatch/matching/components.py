@@ -182,14 +182,10 @@ class _Components:
         if gap.mean() > SAME_PLACE:
             return None
         quality = measure_quality(pair, points, Priors.of(pair, None, None, None))
-        return Solution(
-            pair,
-            pair.source.correspondence(pair.target, points),
-            quality,
-            (measured_evidence(pair, quality, pair.config.orientation),),
-            pair.source.lift_smooth(expected_errors(pair, points)),
-            origin="place",
-        )
+        found = pair.source.correspondence(pair.target, points)
+        evidence = (measured_evidence(pair, quality, pair.config.orientation),)
+        errors = pair.source.lift_smooth(expected_errors(pair, points))
+        return Solution(pair, found, quality, evidence, errors, origin="place")
 
 
 def _against(matches: list[ComponentMatch]) -> tuple[int, int, float]:
@@ -256,11 +252,8 @@ def composed(pair: ShapePair, matches: list[ComponentMatch], tied: bool, priors:
             distances[new] = own.descriptor_distance[new]
         errors[new] = own.expected_error[new] * np.sqrt(match.pair.target.share / main.pair.target.share)
     whole = replace(main.solution.map, **arrays)
-    quality = replace(
-        main.solution.quality,
-        matched=float(whole.matched.mean()),
-        coverage=sum(match.pair.target.share * match.solution.quality.coverage for match in matches),
-    )
+    coverage = sum(match.pair.target.share * match.solution.quality.coverage for match in matches)
+    quality = replace(main.solution.quality, matched=float(whole.matched.mean()), coverage=coverage)
     return replace(
         main.solution,
         map=whole,

@@ -89,12 +89,9 @@ def _fill_squared(x: FloatArray, edges: IntArray, squared: FloatArray) -> None:
 def diffused(shape: SmoothShape, values: FloatArray, radius: float) -> FloatArray:
     """Spread values (n,) by heat diffusion over a radius; nowhere less than half the least of them."""
     # u_t = Σ_j e^{−t λ_j} ⟨φ_j, u⟩ φ_j solves the heat equation; its kernel in the plane has mean square distance 4 t
-    time = radius**2 / 4
-    laplace = shape.laplace
-    smooth: FloatArray = laplace.vectors @ (
-        np.exp(-time * laplace.values) * laplace.coefficients(values[:, None])[:, 0]
-    )
-    return np.asarray(np.maximum(smooth, 0.5 * values.min()))
+    laplace, time = shape.laplace, radius**2 / 4
+    coefficients = np.exp(-time * laplace.values) * laplace.coefficients(values[:, None])[:, 0]
+    return np.asarray(np.maximum(laplace.vectors @ coefficients, 0.5 * values.min()))
 
 
 ANOTHER_MAP = "another map that fits nearly as well sends it elsewhere"
@@ -145,13 +142,9 @@ class DoubtfulRegion:
     @classmethod
     def from_dict(cls, summary: Mapping[str, Any]) -> DoubtfulRegion:
         """Restore what `to_dict` told of a region: of its vertices the most doubtful one."""
-        runner_up = summary["runner_up"]
-        return cls(
-            np.array([summary["vertex"]]),
-            summary["area"],
-            summary["reason"],
-            None if runner_up is None else np.array([runner_up]),
-        )
+        vertex, other = summary["vertex"], summary["runner_up"]
+        runner_up = None if other is None else np.array([other])
+        return cls(np.array([vertex]), summary["area"], summary["reason"], runner_up)
 
 
 def regions_of_doubt(
@@ -169,9 +162,8 @@ def regions_of_doubt(
     if descriptor_distance is not None and np.isfinite(descriptor_distance[pair.refinement_vertices]).any():
         # two people look more different everywhere than two poses of one
         usual = np.nanmedian(descriptor_distance[pair.refinement_vertices])
-        doubts[UNLIKE_ITS_IMAGE] = np.nan_to_num(
-            (around(source, descriptor_distance) - usual) / bounds.doubtful_descriptor_distance
-        )
+        excess = around(source, descriptor_distance) - usual
+        doubts[UNLIKE_ITS_IMAGE] = np.nan_to_num(excess / bounds.doubtful_descriptor_distance)
     if not doubts:
         return ()
     body, most = source.body, np.max(list(doubts.values()), axis=0)

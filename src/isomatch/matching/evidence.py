@@ -209,9 +209,7 @@ def held_evidence(evidence: tuple[Evidence, ...], quality: Quality, bound: float
     """Evidence for a map that was bent until landmarks hold: where it contradicted them before, it fits badly."""
     if contradicts(quality, bound):
         return evidence
-    return tuple(
-        replace(piece, contradicted=False, poor=piece.poor or piece.contradicted) for piece in evidence
-    )
+    return tuple(replace(each, contradicted=False, poor=each.poor or each.contradicted) for each in evidence)
 
 
 @dataclass(frozen=True, eq=False)

@@ -86,11 +86,5 @@ class Fit:
 
     def standing_for(self, other: Self) -> Self:
         """Return the fit as what the candidate of another one became."""
-        return replace(
-            self,
-            candidate=other.candidate,
-            origin=other.origin,
-            orientation=other.orientation,
-            prior_error=other.prior_error,
-            landmark_error=other.landmark_error,
-        )
+        of_candidate = "candidate", "origin", "orientation", "prior_error", "landmark_error"
+        return replace(self, **{name: getattr(other, name) for name in of_candidate})

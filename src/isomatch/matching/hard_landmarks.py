@@ -29,8 +29,7 @@ N_FUNCTIONS = 20  # they tell apart sheets that are near in space
 def pinned(pair: ShapePair, solution: Solution, landmarks: IntArray, tolerance: float) -> Solution:
     """Bend a map so that landmarks (m, 2) of the user hold, but for a tolerance in √area of the target."""
     bent_map, target = solution.map, pair.target
-    moved = np.zeros(len(landmarks))
-    alone = np.ones(len(landmarks), dtype=bool)
+    moved, alone = np.zeros(len(landmarks)), np.ones(len(landmarks), dtype=bool)
     for source_part, target_part in product(components_of(pair.source), components_of(target)):
         bending = _Bending(source_part, target_part, bent_map)
         on_both = bending.holds(landmarks)
@@ -50,10 +49,9 @@ def pinned(pair: ShapePair, solution: Solution, landmarks: IntArray, tolerance: 
         )
     ends = target.body_vertex[np.column_stack([bent_map.vertices[landmarks[:, 0]], landmarks[:, 1]])]
     apart = target.distance(*ends[(ends >= 0).all(axis=1)].T)
-    landmark_error = float(apart.mean()) if len(apart) else np.nan
-    matched = float(bent_map.matched.mean())
+    error = float(apart.mean()) if len(apart) else np.nan
     # the other measures are those of the map before
-    quality = replace(solution.quality, landmark_error=landmark_error, matched=matched)
+    quality = replace(solution.quality, landmark_error=error, matched=float(bent_map.matched.mean()))
     return replace(
         solution,
         map=bent_map,
@@ -127,13 +125,10 @@ def _carried(shape: PreparedShape, values: FloatArray) -> FloatArray:
 
 def _coordinates(shape: PreparedShape) -> FloatArray:
     """Coordinates of the vertices of the body in full: positions if there are any, and functions of unit gradient."""
-    body, n = _in_full(shape), N_FUNCTIONS
-    if isinstance(body, Graph):
-        n = len(shape.laplace.values)
-    smooth = shape.laplace.vectors[:, 1:n] / np.sqrt(shape.laplace.values[1:n])
-    if isinstance(body, Graph):
-        return _carried(shape, smooth)
-    return np.hstack([body.vertices, FUNCTION_WEIGHT * _carried(shape, smooth)])
+    body = _in_full(shape)
+    n = len(shape.laplace.values) if isinstance(body, Graph) else N_FUNCTIONS
+    smooth = _carried(shape, shape.laplace.vectors[:, 1:n] / np.sqrt(shape.laplace.values[1:n]))
+    return smooth if isinstance(body, Graph) else np.hstack([body.vertices, FUNCTION_WEIGHT * smooth])
 
 
 def _weights(shape: PreparedShape, at: IntArray, gap: float) -> FloatArray:

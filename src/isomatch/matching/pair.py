@@ -90,8 +90,6 @@ class ShapePair(SmoothPair):
 
     source: PreparedShape
     target: PreparedShape
-    config: Config
-    functions: Embedding | None = None
 
     @property
     def turned(self) -> ShapePair:

@@ -198,8 +198,6 @@ def with_functions(pair: ShapePair, functions: tuple[ArrayLike, ArrayLike] | Non
     """Return a pair on which functions are known, see `match`; `DescriptorError` if they do not fit the shapes."""
     if functions is None:
         return pair
-    if len(functions) != 2:
-        raise DescriptorError(f"functions are {len(functions)} arrays; expected two, of source and target")
     sides = (numbers_of(values, "functions", DescriptorError) for values in functions)
     columns = tuple(values[:, None] if values.ndim == 1 else values for values in sides)
     sizes = pair.source.surface.n_vertices, pair.target.surface.n_vertices

@@ -37,6 +37,10 @@ def measure_quality(
     aligned = source.points.at(vertices), target.points.at(image[vertices])
     positions = image_positions(source.body, target.body, points)
     landmark_error, initial_map_error = prior_errors(pair, image, priors.landmarks, priors.initial_pairs)
+    orientation = np.nan
+    if pair.oriented:
+        basis = pair.spectra.source
+        orientation = orientation_of(source, basis, target, image[vertices], NORMAL_FUNCTIONS)
     return Quality(
         spectral_residual=selection.winner.spectral_residual if selection else np.nan,
         runner_up=selection.runner_up if selection else np.nan,
@@ -44,9 +48,7 @@ def measure_quality(
         residual=alignment_residual(*aligned, signed_procrustes(*aligned)),
         stretch=edge_stretch(source.body, positions, settings.torn),
         torn_off=torn_off_share(source.body, target.body.area, positions, settings.torn_apart),
-        orientation=orientation_of(source, pair.spectra.source, target, image[vertices], NORMAL_FUNCTIONS)
-        if pair.oriented
-        else np.nan,
+        orientation=orientation,
         distortion_mean=float(distortion.mean()),
         distortion_p95=float(np.quantile(distortion, 0.95)),
         coverage=_coverage(pair, points),
@@ -122,10 +124,8 @@ def torn_off_share(source: Surface, target_area: float, images: FloatArray | Non
     if isinstance(source, Graph) or images is None:
         return np.nan
     i, j = source.edges.T
-    there, here = (
-        np.linalg.norm(x[i] - x[j], axis=1) / np.sqrt(area)
-        for x, area in ((images, target_area), (source.vertices, source.area))
-    )
+    both = (images, target_area), (source.vertices, source.area)
+    there, here = (np.linalg.norm(x[i] - x[j], axis=1) / np.sqrt(area) for x, area in both)
     whole = there - here <= apart
     _, piece = linked(source.n_vertices, (i[whole], j[whole]))
     shares = np.sort(np.bincount(piece, source.vertex_areas))[::-1] / source.vertex_areas.sum()
@@ -141,13 +141,10 @@ def prior_errors(
     pair: ShapePair, target_vertex: IntArray, landmarks: IntArray, initial_pairs: IntArray
 ) -> tuple[float, float]:
     """Mean and median of these distances for landmarks and for an initial map; nan without."""
-    at_landmarks, at_initial = (
-        distances_to_priors(pair, target_vertex, pairs) for pairs in (landmarks, initial_pairs)
-    )
-    return (
-        float(at_landmarks.mean()) if len(at_landmarks) else np.nan,
-        float(np.median(at_initial)) if len(at_initial) else np.nan,
-    )
+    off = distances_to_priors(pair, target_vertex, landmarks)
+    off_initial = distances_to_priors(pair, target_vertex, initial_pairs)
+    mean = float(off.mean()) if len(off) else np.nan
+    return mean, float(np.median(off_initial)) if len(off_initial) else np.nan
 
 
 def contradicted_landmarks(pair: ShapePair, points: PrecisePoints, priors: Priors) -> list[str]:
@@ -157,10 +154,8 @@ def contradicted_landmarks(pair: ShapePair, points: PrecisePoints, priors: Prior
     if not len(against):
         return []
     worst = against[np.argsort(-apart[against], kind="stable")[:MOST_NAMED]]
-    named = ", ".join(
-        f"{i} → {j} ({distance:.2f} √area off)"
-        for (i, j), distance in zip(priors.user_landmarks[worst], apart[worst])
-    )
+    pairs = zip(priors.user_landmarks[worst], apart[worst])
+    named = ", ".join(f"{i} → {j} ({distance:.2f} √area off)" for (i, j), distance in pairs)
     more = ", …" if len(against) > len(worst) else ""
     which = "the map" if pair.config.pin is None else "the map before it was bent"
     return [f"{which} contradicts {len(against)} of {len(priors.landmarks)} landmarks: {named}{more}"]

@@ -174,9 +174,8 @@ def check_refinement(refinement: Refinement, seed: int = 0) -> None:
     ball = bumpy_ball(N_VERTICES)
     source = prepare(ball, config)
     turn = Rotation.random(random_state=random).as_matrix()
-    trial, renumbered = (
-        _Trial(refinement, source, ball.vertices @ turn.T, random.permutation(N_VERTICES)) for _ in range(2)
-    )
+    copy = ball.vertices @ turn.T
+    trial, renumbered = (_Trial(refinement, source, copy, random.permutation(N_VERTICES)) for _ in range(2))
     rough = trial.moved(random)
     with serial_blas():
         _check_repeatable(trial, rough)
@@ -205,8 +204,7 @@ class _Trial:
     def __init__(
         self, refinement: Refinement, source: PreparedShape, positions: FloatArray, number: IntArray
     ) -> None:
-        original = np.argsort(number)
-        mesh = Mesh(positions[original], number[source.mesh_body.faces])
+        mesh = Mesh(positions[np.argsort(number)], number[source.mesh_body.faces])
         pair = prepare_pair(source, mesh, source.requested)
         priors = Priors.of(pair, None, number, None)
         self.refinement, self.number, self.target = refinement, number, pair.target

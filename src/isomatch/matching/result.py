@@ -306,10 +306,8 @@ class MatchResult(Shown):
         others = zip(*(arrays.pop(f"alternative_{name}") for name in MAP_ARRAYS))
         try:
             about = json.loads(arrays.pop("about"))
-            errors, descriptor_distance = (
-                np.where(values == UNMATCHED, np.nan, values)
-                for values in map(arrays.pop, ("expected_error", "descriptor_distance"))
-            )
+            of_vertices = map(arrays.pop, ("expected_error", "descriptor_distance"))
+            errors, distances = (np.where(values == UNMATCHED, np.nan, values) for values in of_vertices)
             regions = unpacked(arrays, about.get("regions", []))
             main = Correspondence(**{**arrays, "n_target": int(arrays["n_target"])})
             maps = [replace(main, **dict(zip(MAP_ARRAYS, parts))) for parts in others]
@@ -319,7 +317,7 @@ class MatchResult(Shown):
                 map=main,
                 quality=Quality(**about["quality"]),
                 expected_error=errors,
-                descriptor_distance=descriptor_distance if len(descriptor_distance) else None,
+                descriptor_distance=distances if len(distances) else None,
                 regions=regions,
                 alternatives=tuple(Alternative(partial(_itself, map), *numbers) for map, numbers in evidence),
                 symmetries=tuple(about["symmetries"]),
@@ -351,12 +349,8 @@ class MatchResult(Shown):
         errors = self.expected_error[np.isfinite(self.expected_error)]
         if not len(errors):
             return {"mean": None, "p95": None, "below_half": None}
-        below_half = float((errors > HALF_TRUSTED).mean())
-        return {
-            "mean": float(errors.mean()),
-            "p95": float(np.quantile(errors, 0.95)),
-            "below_half": below_half,
-        }
+        p95, below_half = float(np.quantile(errors, 0.95)), float((errors > HALF_TRUSTED).mean())
+        return {"mean": float(errors.mean()), "p95": p95, "below_half": below_half}
 
     def to_dict(self) -> dict[str, Any]:
         """Everything but the maps, as plain values for JSON; nan and inf become None."""

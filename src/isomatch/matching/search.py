@@ -68,9 +68,7 @@ def flips(pair: ShapePair, hypothesis: Hypothesis, others: list[Hypothesis]) -> 
 def symmetric_variants(pair: ShapePair, target_row: IntArray) -> list[Hypothesis]:
     """Compose a map of the search vertices (m_s,) with the symmetries of the target."""
     # σ ∘ f keeps distances as f does, if σ is a self-isometry; mirror images only if either orientation is allowed
-    starts = [
-        symmetry.image_row[target_row] for symmetry in pair.target.symmetries if _allowed(pair, symmetry)
-    ]
+    starts = [each.image_row[target_row] for each in pair.target.symmetries if _allowed(pair, each)]
     return _moved(pair, starts, "symmetry")
 
 
@@ -189,13 +187,8 @@ class Pool:
         # most starts lead to few maps: comparing them every other iteration saves most of the work, as does leaving
         # those that have settled
         for _ in range(0, steps, settings.compare_every):
-            starts = distinct(
-                starts,
-                lambda rows: rows,
-                self.pair.distances_between_maps,
-                settings.same_start,
-                before=[*before, *settled],
-            )
+            met, apart = [*before, *settled], self.pair.distances_between_maps
+            starts = distinct(starts, lambda rows: rows, apart, settings.same_start, before=met)
             images = _in_groups(
                 lambda maps: closest_point_images(*points, maps, settings.compare_every, settings.unchanged),
                 starts,

@@ -73,9 +73,9 @@ class Case:
         if config.part != "auto":
             return config.part
         of_source, of_target = (x.longest_boundary > config.parts.long_boundary for x in (source, target))
-        return (
-            "both" if of_source and of_target else "source" if of_source else "target" if of_target else None
-        )
+        if of_source and of_target:
+            return "both"
+        return "source" if of_source else "target" if of_target else None
 
     @property
     def has_functions(self) -> bool:
@@ -113,10 +113,8 @@ class Case:
         source, target = cut_shape(pair.source, n_source), cut_shape(pair.target, n_target)
         if source is None and target is None:
             return None
-        match = self.between(
-            source or capped_shape(pair.source), target or capped_shape(pair.target), pair.config
-        )
-        return self.summed_up(match)
+        source, target = source or capped_shape(pair.source), target or capped_shape(pair.target)
+        return self.summed_up(self.between(source, target, pair.config))
 
     def between(self, source: PreparedShape, target: PreparedShape, config: Config) -> IsometricMatch:
         """Match variants of both shapes as complete ones."""
@@ -168,15 +166,13 @@ Overlap: TypeAlias = Literal["whole", "part", "parts"]
 
 @dataclass(frozen=True)
 class Way:
-    """A row of the table: what is claimed of which variant of the shapes, when, and whether its map ends the search."""
+    """A row of the table: what is claimed of the shapes, how it is tried, when, and whether its map ends the search."""
 
     name: str
     overlap: Overlap
-    stretches: bool  # whether limbs may
-    variant: str  # of the shapes
-    applies: Callable[[Case], bool]
     # makes a finished map of the shapes as they are, with the evidence for it
     solve: Callable[[Case], Solution | None]
+    applies: Callable[[Case], bool] = lambda case: True
     is_enough: Callable[[Case, Solution], bool] = lambda case, solution: solution.outcome in SURE
 
 
@@ -249,88 +245,48 @@ def _is_clear(case: Case, solution: Solution) -> bool:
     return solution.outcome is Outcome.PARTIAL and solution.quality.doubt <= bound
 
 
-AS_IS = "as they are"
 AS_IT_IS = Way(
     "isometry",
     "whole",
-    False,
-    AS_IS,
-    lambda case: True,
     lambda case: case.summed_up(case.isometric),
     # fused limbs make a handle, and may look right; so may an isometry of shapes that are none
-    lambda case, solution: solution.outcome in SURE and not max(case.handles) and not case.is_far,
+    is_enough=lambda case, solution: solution.outcome in SURE and not max(case.handles) and not case.is_far,
 )
+# cut are the handles that only one shape has, or all of both, or its folds, too
 SURPLUS_CUT = Way(
-    "self-contacts cut",
-    "whole",
-    False,
-    "handles that only one shape has are cut",
-    lambda case: max(case.surplus) > 0,
-    lambda case: case.cut(*case.surplus),
+    "self-contacts cut", "whole", lambda case: case.cut(*case.surplus), lambda case: max(case.surplus) > 0
 )
 ALL_CUT = Way(
-    "all self-contacts cut",
-    "whole",
-    False,
-    "all handles are cut",
-    lambda case: min(case.handles) > 0,
-    lambda case: case.cut(*case.handles),
+    "all self-contacts cut", "whole", lambda case: case.cut(*case.handles), lambda case: min(case.handles) > 0
 )
-CREASES_CUT = Way(
-    "creases cut",
-    "whole",
-    False,
-    "handles that only one shape has are cut, and its folds",
-    lambda case: case.is_unsure and max(case.surplus) > 0,
-    _creases_cut,
-)
+CREASES_CUT = Way("creases cut", "whole", _creases_cut, lambda case: case.is_unsure and max(case.surplus) > 0)
 LIMBS_APART = Way(
     "limbs apart",
     "part",
-    False,
-    "handles and folds of the source are open",
-    lambda case: case.is_unsure and case.surplus[0] > 0 and case.pair.config.orientation == "preserve",
     _limbs_apart,
+    lambda case: case.is_unsure and case.surplus[0] > 0 and case.pair.config.orientation == "preserve",
 )
-ELASTIC = Way("elastic", "whole", True, AS_IS, lambda case: case.is_far, _elastic)
-PART = Way(
-    "part", "part", False, AS_IS, lambda case: True, lambda case: case.part.solution(case.timer), _is_clear
-)
+ELASTIC = Way("elastic", "whole", _elastic, lambda case: case.is_far)
+PART = Way("part", "part", lambda case: case.part.solution(case.timer), is_enough=_is_clear)
 CLOSED = Way(
     "holes closed",
     "whole",
-    False,
-    "holes capped",
-    lambda case: case.closed is not None,
     lambda case: case.summed_up(case.closed) if case.closed else None,
-    lambda case, solution: False,
+    is_enough=lambda case, solution: False,
 )
 PART_FROM_CLOSED = Way(
     "part, from the holes closed",
     "part",
-    False,
-    "as they are, from a map with holes capped",
-    CLOSED.applies,
     _part_from_closed,
+    lambda case: case.closed is not None,
     lambda case, solution: not case.is_unsure,
 )
 OVERLAPPING = Way(
     "two parts",
     "parts",
-    False,
-    AS_IS,
-    lambda case: True,
     lambda case: BothParts().on(case.pair, case.priors, case.stages).solution(case.timer),
 )
-
-VIA = Way(
-    "via",
-    "parts",
-    True,
-    "each to a whole in between",
-    lambda case: False,  # only where shapes in between were given, see `solve_via`
-    lambda case: None,
-)
+VIA = Way("via", "parts", lambda case: None)  # of shapes in between that were given, see `solve_via`
 
 # in the order in which they are tried
 COMPLETE = AS_IT_IS, SURPLUS_CUT, ALL_CUT, CREASES_CUT, LIMBS_APART, ELASTIC
@@ -355,9 +311,8 @@ def solved(case: Case) -> Solution:
     """Try one way after the other until one is sure; the map that verifies best is taken."""
     relation, problem = case.stages.relation, None
     if relation is not None:
-        return replace(
-            relation.on(case.pair, case.priors, case.stages).solution(case.timer), way=relation.way
-        )
+        found = relation.on(case.pair, case.priors, case.stages).solution(case.timer)
+        return replace(found, way=relation.way)
     for way in ways_of(case):
         try:
             with nullcontext() if way is AS_IT_IS else case.timer.within(way.name):
@@ -383,12 +338,8 @@ def _verified_best(case: Case) -> Solution:
 
     def rank(i: int) -> tuple[float, ...]:
         # where none is sure, the map of a part in least doubt, for caps leave maps rough
-        outcome, doubt = solutions[i].outcome, solutions[i].quality.doubt
-        return (
-            -outcome.sureness,
-            0.0 if outcome in SURE else float(np.nan_to_num(doubt, nan=np.inf)),
-            costs[i],
-        )
+        outcome, doubt = solutions[i].outcome, np.nan_to_num(solutions[i].quality.doubt, nan=np.inf)
+        return -outcome.sureness, 0.0 if outcome in SURE else float(doubt), costs[i]
 
     best = min(tied, key=rank)
 
@@ -396,9 +347,8 @@ def _verified_best(case: Case) -> Solution:
         both = (images[i] >= 0) & (images[best] >= 0)
         return not both.any() or target.mean_distance(images[i][both], images[best][both]) > AGREES
 
-    lead = min((cost for i, cost in enumerate(costs) if differs(i)), default=np.inf) / max(
-        costs[best], NO_COST
-    )
+    second = min((cost for i, cost in enumerate(costs) if differs(i)), default=np.inf)
+    lead = second / max(costs[best], NO_COST)
     told = ", ".join(f"{cost:.2g} by {solution.way}" for cost, solution in zip(costs, solutions))
     solution = solutions[best].led(lead if lead > 1.0 else 1.0)  # 1 also where nothing can be verified
     if solution.outcome not in SURE and _mirror_image_fits(case, costs[best]):

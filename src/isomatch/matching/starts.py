@@ -58,10 +58,8 @@ def starts_from_pose(pair: ShapePair) -> list[IntArray]:
     source, target = pair.source, pair.target
     here, there = pair.source_vertices, pair.target_vertices
     bodies = _places(source.body)[here], _places(target.body)[there]
-    shapes = (
-        _places(source.surface)[source.user_vertex[here]],
-        _places(target.surface)[target.user_vertex[there]],
-    )
+    here, there = source.user_vertex[here], target.user_vertex[there]
+    shapes = _places(source.surface)[here], _places(target.surface)[there]
     return [np.asarray(cKDTree(onto).query(points)[1], dtype=np.int64) for points, onto in (bodies, shapes)]
 
 
@@ -71,13 +69,10 @@ def starts_from_poses(pair: ShapePair) -> list[IntArray]:
     if not (limit and pair.oriented):
         return []
     sides = {"preserve": (False,), "reverse": (True,), "any": (False, True)}[orientation]
-    source, target = (
-        with_normals(shape.mesh_body)[vertices]
-        for shape, vertices in ((pair.source, pair.source_vertices), (pair.target, pair.target_vertices))
-    )
+    source = with_normals(pair.source.mesh_body)[pair.source_vertices]
+    target = with_normals(pair.target.mesh_body)[pair.target_vertices]
     several = parallel_map(lambda mirrored: poses_between(source, target, mirrored), sides)
-    near = [pose.nearest for poses in several for pose in poses if pose.distance <= limit]
-    return [search_pairs(pair, nearest) for nearest in near]
+    return [search_pairs(pair, x.nearest) for poses in several for x in poses if x.distance <= limit]
 
 
 def nearest_in_pose(source: PreparedShape, target: PreparedShape, source_vertex: IntArray) -> IntArray:

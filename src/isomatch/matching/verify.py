@@ -34,9 +34,8 @@ COVERED = 0.05  # √area from an image, up to which a vertex has a counterpart;
 NEAR, FAR = 0.08, 0.3  # √area of the source: distances that measure the unit of a map
 N_MEASURED, FEWEST_MEASURED = 300, 40  # samples whose distances do, and how many distances are enough
 LARGEST_UNIT_CHANGE = 1.3  # by which a map may measure another unit than that of the files
-MOST_UNLIKE = (
-    4.0  # times that one part may be as long as the other in the units of the files; beyond, areas are equal
-)
+# times that one part may be as long as the other in the units of the files; beyond, areas are equal
+MOST_UNLIKE = 4.0
 FEWEST_BENT = 30  # vertices of a piece that can be bent
 LEAST = 1e-9  # of what is divided by
 
@@ -144,12 +143,9 @@ def verify(
                     raise MeshError(
                         f"{side}: a map is verified by bending surfaces, which needs triangles; give meshes"
                     )
-            image: ArrayLike
             if isinstance(map, Correspondence):
                 map.check_fits(pair.source.surface, pair.target.surface)
-                image = map.vertices
-            else:
-                image = map
+            image: ArrayLike = map.vertices if isinstance(map, Correspondence) else map
             sizes = pair.source.surface.n_vertices, pair.target.surface.n_vertices
             return Verifier(pair)(on_bodies(pair, checked_initial_map(image, *sizes)))
 
@@ -257,9 +253,8 @@ class Verifier:
 def _balls(shape: PreparedShape, length: float) -> BallSignature:
     if length == 1.0 and shape.balls is not None:
         return shape.balls
-    return ball_signature(
-        shape.mesh_body, RADII, unit=1 / length, samples=shape.sample_vertices[:N_BALLS], weld=False
-    )
+    samples = shape.sample_vertices[:N_BALLS]
+    return ball_signature(shape.mesh_body, RADII, unit=1 / length, samples=samples, weld=False)
 
 
 def _inverse(target: PreparedShape, image: IntArray) -> tuple[IntArray, FloatArray]:

@@ -114,9 +114,8 @@ def _pieces(mesh: Mesh) -> _Pieces:
     n_pieces = len(first)
     sign = np.where(rewound, -1.0, 1.0)
     measured = _measured(mesh, sign, np.flatnonzero(opposite < 0), piece, first)
-    return _Pieces(
-        piece, rewound, one_sided, np.bincount(piece, sign, n_pieces).astype(np.float64), *measured
-    )
+    balance = np.bincount(piece, sign, n_pieces).astype(np.float64)
+    return _Pieces(piece, rewound, one_sided, balance, *measured)
 
 
 @compiled()

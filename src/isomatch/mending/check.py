@@ -167,70 +167,40 @@ DOUBLE_WALLED_SHARE = 0.35
 """A surface is double-walled if another sheet is close behind this share of its area, or more: bodies, animals, organs
 and single bones have up to 0.23, mouse skulls and shells from 0.52; docs/lab/design_notes.md."""
 
-_REPAIRED = "repair(mesh) removes them"
-
-# field: (what it is, why it matters and what to do); the rows of the printed table are in this order
+# field: what it is, and after the colon why it matters and what to do; the printed table has this order
 _FATAL = {
-    "non_finite_vertices": (
-        "vertices with NaN or infinite coordinates",
-        f"no distance is defined there; {_REPAIRED} and their faces",
-    ),
-    "out_of_range_faces": (
-        "faces with a vertex index out of range",
-        f"the surface is undefined there; {_REPAIRED}, or export the file again",
-    ),
+    "non_finite_vertices": "vertices with NaN or infinite coordinates: no distance is defined there; "
+    "repair(mesh) removes them and their faces",
+    "out_of_range_faces": "faces with a vertex index out of range: the surface is undefined there; "
+    "repair(mesh) removes them, or export the file again",
 }
 _SURVIVABLE = {
-    "repeated_index_faces": ("faces with a repeated vertex", f"they have no area and no normal; {_REPAIRED}"),
-    "duplicate_faces": (
-        "faces with the vertices of an earlier face",
-        f"their area counts twice and their edges are non-manifold; {_REPAIRED}",
-    ),
-    "zero_area_faces": (
-        "faces of zero area",
-        "distances across them are less accurate; remesh if there are many",
-    ),
-    "sliver_faces": ("sliver faces", "distances across them are less accurate; remesh if there are many"),
-    "unused_vertices": (
-        "finite vertices that no sound face uses",
-        f"their distance to all other vertices is infinite and they are not matched; {_REPAIRED}",
-    ),
-    "coincident_vertices": (
-        "vertices at the position of an earlier vertex",
-        "distances, bases and matches take them for one point; repair(mesh) welds them",
-    ),
-    "non_manifold_edges": (
-        "edges of more than two faces",
-        "paths may cross from one sheet to another there, which makes distances shorter; "
-        "match separates sheets that are far apart along the surface, others need a mesh editor",
-    ),
-    "non_manifold_vertices": (
-        "vertices where several fans of faces meet",
-        "sheets touch at a single point there, and paths pass through it; match splits those that shorten paths, others "
-        "need a mesh editor",
-    ),
-    "t_junctions": (
-        "vertices on the middle of an edge (T-junctions)",
-        "paths do not cross there, so distances are too long; repair(mesh) inserts them into the edges",
-    ),
-    "outliers": (
-        "points far from all others",
-        "distances run over them; match leaves them out, and repair removes them",
-    ),
-    "merged_vertices": (
-        "vertices where limbs that touch were merged",
-        "paths cross from one limb to the other there, as after a merge by distance with too large a distance; "
-        "match and repair(mesh) part them",
-    ),
-    "inconsistent_edges": (
-        "edges whose two faces have opposite winding",
-        "normals are unreliable, and left cannot be told from right; repair(mesh) makes the winding consistent, "
-        "unless the surface is one-sided",
-    ),
-    "inward_components": (
-        "closed components with faces oriented inward",
-        "left and right are exchanged; repair(mesh) orients them outward",
-    ),
+    "repeated_index_faces": "faces with a repeated vertex: they have no area and no normal; repair(mesh) "
+    "removes them",
+    "duplicate_faces": "faces with the vertices of an earlier face: their area counts twice and their edges "
+    "are non-manifold; repair(mesh) removes them",
+    "zero_area_faces": "faces of zero area: distances across them are less accurate; remesh if there are "
+    "many",
+    "sliver_faces": "sliver faces: distances across them are less accurate; remesh if there are many",
+    "unused_vertices": "finite vertices that no sound face uses: their distance to all other vertices is "
+    "infinite and they are not matched; repair(mesh) removes them",
+    "coincident_vertices": "vertices at the position of an earlier vertex: distances, bases and matches take "
+    "them for one point; repair(mesh) welds them",
+    "non_manifold_edges": "edges of more than two faces: paths may cross from one sheet to another there, "
+    "which makes distances shorter; match separates sheets that are far apart along the surface, others need "
+    "a mesh editor",
+    "non_manifold_vertices": "vertices where several fans of faces meet: sheets touch at a single point "
+    "there, and paths pass through it; match splits those that shorten paths, others need a mesh editor",
+    "t_junctions": "vertices on the middle of an edge (T-junctions): paths do not cross there, so distances "
+    "are too long; repair(mesh) inserts them into the edges",
+    "outliers": "points far from all others: distances run over them; match leaves them out, and repair "
+    "removes them",
+    "merged_vertices": "vertices where limbs that touch were merged: paths cross from one limb to the other "
+    "there, as after a merge by distance with too large a distance; match and repair(mesh) part them",
+    "inconsistent_edges": "edges whose two faces have opposite winding: normals are unreliable, and left "
+    "cannot be told from right; repair(mesh) makes the winding consistent, unless the surface is one-sided",
+    "inward_components": "closed components with faces oriented inward: left and right are exchanged; "
+    "repair(mesh) orients them outward",
 }
 
 
@@ -330,14 +300,11 @@ class MeshReport:
     def fatal(self) -> tuple[str, ...]:
         """Defects that make geodesic distances impossible to compute, one sentence each."""
         sentences = self._sentences(_FATAL)
+        nothing = "so there is no surface to measure distances on"
         if self.n_faces == 0:
-            sentences.append(
-                "no faces, so there is no surface to measure distances on; give a mesh with faces"
-            )
+            sentences.append(f"no faces, {nothing}; give a mesh with faces")
         elif not self.component_shares.any():
-            sentences.append(
-                "no sound face of positive area, so there is no surface to measure distances on; export the file again"
-            )
+            sentences.append(f"no sound face of positive area, {nothing}; export the file again")
         return tuple(sentences)
 
     @property
@@ -372,9 +339,7 @@ class MeshReport:
     def to_dict(self) -> dict[str, Any]:
         """Return all fields and sentences as numbers, strings and lists, for JSON."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
-        plain = {
-            name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in values.items()
-        }
+        plain = {name: x.tolist() if isinstance(x, np.ndarray) else x for name, x in values.items()}
         for name in ("double_walled", "planar", "weld_tolerance"):
             plain[name] = None if np.isnan(plain[name]) else plain[name]
         return plain | {"ok": self.ok, "fatal": list(self.fatal), "warnings": list(self.warnings)}
@@ -386,11 +351,13 @@ class MeshReport:
         )
 
     def __str__(self) -> str:
-        defects = [
-            (what, len(rows), "")
-            for name, (what, _) in (_FATAL | _SURVIVABLE).items()
-            if len(rows := getattr(self, name))
-        ]
+        told = (_FATAL | _SURVIVABLE).items()
+        every = [(text.partition(": ")[0], len(getattr(self, name)), "") for name, text in told]
+        largest = longest = ""
+        if self.n_components > 1:
+            largest = f"largest: {self.component_vertices[0]:,} vertices"
+        if self.n_boundary_loops:
+            longest = f"longest: {self.boundary_lengths[0]:.4g}"
         walls = [("double-walled, per cent of the area", round(100 * self.double_walled), "")]
         if self.planar >= LARGE:
             advice = "if this is a base: repair(mesh, without_base=True) cuts it off"
@@ -398,30 +365,22 @@ class MeshReport:
         rows = [
             ("vertices", self.n_vertices, ""),
             ("faces", self.n_faces, ""),
-            (
-                "components",
-                self.n_components,
-                f"largest: {self.component_vertices[0]:,} vertices" if self.n_components > 1 else "",
-            ),
+            ("components", self.n_components, largest),
             *([("solids", len(self.solid_components), "")] if len(self.solid_components) > 1 else []),
             *([("voids", len(self.void_components), "")] if len(self.void_components) else []),
             ("Euler number", self.euler_number, ""),
             *(walls if self.double_walled >= 0 else []),
-            (
-                "boundary loops",
-                self.n_boundary_loops,
-                f"longest: {self.boundary_lengths[0]:.4g}" if self.n_boundary_loops else "",
-            ),
-            *defects,
+            ("boundary loops", self.n_boundary_loops, longest),
+            *(defect for defect in every if defect[1]),
         ]
         table = [f"{what:<45} {count:>7,}  {where}".rstrip() for what, count, where in rows]
         verdict = [f"fatal: {sentence}" for sentence in self.fatal]
         verdict += [f"warning: {sentence}" for sentence in self.warnings]
         return "\n".join(table + (verdict or ["no defects"]))
 
-    def _sentences(self, defects: dict[str, tuple[str, str]]) -> list[str]:
-        defective = ((getattr(self, name), what, advice) for name, (what, advice) in defects.items())
-        return [f"{what} ({_where(where)}): {advice}" for where, what, advice in defective if len(where)]
+    def _sentences(self, defects: dict[str, str]) -> list[str]:
+        defective = ((getattr(self, name), text) for name, text in defects.items())
+        return [text.replace(": ", f" ({_where(where)}): ", 1) for where, text in defective if len(where)]
 
 
 def _where(defects: IntArray) -> str:

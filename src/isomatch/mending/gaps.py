@@ -17,10 +17,8 @@ END = 1e-2  # share of an edge next to its ends where no vertex is inserted
 GAP = 3.0  # ratio of distances that tells vertices that nearly coincide from others
 NEAR = 0.3  # of the median side: above, distances are those of a surface
 LEAST_SHARE, FEWEST = 0.05, 4  # of the vertices of the boundary, and vertices, that nearly coincide
-SHORT, MOST = (
-    0.02,
-    0.95,
-)  # quantiles of the lengths of sides, and of the small distances, where single ones fill the gap
+# quantiles of the lengths of sides, and of the small distances, where single ones fill the gap
+SHORT, MOST = 0.02, 0.95
 N_NEAREST = 8  # vertices among which one is sought that no side joins
 
 
@@ -105,9 +103,8 @@ def t_junctions(points: FloatArray, polygons: Polygons, survivor: IntArray, free
     inside = (off <= ON_EDGE * lengths[side]) & (share > END) & (share < 1 - END)
     # no polygon has a corner twice, as one with a flat corner would
     of, n = polygons.of_corner, len(points)
-    own = np.where(
-        (polygons.corners >= 0) & (polygons.corners < n), survivor[polygons.corners.clip(0, n - 1)], n
-    )
+    in_range = (polygons.corners >= 0) & (polygons.corners < n)
+    own = np.where(in_range, survivor[polygons.corners.clip(0, n - 1)], n)
     inside &= ~np.isin(of[corners[side]] * (n + 1) + vertex, of * (n + 1) + own)
     order = np.lexsort([share[inside], corners[side[inside]]])
     return TJunctions(vertex[inside][order], corners[side[inside]][order], share[inside][order])
@@ -154,9 +151,8 @@ def _with_points_on_sides(asset: Asset, found: TJunctions) -> Asset:
     index = np.insert(np.arange(len(polygons.corners)), place, found.corners)
     sizes = polygons.sizes + np.bincount(of, minlength=len(polygons))
     everything = np.arange(len(asset.points))
-    rows = Renumbering(
-        everything, everything, Polygons(corners, sizes, asset.points), np.arange(len(sizes)), index
-    )
+    divided = Polygons(corners, sizes, asset.points)
+    rows = Renumbering(everything, everything, divided, np.arange(len(sizes)), index)
     new = place + np.arange(len(place))
     ends = np.cumsum(polygons.sizes)
     following = np.where(place == ends[of], ends[of] - polygons.sizes[of], place)

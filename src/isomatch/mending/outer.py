@@ -47,9 +47,8 @@ def inner_faces(mesh: Mesh, opening: float = OPENING) -> BoolArray:
         return np.zeros(mesh.n_faces, dtype=bool)
     graph = coo_array((apart, tuple(links.T)), shape=(mesh.n_faces,) * 2).tocsr()
     if len(roots):
-        _, _, nearest = dijkstra(
-            graph, directed=False, indices=roots, min_only=True, return_predecessors=True
-        )
+        asked = {"indices": roots, "min_only": True, "return_predecessors": True}
+        _, _, nearest = dijkstra(graph, directed=False, **asked)
         seen = np.where(nearest >= 0, seen[np.maximum(nearest, 0)], seen)
     lost = seen == 0
     if lost.any():  # components without a place for a ball in front of them
@@ -79,9 +78,8 @@ class _Space:
         border = int(2 * CELLS + 3)
         lowest = used.min(axis=0) - border * step
         shape = tuple(np.ceil((used.max(axis=0) - lowest) / step).astype(int) + border)
-        require_memory(
-            64.0 * np.prod(shape, dtype=float), "the grid around a mesh", "ask for a larger opening"
-        )
+        n_bytes = 64.0 * np.prod(shape, dtype=float)
+        require_memory(n_bytes, "the grid around a mesh", "ask for a larger opening")
         points, normals = _samples(surface, SAMPLES * step)
         free = np.ones(shape, dtype=bool)
         free[tuple(np.floor((points - lowest) / step).astype(int).T)] = False
@@ -150,9 +148,8 @@ def _samples(surface: Mesh, step: float) -> tuple[FloatArray, FloatArray]:
     corners = surface.vertices[surface.faces]
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
     parts = np.ceil(longest / step).astype(int).clip(1)
-    require_memory(
-        80.0 * (0.5 * (parts + 2.0) ** 2).sum(), "points on long faces", "ask for a larger opening"
-    )
+    n_bytes = 80.0 * (0.5 * (parts + 2.0) ** 2).sum()
+    require_memory(n_bytes, "points on long faces", "ask for a larger opening")
     points, of_face = [], []
     for n in np.unique(parts):
         rows = np.flatnonzero(parts == n)
@@ -176,8 +173,7 @@ def _without_specks(surface: Mesh, links: IntArray, inner: BoolArray, least: flo
     """Leave out connected pieces with less area than a square of the opening."""
     both = links[inner[links].all(axis=1)]
     n = surface.n_faces
-    _, piece = connected_components(
-        coo_array((np.ones(len(both)), tuple(both.T)), shape=(n, n)), directed=False
-    )
+    links = coo_array((np.ones(len(both)), tuple(both.T)), shape=(n, n))
+    _, piece = connected_components(links, directed=False)
     area = np.bincount(piece, surface.face_areas * inner)
     return np.asarray(inner & (area[piece] >= least))

@@ -33,17 +33,9 @@ from isomatch.values.arrays import AnyArray, BoolArray, IntArray
 
 T = TypeVar("T")
 MENDED = (
-    "non_finite_vertices",
-    "out_of_range_faces",
-    "repeated_index_faces",
-    "duplicate_faces",
-    "unused_vertices",
-    "coincident_vertices",
-    "inconsistent_edges",
-    "inward_components",
-    "merged_vertices",
-    "t_junctions",
-    "outliers",
+    *("non_finite_vertices", "out_of_range_faces", "repeated_index_faces", "duplicate_faces"),
+    *("unused_vertices", "coincident_vertices", "inconsistent_edges", "inward_components"),
+    *("merged_vertices", "t_junctions", "outliers"),
 )
 """Fields of `MeshReport` with defects that a repair removes."""
 
@@ -347,14 +339,8 @@ def parted_described(contacts: tuple[IntArray, ...]) -> str:
 
 
 def _count(number: int, noun: str) -> str:
-    plural = {
-        "vertex": "vertices",
-        "face": "faces",
-        "welded vertex": "welded vertices",
-        "point": "points",
-        "contact": "contacts",
-    }
-    return f"{number} {noun if number == 1 else plural[noun]}"
+    several = noun.replace("vertex", "vertices") if noun.endswith("vertex") else f"{noun}s"
+    return f"{number} {noun if number == 1 else several}"
 
 
 def welded_surface(surface: object) -> Repair | None:
@@ -431,10 +417,8 @@ def turned_over(asset: Asset, before: Asset, rows: Renumbering, rewound: IntArra
     of_face = np.isin(rows.polygon_index, before.polygons.of_triangle[rewound])
     polygons = asset.polygons
     of_corner = of_face[polygons.of_corner]
-    n_turned, n_all = (
-        np.bincount(corners, minlength=len(asset.points))
-        for corners in (polygons.corners[of_corner], polygons.corners)
-    )
+    corners, n = polygons.corners, len(asset.points)
+    n_turned, n_all = (np.bincount(each, minlength=n) for each in (corners[of_corner], corners))
     turned = {"face": of_face, "corner": of_corner, "point": (n_turned > 0) & (n_turned == n_all)}
     mesh = Mesh(asset.placed_points, polygons.triangles)
     first = np.unique(polygons.of_triangle, return_index=True)[1]

@@ -163,15 +163,13 @@ def _loops(closed: _Closed) -> Iterator[tuple[float, float, IntArray]]:
     mesh, ends, n = closed.mesh, closed.ends, closed.mesh.n_vertices
     bends, costs = bends_and_costs(mesh, ends, closed.beside)
     concave = np.unique(ends[(bends < CONCAVE) & (ends < closed.n_real).all(axis=1)])
-    roots = (
-        concave[np.unique(np.linspace(0, len(concave) - 1, MOST_ROOTS).astype(int))] if len(concave) else []
-    )
+    spread = np.linspace(0, len(concave) - 1, MOST_ROOTS).astype(int)
+    roots = concave[np.unique(spread)] if len(concave) else []
     graph = coo_array((costs, tuple(ends.T)), shape=(n, n)).tocsr()
     reach = REACH * np.sqrt(mesh.area)
     for root in roots:
-        distance, before = dijkstra(
-            graph, directed=False, indices=root, return_predecessors=True, limit=reach
-        )
+        asked = {"indices": root, "return_predecessors": True, "limit": reach}
+        distance, before = dijkstra(graph, directed=False, **asked)
         closing, totals = _closing_edges(distance, before, ends, closed.beside, costs, mesh.n_faces)
         for k in np.argsort(totals, kind="stable")[:LOOPS_OF_ROOT]:
             loop, first = _loop(before, *ends[closing[k]])
@@ -242,14 +240,9 @@ def creases(mesh: Mesh) -> IntArray:
     sharp_ends = np.flatnonzero(np.bincount(piece, minlength=count)[piece] > 1)
     if not len(sharp_ends):
         return np.zeros((0, 2), dtype=np.int64)
-    near, before, owner = dijkstra(
-        coo_array((costs, tuple(ends.T)), shape=(n, n)).tocsr(),
-        directed=False,
-        indices=sharp_ends,
-        min_only=True,
-        return_predecessors=True,
-        limit=GAP * size,
-    )
+    graph = coo_array((costs, tuple(ends.T)), shape=(n, n)).tocsr()
+    asked = {"indices": sharp_ends, "min_only": True, "return_predecessors": True, "limit": GAP * size}
+    near, before, owner = dijkstra(graph, directed=False, **asked)
     i, j = ends.T
     gaps = near[i] + near[j] + costs
     bridges = np.flatnonzero(gaps <= GAP * size)

@@ -30,9 +30,8 @@ MOST_GONE = 0.5  # of the vertices of a block
 SHARES = (0.4, 0.6, 0.8, 1.0)  # of the edges that a round may collapse; after little progress, the next
 LEAST_PROGRESS = 0.02  # of the vertices, in a round
 POINT_WEIGHT = 1e-2  # of squared distances to the merged vertices, beside those to the planes of faces
-IN_PLACE_WEIGHT = (
-    1e-3  # where no vertex moves: at a tenth of an animal's vertices, the volume is nearer by 1 %
-)
+# where no vertex moves: at a tenth of an animal's vertices, the volume is nearer by 1 %
+IN_PLACE_WEIGHT = 1e-3
 N_SAMPLES = 20_000  # faces, whose edges tell the distribution of costs
 
 
@@ -206,9 +205,8 @@ class _Rounds:
     def decimated(self, mesh: Mesh, wanted: int) -> Decimated:
         """Return what is left."""
         _, centre, size = normalised(mesh.vertices)
-        first = np.empty(
-            self.n, dtype=np.int64
-        )  # of the vertices merged into each; of equal indices the last counts
+        # of the vertices merged into each; of equal indices the last counts
+        first = np.empty(self.n, dtype=np.int64)
         first[self.owner[::-1]] = np.arange(len(self.owner))[::-1]
         order, number = np.argsort(first), np.empty(self.n, dtype=np.int64)
         number[order] = np.arange(self.n)

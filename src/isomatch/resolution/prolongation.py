@@ -59,14 +59,8 @@ class Prolongation:
         normals = vertex_normals(points, self.fine.sound_faces)
         coarse = self._coarse
         start, near = _faces_near(coarse)
-        tables = (
-            coarse.vertices,
-            NORMAL_WEIGHT * coarse.vertex_areas,
-            coarse.faces,
-            *_frames(coarse),
-            start,
-            near,
-        )
+        tolerance = NORMAL_WEIGHT * coarse.vertex_areas
+        tables = coarse.vertices, tolerance, coarse.faces, *_frames(coarse), start, near
         places = PrecisePoints.at_vertices(self.coarse.owner)
 
         def chunk(first: int) -> None:
@@ -103,11 +97,8 @@ class Prolongation:
     @cached_property
     def _placed(self) -> PlacedMesh:
         """The fine mesh with its vertices at their places on the coarse one."""
-        return PlacedMesh(self.fine, self.on_coarse.interpolated(self._coarse.vertices), self._groups)
-
-    @cached_property
-    def _groups(self) -> VertexGroups:
-        return VertexGroups.of(self.coarse.owner, self.coarse.mesh.n_vertices)
+        places = self.on_coarse.interpolated(self._coarse.vertices)
+        return PlacedMesh(self.fine, places, VertexGroups.of(self.coarse.owner, self.coarse.mesh.n_vertices))
 
 
 def _faces_near(mesh: Mesh) -> tuple[AnyArray, AnyArray]:

@@ -24,19 +24,9 @@ caller as it is.
 """
 
 # share of the time of a match, and of the preparation of a shape, that is typically over when each stage starts
-MATCHING = {
-    "prepare": 0.0,
-    "components": 0.5,
-    "search": 0.55,
-    "selection": 0.62,
-    "refinement": 0.65,
-    "quality": 0.8,
-    "mirror images": 0.82,
-    "precision": 0.84,
-    "polish": 0.85,
-    "carry": 0.95,
-    "hard landmarks": 0.98,
-}
+MATCHING = {"prepare": 0.0, "components": 0.5, "search": 0.55, "selection": 0.62, "refinement": 0.65}
+MATCHING |= {"quality": 0.8, "mirror images": 0.82, "precision": 0.84, "polish": 0.85, "carry": 0.95}
+MATCHING |= {"hard landmarks": 0.98}
 PREPARATION = {"body": 0.0, "levels": 0.02, "distances": 0.3, "functions": 0.5, "samples": 0.85}
 
 

@@ -47,9 +47,8 @@ def require_server() -> None:
 
 def app_of(session: Session, token: str, port: int, once: str = "") -> App:
     """Make the ASGI application of a session; for the token and ``once`` see `Guard`."""
-    applications, responses, routing = (
-        package(f"starlette.{name}", EXTRA, WHAT) for name in ("applications", "responses", "routing")
-    )
+    modules = "applications", "responses", "routing"
+    applications, responses, routing = (package(f"starlette.{name}", EXTRA, WHAT) for name in modules)
     text = partial(responses.Response, media_type="text/plain")
 
     def answers(function: Callable[..., Any], **fields: Callable[[Any], Any]) -> Any:
@@ -104,10 +103,8 @@ class PageServer:
             raise
         self.address = f"http://{HOST}:{number}/?token={token}"
         self.once = f"http://{HOST}:{number}/?once={key}"
-        settings = uvicorn.Config(
-            app, log_level="error", lifespan="off", ws="none", server_header=False, proxy_headers=False
-        )
-        self._server = uvicorn.Server(settings)
+        options = {"lifespan": "off", "ws": "none", "server_header": False, "proxy_headers": False}
+        self._server = uvicorn.Server(uvicorn.Config(app, log_level="error", **options))
 
     def run(self) -> None:
         """Answer until `stop` is called, or the process is interrupted."""

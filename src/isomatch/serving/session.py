@@ -11,7 +11,7 @@ from typing import Any, Protocol
 from isomatch.errors import IsomatchError, SettingError
 from isomatch.matching import MatchResult, continue_with, match
 from isomatch.runtime.threads import Abandoned, Call, parallel_map, stop_if_abandoned
-from isomatch.settings import Config, Orientation, Start
+from isomatch.settings import Config, Hypotheses, Orientation, Start
 from isomatch.shapes import PreparedShape, prepare
 from isomatch.surfaces import Surface
 from isomatch.view import WorkPage
@@ -183,13 +183,9 @@ class Session:
         ``only`` maps that follow the landmarks may win; they ``hold`` if the map goes through them exactly, or as the
         settings say.
         """
-        config = replace(
-            self._config,
-            hypotheses="given" if only and landmarks else "all",
-            pin=(self._config.pin or 0.0) if hold and landmarks else None,
-            start=start,
-            orientation=orientation,
-        )
+        hypotheses: Hypotheses = "given" if only and landmarks else "all"
+        pin = (self._config.pin or 0.0) if hold and landmarks else None
+        config = replace(self._config, hypotheses=hypotheses, pin=pin, start=start, orientation=orientation)
         before = None if self._result is None else self._result.map
 
         def work(tell: Tell) -> tuple[MatchResult, Pairs, dict[str, Any]]:

@@ -23,7 +23,7 @@ from isomatch.settings import (
     SymmetrySettings,
 )
 from isomatch.storage.files import opened
-from isomatch.values.settings import Settings, setting
+from isomatch.values.settings import Settings, require_one_of, setting
 
 Orientation = Literal["preserve", "reverse", "any"]
 RefinementName = Literal["none", "laplace_icp", "joint", "smooth"]
@@ -141,10 +141,8 @@ class Config(Settings, Shown):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.engine is not None and self.engine not in engine_names():
-            raise SettingError(
-                f"engine = {self.engine!r} is not one of {', '.join(map(repr, engine_names()))}"
-            )
+        if self.engine is not None:
+            require_one_of("engine", self.engine, engine_names())
         if self.n_refine < 2 * self.n_functions:
             raise SettingError(
                 f"n_refine = {self.n_refine} is below 2 n_functions = {2 * self.n_functions}: too few for the fit"

@@ -51,9 +51,8 @@ class Body:
     left_out: float  # share in other components, see `body_of`
     notes: tuple[str, ...]  # what was left out or repaired
     share: float = 1.0  # of the area of the shape
-    others: tuple[
-        Body, ...
-    ] = ()  # of a mesh, further components that can be matched by themselves, largest first
+    # of a mesh, further components that can be matched by themselves, largest first
+    others: tuple[Body, ...] = ()
 
 
 def body_of(shape: Surface, settings: PreparationSettings) -> Body:
@@ -112,9 +111,8 @@ def _repaired(shape: Surface, sheet_distance: float) -> tuple[Surface, float, In
         stray, notes = outliers(shape.vertices), list[str]()
         kept = np.flatnonzero(~stray)
         if stray.any():
-            notes = [
-                f"left out {stray.sum()} points far from all others, such as {some(np.flatnonzero(stray))}"
-            ]
+            named = some(np.flatnonzero(stray))
+            notes = [f"left out {stray.sum()} points far from all others, such as {named}"]
             shape = PointCloud(shape.vertices[kept], shape.n_neighbours)
         unit = ordinary_unit(shape)
         new_index = np.where(stray, -1, np.cumsum(~stray) - 1)
@@ -277,11 +275,7 @@ def _level(body: Body, transfer: Prolongation, refining: Prolongation) -> Level:
     coarse, owner = transfer.coarse.mesh, transfer.coarse.owner
     unit = float(np.sqrt(coarse.area))
     middle = np.average(coarse.vertices, axis=0, weights=coarse.vertex_areas)
-    return Level(
-        coarse.moved((coarse.vertices - middle) / unit),
-        body.scale * unit,
-        np.append(owner, -1)[body.body_vertex],
-        body.user_vertex[transfer.nearest_members],
-        Detail(transfer, body.body_vertex, body.user_vertex),
-        refining,
-    )
+    surface = coarse.moved((coarse.vertices - middle) / unit)
+    vertices = np.append(owner, -1)[body.body_vertex], body.user_vertex[transfer.nearest_members]
+    detail = Detail(transfer, body.body_vertex, body.user_vertex)
+    return Level(surface, body.scale * unit, *vertices, detail, refining)

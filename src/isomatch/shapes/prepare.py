@@ -127,9 +127,8 @@ def prepared_body(
         timer.start("functions")
         laplace = laplace_basis(body, config.n_functions, seed, "single", weld=False)
         timer.start("samples")
-        extremities, extremity_columns = extremal_points(
-            body, engine, basis @ body.vertex_areas, fine.extremity_spacing, fine.n_extremities
-        )
+        remoteness, spacing = basis @ body.vertex_areas, fine.extremity_spacing
+        extremities, columns = extremal_points(body, engine, remoteness, spacing, fine.n_extremities)
         count = min(max(config.n_search, config.n_refine), body.n_vertices)
         samples = _evenly_spread(body, engine, count, int(sampling.vertices[0]))
     return PreparedShape(
@@ -144,7 +143,7 @@ def prepared_body(
         column_vertices=sampling.vertices,
         columns=sampling.columns.astype(np.float32),
         extremities=extremities,
-        extremity_columns=extremity_columns,
+        extremity_columns=columns,
         sample_vertices=samples,
         config=config,
         requested=requested,

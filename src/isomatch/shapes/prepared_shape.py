@@ -307,10 +307,8 @@ class PreparedShape(SmoothShape, Shown):
         """Geodesic distance descriptors of the body, in units of the intrinsic scale, as a signed point cloud."""
         # Rows p(x) with d(x, y) = Σ_c s_c p_c(x) p_c(y), s_c = ±1. Over √(average distance), products are distances over
         # the average: no unit, and no size of the body, is left.
-        descriptor, signed = (
-            geodesic_distance_descriptor(self.distances),
-            self.config.preparation.block_diagonal,
-        )
+        descriptor = geodesic_distance_descriptor(self.distances)
+        signed = self.config.preparation.block_diagonal
         signs = descriptor.signature if signed else np.ones_like(descriptor.signature)
         return SignedPoints(descriptor.coordinates / np.sqrt(self.intrinsic_scale), signs)
 
@@ -344,9 +342,8 @@ class PreparedShape(SmoothShape, Shown):
     def near_symmetries(self) -> tuple[Symmetry, ...]:
         """The same, and such that distort distances as the map to another individual may do."""
         exact, (residual, most) = self.config.symmetry, LOOSE
-        return self._symmetries(
-            SymmetrySettings(int(most * exact.most), largest_residual=residual * exact.largest_residual)
-        )
+        residual *= exact.largest_residual
+        return self._symmetries(SymmetrySettings(int(most * exact.most), largest_residual=residual))
 
     def _symmetries(self, settings: SymmetrySettings) -> tuple[Symmetry, ...]:
         vertices = self.sample_vertices[: self.config.n_search]
@@ -367,12 +364,8 @@ FORMAT = ArrayFormat(
     arrays={"about": Stored("text"), "digest": Stored("text")},
 )
 _ARRAY = re.compile(r"array_[0-9]{1,9}")
-_SURFACES, _BASES, _LEVELS = (
-    (Mesh, PointCloud),
-    (DistanceBasis, LaplaceBasis, Sampling),
-    (Body, Detail, Level),
-)
-_STORED = *_SURFACES, *_BASES, *_LEVELS, Decimated, Prolongation
+_SURFACES, _BASES = (Mesh, PointCloud), (DistanceBasis, LaplaceBasis, Sampling)
+_STORED = *_SURFACES, *_BASES, Body, Detail, Level, Decimated, Prolongation
 KINDS: dict[str, Any] = {kind.__name__: kind for kind in _STORED}
 KINDS["Graph"] = lambda **parts: Graph(*parts.values())  # whose fields and parameters have different names
 

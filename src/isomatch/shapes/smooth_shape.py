@@ -205,9 +205,8 @@ class SmoothShape:
         # (`_leave_out`). The first corner has the largest weight, and always stays.
         if self.detail is None and target.detail is None:
             return points, matched
-        places = PrecisePoints.at_vertices(np.arange(self.body.n_vertices))
-        if self.detail:
-            places = self.detail.transfer.on_coarse
+        everywhere = np.arange(self.body.n_vertices)
+        places = self.detail.transfer.on_coarse if self.detail else PrecisePoints.at_vertices(everywhere)
         owner = places.corners[:, 0]
         if target.detail is None and target.triangles is None:
             return PrecisePoints(points.corners[owner], points.barycentric[owner]), matched[owner]

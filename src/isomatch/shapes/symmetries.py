@@ -111,11 +111,9 @@ def find_symmetries(
 def describe_symmetries(symmetries: Sequence[Symmetry]) -> str:
     """Count the symmetries in words; empty if there are none. Groups are not always found whole."""
     sides = np.sign([symmetry.orientation for symmetry in symmetries])
-    counts = [
-        ((sides > 0).sum(), "rotation", "rotations"),
-        ((sides < 0).sum(), "mirror image", "mirror images"),
-        ((sides == 0).sum(), "map onto itself", "maps onto itself"),
-    ]
+    words = {1: ("rotation", "rotations"), -1: ("mirror image", "mirror images")}
+    words[0] = "map onto itself", "maps onto itself"
+    counts = [((sides == side).sum(), *both) for side, both in words.items()]
     named = [f"{n} {several if n > 1 else one}" for n, one, several in counts if n]
     return ("at least " if len(symmetries) > 1 else "") + " and ".join(named)
 

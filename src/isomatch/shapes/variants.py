@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 from typing import Any
@@ -69,12 +70,9 @@ def cut_shape(shape: PreparedShape, most: int) -> PreparedShape | None:
     longest, count = max(cut.cut_paths, key=len), len(cut.cut_paths)
     note = (
         f"cut where limbs seem to be fused, along {count} {'path' if count == 1 else 'paths'}; the "
-        f"largest has {len(longest)} vertices, one of them vertex {shape.user_vertex[longest[0]]}; if nothing is fused, "
-        "set preparation.self_contact_concavity = 0"
+        f"largest has {len(longest)} vertices, one of them vertex {shape.user_vertex[longest[0]]}"
     )
-    with suppress(MeshError, NotConvergedError):
-        return _variant(shape, capped(cut.mesh), cut.vertex_index, note)
-    return None
+    return _cut_open(shape, lambda: capped(cut.mesh), cut.vertex_index, note)
 
 
 def creased_shape(shape: PreparedShape, most: int, torn: BoolArray | None = None) -> PreparedShape | None:
@@ -88,14 +86,9 @@ def creased_shape(shape: PreparedShape, most: int, torn: BoolArray | None = None
     if not len(edges):
         return None
     mesh, index = cut_along(cut.mesh, edges)
-    note = (
-        f"cut along {len(edges)} edges of creases where limbs may be fused, one of them at vertex "
-        f"{shape.user_vertex[cut.vertex_index[edges[0, 0]]]}; if nothing is fused, set "
-        "preparation.self_contact_concavity = 0"
-    )
-    with suppress(MeshError, NotConvergedError):
-        return _variant(shape, capped(mesh, ends_of(edges)), cut.vertex_index[index], note)
-    return None
+    vertex = shape.user_vertex[cut.vertex_index[edges[0, 0]]]
+    note = f"cut along {len(edges)} edges of creases where limbs may be fused, one of them at vertex {vertex}"
+    return _cut_open(shape, lambda: capped(mesh, ends_of(edges)), cut.vertex_index[index], note)
 
 
 @cached_method
@@ -105,13 +98,8 @@ def opened_shape(shape: PreparedShape, most: int) -> PreparedShape | None:
     if not cut.cut_paths and not len(edges):
         return None
     mesh, index = cut_along(cut.mesh, edges)
-    note = (
-        "cut open where limbs may be fused, along self-contacts and creases; if nothing is fused, set "
-        "preparation.self_contact_concavity = 0"
-    )
-    with suppress(MeshError, NotConvergedError):
-        return _variant(shape, mesh, cut.vertex_index[index], note)
-    return None
+    note = "cut open where limbs may be fused, along self-contacts and creases"
+    return _cut_open(shape, lambda: mesh, cut.vertex_index[index], note)
 
 
 def region_of(shape: PreparedShape, vertices: IntArray, config: Config) -> PreparedShape:
@@ -134,6 +122,16 @@ def _self_contacts_and_creases(shape: PreparedShape, most: int) -> tuple[Cut, In
     """Cut a body along the paths of self-contacts, and find the edges of its creases."""
     cut = _self_contacts(shape, most)
     return cut, creases(cut.mesh)
+
+
+def _cut_open(
+    shape: PreparedShape, mesh: Callable[[], Mesh], origin: IntArray, note: str
+) -> PreparedShape | None:
+    """Prepare a mesh made by cutting the body of a shape; None where a cut parts it."""
+    with suppress(MeshError, NotConvergedError):
+        remedy = "if nothing is fused, set preparation.self_contact_concavity = 0"
+        return _variant(shape, mesh(), origin, f"{note}; {remedy}")
+    return None
 
 
 def _variant(shape: PreparedShape, mesh: Mesh, origin: IntArray, *notes: str) -> PreparedShape:

@@ -101,15 +101,10 @@ def asymmetry(
     signs = generator(seed).choice([-1.0, 1.0], (n_permutations, m))
     drawn = np.einsum("pi,ij,pj->p", signs, products, signs, optimize=True)
     reached = 1 + int((drawn >= products.sum() * (1 - 1e-9)).sum())  # the shapes as they are
-    return Asymmetry(
-        directional,
-        size(components),
-        size(components - directional),
-        float(products.sum()) / (m * total) if total > 0 else 0.0,
-        reached / (n_permutations + 1),
-        n_permutations,
-        seed,
-    )
+    amounts, fluctuating = size(components), size(components - directional)
+    common = float(products.sum()) / (m * total) if total > 0 else 0.0
+    p_value = reached / (n_permutations + 1)
+    return Asymmetry(directional, amounts, fluctuating, common, p_value, n_permutations, seed)
 
 
 MOST_TRIED = 5  # shapes of which none is certain; further ones hardly are

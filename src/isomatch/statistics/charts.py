@@ -67,8 +67,8 @@ def draw_scores(
     along_up = np.zeros(len(model.names)) if up is None else model.scores[:, up]
     points = np.column_stack([model.scores[:, across], along_up])
     figure, (axes,) = _chart()
-    axes.axhline(0, color=GREY, linewidth=0.5, zorder=0)
-    axes.axvline(0, color=GREY, linewidth=0.5, zorder=0)
+    for draw_axis in (axes.axhline, axes.axvline):
+        draw_axis(0, color=GREY, linewidth=0.5, zorder=0)
     _draw_hulls(axes, points, groups)
     _scatter(axes, points, model.names, groups)
     axes.set_xlabel(_of_mode(model, across))
@@ -118,10 +118,8 @@ def draw_quality(
     figure, panels = _chart(3, 6.6)
     panels[0].plot(np.arange(len(compact)), compact, color=BLUE, marker=".")
     panels[0].set(title="compactness: share of the variance", ylim=(0, 1.03))
-    for axes, curve, title in (
-        (panels[1], general, "generalisation: error of shapes left out"),
-        (panels[2], specific, "specificity: distance of random shapes"),
-    ):
+    titles = "generalisation: error of shapes left out", "specificity: distance of random shapes"
+    for axes, curve, title in zip(panels[1:], (general, specific), titles):
         modes = np.arange(len(curve.mean))
         axes.plot(modes, curve.mean, color=BLUE, marker=".")
         low, high = curve.mean - curve.standard_error, curve.mean + curve.standard_error
@@ -234,7 +232,7 @@ def _draw_hulls(axes: Axes, points: FloatArray, groups: Sequence[str] | None) ->
 
 def _chosen(groups: Sequence[str] | None, m: int) -> list[tuple[str, str, BoolArray]]:
     """Name, colour and members (m,) of each group; of none, all are one without a name."""
-    of = np.array(groups if groups else [""] * m, dtype=str)
+    of = np.array(groups or [""] * m, dtype=str)
     named = [group for group in sorted(set(of.tolist())) if group]
     colours = {group: COLOURS[i % len(COLOURS)] for i, group in enumerate(named)}
     rest = [] if groups and (of != "").all() else [("", GREY if groups else BLUE, of == "")]

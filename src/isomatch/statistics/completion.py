@@ -10,13 +10,14 @@ from scipy.linalg import solve_triangular
 from scipy.spatial.transform import Rotation
 
 from isomatch.correspondence import nearest_rotation
-from isomatch.errors import LandmarkError, NotConvergedError, SettingError
+from isomatch.errors import LandmarkError, NotConvergedError
 from isomatch.runtime.memory import require_memory
 from isomatch.runtime.threads import serial_blas
 from isomatch.statistics.observations import Observations, SeenSurface, model_noise
 from isomatch.statistics.shape_model import ShapeModel
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import FloatArray
+from isomatch.values.settings import require_one_of
 
 Pose = Literal["fitted", "given"]
 
@@ -115,8 +116,7 @@ def complete(model: ShapeModel, observations: Observations, *, pose: Pose = "fit
     >>> completed.mesh.vertices[3].round(2).tolist(), (completed.standard_deviation < 0.01).all().tolist()
     ([5.0, 7.5, 5.0], True)
     """
-    if pose not in ("fitted", "given"):
-        raise SettingError(f"pose = {pose!r} is not one of 'fitted', 'given'")
+    require_one_of("pose", pose, Pose)
     observations.check_fits(len(model.mean))
     n_values = 3.0 * (model.n_modes + 7) * (len(observations) + len(model.mean))
     require_memory(8 * 3 * n_values, "shape completion", "use a model of fewer vertices, or fewer points")
@@ -130,19 +130,13 @@ def complete(model: ShapeModel, observations: Observations, *, pose: Pose = "fit
         columns = np.concatenate([columns, _motions(shape, fit.centre, fit.size, model.size is not None)])
     apart = observations.positions - motion.done(observations.points.interpolated(shape))
     precision = 1 / np.maximum(observations.noise, LEAST_NOISE * fit.size * motion.scale) ** 2
-    return Completion(
-        model.mesh().moved(motion.done(shape)),
-        motion.scale * _deviations(columns, fit.root),
-        motion.scale * model_noise(model),
-        fit.scores * model.deviations,
-        np.linalg.norm(fit.root[: model.n_modes], axis=1) * model.deviations,
-        float(np.sqrt(precision @ (apart**2).sum(axis=1) / precision.sum())) if len(apart) else float("nan"),
-        motion.scale,
-        motion.rotation,
-        motion.translation,
-        len(observations),
-        notes,
-    )
+    error = float(np.sqrt(precision @ (apart**2).sum(axis=1) / precision.sum())) if len(apart) else np.nan
+    mesh, residual = model.mesh().moved(motion.done(shape)), motion.scale * model_noise(model)
+    deviations, scores = motion.scale * _deviations(columns, fit.root), fit.scores * model.deviations
+    score_deviations = np.linalg.norm(fit.root[: model.n_modes], axis=1) * model.deviations
+    placed = motion.scale, motion.rotation, motion.translation
+    known = mesh, deviations, residual, scores, score_deviations, error
+    return Completion(*known, *placed, len(observations), notes)
 
 
 @dataclass(frozen=True, eq=False)

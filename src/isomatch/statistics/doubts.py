@@ -84,9 +84,9 @@ def doubtful_positions(names: Sequence[str], vertices: FloatArray) -> list[Doubt
     opposite = mirrored[:, None] != mirrored
     reasons: dict[Kind, dict[int, str]] = {
         "units": {i: told_factor(factors[i]) for i in np.flatnonzero(factors != 1).tolist()},
-        "mirrored": dict.fromkeys(
-            np.flatnonzero(mirrored).tolist(), "fits the others better as its mirror image"
-        ),
+        "mirrored": {
+            i: "fits the others better as its mirror image" for i in np.flatnonzero(mirrored).tolist()
+        },
         "far": _far(vertices.mean(axis=1), sizes, factors),
         "unlike": _unlike(np.where(opposite, reflected, distances)),
     }
@@ -142,12 +142,8 @@ SIZE_FACTOR = 2.0  # from the median size: less is not a matter of units, of whi
 SIZE_GAP = 5.0  # between two sizes that follow each other: no sample of one kind has it
 DEVIATIONS = 6.0  # median absolute deviations, scaled to standard ones, from the median: beyond is an outlier
 TO_STANDARD = 1.4826  # times the median absolute deviation is the standard deviation of a normal distribution
-USUAL = (
-    ("mm", "m"),
-    ("mm", "cm"),
-    ("cm", "m"),
-    ("mm", "in"),
-)  # of two pairs with one factor, what is tried first
+# of two pairs with one factor, what is tried first
+USUAL = ("mm", "m"), ("mm", "cm"), ("cm", "m"), ("mm", "in")
 
 
 def size_factors(sizes: FloatArray) -> FloatArray:
@@ -185,8 +181,7 @@ def likely_units(factor: float) -> tuple[str, str] | None:
     pairs = [*USUAL, *turned, *permutations(METRES, 2)]
     apart = [abs(np.log(factor * METRES[own] / METRES[others])) for own, others in pairs]
     best = int(np.round(apart, 9).argmin())
-    none = abs(np.log(factor))
-    return pairs[best] if apart[best] < min(none, np.log(SIZE_FACTOR)) else None
+    return pairs[best] if apart[best] < min(abs(np.log(factor)), np.log(SIZE_FACTOR)) else None
 
 
 def told_factor(factor: float) -> str:

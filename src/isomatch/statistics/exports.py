@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from isomatch.assets import write_mesh
-from isomatch.errors import InputError, MissingDependencyError
+from isomatch.errors import InputError
+from isomatch.loading.first_use import package
 from isomatch.statistics.shape_model import ShapeModel
 from isomatch.statistics.shapes import CorrespondedShapes
 from isomatch.storage.files import replaced, write_text
@@ -51,12 +52,7 @@ def write_statismo(path: str | Path, model: ShapeModel) -> None:
         raise InputError(
             "the model has no mode of variation, which the format needs; give shapes that differ"
         )
-    try:
-        import h5py
-    except ImportError:
-        raise MissingDependencyError(
-            "HDF5 files need the package h5py; pip install 'isomatch[statistics]'"
-        ) from None
+    h5py = package("h5py", "statistics", "writing HDF5 files")
     spread = (model.modes * model.deviations[:, None, None]).reshape(model.n_modes, -1)
     _, values, modes = np.linalg.svd(spread, full_matrices=False)
     points = model.mean.astype(np.float32)

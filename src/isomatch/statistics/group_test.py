@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
 from scipy.stats import f, false_discovery_control
@@ -12,7 +12,7 @@ from scipy.stats import f, false_discovery_control
 from isomatch.errors import InputError, SettingError
 from isomatch.runtime.threads import serial_blas
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
-from isomatch.values.settings import generator
+from isomatch.values.settings import generator, require_one_of
 
 TestMethod = Literal["permutation", "parametric"]
 
@@ -95,8 +95,7 @@ def group_test(
     array([3])
     """
     second, names, counts = _labels(groups, len(aligned))
-    if method not in get_args(TestMethod):
-        raise SettingError(f"method = {method!r} is not one of {', '.join(map(repr, get_args(TestMethod)))}")
+    require_one_of("method", method, TestMethod)
     if n_permutations < 1:
         raise SettingError(f"n_permutations = {n_permutations} is not at least 1")
     m = len(aligned)

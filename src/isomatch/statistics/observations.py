@@ -71,8 +71,7 @@ class Observations:
             raise InputError(
                 "positions and noise must be finite, and noise not negative; leave out other points"
             )
-        object.__setattr__(self, "positions", positions)
-        object.__setattr__(self, "noise", np.broadcast_to(noise, len(positions)).copy())
+        vars(self).update(positions=positions, noise=np.broadcast_to(noise, len(positions)).copy())
 
     def __repr__(self) -> str:
         return f"Observations({len(self)} points)"
@@ -173,13 +172,10 @@ def observed_landmarks(
     twice = [name for name in shared if names[0].count(name) + names[1].count(name) > 2]
     if twice:
         raise LandmarkError(f"several landmarks are named {', '.join(twice)}; give each a name of its own")
-    rows = []
-    for marks in (own, found):
-        row_of = {marks.names[i]: i for i in np.flatnonzero(marks.placed)}
-        rows.append([row_of[name] for name in shared])
-    points = nearest_on_surface(model.mesh(), own.positions[rows[0]])
-    positions = found.positions[rows[1]]
-    errors = np.nan_to_num(found.expected_error[rows[1]])
+    row_of = [{x.names[i]: i for i in np.flatnonzero(x.placed)} for x in (own, found)]
+    rows, rows_found = ([of[name] for name in shared] for of in row_of)
+    points = nearest_on_surface(model.mesh(), own.positions[rows])
+    positions, errors = found.positions[rows_found], np.nan_to_num(found.expected_error[rows_found])
     unknown = [name for name in names[1] if name not in shared]
     notes = (f"landmarks that the mean does not have: {', '.join(unknown)}",) if unknown else ()
     total = np.hypot(_noise(noise, model, points, positions), errors)

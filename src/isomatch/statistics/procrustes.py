@@ -12,6 +12,7 @@ from isomatch.errors import MeshError, NotConvergedError, SettingError
 from isomatch.runtime.memory import require_memory
 from isomatch.runtime.threads import serial_blas
 from isomatch.values.arrays import FloatArray
+from isomatch.values.settings import require_one_of
 
 Scale = Literal["keep", "remove"]
 
@@ -106,11 +107,7 @@ def generalised_procrustes(
 
 
 def procrustes_distances(
-    vertices: FloatArray,
-    weights: FloatArray | None = None,
-    scale: Scale = "keep",
-    *,
-    mirrored: bool = False,
+    vertices: FloatArray, weights: FloatArray | None = None, scale: Scale = "keep", *, mirrored: bool = False
 ) -> FloatArray:
     """Compute the distance of each pair of shapes, (m, m), after the best motion of one onto the other.
 
@@ -166,10 +163,9 @@ def shares_of(vertices: FloatArray, weights: FloatArray | None) -> FloatArray:
 
 def _common_size(centred: FloatArray, share: FloatArray, scale: Scale) -> tuple[float | None, FloatArray]:
     """Find the size that all shapes get, none if theirs are kept, and the factors (m,)."""
+    require_one_of("scale", scale, Scale)
     if scale == "keep":
         return None, np.ones(len(centred))
-    if scale != "remove":
-        raise SettingError(f"scale = {scale!r} is not one of 'keep', 'remove'")
     sizes = _positive_sizes(centred, share)
     size = float(np.exp(np.log(sizes).mean()))
     return size, size / sizes

@@ -107,19 +107,12 @@ def shape_regression(
     products = scalar_products(about_mean, share)
     explained = float(np.einsum("iq,ij,jq->", basis, products, basis))
     total = float(np.trace(products))
-    drawn = generator(seed).permuted(np.tile(np.arange(m), (n_permutations, 1)), axis=1)
     reached = 1  # the values as they are
-    for order in drawn:
+    for order in generator(seed).permuted(np.tile(np.arange(m), (n_permutations, 1)), axis=1):
         permuted = basis[order]
         reached += float(np.einsum("iq,iq->", permuted, products @ permuted)) >= explained * (1 - 1e-9)
     length = np.sqrt(np.einsum("i,qij,qij->q", share, coefficients, coefficients))
     along = coefficients / np.where(length > 0, length, 1.0)[:, None, None]
-    return ShapeRegression(
-        explained / total if total > 0 else 0.0,
-        reached / (n_permutations + 1),
-        n_permutations,
-        seed,
-        mean,
-        coefficients,
-        np.einsum("i,mij,qij->mq", share, about_mean, along),
-    )
+    scores = np.einsum("i,mij,qij->mq", share, about_mean, along)
+    r_squared, p_value = explained / total if total > 0 else 0.0, reached / (n_permutations + 1)
+    return ShapeRegression(r_squared, p_value, n_permutations, seed, mean, coefficients, scores)

@@ -18,7 +18,7 @@ from isomatch.storage.array_file import ArrayFormat, Stored, save_arrays
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray, numbers_of
 from isomatch.values.cached import cached_property
-from isomatch.values.settings import generator
+from isomatch.values.settings import generator, require_one_of
 
 Weighting = Literal["area", "uniform"]
 
@@ -134,8 +134,7 @@ class ShapeModel:
         Cootes et al., *Active shape models*, CVIU 1995. One singular value decomposition of the weighted m × 3n matrix:
         O(m n min(m, n)) time. The sign of a mode is such that it moves the outer parts of the mean outward.
         """
-        if weights not in ("area", "uniform"):
-            raise SettingError(f"weights = {weights!r} is not one of 'area', 'uniform'")
+        require_one_of("weights", weights, Weighting)
         n = shapes.n_vertices
         share = shapes.area_weights if weights == "area" else np.full(n, 1 / n)
         shapes = filled(shapes, share, scale)
@@ -144,25 +143,18 @@ class ShapeModel:
         about_mean, about_centre = superimposed.aligned - mean, mean - share @ mean
         with serial_blas():
             # X √W = U S Vᵀ of displacements X (m, 3 n): the modes are S⁻¹ Uᵀ X, the scores U S
-            u, values, _ = np.linalg.svd(
-                (about_mean * np.sqrt(share)[:, None]).reshape(len(shapes), -1), full_matrices=False
-            )
+            weighted = (about_mean * np.sqrt(share)[:, None]).reshape(len(shapes), -1)
+            u, values, _ = np.linalg.svd(weighted, full_matrices=False)
             least = LEAST_DEVIATION * np.sqrt(len(shapes) * (share @ about_centre**2).max())
             kept = int((values[: len(shapes) - 1] > least).sum())
             u, values = u[:, :kept], values[:kept]
             modes = np.tensordot(u.T / values[:, None], about_mean, 1)  # also where a vertex has no weight
         outward = share[:, None] * (about_centre**2).sum(axis=1, keepdims=True) * about_centre
         signs = np.where(np.einsum("kij,ij->k", modes, outward) < 0, -1.0, 1.0)
-        return cls(
-            shapes.names,
-            mean,
-            shapes.faces,
-            share,
-            modes * signs[:, None, None],
-            values**2 / max(len(shapes) - 1, 1),
-            u * values * signs,
-            superimposed.size,
-        )
+        modes, scores = modes * signs[:, None, None], u * values * signs
+        variances = values**2 / max(len(shapes) - 1, 1)
+        of_mean = shapes.names, mean, shapes.faces, share
+        return cls(*of_mean, modes, variances, scores, superimposed.size)
 
     @property
     def n_modes(self) -> int:
@@ -328,7 +320,10 @@ def generalisation(model: ShapeModel, *, seed: int = 0, most: int = MOST_LEFT_OU
     chosen = np.sort(generator(seed).choice(m, most, replace=False)) if m > most else np.arange(m)
     rows = np.zeros((len(chosen), m - 1))
     number = {name: i for i, name in enumerate(model.names)}
-    both = [sorted({i, number.get(_other_side(name), i)}) for name, i in number.items()]
+    other_side = [
+        name.removesuffix(MIRRORED) if name.endswith(MIRRORED) else name + MIRRORED for name in model.names
+    ]
+    both = [sorted({i, number.get(other, i)}) for i, other in enumerate(other_side)]
     with serial_blas():
         for row, left_out in zip(rows, chosen):
             others = np.delete(model.scores, both[left_out], axis=0)
@@ -374,8 +369,3 @@ def specificity(model: ShapeModel, *, n_samples: int = N_SAMPLES, seed: int = 0)
         squares += drawn[:, None] * (drawn[:, None] - 2 * scores)  # (z − b)² instead of b²
         rows.append(np.sqrt(np.maximum(squares.min(axis=1), 0.0)))
     return ModelCurve.of_rows(np.array(rows).T)
-
-
-def _other_side(name: str) -> str:
-    """Name of the mirror image of a shape, or of the shape that it is the mirror image of."""
-    return name.removesuffix(MIRRORED) if name.endswith(MIRRORED) else name + MIRRORED

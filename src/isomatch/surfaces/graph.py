@@ -50,15 +50,13 @@ class Graph:
         ends, measured = _ends(edges, n_vertices), numbers_of(lengths, "lengths", MeshError)
         if measured.shape != (len(ends),):
             raise MeshError(f"lengths have shape {measured.shape}, expected ({len(ends)},): one per edge")
-        _require(
-            np.isfinite(measured) & (measured >= 0), "edges {} have lengths that are negative or not finite"
-        )
+        good = np.isfinite(measured) & (measured >= 0)
+        _require(good, "edges {} have lengths that are negative or not finite")
         measure = np.ones(n_vertices) if weights is None else numbers_of(weights, "weights", MeshError)
         if measure.shape != (n_vertices,):
             raise MeshError(f"weights have shape {measure.shape}, expected ({n_vertices},): one per vertex")
-        _require(
-            np.isfinite(measure) & (measure > 0), "vertices {} have weights that are not positive numbers"
-        )
+        good = np.isfinite(measure) & (measure > 0)
+        _require(good, "vertices {} have weights that are not positive numbers")
         order = np.lexsort([measured, ends[:, 1], ends[:, 0]])  # of equal edges the shortest comes first
         ends, measured = ends[order], measured[order]
         first = np.ones(len(ends), dtype=bool)

@@ -11,6 +11,13 @@ import numpy as np
 from isomatch.errors import SettingError
 
 
+def require_one_of(name: str, value: object, words: Any) -> None:
+    """Raise `SettingError` unless a value is one of some words, or of those of a ``Literal``."""
+    options = get_args(words) or tuple(words)
+    if value not in options:
+        raise SettingError(f"{name} = {value!r} is not one of {', '.join(map(repr, options))}")
+
+
 def setting(
     default: Any,
     source: str = "",
@@ -82,8 +89,7 @@ def _require_allowed(name: str, value: Any, hint: Any, bounds: Mapping[str, Any]
     """Raise `SettingError` unless a value has the type of a setting and lies within its bounds."""
     options = get_args(hint)
     if get_origin(hint) is Literal:
-        if value not in options:
-            raise SettingError(f"{name} = {value!r} is not one of {', '.join(map(repr, options))}")
+        require_one_of(name, value, hint)
         return
     if type(None) in options:
         if value is not None:
@@ -104,9 +110,8 @@ def _require_allowed(name: str, value: Any, hint: Any, bounds: Mapping[str, Any]
     least, most = bounds.get("least"), bounds.get("most")
     if hint in (int, float):
         kinds: Any = int if hint is int else (int, float)
-        fits = (
-            isinstance(value, kinds) and not isinstance(value, bool) and value == value
-        )  # nan is not itself
+        is_number = isinstance(value, kinds) and not isinstance(value, bool)
+        fits = is_number and value == value  # nan is not itself
         if not fits or (least is not None and value < least) or (most is not None and value > most):
             limits = [f"at least {least}"] if least is not None else []
             limits += [f"at most {most}"] if most is not None else []

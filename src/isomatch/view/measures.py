@@ -53,124 +53,61 @@ class Measure:
         return (self.most is None or number <= self.most) and (self.least is None or number >= self.least)
 
 
-MEASURES = {
-    "spectral_residual": Measure(
-        "spectral residual",
-        "{:.2f}",
-        "0: same; 0.4: two people",
-        "Mean distance between corresponding points when eigenfunctions, signatures, positions and normals are compared "
-        "together. 0 for the same shape; about 0.4 for a correct map between two different people.",
-    ),
-    "runner_up": Measure(
-        "best alternative",
-        "{:.2f} ×",
-        "1 is a tie; large is clear",
-        "How much worse the best map that differs fits, as a ratio of scores. 1 is a tie, as between the two sides of a "
-        "symmetric shape; below 1 the other map fits better; none if no other map came close.",
-    ),
-    "mirrored": Measure(
-        "mirror image",
-        "{:.2f} ×",
-        "1 is a tie; above 1.5 clear",
-        "How much worse the best map that exchanges left and right fits, as a ratio of scores. Below 1 it fits better; a "
-        "difference in pose alone can make up to 1.5; none if no such map came close, or was allowed.",
-    ),
-    "distortion_mean": Measure(
-        "distortion, mean",
-        "{:.2%}",
-        "of √area, between two points",
-        "Mean change of the geodesic distance between two points under the map, relative to √area. About half a per cent "
-        "of it is measurement error.",
-    ),
-    "distortion_p95": Measure(
-        "distortion, 95th percentile",
-        "{:.2%}",
-        "of √area",
-        "The same for the worst pairs: for one pair of points in twenty the change is larger.",
-    ),
-    "coverage": Measure(
-        "coverage",
-        "{:.1%}",
-        "of the target near an image",
-        "Fraction of the target area that is close to the image of a source vertex. The rest has no counterpart on the "
-        "source, or the map collapses there.",
-    ),
-    "matched": Measure(
-        "matched",
-        "{:.1%}",
-        "of source vertices have images",
-        "Fraction of the source vertices that have an image. The others are on parts that were left out; see the notes.",
-    ),
-    "orientation": Measure(
-        "orientation",
-        "{:.2f}",
-        "1 keeps sides, −1 mirrors",
-        "Whether the map preserves orientation. Near 1 it keeps the outer side of the surface outside; near −1 it is a "
-        "mirror image, which is correct only if that was wanted; values in between mean a twisted map.",
-    ),
-    "residual": Measure(
-        "descriptor residual",
-        "{:.2f}",
-        "of √(average distance)",
-        "How much the distances from each point to all others differ between the two shapes. If it is large, their "
-        "proportions differ or the map is wrong.",
-    ),
-    "stretch": Measure(
-        "stretch of edges",
-        "{:.2f}",
-        "mean square; 1: an isometry",
-        "Sum of the squared lengths of the edges' images over that of the edges: 1 if lengths are preserved, more if the "
-        "map stretches or tears the surface. A torn edge counts at most four times.",
-    ),
-    "descriptor_distance": Measure(
-        "descriptor distance",
-        "{:.2f}",
-        "standard deviations, up to 2",
-        "How differently the two surfaces look in space around a point and its image, on average. Little is expected for "
-        "two poses of one body, more for two bodies; about 0.8 for points drawn at random.",
-    ),
-    "torn_off": Measure(
-        "torn off",
-        "{:.1%}",
-        "of the source, in one piece",
-        "Fraction of the source area in the largest piece that the map tears from the rest, such as a limb that it "
-        "exchanges with another. 0 for a correct map.",
-    ),
-    "stress": Measure(
-        "stress of a part",
-        "{:.3f}",
-        "violated distances, relative",
-        "How much distances between images leave the intervals in which distances on the whole must lie, given those "
-        "along the part. 0.01 for a correct map.",
-    ),
-    "bending_cost": Measure(
-        "spectral residual of the bent shape",
-        "{:.1e}",
-        "stretch × distance",
-        "How much the edges of a part, or of a shape of another species, are stretched when it is bent onto the other "
-        "shape, times how far it still is from that. Large for many wrong maps.",
-    ),
-    "doubt": Measure(
-        "doubt of a part",
-        "{:.1e}",
-        "score over its lead",
-        "The score of the map, low if all measures are good, over how clearly it is better than that of the best "
-        "different map. The map of a part is sure if its doubt is small.",
-    ),
-    "landmark_error": Measure(
-        "landmark error",
-        "{:.2%}",
-        "of √(target area)",
-        "Mean geodesic distance on the target between the images of the landmarks and their given positions, relative to "
-        "√area.",
-    ),
-    "initial_map_error": Measure(
-        "distance to the initial map",
-        "{:.2%}",
-        "of √(target area), median",
-        "Median geodesic distance on the target between the images and those of the initial map, relative to √area.",
-    ),
+_SHOWN = {  # by field of `Quality`: name, format of its value, and unit
+    "spectral_residual": ("spectral residual", "{:.2f}", "0: same; 0.4: two people"),
+    "runner_up": ("best alternative", "{:.2f} ×", "1 is a tie; large is clear"),
+    "mirrored": ("mirror image", "{:.2f} ×", "1 is a tie; above 1.5 clear"),
+    "distortion_mean": ("distortion, mean", "{:.2%}", "of √area, between two points"),
+    "distortion_p95": ("distortion, 95th percentile", "{:.2%}", "of √area"),
+    "coverage": ("coverage", "{:.1%}", "of the target near an image"),
+    "matched": ("matched", "{:.1%}", "of source vertices have images"),
+    "orientation": ("orientation", "{:.2f}", "1 keeps sides, −1 mirrors"),
+    "residual": ("descriptor residual", "{:.2f}", "of √(average distance)"),
+    "stretch": ("stretch of edges", "{:.2f}", "mean square; 1: an isometry"),
+    "descriptor_distance": ("descriptor distance", "{:.2f}", "standard deviations, up to 2"),
+    "torn_off": ("torn off", "{:.1%}", "of the source, in one piece"),
+    "stress": ("stress of a part", "{:.3f}", "violated distances, relative"),
+    "bending_cost": ("spectral residual of the bent shape", "{:.1e}", "stretch × distance"),
+    "doubt": ("doubt of a part", "{:.1e}", "score over its lead"),
+    "landmark_error": ("landmark error", "{:.2%}", "of √(target area)"),
+    "initial_map_error": ("distance to the initial map", "{:.2%}", "of √(target area), median"),
 }
+_MEANINGS = {
+    "spectral_residual": "Mean distance between corresponding points when eigenfunctions, signatures, positions and "
+    "normals are compared together. 0 for the same shape; about 0.4 for a correct map between two different people.",
+    "runner_up": "How much worse the best map that differs fits, as a ratio of scores. 1 is a tie, as between the two "
+    "sides of a symmetric shape; below 1 the other map fits better; none if no other map came close.",
+    "mirrored": "How much worse the best map that exchanges left and right fits, as a ratio of scores. Below 1 it fits "
+    "better; a difference in pose alone can make up to 1.5; none if no such map came close, or was allowed.",
+    "distortion_mean": "Mean change of the geodesic distance between two points under the map, relative to √area. "
+    "About half a per cent of it is measurement error.",
+    "distortion_p95": "The same for the worst pairs: for one pair of points in twenty the change is larger.",
+    "coverage": "Fraction of the target area that is close to the image of a source vertex. The rest has no "
+    "counterpart on the source, or the map collapses there.",
+    "matched": "Fraction of the source vertices that have an image. The others are on parts that were left out; see "
+    "the notes.",
+    "orientation": "Whether the map preserves orientation. Near 1 it keeps the outer side of the surface outside; near "
+    "−1 it is a mirror image, which is correct only if that was wanted; values in between mean a twisted map.",
+    "residual": "How much the distances from each point to all others differ between the two shapes. If it is large, "
+    "their proportions differ or the map is wrong.",
+    "stretch": "Sum of the squared lengths of the edges' images over that of the edges: 1 if lengths are preserved, "
+    "more if the map stretches or tears the surface. A torn edge counts at most four times.",
+    "descriptor_distance": "How differently the two surfaces look in space around a point and its image, on average. "
+    "Little is expected for two poses of one body, more for two bodies; about 0.8 for points drawn at random.",
+    "torn_off": "Fraction of the source area in the largest piece that the map tears from the rest, such as a limb "
+    "that it exchanges with another. 0 for a correct map.",
+    "stress": "How much distances between images leave the intervals in which distances on the whole must lie, given "
+    "those along the part. 0.01 for a correct map.",
+    "bending_cost": "How much the edges of a part, or of a shape of another species, are stretched when it is bent "
+    "onto the other shape, times how far it still is from that. Large for many wrong maps.",
+    "doubt": "The score of the map, low if all measures are good, over how clearly it is better than that of the best "
+    "different map. The map of a part is sure if its doubt is small.",
+    "landmark_error": "Mean geodesic distance on the target between the images of the landmarks and their given "
+    "positions, relative to √area.",
+    "initial_map_error": "Median geodesic distance on the target between the images and those of the initial map, "
+    "relative to √area.",
+}
+MEASURES = {field: Measure(*shown, _MEANINGS[field]) for field, shown in _SHOWN.items()}
 # on which side a measure is bounded, and the setting that holds the bound; of a part, others are evidence
 _BOUNDS = {
     "spectral_residual": ("most", "outcome.poor_spectral_residual"),

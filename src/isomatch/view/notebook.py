@@ -74,11 +74,8 @@ def _(outcome: Outcome) -> str:
 
 @html_of.register
 def _(quality: Quality) -> str:
-    rows = [
-        (MEASURES[name].name, MEASURES[name].value(number), MEASURES[name].unit)
-        for name, number in vars(quality).items()
-        if not np.isnan(number)
-    ]
+    known = [(MEASURES[name], number) for name, number in vars(quality).items() if not np.isnan(number)]
+    rows = [(measure.name, measure.value(number), measure.unit) for measure, number in known]
     return _card("Quality", _table(rows, ("measure", "value", "to compare with")))
 
 
@@ -104,18 +101,14 @@ def _(result: MatchResult) -> str:
     measures = list(quality_measures(result))
     against = [measure.name for measure, _, against in measures if against]
     told = f"against the map: {', '.join(against)}" if against else "none is against the map"
+    values = [(m.name, m.value(x), m.bound + " (violated)" * is_bad, m.unit) for m, x, is_bad in measures]
+    table = _table(values, ("measure", "value", "bound", "to compare with"))
     return _card(
         "",
         _verdict(result.outcome, summary.headline, summary.sureness, summary.advice_in_python),
         _pair_picture(result.map),
         _told(rows),
-        _folded(
-            f"{len(measures)} measures of quality, {told}",
-            _table(
-                [(m.name, m.value(x), m.bound + " (violated)" * is_bad, m.unit) for m, x, is_bad in measures],
-                ("measure", "value", "bound", "to compare with"),
-            ),
-        ),
+        _folded(f"{len(measures)} measures of quality, {told}", table),
         _folded("How it was found", _told(origin)),
     )
 
@@ -327,18 +320,11 @@ def show_result(
     scene = scene_of(source, target, maps_of(result), layers=layers_of(result), landmarks=shown)
     told, command = (FETCHED, MATCH_AGAIN) if clicks_return() else (STATIC, MATCH_SAVED)
     panel = template("inline_landmarks.html").substitute(told=told, command=escape(command))
-    page = page_of(
-        (source, target),
-        ("source", "target"),
-        scene,
-        pairs,
-        style=text_of("inline.css"),
-        work=f"<script>\n{text_of('inline.js')}</script>",
-        **parts_of(scene, result),
-        picking="" if result.outcome is Outcome.CONVERGED else " checked",
-        landmarks=panel,
-        details=list_of_questions(asked),
-    )
+    ends, names = (source, target), ("source", "target")
+    own = {"style": text_of("inline.css"), "work": f"<script>\n{text_of('inline.js')}</script>"}
+    own |= {"picking": "" if result.outcome is Outcome.CONVERGED else " checked", "landmarks": panel}
+    own["details"] = list_of_questions(asked)
+    page = page_of(ends, names, scene, pairs, **own, **parts_of(scene, result))
     return ResultView(page, pairs, height)
 
 

@@ -72,11 +72,8 @@ class DrawnPair:
         at_source = self._from_source.packed()
         at_source["extent"] = np.maximum(at_source["extent"], 2 * np.abs(lying).max(axis=0)).tolist()
         colours = _colours(self._colours[self._from_target.index])
-        return {
-            "source": at_source,
-            "target": {**self._from_target.packed(), "colours": colours},
-            "filed": self._filed(self._turn).ravel().tolist(),
-        }
+        at_target = {**self._from_target.packed(), "colours": colours}
+        return {"source": at_source, "target": at_target, "filed": self._filed(self._turn).ravel().tolist()}
 
     def maps(self, maps: Mapping[str, Correspondence], layers: Mapping[str, Layer]) -> dict[str, Any]:
         """Return ``maps`` of `scene_of`, and the ``filed`` of the first; ``layers`` are values under that."""

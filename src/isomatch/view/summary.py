@@ -120,10 +120,8 @@ def _partners(result: MatchResult) -> str:
 def _doubt(result: MatchResult) -> str:
     """Say how much of the surface is in doubt, and where most of all."""
     if not result.regions:
-        sought = (
-            is_of_whole(result) and result.descriptor_distance is not None and not result.outcome.is_doubtful
-        )
-        return "No region is in doubt." if sought else ""
+        sought = is_of_whole(result) and result.descriptor_distance is not None
+        return "No region is in doubt." if sought and not result.outcome.is_doubtful else ""
     largest, *others = result.regions
     share = _per_cent(sum(region.area for region in result.regions))
     most = f"most of it around vertex {largest.vertices[0]}, where" if others else "where"

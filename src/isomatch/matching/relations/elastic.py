@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from operator import attrgetter
 from typing import cast
 
 import numpy as np
@@ -144,8 +145,10 @@ class Elastic(Relation):
         starts = self._starts()
         first = partial(self._drawn, self._coarse, COARSE_STEPS[0])
         kept = [first(start, origin) for start, origin in starts]
-        for step, most in zip(COARSE_STEPS, N_FOLLOWED):
-            kept = self._roughly(kept, step, most)
+        for step, most in zip(COARSE_STEPS, N_FOLLOWED):  # so many of the best that differ go on
+            taken = parallel_map(partial(self._stepped, step=step), kept)
+            order = sorted((fit for fit in taken if fit), key=attrgetter("score"))
+            kept = distinct(order, lambda fit: fit.image, self.target.mean_distances, SAME_MAP, most)
         timer.start("bending")
         if self.ordinary is not None:
             kept.append(self._drawn_ordinary(self.ordinary))
@@ -156,7 +159,7 @@ class Elastic(Relation):
                 "no elastic map keeps the orientation of the faces; give three to five landmarks"
             )
         fits = cast(list[StretchedFit], self.refine_and_select(parallel_map(self._begun, kept)))
-        fits.sort(key=lambda fit: fit.score)
+        fits.sort(key=attrgetter("score"))
         apart = distances_between([fit.image for fit in fits], self.target.mean_distances)
         tie = PRIORED_TIE if len(self.priors.initial_pairs) else 1.0
         least = self.pair.config.selection.runner_up_distance
@@ -225,12 +228,6 @@ class Elastic(Relation):
         )
         return there, back
 
-    def _roughly(self, fits: Sequence[StretchedFit], step: Step, most: int) -> list[StretchedFit]:
-        """Take a coarse step, and keep so many of the best that differ and do not turn the surface inside out."""
-        taken = parallel_map(lambda fit: self._stepped(fit, step), fits)
-        kept = sorted((fit for fit in taken if fit), key=lambda fit: fit.score)
-        return distinct(kept, lambda fit: fit.image, self.target.mean_distances, SAME_MAP, most)
-
     def _stepped(self, fit: StretchedFit, step: Step) -> StretchedFit | None:
         """Take a coarse step; None if the map reverses the orientation before, or is twisted afterwards."""
         coarse = self._coarse
@@ -243,15 +240,9 @@ class Elastic(Relation):
         # spectral residual × (unit + asymmetry)^exponent: of two fits that are as good, the one that exchanges mirror
         # images is right; below the unit, asymmetry is that of the shapes themselves
         penalty = (ASYMMETRY_UNIT + coarse.asymmetry(images)) ** ASYMMETRY_EXPONENT
-        image = coarse.target.targets[images.forth]
-        return replace(
-            fit,
-            image=image,
-            spectral_residual=images.spectral_residual,
-            score=images.spectral_residual * penalty,
-            coefficients=coefficients,
-            images=images,
-        )
+        image, residual = coarse.target.targets[images.forth], images.spectral_residual
+        moved = replace(fit, image=image, coefficients=coefficients, images=images)
+        return replace(moved, spectral_residual=residual, score=residual * penalty)
 
     def _begun(self, fit: StretchedFit) -> StretchedFit:
         """Extend a rough fit to the vertices of the relation."""

@@ -225,12 +225,10 @@ class ElasticFit:
         source, target = self.source, self.target
         symmetric = step.symmetric and source.mirror_row is not None and target.mirror_row is not None
 
-        def one(
-            onto: Samples, other: Samples, forth: IntArray, back: IntArray, sides: IntArray
-        ) -> FloatArray:
+        def one(onto: Samples, other: Samples, forth: IntArray, back: IntArray, held: IntArray) -> FloatArray:
             # X at x should be c(T x); at S y, c(y); at landmarks, what is known
-            here = [onto.vertices, onto.targets[back], sides[:, 0]]
-            there = [other.targets[forth], other.vertices, sides[:, 1]]
+            here = [onto.vertices, onto.targets[back], held[:, 0]]
+            there = [other.targets[forth], other.vertices, held[:, 1]]
             values = [other.shape.values[v] for v in there]
             if symmetric:
                 # With σ the mirror images of either shape, a map that respects them has T = σ T σ: at x, X should also be
@@ -241,7 +239,7 @@ class ElasticFit:
                 values += [mirrored[other.targets[forth[onto.mirror_row]]]]
             weights = np.concatenate([np.ones(len(v)) for v in here])
             first = len(here[0]) + len(here[1])
-            weights[first : first + len(sides)] = LANDMARK_WEIGHT
+            weights[first : first + len(held)] = LANDMARK_WEIGHT
             return _smooth(onto.shape, np.concatenate(here), np.vstack(values), weights, step)
 
         return Coefficients(
@@ -266,9 +264,7 @@ class ElasticFit:
 
     def _embedding(self, copies: tuple[_Copy, _Copy]) -> Embedding:
         both = zip(self._moving(copies), self.signatures, (self.source, self.target))
-        return Embedding(
-            *(np.hstack([moving, SIGNATURE_WEIGHT * own[onto.targets]]) for moving, own, onto in both)
-        )
+        return Embedding(*(np.hstack([x, SIGNATURE_WEIGHT * own[onto.targets]]) for x, own, onto in both))
 
     def _copies(self, coefficients: Coefficients) -> tuple[_Copy, _Copy]:
         """Copy the target to the source, and the source to the target."""
@@ -286,10 +282,8 @@ class ElasticFit:
     @cached_property
     def _unlike(self) -> Float32Array:
         """(m_s, m_t) squared distances of the weighted signatures of the samples of both."""
-        a, b = (
-            SIGNATURE_WEIGHT * values[samples.vertices]
-            for values, samples in zip(self.signatures, (self.source, self.target))
-        )
+        both = zip(self.signatures, (self.source, self.target))
+        a, b = (SIGNATURE_WEIGHT * values[samples.vertices] for values, samples in both)
         return single(np.stack([((row - b) ** 2).sum(axis=1) for row in a]))
 
     def _nearest_anywhere(self, copies: tuple[_Copy, _Copy]) -> tuple[IntArray, IntArray, float]:
@@ -363,9 +357,8 @@ def anchor_starts(
     # not. Some starts do without, as mirror images may be wrong in places.
     source, target, settings = pair.source, pair.target, pair.config.elastic
     anchors, between = _anchors(source, landmarks[:, 0], N_ANCHORS)
-    candidates = np.unique(
-        np.concatenate([landmarks[:, 1], target.extremities, target.sample_vertices[:N_CANDIDATES]])
-    )
+    samples = target.sample_vertices[:N_CANDIDATES]
+    candidates = np.unique(np.concatenate([landmarks[:, 1], target.extremities, samples]))
     of_source, of_target = pair.signatures
     unlike = np.abs(of_source[anchors, None] - of_target[candidates]).mean(axis=2)
     unary = SIGNATURE_COST * np.minimum(unlike / max(unlike.mean(), 1e-12), 2.0)

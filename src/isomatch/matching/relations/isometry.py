@@ -101,8 +101,7 @@ class Measured:
         errors: FloatArray,  # (n_s,) that are expected
         evidence: tuple[Evidence, ...],
         notes: Sequence[str],
-        level: SmoothPair
-        | None = None,  # between which the points are, if not between the shapes of the pair
+        level: SmoothPair | None = None,  # between which the points are, if not between the pair's shapes
         points: PrecisePoints | None = None,
         regions: Sequence[DoubtfulRegion] = (),
     ) -> Solution:
@@ -110,6 +109,7 @@ class Measured:
         source, between, distances = pair.source, level or pair, self.descriptor_distance
         result = between.source.correspondence(between.target, points or self.points, self.matched)
         mean_distance = mean_known(distances, source.body.vertex_areas)
+        known = None if distances is None else np.where(result.matched, source.lift(distances), np.nan)
         return Solution(
             pair,
             result,
@@ -119,9 +119,7 @@ class Measured:
             notes=(*pair.notes, *priors.notes, *notes, *contradicted_landmarks(pair, self.points, priors)),
             origin=self.origin,
             reason=self.reason,
-            descriptor_distance=None
-            if distances is None
-            else np.where(result.matched, source.lift(distances), np.nan),
+            descriptor_distance=known,
             regions=lifted(regions, source, pair.target),
         )
 
@@ -255,11 +253,8 @@ class Isometry(Relation):
         functions, and the better map stays. O(n_refine √n (K + q)) a step.
         """
         pair, settings = self.pair, self.pair.config.refining
-        stages = (
-            (settings.sizes_without_positions, False),
-            (settings.sizes_with_positions, True),
-            (settings.final_sizes, True),
-        )
+        with_them = settings.sizes_with_positions, settings.final_sizes
+        stages = [(settings.sizes_without_positions, False), *((sizes, True) for sizes in with_them)]
         refined = list(fits)
         for sizes, with_positions in stages:
             if sizes and refined:
@@ -309,11 +304,6 @@ class Isometry(Relation):
         """Joint coordinates of all vertices, with all functions, after registration."""
         return registered(self.pair, fit.image, fit.side, self.refinement.smooth)
 
-    @property
-    def rules(self) -> Rules:
-        """What decides the selection."""
-        return Rules.of(self.pair.config.selection, self.pair.config.outcome)
-
     def _refined_and_selected(self, eligible: list[Candidate], runners_up: list[Candidate]) -> Selection[Fit]:
         """Refine the contenders, and runners-up that may not win, and select."""
         config = self.pair.config
@@ -329,7 +319,7 @@ class Isometry(Relation):
         return select(
             fits,
             self._apart(fits),
-            self.rules,
+            Rules.of(self.pair.config.selection, self.pair.config.outcome),
             scores=self.weighed(fits, [fit.score for fit in fits], may_win),
             eligible=may_win,
             elsewhere=self._shares_elsewhere(fits),
@@ -382,9 +372,7 @@ class Isometry(Relation):
         embedding = self.everywhere(fit)
         return self.target.index.vertices(embedding.target, embedding.source)
 
-    def _against_mirror_image(
-        self, selection: Selection[Fit], candidates: Sequence[Candidate]
-    ) -> Selection[Fit]:
+    def _against_mirror_image(self, selection: Selection[Fit], candidates: list[Candidate]) -> Selection[Fit]:
         """Compare the winner with the best map of the orientation that is not allowed, if that seems to fit better."""
         if not self._sided:
             return selection
@@ -482,9 +470,8 @@ class Isometry(Relation):
         certain = not far and is_sure(self, selection)
         rivals = self._symmetric(map_) if solution.outcome is Outcome.CONVERGED and not certain else []
         if rivals:
-            solution = replace(solution, notes=(*solution.notes, AMBIGUOUS)).with_evidence(
-                Evidence(ambiguous=True)
-            )
+            solution = solution.with_evidence(Evidence(ambiguous=True))
+            solution = replace(solution, notes=(*solution.notes, AMBIGUOUS))
         return replace(solution, alternatives=self._alternatives(isometric, rivals))
 
     def _symmetric(self, map_: Measured) -> list[Candidate]:
@@ -540,19 +527,16 @@ class Isometry(Relation):
             )
         return notes
 
-    def _alternatives(
-        self, isometric: IsometricMatch, rivals: Sequence[Candidate]
-    ) -> tuple[Alternative, ...]:
+    def _alternatives(self, isometric: IsometricMatch, rivals: list[Candidate]) -> tuple[Alternative, ...]:
         """Rivals, and runners-up that differ from the winner, which comes first, and from each other; not refined."""
         pair, settings, selection = self.pair, self.pair.config.selection, isometric.selection
         refined = [fit.candidate for fit in (selection.winner, *selection.runners_up) if fit.candidate]
         order = [*refined[:1], *rivals, *refined[1:], *isometric.eligible, *isometric.runners_up]
         kept = distinct_maps(pair, order, 1 + settings.most_alternatives)
+        maps = (partial(_extended_map, pair, candidate.target_row) for candidate in kept[1:])
         return tuple(
-            Alternative(
-                partial(_extended_map, pair, c.target_row), c.energy, c.orientation, c.hypothesis.origin
-            )
-            for c in kept[1:]
+            Alternative(extend, candidate.energy, candidate.orientation, candidate.hypothesis.origin)
+            for extend, candidate in zip(maps, kept[1:])
         )
 
 

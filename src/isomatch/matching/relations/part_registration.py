@@ -74,10 +74,8 @@ class WholeCoordinates:
     @cached_method
     def features_of_part(self, pair: PartPair) -> PartSignatures:
         """Return the same of a part in the unit of a pair; a distance counts where its interval is a point."""
-        signatures, n = self.signatures.of_part(pair), len(self._landmarks)
-        lower, upper = (
-            np.minimum(pair.unit * bound[:n].T, LANDMARK_REACH) for bound in (pair.lower, pair.along)
-        )
+        signatures, n, bounds = self.signatures.of_part(pair), len(self._landmarks), (pair.lower, pair.along)
+        lower, upper = (np.minimum(pair.unit * bound[:n].T, LANDMARK_REACH) for bound in bounds)
         return PartSignatures(
             np.hstack([signatures.values, upper / self._settings.position_unit]),
             np.hstack([signatures.weights, (lower >= TRUSTED * upper).astype(np.float64)]),
@@ -202,10 +200,8 @@ class PartRefinement:
         if with_positions:
             smooth = self._whole.smooth(k)
             positions, normals = self._pulled_back(smooth.vertices[image], k_part)
-            columns += [
-                positions[vertices] / settings.position_unit,
-                settings.normal_weight * normals[vertices],
-            ]
+            positions = positions[vertices] / settings.position_unit
+            columns += [positions, settings.normal_weight * normals[vertices]]
         return Embedding(np.hstack(columns), self._whole.at(k, with_positions))
 
     def _pulled_back(self, positions: FloatArray, k_part: int) -> tuple[FloatArray, FloatArray]:
@@ -335,16 +331,12 @@ class PartFits:
 
     # given with priors (n_part,): images under a map that is given; coordinates: of the whole, if they are known
     def __init__(
-        self,
-        pair: PartPair,
-        with_priors: IntArray | None = None,
-        coordinates: WholeCoordinates | None = None,
+        self, pair: PartPair, with_priors: IntArray | None = None, coordinates: WholeCoordinates | None = None
     ) -> None:
         config = pair.config
         self.pair, self._config, self._with_priors, self._near = pair, config, with_priors, NearPairs(pair)
-        self.coordinates = coordinates or WholeCoordinates(
-            pair.whole, config, pair.landmarks, pair.functions.target
-        )
+        known = pair.landmarks, pair.functions.target
+        self.coordinates = coordinates or WholeCoordinates(pair.whole, config, *known)
         self.bending = PartBending(pair.meshes[0], config.parts.n_bent_vertices)
 
     @cached_method
@@ -409,12 +401,7 @@ class PartFits:
         return self._finely(pair, image, spectral_residual, self._config.parts.bending, origin)
 
     def _finely(
-        self,
-        pair: PartPair,
-        image: IntArray,
-        spectral_residual: float,
-        lengths: tuple[float, ...],
-        origin: str,
+        self, pair: PartPair, image: IntArray, residual: float, lengths: tuple[float, ...], origin: str
     ) -> PartFit:
         refinement = self._refinement(pair, self._config.n_refine)
         k = min(N_ANCHOR_FUNCTIONS, len(pair.whole.laplace.values))
@@ -422,7 +409,7 @@ class PartFits:
         error = 0.0
         if self._with_priors is not None:
             error = pair.whole.mean_distance(image, self._with_priors[refinement.vertices])
-        fit = self._fit(refinement, pair, image, spectral_residual, anchors, N_FINE_FUNCTIONS, origin)
+        fit = self._fit(refinement, pair, image, residual, anchors, N_FINE_FUNCTIONS, origin)
         return replace(fit, lengths=lengths, prior_error=error)
 
     def _fit(

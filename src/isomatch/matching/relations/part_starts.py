@@ -91,9 +91,8 @@ class PartStarts:
         self._pair, self._signatures, self._onto_itself = pair, signatures, onto_itself
         whole = pair.whole
         samples = whole.sample_vertices[:N_CANDIDATES]
-        self._candidates = np.unique(
-            np.concatenate([samples, whole.extremities, whole.column_vertices, pair.landmarks])
-        )
+        points = samples, whole.extremities, whole.column_vertices, pair.landmarks
+        self._candidates = np.unique(np.concatenate(points))
         self._places = np.union1d(whole.sample_vertices, self._candidates)
         self._to_samples = single(whole.distances.between(self._places, whole.sample_vertices))
         areas = areas_of_samples(whole, whole.sample_vertices)
