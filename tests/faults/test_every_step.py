@@ -168,7 +168,7 @@ def cases():
     """All commands with all kinds, and how many steps fail; those that take seconds are in the long version."""
     for command in COMMANDS:
         for kind in (*KINDS, "allocation"):
-            is_long = command in ("statistics", "match") or (command == "export" and kind != "rename")
+            is_long = command in ("statistics", "match", "export")
             most = 40 if command == "transfer" else 8 if command == "statistics" else 12
             yield pytest.param(command, kind, most, marks=[pytest.mark.long] * is_long)
 
