@@ -176,3 +176,9 @@ def test_points_at_one_place_are_refused_at_once():
     """Their neighbours would take a minute to find."""
     with pytest.raises(MeshError, match="at one place"):
         _ = PointCloud(np.zeros((60_000, 3))).components
+
+
+def test_a_point_that_no_side_has_may_be_far_larger_than_those_that_do():
+    tiny = 5e-324
+    points = [[tiny, tiny, tiny], [tiny, 0, 0], [0, tiny, 0], [1.0, 0, 0]]
+    assert repair(Mesh(points, [[1, 2, 0]]), weld=False, remove_unused=False).mesh.n_vertices == 4

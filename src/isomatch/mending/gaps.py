@@ -91,7 +91,11 @@ def t_junctions(points: FloatArray, polygons: Polygons, survivor: IntArray, free
     vertices = np.unique(sides)
     if not len(vertices):
         return TJunctions(*(np.zeros(0, dtype=np.int64),) * 2, np.zeros(0))
-    points = points / (np.abs(points[vertices]).max() or 1.0)  # whose squares do not overflow
+    scaled = np.zeros_like(points)
+    scaled[vertices] = points[vertices] / (
+        np.abs(points[vertices]).max() or 1.0
+    )  # whose squares do not overflow
+    points = scaled
     start, end = points[sides[:, 0]], points[sides[:, 1]]
     lengths = np.linalg.norm(end - start, axis=1)
     found = cKDTree(points[vertices]).query_ball_point((start + end) / 2, lengths / 2)
