@@ -319,6 +319,7 @@ def test_the_surer_map_of_the_reflected_shape_is_not_kept_for_the_shape_itself(b
     assert back.maps("r0", "l0").record["reflected"] == []
 
 
+@pytest.mark.long
 def test_of_all_pairs_the_smaller_group_is_reflected(blobs, tmp_path, work):
     pairs = star(blobs, tmp_path, "auto", pairs="all", template=None)
     run(pairs, shard=(0, 2))

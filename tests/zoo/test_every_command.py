@@ -19,7 +19,6 @@ SOUND_INDICES = [case for case in CASES if "outside" not in case.distance]
 MATCHED_NOW = {  # beside all that are refused; the others are matched by `make test-long`
     "two_bodies",
     "half_of_the_faces",
-    "mobius",
     "inside_out",
     "body_in_dust",
 }
