@@ -16,6 +16,7 @@ from isomatch.assets import (
     to_pyvista,
     to_trimesh,
     unread_files,
+    with_texture,
 )
 from isomatch.cli import main
 from shapes import icosphere
@@ -178,6 +179,26 @@ def test_a_picture_that_is_not_there_is_named_and_pictures_without_a_place_too(t
     )
     main(["repair", str(path), "-o", str(tmp_path / "b.ply")])
     assert "TextureFile green.png" in (tmp_path / "b.ply").read_text(errors="replace")
+
+
+def test_a_picture_named_twice_keeps_both_numbers_and_comments_their_place(tmp_path):
+    path = textured(tmp_path, 0, 2)
+    path.write_text(
+        path.read_text().replace("comment TextureFile green.png", "comment TextureFile green.png\n" * 2)
+    )
+    path.write_text(path.read_text().replace("\n\n", "\n"))
+    (tmp_path / "copy").mkdir()
+    write_asset(tmp_path / "copy" / "b.ply", read_asset(path))
+    assert seen(tmp_path / "copy" / "b.ply") == [(200, 0, 0), (0, 100, 0)]
+    comments = [line for line in path.read_text().splitlines() if line.startswith("comment")]
+    assert list(read_asset(tmp_path / "copy" / "b.ply").document.comments) == comments
+
+
+def test_a_baked_picture_is_written_beside_a_ply_file(tmp_path):
+    plain = read_asset(textured(tmp_path))
+    (tmp_path / "c").mkdir()
+    write_asset(tmp_path / "c" / "baked.ply", with_texture(plain, (tmp_path / "green.png").read_bytes()))
+    assert seen(tmp_path / "c" / "baked.ply") == [(0, 100, 0)] * 2
 
 
 @pytest.mark.parametrize("convert", [to_trimesh, to_pyvista, to_meshio])

@@ -71,7 +71,9 @@ def test_what_has_no_image_is_not_asked_for():
     asked = questions(BODY, BODY, left_with(*images), most=5)
     assert asked
     assert not any(hidden[each.vertex] or -1 in each.places for each in asked)
-    assert questions(BODY, BODY, left_with(IDENTITY, np.full(N, -1))) == ()
+    nothing = np.full(N, -1)
+    assert questions(BODY, BODY, left_with(IDENTITY, nothing)) == ()
+    assert questions(BODY, BODY, left_with(nothing, IDENTITY)) == ()
 
 
 def test_motion_scale_and_numbering_change_nothing():

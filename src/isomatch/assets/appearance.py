@@ -130,8 +130,9 @@ def as_written(path: Path, asset: Asset) -> tuple[Asset, dict[Path, bytes]]:
 
 def left_looks(path: Path, asset: Asset) -> tuple[Attribute, ...]:
     """Return what a file to be written has no place for: pictures and colours of materials."""
-    suffix, materials = path.suffix.lower(), looks_of(asset)
-    if materials is None or suffix in (".glb", ".gltf", ".obj"):
+    suffix = path.suffix.lower()
+    materials = None if suffix in (".glb", ".gltf", ".obj") else looks_of(asset)
+    if materials is None:
         return ()
     has_pictures, is_ply = bool(materials.pictures), suffix == ".ply"
     has_colours = any(layer.tint != UNTINTED for look in materials.looks for layer in look.layers)

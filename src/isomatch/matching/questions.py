@@ -74,7 +74,7 @@ def questions(source: Mesh, target: Mesh, result: MatchResult, most: int = 3) ->
     [(0, 1, 2)]
     """
     maps = [result.map, *(other.map for other in result.alternatives)]
-    if len(maps) < 2:
+    if len(maps) < 2 or not result.map.matched.any():
         return ()
     size = np.sqrt(source.area), np.sqrt(target.area)
     vertices = _spread(source, result.map.matched)

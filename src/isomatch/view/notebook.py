@@ -28,8 +28,8 @@ from isomatch.view.page import (
     list_of_questions,
     maps_of,
     page_of,
-    pairs_asked,
     pairs_on,
+    pairs_shown,
     parts_of,
     template,
     text_of,
@@ -316,8 +316,9 @@ def show_result(
     source, target = drawable(source), drawable(target)
     pairs = pairs_on(landmarks, source, target)
     asked = asked_of(source, target, result)
-    shown = np.concatenate([pairs, pairs_asked(asked)])
-    scene = scene_of(source, target, maps_of(result), layers=layers_of(result), landmarks=shown)
+    scene = scene_of(
+        source, target, maps_of(result), layers=layers_of(result), landmarks=pairs_shown(pairs, asked)
+    )
     told, command = (FETCHED, MATCH_AGAIN) if clicks_return() else (STATIC, MATCH_SAVED)
     panel = template("inline_landmarks.html").substitute(told=told, command=escape(command))
     ends, names = (source, target), ("source", "target")

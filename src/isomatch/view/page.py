@@ -209,10 +209,10 @@ def asked_of(source: Mesh, target: Mesh, result: MatchResult) -> tuple[Question,
     return () if result.outcome in (Outcome.CONVERGED, Outcome.PARTIAL) else questions(source, target, result)
 
 
-def pairs_asked(asked: Iterable[Question]) -> IntArray:
-    """(q, 2) the pairs that answers would be, whose vertices are to be shown."""
-    pairs = [(each.vertex, place) for each in asked for place in each.places]
-    return np.array(pairs, dtype=np.int64).reshape(-1, 2)
+def pairs_shown(pairs: IntArray, asked: Iterable[Question]) -> IntArray:
+    """Add to landmarks (q, 2) the pairs that answers would be: their vertices are to be shown."""
+    answers = [(each.vertex, place) for each in asked for place in each.places]
+    return np.concatenate([pairs, np.array(answers, dtype=np.int64).reshape(-1, 2)])
 
 
 def list_of_questions(asked: Sequence[Question]) -> str:

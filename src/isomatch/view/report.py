@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from html import escape
 from pathlib import Path
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from isomatch.matching import MatchResult, Outcome
@@ -18,8 +17,8 @@ from isomatch.view.page import (
     details_of,
     maps_of,
     page_of,
-    pairs_asked,
     pairs_on,
+    pairs_shown,
     paragraphs,
     parts_of,
     sentence,
@@ -97,8 +96,7 @@ def write_report(
     pairs = pairs_on(landmarks, source, target)
     every = layers_of(result) | user_layers(layers or {}, source.n_vertices)
     asked = asked_of(source, target, result)
-    shown = np.concatenate([pairs, pairs_asked(asked)])
-    scene = scene_of(source, target, maps_of(result), layers=every, landmarks=shown)
+    scene = scene_of(source, target, maps_of(result), layers=every, landmarks=pairs_shown(pairs, asked))
     titles = title_of("source", names[0]), title_of("target", names[1])
     if picture is None:
         still = png(draw_map(source, target, result.map, titles=titles, width=WIDTH).png())

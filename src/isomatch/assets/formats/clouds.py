@@ -78,7 +78,7 @@ def read_pcd(data: bytes, name: str) -> Asset:
     if len(fields) != n:
         raise damaged(name, what, f"{len(fields)} points, {n} declared")
     attributes = list[Attribute]()
-    for packed in columns.keys() & {"rgb", "rgba"}:  # a number of 32 bits
+    for packed in [name for name in ("rgba", "rgb") if name in columns][:1]:  # a number of 32 bits
         octets = columns.pop(packed).view("u1").reshape(n, -1)[:, 2::-1]
         attributes.append(Attribute("color", "point", "colour", octets))
     if columns.keys() >= {*_NORMAL}:

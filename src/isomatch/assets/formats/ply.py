@@ -50,7 +50,7 @@ _GROUPS: tuple[tuple[str, Kind, tuple[str, ...]], ...] = (
 _CORNER_UV = "texcoord"
 TEXTURE_NUMBER = "texnumber"
 """The property of faces that says which of several pictures they show."""
-_TEXTURE = "TextureFile"  # the comment that names a picture
+_TEXTURE = "comment TextureFile {}"  # which names a picture
 
 
 @dataclass(frozen=True)
@@ -133,18 +133,18 @@ class PlyDocument:
     @property
     def textures(self) -> tuple[str, ...]:
         """Names of the pictures, in the order of their numbers."""
-        words = (_text_of(comment).partition(" ") for comment in self.comments)
-        return tuple(rest.strip() for keyword, _, rest in words if keyword.lower() == _TEXTURE.lower())
+        return tuple(name for name in map(_texture_of, self.comments) if name)
 
     def with_textures(self, files: Mapping[str, bytes]) -> PlyDocument:
         """Return the same with other pictures."""
-        others = (c for c in self.comments if not _text_of(c).lower().startswith(f"{_TEXTURE.lower()} "))
-        comments = (*others, *(f"comment {_TEXTURE} {name}" for name in files))
-        return replace(self, comments=comments, files=dict(files))
+        others = (comment for comment in self.comments if not _texture_of(comment))
+        return replace(self, comments=(*others, *map(_TEXTURE.format, files)), files=files)
 
     def with_renamed_files(self, names: Mapping[str, str]) -> PlyDocument:
         """Refer to pictures by other names; those that were not found keep theirs."""
-        return self.with_textures({names.get(name, name): b"" for name in self.textures})
+        renamed = ((comment, names.get(_texture_of(comment))) for comment in self.comments)
+        comments = tuple(_TEXTURE.format(name) if name else comment for comment, name in renamed)
+        return replace(self, comments=comments)
 
     def renumbered(self, before: Asset, after: Asset, rows: Renumbering) -> PlyDocument:
         """Take the same rows of lists, and renumber the points of edges."""
@@ -219,6 +219,12 @@ def write(asset: Asset, binary: bool | None = None) -> bytes:
 
 def _text_of(comment: str) -> str:
     return comment.partition(" ")[2].strip()
+
+
+def _texture_of(comment: str) -> str:
+    """Name of the picture that a comment tells; empty if it tells none."""
+    keyword, _, name = _text_of(comment).partition(" ")
+    return name.strip() if keyword.lower() == "texturefile" else ""
 
 
 def _elements(data: bytes, name: str) -> tuple[dict[str, Element], str, tuple[str, ...]]:
