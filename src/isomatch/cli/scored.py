@@ -77,8 +77,9 @@ def say_scored(record: Mapping[str, Any], folder: Path) -> None:
         off = f"{line['error']:.4g} from what the modes describe (root mean square)"
         where = f"at most {line['farthest_error']:.4g}, at vertex {line['farthest_vertex']}"
         if m:
-            far += f"; {line['as_far']} of {m} shapes, each left out, are as far, the median is {usual['mahalanobis']:.3g}"
-            off += f"; {line['as_badly_described']} of {m} are as badly described, the median is {usual['errors']:.4g}"
+            far += f"; {line['as_far']} of {m} shapes, each left out, are as far, their median is "
+            far += f"{usual['mahalanobis']:.3g}"
+            off += f"; {line['as_badly_described']} of {m} are as badly described, their median is {usual['errors']:.4g}"
         if line.get("landmark"):
             where += f", nearest to the landmark {line['landmark']}"
         say_rows([("in the model", far), ("off the model", off), ("where", where)], LABEL)

@@ -340,8 +340,8 @@ def project(
     Args:
         model: model.npz of isomatch statistics.
         shapes: Meshes in the topology of the model.
-        output: Folder for scored.csv, scored.json, and scored/NAME.ply: each shape moved onto the mean, with residual, how
-            far each vertex is from what the modes describe, and distance_from_mean.
+        output: Folder for scored.csv, scored.json, and scored/NAME.ply: each shape moved onto the mean, with residual,
+            how far each vertex is from what the modes describe, and distance_from_mean.
     """
     into = StatisticsFolder(output, last=LAST)
     with talk.progress() as tell, into.claimed(force) as new:
