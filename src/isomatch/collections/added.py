@@ -32,8 +32,8 @@ def added(
 
     They are a collection of their own, in the subfolder ``added``: a star around the same template, with the same
     settings and seed, so its maps and surfaces are those that the subjects would have had in the collection, if that is a
-    star. `Collection.run` and `finish` do the work, and continue it; `scored` describes the surfaces. Subjects that were
-    added before stay. Nothing is matched here.
+    star. `Collection.run` and `finish` do the work, and continue it; `ShapeModel.score_file` describes the surfaces.
+    Subjects that were added before stay. Nothing is matched here.
 
     Parameters
     ----------
@@ -62,7 +62,23 @@ def added(
 
     Notes
     -----
-    Every new file is read once, O(n) time.
+    Every new file is read once, O(n) time. Where files of earlier subjects are gone, run ``of`` those that are there:
+    a shape without its file counts as failed.
+
+    Examples
+    --------
+    >>> from tempfile import TemporaryDirectory
+    >>> from isomatch import Mesh, write_mesh
+    >>> triangle = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+    >>> with TemporaryDirectory() as folder:
+    ...     for name in "abc":
+    ...         write_mesh(f"{folder}/{name}.off", triangle)
+    ...     collection = Collection.create(f"{folder}/out", [f"{folder}/a.off", f"{folder}/b.off"], template="a")
+    ...     try:
+    ...         added(collection, [f"{folder}/c.off"])
+    ...     except InputError as error:
+    ...         print(str(error).partition(": ")[2])
+    is not finished: 2 shapes are not prepared; run isomatch collect to its end
     """
     rows = collection.rows()
     template = _template_of(collection, rows)
