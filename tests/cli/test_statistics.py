@@ -11,7 +11,7 @@ import isomatch
 from corresponded import ellipsoids, moved, random_shapes
 from isomatch.cli import main
 from isomatch.cli.statistics import read_groups
-from isomatch.statistics import ShapeModel, read_shapes
+from isomatch.statistics import ShapeModel, leave_one_out, read_shapes
 from shapes import icosphere
 
 pytestmark = pytest.mark.usefixtures("coarse_pictures")
@@ -43,12 +43,10 @@ def folder(tmp_path):
 
 def test_everything(folder, tmp_path, capsys):
     isomatch.write_mesh(folder / "odd.ply", icosphere(2))
-    new = tmp_path / "new.ply"
-    isomatch.write_mesh(new, random_shapes(9).mesh(8))
     groups = tmp_path / "groups.csv"
     groups.write_text("name,group\n" + "".join(f"s00{i},{'ab'[i % 2]}\n" for i in range(7)))
     out = tmp_path / "out"
-    argv = ["statistics", str(folder), "-o", str(out), "--groups", str(groups), "--score", str(new)]
+    argv = ["statistics", str(folder), "-o", str(out), "--groups", str(groups)]
     assert main([*argv, "--modes", "2"]) == 0
     said = capsys.readouterr().out
     assert "8 shapes of 42 vertices vary in 7 modes" in said
@@ -72,8 +70,6 @@ def test_everything(folder, tmp_path, capsys):
     scores = [[float(row[f"mode_{i}"]) for i in range(1, 8)] for row in rows(out / "scores.csv")]
     np.testing.assert_allclose(scores, model.scores)
     assert float(rows(out / "variance.csv")[-1]["share_so_far"]) == pytest.approx(1)
-    (scored,) = rows(out / "scored.csv")
-    assert float(scored["error"]) == pytest.approx(model.score(isomatch.read_mesh(new)).error)
     assert [row["modes"] for row in rows(out / "quality.csv")] == [str(i) for i in range(8)]
     assert float(rows(out / "distances.csv")[2]["s003"]) > 0
     seen = isomatch.read_asset(out / "variance.ply")
@@ -93,6 +89,69 @@ def test_everything(folder, tmp_path, capsys):
     assert printed["shares"] == model.variance_ratios.tolist()
     here = {str(path.relative_to(out)) for path in out.rglob("*") if path.is_file()}
     assert set(printed["files"]) == here - {"statistics.json"}, "files of the earlier result are gone"
+
+
+def test_new_shapes_in_an_old_model(tmp_path, capsys):
+    model = ShapeModel.fit(random_shapes(8))
+    model.save(tmp_path / "model.npz")
+    before = (tmp_path / "model.npz").read_bytes()
+    new = write(tmp_path / "new", random_shapes(10))
+    argv = [
+        "statistics",
+        "project",
+        str(tmp_path / "model.npz"),
+        str(new / "s008.ply"),
+        str(new / "s009.ply"),
+    ]
+    out = tmp_path / "out"
+    assert main([*argv, "-o", str(out)]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "of 8 shapes, each left out, are as far" in said
+    record, table = json.loads((out / "scored.json").read_text()), rows(out / "scored.csv")
+    usual = leave_one_out(model)
+    assert record["usual"] == {
+        "mahalanobis": pytest.approx(np.median(usual.mahalanobis)),
+        "errors": pytest.approx(np.median(usual.errors)),
+    }
+    for row, line in zip(table, record["shapes"], strict=True):
+        scored = model.score_file(new / f"{row['name']}.ply")
+        assert float(row["mahalanobis"]) == line["mahalanobis"] == scored.mahalanobis
+        assert float(row["p_value"]) == scored.p_value
+        assert int(row["as_far"]) == (usual.mahalanobis >= scored.mahalanobis).sum()
+        assert float(row["error"]) == scored.error
+        assert int(row["farthest_vertex"]) == scored.vertex_errors.argmax()
+        assert [float(row[f"mode_{i}"]) for i in range(1, 8)] == line["scores"] == scored.scores.tolist()
+        assert line["deviations"] == scored.deviations.tolist()
+        field = isomatch.read_asset(out / "scored" / f"{row['name']}.ply")
+        np.testing.assert_allclose(field.attribute("residual").values, scored.vertex_errors, rtol=1e-5)
+        np.testing.assert_allclose(field.points, scored.aligned, atol=1e-6)
+    here = {str(path.relative_to(out)) for path in out.rglob("*") if path.is_file()}
+    assert {*record["files"], "scored.json"} == here == {"scored.json", "scored.csv", *record["files"]}
+    assert (tmp_path / "model.npz").read_bytes() == before
+    assert main([*argv, "-o", str(out)]) == 1
+    assert "already exists" in complaint(capsys)
+    assert main([*argv[:3], str(new), "-o", str(out), "--force", "--json"]) == 0  # a whole folder
+    assert [line["name"] for line in json.loads(capsys.readouterr().out)["shapes"]] == [
+        f"s{i:03d}" for i in range(10)
+    ]
+
+
+def test_shapes_that_the_model_does_not_describe(tmp_path, capsys):
+    ShapeModel.fit(random_shapes(4)).save(tmp_path / "model.npz")
+    isomatch.write_mesh(tmp_path / "odd.ply", icosphere(2))
+    (tmp_path / "text.ply").write_text("no mesh")
+    argv = ["statistics", "project", str(tmp_path / "model.npz"), "-o", str(tmp_path / "out")]
+    for file, words in (
+        ("odd.ply", "odd.ply: Mesh(162 vertices, 320 faces) has other faces than the model"),
+        ("odd.ply", "isomatch collect add"),
+        ("text.ply", "text.ply:"),
+        ("none.ply", "none.ply: no such file"),
+    ):
+        assert main([*argv, str(tmp_path / file)]) == 1
+        assert words in complaint(capsys)
+    assert main(argv) == 1
+    assert "no shapes" in complaint(capsys)
+    assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.long
@@ -134,9 +193,6 @@ def test_bad_input(folder, tmp_path, capsys):
     assert "no such folder" in complaint(capsys)
     assert main(["statistics", str(folder), *out, "--modes", "-1"]) == 1
     assert "--modes -1" in complaint(capsys)
-    isomatch.write_mesh(tmp_path / "odd.ply", icosphere(2))
-    assert main(["statistics", str(folder), *out, "--score", str(tmp_path / "odd.ply")]) == 1
-    assert "odd.ply: Mesh(162 vertices, 320 faces) has other faces than the model" in complaint(capsys)
     groups = tmp_path / "groups.csv"
     for text, message in (
         ("s000,a,b", "groups.csv:1: 's000,a,b' is not a shape and its group"),

@@ -6,8 +6,8 @@ from scipy.integrate import quad
 from scipy.stats import norm
 from sklearn.decomposition import PCA
 
-from corresponded import ellipsoids, random_shapes
-from isomatch.statistics import ShapeModel, generalisation, specificity
+from corresponded import ellipsoids, only, random_shapes
+from isomatch.statistics import ShapeModel, generalisation, leave_one_out, specificity
 
 
 def test_more_modes_never_describe_a_new_shape_worse():
@@ -30,6 +30,25 @@ def test_generalisation_is_that_of_models_made_anew():
                 missed = flat[i] - pca.inverse_transform(pca.transform(flat[i : i + 1]))[0]
             errors.append(np.linalg.norm(missed))
         assert generalisation(model).mean[j] == pytest.approx(np.mean(errors), rel=1e-6)
+
+
+@pytest.mark.parametrize("n_factors", [3, 100])
+def test_a_shape_left_out_is_as_unusual_as_to_a_model_made_anew(n_factors):
+    model = ShapeModel.fit(random_shapes(8, n_factors), weights="uniform")
+    flat = model.aligned.reshape(8, -1) / np.sqrt(len(model.mean))
+    usual = leave_one_out(model)
+    for i in range(8):
+        others = np.delete(flat, i, axis=0)
+        pca = PCA(
+            len(ShapeModel.fit(only(random_shapes(8, n_factors), [j for j in range(8) if j != i])).modes)
+        )
+        along = pca.fit(others).transform(flat[i : i + 1])[0]
+        assert usual.mahalanobis[i] == pytest.approx(
+            np.sqrt((along**2 / pca.explained_variance_).sum()), rel=1e-6
+        )
+        error = np.linalg.norm(flat[i] - pca.inverse_transform(along[None])[0])
+        assert usual.errors[i] == pytest.approx(error, rel=1e-6, abs=1e-12)
+    assert usual.errors.mean() == pytest.approx(generalisation(model).mean[-1])
 
 
 def test_shapes_of_one_mode_are_described_by_it():
@@ -73,9 +92,11 @@ def test_of_many_shapes_some_are_left_out():
 
 
 def test_few_shapes():
-    assert len(generalisation(ShapeModel.fit(ellipsoids([1.0]))).mean) == 0
+    one = ShapeModel.fit(ellipsoids([1.0]))
+    assert len(generalisation(one).mean) == len(leave_one_out(one).errors) == 0
     two = ShapeModel.fit(ellipsoids([1.0, 1.2]))
     assert generalisation(two).mean == pytest.approx(np.ptp(two.scores))
+    assert leave_one_out(two).mahalanobis.tolist() == [0.0, 0.0]
     same = ShapeModel.fit(ellipsoids([1.0] * 4))
     assert generalisation(same).mean.max() == 0
     assert specificity(same).mean.tolist() == [0.0]

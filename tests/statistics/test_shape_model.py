@@ -4,10 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 from sklearn.decomposition import PCA
 
 from corresponded import ellipsoids, moved, only, random_shapes
-from isomatch import Mesh
+from isomatch import Asset, Mesh, write_asset
+from isomatch.assets import Polygons
 from isomatch.errors import FormatError, InputError, MeshError, SettingError
 from isomatch.statistics import CorrespondedShapes, ShapeModel, compactness, generalised_procrustes
 
@@ -86,7 +88,7 @@ def test_a_shape_of_the_model_has_its_scores(scale):
     model = ShapeModel.fit(shapes, scale)
     for i in range(6):
         scored = model.score(moved(shapes, 9).mesh(i))
-        np.testing.assert_allclose(scored.scores, model.scores[i], atol=1e-8)
+        np.testing.assert_allclose(scored.scores, model.scores[i], atol=1e-9)
         np.testing.assert_allclose(scored.deviations, model.scores[i] / np.sqrt(model.variances), atol=1e-6)
         assert scored.error < 1e-8
         assert scored.vertex_errors.max() < 1e-7
@@ -100,6 +102,55 @@ def test_a_new_shape_is_described_as_far_as_the_modes_go():
     wider = ellipsoids([1.1]).vertices[0] * [1.0, 1.2, 1.0]
     beyond = model.score(Mesh(wider, model.faces))
     assert beyond.error == pytest.approx(0.2 * np.sqrt((wider[:, 1] ** 2).mean()) / 1.2)
+
+
+@pytest.mark.parametrize("mode", [0, 3, 7])
+def test_the_mean_moved_along_a_mode_is_as_many_deviations_away(mode):
+    model = ShapeModel.fit(moved(random_shapes(9)))
+    scored = model.score(model.mode_mesh(mode, 3.0))
+    assert scored.mahalanobis == pytest.approx(3, abs=1e-9)
+    assert scored.p_value == pytest.approx(chi2.sf(9, 8))
+    assert scored.error < 1e-9
+    assert model.score(model.mesh()).p_value == pytest.approx(1)
+
+
+def test_of_two_modes_the_probability_has_a_closed_form():
+    model = ShapeModel.fit(random_shapes(3))
+    scored = model.score(model.mesh(2 * model.deviations))
+    assert scored.p_value == pytest.approx(np.exp(-(2**2 + 2**2) / 2))
+
+
+def test_a_bump_is_found_where_it_is():
+    model = ShapeModel.fit(random_shapes(12, n_factors=3))
+    bumped = model.mean.copy()
+    bumped[17] += 0.2 * model.mesh().vertex_normals[17]
+    scored = model.score(Mesh(bumped, model.faces))
+    errors = scored.vertex_errors
+    assert errors.argmax() == 17
+    assert errors[17] > 3 * np.delete(errors, 17).max()
+    unseen = model.score(Mesh(bumped, model.faces), np.arange(len(bumped)) != 17)
+    assert np.isnan(unseen.vertex_errors[17])
+    assert np.nanmax(unseen.vertex_errors) < 1e-9
+
+
+def test_a_file_is_cut_as_the_model(tmp_path):
+    i, j = (grid.ravel() for grid in np.mgrid[:4, :4])
+    first = 5 * i + j
+    quads = np.column_stack([first, first + 5, first + 6, first + 1])
+    flat = np.column_stack([*(grid.ravel() for grid in np.mgrid[:5.0, :5.0]), np.zeros(25)])
+    vertices = flat + 0.1 * np.random.default_rng(0).standard_normal((4, 25, 3))
+    shapes = CorrespondedShapes(tuple("abcd"), vertices, Polygons.of_triangles(quads).triangles)
+    model = ShapeModel.fit(shapes)
+    for turns in range(4):  # a fan from the next corner is the other diagonal
+        polygons = Polygons.of_triangles(np.roll(quads, turns, axis=1))
+        write_asset(tmp_path / "quads.ply", Asset(vertices[1], polygons))
+        np.testing.assert_allclose(
+            model.score_file(tmp_path / "quads.ply").scores, model.scores[1], atol=1e-6
+        )
+    for odd in (quads[::-1], quads[:-1], np.column_stack([quads[:, :3], quads[::-1, 3]])):
+        write_asset(tmp_path / "odd.ply", Asset(vertices[1], Polygons.of_triangles(odd)))
+        with pytest.raises(MeshError, match=r"odd\.ply: .* has other faces .* isomatch collect add"):
+            model.score_file(tmp_path / "odd.ply")
 
 
 def test_what_was_not_measured_tells_nothing():

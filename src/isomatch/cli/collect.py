@@ -10,6 +10,7 @@ from os.path import isfile
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from cyclopts import App, Parameter
 
 import isomatch
@@ -17,9 +18,13 @@ from isomatch import collections, view
 from isomatch.cli.collect_landmarks import CurvePoints, landmark_files, landmarks, say_landmarks, write_all
 from isomatch.cli.inputs import ConfigFile, Force, Output, Rounded, Seed, read_config
 from isomatch.cli.outputs import require_writable
+from isomatch.cli.scored import LAST, new_shapes, say_scored, write_scored
+from isomatch.cli.statistics_files import StatisticsFolder
 from isomatch.cli.terminal import TALK, Talk, Tell, complain, say, say_rows
 from isomatch.errors import InputError, MemoryBudgetError
 from isomatch.matching import Outcome
+from isomatch.statistics import ScoredShape, ShapeModel
+from isomatch.storage.files import claimed
 from isomatch.storage.texts import text_lines
 
 Reports = Annotated[
@@ -108,14 +113,7 @@ def run(
     with talk.progress() as tell:
         for where in collection.rows().damaged:
             complain(f"{where} is no row of a collection, and is ignored")
-        again = Counter[tuple[str, str]]()
-        for event in collection.run(executor, jobs, part, time_limit):
-            tell(*told(event))
-            again.update((event.what, reason) for reason in reasons_of(event))
-            if event.what == "outlier":
-                complain(f"{event.name} {event.record['reason']}")
-        for (what, reason), count in again.items():
-            complain(f"{count} {what}{'s' * (count > 1)} done again, because {reason}")
+        _follow(collection.run(executor, jobs, part, time_limit), tell)
         wanted = pairs == "all" if agree is None else agree
         if wanted and part[1] == 1 and "todo" not in status_of(collection)["pairs"]:
             tell("comparing maps with compositions of others", 1.0)
@@ -238,6 +236,107 @@ def agree(
             "match with --pairs all"
         )
     tell_status(collection, talk)
+
+
+@collect.command
+def add(
+    folder: Path,
+    /,
+    *new: Path,
+    model: Path | None = None,
+    reflect: str | None = None,
+    units: str | None = None,
+    jobs: Jobs = None,
+    executor: Executor = "local",
+    reports: Reports = "doubtful",
+    talk: Talk = TALK,
+) -> None:
+    """Match new subjects with the template of a finished collection, and tell how unusual each is to its shape model.
+
+    All files that are there stay as they are: new ones are in the folder added, and nothing is fitted again. Run it again
+    to continue, or to add more.
+
+    Args:
+        folder: The folder of a collection.
+        new: Meshes, or a folder of them, or a list.csv with a column path and perhaps name. Their names, those of the
+            files, are new ones.
+        model: model.npz of isomatch statistics, made of this collection; by default FOLDER/statistics/model.npz.
+        reflect: New subjects to match as their mirror images: auto, none, or their names. By default auto if that was
+            asked for of the collection.
+        units: Units of new subjects, such as scan7=mm. Where that of the collection is not known, it comes first:
+            m,scan7=mm. A size whose unit is given is not questioned.
+    """
+    collection = collections.Collection.open(folder)
+    file = model or folder / "statistics" / "model.npz"
+    if not file.exists():
+        raise InputError(
+            f"{file}: no model; run isomatch statistics {folder} -o {file.parent}, or give it by --model"
+        )
+    prior = ShapeModel.load(file)
+    # no run of the collection may clear up there meanwhile
+    with talk.progress() as tell, claimed(collection.layout.ledger()):
+        more = collections.added(
+            collection, new_shapes(new), model=prior, reflect=_names_of(reflect), units=_units_of(units)
+        )
+        there = more.of(name for name in more.names if more.paths[name].exists())  # others stay as they are
+        _follow(there.run(executor, jobs), tell)
+        _write(more, reports, executor, jobs, None, tell)
+        rows, written = more.rows(), collections.surfaces_written(more)
+        subjects = [name for name in more.names if name != more.template]
+        scored = {
+            name: prior.score_file(more.layout.corresponded(name)) for name in subjects if name in written
+        }
+        outcomes = {name: rows.pairs[more.template or "", name]["there"]["outcome"] for name in scored}
+        landmarks = _nearest_landmarks(collection, more, scored)
+        own = {name: {"outcome": outcomes[name], "landmark": landmarks.get(name, "")} for name in scored}
+        about = {"folder": str(more.folder), "status": status_of(more)}
+        into = StatisticsFolder(more.folder, last=LAST)
+        with into.claimed(force=True) as inner:
+            record = write_scored(inner, file, prior, scored, own, about)
+    for name in subjects:
+        if name not in scored:
+            complain(
+                f"{name} is not scored, as it is not in the topology of the template; see {more.layout.page}"
+            )
+        elif Outcome[outcomes[name]].is_doubtful:
+            complain(
+                f"{name} may be matched wrongly ({Outcome[outcomes[name]].value}); see {more.layout.page}"
+            )
+
+    def summary() -> None:
+        say_scored(record, more.folder)
+        say(f"the maps: {more.layout.page}; {folder} is as it was, but for {more.folder.name}")
+
+    talk.result(record, summary)
+
+
+def _nearest_landmarks(
+    collection: collections.Collection, more: collections.Collection, scored: Mapping[str, ScoredShape]
+) -> dict[str, str]:
+    """Name the landmark of the template nearest to the vertex where each new shape is farthest off, if it has any."""
+    template = more.template or ""
+    marks_file, mesh = collection.layout.landmarks / f"{template}.mrk.json", collection.paths[template]
+    if not marks_file.exists():
+        return {}
+    marks, vertices = isomatch.Landmarks.read(marks_file, mesh), isomatch.read_mesh(mesh).vertices
+    placed = np.flatnonzero(marks.placed)
+    if not len(placed):
+        return {}
+    worst = {name: vertices[np.nanargmax(each.vertex_errors)] for name, each in scored.items()}
+    apart = {name: np.linalg.norm(marks.positions[placed] - at, axis=1) for name, at in worst.items()}
+    return {name: marks.names[placed[each.argmin()]] for name, each in apart.items()}
+
+
+def _follow(events: Iterable[collections.Event], tell: Tell) -> None:
+    """Tell of the steps of a run, and complain of what does not fit, and of what is done again."""
+    again = Counter[tuple[str, str]]()
+    for event in events:
+        tell(*told(event))
+        again.update((event.what, reason) for reason in reasons_of(event))
+        if event.what == "outlier":
+            complain(f"{event.name} {event.record['reason']}")
+    for (what, reason), count in again.items():
+        complain(f"{count} {what}{'s' * (count > 1)} done again, because {reason}")
 
 
 def _names_of(reflect: str | None) -> str | list[str] | None:

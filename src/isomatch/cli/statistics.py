@@ -18,6 +18,7 @@ from isomatch import assets, collections
 from isomatch.assets import Asset, Attribute
 from isomatch.cli.inputs import ConfigFile, Force, Output, Seed, read_config
 from isomatch.cli.outputs import claimed_files, require_writable, say_left_out
+from isomatch.cli.scored import LAST, new_shapes, say_scored, write_scored
 from isomatch.cli.statistics_files import StatisticsFolder
 from isomatch.cli.terminal import INDENT, TALK, Talk, complain, json_text, part, say, say_rows, say_table
 from isomatch.errors import FormatError, IsomatchError
@@ -45,7 +46,6 @@ def run(
     modes: int = 3,
     groups: Path | None = None,
     test: TestMethod = "permutation",
-    score: Annotated[tuple[Path, ...], Parameter(consume_multiple=True)] = (),
     mirror: str | None = None,
     pictures: Literal["png", "pdf", "svg"] = "png",
     seed: Seed = 0,
@@ -64,7 +64,6 @@ def run(
         groups: Table with the columns name and group, or these two without a header: test at every vertex where two
             groups differ. Commas, semicolons or tabs separate its cells; a shape without a group is left out of the test.
         test: permutation: p-values from exchanged labels. parametric: from Hotelling's distribution.
-        score: Further meshes in the same topology, to be described by the modes.
         mirror: Add the mirror image of every shape: auto, or a file with the vertex on the other side of each vertex, as
             a map.
         pictures: png (default): with 300 dots per inch. pdf or svg: charts as lines.
@@ -75,7 +74,6 @@ def run(
     with talk.progress() as tell, into.claimed(force) as new:
         tell("reading", 0.0)
         shapes, labels, doubts, notes = _read(folder, groups)
-        extra = {str(path): isomatch.read_mesh(path) for path in score}
         tell("model", 0.1)
         if mirror is not None:
             shapes, note = _mirrored(shapes, mirror, scale, weights, seed)
@@ -86,7 +84,6 @@ def run(
         told = "of the vertices were not measured, and count as the mean of the others"
         notes += [f"{name}: {lacks:.1%} {told}" for name, lacks in missing.items()]
         model = ShapeModel.fit(shapes, scale, weights)
-        scored = {name: _scored(model, name, mesh) for name, mesh in extra.items()}
         tested, of_groups = _tested(model, shapes, labels, test, seed) if groups else (None, None)
         groups_of = [labels.get(name, "") for name in model.names] if groups else None
         own = shapes if mirror is None else _first_half(shapes)
@@ -108,8 +105,6 @@ def run(
         new.quality(model, seed)
         if turned:
             new.asymmetry(model, turned)
-        if scored:
-            new.scored(scored)
         if tested:
             new.groups(model.mesh(), tested)
         new.distances(shapes, geodesic, procrustes, groups_of)
@@ -127,7 +122,6 @@ def run(
             "n_modes": model.n_modes,
             "total_variance": float(model.variances.sum()),
             "shares": model.variance_ratios.tolist(),
-            "scored": {name: each.error for name, each in scored.items()},
             "allometry": _of_test(allometry, "r_squared") if allometry else None,
             "asymmetry": _of_test(turned, "share") if turned else None,
             "groups": of_groups,
@@ -170,13 +164,6 @@ def _mirrored(
     left_right, of = shape_statistics.left_right_of_shapes(shapes, mean, seed=seed)
     note = f"left and right are told by {of}, since the left–right map of the mean is not certain"
     return shapes.mirrored(left_right), [note] if of else []
-
-
-def _scored(model: ShapeModel, name: str, mesh: isomatch.Mesh) -> shape_statistics.ScoredShape:
-    try:
-        return model.score(mesh, shape_statistics.read_measured(name))
-    except IsomatchError as error:
-        raise type(error)(f"{name}: {error}") from error
 
 
 def _doubts(pairs: Path, names: tuple[str, ...]) -> list[str]:
@@ -262,7 +249,7 @@ def _told(test: dict[str, Any], share: str = "r_squared", of: str = "variance of
 
 def _lines(record: dict[str, Any]) -> list[str]:
     """Say what was found, one sentence each."""
-    lines = [f"{name}: error {error:.4g}" for name, error in record["scored"].items()]
+    lines = list[str]()
     if tested := record["groups"]:
         first, second = (f"{name} ({count})" for name, count in zip(tested["names"], tested["counts"]))
         share = tested["significant_share_of_area"]
@@ -335,6 +322,34 @@ def _stem(name: str) -> str:
     last = name.replace("\\", "/").rpartition("/")[2]
     suffix = Path(last).suffix
     return last.removesuffix(suffix) if suffix.lower() in assets.FORMATS else last
+
+
+@statistics.command
+def project(
+    model: Path,
+    /,
+    *shapes: Path,
+    output: Output,
+    force: Force = False,
+    talk: Talk = TALK,
+) -> None:
+    """Score new shapes in an old model: how far each is from the mean, how well the modes describe it, and where not.
+
+    The model stays as it is. Shapes in another topology are brought into that of the model by isomatch collect add.
+
+    Args:
+        model: model.npz of isomatch statistics.
+        shapes: Meshes in the topology of the model.
+        output: Folder for scored.csv, scored.json, and scored/NAME.ply: each shape moved onto the mean, with residual,
+            how far each vertex is from what the modes describe, and distance_from_mean.
+    """
+    into = StatisticsFolder(output, last=LAST)
+    with talk.progress() as tell, into.claimed(force) as new:
+        tell("reading", 0.0)
+        prior, new_ones = ShapeModel.load(model), new_shapes(shapes)
+        scored = {entry.name: prior.score_file(entry.path) for entry in new_ones}
+        record = write_scored(new, model, prior, scored)
+    talk.result({**record, "output": str(output)}, lambda: say_scored(record, output))
 
 
 @statistics.command

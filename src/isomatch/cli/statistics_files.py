@@ -27,7 +27,6 @@ from isomatch.storage.texts import write_csv
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import FloatArray
 
-RECORD = "statistics.json"
 DEVIATIONS = 2
 GREY = 0.6  # of vertices without a value
 GEODESIC = "difference of geodesic distances, in √area"
@@ -35,20 +34,21 @@ GEODESIC = "difference of geodesic distances, in √area"
 
 @dataclass(frozen=True)
 class StatisticsFolder:
-    """The folder for the statistics of shapes; ``written`` collects the names of its files."""
+    """The folder for the statistics of shapes; ``written`` collects the names of its files, which ``last`` lists."""
 
     folder: Path
     pictures: shape_statistics.PictureFormat = "png"
+    last: str = "statistics.json"
     written: list[str] = field(default_factory=list)
 
     @contextmanager
     def claimed(self, force: bool) -> Iterator[StatisticsFolder]:
         """Create and claim the folder; give one whose files replace those of an earlier result when all are written."""
-        record = self.folder / RECORD
+        record = self.folder / self.last
         with (
             made_folder(self.folder),
             claimed(record, [] if force else [record]),
-            staged(self.folder, RECORD, _files_of(record)) as new,
+            staged(self.folder, self.last, _files_of(record)) as new,
         ):
             yield replace(self, folder=new)
 
@@ -185,11 +185,22 @@ class StatisticsFolder:
         names = ("t_squared", "p_value", "q_value", "dx", "dy", "dz")
         self.table("groups.csv", vertex=range(len(length)), **dict(zip(names, columns)))
 
-    def scored(self, scored: Mapping[str, shape_statistics.ScoredShape]) -> None:
-        """Write the scores and errors of shapes that are no part of the model."""
-        scores = np.array([each.scores for each in scored.values()])
-        errors = [each.error for each in scored.values()]
-        self.table("scored.csv", name=scored, **_by_mode(scores), error=errors)
+    def scored(
+        self,
+        model: ShapeModel,
+        scored: Mapping[str, shape_statistics.ScoredShape],
+        lines: Sequence[Mapping[str, Any]],
+    ) -> None:
+        """Write how shapes that are no part of the model differ from it, a line for each, and where."""
+        columns = {column: [line[column] for line in lines] for column in lines[0]} if lines else {}
+        columns |= _by_mode(np.array([each.scores for each in scored.values()]))
+        self.table("scored.csv", **columns)
+        errors = {name: each.vertex_errors for name, each in scored.items()}
+        highest = max((float(np.nanquantile(each, 0.995)) for each in errors.values()), default=0.0)
+        for name, each in scored.items():
+            apart = np.linalg.norm(each.aligned - model.mean, axis=1)
+            values = {"residual": errors[name], "distance_from_mean": apart}
+            self.mesh(f"scored/{name}.ply", model.mesh().moved(each.aligned), values, errors[name], highest)
 
     def exports(self, shapes: CorrespondedShapes, model: ShapeModel) -> list[str]:
         """Write aligned meshes and the files of ShapeWorks and Scalismo; return what could not be written, and why."""
@@ -232,8 +243,8 @@ class StatisticsFolder:
         write_text(self.path("index.html"), text)
 
     def finish(self, record: Mapping[str, object]) -> None:
-        """Write ``statistics.json`` last: where it exists, the other files are complete."""
-        write_text(self.folder / RECORD, json_text({**record, "files": self.written}))
+        """Write the record last: where it exists, the other files are complete."""
+        write_text(self.folder / self.last, json_text({**record, "files": self.written}))
 
 
 def _by_mode(scores: FloatArray) -> dict[str, list[float]]:

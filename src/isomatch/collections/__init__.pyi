@@ -1,3 +1,4 @@
+from isomatch.collections.added import added
 from isomatch.collections.agreement import Agreement, agree, agreement_of, inconsistency
 from isomatch.collections.cohort import Outlier, mirror_images, outliers, scales_of
 from isomatch.collections.collection import Collection
@@ -8,7 +9,7 @@ from isomatch.collections.map_file import KEPT, PairMaps, changed_files, keep_fi
 from isomatch.collections.page import write_reports, write_table
 from isomatch.collections.plan import Layout
 from isomatch.collections.run import Event
-from isomatch.collections.shapes import Entry
+from isomatch.collections.shapes import Entry, entries_of
 
 __all__ = [
     "CONTRADICTED",
@@ -22,11 +23,13 @@ __all__ = [
     "Outlier",
     "PairMaps",
     "Rows",
+    "added",
     "agree",
     "agreement_of",
     "changed_files",
     "collected_landmarks",
     "draw_landmarks",
+    "entries_of",
     "export",
     "finish",
     "inconsistency",

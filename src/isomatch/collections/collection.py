@@ -66,7 +66,7 @@ class Collection(Plan):
     def create(
         cls,
         folder: str | Path,
-        shapes: str | Path | Iterable[str | Path],
+        shapes: str | Path | Iterable[str | Path | Entry],
         *,
         pairs: str = "star",
         template: str | None = None,
@@ -83,9 +83,9 @@ class Collection(Plan):
         ----------
         folder : path_like
             Where prepared shapes, maps and tables are kept.
-        shapes : path_like or iterable of path_like
+        shapes : path_like or iterable of path_like or Entry
             A folder, all files of which that can be read are taken; a pattern such as ``'scans/*.vtp'``; a CSV file
-            with a column ``path``, relative to its folder, and perhaps ``name``; or the files.
+            with a column ``path``, relative to its folder, and perhaps ``name``; or the files, an `Entry` with a name.
         pairs : str
             "star": the template with each other shape; "all"; "chain", each with the next; or a CSV file with
             columns ``source`` and ``target``. Each pair is matched in both directions.

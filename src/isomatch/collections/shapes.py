@@ -35,10 +35,13 @@ class Entry:
     reflected: bool = False  # whether it is matched as its mirror image
 
 
-def entries_of(shapes: str | Path | Iterable[str | Path]) -> tuple[Entry, ...]:
+def entries_of(shapes: str | Path | Iterable[str | Path | Entry]) -> tuple[Entry, ...]:
     """List the shapes of a collection, see `Collection.create`, in the order of their names, or of the list."""
     if not isinstance(shapes, str | Path):
-        entries = [Entry(legible(Path(path).stem), Path(path)) for path in shapes]
+        entries = [
+            each if isinstance(each, Entry) else Entry(legible(Path(each).stem), Path(each))
+            for each in shapes
+        ]
     elif str(shapes).endswith(".csv"):
         entries = _in_table(Path(shapes))
     else:

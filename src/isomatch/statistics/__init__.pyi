@@ -38,11 +38,13 @@ from isomatch.statistics.procrustes import (
 from isomatch.statistics.regression import ShapeRegression, shape_regression
 from isomatch.statistics.shape_distances import classical_scaling, geodesic_distortions, shape_tree
 from isomatch.statistics.shape_model import (
+    LeaveOneOut,
     ModelCurve,
     ScoredShape,
     ShapeModel,
     compactness,
     generalisation,
+    leave_one_out,
     specificity,
 )
 from isomatch.statistics.shapes import (
@@ -50,7 +52,6 @@ from isomatch.statistics.shapes import (
     CorrespondedShapes,
     filled,
     measured_variances,
-    read_measured,
     read_shapes,
 )
 
@@ -62,6 +63,7 @@ __all__ = [
     "CorrespondedShapes",
     "Doubt",
     "GroupTest",
+    "LeaveOneOut",
     "ModelCurve",
     "Observations",
     "PictureFormat",
@@ -88,6 +90,7 @@ __all__ = [
     "generalised_procrustes",
     "geodesic_distortions",
     "group_test",
+    "leave_one_out",
     "left_right_map",
     "left_right_of_shapes",
     "likely_units",
@@ -97,7 +100,6 @@ __all__ = [
     "observed_part",
     "observed_vertices",
     "procrustes_distances",
-    "read_measured",
     "read_observations",
     "read_shapes",
     "shape_regression",

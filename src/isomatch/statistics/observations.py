@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch.assets import FORMATS, SurfaceLike, mesh_from, read_mesh
+from isomatch.assets import FORMATS, SurfaceLike, mesh_from
 from isomatch.correspondence import Correspondence
 from isomatch.errors import InputError, LandmarkError, MeshError, SettingError
 from isomatch.landmarks import Landmarks, nearest_on_surface
@@ -16,7 +16,7 @@ from isomatch.matching import Outcome, match
 from isomatch.runtime.stage_timer import Progress
 from isomatch.settings import Config
 from isomatch.statistics.shape_model import ShapeModel, generalisation
-from isomatch.statistics.shapes import read_measured
+from isomatch.statistics.shapes import read_corresponding
 from isomatch.surfaces import Mesh, PrecisePoints
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray, array_of, numbers_of
 
@@ -246,9 +246,9 @@ def read_observations(
         raise SettingError(
             f"{landmarks}: landmarks of the mean are for a file of landmarks; {path} is a mesh"
         )
-    mesh = read_mesh(path)
+    mesh, measured = read_corresponding(path, model.faces)
     if np.array_equal(mesh.faces, model.faces) and mesh.n_vertices == len(model.mean):
-        return observed_vertices(model, mesh, read_measured(path), noise)
+        return observed_vertices(model, mesh, measured, noise)
     result = match(mesh, model.mesh(), config=config, seed=seed, progress=progress)
     seen = observed_part(model, mesh, result.map, result.expected_error, noise)
     if result.outcome in (Outcome.CONVERGED, Outcome.PARTIAL):

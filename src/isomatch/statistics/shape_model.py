@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.stats import chi2
 
 from isomatch.errors import FormatError, MeshError, SettingError
 from isomatch.runtime.threads import serial_blas
 from isomatch.statistics.procrustes import Scale, aligned_to, generalised_procrustes
-from isomatch.statistics.shapes import MIRRORED, CorrespondedShapes, filled
+from isomatch.statistics.shapes import MIRRORED, CorrespondedShapes, filled, read_corresponding
 from isomatch.storage.array_file import ArrayFormat, Stored, save_arrays
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray, numbers_of
@@ -53,6 +55,17 @@ class ScoredShape:
         The shape moved onto the mean, and that of the model with these scores.
     error : float
         Root mean square distance of the two: what the modes do not describe, in the units of the shapes.
+    measured : (n,) array of bool, optional
+        Which vertices tell something; by default all.
+
+    Examples
+    --------
+    >>> triangle = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+    >>> shapes = CorrespondedShapes.of_meshes({str(s): triangle.moved(s * triangle.vertices) for s in (1, 2, 3)})
+    >>> model = ShapeModel.fit(shapes)
+    >>> scored = model.score(model.mode_mesh(0, 3.0))
+    >>> round(scored.mahalanobis, 6), round(scored.p_value, 4), bool(scored.error < 1e-9)
+    (3.0, 0.0027, True)
     """
 
     scores: FloatArray
@@ -60,11 +73,27 @@ class ScoredShape:
     aligned: FloatArray
     reconstructed: FloatArray
     error: float
+    measured: BoolArray | None = None
 
     @property
     def vertex_errors(self) -> FloatArray:
-        """(n,) distance of each aligned vertex from the reconstructed one."""
-        return np.asarray(np.linalg.norm(self.aligned - self.reconstructed, axis=1))
+        """(n,) distance of each aligned vertex from the reconstructed one; nan where it was not measured."""
+        errors = np.linalg.norm(self.aligned - self.reconstructed, axis=1)
+        return np.asarray(errors if self.measured is None else np.where(self.measured, errors, np.nan))
+
+    @property
+    def mahalanobis(self) -> float:
+        """Mahalanobis distance from the mean within the modes, in standard deviations."""
+        return float(np.linalg.norm(self.deviations))
+
+    @property
+    def p_value(self) -> float:
+        """Probability that a shape of the model is as far from the mean: the tail of χ² with one degree for each mode.
+
+        That takes the variances for exact. Where a model has nearly as many modes as shapes, almost every new shape has a
+        small one: compare its distance with those of `leave_one_out`.
+        """
+        return float(chi2.sf(self.mahalanobis**2, len(self.deviations))) if len(self.deviations) else 1.0
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -211,8 +240,8 @@ class ShapeModel:
         ----------
         mesh : Mesh
         measured : (n,) array of bool, optional
-            Which of its vertices were measured, such as `read_measured` reads; by default all. The others tell nothing:
-            they are taken to be where the mean is, and have no part in the error.
+            Which of its vertices were measured; by default all. The others tell nothing: they are taken to be where the
+            mean is, and have no part in the error.
 
         Notes
         -----
@@ -222,7 +251,8 @@ class ShapeModel:
         """
         if not np.array_equal(mesh.faces, self.faces) or mesh.n_vertices != len(self.mean):
             raise MeshError(
-                f"{mesh!r} has other faces than the model ({len(self.mean)} vertices); match it to the template"
+                f"{mesh!r} has other faces than the model ({len(self.mean)} vertices); bring it into correspondence with "
+                "isomatch collect add"
             )
         if not np.isfinite(mesh.vertices).all():
             raise MeshError(
@@ -240,7 +270,17 @@ class ShapeModel:
         scores = np.einsum("kij,i,ij->k", self.modes, weights, aligned - self.mean)
         reconstructed = self.vertices(scores)
         error = float(np.sqrt(weights @ ((aligned - reconstructed) ** 2).sum(axis=1) / weights.sum()))
-        return ScoredShape(scores, scores / self.deviations, aligned, reconstructed, error)
+        return ScoredShape(scores, scores / self.deviations, aligned, reconstructed, error, measured)
+
+    def score_file(self, path: str | Path) -> ScoredShape:
+        """Score the shape in a file, see `score`; of a PLY file, ``measured`` tells what was measured.
+
+        Polygons are cut as those of the model were. Errors have the name of the file.
+        """
+        try:
+            return self.score(*read_corresponding(path, self.faces))
+        except MeshError as error:
+            raise MeshError(f"{path}: {error}") from None
 
     def _spread(self, weights: FloatArray) -> float:
         """Root mean square distance of the mean, or of a part of it, from its centroid."""
@@ -291,6 +331,31 @@ def compactness(model: ShapeModel) -> FloatArray:
     return np.concatenate([[0.0], np.cumsum(model.variance_ratios)])
 
 
+def _without_each(
+    model: ShapeModel, seed: int, most: int
+) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
+    """Yield for each shape left out: its difference from the mean of the others, their axes, and the variances along.
+
+    They are those of the scores: the scores of all shapes span the same space as the shapes, with the same distances, as
+    the modes are orthonormal. The mirror image of a shape is left out with it.
+    """
+    m = len(model.names)
+    chosen = np.sort(generator(seed).choice(m, most, replace=False)) if m > most else np.arange(m)
+    number = {name: i for i, name in enumerate(model.names)}
+    other_side = [
+        name.removesuffix(MIRRORED) if name.endswith(MIRRORED) else name + MIRRORED for name in model.names
+    ]
+    both = [sorted({i, number.get(other, i)}) for i, other in enumerate(other_side)]
+    with serial_blas():
+        for left_out in chosen if m > 1 else ():
+            others = np.delete(model.scores, both[left_out], axis=0)
+            mean = others.mean(axis=0)
+            _, values, axes = np.linalg.svd(others - mean, full_matrices=False)
+            used = values[: m - 2] > 1e-10 * max(values.max(initial=0.0), 1e-300)
+            variances = values[: m - 2][used] ** 2 / max(len(others) - 1, 1)
+            yield model.scores[left_out] - mean, axes[: m - 2][used], variances
+
+
 def generalisation(model: ShapeModel, *, seed: int = 0, most: int = MOST_LEFT_OUT) -> ModelCurve:
     """Measure how well the model describes shapes that it was not made from, leaving out one at a time.
 
@@ -314,30 +379,54 @@ def generalisation(model: ShapeModel, *, seed: int = 0, most: int = MOST_LEFT_OU
     Davies, *Learning shape: optimal models for analysing natural variability*, 2002; Styner et al., IPMI 2003. Alignment
     is not repeated without the shape left out. Its mirror image (`CorrespondedShapes.mirrored`) is left out with it.
     """
-    m = len(model.names)
-    if m < 2:
-        return ModelCurve(np.zeros(0), np.zeros(0))
-    chosen = np.sort(generator(seed).choice(m, most, replace=False)) if m > most else np.arange(m)
-    rows = np.zeros((len(chosen), m - 1))
-    number = {name: i for i, name in enumerate(model.names)}
-    other_side = [
-        name.removesuffix(MIRRORED) if name.endswith(MIRRORED) else name + MIRRORED for name in model.names
-    ]
-    both = [sorted({i, number.get(other, i)}) for i, other in enumerate(other_side)]
-    with serial_blas():
-        for row, left_out in zip(rows, chosen):
-            others = np.delete(model.scores, both[left_out], axis=0)
-            mean = others.mean(axis=0)
-            _, values, axes = np.linalg.svd(others - mean, full_matrices=False)
-            missed = model.scores[left_out] - mean
-            # what is left of b − mean without its parts along the first j axes of the others: the scores of all
-            # shapes span the same space as the shapes, with the same distances, as the modes are orthonormal
-            row[:] = np.linalg.norm(missed)
-            used = axes[: m - 2][values[: m - 2] > 1e-10 * max(values.max(initial=0.0), 1e-300)]
-            for j, axis in enumerate(used, start=1):
-                missed = missed - (missed @ axis) * axis
-                row[j:] = np.linalg.norm(missed)
-    return ModelCurve.of_rows(rows)
+    rows = []
+    for missed, axes, _ in _without_each(model, seed, most):
+        row = np.full(len(model.names) - 1, np.linalg.norm(missed))
+        for j, axis in enumerate(axes, start=1):  # what is left without the parts along the first j axes
+            missed = missed - (missed @ axis) * axis
+            row[j:] = np.linalg.norm(missed)
+        rows.append(row)
+    return ModelCurve.of_rows(np.array(rows)) if rows else ModelCurve(np.zeros(0), np.zeros(0))
+
+
+@dataclass(frozen=True, eq=False)
+class LeaveOneOut:
+    """How unusual shapes of a model are to a model of the others; `leave_one_out` returns it.
+
+    Parameters
+    ----------
+    mahalanobis, errors : (c,) array of float
+        As in a `ScoredShape`, of each shape left out: its Mahalanobis distance, and what the modes of the others do not
+        describe, in the units of the shapes.
+    """
+
+    mahalanobis: FloatArray
+    errors: FloatArray
+
+
+def leave_one_out(model: ShapeModel, *, seed: int = 0, most: int = MOST_LEFT_OUT) -> LeaveOneOut:
+    """Measure how unusual each shape of a model is to a model of the others: what is usual for a new shape.
+
+    Arguments, and what is repeated, are those of `generalisation`, of which the errors have the last mean. O(m⁴) time for
+    m ≤ ``most`` shapes.
+
+    Examples
+    --------
+    >>> triangle = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+    >>> sizes = {str(s): triangle.moved(s * triangle.vertices) for s in (1, 2, 3, 4)}
+    >>> model = ShapeModel.fit(CorrespondedShapes.of_meshes(sizes))
+    >>> usual = leave_one_out(model)
+    >>> usual.mahalanobis.round(3)
+    array([2.   , 0.436, 0.436, 2.   ])
+    >>> round(model.score(triangle.moved(7 * triangle.vertices)).mahalanobis, 3)
+    3.486
+    """
+    distances, errors = [], []
+    for missed, axes, variances in _without_each(model, seed, most):
+        along = axes @ missed
+        distances.append(np.sqrt((along**2 / variances).sum()))
+        errors.append(np.linalg.norm(missed - along @ axes))
+    return LeaveOneOut(np.array(distances), np.array(errors))
 
 
 def specificity(model: ShapeModel, *, n_samples: int = N_SAMPLES, seed: int = 0) -> ModelCurve:

@@ -11,10 +11,10 @@ from typing import TypeVar
 
 import numpy as np
 
-from isomatch.assets import FORMATS, Asset, Polygons, meshes_among, read_as_far, read_asset
+from isomatch.assets import FORMATS, Asset, Polygons, meshes_among, read_as_far
 from isomatch.errors import FormatError, MeshError, MissingFileError, NotConvergedError, some
 from isomatch.statistics.procrustes import Scale, aligned_to, generalised_procrustes
-from isomatch.storage.files import legible, opened
+from isomatch.storage.files import legible
 from isomatch.storage.texts import natural_order
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray, numbers_of
@@ -24,7 +24,6 @@ MIRRORED = "_mirrored"  # appended to the names of shapes that are mirror images
 
 T = TypeVar("T")
 MEASURED = "measured"  # attribute of the points of a file: 1 where the surface is that of the shape, else 0
-HEADER = 4096  # bytes at the beginning of a PLY file, in which its attributes are named
 LEAST_MEASURED = 0.5  # share of its vertices: a shape with less is left out
 CORRESPONDED = "corresponded"  # subfolder of a collection that holds its shapes in one topology
 
@@ -226,25 +225,38 @@ def read_shapes(source: str | Path | Iterable[str | Path]) -> CorrespondedShapes
     if twice:
         raise FormatError(f"{source}: several files are named {', '.join(twice)}; keep one of each")
     assets = {legible(file.stem): read_as_far(file) for file in files}
-    plys = {legible(file.stem) for file in files if file.suffix.lower() == ".ply"}
-    measured = {name: own for name in plys if (own := _measured(assets[name])) is not None}
+    masks = {name: _measured(file, assets[name]) for file in files if (name := legible(file.stem))}
+    measured = {name: own for name, own in masks.items() if own is not None}
     meshes = {name: Mesh(each.placed_points, each.polygons.triangles) for name, each in assets.items()}
     polygons = {name: each.polygons for name, each in assets.items()}
     return CorrespondedShapes.of_meshes(meshes, measured, polygons)
 
 
-def read_measured(file: str | Path) -> BoolArray | None:
-    """Read which vertices of a mesh were measured, by the attribute ``measured`` of a PLY file; None if it has none."""
-    file = Path(file)
-    if file.suffix.lower() != ".ply":
+def read_corresponding(path: str | Path, faces: IntArray) -> tuple[Mesh, BoolArray | None]:
+    """Read a mesh and, of a PLY file, which of its vertices were measured.
+
+    If its polygons are those that triangles (m, 3) were cut from, they are cut as these.
+    """
+    asset = read_as_far(path)
+    triangles = faces if _cut_as(asset.polygons, faces) else asset.polygons.triangles
+    return Mesh(asset.placed_points, triangles), _measured(path, asset)
+
+
+def _cut_as(polygons: Polygons, triangles: IntArray) -> bool:
+    if len(triangles) != (polygons.sizes - 2).sum():
+        return False
+    of = np.repeat(np.arange(len(polygons)), polygons.sizes - 2)  # the polygon of each triangle
+    first = (np.cumsum(polygons.sizes) - polygons.sizes)[of, None]
+    whole = polygons.sizes[of] == 3
+    n = max(int(polygons.corners.max(initial=0)), int(triangles.max(initial=0))) + 1
+    own = np.repeat(np.arange(len(polygons)), polygons.sizes) * n + polygons.corners
+    is_equal = np.array_equal(triangles[whole], polygons.corners[first[whole] + np.arange(3)])
+    return is_equal and bool(np.isin(of[:, None] * n + triangles, own).all())
+
+
+def _measured(file: str | Path, asset: Asset) -> BoolArray | None:
+    if Path(file).suffix.lower() != ".ply":
         return None
-    with opened(file) as stream:
-        if MEASURED.encode() not in stream.read(HEADER):
-            return None
-    return _measured(read_asset(file))
-
-
-def _measured(asset: Asset) -> BoolArray | None:
     own = [each for each in asset.attributes if (each.name, each.domain) == (MEASURED, "point")]
     return np.asarray(own[0].values != 0) if own and own[0].values.ndim == 1 else None
 
