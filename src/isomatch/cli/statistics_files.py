@@ -143,6 +143,33 @@ class StatisticsFolder:
             moved = allometry.mean + (end - logarithms.mean()) * allometry.coefficients[0]
             write_mesh(self.path(f"allometry_{word}.ply"), shapes.mesh(0).moved(moved), binary=True)
 
+    def structures(
+        self,
+        model: ShapeModel,
+        poses: shape_statistics.StructurePoses,
+        hidden: Sequence[shape_statistics.HiddenStructure],
+    ) -> None:
+        """Write the structures of subjects: shares of the modes, poses, the mean of each, errors of hidden ones."""
+        shares = model.structure_shares
+        sizes = {
+            "structure": shares,
+            "vertices": model.structures.values(),
+            "pose_share": poses.shares.tolist(),
+        }
+        self.table("structures.csv", **sizes, **_by_mode(np.array([*shares.values()])))
+        each = [(s, name, i, k) for i, s in enumerate(model.names) for k, name in enumerate(shares)]
+        turns = np.degrees([poses.rotations[i, k] for *_, i, k in each])
+        shifts = np.array([poses.translations[i, k] for *_, i, k in each])
+        columns = dict(
+            zip(("degrees_x", "degrees_y", "degrees_z", "x", "y", "z"), np.hstack([turns, shifts]).T)
+        )
+        names = {"name": [name for name, *_ in each], "structure": [structure for _, structure, *_ in each]}
+        self.table("poses.csv", **names, **{name: values.tolist() for name, values in columns.items()})
+        for name in shares:
+            write_mesh(self.path(f"means/{name}.ply"), model.structure(name).mesh(), binary=True)
+        if hidden:
+            self.table("hidden.csv", **dict(zip(hidden[0]._fields, zip(*hidden))))
+
     def asymmetry(self, model: ShapeModel, sides: shape_statistics.Asymmetry) -> None:
         """Write how far the shapes are from their mirror images, which follow them in the model."""
         amounts, own = sides.amounts.tolist(), sides.fluctuating.tolist()

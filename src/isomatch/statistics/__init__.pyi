@@ -49,20 +49,31 @@ from isomatch.statistics.shape_model import (
 )
 from isomatch.statistics.shapes import (
     MEASURED,
+    STRUCTURES,
     CorrespondedShapes,
     filled,
     measured_variances,
     read_shapes,
+    slices_of,
+)
+from isomatch.statistics.structures import (
+    HiddenStructure,
+    StructurePoses,
+    aligned_structures,
+    hidden_structures,
+    stacked,
 )
 
 __all__ = [
     "MEASURED",
     "METRES",
+    "STRUCTURES",
     "Asymmetry",
     "Completion",
     "CorrespondedShapes",
     "Doubt",
     "GroupTest",
+    "HiddenStructure",
     "LeaveOneOut",
     "ModelCurve",
     "Observations",
@@ -71,6 +82,8 @@ __all__ = [
     "ScoredShape",
     "ShapeModel",
     "ShapeRegression",
+    "StructurePoses",
+    "aligned_structures",
     "asymmetry",
     "centroid_sizes",
     "classical_scaling",
@@ -90,6 +103,7 @@ __all__ = [
     "generalised_procrustes",
     "geodesic_distortions",
     "group_test",
+    "hidden_structures",
     "leave_one_out",
     "left_right_map",
     "left_right_of_shapes",
@@ -105,7 +119,9 @@ __all__ = [
     "shape_regression",
     "shape_tree",
     "size_factors",
+    "slices_of",
     "specificity",
+    "stacked",
     "told_factor",
     "write_shapeworks",
     "write_statismo",

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
@@ -15,7 +15,14 @@ from scipy.stats import chi2
 from isomatch.errors import FormatError, MeshError, SettingError
 from isomatch.runtime.threads import serial_blas
 from isomatch.statistics.procrustes import Scale, aligned_to, generalised_procrustes
-from isomatch.statistics.shapes import MIRRORED, CorrespondedShapes, filled, read_corresponding
+from isomatch.statistics.shapes import (
+    MIRRORED,
+    CorrespondedShapes,
+    faces_within,
+    filled,
+    read_corresponding,
+    slices_of,
+)
 from isomatch.storage.array_file import ArrayFormat, Stored, save_arrays
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray, numbers_of
@@ -38,9 +45,11 @@ FORMAT = ArrayFormat(
         "variances": Stored("float", ("k",), positive=True),
         "scores": Stored("float", ("m", "k")),
         "size": Stored("float", positive=True, group="size"),
+        "structures": Stored("text", group="structures"),
     },
     filled=("n", "f", "m"),
 )
+TOLD = ("names", "size", "structures")  # not arrays of the model itself
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,6 +126,8 @@ class ShapeModel:
         Coordinates of the shapes along the modes.
     size : float, optional
         Root mean square distance from the centroid that every shape was given, if sizes were removed.
+    structures : mapping of str to int
+        Of subjects of several surfaces: the number of vertices of each structure, in their order.
 
     Examples
     --------
@@ -137,6 +148,7 @@ class ShapeModel:
     variances: FloatArray
     scores: FloatArray
     size: float | None = None
+    structures: Mapping[str, int] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         modes = f"{self.n_modes} mode{'s' * (self.n_modes != 1)}"
@@ -183,7 +195,7 @@ class ShapeModel:
         modes, scores = modes * signs[:, None, None], u * values * signs
         variances = values**2 / max(len(shapes) - 1, 1)
         of_mean = shapes.names, mean, shapes.faces, share
-        return cls(*of_mean, modes, variances, scores, superimposed.size)
+        return cls(*of_mean, modes, variances, scores, superimposed.size, shapes.structures)
 
     @property
     def n_modes(self) -> int:
@@ -204,6 +216,18 @@ class ShapeModel:
     def vertex_variances(self) -> FloatArray:
         """(n,) variance of each vertex, the sum over its three coordinates; their weighted mean is the total variance."""
         return np.asarray(np.einsum("k,kij,kij->i", self.variances, self.modes, self.modes))
+
+    @property
+    def structure_shares(self) -> dict[str, FloatArray]:
+        """Share of each structure in the variance of each mode, (k,); those of all structures sum to 1."""
+        own = np.einsum("i,kij,kij->ki", self.weights, self.modes, self.modes)
+        return {name: own[:, part].sum(axis=1) for name, part in slices_of(self.structures).items()}
+
+    def structure(self, name: str) -> ShapeModel:
+        """Return what the model says of one structure alone: its mean and modes, with the same scores."""
+        part = slices_of(self.structures)[name]
+        of_mean = self.names, self.mean[part], faces_within(self.faces, part), self.weights[part]
+        return ShapeModel(*of_mean, self.modes[:, part], self.variances, self.scores, self.size)
 
     @property
     def aligned(self) -> FloatArray:
@@ -289,9 +313,11 @@ class ShapeModel:
 
     def save(self, path: str | Path) -> None:
         """Write the model to an ``.npz`` file, which `load` reads."""
-        arrays = {name: getattr(self, name) for name in FORMAT.arrays if name not in ("names", "size")}
-        size = {} if self.size is None else {"size": np.array(self.size)}
-        save_arrays(path, FORMAT.version, {"names": np.array(json.dumps(self.names)), **arrays, **size})
+        arrays = {name: getattr(self, name) for name in FORMAT.arrays if name not in TOLD}
+        own = {} if self.size is None else {"size": np.array(self.size)}
+        if self.structures:
+            own["structures"] = np.array(json.dumps(list(self.structures.items())))
+        save_arrays(path, FORMAT.version, {"names": np.array(json.dumps(self.names)), **arrays, **own})
 
     @classmethod
     def load(cls, path: str | Path) -> ShapeModel:
@@ -299,14 +325,16 @@ class ShapeModel:
         stored = FORMAT.read(path)
         try:
             names = json.loads(stored.pop("names"))
-        except (ValueError, RecursionError):
-            names = None
-        if not isinstance(names, list) or len(names) != len(stored["scores"]):
+            structures = {str(name): int(n) for name, n in json.loads(stored.pop("structures", "[]"))}
+        except (ValueError, TypeError, RecursionError):
+            names, structures = None, {}
+        is_told = not structures or sum(structures.values()) == len(stored["mean"])
+        if not isinstance(names, list) or len(names) != len(stored["scores"]) or not is_told:
             raise FormatError(
                 f"{path}: not a shape model (its names); expected a file written by ShapeModel.save"
             )
         size = float(stored.pop("size")) if "size" in stored else None
-        return cls(names=tuple(map(str, names)), size=size, **stored)
+        return cls(names=tuple(map(str, names)), size=size, structures=structures, **stored)
 
 
 MOST_LEFT_OUT = 100

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from hashlib import blake2b
+from itertools import accumulate
 from pathlib import Path
 from typing import TypeVar
 
@@ -15,7 +16,7 @@ from isomatch.assets import FORMATS, Asset, Polygons, meshes_among, read_as_far
 from isomatch.errors import FormatError, MeshError, MissingFileError, NotConvergedError, some
 from isomatch.statistics.procrustes import Scale, aligned_to, generalised_procrustes
 from isomatch.storage.files import legible
-from isomatch.storage.texts import natural_order
+from isomatch.storage.texts import natural_order, read_csv
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray, numbers_of
 from isomatch.values.cached import cached_property
@@ -26,6 +27,26 @@ T = TypeVar("T")
 MEASURED = "measured"  # attribute of the points of a file: 1 where the surface is that of the shape, else 0
 LEAST_MEASURED = 0.5  # share of its vertices: a shape with less is left out
 CORRESPONDED = "corresponded"  # subfolder of a collection that holds its shapes in one topology
+STRUCTURES = (
+    "structures.csv"  # beside subjects of several surfaces: the vertices of each structure, in their order
+)
+
+
+def slices_of(structures: Mapping[str, int]) -> dict[str, slice]:
+    """Return where the vertices of each structure are, by their numbers.
+
+    Examples
+    --------
+    >>> slices_of({"femur": 5, "patella": 2})
+    {'femur': slice(0, 5, None), 'patella': slice(5, 7, None)}
+    """
+    ends = accumulate(structures.values())
+    return {name: slice(end - n, end) for (name, n), end in zip(structures.items(), ends)}
+
+
+def faces_within(faces: IntArray, part: slice) -> IntArray:
+    """Return the faces (f, 3) of the vertices of a slice, numbered from its start."""
+    return np.asarray(faces[(faces[:, 0] >= part.start) & (faces[:, 0] < part.stop)] - part.start)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -45,6 +66,9 @@ class CorrespondedShapes:
     measured : (m, n) array_like of bool, optional
         Which vertices have a counterpart on the shape, rather than a place that continues those around them; by default
         all.
+    structures : mapping of str to int
+        Of subjects of several surfaces, see `stacked`: the number of vertices of each structure, in their order. By
+        default a shape is one surface.
 
     Examples
     --------
@@ -58,6 +82,7 @@ class CorrespondedShapes:
     faces: IntArray
     left_out: tuple[str, ...] = ()
     measured: BoolArray | None = None
+    structures: Mapping[str, int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         vertices = numbers_of(self.vertices, "vertices", MeshError)
@@ -87,6 +112,11 @@ class CorrespondedShapes:
                 f"measured has shape {measured.shape}, expected {vertices.shape[:2]}: a row for each shape"
             )
         measured = None if measured is None or measured.all() else measured
+        if self.structures and sum(self.structures.values()) != vertices.shape[1]:
+            raise MeshError(
+                f"structures have {sum(self.structures.values())} vertices together, and the shapes {vertices.shape[1]}; "
+                "give the number of each"
+            )
         vars(self).update(names=tuple(self.names), vertices=vertices, faces=mesh.sound_faces)
         vars(self).update(left_out=tuple(self.left_out), measured=measured)
 
@@ -102,13 +132,15 @@ class CorrespondedShapes:
         meshes: Mapping[str, Mesh],
         measured: Mapping[str, BoolArray] | None = None,
         polygons: Mapping[str, Polygons] | None = None,
+        structures: Mapping[str, int] | None = None,
     ) -> CorrespondedShapes:
         """Collect meshes, by name with numbers in their order; those that are not in correspondence are left out.
 
         A mesh is left out if its faces, or the ``polygons`` they were cut from, are not those of most meshes, but for
         their order and that of corners; if it has a vertex without a finite position, which is how unmatched vertices are
         written; or if less than half of its vertices were ``measured``, an array (n,) for each mesh with vertices that
-        were not. Polygons are cut as in the first mesh. ``left_out`` says which and why.
+        were not. Of ``structures``, those without any measured vertex are missing, and do not count here. Polygons are
+        cut as in the first mesh. ``left_out`` says which and why.
         `MeshError` if none is left.
         """
         ordered = {name: meshes[name] for name in sorted(meshes, key=natural_order)}
@@ -125,8 +157,8 @@ class CorrespondedShapes:
                 left_out.append(f"{name}: other faces than most shapes ({mesh!r})")
             elif len(unplaced):
                 left_out.append(f"{name}: vertices without a position, {some(unplaced)}")
-            elif name in masks and masks[name].mean() < LEAST_MEASURED:
-                left_out.append(f"{name}: only {masks[name].mean():.0%} of its vertices were measured")
+            elif name in masks and (share := _share_measured(masks[name], structures or {})) < LEAST_MEASURED:
+                left_out.append(f"{name}: only {share:.0%} of its vertices were measured")
             else:
                 kept[name] = mesh
         if not kept:
@@ -137,7 +169,7 @@ class CorrespondedShapes:
         faces = next(mesh.faces for name, mesh in kept.items() if windings[name] == usual)
         everything = np.ones(positions.shape[1], dtype=bool)
         own = np.array([masks.get(name, everything) for name in kept])
-        return cls(tuple(kept), positions, faces, tuple(left_out), own)
+        return cls(tuple(kept), positions, faces, tuple(left_out), own, dict(structures or {}))
 
     @property
     def n_vertices(self) -> int:
@@ -146,13 +178,19 @@ class CorrespondedShapes:
 
     @cached_property
     def area_weights(self) -> FloatArray:
-        """(n,) share of each vertex in the area, averaged over the shapes; the sum is 1."""
+        """(n,) share of each vertex in the area, averaged over the shapes; the sum is 1.
+
+        Of several structures, each has the same sum, so that large ones do not drown small ones.
+        """
         shares = np.zeros(self.n_vertices)
+        parts = slices_of(self.structures or {"": self.n_vertices}).values()
         for i, name in enumerate(self.names):
-            mesh = self.mesh(i)
-            if not 0 < mesh.area < np.inf:
-                raise MeshError(f"shape {name} has area {mesh.area}; leave it out, or use weights='uniform'")
-            shares += mesh.vertex_areas / mesh.area
+            areas = self.mesh(i).vertex_areas
+            for part in parts:
+                area = areas[part].sum()
+                if not 0 < area < np.inf:
+                    raise MeshError(f"shape {name} has area {area}; leave it out, or use weights='uniform'")
+                shares[part] += areas[part] / area
         return np.asarray(shares / shares.sum())
 
     def mesh(self, i: int) -> Mesh:
@@ -162,6 +200,14 @@ class CorrespondedShapes:
     @cached_property
     def _topology(self) -> Mesh:
         return Mesh(self.vertices[0], self.faces)
+
+    def structure(self, name: str) -> CorrespondedShapes:
+        """Return one structure of all shapes; those that lack it have measured none of its vertices."""
+        part = slices_of(self.structures)[name]
+        own = None if self.measured is None else self.measured[:, part]
+        return CorrespondedShapes(
+            self.names, self.vertices[:, part], faces_within(self.faces, part), measured=own
+        )
 
     def moved(self, vertices: FloatArray) -> CorrespondedShapes:
         """Return the same shapes at other positions, (m, n, 3)."""
@@ -184,6 +230,12 @@ class CorrespondedShapes:
         vertices, own = np.concatenate([self.vertices, images]), self.measured
         measured = None if own is None else np.concatenate([own, own[:, other]])
         return replace(self, names=names, vertices=vertices, measured=measured)
+
+
+def _share_measured(measured: BoolArray, structures: Mapping[str, int]) -> float:
+    """Return which share of the vertices was measured, of the structures of which any was."""
+    there = [own for part in slices_of(structures).values() if (own := measured[part]).any()]
+    return float(np.concatenate(there or [measured]).mean())
 
 
 def _digest(faces: IntArray) -> bytes:
@@ -218,7 +270,7 @@ def read_shapes(source: str | Path | Iterable[str | Path]) -> CorrespondedShapes
     -------
     CorrespondedShapes
         ``left_out`` names files that are not in correspondence with the others. The attribute ``measured`` of PLY files
-        tells which vertices were measured.
+        tells which vertices were measured; a table ``structures.csv`` beside them, of which surfaces subjects are made.
     """
     files = _files_of(Path(source)) if isinstance(source, str | Path) else [Path(path) for path in source]
     twice = [name for name, count in Counter(legible(file.stem) for file in files).items() if count > 1]
@@ -229,7 +281,18 @@ def read_shapes(source: str | Path | Iterable[str | Path]) -> CorrespondedShapes
     measured = {name: own for name, own in masks.items() if own is not None}
     meshes = {name: Mesh(each.placed_points, each.polygons.triangles) for name, each in assets.items()}
     polygons = {name: each.polygons for name, each in assets.items()}
-    return CorrespondedShapes.of_meshes(meshes, measured, polygons)
+    table = files[0].parent / STRUCTURES if files else None
+    structures = _structures_in(table) if table and table.exists() else {}
+    return CorrespondedShapes.of_meshes(meshes, measured, polygons, structures)
+
+
+def _structures_in(table: Path) -> dict[str, int]:
+    try:
+        return {line["structure"]: int(line["vertices"]) for line in read_csv(table)}
+    except (KeyError, ValueError):
+        raise FormatError(
+            f"{table}: not the structures of subjects; its columns are structure and vertices, how many it has"
+        ) from None
 
 
 def read_corresponding(path: str | Path, faces: IntArray) -> tuple[Mesh, BoolArray | None]:
