@@ -2,6 +2,7 @@ from isomatch.collections.added import added
 from isomatch.collections.agreement import Agreement, agree, agreement_of, inconsistency
 from isomatch.collections.cohort import Outlier, mirror_images, outliers, scales_of
 from isomatch.collections.collection import Collection
+from isomatch.collections.contacts import ContactGap, contact_gaps
 from isomatch.collections.finish import export, finish, surfaces_written
 from isomatch.collections.landmarks import LeftOut, collected_landmarks, draw_landmarks, landmarks_left_out
 from isomatch.collections.ledger import CONTRADICTED, Rows, state_of
@@ -10,12 +11,14 @@ from isomatch.collections.page import write_reports, write_table
 from isomatch.collections.plan import Layout
 from isomatch.collections.run import Event
 from isomatch.collections.shapes import Entry, entries_of
+from isomatch.collections.subjects import Subjects, are_subjects, subject_doubts
 
 __all__ = [
     "CONTRADICTED",
     "KEPT",
     "Agreement",
     "Collection",
+    "ContactGap",
     "Entry",
     "Event",
     "Layout",
@@ -23,11 +26,14 @@ __all__ = [
     "Outlier",
     "PairMaps",
     "Rows",
+    "Subjects",
     "added",
     "agree",
     "agreement_of",
+    "are_subjects",
     "changed_files",
     "collected_landmarks",
+    "contact_gaps",
     "draw_landmarks",
     "entries_of",
     "export",
@@ -40,6 +46,7 @@ __all__ = [
     "require_unchanged",
     "scales_of",
     "state_of",
+    "subject_doubts",
     "surfaces_written",
     "write_reports",
     "write_table",

@@ -154,12 +154,11 @@ def aligned_structures(
         vertices[:, part], before = alone, joint.aligned[:, part]
         variances = [np.einsum("i,mij->", own, (x - x.mean(axis=0)) ** 2) for x in (alone, before)]
         shares.append(1 - variances[0] / variances[1] if variances[1] > 0 else 0.0)
-        lacks: BoolArray = ~seen[:, part].any(axis=1)
         shifts = np.einsum("i,mij->mj", own, before - alone)
         centred = [x - np.einsum("i,mij->mj", own, x)[:, None] for x in (alone, before)]
         turns = nearest_rotation(np.einsum("mij,i,mik->mjk", centred[1], own, centred[0]))
         pose = np.stack([np.asarray(Rotation.from_matrix(turns).as_rotvec()), shifts])
-        poses.append(np.where(lacks[:, None], np.nan, pose))
+        poses.append(np.where(np.asarray(seen[:, part].any(axis=1))[:, None], pose, np.nan))
     rotations, translations = np.stack(poses, axis=2)
     return StructurePoses(shapes.moved(vertices), rotations, translations, np.array(shares))
 
