@@ -5,10 +5,10 @@ from __future__ import annotations
 import re
 import time
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from os.path import isfile
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from cyclopts import App, Parameter
@@ -16,6 +16,7 @@ from cyclopts import App, Parameter
 import isomatch
 from isomatch import collections, view
 from isomatch.cli.collect_landmarks import CurvePoints, landmark_files, landmarks, say_landmarks, write_all
+from isomatch.cli.collect_subjects import summed_gaps, write_contacts, write_subject_landmarks
 from isomatch.cli.inputs import ConfigFile, Force, Output, Rounded, Seed, read_config
 from isomatch.cli.outputs import require_writable
 from isomatch.cli.scored import LAST, new_shapes, say_scored, write_scored
@@ -70,8 +71,13 @@ def run(
 ) -> None:
     """Match the shapes of a folder with a template, or with one another; run it again to continue.
 
+    Of subjects of several surfaces, each structure is matched with its own template, and corresponded has each subject
+    as one surface, for isomatch statistics.
+
     Args:
-        shapes: A folder, a quoted pattern such as 'scans/*.vtp', or a list.csv with a column path and perhaps name.
+        shapes: A folder, a quoted pattern such as 'scans/*.vtp', or a list.csv with a column path and perhaps name. Of
+            subjects of several surfaces: a folder with a folder for each, whose files are named like the structures, or
+            a list.csv with columns subject, structure and file.
         output: Folder for prepared shapes, maps, pairs.csv, index.html, and the shapes in the topology of the template.
         template: Name or file of the template; by default (auto) the shape in the middle of all, by spectra and
             distances.
@@ -95,41 +101,86 @@ def run(
     if not place or int(place[1]) > int(place[2]):
         raise InputError(f"--shard {shard}: is not i/n with 1 ≤ i ≤ n, such as 2/8")
     part = int(place[1]) - 1, int(place[2])
-    collection = collections.Collection.create(
-        output,
-        shapes,
-        pairs=pairs,
-        template=None if template == "auto" else template,
-        config=read_config(config) or isomatch.Config(),
-        seed=seed,
-        reflect=_names_of(reflect),
-        units=_units_of(units),
-    )
+    end = None if time_limit is None else time.monotonic() + time_limit
+    settings: dict[str, Any] = {
+        "pairs": pairs,
+        "template": None if template == "auto" else template,
+        "config": read_config(config) or isomatch.Config(),
+        "seed": seed,
+        "reflect": _names_of(reflect),
+        "units": _units_of(units),
+    }
+    wanted = pairs == "all" if agree is None else agree
+    how = _How(executor, jobs, part, end, wanted, reports)
+    if collections.are_subjects(shapes):
+        subjects = collections.Subjects.create(output, shapes, **settings)
+        _run_subjects(subjects, how, landmarks, curve_points, talk)
+        return
+    collection = collections.Collection.create(output, shapes, **settings)
     marks = {} if landmarks is None else landmark_files(landmarks, collection, collection.template)
     for name, path in marks.items():  # what is wrong with them is told before anything is done
         isomatch.Landmarks.read(path, collection.paths[name])
     carried: dict[str, Any] = {}
-    end = None if time_limit is None else time.monotonic() + time_limit
     with talk.progress() as tell:
-        for where in collection.rows().damaged:
-            complain(f"{where} is no row of a collection, and is ignored")
-        _follow(collection.run(executor, jobs, part, time_limit), tell)
-        wanted = pairs == "all" if agree is None else agree
-        if wanted and part[1] == 1 and "todo" not in status_of(collection)["pairs"]:
-            tell("comparing maps with compositions of others", 1.0)
-            try:
-                for event in collections.agree(collection, executor, jobs, _until(end)):
-                    tell(*told(event))
-            except MemoryBudgetError as error:  # the maps are there all the same
-                complain(f"maps were not compared: {error}")
-        if part[1] == 1:
-            _write(collection, reports, executor, jobs, end, tell)
-            if marks:
-                to = collection.layout.landmarks
-                carried = write_all(collection, marks, to, tell, curve_points=curve_points)
+        _run(collection, how, tell)
+        if part[1] == 1 and marks:
+            carried = write_all(
+                collection, marks, collection.layout.landmarks, tell, curve_points=curve_points
+            )
     tell_status(collection, talk, carried)
     if carried and not (talk.quiet or talk.json or talk.json_lines):
         say_landmarks(carried)
+
+
+class _How(NamedTuple):
+    """How a collection is run."""
+
+    executor: str
+    jobs: int | None
+    part: tuple[int, int]
+    end: float | None
+    agree: bool
+    reports: Reports
+
+
+def _run(collection: collections.Collection, how: _How, tell: Tell) -> None:
+    """Match what is not matched, and write surfaces and tables, unless this is a part."""
+    executor, jobs, part, end, wanted, reports = how
+    for where in collection.rows().damaged:
+        complain(f"{where} is no row of a collection, and is ignored")
+    _follow(collection.run(executor, jobs, part, _until(end)), tell)
+    if wanted and part[1] == 1 and "todo" not in status_of(collection)["pairs"]:
+        tell("comparing maps with compositions of others", 1.0)
+        try:
+            for event in collections.agree(collection, executor, jobs, _until(end)):
+                tell(*told(event))
+        except MemoryBudgetError as error:  # the maps are there all the same
+            complain(f"maps were not compared: {error}")
+    if part[1] == 1:
+        _write(collection, reports, executor, jobs, end, tell)
+
+
+def _run_subjects(
+    subjects: collections.Subjects, how: _How, landmarks: Path | None, curve_points: int | None, talk: Talk
+) -> None:
+    """Run the collection of each structure, and bring the structures of each subject together."""
+    for doubt in subjects.doubts:
+        complain(f"{' and '.join(doubt.names)} {doubt.reason}")
+    carried: dict[str, Any] = {}
+    with talk.progress() as tell:
+        for i, (structure, collection) in enumerate(subjects.collections.items()):
+
+            def of_one(words: str, share: float, named: str = structure, before: int = i) -> None:
+                tell(f"{named}: {words}", (before + share) / len(subjects.collections))
+
+            _run(collection, how, of_one)
+        if how.part[1] == 1:
+            tell("bringing structures together", 1.0)
+            shapes = subjects.finish()
+            gaps = write_contacts(subjects, shapes)
+            if landmarks is not None:
+                carried = write_subject_landmarks(subjects, landmarks, tell, curve_points)
+    tell_subjects(subjects, talk, gaps=gaps if how.part[1] == 1 else (), landmarks=carried)
 
 
 @collect.command
@@ -139,6 +190,12 @@ def status(folder: Path, /, *, talk: Talk = TALK) -> None:
     Args:
         folder: The folder of the collection.
     """
+    if (folder / collections.SUBJECTS).exists():
+        subjects = collections.Subjects.open(folder)
+        for each in subjects.collections.values():
+            collections.write_table(each.rows(), each.layout.table)
+        tell_subjects(subjects, talk, is_answer=True)
+        return
     collection = collections.Collection.open(folder)
     collections.write_table(collection.rows(), collection.layout.table)
     tell_status(collection, talk, is_answer=True)
@@ -400,6 +457,39 @@ def tell_status(
     if landmarks:
         status["landmarks"] = landmarks
     talk.result(status, lambda: _say_status(status, collection.layout), is_answer=is_answer)
+
+
+def tell_subjects(
+    subjects: collections.Subjects,
+    talk: Talk,
+    *,
+    gaps: Sequence[collections.ContactGap] = (),
+    landmarks: Mapping[str, Any] | None = None,
+    is_answer: bool = False,
+) -> None:
+    """Tell how far the collections of all structures are, and where structures touch."""
+    folders = collections.KEPT if is_answer else ()
+    status: dict[str, Any] = {"folder": str(subjects.folder)}
+    status["doubts"] = [{**doubt._asdict(), "names": list(doubt.names)} for doubt in subjects.doubts]
+    status["structures"] = {name: status_of(each, folders) for name, each in subjects.collections.items()}
+    status |= {"contacts": summed_gaps(gaps), **({"landmarks": dict(landmarks)} if landmarks else {})}
+
+    def summary() -> None:
+        for name, collection in subjects.collections.items():
+            say(name, "bold")
+            _say_status(status["structures"][name], collection.layout)
+        for pair, own in status["contacts"].items():
+            before, after = own["before"], own["after"]
+            say(
+                f"{pair} touch: mean distance {before['mean']:.3g} before, {after['mean']:.3g} after; largest gap "
+                f"{before['gap']:.3g}, {after['gap']:.3g}; largest overlap {before['overlap']:.3g}, "
+                f"{after['overlap']:.3g}; corresponding points {own['apart']['mean']:.3g} apart"
+            )
+        say(
+            f"subjects of all structures: {subjects.folder / 'corresponded'}; isomatch statistics {subjects.folder}"
+        )
+
+    talk.result(status, summary, is_answer=is_answer)
 
 
 def status_of(collection: collections.Collection, folders: Iterable[str] = ()) -> dict[str, Any]:

@@ -11,11 +11,12 @@ from isomatch.collections.page import write_reports, write_table
 from isomatch.collections.plan import Layout
 from isomatch.collections.run import Event
 from isomatch.collections.shapes import Entry, entries_of
-from isomatch.collections.subjects import Subjects, are_subjects, subject_doubts
+from isomatch.collections.subjects import SUBJECTS, Subjects, are_subjects, subject_doubts
 
 __all__ = [
     "CONTRADICTED",
     "KEPT",
+    "SUBJECTS",
     "Agreement",
     "Collection",
     "ContactGap",

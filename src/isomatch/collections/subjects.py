@@ -36,7 +36,7 @@ from isomatch.storage.texts import natural_order, read_csv, write_csv
 from isomatch.surfaces import Mesh, reflected
 from isomatch.values.arrays import FloatArray
 
-PLAN = "subjects.json"
+SUBJECTS = "subjects.json"  # in the folder of subjects: their structures
 COLUMNS = ("subject", "structure", "file")
 RESERVED = {"corresponded", "landmarks", "statistics"}  # folders beside those of the structures
 STRUCTURE = "structure"  # attribute of the points of a subject: the number of their structure
@@ -210,13 +210,13 @@ class Subjects:
                 units=own,
                 **options,
             )
-        write_text(folder / PLAN, json.dumps({"structures": list(made)}, indent=2) + "\n")
+        write_text(folder / SUBJECTS, json.dumps({"structures": list(made)}, indent=2) + "\n")
         return cls(folder, made, tuple(doubts))
 
     @classmethod
     def open(cls, folder: str | Path) -> Subjects:
         """Open the subjects in a folder; `FormatError` if it holds none, or its plan is damaged."""
-        path = Path(folder).absolute() / PLAN
+        path = Path(folder).absolute() / SUBJECTS
         try:
             structures = json.loads(path.read_text(encoding="utf-8"))["structures"]
             return cls(path.parent, {name: Collection.open(path.parent / name) for name in structures})

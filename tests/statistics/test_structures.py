@@ -1,0 +1,271 @@
+"""Subjects of several surfaces in one topology: motions, shares, missing and hidden structures, their files."""
+
+import json
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import isomatch
+from corresponded import moved, random_shapes
+from isomatch.cli import main
+from isomatch.errors import FormatError, InputError, MeshError
+from isomatch.statistics import (
+    CorrespondedShapes,
+    ShapeModel,
+    aligned_structures,
+    complete,
+    filled,
+    hidden_structures,
+    observed_vertices,
+    read_observations,
+    read_shapes,
+    slices_of,
+    stacked,
+)
+from shapes import icosphere
+
+N = 42  # vertices of a structure
+
+
+def subjects(n_subjects=8, poses=0.0, seed=0):
+    """A large, a middle and a small structure beside each other; each turned and shifted by itself, if asked."""
+    rng = np.random.default_rng(seed)
+    parts = {}
+    for k, (name, size) in enumerate({"femur": 3.0, "tibia": 2.0, "patella": 1.0}.items()):
+        part = random_shapes(n_subjects, 5, seed=seed + k)
+        turns = Rotation.from_rotvec(poses * rng.normal(size=(n_subjects, 3))).as_matrix()
+        shifts = poses * rng.normal(size=(n_subjects, 1, 3))
+        turned = np.einsum("sij,snj->sni", turns, size * part.vertices)
+        parts[name] = part.moved(turned + shifts + [10.0 * k, 4.0 * (k == 2), 0])
+    return parts
+
+
+def without(shapes, missing):
+    """The same subjects, some of which lack a structure: it was not measured, and lies anywhere."""
+    measured = np.ones(shapes.vertices.shape[:2], dtype=bool)
+    vertices = shapes.vertices.copy()
+    for i, name in missing.items():
+        part = slices_of(shapes.structures)[name]
+        measured[i, part] = False
+        vertices[i, part] += 100.0
+    return CorrespondedShapes(shapes.names, vertices, shapes.faces, (), measured, shapes.structures)
+
+
+def test_a_motion_of_whole_subjects_changes_nothing():
+    shapes = stacked(subjects(poses=0.1))
+    model, again = ShapeModel.fit(shapes), ShapeModel.fit(moved(shapes))
+    np.testing.assert_allclose(again.variances, model.variances, rtol=1e-8)
+    for name, shares in model.structure_shares.items():
+        np.testing.assert_allclose(again.structure_shares[name], shares, atol=1e-7)
+    poses, same = aligned_structures(shapes), aligned_structures(moved(shapes))
+    np.testing.assert_allclose(
+        np.linalg.norm(same.rotations, axis=2), np.linalg.norm(poses.rotations, axis=2), atol=1e-7
+    )
+    np.testing.assert_allclose(same.shares, poses.shares, atol=1e-8)
+
+
+def test_a_motion_of_a_structure_is_in_the_joint_model_and_gone_where_each_is_aligned_by_itself():
+    still, shaken = stacked(subjects()), stacked(subjects(poses=0.3))
+    assert ShapeModel.fit(shaken).variances.sum() > 2 * ShapeModel.fit(still).variances.sum()
+    models = [ShapeModel.fit(aligned_structures(shapes).shapes) for shapes in (still, shaken)]
+    np.testing.assert_allclose(models[1].variances, models[0].variances, rtol=1e-6)
+    # a joint alignment of structures that are aligned by themselves leaves them where they are
+    alone = aligned_structures(shaken).shapes
+    np.testing.assert_allclose(models[1].aligned, alone.vertices, atol=1e-7)
+    # also where sizes are removed
+    alone = aligned_structures(shaken, scale="remove").shapes
+    again = ShapeModel.fit(alone, "remove").aligned
+    np.testing.assert_allclose(again, alone.vertices, atol=1e-7)
+
+
+def test_poses_are_those_that_were_given():
+    parts = subjects(6)
+    parts = {name: part.moved(np.repeat(part.vertices[:1], 6, axis=0)) for name, part in parts.items()}
+    angles = 0.02 * np.array([-2.5, -1.5, -0.5, 0.5, 1.5, 2.5])
+    turns = Rotation.from_rotvec(angles[:, None] * [0, 0, 1.0])
+    patella = parts["patella"].vertices
+    centre = patella[0].mean(axis=0)
+    parts["patella"] = parts["patella"].moved(
+        np.array([turn.apply(shape - centre) + centre for turn, shape in zip(turns, patella)])
+    )
+    poses = aligned_structures(stacked(parts))
+    # of the difference of two structures no common alignment can take anything
+    found = poses.rotations[:, 2] - poses.rotations[:, 0]
+    np.testing.assert_allclose(found[:, 2] - found[:, 2].mean(), angles, atol=1e-3)
+    np.testing.assert_allclose(found[:, :2], 0, atol=1e-3)
+    assert poses.shares.tolist() == pytest.approx([1, 1, 1])
+
+
+def test_each_structure_weighs_the_same_and_shares_sum_to_one(tmp_path):
+    shapes = stacked(subjects())
+    sums = [shapes.area_weights[part].sum() for part in slices_of(shapes.structures).values()]
+    assert sums == pytest.approx([1 / 3] * 3)
+    model = ShapeModel.fit(shapes)
+    np.testing.assert_allclose(sum(model.structure_shares.values()), 1)
+    total = sum(model.variances @ shares for shares in model.structure_shares.values())
+    assert total == pytest.approx(model.variances.sum())
+    model.save(tmp_path / "model.npz")
+    loaded = ShapeModel.load(tmp_path / "model.npz")
+    assert list(loaded.structures.items()) == [("femur", N), ("tibia", N), ("patella", N)]
+    tibia = loaded.structure("tibia")
+    np.testing.assert_array_equal(tibia.mesh().faces, shapes.structure("tibia").faces)
+    np.testing.assert_array_equal(tibia.mean, model.mean[N : 2 * N])
+
+
+def test_a_missing_structure_adds_no_variance_and_stays_missing():
+    whole = stacked(subjects(poses=0.1))
+    lacking = without(whole, {1: "femur", 4: "patella"})
+    model = ShapeModel.fit(lacking)
+    part = slices_of(whole.structures)["femur"]
+    np.testing.assert_allclose(
+        model.aligned[1, part], np.delete(model.aligned[:, part], 1, axis=0).mean(axis=0), atol=1e-4
+    )
+    poses = aligned_structures(lacking)
+    assert np.argwhere(np.isnan(poses.rotations[:, :, 0])).tolist() == [[1, 0], [4, 2]]
+    femur = poses.shapes.vertices[:, part]
+    np.testing.assert_allclose(femur[1], np.delete(femur, 1, axis=0).mean(axis=0), atol=1e-4)
+
+
+def test_a_structure_that_some_lack_is_stacked_where_it_lies_in_others():
+    parts = subjects()
+    patella = parts["patella"]
+    parts["patella"] = CorrespondedShapes(
+        patella.names[2:], patella.vertices[2:], patella.faces, ("s000: torn",)
+    )
+    shapes = stacked(parts)
+    assert shapes.names == patella.names
+    assert (~shapes.measured).any(axis=1).tolist() == [True, True] + [False] * 6
+    assert shapes.left_out == ("patella of s000: torn",)
+    assert np.linalg.norm(shapes.vertices[0, 2 * N :] - patella.vertices[0], axis=1).max() < 3
+    np.testing.assert_array_equal(filled(shapes).vertices[3], shapes.vertices[3])
+
+
+def test_a_structure_that_depends_linearly_on_the_others_is_completed_exactly():
+    femur = random_shapes(9, 2)
+    patella = femur.moved(0.5 * femur.vertices + [8.0, 0, 0])
+    shapes = stacked({"femur": femur, "patella": patella})
+    rest = CorrespondedShapes(
+        shapes.names[1:], shapes.vertices[1:], shapes.faces, (), None, shapes.structures
+    )
+    model = fitted_in_place(rest)
+    known = np.arange(2 * N) < N
+    told = observed_vertices(model, shapes.mesh(0), known, noise=0.0)
+    found = complete(model, told, pose="given")
+    np.testing.assert_allclose(found.mesh.vertices[N:], shapes.vertices[0, N:], atol=1e-4)
+
+
+def fitted_in_place(shapes):
+    """A model of shapes that are not moved, so that what depends linearly on something still does."""
+    mean, share = shapes.vertices.mean(axis=0), shapes.area_weights
+    about = (shapes.vertices - mean) * np.sqrt(share)[:, None]
+    u, values, _ = np.linalg.svd(about.reshape(len(shapes), -1), full_matrices=False)
+    u, values = u[:, values > 1e-9], values[values > 1e-9]
+    modes = np.tensordot(u.T / values[:, None], shapes.vertices - mean, 1)
+    variances = values**2 / (len(shapes) - 1)
+    of_mean = shapes.names, mean, shapes.faces, share
+    return ShapeModel(*of_mean, modes, variances, u * values, None, shapes.structures)
+
+
+def test_a_hidden_structure_that_is_told_by_the_others_is_found_better_than_by_the_mean():
+    femur = random_shapes(12, 2, spread=0.3)
+    patella = femur.moved(0.5 * femur.vertices + [8.0, 0, 0])
+    alone = random_shapes(12, 2, seed=5, spread=0.3)
+    shapes = stacked({"femur": femur, "patella": patella, "other": alone.moved(alone.vertices - [8.0, 0, 0])})
+    found = hidden_structures(shapes, ["patella"])
+    assert [each.name for each in found] == [*shapes.names]
+    error, of_mean = (np.mean([getattr(each, name) for each in found]) for name in ("error", "mean_error"))
+    assert error < 0.5 * of_mean
+    lacking = without(shapes, {3: "patella"})
+    assert [each.name for each in hidden_structures(lacking, ["patella"])] == [
+        n for n in shapes.names if n != "s003"
+    ]
+
+
+def test_bad_arguments():
+    shapes = stacked(subjects(4))
+    with pytest.raises(
+        InputError, match="shin cannot be hidden: no structure of the subjects; they have femur, tibia"
+    ):
+        hidden_structures(shapes, ["shin"])
+    with pytest.raises(InputError, match="a structure has to stay"):
+        hidden_structures(shapes, ["femur", "tibia", "patella"])
+    with pytest.raises(InputError, match="no structures"):
+        stacked({})
+    with pytest.raises(MeshError, match="structures have 5 vertices together, and the shapes 126"):
+        CorrespondedShapes(shapes.names, shapes.vertices, shapes.faces, structures={"femur": 5})
+
+
+def write(folder, shapes):
+    """The files of subjects, as `isomatch collect` writes them."""
+    folder.mkdir()
+    for i, name in enumerate(shapes.names):
+        own = (
+            []
+            if shapes.measured is None
+            else [isomatch.Attribute("measured", "point", "label", shapes.measured[i].astype(np.uint8))]
+        )
+        isomatch.write_asset(folder / f"{name}.ply", isomatch.Asset.of_mesh(shapes.mesh(i), own))
+    lines = "".join(f"{name},{n}\n" for name, n in shapes.structures.items())
+    (folder / "structures.csv").write_text("structure,vertices\n" + lines)
+    return folder
+
+
+def test_files_of_subjects(tmp_path):
+    shapes = without(stacked(subjects()), {0: "femur"})
+    read = read_shapes(write(tmp_path / "corresponded", shapes))
+    assert read.structures == shapes.structures
+    assert (
+        read.names == shapes.names
+    )  # a subject that lacks most of its vertices is none that was hardly measured
+    np.testing.assert_array_equal(read.measured, shapes.measured)
+    (tmp_path / "corresponded" / "structures.csv").write_text("structure\nfemur\n")
+    with pytest.raises(FormatError, match=r"structures.csv: not the structures of subjects"):
+        read_shapes(tmp_path / "corresponded")
+
+
+@pytest.mark.usefixtures("coarse_pictures")
+def test_commands(tmp_path, capsys):
+    shapes = without(stacked(subjects(poses=0.1)), {5: "tibia"})
+    write(tmp_path / "corresponded", shapes)
+    out = tmp_path / "statistics"
+    assert main(["statistics", str(tmp_path), "-o", str(out), "--hide", "patella"]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "patella has" in said
+    assert "hidden, it is completed to" in said
+    record = json.loads((out / "statistics.json").read_text())
+    assert sum(own["share"] for own in record["structures"].values()) == pytest.approx(1)
+    assert {"structures.csv", "poses.csv", "hidden.csv", "means/tibia.ply"} <= set(record["files"])
+    assert isomatch.read_mesh(out / "means" / "tibia.ply").n_vertices == N
+    aligned = ["statistics", str(tmp_path), "-o", str(tmp_path / "alone"), "--align", "structure", "--json"]
+    assert main(aligned) == 0
+    alone = json.loads(capsys.readouterr().out)
+    assert alone["total_variance"] < record["total_variance"]
+    assert alone["align"] == "structure"
+
+    # a new subject, moved, of which the patella is missing
+    new, model = tmp_path / "new", ShapeModel.load(out / "model.npz")
+    new.mkdir()
+    truth = isomatch.Mesh(
+        shapes.vertices[2] @ Rotation.from_rotvec([0, 0, 1]).as_matrix().T + 5, shapes.faces
+    )
+    for name, part in slices_of(shapes.structures).items():
+        if name != "patella":
+            isomatch.write_mesh(
+                new / f"{name}.ply", isomatch.Mesh(truth.vertices[part], model.structure(name).faces)
+            )
+    argv = ["statistics", "complete", str(out / "model.npz"), str(new)]
+    assert main([*argv, "-o", str(tmp_path / "whole")]) == 0
+    found = isomatch.read_mesh(tmp_path / "whole" / "patella.ply")
+    error = np.sqrt(((found.vertices - truth.vertices[2 * N :]) ** 2).sum(axis=1).mean())
+    assert error < 0.5
+    expected = isomatch.read_asset(tmp_path / "whole" / "patella.ply").attribute("expected_error").values
+    assert error < 2 * np.sqrt((expected**2).mean())
+    assert main([*argv, "-o", str(tmp_path / "whole.ply"), "--force"]) == 0  # one surface
+    assert isomatch.read_mesh(tmp_path / "whole.ply").n_vertices == 3 * N
+    isomatch.write_mesh(new / "shin.ply", icosphere(1))
+    with pytest.raises(InputError, match="shin are no structures of the model; name the files like those"):
+        read_observations(new, model)
+    capsys.readouterr()
+    assert main(["statistics", str(out / "aligned"), "-o", str(tmp_path / "x"), "--hide", "a"]) == 1
+    assert "--hide are for subjects of several surfaces" in " ".join(capsys.readouterr().err.split())
