@@ -24,7 +24,6 @@ from isomatch.statistics import (
     CorrespondedShapes,
     Doubt,
     doubtful_positions,
-    filled,
     likely_units,
     read_shapes,
     size_factors,
@@ -314,16 +313,18 @@ def subject_doubts(
     there = np.isfinite(radii[:, :, 0])
     doubts += _units_and_kinds(subjects, list(found), radii, there, set(units))
     told = {name for doubt in doubts for name in doubt.names if doubt.kind in ("units", "unlike")}
+    # all of one size, and what a subject lacks where it is in another one
+    sizes = np.linalg.norm(radii, axis=2)
     kept = [i for i, name in enumerate(subjects) if name not in told and there[i].any()]
+    marks = {}
+    for k, structure in enumerate(found):
+        if own := [i for i in kept if there[i, k]]:
+            scales = [np.nanmedian(sizes[i] / np.nanmedian(sizes, axis=0)) for i in own]
+            at = points[own, k] / np.array(scales)[:, None, None]
+            names = tuple(subjects[i] for i in own)
+            marks[structure] = CorrespondedShapes(names, at, np.array([[0, 1, 2]]))
     if len(kept) > 1:
-        marks = points[kept].reshape(len(kept), -1, 3)
-        seen = np.repeat(there[kept], 4, axis=1)
-        marks = np.where(seen[:, :, None], marks, 0.0)
-        laid = filled(
-            CorrespondedShapes(tuple(subjects[i] for i in kept), marks, np.array([[0, 1, 2]]), (), seen),
-            None,
-            "remove",
-        )
+        laid = stacked(marks)
         reasons = {
             "mirrored": "is laid out as in a mirror: left and right exchanged? (--reflect NAME or auto)"
         }
@@ -345,10 +346,9 @@ def _marks(mesh: Mesh) -> tuple[FloatArray, FloatArray]:
     y = at - centre
     covariance = np.einsum("i,ij,ik->jk", share, y, y)
     skewness = np.einsum("i,ij,ik,ik->j", share, y, y, y) / np.trace(covariance)
-    once, size = covariance @ skewness, np.trace(covariance)
-    arms = np.array([0 * skewness, skewness, once / size, covariance @ once / size**2])
-    lengths = np.linalg.norm(arms, axis=1, keepdims=True)
-    arms = arms * np.sqrt(size) / np.maximum(lengths, 1e-3 * np.sqrt(size))
+    size = np.trace(covariance)
+    once = covariance @ skewness / size
+    arms = np.array([0 * skewness, skewness, once, covariance @ once / size])
     return centre + arms, np.sqrt(np.maximum(np.linalg.eigvalsh(covariance), 1e-12 * size))
 
 

@@ -13,8 +13,9 @@ from typing import TypeVar
 import numpy as np
 
 from isomatch.assets import FORMATS, Asset, Polygons, meshes_among, read_as_far
+from isomatch.correspondence import nearest_rotation
 from isomatch.errors import FormatError, MeshError, MissingFileError, NotConvergedError, some
-from isomatch.statistics.procrustes import Scale, aligned_to, generalised_procrustes
+from isomatch.statistics.procrustes import Scale, aligned_to, generalised_procrustes, shares_of
 from isomatch.storage.files import legible
 from isomatch.storage.texts import natural_order, read_csv
 from isomatch.surfaces import Mesh
@@ -336,6 +337,7 @@ def _files_of(folder: Path) -> list[Path]:
 
 
 TOLERANCE = 1e-6  # of the size of the mean: movement of a missing vertex in the last round
+LEAST_WIDTH = 1e-6  # second singular value over the product of sizes: less is a line, which tells no turn
 MOST_ROUNDS = 500  # each leaves less of the movement than the largest share of a shape that is missing
 
 
@@ -360,26 +362,52 @@ def filled(
     Notes
     -----
     Alignment and means take turns until nothing moves, which is expectation maximisation for one mean and deviations of
-    one size everywhere. A round takes the time of `generalised_procrustes`.
+    one size everywhere. A round takes the time of `generalised_procrustes`. In the first rounds a shape lies on the mean
+    with what was measured of it alone, which is where it ends unless sizes are removed: taking turns is slow where what
+    is missing is far from the rest.
     """
     measured = shapes.measured
     if measured is None:
         return shapes
     stays = measured | ~measured.any(axis=0)  # what no shape measured stays, too
     count = stays.sum(axis=0)[:, None]
-    vertices = shapes.vertices.copy()
+    vertices, is_near = shapes.vertices.copy(), False
+    share = shares_of(vertices, weights)
     for _ in range(MOST_ROUNDS):
         now = generalised_procrustes(vertices, weights, scale)
         mean = np.einsum("sn,sni->ni", stays, now.aligned) / count
         back = (mean - now.translations[:, None]) @ now.rotations / now.scales[:, None, None]
+        if not is_near:
+            for i in np.flatnonzero(~stays.all(axis=1)).tolist():
+                back[i] = _onto(vertices[i], mean, np.where(stays[i], share, 0.0), scale, back[i])
         apart = np.abs(np.where(stays[:, :, None], 0.0, back - vertices)).max(axis=(1, 2)) * now.scales
         vertices = np.where(stays[:, :, None], vertices, back)
         if apart.max() <= TOLERANCE * np.sqrt(((mean - mean.mean(axis=0)) ** 2).sum(axis=1).mean()):
-            return replace(shapes, vertices=vertices)
+            if is_near or shapes.structures:  # a structure alone may be too small to tell sizes by turns
+                return replace(shapes, vertices=vertices)
+            is_near = True
     raise NotConvergedError(
         f"the mean of shapes of which parts are missing still moves after {MOST_ROUNDS} rounds; leave out those of which "
         "little was measured"
     )
+
+
+def _onto(
+    own: FloatArray, mean: FloatArray, weights: FloatArray, scale: Scale, otherwise: FloatArray
+) -> FloatArray:
+    """Move the mean (n, 3) onto a shape by the vertices that have weights; if they are too few, where it was."""
+    if not weights.sum() > 0:
+        return otherwise
+    share = weights / weights.sum()
+    centres = share @ mean, share @ own
+    here, there = mean - centres[0], own - centres[1]
+    products = here.T @ (share[:, None] * there)
+    sizes = [float(np.sqrt(share @ (x**2).sum(axis=1))) for x in (here, there)]
+    values = np.linalg.svd(products, compute_uv=False)
+    if values[1] <= LEAST_WIDTH * sizes[0] * sizes[1]:  # on a line
+        return otherwise
+    factor = sizes[1] / sizes[0] if scale == "remove" else 1.0
+    return np.asarray(factor * here @ nearest_rotation(products) + centres[1])
 
 
 def measured_variances(aligned: FloatArray, shapes: CorrespondedShapes) -> FloatArray:
