@@ -39,6 +39,9 @@ SUBJECTS = "subjects.json"  # in the folder of subjects: their structures
 COLUMNS = ("subject", "structure", "file")
 RESERVED = {"corresponded", "landmarks", "statistics"}  # folders beside those of the structures
 STRUCTURE = "structure"  # attribute of the points of a subject: the number of their structure
+FEWEST = (
+    8  # subjects that tell where structures usually lie; of five made ones, one was named that belongs there
+)
 UNLIKE = 2.0  # factor between principal radii of one kind, over that between sizes
 
 Structures = Mapping[str, Mapping[str, Path]]
@@ -332,7 +335,7 @@ def subject_doubts(
         doubts += [
             doubt._replace(reason=reasons[doubt.kind])
             for doubt in doubtful_positions(laid.names, laid.vertices)
-            if doubt.kind in reasons
+            if doubt.kind == "mirrored" or (doubt.kind == "unlike" and len(kept) >= FEWEST)
         ]
     return doubts
 
