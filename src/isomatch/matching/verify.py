@@ -30,8 +30,8 @@ from isomatch.values.cached import cached_method, cached_property
 LENGTHS = (0.3, 0.2, 0.14, 0.09, 0.06)  # in √area, over which a shape resists while it is bent by a map
 N_BENT = 1000  # vertices of the shape that is bent
 DESCRIPTOR_WEIGHT, SUPPORT_EXPONENT = 6.0, 2.0  # 3 to 10 and 1 to 3 choose alike
-# exponent of the turning, over a unit in radians, about the median of right maps: see individuals
-TURNING_EXPONENT, TURNING_UNIT = 0.5, 0.1
+# of the turning, over a unit in radians, about the median of right maps: see individuals there
+TURNING_EXPONENT, TURNING_UNIT = 0.25, 0.1
 COVERED = 0.05  # √area from an image, up to which a vertex has a counterpart; outcome.coverage_radius
 NEAR, FAR = 0.08, 0.3  # √area of the source: distances that measure the unit of a map
 N_MEASURED, FEWEST_MEASURED = 300, 40  # samples whose distances do, and how many distances are enough
@@ -79,14 +79,9 @@ class Verification(Shown):
     seconds: float
 
     @property
-    def bending_both_ways(self) -> float:
-        """Geometric mean of the bending there and back."""
-        return float(np.sqrt(self.bending * self.bending_back))
-
-    @property
     def cost(self) -> float:
-        """√(bending × bending back × turning / 0.1) × exp(6 × descriptor distance) / support²: lower is better."""
-        bending = self.bending_both_ways
+        """√(bending × bending back) × (turning / 0.1)^¼ × exp(6 × descriptor distance) / support²: lower is better."""
+        bending = np.sqrt(self.bending * self.bending_back)
         if not (self.support and np.isfinite(bending)):
             return np.inf
         unlike = DESCRIPTOR_WEIGHT * np.nan_to_num(self.descriptor_distance, nan=1.0)
@@ -187,7 +182,8 @@ class Verifier:
         source, target = self.shapes
         matched = image >= 0
         if not matched.any():
-            return Verification(0.0, *[np.nan] * 4, self.unit, time.perf_counter() - started)
+            seconds = time.perf_counter() - started
+            return Verification(0.0, np.nan, np.nan, np.nan, np.nan, self.unit, seconds)
         back, gap = _inverse(target, image)
         covered = gap <= COVERED
         back = np.where(covered, back, UNMATCHED)

@@ -337,22 +337,17 @@ class Isometry(Relation):
     def _with_those_given_up(
         self, selection: Selection[Fit], candidates: Sequence[Candidate]
     ) -> Selection[Fit]:
-        """Refine to the end what was given up on the way to a winner that is not sure, and differs as a whole."""
+        """Refine to the end what was given up on the way to a winner that is not sure, if it differs as a whole."""
         # a half turn of an ant is given up at 1.15 times the spectral residual, and ties by the score
         first, config = selection.winner, self.pair.config
         if not self._sided or first.candidate is None or is_sure(self, selection):
             return selection
-        ended = [fit.candidate.target_row for fit in (first, *selection.runners_up) if fit.candidate]
+        known = [first, *selection.runners_up]
+        ended = [fit.candidate.target_row for fit in known if fit.candidate]
         others = contenders(candidates, config.orientation, config.selection)
         fits = self.refine_and_select(self.begun(distinct_maps(self.pair, others, before=ended)))
-        fits = [fit for fit in fits if is_another(self, fit, first)]
-        return (
-            self._selected(
-                [first, *selection.runners_up, *fits], [True] * (1 + len(selection.runners_up) + len(fits))
-            )
-            if fits
-            else selection
-        )
+        known += [fit for fit in fits if is_another(self, fit, first)]
+        return self._selected(known, [True] * len(known))
 
     def _compared_further(self, selection: Selection[Fit], candidates: Sequence[Candidate]) -> Selection[Fit]:
         """Compare a winner that is not sure with further ones; one that loses to a runner-up does not replace it."""
