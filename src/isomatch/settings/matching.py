@@ -317,7 +317,7 @@ class OutcomeSettings(Settings):
     poor_stretch: float = setting(1.2, "docs/lab/benchmarks.md, confidence", least=1)
     poor_bending: float = setting(1.7e-3, "docs/lab/design_notes.md", least=0)
     poor_far_residual: float = setting(0.45, "docs/lab/design_notes.md", least=0)
-    poor_far_descriptor_distance: float = setting(0.48, "docs/lab/design_notes.md, individuals", least=0)
+    poor_far_descriptor_distance: float = setting(0.465, "docs/lab/design_notes.md, individuals", least=0)
     poor_descriptor_distance: float = setting(0.42, "docs/lab/design_notes.md", least=0)
     doubtful_descriptor_distance: float = setting(0.65, "docs/lab/benchmarks.md, regions of doubt", least=0)
     doubtful_area: float = setting(0.02, "a forearm of a body", least=0, most=1)
