@@ -69,8 +69,8 @@ from isomatch.values.cached import cached_property
 ELSEWHERE_DISTANCE = 0.3  # √area: from one limb to another, twice runner_up_distance
 TURNED = 0.2  # √area: mean distance from which a map is turned as a whole; half turns of ants 0.24, trunks alone to 0.2
 MOST_TURNED = 4  # such maps, which are refined
-# cost of a verification, over that of the map, up to which the map composed with a near-symmetry fits as well: of the right
-# map over a half turn of ants 1.46 at most, of a wrong map over the right one of animals 1.59 at least
+# cost of a verification, over that of the map, up to which the map composed with a near-symmetry fits as well; of the
+# right map over a half turn of ants 1.46 at most, of a wrong map over the right one of animals 1.59 at least
 AS_WELL = 1.5
 MOST_MIRRORED = 3  # maps of the orientation that is not allowed, which are refined
 
