@@ -30,7 +30,7 @@ from isomatch.values.cached import cached_method, cached_property
 LENGTHS = (0.3, 0.2, 0.14, 0.09, 0.06)  # in √area, over which a shape resists while it is bent by a map
 N_BENT = 1000  # vertices of the shape that is bent
 DESCRIPTOR_WEIGHT, SUPPORT_EXPONENT = 6.0, 2.0  # 3 to 10 and 1 to 3 choose alike
-# of the turning, over a unit in radians, about the median of right maps: see individuals there
+# of the turning, over a unit in radians: about the median of right maps; docs/lab/design_notes.md, individuals
 TURNING_EXPONENT, TURNING_UNIT = 0.25, 0.1
 COVERED = 0.05  # √area from an image, up to which a vertex has a counterpart; outcome.coverage_radius
 NEAR, FAR = 0.08, 0.3  # √area of the source: distances that measure the unit of a map
