@@ -1,13 +1,8 @@
-"""Subjects of several surfaces: what is refused or named before anything is matched, kills, contacts, landmarks."""
+"""Subjects of several surfaces: what is refused or named before anything is matched, runs, contacts that are kept."""
 
 import csv
 import json
-import os
 import shutil
-import signal
-import subprocess
-import sys
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -15,12 +10,11 @@ from scipy.spatial.transform import Rotation
 
 import isomatch
 from isomatch.cli import main
-from isomatch.collections import Collection, Subjects, are_subjects, contact_gaps, finish, subject_doubts
-from isomatch.collections.subjects import structures_of
-from isomatch.errors import FormatError, InputError
+from isomatch.collections import contacts_kept, structures_of, subject_collections, subject_doubts
+from isomatch.errors import InputError
 from isomatch.statistics import CorrespondedShapes, read_shapes, stacked
 from shapes import icosphere
-from small_collections import QUICK, lopsided_blob, run
+from small_collections import QUICK, lopsided_blob
 
 SUBJECTS = ("s1", "s2", "s3", "s4", "s5")
 
@@ -32,184 +26,112 @@ def bodies(i):
     return {"bone": large, "cap": left}
 
 
-def write(folder, subject, meshes):
-    (folder / subject).mkdir(parents=True, exist_ok=True)
-    for structure, mesh in meshes.items():
-        isomatch.write_mesh(folder / subject / f"{structure}.ply", mesh)
-
-
 @pytest.fixture
 def folder(tmp_path):
     for i, subject in enumerate(SUBJECTS):
         turn = Rotation.random(random_state=i).as_matrix()
-        write(tmp_path / "in", subject, {n: m.moved(m.vertices @ turn.T + i) for n, m in bodies(i).items()})
+        (tmp_path / "in" / subject).mkdir(parents=True)
+        for name, mesh in bodies(i).items():
+            moved = mesh.moved(mesh.vertices @ turn.T + i)
+            isomatch.write_mesh(tmp_path / "in" / subject / f"{name}.ply", moved)
     (tmp_path / "quick.toml").write_text(QUICK)
     return tmp_path / "in"
 
 
-def changed(folder, subject, change, *structures):
-    """Change the vertices of some structures of a subject, by default of all."""
+def changed(folder, subject, change):
+    """Change the vertices of all structures of a subject."""
     for file in (folder / subject).iterdir():
-        if not structures or file.stem in structures:
-            mesh = isomatch.read_mesh(file)
-            isomatch.write_mesh(file, mesh.moved(change(mesh.vertices)))
+        mesh = isomatch.read_mesh(file)
+        isomatch.write_mesh(file, mesh.moved(change(mesh.vertices)))
 
 
 def doubts(folder, **known):
-    return {doubt.kind: doubt for doubt in subject_doubts(structures_of(folder), **known)}
+    return [(each.kind, each.names) for each in subject_doubts(structures_of(folder), **known)]
 
 
 def test_subjects_that_fit_are_not_named(folder):
-    assert are_subjects(folder)
-    assert not are_subjects(folder / "s1")
-    assert doubts(folder) == {}
+    assert doubts(folder) == []
+    assert structures_of(folder / "s1") == {}  # surfaces of one structure
     shutil.rmtree(folder / "s2")
     (folder / "s3" / "cap.ply").unlink()  # what a subject lacks is nothing that does not fit
-    assert doubts(folder) == {}
+    assert doubts(folder) == []
 
 
-def test_structures_that_are_named_differently(folder):
-    (folder / "s3" / "cap.ply").rename(folder / "s3" / "Kappe.ply")
-    with pytest.raises(InputError, match=r"nothing is matched; s3 has Kappe, but not cap; is it the same\?"):
-        Subjects.create(folder.parent / "out", folder)
-    assert not (folder.parent / "out").exists()
-    (folder / "s3" / "Kappe.ply").rename(folder / "s3" / "cap.ply")
-    isomatch.write_mesh(folder / "s4" / "extra.ply", icosphere(1))
-    with pytest.raises(InputError, match="s4 has extra, and no other subject has it"):
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ("cap", "Kappe", "Kappe of s3 may be the same as cap; name structures alike"),
+        ("", "extra", "extra of s3 is in no other subject"),
+        ("", "corresponded", "corresponded of s3 is named like a folder beside the structures"),
+        ("", "cap.stl", "s3 has cap twice; keep one"),
+    ],
+)
+def test_names_that_do_not_tell_what_is_what(folder, old, new, told):
+    isomatch.write_mesh(folder / "s3" / (new if "." in new else f"{new}.ply"), icosphere(1))
+    if old:
+        (folder / "s3" / f"{old}.ply").unlink()
+    with pytest.raises(InputError, match=told):
         structures_of(folder)
-    (folder / "s4" / "extra.ply").rename(folder / "s4" / "landmarks.ply")
-    with pytest.raises(InputError, match="landmarks cannot be names of structures"):
-        structures_of(folder)
 
 
-def test_a_table_and_one_subject_twice_in_it(folder):
+def test_a_table(folder):
     table = folder.parent / "list.csv"
     lines = [
-        f"{subject},{name},in/{subject}/{name}.ply\n" for subject in SUBJECTS for name in ("bone", "cap")
+        f"{subject},{name},in/{subject}/{name}.ply\n" for subject in SUBJECTS for name in ("cap", "bone")
     ]
     table.write_text("subject,structure,file\n" + "".join(lines))
-    assert are_subjects(table)
     assert structures_of(table) == structures_of(folder)
-    table.write_text("subject,structure,file\n" + "".join([*lines, lines[0]]))
-    with pytest.raises(InputError, match="s1 has bone 2 times; keep one"):
-        structures_of(table)
 
 
-def test_one_subject_twice(folder):
+def test_layouts_that_do_not_fit(folder):
     shutil.copytree(folder / "s2", folder / "s6")
     changed(folder, "s6", lambda points: points[:, [1, 2, 0]] + 7)
-    found = doubts(folder)["twice"]
-    assert found.names == ("s2", "s6")
-    assert "are the same subject" in found.reason
+    assert doubts(folder) == [("twice", ("s2", "s6"))]
+    shutil.rmtree(folder / "s6")
+    changed(folder, "s1", lambda points: points * 1000)
+    assert doubts(folder) == [("units", ("s1",))]
+    assert doubts(folder, units={"s1"}) == []
 
 
 def test_sides_exchanged(folder):
-    for subject in SUBJECTS:  # four that are in no plane
+    for subject in SUBJECTS:  # four structures that are in no plane
         cap = isomatch.read_mesh(folder / subject / "cap.ply").vertices.mean(axis=0)
         bone = isomatch.read_mesh(folder / subject / "bone.ply")
         frame = bone.vertices[[5, 9]] - bone.vertices.mean(axis=0)
         for name, row in (("left", 0), ("right", 1)):
             ball = icosphere(1)
-            write(folder, subject, {name: ball.moved(0.3 * ball.vertices + cap + 3 * frame[row])})
-    assert doubts(folder) == {}
+            moved = ball.moved(0.3 * ball.vertices + cap + 3 * frame[row])
+            isomatch.write_mesh(folder / subject / f"{name}.ply", moved)
+    assert doubts(folder) == []
     changed(folder, "s4", lambda points: points * [-1, 1, 1])
-    for name in (
-        "bone",
-        "cap",
-        "left",
-        "right",
-    ):  # as files of the other side have it: the outside stays outside
-        mesh = isomatch.read_mesh(folder / "s4" / f"{name}.ply")
-        isomatch.write_mesh(folder / "s4" / f"{name}.ply", isomatch.Mesh(mesh.vertices, mesh.faces[:, ::-1]))
-    found = doubts(folder)
-    assert found["mirrored"].names == ("s4",)
-    assert "laid out as in a mirror" in found["mirrored"].reason
-    assert doubts(folder, reflected_ones=["s4"]) == {}
-    made = Subjects.create(folder.parent / "out", folder, reflect="auto")
-    assert [each.reflect for each in made.collections.values()] == [("s4",)] * 4
-    assert made.doubts == ()
-
-
-def test_units_mixed(folder):
-    changed(folder, "s1", lambda points: points * 1000)
-    changed(folder, "s5", lambda points: points / 25.4, "cap")
-    named = {
-        doubt.names[0]: doubt.reason
-        for doubt in subject_doubts(structures_of(folder))
-        if doubt.kind == "units"
-    }
-    assert named.keys() == {"s1", "s5"}
-    assert "(--units s1=mm)" in named["s1"]
-    assert "mixes units or structures: its cap" in named["s5"]
-    left = subject_doubts(structures_of(folder), units=["s1"])
-    assert {doubt.names for doubt in left} == {("s5",)}
-
-
-def test_a_structure_of_another_kind(folder):
-    rod = icosphere(2)
-    isomatch.write_mesh(folder / "s2" / "cap.ply", rod.moved(rod.vertices * [1.2, 0.1, 0.1]))
-    (found,) = subject_doubts(structures_of(folder))
-    assert (found.kind, found.names) == ("unlike", ("s2",))
-    assert "has another thing as its cap" in found.reason
+    assert doubts(folder) == [("mirrored", ("s4",))]
+    assert doubts(folder, reflect=["s4"]) == []
 
 
 def test_strangers(folder):
-    out = folder.parent / "out"
     for options in ({"template": "x9"}, {"reflect": ["x9"]}, {"units": {"x9": "mm"}}):
-        with pytest.raises(InputError, match="x9: no subjects; give their names, such as s1"):
-            Subjects.create(out, folder, **options)
-    with pytest.raises(FormatError, match="holds no subjects"):
-        Subjects.open(folder)
-
-
-def finished(folder, out):
-    """Subjects matched in this process."""
-    config = isomatch.Config.from_file(folder.parent / "quick.toml")
-    subjects = Subjects.create(out, folder, template="s1", config=config)
-    for collection in subjects.collections.values():
-        run(collection)
-        with ThreadPoolExecutor(1) as executor:
-            list(finish(collection, executor, 1))
-    return subjects
-
-
-def rows(path):
-    with path.open(newline="", encoding="utf-8") as file:
-        return list(csv.DictReader(file))
+        with pytest.raises(InputError, match="x9: no subjects; give names such as s1"):
+            subject_collections(folder.parent / "out", structures_of(folder), **options)
 
 
 @pytest.mark.usefixtures("in_threads", "coarse_pictures")
-def test_from_files_to_a_model(folder, capsys):
+def test_from_files_to_shapes(folder, capsys):
     (folder / "s3" / "cap.ply").unlink()
     out = folder.parent / "out"
-    argv = ["collect", str(folder), "-o", str(out), "--template", "s1", "--reports", "none"]
+    argv = ["collect", str(folder), "-o", str(out), "--template", "s1", "--reports", "none", "--json"]
     argv += ["--config", str(folder.parent / "quick.toml")]
-    marks = folder.parent / "s1.csv"
-    tips = {name: isomatch.read_mesh(folder / "s1" / f"{name}.ply").vertices[5] for name in ("bone", "cap")}
-    marks.write_text("name,x,y,z\n" + "".join(f"{n},{x},{y},{z}\n" for n, (x, y, z) in tips.items()))
-    assert main([*argv, "--landmarks", str(marks)]) == 0
-    said = " ".join(capsys.readouterr().out.split())
-    assert "touch: mean distance" in said
+    assert main([*argv, "--landmarks", "marks.csv"]) == 1
+    assert main(argv) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert {name: own["pairs"]["done"] for name, own in told["structures"].items()} == {"bone": 4, "cap": 3}
     shapes = read_shapes(out)
     assert shapes.names == SUBJECTS
     assert list(shapes.structures) == ["bone", "cap"]
-    assert (~shapes.measured).any(axis=1).tolist() == [False, False, True, False, False]
-    # what is stacked are the surfaces of the structures, as they are
-    bone = isomatch.read_mesh(out / "bone" / "corresponded" / "s4.ply")
+    assert shapes.seen[2].sum() == shapes.structures["bone"]
+    bone = isomatch.read_mesh(out / "bone" / "corresponded" / "s4.ply")  # stacked as it is
     np.testing.assert_array_equal(shapes.vertices[3, : bone.n_vertices], bone.vertices)
-    gaps = rows(out / "contacts.csv")
-    assert [row["subject"] for row in gaps] == ["s1", "s2", "s4", "s5"]
-    assert all(float(row["mean_after"]) >= 0 for row in gaps)
-    assert float(gaps[0]["mean_apart"]) < 1e-5  # of the template
-    carried = isomatch.Landmarks.read(out / "landmarks" / "s2.mrk.json")
-    assert carried.names == ("bone", "cap")
-    assert isomatch.Landmarks.read(out / "landmarks" / "s3.mrk.json").names == ("bone",)
-    assert main(["collect", "status", str(out), "--json"]) == 0
-    status = json.loads(capsys.readouterr().out)
-    assert {name: each["pairs"] for name, each in status["structures"].items()}.keys() == {"bone", "cap"}
-    assert main(["collect", "export", str(out), str(folder.parent / "x")]) == 1
-    assert "give that of a structure, such as" in " ".join(capsys.readouterr().err.split())
-
+    with (out / "contacts.csv").open(newline="", encoding="utf-8") as file:
+        assert [row["subject"] for row in csv.DictReader(file)] == ["s1", "s2", "s4", "s5"]
     # nothing is matched twice, and a subject that is taken out goes everywhere
     kept = (out / "bone" / "maps" / "s1__s2.npz").stat().st_mtime_ns
     shutil.rmtree(folder / "s5")
@@ -218,63 +140,41 @@ def test_from_files_to_a_model(folder, capsys):
     assert sorted(path.stem for path in (out / "corresponded").glob("*.ply")) == ["s1", "s2", "s3", "s4"]
 
 
-def test_what_is_known_of_contacts():
-    flat = np.array([[x, y, 0.0] for x in range(6) for y in range(6)])
-    quads = [[6 * i + j, 6 * i + j + 6, 6 * i + j + 7, 6 * i + j + 1] for i in range(5) for j in range(5)]
-    faces = np.array([corners for a, b, c, d in quads for corners in ([a, b, c], [a, c, d])])
-    heights = np.array([0.1, 0.25, -0.05])
-    below = CorrespondedShapes("abc", np.array([flat] * 3), faces)
-    above = CorrespondedShapes("abc", flat + heights[:, None, None] * [0, 0, 1.0], faces)
-    shifted = above.moved(above.vertices + np.array([0, 0.5, 0])[:, None, None] * [1.0, 0, 0])
-    files = {
-        "below": {n: below.mesh(i) for i, n in enumerate("abc")},
-        "above": {n: above.mesh(i) for i, n in enumerate("abc")},
-    }
-    found = list(contact_gaps(stacked({"below": below, "above": shifted}), files, "a"))
-    assert [(gap.subject, gap.structure, gap.other, gap.points) for gap in found] == [
-        (n, "below", "above", 36) for n in "abc"
-    ]
-    for gap, height in zip(found, heights):
-        assert gap.mean_before == pytest.approx(abs(height))
-        assert gap.gap_before == pytest.approx(
-            max(0.0, -height), abs=1e-12
-        )  # below lies under the outside of above
-        assert gap.overlap_before == pytest.approx(max(0.0, height), abs=1e-12)
-    assert found[0].mean_apart == pytest.approx(0, abs=1e-12)
-    assert found[1].mean_apart == pytest.approx(np.hypot(0.5, 0.25) - 0.1)
-    far = above.moved(above.vertices + np.array([0, 0, 3.0]))
-    assert list(contact_gaps(stacked({"below": below, "above": far}), files)) == []
+def sheets(shift):
+    """A flat bone and a smaller sheet over it, in two subjects; in the second the sheet's points slip along it."""
+    x, y = np.meshgrid(np.arange(20.0), np.arange(20.0), indexing="ij")
+    flat = np.stack([x.ravel(), y.ravel(), 0 * x.ravel()], axis=1)
+    corner = np.arange(400).reshape(20, 20)[:-1, :-1].reshape(-1, 1)
+    faces = np.concatenate([np.add(corner, other) for other in ([0, 20, 21], [0, 21, 1])])
+    small = flat * [0.5, 0.5, 1] + [5, 5, 0.3]
+    slipped = small + shift * np.sin(flat[:, :1] * np.pi / 19) * [1, 0, 0]
+    bone = CorrespondedShapes(("a", "b"), np.array([flat, flat]), faces)
+    return stacked({"bone": bone, "sheet": CorrespondedShapes(("a", "b"), np.array([small, slipped]), faces)})
 
 
-@pytest.mark.long
-def test_a_run_that_is_killed_loses_nothing(folder):
-    whole = finished(folder, folder.parent / "whole")
-    whole.finish()
-    out = folder.parent / "out"
-    argv = [
-        sys.executable,
-        "-m",
-        "isomatch",
-        "collect",
-        str(folder),
-        "-o",
-        str(out),
-        "--template",
-        "s1",
-        "--jobs",
-        "1",
-    ]
-    argv += ["--reports", "none", "--config", str(folder.parent / "quick.toml"), "--time-limit"]
-    own = subprocess.Popen([*argv, "1000"], start_new_session=True)
-    while own.poll() is None and not list(out.glob("*/maps/*.npz")):
-        pass
-    os.killpg(own.pid, signal.SIGKILL)
-    own.wait()
-    kept = {path: path.stat().st_mtime_ns for path in out.glob("*/maps/s1__*.npz")}
-    assert 0 < len(kept) < 8
-    assert not (out / "corresponded").exists()
-    subprocess.run([*argv, "1000"], check=True)
-    assert {path: path.stat().st_mtime_ns for path in kept} == kept
-    for file in (whole.folder / "corresponded").glob("*.ply"):
-        assert (out / "corresponded" / file.name).read_bytes() == file.read_bytes()
-    Collection.open(out / "cap")
+def test_points_that_touch_are_kept_together():
+    shapes, (first, second) = contacts_kept(sheets(0.6))
+    assert (first["slip_before"], second["note"]) == (0, "")
+    assert second["slip_before"] > 0.3
+    assert second["slip_after"] < 0.02
+    assert second["gap_after"] == pytest.approx(0.3, abs=1e-6)  # still on the sheet
+    assert second["without"] == 0
+    np.testing.assert_allclose(shapes.vertices[1, 400:], shapes.vertices[0, 400:], atol=0.1)
+    np.testing.assert_array_equal(shapes.vertices[0], sheets(0.6).vertices[0])
+    left, gaps = contacts_kept(sheets(0.6), move=False)
+    np.testing.assert_array_equal(left.vertices, sheets(0.6).vertices)
+    assert gaps[1]["slip_after"] == gaps[1]["slip_before"]
+
+
+def test_points_beyond_the_edge_have_no_counterpart():
+    shapes = sheets(0.0)
+    vertices = shapes.vertices.copy()
+    vertices[1, 400:, 0] = 5 + (vertices[1, 400:, 0] - 5) * 0.8  # a sheet that ends before
+    kept, (_, second) = contacts_kept(shapes.moved(vertices))
+    assert second["without"] == pytest.approx(0.2, abs=0.06)
+    assert (kept.seen[1, 400:] == (kept.vertices[1, 400:, 0] < 12.8)).mean() > 0.95
+    np.testing.assert_allclose(kept.vertices[1, 400:], shapes.vertices[0, 400:], atol=0.2)
+    vertices[1, 400:, 0] = 5 + (vertices[1, 400:, 0] - 5) * 0.3
+    kept, (_, second) = contacts_kept(shapes.moved(vertices))
+    assert "left as matched" in second["note"]
+    np.testing.assert_array_equal(kept.vertices, vertices)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import re
 import time
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from os.path import isfile
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from cyclopts import App, Parameter
@@ -16,7 +16,6 @@ from cyclopts import App, Parameter
 import isomatch
 from isomatch import collections, view
 from isomatch.cli.collect_landmarks import CurvePoints, landmark_files, landmarks, say_landmarks, write_all
-from isomatch.cli.collect_subjects import summed_gaps, write_contacts, write_subject_landmarks
 from isomatch.cli.inputs import ConfigFile, Force, Output, Rounded, Seed, read_config
 from isomatch.cli.outputs import require_writable
 from isomatch.cli.scored import LAST, new_shapes, say_scored, write_scored
@@ -64,6 +63,7 @@ def run(
     curve_points: CurvePoints = None,
     time_limit: TimeLimit = None,
     agree: Annotated[bool | None, Parameter(negative="--no-agree")] = None,
+    keep_contacts: Annotated[bool, Parameter(negative="--no-keep-contacts")] = True,
     reports: Reports = "doubtful",
     config: ConfigFile = None,
     seed: Seed = 0,
@@ -71,13 +71,10 @@ def run(
 ) -> None:
     """Match the shapes of a folder with a template, or with one another; run it again to continue.
 
-    Of subjects of several surfaces, each structure is matched with its own template, and corresponded has each subject
-    as one surface, for isomatch statistics.
-
     Args:
         shapes: A folder, a quoted pattern such as 'scans/*.vtp', or a list.csv with a column path and perhaps name. Of
-            subjects of several surfaces: a folder with a folder for each, whose files are named like the structures, or
-            a list.csv with columns subject, structure and file.
+            subjects of several surfaces, each of which is matched by itself: a folder with a folder for each subject,
+            with files named like the structures, or a list.csv with the columns subject, structure and file.
         output: Folder for prepared shapes, maps, pairs.csv, index.html, and the shapes in the topology of the template.
         template: Name or file of the template; by default (auto) the shape in the middle of all, by spectra and
             distances.
@@ -96,12 +93,13 @@ def run(
             landmarks.
         agree: Once all pairs are matched, replace maps that the others contradict, see isomatch collect agree; by default
             only if all pairs are. Maps of shards are compared by that command.
+        keep_contacts: Of subjects, keep points together that lie on each other in the template, by moving those of the
+            smaller structure along its surface; contacts.csv tells gap, overlap and slip before and after.
     """
     place = re.fullmatch(r"([1-9]\d{0,5})/([1-9]\d{0,5})", shard)
     if not place or int(place[1]) > int(place[2]):
         raise InputError(f"--shard {shard}: is not i/n with 1 ≤ i ≤ n, such as 2/8")
     part = int(place[1]) - 1, int(place[2])
-    end = None if time_limit is None else time.monotonic() + time_limit
     settings: dict[str, Any] = {
         "pairs": pairs,
         "template": None if template == "auto" else template,
@@ -110,77 +108,79 @@ def run(
         "reflect": _names_of(reflect),
         "units": _units_of(units),
     }
-    wanted = pairs == "all" if agree is None else agree
-    how = _How(executor, jobs, part, end, wanted, reports)
-    if collections.are_subjects(shapes):
-        subjects = collections.Subjects.create(output, shapes, **settings)
-        _run_subjects(subjects, how, landmarks, curve_points, talk)
-        return
-    collection = collections.Collection.create(output, shapes, **settings)
-    marks = {} if landmarks is None else landmark_files(landmarks, collection, collection.template)
-    for name, path in marks.items():  # what is wrong with them is told before anything is done
-        isomatch.Landmarks.read(path, collection.paths[name])
-    carried: dict[str, Any] = {}
-    with talk.progress() as tell:
-        _run(collection, how, tell)
-        if part[1] == 1 and marks:
-            carried = write_all(
-                collection, marks, collection.layout.landmarks, tell, curve_points=curve_points
+    marks: dict[str, Path] = {}
+    if subjects := collections.structures_of(shapes):
+        if landmarks is not None:
+            raise InputError(
+                f"--landmarks: give those of a structure to isomatch collect landmarks {output}/NAME"
             )
-    tell_status(collection, talk, carried)
+        for doubt in collections.subject_doubts(subjects, settings["reflect"], settings["units"] or ()):
+            complain(f"{' and '.join(doubt.names)} {doubt.reason}")
+        structures = collections.subject_collections(output, subjects, **settings)
+    else:
+        collection = collections.Collection.create(output, shapes, **settings)
+        structures = {"": collection}
+        marks = {} if landmarks is None else landmark_files(landmarks, collection, collection.template)
+        for name, path in marks.items():  # what is wrong with them is told before anything is done
+            isomatch.Landmarks.read(path, collection.paths[name])
+    carried: dict[str, Any] = {}
+    gaps: list[dict[str, Any]] = []
+    end = None if time_limit is None else time.monotonic() + time_limit
+    with talk.progress() as tell:
+        for structure, collection in structures.items():
+            tell(structure, 0.0)
+            for where in collection.rows().damaged:
+                complain(f"{where} is no row of a collection, and is ignored")
+            _follow(collection.run(executor, jobs, part, _until(end)), tell)
+            wanted = pairs == "all" if agree is None else agree
+            if wanted and part[1] == 1 and "todo" not in status_of(collection)["pairs"]:
+                tell("comparing maps with compositions of others", 1.0)
+                try:
+                    for event in collections.agree(collection, executor, jobs, _until(end)):
+                        tell(*told(event))
+                except MemoryBudgetError as error:  # the maps are there all the same
+                    complain(f"maps were not compared: {error}")
+            if part[1] == 1:
+                _write(collection, reports, executor, jobs, end, tell)
+                if marks:
+                    to = collection.layout.landmarks
+                    carried = write_all(collection, marks, to, tell, curve_points=curve_points)
+        if subjects and part[1] == 1:
+            tell("bringing structures together", 1.0)
+            gaps = collections.finish_subjects(output, structures, keep_contacts=keep_contacts)
+    if subjects:
+        _tell_subjects(output, structures, gaps, talk)
+        return
+    tell_status(structures[""], talk, carried)
     if carried and not (talk.quiet or talk.json or talk.json_lines):
         say_landmarks(carried)
 
 
-class _How(NamedTuple):
-    """How a collection is run."""
-
-    executor: str
-    jobs: int | None
-    part: tuple[int, int]
-    end: float | None
-    agree: bool
-    reports: Reports
-
-
-def _run(collection: collections.Collection, how: _How, tell: Tell) -> None:
-    """Match what is not matched, and write surfaces and tables, unless this is a part."""
-    executor, jobs, part, end, wanted, reports = how
-    for where in collection.rows().damaged:
-        complain(f"{where} is no row of a collection, and is ignored")
-    _follow(collection.run(executor, jobs, part, _until(end)), tell)
-    if wanted and part[1] == 1 and "todo" not in status_of(collection)["pairs"]:
-        tell("comparing maps with compositions of others", 1.0)
-        try:
-            for event in collections.agree(collection, executor, jobs, _until(end)):
-                tell(*told(event))
-        except MemoryBudgetError as error:  # the maps are there all the same
-            complain(f"maps were not compared: {error}")
-    if part[1] == 1:
-        _write(collection, reports, executor, jobs, end, tell)
-
-
-def _run_subjects(
-    subjects: collections.Subjects, how: _How, landmarks: Path | None, curve_points: int | None, talk: Talk
+def _tell_subjects(
+    folder: Path, structures: dict[str, collections.Collection], gaps: list[dict[str, Any]], talk: Talk
 ) -> None:
-    """Run the collection of each structure, and bring the structures of each subject together."""
-    for doubt in subjects.doubts:
-        complain(f"{' and '.join(doubt.names)} {doubt.reason}")
-    carried: dict[str, Any] = {}
-    with talk.progress() as tell:
-        for i, (structure, collection) in enumerate(subjects.collections.items()):
+    """Tell how far the collections of all structures are, and how structures lie on each other, on average."""
+    every = {name: status_of(each, ("landmarks",)) for name, each in structures.items()}
+    status: dict[str, Any] = {"folder": str(folder), "structures": every}
+    status["contacts"] = {}
+    for pair in dict.fromkeys((gap["structure"], gap["other"]) for gap in gaps):
+        own = [gap for gap in gaps if (gap["structure"], gap["other"]) == pair]
+        means = {name: float(np.nanmean([gap[name] for gap in own])) for name in [*own[0]][3:-1]}
+        notes = {gap["subject"]: gap["note"] for gap in own if gap["note"]}
+        status["contacts"][" on ".join(pair)] = {**means, "notes": notes}
 
-            def of_one(words: str, share: float, named: str = structure, before: int = i) -> None:
-                tell(f"{named}: {words}", (before + share) / len(subjects.collections))
+    def summary() -> None:
+        for name, collection in structures.items():
+            say(name, "bold")
+            _say_status(status["structures"][name], collection.layout)
+        for pair, own in status["contacts"].items():
+            numbers = ", ".join(
+                f"{name} {own[name]:.3g}".replace("_", " ") for name in own if name != "notes"
+            )
+            say_rows([(pair, numbers), *own["notes"].items()])
+        say(f"subjects of all structures: {folder / 'corresponded'}; go on with isomatch statistics {folder}")
 
-            _run(collection, how, of_one)
-        if how.part[1] == 1:
-            tell("bringing structures together", 1.0)
-            shapes = subjects.finish()
-            gaps = write_contacts(subjects, shapes)
-            if landmarks is not None:
-                carried = write_subject_landmarks(subjects, landmarks, tell, curve_points)
-    tell_subjects(subjects, talk, gaps=gaps if how.part[1] == 1 else (), landmarks=carried)
+    talk.result(status, summary)
 
 
 @collect.command
@@ -190,12 +190,6 @@ def status(folder: Path, /, *, talk: Talk = TALK) -> None:
     Args:
         folder: The folder of the collection.
     """
-    if (folder / collections.SUBJECTS).exists():
-        subjects = collections.Subjects.open(folder)
-        for each in subjects.collections.values():
-            collections.write_table(each.rows(), each.layout.table)
-        tell_subjects(subjects, talk, is_answer=True)
-        return
     collection = collections.Collection.open(folder)
     collections.write_table(collection.rows(), collection.layout.table)
     tell_status(collection, talk, is_answer=True)
@@ -457,39 +451,6 @@ def tell_status(
     if landmarks:
         status["landmarks"] = landmarks
     talk.result(status, lambda: _say_status(status, collection.layout), is_answer=is_answer)
-
-
-def tell_subjects(
-    subjects: collections.Subjects,
-    talk: Talk,
-    *,
-    gaps: Sequence[collections.ContactGap] = (),
-    landmarks: Mapping[str, Any] | None = None,
-    is_answer: bool = False,
-) -> None:
-    """Tell how far the collections of all structures are, and where structures touch."""
-    folders = collections.KEPT if is_answer else ()
-    status: dict[str, Any] = {"folder": str(subjects.folder)}
-    status["doubts"] = [{**doubt._asdict(), "names": list(doubt.names)} for doubt in subjects.doubts]
-    status["structures"] = {name: status_of(each, folders) for name, each in subjects.collections.items()}
-    status |= {"contacts": summed_gaps(gaps), **({"landmarks": dict(landmarks)} if landmarks else {})}
-
-    def summary() -> None:
-        for name, collection in subjects.collections.items():
-            say(name, "bold")
-            _say_status(status["structures"][name], collection.layout)
-        for pair, own in status["contacts"].items():
-            before, after = own["before"], own["after"]
-            say(
-                f"{pair} touch: mean distance {before['mean']:.3g} before, {after['mean']:.3g} after; largest gap "
-                f"{before['gap']:.3g}, {after['gap']:.3g}; largest overlap {before['overlap']:.3g}, "
-                f"{after['overlap']:.3g}; corresponding points {own['apart']['mean']:.3g} apart"
-            )
-        say(
-            f"subjects of all structures: {subjects.folder / 'corresponded'}; isomatch statistics {subjects.folder}"
-        )
-
-    talk.result(status, summary, is_answer=is_answer)
 
 
 def status_of(collection: collections.Collection, folders: Iterable[str] = ()) -> dict[str, Any]:

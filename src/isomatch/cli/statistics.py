@@ -68,10 +68,10 @@ def run(
         test: permutation: p-values from exchanged labels. parametric: from Hotelling's distribution.
         mirror: Add the mirror image of every shape: auto, or a file with the vertex on the other side of each vertex, as
             a map.
-        align: Of subjects of several surfaces. subject (default): the pose of structures among each other is part of
+        align: Of subjects of several surfaces. subject (default): the poses of structures among each other are part of
             the shape. structure: each is aligned by itself. Poses are in poses.csv.
-        hide: Names of structures, separated by commas, that are hidden in each subject in turn and completed from its
-            others by a model of the other subjects: hidden.csv has the errors, beside those of the mean.
+        hide: Structures, separated by commas, to hide in each subject in turn and complete by a model of the others:
+            hidden.csv has the errors, beside those of the mean.
         pictures: png (default): with 300 dots per inch. pdf or svg: charts as lines.
     """
     if modes < 0:
@@ -87,11 +87,16 @@ def run(
         share = shapes.area_weights if weights == "area" else None
         shapes = shape_statistics.filled(shapes, share, scale)
         missing = _missing(shapes)
-        poses, hidden = _of_structures(shapes, align, hide, weights, scale)
-        told = "of the vertices were not measured, and count as the mean of the others"
-        notes += [f"{name}: {lacks:.1%} {told}" for name, lacks in missing.items()]
+        if (hide or align == "structure") and (mirror is not None or not shapes.structures):
+            raise InputError(
+                "--hide and --align structure are for subjects of several surfaces, without --mirror"
+            )
+        hidden = shape_statistics.hidden_structures(shapes, hide.split(","), weights, scale) if hide else []
+        poses = shape_statistics.aligned_structures(shapes, weights, scale) if shapes.structures else None
         if poses and align == "structure":
             shapes = poses.shapes
+        told = "of the vertices were not measured, and count as the mean of the others"
+        notes += [f"{name}: {lacks:.1%} {told}" for name, lacks in missing.items()]
         model = ShapeModel.fit(shapes, scale, weights)
         tested, of_groups = _tested(model, shapes, labels, test, seed) if groups else (None, None)
         groups_of = [labels.get(name, "") for name in model.names] if groups else None
@@ -112,8 +117,7 @@ def run(
         new.model(model, shapes, modes, groups_of)
         new.sizes(own, sizes, allometry, groups_of and groups_of[: len(own)])
         new.quality(model, seed)
-        if poses:
-            new.structures(model, poses, hidden)
+        structures = new.structures(model, poses, hidden) if poses else []
         if turned:
             new.asymmetry(model, turned)
         if tested:
@@ -130,7 +134,7 @@ def run(
             "weights": weights,
             "mirror": mirror,
             "align": align,
-            "structures": _told_structures(model, poses, hidden),
+            "structures": structures,
             "seed": seed,
             "n_modes": model.n_modes,
             "total_variance": float(model.variances.sum()),
@@ -163,43 +167,10 @@ def _read(
     for doubt in doubts:
         complain(f"{' and '.join(doubt.names)} {doubt.reason}")
     notes = [f"left out: {reason}" for reason in shapes.left_out]
-    for structure in shapes.structures or [""]:
-        own = folder / structure
+    for own in (folder / structure for structure in shapes.structures or ("",)):
         told = _doubts(own / "pairs.csv", shapes.names) + _reflected(own / "shapes.csv", shapes.names)
-        notes += [f"{structure}: {note}" if structure else note for note in told]
+        notes += [f"{own.name}: {note}" if shapes.structures else note for note in told]
     return shapes, labels, list(doubts), notes
-
-
-def _of_structures(
-    shapes: CorrespondedShapes, align: str, hide: str | None, weights: Weights, scale: Scale
-) -> tuple[shape_statistics.StructurePoses | None, list[shape_statistics.HiddenStructure]]:
-    """Return the poses of the structures of subjects, and how well hidden ones are told by the others."""
-    if not shapes.structures:
-        if align == "structure" or hide:
-            raise InputError(
-                "--align structure and --hide are for subjects of several surfaces, see isomatch collect"
-            )
-        return None, []
-    names = [each.strip() for each in hide.split(",")] if hide else []
-    hidden = shape_statistics.hidden_structures(shapes, names, weights, scale) if names else []
-    return shape_statistics.aligned_structures(shapes, weights, scale), hidden
-
-
-def _told_structures(
-    model: ShapeModel,
-    poses: shape_statistics.StructurePoses | None,
-    hidden: list[shape_statistics.HiddenStructure],
-) -> dict[str, dict[str, float]]:
-    """Sum up the structures of subjects: their shares, those of their poses, and the errors of hidden ones."""
-    told = {}
-    for i, (name, shares) in enumerate(model.structure_shares.items() if poses else ()):
-        share = float(model.variances @ shares / model.variances.sum()) if model.n_modes else 0.0
-        own = {"share": share, "pose_share": float(poses.shares[i]) if poses else 0.0}
-        for column in ("error", "mean_error", "expected_error"):
-            if values := [getattr(each, column) for each in hidden if each.structure == name]:
-                own[f"hidden_{column}"] = float(np.mean(values))
-        told[name] = own
-    return told
 
 
 def _mirrored(
@@ -298,11 +269,10 @@ def _told(test: dict[str, Any], share: str = "r_squared", of: str = "variance of
 def _lines(record: dict[str, Any]) -> list[str]:
     """Say what was found, one sentence each."""
     lines = list[str]()
-    for name, own in record["structures"].items():
-        line = f"{name} has {own['share']:.1%} of the variance; {own['pose_share']:.1%} of its own is that of its pose"
-        if "hidden_error" in own:
-            error, of_mean = own["hidden_error"], own["hidden_mean_error"]
-            line += f"; hidden, it is completed to {error:.4g}, and the mean is {of_mean:.4g} off"
+    for own in record["structures"]:
+        line = f"{own['structure']} has {own['share']:.1%} of the variance; of its own {own['pose_share']:.1%} is pose"
+        if own["hidden_error"] is not None:
+            line += f"; hidden, it is completed to {own['hidden_error']:.4g}, the mean to {own['hidden_mean_error']:.4g}"
         lines.append(line)
     if tested := record["groups"]:
         first, second = (f"{name} ({count})" for name, count in zip(tested["names"], tested["counts"]))
@@ -429,18 +399,16 @@ def complete(
         model: model.npz of isomatch statistics.
         shape: A mesh in the topology of the model, of which vertices are missing (not finite, or measured = 0); any other
             mesh, which is matched to the mean of the model; or landmarks: .mrk.json or .fcsv of 3D Slicer, .pp of
-            MeshLab, or a table name,x,y,z. Of subjects: a folder of the structures that are known, with the names that
-            the model has.
+            MeshLab, or a table name,x,y,z. Of subjects, a folder of the structures that are known, named as in the model.
         output: Surface file for the completed shape, with the scalars standard_deviation and expected_error at its
-            vertices; of subjects a folder, for a file of each structure.
+            vertices; of subjects, a folder for a file of each structure.
         landmarks: Landmarks of mean.ply with the same names, if landmarks are given.
         noise: How far a given point may be from what the modes describe, in the units of PART; by default the error of
             the model for a shape that is left out.
         pose: fitted (default): PART may be anywhere. given: it is aligned with the model.
         config: TOML file with settings of the match.
     """
-    is_folder = shape.is_dir() and not output.suffix  # of the structures of a subject
-    if not is_folder:
+    if not shape.is_dir():
         require_writable(output)
     about = output.with_suffix(".json")
     with talk.progress() as tell, claimed_files(output, about, force=force):
@@ -453,10 +421,14 @@ def complete(
         completed = shape_statistics.complete(prior, observed, pose=pose)
         values = {name: getattr(completed, name) for name in ("standard_deviation", "expected_error")}
         scalars = [Attribute(name, "point", "scalar", np.asarray(each)) for name, each in values.items()]
-        if not is_folder:
+        left: tuple[Attribute, ...] = ()
+        for name, own in shape_statistics.slices_of(prior.structures).items() if shape.is_dir() else ():
+            output.mkdir(parents=True, exist_ok=True)
+            mesh = shape_statistics.structure_of(completed.mesh, own)
+            scalars_of = [replace(each, values=each.values[own]) for each in scalars]
+            isomatch.write_asset(output / f"{name}.ply", Asset.of_mesh(mesh, scalars_of))
+        if not shape.is_dir():
             left = isomatch.write_asset(output, Asset.of_mesh(completed.mesh, scalars))
-        else:
-            left = _write_structures(output, completed.mesh, scalars, prior)
         record = {
             "isomatch": isomatch.__version__,
             "model": str(model),
@@ -478,18 +450,6 @@ def complete(
         write_text(about, json_text(record))
         tell("done", 1.0)
     talk.result(record, lambda: _say_completed(record, about))
-
-
-def _write_structures(
-    folder: Path, whole: isomatch.Mesh, scalars: list[Attribute], model: ShapeModel
-) -> tuple[Attribute, ...]:
-    """Write each structure of a subject to a file; nothing is left out of these."""
-    folder.mkdir(parents=True, exist_ok=True)
-    for name, own in shape_statistics.slices_of(model.structures).items():
-        mesh = isomatch.Mesh(whole.vertices[own], model.structure(name).faces)
-        values = [replace(each, values=each.values[own]) for each in scalars]
-        isomatch.write_asset(folder / f"{name}.ply", Asset.of_mesh(mesh, values))
-    return ()
 
 
 def _say_completed(record: dict[str, Any], about: Path) -> None:

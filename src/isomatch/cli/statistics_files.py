@@ -147,28 +147,25 @@ class StatisticsFolder:
         self,
         model: ShapeModel,
         poses: shape_statistics.StructurePoses,
-        hidden: Sequence[shape_statistics.HiddenStructure],
-    ) -> None:
-        """Write the structures of subjects: shares of the modes, poses, the mean of each, errors of hidden ones."""
-        shares = model.structure_shares
-        sizes = {
-            "structure": shares,
-            "vertices": model.structures.values(),
-            "pose_share": poses.shares.tolist(),
-        }
-        self.table("structures.csv", **sizes, **_by_mode(np.array([*shares.values()])))
-        each = [(s, name, i, k) for i, s in enumerate(model.names) for k, name in enumerate(shares)]
-        turns = np.degrees([poses.rotations[i, k] for *_, i, k in each])
-        shifts = np.array([poses.translations[i, k] for *_, i, k in each])
-        columns = dict(
-            zip(("degrees_x", "degrees_y", "degrees_z", "x", "y", "z"), np.hstack([turns, shifts]).T)
-        )
-        names = {"name": [name for name, *_ in each], "structure": [structure for _, structure, *_ in each]}
-        self.table("poses.csv", **names, **{name: values.tolist() for name, values in columns.items()})
-        for name in shares:
-            write_mesh(self.path(f"means/{name}.ply"), model.structure(name).mesh(), binary=True)
+        hidden: Sequence[Mapping[str, Any]],
+    ) -> list[dict[str, Any]]:
+        """Write the shares, poses and errors of the structures of subjects; return a line for each structure."""
+        lines = []
+        for (name, shares), pose_share in zip(model.structure_shares.items(), poses.shares.tolist()):
+            share = float(model.variances @ shares / model.variances.sum()) if model.n_modes else 0.0
+            own = [[each["error"], each["mean_error"]] for each in hidden if each["structure"] == name]
+            errors = np.mean(own, axis=0).tolist() if own else (None, None)
+            line = {"structure": name, "share": share, "pose_share": pose_share}
+            lines.append({**line, **dict(zip(("hidden_error", "hidden_mean_error"), errors))})
+        columns = {column: [line[column] for line in lines] for column in lines[0]}
+        self.table("structures.csv", **columns, **_by_mode(np.array([*model.structure_shares.values()])))
+        numbers = np.concatenate([np.degrees(poses.rotations), poses.translations], axis=2).reshape(-1, 6)
+        named = list(zip(*((name, structure) for name in model.names for structure in model.structures)))
+        axes = dict(zip(("degrees_x", "degrees_y", "degrees_z", "x", "y", "z"), numbers.T.tolist()))
+        self.table("poses.csv", name=named[0], structure=named[1], **axes)
         if hidden:
-            self.table("hidden.csv", **dict(zip(hidden[0]._fields, zip(*hidden))))
+            write_csv(self.path("hidden.csv"), hidden, list(hidden[0]))
+        return lines
 
     def asymmetry(self, model: ShapeModel, sides: shape_statistics.Asymmetry) -> None:
         """Write how far the shapes are from their mirror images, which follow them in the model."""

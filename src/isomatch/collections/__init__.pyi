@@ -2,7 +2,7 @@ from isomatch.collections.added import added
 from isomatch.collections.agreement import Agreement, agree, agreement_of, inconsistency
 from isomatch.collections.cohort import Outlier, mirror_images, outliers, scales_of
 from isomatch.collections.collection import Collection
-from isomatch.collections.contacts import ContactGap, contact_gaps
+from isomatch.collections.contacts import contacts_kept
 from isomatch.collections.finish import export, finish, surfaces_written
 from isomatch.collections.landmarks import LeftOut, collected_landmarks, draw_landmarks, landmarks_left_out
 from isomatch.collections.ledger import CONTRADICTED, Rows, state_of
@@ -11,15 +11,18 @@ from isomatch.collections.page import write_reports, write_table
 from isomatch.collections.plan import Layout
 from isomatch.collections.run import Event
 from isomatch.collections.shapes import Entry, entries_of
-from isomatch.collections.subjects import SUBJECTS, Subjects, are_subjects, subject_doubts
+from isomatch.collections.subjects import (
+    finish_subjects,
+    structures_of,
+    subject_collections,
+    subject_doubts,
+)
 
 __all__ = [
     "CONTRADICTED",
     "KEPT",
-    "SUBJECTS",
     "Agreement",
     "Collection",
-    "ContactGap",
     "Entry",
     "Event",
     "Layout",
@@ -27,18 +30,17 @@ __all__ = [
     "Outlier",
     "PairMaps",
     "Rows",
-    "Subjects",
     "added",
     "agree",
     "agreement_of",
-    "are_subjects",
     "changed_files",
     "collected_landmarks",
-    "contact_gaps",
+    "contacts_kept",
     "draw_landmarks",
     "entries_of",
     "export",
     "finish",
+    "finish_subjects",
     "inconsistency",
     "keep_files",
     "landmarks_left_out",
@@ -47,6 +49,8 @@ __all__ = [
     "require_unchanged",
     "scales_of",
     "state_of",
+    "structures_of",
+    "subject_collections",
     "subject_doubts",
     "surfaces_written",
     "write_reports",

@@ -165,10 +165,6 @@ class Collection(Plan):
             units = checked_units(plan.get("units", {}), plan["shapes"])
             return cls(folder, shapes, plan["pairs"], plan["template"], config, plan["seed"], turned, units)
         except FileNotFoundError:
-            if inner := sorted(folder.glob(f"*/{path.name}")):
-                raise FormatError(
-                    f"{folder}: holds collections, not one; give that of a structure, such as {inner[0].parent}"
-                ) from None
             raise FormatError(f"{folder}: holds no collection; make one with isomatch collect") from None
         except (ValueError, KeyError, TypeError, AttributeError, SettingError) as error:
             raise FormatError(f"{path}: not the plan of a collection ({error}); make it again") from None

@@ -13,7 +13,7 @@ from isomatch.correspondence import nearest_rotation
 from isomatch.errors import LandmarkError, NotConvergedError
 from isomatch.runtime.memory import require_memory
 from isomatch.runtime.threads import serial_blas
-from isomatch.statistics.observations import Observations, SeenStructures, SeenSurface, model_noise
+from isomatch.statistics.observations import Observations, SeenSurface, model_noise
 from isomatch.statistics.shape_model import ShapeModel
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import FloatArray
@@ -233,7 +233,7 @@ class _Motion:
 
 
 def _settled(
-    model: ShapeModel, surface: SeenSurface | SeenStructures, fit: _Fit, is_free: bool
+    model: ShapeModel, surface: SeenSurface, fit: _Fit, is_free: bool
 ) -> tuple[_Fit, Observations, tuple[str, ...]]:
     """Let nearest points on the shape take the place of the images of a map, until it does not move; and notes."""
     before = fit.motion.done(fit.shape(model))

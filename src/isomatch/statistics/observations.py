@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -11,14 +10,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from isomatch.assets import FORMATS, SurfaceLike, mesh_from, meshes_among
-from isomatch.correspondence import Correspondence
+from isomatch.correspondence import Correspondence, wrap
 from isomatch.errors import InputError, LandmarkError, MeshError, SettingError
 from isomatch.landmarks import Landmarks, nearest_on_surface
 from isomatch.matching import Outcome, match
 from isomatch.runtime.stage_timer import Progress
 from isomatch.settings import Config
 from isomatch.statistics.shape_model import ShapeModel, generalisation
-from isomatch.statistics.shapes import faces_within, read_corresponding, slices_of
+from isomatch.statistics.shapes import read_corresponding, slices_of, structure_of
 from isomatch.storage.files import legible
 from isomatch.surfaces import Mesh, PrecisePoints
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray, array_of, numbers_of
@@ -59,7 +58,7 @@ class Observations:
     positions: FloatArray
     noise: FloatArray
     normals: FloatArray | None = None
-    surface: SeenSurface | SeenStructures | None = None
+    surface: SeenSurface | None = None
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -127,41 +126,6 @@ class SeenSurface:
             )
         there = PrecisePoints(points.corners[rows], points.barycentric[rows])
         return Observations(there, self.mesh.vertices[rows], self.noise[rows], normals[rows])
-
-
-@dataclass(frozen=True, eq=False)
-class SeenStructures:
-    """Surfaces that were seen, each of a structure of a model; ``parts`` tells which vertices are its own."""
-
-    surfaces: Mapping[str, SeenSurface]
-    parts: Mapping[str, slice]
-
-    def nearest(self, shape: Mesh) -> Observations:
-        """Find the points of each structure that are nearest to its own surface."""
-        found = {}
-        for name, surface in self.surfaces.items():
-            part = self.parts[name]
-            own = Mesh(shape.vertices[part], faces_within(shape.faces, part))
-            found[name] = surface.nearest(own)
-        return _together(found, self.parts)
-
-
-def _together(found: Mapping[str, Observations], parts: Mapping[str, slice]) -> Observations:
-    """Join what is known of several structures; nearest points are sought if they are for each."""
-    own = list(found.values())
-    corners = [each.points.corners + parts[name].start for name, each in found.items()]
-    barycentric = [np.asarray(each.points.barycentric) for each in own]
-    points = PrecisePoints(np.concatenate(corners), np.concatenate(barycentric))
-    normals = [each.normals for each in own if each.normals is not None]
-    surfaces = {name: each.surface for name, each in found.items() if isinstance(each.surface, SeenSurface)}
-    return Observations(
-        points,
-        np.concatenate([each.positions for each in own]),
-        np.concatenate([each.noise for each in own]),
-        np.concatenate(normals) if len(normals) == len(own) else None,
-        SeenStructures(surfaces, parts) if len(surfaces) == len(own) else None,
-        tuple(f"{name}: {note}" for name, each in found.items() for note in each.notes),
-    )
 
 
 def model_noise(model: ShapeModel) -> float:
@@ -265,8 +229,8 @@ def read_observations(
     ----------
     path : path_like
         A mesh, whose vertices are taken if it has the faces of the model, without those with ``measured`` = 0; others
-        are matched to the mean. Or landmarks, see `Landmarks.read`. Or a folder of meshes named like structures of the
-        model, in the coordinates of one subject.
+        are matched to the mean. Or landmarks, see `Landmarks.read`. Or a folder of such meshes, named like structures of
+        the model, in the coordinates of one subject.
     model : ShapeModel
     landmarks : path_like, optional
         Landmarks of its mean, for those of the shape.
@@ -277,17 +241,7 @@ def read_observations(
     """
     path = Path(path)
     if path.is_dir():
-        files = {legible(file.stem): file for file in meshes_among(path.iterdir())}
-        strangers = sorted(set(files) - set(model.structures))
-        if strangers or not files:
-            raise InputError(
-                f"{path}: {', '.join(strangers) or 'no meshes, which'} are no structures of the model; name the files "
-                f"like those that are known, of {', '.join(model.structures) or 'a model of subjects'}"
-            )
-        noise = model_noise(model) if noise is None else noise
-        how: dict[str, Any] = {"noise": noise, "config": config, "seed": seed, "progress": progress}
-        seen_parts = {name: read_observations(files[name], model.structure(name), **how) for name in files}
-        return _together(seen_parts, slices_of(model.structures))
+        return _of_structures(path, model, noise, config=config, seed=seed, progress=progress)
     if path.suffix.lower() not in FORMATS:
         if landmarks is None:
             raise LandmarkError(f"{path}: give the landmarks of the mean too, with the same names")
@@ -306,6 +260,30 @@ def read_observations(
         return seen
     doubt = f"the match is in doubt: {result.outcome.value}; {result.outcome.advice}"
     return replace(seen, notes=(*seen.notes, doubt))
+
+
+def _of_structures(folder: Path, model: ShapeModel, noise: float | None, **how: Any) -> Observations:
+    """Take the structures of a subject that are in a folder; one in another topology is brought into that of the mean."""
+    files = {legible(file.stem): file for file in meshes_among(folder.iterdir())}
+    if not files or not set(files) <= set(model.structures):
+        raise InputError(
+            f"{folder}: has {', '.join(files) or 'no meshes'}; give those of the structures of the model that are known, "
+            f"named like them: {', '.join(model.structures) or 'it has none'}"
+        )
+    whole, known, notes = model.mean.copy(), np.zeros(len(model.mean), dtype=bool), list[str]()
+    for name, file in files.items():
+        part = slices_of(model.structures)[name]
+        mean = structure_of(model.mesh(), part)
+        mesh, measured = read_corresponding(file, mean.faces)
+        if not np.array_equal(mesh.faces, mean.faces) or mesh.n_vertices != mean.n_vertices:
+            result = match(mean, mesh, **how)
+            notes += [f"{name}: {result.outcome.value}"] * (result.outcome is not Outcome.CONVERGED)
+            wrapped = wrap(result.map, mean, mesh)
+            mesh, measured = wrapped.mesh, ~wrapped.extended
+        known[part] = True if measured is None else measured
+        whole[part] = mesh.vertices
+    seen = observed_vertices(model, Mesh(whole, model.faces), known, noise)
+    return replace(seen, notes=(*seen.notes, *notes))
 
 
 def _counted(shares: FloatArray) -> FloatArray:

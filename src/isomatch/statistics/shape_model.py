@@ -15,14 +15,7 @@ from scipy.stats import chi2
 from isomatch.errors import FormatError, MeshError, SettingError
 from isomatch.runtime.threads import serial_blas
 from isomatch.statistics.procrustes import Scale, aligned_to, generalised_procrustes
-from isomatch.statistics.shapes import (
-    MIRRORED,
-    CorrespondedShapes,
-    faces_within,
-    filled,
-    read_corresponding,
-    slices_of,
-)
+from isomatch.statistics.shapes import MIRRORED, CorrespondedShapes, filled, read_corresponding, slices_of
 from isomatch.storage.array_file import ArrayFormat, Stored, save_arrays
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray, numbers_of
@@ -222,12 +215,6 @@ class ShapeModel:
         """Share of each structure in the variance of each mode, (k,); those of all structures sum to 1."""
         own = np.einsum("i,kij,kij->ki", self.weights, self.modes, self.modes)
         return {name: own[:, part].sum(axis=1) for name, part in slices_of(self.structures).items()}
-
-    def structure(self, name: str) -> ShapeModel:
-        """Return what the model says of one structure alone: its mean and modes, with the same scores."""
-        part = slices_of(self.structures)[name]
-        of_mean = self.names, self.mean[part], faces_within(self.faces, part), self.weights[part]
-        return ShapeModel(*of_mean, self.modes[:, part], self.variances, self.scores, self.size)
 
     @property
     def aligned(self) -> FloatArray:

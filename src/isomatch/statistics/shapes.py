@@ -13,9 +13,8 @@ from typing import TypeVar
 import numpy as np
 
 from isomatch.assets import FORMATS, Asset, Polygons, meshes_among, read_as_far
-from isomatch.correspondence import nearest_rotation
 from isomatch.errors import FormatError, MeshError, MissingFileError, NotConvergedError, some
-from isomatch.statistics.procrustes import Scale, aligned_to, generalised_procrustes, shares_of
+from isomatch.statistics.procrustes import Scale, aligned_to, generalised_procrustes
 from isomatch.storage.files import legible
 from isomatch.storage.texts import natural_order, read_csv
 from isomatch.surfaces import Mesh
@@ -29,25 +28,20 @@ MEASURED = "measured"  # attribute of the points of a file: 1 where the surface 
 LEAST_MEASURED = 0.5  # share of its vertices: a shape with less is left out
 CORRESPONDED = "corresponded"  # subfolder of a collection that holds its shapes in one topology
 STRUCTURES = (
-    "structures.csv"  # beside subjects of several surfaces: the vertices of each structure, in their order
+    "structures.csv"  # beside subjects of several surfaces: how many vertices each structure has, in order
 )
 
 
 def slices_of(structures: Mapping[str, int]) -> dict[str, slice]:
-    """Return where the vertices of each structure are, by their numbers.
-
-    Examples
-    --------
-    >>> slices_of({"femur": 5, "patella": 2})
-    {'femur': slice(0, 5, None), 'patella': slice(5, 7, None)}
-    """
+    """Return where the vertices of each structure are, by their numbers: of 5 and 2, in 0:5 and 5:7."""
     ends = accumulate(structures.values())
     return {name: slice(end - n, end) for (name, n), end in zip(structures.items(), ends)}
 
 
-def faces_within(faces: IntArray, part: slice) -> IntArray:
-    """Return the faces (f, 3) of the vertices of a slice, numbered from its start."""
-    return np.asarray(faces[(faces[:, 0] >= part.start) & (faces[:, 0] < part.stop)] - part.start)
+def structure_of(mesh: Mesh, part: slice) -> Mesh:
+    """Return the mesh of the vertices of one structure."""
+    inside = (mesh.faces[:, 0] >= part.start) & (mesh.faces[:, 0] < part.stop)
+    return Mesh(mesh.vertices[part], mesh.faces[inside] - part.start)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -115,8 +109,7 @@ class CorrespondedShapes:
         measured = None if measured is None or measured.all() else measured
         if self.structures and sum(self.structures.values()) != vertices.shape[1]:
             raise MeshError(
-                f"structures have {sum(self.structures.values())} vertices together, and the shapes {vertices.shape[1]}; "
-                "give the number of each"
+                f"{self.structures} are not {vertices.shape[1]} vertices; give those of each structure"
             )
         vars(self).update(names=tuple(self.names), vertices=vertices, faces=mesh.sound_faces)
         vars(self).update(left_out=tuple(self.left_out), measured=measured)
@@ -140,8 +133,7 @@ class CorrespondedShapes:
         A mesh is left out if its faces, or the ``polygons`` they were cut from, are not those of most meshes, but for
         their order and that of corners; if it has a vertex without a finite position, which is how unmatched vertices are
         written; or if less than half of its vertices were ``measured``, an array (n,) for each mesh with vertices that
-        were not. Of ``structures``, those without any measured vertex are missing, and do not count here. Polygons are
-        cut as in the first mesh. ``left_out`` says which and why.
+        were not, and they have no ``structures``. Polygons are cut as in the first mesh. ``left_out`` says which and why.
         `MeshError` if none is left.
         """
         ordered = {name: meshes[name] for name in sorted(meshes, key=natural_order)}
@@ -158,8 +150,8 @@ class CorrespondedShapes:
                 left_out.append(f"{name}: other faces than most shapes ({mesh!r})")
             elif len(unplaced):
                 left_out.append(f"{name}: vertices without a position, {some(unplaced)}")
-            elif name in masks and (share := _share_measured(masks[name], structures or {})) < LEAST_MEASURED:
-                left_out.append(f"{name}: only {share:.0%} of its vertices were measured")
+            elif name in masks and not structures and masks[name].mean() < LEAST_MEASURED:
+                left_out.append(f"{name}: only {masks[name].mean():.0%} of its vertices were measured")
             else:
                 kept[name] = mesh
         if not kept:
@@ -171,6 +163,11 @@ class CorrespondedShapes:
         everything = np.ones(positions.shape[1], dtype=bool)
         own = np.array([masks.get(name, everything) for name in kept])
         return cls(tuple(kept), positions, faces, tuple(left_out), own, dict(structures or {}))
+
+    @property
+    def seen(self) -> BoolArray:
+        """(m, n) which vertices were measured, also if all were."""
+        return np.ones(self.vertices.shape[:2], dtype=bool) if self.measured is None else self.measured
 
     @property
     def n_vertices(self) -> int:
@@ -206,9 +203,8 @@ class CorrespondedShapes:
         """Return one structure of all shapes; those that lack it have measured none of its vertices."""
         part = slices_of(self.structures)[name]
         own = None if self.measured is None else self.measured[:, part]
-        return CorrespondedShapes(
-            self.names, self.vertices[:, part], faces_within(self.faces, part), measured=own
-        )
+        faces = structure_of(self._topology, part).faces
+        return CorrespondedShapes(self.names, self.vertices[:, part], faces, measured=own)
 
     def moved(self, vertices: FloatArray) -> CorrespondedShapes:
         """Return the same shapes at other positions, (m, n, 3)."""
@@ -231,12 +227,6 @@ class CorrespondedShapes:
         vertices, own = np.concatenate([self.vertices, images]), self.measured
         measured = None if own is None else np.concatenate([own, own[:, other]])
         return replace(self, names=names, vertices=vertices, measured=measured)
-
-
-def _share_measured(measured: BoolArray, structures: Mapping[str, int]) -> float:
-    """Return which share of the vertices was measured, of the structures of which any was."""
-    there = [own for part in slices_of(structures).values() if (own := measured[part]).any()]
-    return float(np.concatenate(there or [measured]).mean())
 
 
 def _digest(faces: IntArray) -> bytes:
@@ -282,8 +272,8 @@ def read_shapes(source: str | Path | Iterable[str | Path]) -> CorrespondedShapes
     measured = {name: own for name, own in masks.items() if own is not None}
     meshes = {name: Mesh(each.placed_points, each.polygons.triangles) for name, each in assets.items()}
     polygons = {name: each.polygons for name, each in assets.items()}
-    table = files[0].parent / STRUCTURES if files else None
-    structures = _structures_in(table) if table and table.exists() else {}
+    table = files[0].parent / STRUCTURES if files else Path(STRUCTURES)
+    structures = _structures_in(table) if files and table.exists() else {}
     return CorrespondedShapes.of_meshes(meshes, measured, polygons, structures)
 
 
@@ -292,7 +282,7 @@ def _structures_in(table: Path) -> dict[str, int]:
         return {line["structure"]: int(line["vertices"]) for line in read_csv(table)}
     except (KeyError, ValueError):
         raise FormatError(
-            f"{table}: not the structures of subjects; its columns are structure and vertices, how many it has"
+            f"{table}: not the structures of subjects; its columns are structure, vertices"
         ) from None
 
 
@@ -337,7 +327,6 @@ def _files_of(folder: Path) -> list[Path]:
 
 
 TOLERANCE = 1e-6  # of the size of the mean: movement of a missing vertex in the last round
-LEAST_WIDTH = 1e-6  # second singular value over the product of sizes: less is a line, which tells no turn
 MOST_ROUNDS = 500  # each leaves less of the movement than the largest share of a shape that is missing
 
 
@@ -362,52 +351,26 @@ def filled(
     Notes
     -----
     Alignment and means take turns until nothing moves, which is expectation maximisation for one mean and deviations of
-    one size everywhere. A round takes the time of `generalised_procrustes`. In the first rounds a shape lies on the mean
-    with what was measured of it alone, which is where it ends unless sizes are removed: taking turns is slow where what
-    is missing is far from the rest.
+    one size everywhere. A round takes the time of `generalised_procrustes`.
     """
     measured = shapes.measured
     if measured is None:
         return shapes
     stays = measured | ~measured.any(axis=0)  # what no shape measured stays, too
     count = stays.sum(axis=0)[:, None]
-    vertices, is_near = shapes.vertices.copy(), False
-    share = shares_of(vertices, weights)
+    vertices = shapes.vertices.copy()
     for _ in range(MOST_ROUNDS):
         now = generalised_procrustes(vertices, weights, scale)
         mean = np.einsum("sn,sni->ni", stays, now.aligned) / count
         back = (mean - now.translations[:, None]) @ now.rotations / now.scales[:, None, None]
-        if not is_near:
-            for i in np.flatnonzero(~stays.all(axis=1)).tolist():
-                back[i] = _onto(vertices[i], mean, np.where(stays[i], share, 0.0), scale, back[i])
         apart = np.abs(np.where(stays[:, :, None], 0.0, back - vertices)).max(axis=(1, 2)) * now.scales
         vertices = np.where(stays[:, :, None], vertices, back)
         if apart.max() <= TOLERANCE * np.sqrt(((mean - mean.mean(axis=0)) ** 2).sum(axis=1).mean()):
-            if is_near or shapes.structures:  # a structure alone may be too small to tell sizes by turns
-                return replace(shapes, vertices=vertices)
-            is_near = True
+            return replace(shapes, vertices=vertices)
     raise NotConvergedError(
         f"the mean of shapes of which parts are missing still moves after {MOST_ROUNDS} rounds; leave out those of which "
         "little was measured"
     )
-
-
-def _onto(
-    own: FloatArray, mean: FloatArray, weights: FloatArray, scale: Scale, otherwise: FloatArray
-) -> FloatArray:
-    """Move the mean (n, 3) onto a shape by the vertices that have weights; if they are too few, where it was."""
-    if not weights.sum() > 0:
-        return otherwise
-    share = weights / weights.sum()
-    centres = share @ mean, share @ own
-    here, there = mean - centres[0], own - centres[1]
-    products = here.T @ (share[:, None] * there)
-    sizes = [float(np.sqrt(share @ (x**2).sum(axis=1))) for x in (here, there)]
-    values = np.linalg.svd(products, compute_uv=False)
-    if values[1] <= LEAST_WIDTH * sizes[0] * sizes[1]:  # on a line
-        return otherwise
-    factor = sizes[1] / sizes[0] if scale == "remove" else 1.0
-    return np.asarray(factor * here @ nearest_rotation(products) + centres[1])
 
 
 def measured_variances(aligned: FloatArray, shapes: CorrespondedShapes) -> FloatArray:
