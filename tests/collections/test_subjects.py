@@ -19,19 +19,14 @@ from small_collections import QUICK, lopsided_blob
 SUBJECTS = ("s1", "s2", "s3", "s4", "s5")
 
 
-def bodies(i):
-    """A large structure and a thinner one beside it, which touches it; each subject with its own proportions."""
-    large, small = lopsided_blob(2, i, 0.05), lopsided_blob(2, 100 + i, 0.05)
-    left = small.moved(small.vertices[:, [1, 2, 0]] * [0.7, 0.4, 0.4] + [0.2, -1.1, 0.3])
-    return {"bone": large, "cap": left}
-
-
 @pytest.fixture
 def folder(tmp_path):
     for i, subject in enumerate(SUBJECTS):
         turn = Rotation.random(random_state=i).as_matrix()
         (tmp_path / "in" / subject).mkdir(parents=True)
-        for name, mesh in bodies(i).items():
+        bone, cap = (lopsided_blob(2, seed, 0.05) for seed in (i, 100 + i))  # a thinner structure touches one
+        cap = cap.moved(cap.vertices[:, [1, 2, 0]] * [0.7, 0.4, 0.4] + [0.2, -1.1, 0.3])
+        for name, mesh in (("bone", bone), ("cap", cap)):
             moved = mesh.moved(mesh.vertices @ turn.T + i)
             isomatch.write_mesh(tmp_path / "in" / subject / f"{name}.ply", moved)
     (tmp_path / "quick.toml").write_text(QUICK)

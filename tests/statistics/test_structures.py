@@ -14,7 +14,6 @@ from isomatch.statistics import (
     CorrespondedShapes,
     ShapeModel,
     aligned_structures,
-    filled,
     hidden_structures,
     read_observations,
     read_shapes,
@@ -43,8 +42,7 @@ def subjects(n_subjects=8, poses=0.0, seed=0):
 
 def without(shapes, missing):
     """The same subjects, some of which lack a structure: it was not measured, and lies anywhere."""
-    measured = np.ones(shapes.vertices.shape[:2], dtype=bool)
-    vertices = shapes.vertices.copy()
+    measured, vertices = shapes.seen.copy(), shapes.vertices.copy()
     for i, name in missing.items():
         part = slices_of(shapes.structures)[name]
         measured[i, part] = False
@@ -52,21 +50,8 @@ def without(shapes, missing):
     return CorrespondedShapes(shapes.names, vertices, shapes.faces, (), measured, shapes.structures)
 
 
-def test_a_motion_of_whole_subjects_changes_nothing():
-    shapes = stacked(subjects(poses=0.1))
-    model, again = ShapeModel.fit(shapes), ShapeModel.fit(moved(shapes))
-    np.testing.assert_allclose(again.variances, model.variances, rtol=1e-8)
-    for name, shares in model.structure_shares.items():
-        np.testing.assert_allclose(again.structure_shares[name], shares, atol=1e-7)
-    poses, same = aligned_structures(shapes), aligned_structures(moved(shapes))
-    np.testing.assert_allclose(
-        np.linalg.norm(same.rotations, axis=2), np.linalg.norm(poses.rotations, axis=2), atol=1e-7
-    )
-    np.testing.assert_allclose(same.shares, poses.shares, atol=1e-8)
-
-
 def test_a_motion_of_a_structure_is_in_the_joint_model_and_gone_where_each_is_aligned_by_itself():
-    still, shaken = stacked(subjects()), stacked(subjects(poses=0.3))
+    still, shaken = stacked(subjects()), moved(stacked(subjects(poses=0.3)))
     assert ShapeModel.fit(shaken).variances.sum() > 2 * ShapeModel.fit(still).variances.sum()
     models = [ShapeModel.fit(aligned_structures(shapes).shapes) for shapes in (still, shaken)]
     np.testing.assert_allclose(models[1].variances, models[0].variances, rtol=1e-6)
@@ -76,15 +61,11 @@ def test_a_motion_of_a_structure_is_in_the_joint_model_and_gone_where_each_is_al
 
 
 def test_poses_are_those_that_were_given():
-    parts = subjects(6)
-    parts = {name: part.moved(np.repeat(part.vertices[:1], 6, axis=0)) for name, part in parts.items()}
+    parts = {name: part.moved(np.repeat(part.vertices[:1], 6, axis=0)) for name, part in subjects(6).items()}
     angles = 0.02 * np.array([-2.5, -1.5, -0.5, 0.5, 1.5, 2.5])
-    turns = Rotation.from_rotvec(angles[:, None] * [0, 0, 1.0])
-    patella = parts["patella"].vertices
-    centre = patella[0].mean(axis=0)
-    parts["patella"] = parts["patella"].moved(
-        np.array([turn.apply(shape - centre) + centre for turn, shape in zip(turns, patella)])
-    )
+    turns = Rotation.from_rotvec(angles[:, None] * [0, 0, 1.0]).as_matrix().transpose(0, 2, 1)
+    patella, centre = parts["patella"], parts["patella"].vertices[0].mean(axis=0)
+    parts["patella"] = patella.moved((patella.vertices - centre) @ turns + centre)
     poses = aligned_structures(stacked(parts))
     # of the difference of two structures no common alignment can take anything
     found = poses.rotations[:, 2] - poses.rotations[:, 0]
@@ -112,27 +93,10 @@ def test_a_missing_structure_adds_no_variance_and_stays_missing():
     lacking = without(whole, {1: "femur", 4: "patella"})
     model = ShapeModel.fit(lacking)
     part = slices_of(whole.structures)["femur"]
-    np.testing.assert_allclose(
-        model.aligned[1, part], np.delete(model.aligned[:, part], 1, axis=0).mean(axis=0), atol=1e-4
-    )
+    femur = model.aligned[:, part]
+    np.testing.assert_allclose(femur[1], np.delete(femur, 1, axis=0).mean(axis=0), atol=1e-4)
     poses = aligned_structures(lacking)
     assert np.argwhere(np.isnan(poses.rotations[:, :, 0])).tolist() == [[1, 0], [4, 2]]
-    femur = poses.shapes.vertices[:, part]
-    np.testing.assert_allclose(femur[1], np.delete(femur, 1, axis=0).mean(axis=0), atol=1e-4)
-
-
-def test_a_structure_that_some_lack_is_stacked_where_it_lies_in_others():
-    parts = subjects()
-    patella = parts["patella"]
-    parts["patella"] = CorrespondedShapes(
-        patella.names[2:], patella.vertices[2:], patella.faces, ("s000: torn",)
-    )
-    shapes = stacked(parts)
-    assert shapes.names == patella.names
-    assert (~shapes.measured).any(axis=1).tolist() == [True, True] + [False] * 6
-    assert shapes.left_out == ("patella of s000: torn",)
-    assert np.linalg.norm(shapes.vertices[0, 2 * N :] - patella.vertices[0], axis=1).max() < 3
-    np.testing.assert_array_equal(filled(shapes).vertices[3], shapes.vertices[3])
 
 
 def test_a_hidden_structure_that_is_told_by_the_others_is_found_better_than_by_the_mean():
@@ -152,9 +116,7 @@ def test_a_hidden_structure_that_is_told_by_the_others_is_found_better_than_by_t
 def test_bad_arguments():
     shapes = stacked(subjects(4))
     for hidden in (["shin"], ["femur", "tibia", "patella"]):
-        with pytest.raises(
-            InputError, match="cannot be hidden of 4 subjects that have femur, tibia, patella"
-        ):
+        with pytest.raises(InputError, match="cannot be hidden of 4 subjects that have femur, tibia"):
             hidden_structures(shapes, hidden)
     with pytest.raises(MeshError, match="are not 126 vertices"):
         CorrespondedShapes(shapes.names, shapes.vertices, shapes.faces, structures={"femur": 5})
@@ -164,11 +126,7 @@ def write(folder, shapes):
     """The files of subjects, as `isomatch collect` writes them."""
     folder.mkdir()
     for i, name in enumerate(shapes.names):
-        own = (
-            []
-            if shapes.measured is None
-            else [isomatch.Attribute("measured", "point", "label", shapes.measured[i].astype(np.uint8))]
-        )
+        own = [isomatch.Attribute("measured", "point", "label", shapes.seen[i].astype(np.uint8))]
         isomatch.write_asset(folder / f"{name}.ply", isomatch.Asset.of_mesh(shapes.mesh(i), own))
     lines = "".join(f"{name},{n}\n" for name, n in shapes.structures.items())
     (folder / "structures.csv").write_text("structure,vertices\n" + lines)
@@ -179,9 +137,7 @@ def test_files_of_subjects(tmp_path):
     shapes = without(stacked(subjects()), {0: "femur"})
     read = read_shapes(write(tmp_path / "corresponded", shapes))
     assert read.structures == shapes.structures
-    assert (
-        read.names == shapes.names
-    )  # a subject that lacks most of its vertices is none that was hardly measured
+    assert read.names == shapes.names  # also that which lacks most of its vertices
     np.testing.assert_array_equal(read.measured, shapes.measured)
     (tmp_path / "corresponded" / "structures.csv").write_text("structure\nfemur\n")
     with pytest.raises(FormatError, match=r"structures.csv: not the structures of subjects"):
@@ -194,24 +150,19 @@ def test_commands(tmp_path, capsys):
     write(tmp_path / "corresponded", shapes)
     out = tmp_path / "statistics"
     assert main(["statistics", str(tmp_path), "-o", str(out), "--hide", "patella"]) == 0
-    said = " ".join(capsys.readouterr().out.split())
-    assert "patella has" in said
-    assert "hidden, it is completed to" in said
+    assert "patella has" in capsys.readouterr().out
     record = json.loads((out / "statistics.json").read_text())
     assert sum(own["share"] for own in record["structures"]) == pytest.approx(1)
     assert {"structures.csv", "poses.csv", "hidden.csv"} <= set(record["files"])
     aligned = ["statistics", str(tmp_path), "-o", str(tmp_path / "alone"), "--align", "structure", "--json"]
     assert main(aligned) == 0
-    alone = json.loads(capsys.readouterr().out)
-    assert alone["total_variance"] < record["total_variance"]
-    assert alone["align"] == "structure"
+    assert json.loads(capsys.readouterr().out)["total_variance"] < record["total_variance"]
 
     # a new subject, moved, of which the patella is missing
     new, model = tmp_path / "new", ShapeModel.load(out / "model.npz")
     new.mkdir()
-    truth = isomatch.Mesh(
-        shapes.vertices[2] @ Rotation.from_rotvec([0, 0, 1]).as_matrix().T + 5, shapes.faces
-    )
+    turned = Rotation.from_rotvec([0, 0, 1]).apply(shapes.vertices[2].copy()) + 5
+    truth = isomatch.Mesh(turned, shapes.faces)
     for name, part in slices_of(shapes.structures).items():
         if name != "patella":
             isomatch.write_mesh(new / f"{name}.ply", structure_of(truth, part))
@@ -220,16 +171,12 @@ def test_commands(tmp_path, capsys):
     found = isomatch.read_mesh(tmp_path / "whole" / "patella.ply")
     error = np.sqrt(((found.vertices - truth.vertices[2 * N :]) ** 2).sum(axis=1).mean())
     assert error < 0.5
-    expected = isomatch.read_asset(tmp_path / "whole" / "patella.ply").attribute("expected_error").values
-    assert error < 2 * np.sqrt((expected**2).mean())
     isomatch.write_mesh(new / "shin.ply", icosphere(1))
-    with pytest.raises(InputError, match="shin, tibia; give those of the structures of the model"):
+    with pytest.raises(InputError, match=r"give some of the structures of the model, .'femur'"):
         read_observations(new, model)
     capsys.readouterr()
     assert main(["statistics", str(out / "aligned"), "-o", str(tmp_path / "x"), "--hide", "a"]) == 1
-    assert "--hide and --align structure are for subjects of several surfaces" in " ".join(
-        capsys.readouterr().err.split()
-    )
+    assert "--hide and --align structure are" in " ".join(capsys.readouterr().err.split())
 
 
 def test_a_known_structure_in_another_triangulation(tmp_path):

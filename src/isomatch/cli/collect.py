@@ -177,7 +177,11 @@ def _tell_subjects(
             numbers = ", ".join(
                 f"{name} {own[name]:.3g}".replace("_", " ") for name in own if name != "notes"
             )
-            say_rows([(pair, numbers), *own["notes"].items()])
+            say(
+                "; ".join(
+                    [f"{pair}: {numbers}", *(f"{name} is {note}" for name, note in own["notes"].items())]
+                )
+            )
         say(f"subjects of all structures: {folder / 'corresponded'}; go on with isomatch statistics {folder}")
 
     talk.result(status, summary)

@@ -106,8 +106,7 @@ def contacts_kept(
             own, note = mesh_of(shapes.vertices, i, name), ""
             if move and held and smooth and has[held.other][i] and i != at:
                 new, kept = _followed(own, mesh_of(vertices, i, held.other), held, smooth)
-                without = 1 - kept[held.touches].mean()
-                if without > MOST_WITHOUT:
+                if (without := 1 - kept[held.touches].mean()) > MOST_WITHOUT:
                     note = f"left as matched: {without:.0%} of what touches would have no counterpart"
                 else:
                     vertices[i, parts[name]] = new
@@ -116,11 +115,8 @@ def contacts_kept(
                 if has[each.other][i]:
                     counted = each.touches & measured[i, parts[name]]
                     states = {"before": (shapes.vertices, each.touches), "after": (vertices, counted)}
-                    line: dict[str, Any] = {
-                        "subject": shapes.names[i],
-                        "structure": name,
-                        "other": each.other,
-                    }
+                    about = shapes.names[i], name, each.other
+                    line: dict[str, Any] = dict(zip(("subject", "structure", "other"), about))
                     for when, (places, rows) in states.items():
                         lies = _lies(each, mesh_of(places, i, name), mesh_of(places, i, each.other), rows)
                         line |= {f"{what}_{when}": value for what, value in lies.items()}
@@ -150,9 +146,8 @@ def _followed(
     for _ in range(ROUNDS):
         here = _nearest(own, here + smooth(goals - _nearest(other, here)))
     left = goals - _nearest(other, here)
-    is_beyond = contact.touches & (
-        np.linalg.norm(left, axis=1) > SLIPPED * np.sqrt(own.area / own.n_vertices)
-    )
+    far = SLIPPED * np.sqrt(own.area / own.n_vertices)
+    is_beyond = contact.touches & (np.linalg.norm(left, axis=1) > far)
     return np.where(is_beyond[:, None], here + left, here), ~is_beyond
 
 

@@ -33,8 +33,6 @@ from isomatch.surfaces import Mesh, reflected
 from isomatch.values.arrays import FloatArray
 
 COLUMNS = {"subject", "structure", "file"}
-RESERVED = {"corresponded", "statistics"}  # folders beside those of the structures
-FEWEST = 8  # subjects that tell where structures usually lie: of five, one that belongs there was named
 Structures = Mapping[str, Mapping[str, Path]]
 """The file of each subject, by structure."""
 
@@ -55,9 +53,7 @@ def structures_of(source: str | Path) -> dict[str, dict[str, Path]]:
         folders = [each for each in path.iterdir() if each.is_dir() and not each.name.startswith(".")]
         listed = [(each.name, file.stem, file) for each in folders for file in meshes_among(each.iterdir())]
     found: dict[str, dict[str, Path]] = {}
-    for subject, structure, file in sorted(
-        listed, key=lambda each: (natural_order(each[1]), natural_order(each[0]))
-    ):
+    for subject, structure, file in sorted(listed, key=lambda row: [*map(natural_order, row[1::-1])]):
         own = found.setdefault(legible(structure), {})
         if legible(subject) in own:
             raise InputError(f"{source}: {subject} has {structure} twice; keep one")
@@ -67,7 +63,7 @@ def structures_of(source: str | Path) -> dict[str, dict[str, Path]]:
     for structure, files in found.items():
         lacked = [other for other in usual if not set(found[other]) & set(files)]
         who = f"{source}: nothing is matched; {structure} of {', '.join(files)}"
-        if structure in RESERVED:
+        if structure in ("corresponded", "statistics"):
             raise InputError(f"{who} is named like a folder beside the structures; rename it")
         if structure not in usual and (lacked or len(files) == 1):
             same = f"may be the same as {' or '.join(lacked)}" if lacked else "is in no other subject"
@@ -141,12 +137,11 @@ def subject_doubts(
 ) -> list[Doubt]:
     """Find subjects whose layout hardly belongs to the others, from the files of their structures alone.
 
-    They are in other units, unless these are known, there twice, laid out as in a mirror, unless they are to be
-    reflected, or, of eight or more, unlike the others, see `doubtful_positions`. Compared are points that move, turn and
-    reflect with each structure.
+    They are in other units, unless these are known, there twice, or laid out as in a mirror, unless they are to be
+    reflected, see `doubtful_positions`. Compared are points that move, turn and reflect with each structure.
     """
     turned = () if reflect in (None, "auto") else tuple(reflect or ())
-    marks: dict[str, CorrespondedShapes] = {}
+    marks, faces = dict[str, CorrespondedShapes](), np.array([[0, 1, 2]])  # of no surface
     for structure, files in found.items():
         own = {}
         for name, file in files.items():
@@ -155,17 +150,13 @@ def subject_doubts(
                 if 0 < mesh.area < np.inf:
                     own[name] = _marks(reflected(mesh) if name in turned else mesh)
         if own:
-            marks[structure] = CorrespondedShapes(
-                tuple(own), np.array([*own.values()]), np.array([[0, 1, 2]])
-            )
+            marks[structure] = CorrespondedShapes(tuple(own), np.array([*own.values()]), faces)
     if not marks:
         return []
     shapes = stacked(marks)
-    odd = {"twice", "mirrored", "unlike"} if len(shapes) >= FEWEST else {"twice", "mirrored"}
     doubts = doubtful_positions(shapes.names, shapes.vertices)
-    return [
-        each for each in doubts if each.kind in odd or (each.kind == "units" and each.names[0] not in units)
-    ]
+    known = {"units": units, "twice": (), "mirrored": ()}
+    return [each for each in doubts if each.names[0] not in known.get(each.kind, each.names)]
 
 
 def _marks(mesh: Mesh) -> FloatArray:
@@ -176,10 +167,5 @@ def _marks(mesh: Mesh) -> FloatArray:
     covariance = (share * y.T) @ y
     size = np.trace(covariance)
     skewness = (share * (y**2).sum(axis=1)) @ y / size
-    arms = [
-        0 * skewness,
-        skewness,
-        covariance @ skewness / size,
-        covariance @ covariance @ skewness / size**2,
-    ]
-    return np.asarray(centre + np.array(arms))
+    once = covariance @ skewness / size
+    return np.asarray(centre + np.array([0 * skewness, skewness, once, covariance @ once / size]))

@@ -267,8 +267,7 @@ def _of_structures(folder: Path, model: ShapeModel, noise: float | None, **how: 
     files = {legible(file.stem): file for file in meshes_among(folder.iterdir())}
     if not files or not set(files) <= set(model.structures):
         raise InputError(
-            f"{folder}: has {', '.join(files) or 'no meshes'}; give those of the structures of the model that are known, "
-            f"named like them: {', '.join(model.structures) or 'it has none'}"
+            f"{folder}: has {[*files]}; give some of the structures of the model, {[*model.structures]}"
         )
     whole, known, notes = model.mean.copy(), np.zeros(len(model.mean), dtype=bool), list[str]()
     for name, file in files.items():
