@@ -57,7 +57,7 @@ def test_subjects_that_fit_are_not_named(folder):
     [
         ("cap", "Kappe", "Kappe of s3 may be the same as cap; name structures alike"),
         ("", "extra", "extra of s3 is in no other subject"),
-        ("", "corresponded", "corresponded of s3 is named like a folder beside the structures"),
+        ("", "corresponded", "corresponded of s3 cannot have this name"),
         ("", "cap.stl", "s3 has cap twice; keep one"),
     ],
 )

@@ -116,7 +116,7 @@ def test_a_hidden_structure_that_is_told_by_the_others_is_found_better_than_by_t
 def test_bad_arguments():
     shapes = stacked(subjects(4))
     for hidden in (["shin"], ["femur", "tibia", "patella"]):
-        with pytest.raises(InputError, match="cannot be hidden of 4 subjects that have femur, tibia"):
+        with pytest.raises(InputError, match=r"cannot be hidden of 4 subjects of .'femur', 'tibia'"):
             hidden_structures(shapes, hidden)
     with pytest.raises(MeshError, match="are not 126 vertices"):
         CorrespondedShapes(shapes.names, shapes.vertices, shapes.faces, structures={"femur": 5})

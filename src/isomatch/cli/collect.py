@@ -93,8 +93,7 @@ def run(
             landmarks.
         agree: Once all pairs are matched, replace maps that the others contradict, see isomatch collect agree; by default
             only if all pairs are. Maps of shards are compared by that command.
-        keep_contacts: Of subjects, keep points together that lie on each other in the template, by moving those of the
-            smaller structure along its surface; contacts.csv tells gap, overlap and slip before and after.
+        keep_contacts: Of subjects, keep points together that lie on each other in the template; see contacts.csv.
     """
     place = re.fullmatch(r"([1-9]\d{0,5})/([1-9]\d{0,5})", shard)
     if not place or int(place[1]) > int(place[2]):
@@ -161,8 +160,7 @@ def _tell_subjects(
 ) -> None:
     """Tell how far the collections of all structures are, and how structures lie on each other, on average."""
     every = {name: status_of(each, ("landmarks",)) for name, each in structures.items()}
-    status: dict[str, Any] = {"folder": str(folder), "structures": every}
-    status["contacts"] = {}
+    status: dict[str, Any] = {"folder": str(folder), "structures": every, "contacts": {}}
     for pair in dict.fromkeys((gap["structure"], gap["other"]) for gap in gaps):
         own = [gap for gap in gaps if (gap["structure"], gap["other"]) == pair]
         means = {name: float(np.nanmean([gap[name] for gap in own])) for name in [*own[0]][3:-1]}
@@ -174,14 +172,9 @@ def _tell_subjects(
             say(name, "bold")
             _say_status(status["structures"][name], collection.layout)
         for pair, own in status["contacts"].items():
-            numbers = ", ".join(
-                f"{name} {own[name]:.3g}".replace("_", " ") for name in own if name != "notes"
-            )
-            say(
-                "; ".join(
-                    [f"{pair}: {numbers}", *(f"{name} is {note}" for name, note in own["notes"].items())]
-                )
-            )
+            say(f"{pair}: slip {own['slip_before']:.3g}, {own['slip_after']:.3g} after; see contacts.csv")
+            for subject, note in own["notes"].items():
+                say(f"{subject} is {note}", "bold red")
         say(f"subjects of all structures: {folder / 'corresponded'}; go on with isomatch statistics {folder}")
 
     talk.result(status, summary)

@@ -93,8 +93,7 @@ def run(
             )
         hidden = shape_statistics.hidden_structures(shapes, hide.split(","), weights, scale) if hide else []
         poses = shape_statistics.aligned_structures(shapes, weights, scale) if shapes.structures else None
-        if poses and align == "structure":
-            shapes = poses.shapes
+        shapes = poses.shapes if poses and align == "structure" else shapes
         told = "of the vertices were not measured, and count as the mean of the others"
         notes += [f"{name}: {lacks:.1%} {told}" for name, lacks in missing.items()]
         model = ShapeModel.fit(shapes, scale, weights)

@@ -144,18 +144,18 @@ class StatisticsFolder:
             write_mesh(self.path(f"allometry_{word}.ply"), shapes.mesh(0).moved(moved), binary=True)
 
     def structures(
-        self,
-        model: ShapeModel,
-        poses: shape_statistics.StructurePoses,
-        hidden: Sequence[Mapping[str, Any]],
+        self, model: ShapeModel, poses: shape_statistics.StructurePoses, hidden: list[dict[str, Any]]
     ) -> list[dict[str, Any]]:
         """Write the shares, poses and errors of the structures of subjects; return a line for each structure."""
         lines = []
         for (name, shares), pose_share in zip(model.structure_shares.items(), poses.shares.tolist()):
-            share = float(model.variances @ shares / model.variances.sum()) if model.n_modes else 0.0
+            line = {
+                "structure": name,
+                "share": float(shares @ model.variance_ratios),
+                "pose_share": pose_share,
+            }
             own = [[each["error"], each["mean_error"]] for each in hidden if each["structure"] == name]
             errors = np.mean(own, axis=0).tolist() if own else (None, None)
-            line = {"structure": name, "share": share, "pose_share": pose_share}
             lines.append({**line, **dict(zip(("hidden_error", "hidden_mean_error"), errors))})
         columns = {column: [line[column] for line in lines] for column in lines[0]}
         self.table("structures.csv", **columns, **_by_mode(np.array([*model.structure_shares.values()])))

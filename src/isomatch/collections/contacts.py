@@ -55,7 +55,7 @@ def contacts_kept(
     shapes : CorrespondedShapes
         Subjects, see `isomatch.statistics.stacked`, each of whose structures was matched by itself.
     of : str, optional
-        The subject that tells where structures touch; by default that with most structures, the first of several.
+        The subject that tells where structures touch; by default the first of those with most structures.
     move : bool
         Whether points are moved, or only measured.
 
@@ -65,10 +65,10 @@ def contacts_kept(
         A structure, such as cartilage, that touches a larger one by 0.6 of its area or more follows that: its points are
         moved along its own surface. Those beyond its edge have no counterpart: they continue it, and are not measured.
     gaps : list of dict
-        For each two structures that touch, which is by a fifth of the area of the smaller one, and each subject: the
-        largest ``gap`` outside and ``overlap`` inside the larger one, of points that touch in the template, and the mean
-        ``slip``, how far its nearest point is from the corresponding one, before and after; the share ``without`` a
-        counterpart, which is not counted after; and a ``note`` why nothing was moved, if so.
+        For each subject and two structures that touch, by a fifth of the area of the smaller one: ``gap``, ``overlap``
+        and ``slip`` before and after, the share ``without`` counterpart, and a ``note`` why nothing was moved, if so. Of
+        points that touch in the template, these are the largest distances outside and inside the larger structure, and
+        the mean distance of its nearest point from the corresponding one.
 
     Notes
     -----
@@ -99,8 +99,8 @@ def contacts_kept(
     for k, name in enumerate(ordered):
         found = [_Contact.of(meshes[name], other, meshes[other]) for other in ordered[:k]]
         touching = [each for each in found if each.area >= LEAST_TOUCHING * meshes[name].area]
-        held = max(found, key=lambda each: each.area, default=None)
-        held = held if held and held.area >= LEAST_HELD * meshes[name].area else None
+        sheets = [each for each in touching if each.area >= LEAST_HELD * meshes[name].area]
+        held = max(sheets, key=lambda each: each.area, default=None)
         smooth = _smoothing(meshes[name], held) if held else None
         for i in np.flatnonzero(has[name]).tolist():
             own, note = mesh_of(shapes.vertices, i, name), ""
@@ -115,13 +115,11 @@ def contacts_kept(
                 if has[each.other][i]:
                     counted = each.touches & measured[i, parts[name]]
                     states = {"before": (shapes.vertices, each.touches), "after": (vertices, counted)}
-                    about = shapes.names[i], name, each.other
-                    line: dict[str, Any] = dict(zip(("subject", "structure", "other"), about))
+                    gaps.append({"subject": shapes.names[i], "structure": name, "other": each.other})
                     for when, (places, rows) in states.items():
                         lies = _lies(each, mesh_of(places, i, name), mesh_of(places, i, each.other), rows)
-                        line |= {f"{what}_{when}": value for what, value in lies.items()}
-                    without = float(1 - counted.sum() / each.touches.sum())
-                    gaps.append({**line, "without": without, "note": note})
+                        gaps[-1] |= {f"{what}_{when}": value for what, value in lies.items()}
+                    gaps[-1] |= {"without": float(1 - counted.sum() / each.touches.sum()), "note": note}
     return replace(shapes, vertices=vertices, measured=measured), gaps
 
 
@@ -146,8 +144,7 @@ def _followed(
     for _ in range(ROUNDS):
         here = _nearest(own, here + smooth(goals - _nearest(other, here)))
     left = goals - _nearest(other, here)
-    far = SLIPPED * np.sqrt(own.area / own.n_vertices)
-    is_beyond = contact.touches & (np.linalg.norm(left, axis=1) > far)
+    is_beyond = contact.touches & (np.linalg.norm(left, axis=1) > SLIPPED * np.sqrt(own.area / len(here)))
     return np.where(is_beyond[:, None], here + left, here), ~is_beyond
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Collection as Names
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
@@ -32,9 +31,7 @@ from isomatch.storage.texts import natural_order, read_csv, write_csv
 from isomatch.surfaces import Mesh, reflected
 from isomatch.values.arrays import FloatArray
 
-COLUMNS = {"subject", "structure", "file"}
-Structures = Mapping[str, Mapping[str, Path]]
-"""The file of each subject, by structure."""
+Structures = Mapping[str, Mapping[str, Path]]  # the file of each subject, by structure
 
 
 def structures_of(source: str | Path) -> dict[str, dict[str, Path]]:
@@ -47,7 +44,7 @@ def structures_of(source: str | Path) -> dict[str, dict[str, Path]]:
     path = Path(source)
     listed = list[tuple[str, str, Path]]()
     if path.suffix.lower() == ".csv" and path.is_file():
-        rows = [row for row in read_csv(path) if set(row) >= COLUMNS]
+        rows = [row for row in read_csv(path) if {"subject", "structure", "file"} <= set(row)]
         listed = [(row["subject"], row["structure"], path.parent / row["file"]) for row in rows]
     elif path.is_dir() and not meshes_among(path.iterdir()):
         folders = [each for each in path.iterdir() if each.is_dir() and not each.name.startswith(".")]
@@ -63,8 +60,8 @@ def structures_of(source: str | Path) -> dict[str, dict[str, Path]]:
     for structure, files in found.items():
         lacked = [other for other in usual if not set(found[other]) & set(files)]
         who = f"{source}: nothing is matched; {structure} of {', '.join(files)}"
-        if structure in ("corresponded", "statistics"):
-            raise InputError(f"{who} is named like a folder beside the structures; rename it")
+        if structure in ("corresponded", "statistics"):  # folders beside those of structures
+            raise InputError(f"{who} cannot have this name; rename it")
         if structure not in usual and (lacked or len(files) == 1):
             same = f"may be the same as {' or '.join(lacked)}" if lacked else "is in no other subject"
             raise InputError(f"{who} {same}; name structures alike, or take it out")
@@ -107,9 +104,8 @@ def finish_subjects(
 ) -> list[dict[str, Any]]:
     """Write each subject as one surface, in the topology of all templates, to ``corresponded`` in a folder.
 
-    Its structures are stacked, see `isomatch.statistics.stacked`, and what touches is kept together, if it should be, as
-    ``contacts.csv`` tells, see `contacts_kept`. ``measured`` is 0 at vertices that a subject lacks; ``structures.csv``
-    has the structures. `InputError` if none is in one topology.
+    Its structures are stacked, see `isomatch.statistics.stacked`, and their contacts kept, see `contacts_kept`, which
+    ``contacts.csv`` tells. ``structures.csv`` has the structures. `InputError` if none is in one topology.
     """
     parts = {
         name: read_shapes(map(own.layout.corresponded, written))
@@ -118,8 +114,8 @@ def finish_subjects(
     }
     if not parts:
         raise InputError(f"{folder}: no structure is in one topology; see their pages")
-    templates = Counter(own.chosen_template(own.rows()) for own in collections.values())
-    shapes, gaps = contacts_kept(stacked(parts), templates.most_common(1)[0][0], move=keep_contacts)
+    templates = [own.chosen_template(own.rows()) for own in collections.values()]
+    shapes, gaps = contacts_kept(stacked(parts), max(templates, key=templates.count), move=keep_contacts)
     to = Path(folder) / "corresponded"
     gone = {file.name for file in to.glob("*.ply")} - {f"{name}.ply" for name in shapes.names}
     with made_folder(to), staged(to, STRUCTURES, gone) as new:

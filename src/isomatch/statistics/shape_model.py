@@ -42,7 +42,6 @@ FORMAT = ArrayFormat(
     },
     filled=("n", "f", "m"),
 )
-TOLD = ("names", "size", "structures")  # not arrays of the model itself
 
 
 @dataclass(frozen=True, eq=False)
@@ -300,7 +299,8 @@ class ShapeModel:
 
     def save(self, path: str | Path) -> None:
         """Write the model to an ``.npz`` file, which `load` reads."""
-        arrays = {name: getattr(self, name) for name in FORMAT.arrays if name not in TOLD}
+        told = ("names", "size", "structures")
+        arrays = {name: getattr(self, name) for name in FORMAT.arrays if name not in told}
         own = {} if self.size is None else {"size": np.array(self.size)}
         if self.structures:
             own["structures"] = np.array(json.dumps(list(self.structures.items())))

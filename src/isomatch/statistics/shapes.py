@@ -199,13 +199,6 @@ class CorrespondedShapes:
     def _topology(self) -> Mesh:
         return Mesh(self.vertices[0], self.faces)
 
-    def structure(self, name: str) -> CorrespondedShapes:
-        """Return one structure of all shapes; those that lack it have measured none of its vertices."""
-        part = slices_of(self.structures)[name]
-        own = None if self.measured is None else self.measured[:, part]
-        faces = structure_of(self._topology, part).faces
-        return CorrespondedShapes(self.names, self.vertices[:, part], faces, measured=own)
-
     def moved(self, vertices: FloatArray) -> CorrespondedShapes:
         """Return the same shapes at other positions, (m, n, 3)."""
         return replace(self, vertices=vertices)

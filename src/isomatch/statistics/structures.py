@@ -15,7 +15,7 @@ from isomatch.statistics.completion import complete
 from isomatch.statistics.observations import observed_vertices
 from isomatch.statistics.procrustes import Scale, aligned_to, generalised_procrustes
 from isomatch.statistics.shape_model import ShapeModel, Weighting
-from isomatch.statistics.shapes import CorrespondedShapes, filled, slices_of
+from isomatch.statistics.shapes import CorrespondedShapes, filled, slices_of, structure_of
 from isomatch.storage.texts import natural_order
 from isomatch.values.arrays import FloatArray
 
@@ -54,8 +54,9 @@ def stacked(parts: Mapping[str, CorrespondedShapes]) -> CorrespondedShapes:
         for i in np.flatnonzero(~there[:, where.start]):
             shared = there[having] & there[i]
             k = int(shared.sum(axis=1).argmax())
-            weights = np.maximum(shared[k].astype(float), 1e-12)  # of nothing shared, where it is
-            vertices[i, where] = aligned_to(known[i], known[having[k]], weights)[where]
+            other, weights = known[having[k]], shared[k].astype(float)
+            placed = aligned_to(known[i], other, weights) if weights.any() else other
+            vertices[i, where] = placed[where]
     return CorrespondedShapes(
         tuple(names), vertices, np.concatenate(faces), tuple(left_out), measured, structures
     )
@@ -79,22 +80,23 @@ def aligned_structures(
 ) -> StructurePoses:
     """Align each structure of subjects by itself, so that poses among each other are no part of a model.
 
-    Poses are those after the alignment of whole subjects. A joint alignment of the result changes nothing: products with
-    the mean that are symmetric and not negative for each structure have such a sum.
+    Poses are those after the alignment of whole subjects, which would change nothing of the result.
     """
     share = shapes.area_weights if weights == "area" else np.full(shapes.n_vertices, 1 / shapes.n_vertices)
     joint = generalised_procrustes(filled(shapes, share, scale).vertices, share, scale)
     shapes, seen = shapes.moved(joint.aligned), shapes.seen
     vertices, shares, poses = joint.aligned.copy(), [], []
-    for name, part in slices_of(shapes.structures).items():
+    for part in slices_of(shapes.structures).values():
         own = share[part] / share[part].sum()
-        whole = filled(shapes.structure(name), own, scale).vertices
+        faces = structure_of(shapes.mesh(0), part).faces
+        alone = CorrespondedShapes(shapes.names, shapes.vertices[:, part], faces, measured=seen[:, part])
+        whole = filled(alone, own, scale).vertices
         vertices[:, part] = generalised_procrustes(whole, own, scale).aligned
-        alone, before = vertices[:, part], joint.aligned[:, part]
-        variances = [np.einsum("i,mij->", own, (x - x.mean(axis=0)) ** 2) for x in (alone, before)]
+        both = vertices[:, part], joint.aligned[:, part]
+        variances = [np.einsum("i,mij->", own, (x - x.mean(axis=0)) ** 2) for x in both]
         shares.append(1 - variances[0] / variances[1] if variances[1] > 0 else 0.0)
-        centres = [np.einsum("i,mij->mj", own, x)[:, None] for x in (alone, before)]
-        products = np.einsum("mij,i,mik->mjk", before - centres[1], own, alone - centres[0])
+        centres = [np.einsum("i,mij->mj", own, x)[:, None] for x in both]
+        products = np.einsum("mij,i,mik->mjk", both[1] - centres[1], own, both[0] - centres[0])
         turns = Rotation.from_matrix(nearest_rotation(products)).as_rotvec()
         pose = np.stack([np.asarray(turns), (centres[1] - centres[0])[:, 0]])
         poses.append(np.where(np.asarray(seen[:, part].any(axis=1))[:, None], pose, np.nan))
@@ -107,17 +109,14 @@ def hidden_structures(
 ) -> list[dict[str, Any]]:
     """Complete structures of each subject, all at once, from its others, by a model of all other subjects.
 
-    Returns a line for each subject and hidden structure: the root mean square ``error`` from the true one, and
-    ``mean_error``, that of the mean of the other subjects, placed by the structures that are known, and what the
-    completion says, ``expected_error``. `InputError` if a name is no structure, none stays, or there are less than three
-    subjects.
+    Returns a line for each subject and hidden structure: root mean square ``error`` from the true one, ``mean_error`` of
+    the mean of the others, placed by what is known, and what the completion says, ``expected_error``. `InputError` if a
+    name is no structure, none stays, or there are less than three subjects.
     """
     parts = slices_of(shapes.structures)
     if not set(hidden) < set(parts) or len(shapes) < 3:
-        raise InputError(
-            f"{', '.join(hidden)} cannot be hidden of {len(shapes)} subjects that have {', '.join(parts)}: name fewer of "
-            "these than all, and give three subjects or more"
-        )
+        reason = "name fewer of these than all, and give three subjects or more"
+        raise InputError(f"{hidden} cannot be hidden of {len(shapes)} subjects of {[*parts]}; {reason}")
     seen = shapes.seen
     known = np.ones(shapes.n_vertices, dtype=bool)
     for name in hidden:
@@ -125,7 +124,7 @@ def hidden_structures(
     found = []
     for i, subject in enumerate(shapes.names):
         there = {name: own for name in hidden if (own := seen[i, parts[name]]).any()}
-        if not there or not (seen[i] & known).any():
+        if not (seen[i] & known).any():
             continue
         rest = np.delete(np.arange(len(shapes)), i)
         names = tuple(shapes.names[j] for j in rest)
