@@ -91,9 +91,8 @@ def test_each_structure_weighs_the_same_and_shares_sum_to_one(tmp_path):
 def test_a_missing_structure_adds_no_variance_and_stays_missing():
     whole = stacked(subjects(poses=0.1))
     lacking = without(whole, {1: "femur", 4: "patella"})
-    model = ShapeModel.fit(lacking)
     part = slices_of(whole.structures)["femur"]
-    femur = model.aligned[:, part]
+    femur = ShapeModel.fit(lacking).aligned[:, part]
     np.testing.assert_allclose(femur[1], np.delete(femur, 1, axis=0).mean(axis=0), atol=1e-4)
     poses = aligned_structures(lacking)
     assert np.argwhere(np.isnan(poses.rotations[:, :, 0])).tolist() == [[1, 0], [4, 2]]
@@ -108,14 +107,11 @@ def test_a_hidden_structure_that_is_told_by_the_others_is_found_better_than_by_t
     assert [each["name"] for each in found] == [*shapes.names]
     error, of_mean = (np.mean([each[name] for each in found]) for name in ("error", "mean_error"))
     assert error < 0.5 * of_mean
-    lacking = without(shapes, {3: "patella"})
-    others = [name for name in shapes.names if name != "s003"]
-    assert [each["name"] for each in hidden_structures(lacking, ["patella"])] == others
 
 
 def test_bad_arguments():
     shapes = stacked(subjects(4))
-    for hidden in (["shin"], ["femur", "tibia", "patella"]):
+    for hidden in (["shin"], [*shapes.structures]):
         with pytest.raises(InputError, match=r"cannot be hidden of 4 subjects of .'femur', 'tibia'"):
             hidden_structures(shapes, hidden)
     with pytest.raises(MeshError, match="are not 126 vertices"):
