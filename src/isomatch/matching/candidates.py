@@ -13,7 +13,7 @@ from isomatch.matching.pair import ShapePair
 from isomatch.matching.priors import Priors
 from isomatch.matching.quality import mean_known
 from isomatch.matching.search import combinations, distinct_maps, hypotheses_from_priors, search, search_back
-from isomatch.matching.selection import CLEARLY_BETTER, ENERGY_NOISE, SAME_ENERGY, Selection, ranked
+from isomatch.matching.selection import ENERGY_NOISE, SAME_ENERGY, Selection, ranked
 from isomatch.matching.stages import Relation
 from isomatch.matching.starts import start_from_pairs, starts_from_pose
 from isomatch.runtime.threads import parallel_map
@@ -142,33 +142,7 @@ def further_candidates(
     return sorted(hopeful, key=lambda candidate: candidate.energy)[:MOST_CHALLENGERS]
 
 
-def best_of(relation: Relation, winner: Fit, fits: Sequence[Fit]) -> Fit:
-    """Compare refined further candidates with the winner one after the other, those like it first; return the best."""
-    first = winner
-    for fit in sorted(fits, key=lambda fit: relation.target.mean_distance(fit.image, first.image)):
-        winner = fit if _beats(relation, fit, winner) else winner
-    return winner
-
-
 def is_another(relation: Relation, fit: Fit, other: Fit) -> bool:
     """Whether a map is another one, and no variant."""
     apart = relation.target.mean_distance(fit.image, other.image)
     return apart > relation.pair.config.selection.runner_up_distance
-
-
-def _beats(relation: Relation, candidate: Fit, winner: Fit) -> bool:
-    """Whether a map is better by every measure, or another map and clearly better."""
-    # Many further maps are tried, and of many some fit well by chance: one must be better by every measure, or differ and
-    # be clearly better. Appearance counts between different maps only: where variants differ is too small a region.
-    fits = [candidate, winner]
-    scores = [fit.score for fit in fits]
-    if is_another(relation, candidate, winner):
-        scores = relation.weighed(fits, scores, [True, True])
-        if CLEARLY_BETTER * scores[0] < scores[1]:
-            return True
-    residuals = [residual_of(relation.pair, relation.vertices, fit.image) for fit in fits]
-    return (
-        scores[0] < scores[1]
-        and candidate.spectral_residual < winner.spectral_residual
-        and residuals[0] < residuals[1]
-    )

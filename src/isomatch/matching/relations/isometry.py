@@ -13,7 +13,6 @@ from isomatch.correspondence import Alignment, Correspondence, Embedding, Precis
 from isomatch.errors import SettingError
 from isomatch.matching.candidates import (
     Screening,
-    best_of,
     energy_of,
     extended,
     further_candidates,
@@ -202,7 +201,6 @@ class Isometry(Relation):
         timer.start("refinement")
         selection = self._refined_and_selected(eligible, runners_up)
         if hypotheses is None and self.stages.starts is None:
-            selection = self._with_those_given_up(selection, eligible)
             selection = self._compared_further(selection, eligible)
         selection = self._against_mirror_image(self._best_verified(selection), eligible)
         embedding = self.everywhere(selection.winner)
@@ -334,37 +332,21 @@ class Isometry(Relation):
             n_tried=n_tried,
         )
 
-    def _with_those_given_up(
-        self, selection: Selection[Fit], candidates: Sequence[Candidate]
-    ) -> Selection[Fit]:
-        """Refine to the end what was given up on the way to a winner that is not sure, if it differs as a whole."""
+    def _compared_further(self, selection: Selection[Fit], candidates: Sequence[Candidate]) -> Selection[Fit]:
+        """Refine further maps to the end, where none is sure: those given up on the way, and further candidates."""
         # a half turn of an ant is given up at 1.15 times the spectral residual, and ties by the score
-        first, config = selection.winner, self.pair.config
+        pair, config, first = self.pair, self.pair.config, selection.winner
         if not self._sided or first.candidate is None or is_sure(self, selection):
             return selection
         known = [first, *selection.runners_up]
         ended = [fit.candidate.target_row for fit in known if fit.candidate]
-        others = contenders(candidates, config.orientation, config.selection)
-        fits = self.refine_and_select(self.begun(distinct_maps(self.pair, others, before=ended)))
+        given_up = contenders(candidates, config.orientation, config.selection)
+        rows = [candidate.target_row for candidate in candidates]
+        screen, energy = Screening(pair, self.priors), first.candidate.energy
+        further = further_candidates(pair, screen, rows, self._wanted_sign, energy)
+        fits = self.refine_and_select(self.begun(distinct_maps(pair, [*given_up, *further], before=ended)))
         known += [fit for fit in fits if is_another(self, fit, first)]
         return self._selected(known, [True] * len(known))
-
-    def _compared_further(self, selection: Selection[Fit], candidates: Sequence[Candidate]) -> Selection[Fit]:
-        """Compare a winner that is not sure with further ones; one that loses to a runner-up does not replace it."""
-        first = selection.winner
-        if not self._sided or first.candidate is None or is_sure(self, selection):
-            return selection
-        rows = [candidate.target_row for candidate in candidates]
-        screen, energy = Screening(self.pair, self.priors), first.candidate.energy
-        further = further_candidates(self.pair, screen, rows, self._wanted_sign, energy)
-        fits = self.refine_and_select(self.begun(further))
-        winner = best_of(self, first, fits)
-        if winner is first:
-            return selection
-        others = [fit for fit in (first, *fits) if is_another(self, fit, winner)]
-        fits = [winner, *selection.runners_up, *others]
-        compared = self._selected(fits, [fit is winner for fit in fits])
-        return selection if compared.runner_up < 1.0 else compared
 
     @property
     def _sided(self) -> bool:
