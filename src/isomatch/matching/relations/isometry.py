@@ -15,7 +15,6 @@ from isomatch.matching.candidates import (
     Screening,
     energy_of,
     extended,
-    further_candidates,
     is_another,
     is_sure,
     residual_of,
@@ -201,7 +200,7 @@ class Isometry(Relation):
         timer.start("refinement")
         selection = self._refined_and_selected(eligible, runners_up)
         if hypotheses is None and self.stages.starts is None:
-            selection = self._compared_further(selection, eligible)
+            selection = self._with_those_given_up(selection, eligible)
         selection = self._against_mirror_image(self._best_verified(selection), eligible)
         embedding = self.everywhere(selection.winner)
         return IsometricMatch(selection, tuple(eligible), tuple(runners_up), embedding, self)
@@ -332,19 +331,18 @@ class Isometry(Relation):
             n_tried=n_tried,
         )
 
-    def _compared_further(self, selection: Selection[Fit], candidates: Sequence[Candidate]) -> Selection[Fit]:
-        """Refine further maps to the end, where none is sure: those given up on the way, and further candidates."""
+    def _with_those_given_up(
+        self, selection: Selection[Fit], candidates: Sequence[Candidate]
+    ) -> Selection[Fit]:
+        """Refine to the end what was given up on the way to a winner that is not sure, if it differs as a whole."""
         # a half turn of an ant is given up at 1.15 times the spectral residual, and ties by the score
-        pair, config, first = self.pair, self.pair.config, selection.winner
+        first, config = selection.winner, self.pair.config
         if not self._sided or first.candidate is None or is_sure(self, selection):
             return selection
         known = [first, *selection.runners_up]
         ended = [fit.candidate.target_row for fit in known if fit.candidate]
-        given_up = contenders(candidates, config.orientation, config.selection)
-        rows = [candidate.target_row for candidate in candidates]
-        screen, energy = Screening(pair, self.priors), first.candidate.energy
-        further = further_candidates(pair, screen, rows, self._wanted_sign, energy)
-        fits = self.refine_and_select(self.begun(distinct_maps(pair, [*given_up, *further], before=ended)))
+        others = contenders(candidates, config.orientation, config.selection)
+        fits = self.refine_and_select(self.begun(distinct_maps(self.pair, others, before=ended)))
         known += [fit for fit in fits if is_another(self, fit, first)]
         return self._selected(known, [True] * len(known))
 
