@@ -284,8 +284,17 @@ def draw_modes(
     save_figure(figure, path, dpi)
 
 
-def draw_values(path: str | Path, mesh: Mesh, values: FloatArray, label: str, *, dpi: int = DPI) -> None:
-    """Draw a surface from two sides, coloured by a value of at least 0 at each vertex.
+def draw_values(
+    path: str | Path,
+    mesh: Mesh,
+    values: FloatArray,
+    label: str,
+    *,
+    signed: bool = False,
+    sides: tuple[FloatArray, str, str] | None = None,
+    dpi: int = DPI,
+) -> None:
+    """Draw a surface from two sides, coloured by a value at each vertex.
 
     Parameters
     ----------
@@ -296,25 +305,65 @@ def draw_values(path: str | Path, mesh: Mesh, values: FloatArray, label: str, *,
         Nan is drawn grey.
     label : str
         What they are, with their unit; without any value, it is all that is said.
+    signed : bool
+        Whether values have a sign; otherwise they are at least 0.
+    sides : ((3,) array of float, str, str), optional
+        Normal of a plane of symmetry, and the names of the side to which it points and of the other one: the surface is
+        drawn from each of them, and twice along the plane.
     """
     has_value = np.isfinite(values)
-    highest = float(np.quantile(values[has_value], 0.995)) if has_value.any() else 0.0
+    highest = (
+        float(np.quantile(np.abs(values[has_value]), 0.98 if signed else 0.995)) if has_value.any() else 0.0
+    )
+    high = highest or 1.0
+    name, low = (DIVERGING, -high) if signed else (RISING, 0.0)
     front = camera_of(mesh)
-    paint = colour_scale(RISING, 0.0, highest or 1.0)
-    density = _density([mesh], front, dpi, per_row=2) * np.sqrt(mesh.area)
+    views, titles = [front, front * [[-1], [1], [-1]]], ["", ""]
+    if sides is not None:
+        views, titles = _views_of_sides(front, *sides)
+    paint = colour_scale(name, low, high)
+    density = min(_density([mesh], view, dpi, per_row=2) for view in views) * np.sqrt(mesh.area)
 
     def paint_known(seen: FloatArray) -> FloatArray:
         share = np.where(seen[:, 1:] < LEAST_SHARE, np.nan, seen[:, 1:])
         return paint(seen[:, :1] / share)
 
     columns = np.column_stack([np.where(has_value, values, 0.0), has_value])
-    views = front, front * [[-1], [1], [-1]]
     images = [surface_image(mesh, columns, paint_known, view, density) for view in views]
-    figure, axes = arranged_panels(images, ["", ""], 2, WIDTH, TEXT)
+    figure, axes = arranged_panels(images, titles, 2, WIDTH, TEXT)
     if has_value.any():
-        _add_bar(figure, axes, RISING, 0.0, highest or 1.0, label)
+        _add_bar(figure, axes, name, low, high, label)
     else:
         figure.supxlabel(label, size=TEXT)
+    save_figure(figure, path, dpi)
+
+
+def _views_of_sides(
+    front: FloatArray, normal: FloatArray, plus: str, minus: str
+) -> tuple[list[FloatArray], list[str]]:
+    """Cameras, see `camera_of`, that look at both sides of a plane and along it, from before and from behind."""
+    up = front[1] if abs(front[1] @ normal) < 0.7 else front[2]
+    up = up - (up @ normal) * normal
+    up /= np.linalg.norm(up)
+    ahead = np.cross(normal, up)
+    views = [np.array([np.cross(up, to), up, to]) for to in (normal, -normal, ahead, -ahead)]
+    return views, [f"the {plus} side", f"the {minus} side", "both sides", "both, from the other end"]
+
+
+def draw_null(path: str | Path, null: FloatArray, observed: float, label: str, *, dpi: int = DPI) -> None:
+    """Draw the distribution of a statistic by chance, (k,), and where the observed one is, as `draw_scores`."""
+    figure, (axes,) = _chart(height=0.7 * SIZE[1])
+    axes.hist(
+        null,
+        bins=np.linspace(0.0, max(float(null.max()), observed), 41).tolist(),
+        color=GREY,
+        label="by chance",
+    )
+    axes.axvline(observed, color=COLOURS[2], linewidth=2, label="found")
+    axes.set_xlabel(label)
+    axes.set_ylabel("times")
+    axes.set_xlim(left=0)
+    axes.legend(fontsize="small")
     save_figure(figure, path, dpi)
 
 

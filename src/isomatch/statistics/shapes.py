@@ -12,6 +12,7 @@ from typing import TypeVar
 import numpy as np
 
 from isomatch.assets import FORMATS, Asset, Polygons, meshes_among, read_as_far
+from isomatch.correspondence import Correspondence
 from isomatch.errors import FormatError, MeshError, MissingFileError, NotConvergedError, some
 from isomatch.statistics.procrustes import Scale, aligned_to, generalised_procrustes
 from isomatch.storage.files import legible
@@ -167,23 +168,23 @@ class CorrespondedShapes:
         """Return the same shapes at other positions, (m, n, 3)."""
         return replace(self, vertices=vertices)
 
-    def mirrored(self, left_right: IntArray) -> CorrespondedShapes:
+    def mirrored(self, left_right: Correspondence) -> CorrespondedShapes:
         """Return the shapes followed by their mirror images, moved onto them.
 
-        A left–right map (n,), such as `left_right_map` finds, tells the vertex on the other side that corresponds to
-        each.
+        A left–right map, such as that of `left_right_map`, tells the point on the other side that corresponds to each
+        vertex. A vertex without one stays where it is in the mirror image, too, and is not measured there.
         """
-        other, n = np.asarray(left_right), self.n_vertices
-        if other.shape != (n,) or other.dtype.kind not in "iu":
-            raise MeshError(f"left_right has shape {other.shape} and type {other.dtype}, expected ({n},)")
-        if other.min() < 0 or other.max() >= n:
-            raise MeshError(f"left_right has entries outside 0…{n - 1}; give a vertex for each vertex")
-        uniform = np.full(n, 1 / n)
-        images = [aligned_to(shape, shape[other] * [-1.0, 1.0, 1.0], uniform) for shape in self.vertices]
+        n, held = self.n_vertices, left_right.matched
+        if left_right.shape != (n, n) or not held.any():
+            raise MeshError(f"{left_right!r} is no map of the {n} vertices of the shapes onto themselves")
+        images = self.vertices.copy()
+        for image, shape in zip(images, self.vertices):
+            placed = np.where(held[:, None], left_right.pull_back(shape, fill=0.0), 0.0) * [-1.0, 1.0, 1.0]
+            image[held] = aligned_to(shape, placed, held / held.sum())[held]
         names = (*self.names, *(name + MIRRORED for name in self.names))
-        vertices, own = np.concatenate([self.vertices, images]), self.measured
-        measured = None if own is None else np.concatenate([own, own[:, other]])
-        return replace(self, names=names, vertices=vertices, measured=measured)
+        own = np.ones(self.vertices.shape[:2], dtype=bool) if self.measured is None else self.measured
+        measured = np.concatenate([own, own[:, left_right.vertices] & held])
+        return replace(self, names=names, vertices=np.concatenate([self.vertices, images]), measured=measured)
 
 
 def _digest(faces: IntArray) -> bytes:
