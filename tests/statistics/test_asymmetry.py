@@ -1,4 +1,4 @@
-"""Asymmetry: what is common to all shapes and what is of each alone, where it is, and p-values that are those of chance."""
+"""Asymmetry: what all shapes have in common and what is of each alone, where it is, p-values that are those of chance."""
 
 import numpy as np
 import pytest
@@ -54,8 +54,8 @@ def test_symmetric_shapes_have_none():
 def test_a_bump_on_one_side_is_half_there_and_half_opposite():
     """A bump f of height h on one side: s = (f + f mirrored) / 2, a = ±h / 2 at both places.
 
-    Laying the mirror image onto the shape shifts it by what the bump shifts the centroid, of the order of the share of its
-    area, and turns nothing.
+    Laying the mirror image onto the shape shifts it by what the bump shifts the centroid, of the order of the share of
+    its area, and turns nothing.
     """
     height, at = 0.2, np.array([0.8, 0.6, 0.0])
     bump = height * np.exp(-((SPHERE.vertices - at) ** 2).sum(axis=1) / 0.02)
@@ -171,7 +171,7 @@ def test_paired_organs(turned):
     pairs = [(f"left{i}", f"right{i}") for i in range(m)]
     both, was_turned = paired_sides(shapes, pairs)
     assert was_turned == turned
-    assert both.names[:2] == ("right0", "right1") and both.names[m] == "left0"
+    assert (*both.names[:2], both.names[m]) == ("right0", "right1", "left0")
     found = asymmetry(*align_sides(both), shapes.area_weights)
     assert found.share > 0.5
     assert found.p_value == 2 / 2**m

@@ -362,17 +362,19 @@ DIRECTIONAL = (
 )
 FLUCTUATING = "Where single shapes differ from that, each in its own way (fluctuating asymmetry)."
 NULL = (
-    "The test. If left and right were exchangeable, mirroring some individuals would change nothing: grey is how large the "
-    "directional share is then, the line what was found. Far to the right of the grey bars, it is hardly chance."
+    "The test. If left and right were exchangeable, mirroring some individuals would change nothing: grey is how large "
+    "the directional share is then, the line what was found. Far to the right of the grey bars, it is hardly chance."
 )
 MEASURED = {
     "object": (
-        "Each shape is reflected and laid onto itself. The asymmetry at a point is half of the way from the point to its "
-        "reflected counterpart: a bump 2 high on one side alone shows as +1 there, and as −1 at the same place opposite."
+        "Each shape is reflected and laid onto itself; the middle between both is symmetric. The asymmetry at a point is "
+        "its way from there, half of the difference of the sides: a bump 2 high on one side alone shows as +1 there, and "
+        "as −1 at the same place opposite."
     ),
     "matching": (
-        "The left shape of each pair is reflected and laid onto the right one. The asymmetry at a point is half of the way "
-        "between the two: where the right one stands out 2 farther, it is +1."
+        "The left shape of each pair is reflected and laid onto the right one; the middle between both is symmetric. The "
+        "asymmetry at a point is the way of the right one from there, half of the difference of the sides: where the "
+        "right one stands out 2 farther, it is +1."
     ),
 }
 
@@ -380,30 +382,26 @@ MEASURED = {
 def _told(record: dict[str, Any]) -> list[str]:
     """Say what was found, one sentence each."""
     lines, plus = record["shapes"], record["sides"][0]
+    told = _told_of_all(record) if len(lines) > 1 else []
     first = max(lines, key=lambda line: line["asymmetry"])
-    told = [
-        f"{first['name']} differs from {'its mirror image' if record['symmetry'] == 'object' else 'side to side'} by "
-        f"{first['asymmetry']:.4g} (root mean square of half of the way), {first['over_size']:.2%} of its size"
-    ]
-    along = f"along the normal, which the pictures show, it is {first['along_normal']:.4g}; the rest lies along the surface"
-    where = "outward" if first["most"] > 0 else "inward"
+    name = f"{first['name']}, the most asymmetric," if told else first["name"]
+    outward = ("lies deeper", "stands out")
     told += [
-        along,
-        f"most at vertex {first['most_vertex']} on the {first['most_side']} side: {abs(first['most']):.4g} {where}",
+        f"{name} is {first['asymmetry']:.4g} away from a symmetric shape (root mean square), {first['over_size']:.2%} of "
+        f"its size; {first['along_normal']:.4g} of it is outward or inward, as the pictures show, the rest is along the "
+        "surface",
+        f"most at vertex {first['most_vertex']} on the {first['most_side']} side, which {outward[first['most'] > 0]} by "
+        f"{abs(first['most']):.4g}; on average, the {plus} side {outward[first['stands_out'] > 0]} by "
+        f"{abs(first['stands_out']):.4g}",
     ]
-    amount = first["stands_out"]
-    told.append(
-        f"on average, the {plus} side {'stands out by' if amount > 0 else 'lies deeper by'} {abs(amount):.4g}"
-    )
     if "plane_x" in first:
         x, y, z, offset = (first[f"plane_{key}"] for key in ("x", "y", "z", "offset"))
-        told.append(f"the plane of symmetry is {x:.4f} x {y:+.4f} y {z:+.4f} z = {offset:.4g}")
+        told.append(f"its plane of symmetry is {x:.4f} x {y:+.4f} y {z:+.4f} z = {offset:.4g}")
     if "map_error" in first:
         told.append(
-            f"errors of the map are expected to make {first['map_error']:.4g}, along the surface; trust what is along the normal"
+            f"errors of the map from left to right are expected to shift points by {first['map_error']:.4g} along the "
+            "surface; what is outward or inward hardly depends on them"
         )
-    if len(lines) > 1:
-        told = [*_told_of_all(record), *(f"most asymmetric: {told[0]}", *told[1:])]
     return [*told, *(f"note: {note}" for note in record["notes"])]
 
 
@@ -470,9 +468,14 @@ def _write_page(
         "What was measured": f"<p>{escape(MEASURED[record['symmetry']])}</p>",
         "What was found": listed(told),
         "Where the variation lies": tabulated(words, rows) if rows else "",
-        "How asymmetric each is": tabulated([each.replace("_", " ") for each in columns], shown),
+        "How asymmetric each is": tabulated([each.replace("_", " ") for each in columns], shown)
+        if rows
+        else "",
     }
-    settings = f"{SCALES[record['scale']]}. Lengths are in the units of the files. Seed {record['seed']}, isomatch {record['isomatch']}."
+    size = f"{SCALES[record['scale']]}. " if rows else ""
+    settings = (
+        f"{size}Lengths are in the units of the files. Seed {record['seed']}, isomatch {record['isomatch']}."
+    )
     new.page(f"Asymmetry of {name}", folder, settings, sections, pictures)
 
 

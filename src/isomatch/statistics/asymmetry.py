@@ -129,7 +129,8 @@ def asymmetry(
     Klingenberg, Barluenga & Meyer, *Shape analysis of symmetric structures*, Evolution 2002; of paired organs
     Klingenberg & McIntyre 1998. With sᵢ and aᵢ half of the sum and of the difference of a shape and its mirror image,
     the squares 2 Σ |sᵢ − s̄|², 2 m |ā|² and 2 Σ |aᵢ − ā|² add up to all. Degrees of freedom are counted in shapes, as
-    surfaces have about as many symmetric as asymmetric directions; in the F of sides they cancel. O(m² n) time, and O(m²) for each permutation.
+    surfaces have about as many symmetric as asymmetric directions; in the F of sides they cancel. O(m² n) time, and O(m²)
+    for each permutation.
 
     Examples
     --------
@@ -350,8 +351,8 @@ def left_right_map(
     Returns
     -------
     MatchResult
-        Never with the outcome ``MIRROR_IMAGE``, as every shape is the mirror image of its mirror image. Trust the map if it
-        converged; if it is partial, what has no counterpart is unmatched.
+        Never with the outcome ``MIRROR_IMAGE``, as every shape is the mirror image of its mirror image. Trust the map if
+        it converged; if it is partial, what has no counterpart is unmatched.
     """
     pairs = None if landmarks is None else np.asarray(landmarks)
     if pairs is not None:  # both ways, each once
