@@ -139,6 +139,17 @@ def test_the_left_right_map_is_found():
 
 
 @pytest.mark.long
+def test_what_is_matched_to_its_own_side_is_left_unmatched():
+    """A small ball beside the body, on one side alone, is like nothing but its own mirror image."""
+    body, ball = creature(1500, symmetric=True).rest_mesh, icosphere(2)
+    vertices = np.concatenate([body.vertices, 0.05 * ball.vertices + [0.5, 0, 0.7]])
+    mesh = Mesh(vertices, np.concatenate([body.faces, ball.faces + body.n_vertices]))
+    result = left_right_map(mesh)
+    assert not result.map.matched[body.n_vertices :].any()
+    assert result.map.matched[: body.n_vertices].mean() > 0.99
+
+
+@pytest.mark.long
 def test_a_shape_tells_left_and_right_where_the_mean_does_not():
     ball = icosphere(2)
     points, radius = ball.vertices, np.ones(ball.n_vertices)

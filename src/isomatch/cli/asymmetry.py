@@ -24,6 +24,7 @@ from isomatch.statistics import Asymmetry, CorrespondedShapes, SymmetryPlane
 from isomatch.storage.texts import read_csv
 from isomatch.values.arrays import FloatArray
 
+OWN_SIDE = "had counterparts on their own side, and are left unmatched"
 SIDE = re.compile(r"(?<![a-z])(left|right|l|r)(?![a-z])", re.IGNORECASE)  # a word of the name of a file
 MOST_DRAWN = 3  # the most asymmetric shapes, which have pictures of their own
 MOST_LISTED = 40  # rows of the page
@@ -103,6 +104,7 @@ def asymmetry(
         }
         matched: dict[str, Any] = {}
         if result is not None:
+            notes += [note for note in result.notes if note.endswith(OWN_SIDE)]
             matched = {
                 "outcome": result.outcome.value,
                 "matched": float(held.mean()),
@@ -289,6 +291,7 @@ class _Sides:
                 "asymmetry": float(found.amounts[i]),
                 "over_size": float(found.amounts[i]) / size,
                 "along_normal": float(np.sqrt(self.share @ known**2)),
+                "median": _weighted_median(np.abs(known), self.share),
                 "fluctuating": float(found.fluctuating[i]),
                 "stands_out": float(self.share[plus] @ known[plus] / self.share[plus].sum()),
                 "most_vertex": most,
@@ -354,6 +357,11 @@ class _Sides:
         return pictures
 
 
+def _weighted_median(values: FloatArray, share: FloatArray) -> float:
+    order = np.argsort(values, kind="stable")
+    return float(values[order][np.searchsorted(np.cumsum(share[order]), 0.5)])
+
+
 WHERE = (
     "where it differs from its mirror image. Red stands out farther than on the other side, blue lies deeper."
 )
@@ -389,7 +397,7 @@ def _told(record: dict[str, Any]) -> list[str]:
     told += [
         f"{name} is {first['asymmetry']:.4g} away from a symmetric shape (root mean square), {first['over_size']:.2%} of "
         f"its size; {first['along_normal']:.4g} of it is outward or inward, as the pictures show, the rest is along the "
-        "surface",
+        f"surface; half of the surface is less than {first['median']:.4g} outward or inward",
         f"most at vertex {first['most_vertex']} on the {first['most_side']} side, which {outward[first['most'] > 0]} by "
         f"{abs(first['most']):.4g}; on average, the {plus} side {outward[first['stands_out'] > 0]} by "
         f"{abs(first['stands_out']):.4g}",
@@ -414,8 +422,8 @@ def _told_of_all(record: dict[str, Any]) -> list[str]:
         f"{rows['individuals × sides']['share']:.1%} fluctuating, each in its own way"
     ]
     if test := record["test"]:
-        kind = "all" if test["is_exact"] else "drawn"
-        how = f"{test['n_permutations']} {kind} ways to mirror some of the individuals"
+        of = f"all {test['n_permutations']}" if test["is_exact"] else f"{test['n_permutations']} random"
+        how = f"{of} ways to mirror some of the individuals"
         sure = (
             "one side differs from the other in all alike"
             if test["p_value"] <= 0.05
@@ -427,6 +435,11 @@ def _told_of_all(record: dict[str, Any]) -> list[str]:
         least = 2.0 ** (1 - n)
         if least > 0.05:
             told.append(f"{n} individuals are too few for the test: p cannot be below {least:.3g}")
+    if record["symmetry"] == "object":
+        told.append(
+            "one map from left to right serves all: where it is wrong, it is so in all alike, and looks like directional "
+            "asymmetry; trust the test if the picture of that shows no spots where the map may be wrong"
+        )
     if "error" in rows:
         f = rows["individuals × sides"]["f"]
         told.append(f"fluctuating asymmetry has {f:.3g} times the mean square of the error of measurement")
@@ -447,7 +460,14 @@ def _write_page(
 ) -> None:
     """Write the page that says what was measured, what was found, and what to do."""
     lines = sorted(record["shapes"], key=lambda line: -line["asymmetry"])
-    columns = ("name", "asymmetry", "over_size", "along_normal", *(["fluctuating"] if len(lines) > 1 else []))
+    columns = (
+        "name",
+        "asymmetry",
+        "over_size",
+        "along_normal",
+        "median",
+        *(["fluctuating"] if len(lines) > 1 else []),
+    )
     shown = [[_cell(line[name], name == "over_size") for name in columns] for line in lines[:MOST_LISTED]]
     words = ("variation", "share", "sum of squares", "degrees of freedom", "mean square", "F")
     rows = [

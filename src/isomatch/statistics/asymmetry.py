@@ -327,6 +327,9 @@ def symmetry_plane(
 
 
 SURE = (Outcome.CONVERGED, Outcome.PARTIAL)
+SAME_SIDE = (
+    0.02  # √area: so far from the plane of symmetry, a point and its counterpart lie on either side of it
+)
 MOST_TRIED = 5  # shapes of which none is certain; further ones hardly are
 
 
@@ -352,14 +355,39 @@ def left_right_map(
     -------
     MatchResult
         Never with the outcome ``MIRROR_IMAGE``, as every shape is the mirror image of its mirror image. Trust the map if
-        it converged; if it is partial, what has no counterpart is unmatched.
+        it converged; if it is partial, what has no counterpart is unmatched. So is what was matched to its own side, with
+        a note; if it is more than `OutcomeSettings.large_component`, the outcome is ``LOW_CONFIDENCE``.
     """
     pairs = None if landmarks is None else np.asarray(landmarks)
     if pairs is not None:  # both ways, each once
         pairs = np.unique(np.concatenate([pairs, pairs[:, ::-1]]), axis=0)
     config = config or Config()
     config = replace(config, outcome=replace(config.outcome, mirror_image=0.0))
-    return match(mesh, reflected(mesh), pairs, config=config, seed=seed, progress=progress)
+    result = match(mesh, reflected(mesh), pairs, config=config, seed=seed, progress=progress)
+    # what lies left has its counterpart right; a small component may be matched to its own image, on its own side
+    plane = symmetry_plane(mesh.vertices, result.map, mesh.vertex_areas)
+    side = mesh.vertices @ plane.normal - plane.offset
+    there = result.map.pull_back(side)
+    wrong = (side * there > 0) & (np.minimum(abs(side), abs(there)) > SAME_SIDE * np.sqrt(mesh.area))
+    share = float(mesh.vertex_areas[wrong].sum() / mesh.area)
+    if not wrong.any():
+        return result
+    kept = [
+        np.where(wrong[:, None], hole, of)
+        for of, hole in ((result.map.faces, -1), (result.map.barycentric, 0))
+    ]
+    found = replace(
+        result.map, vertices=np.where(wrong, -1, result.map.vertices), faces=kept[0], barycentric=kept[1]
+    )
+    told = f"{wrong.sum()} vertices ({share:.1%} of the area) had counterparts on their own side, and are left unmatched"
+    outcome = Outcome.LOW_CONFIDENCE if share > config.outcome.large_component else result.outcome
+    return replace(
+        result,
+        map=found,
+        expected_error=np.where(wrong, np.nan, result.expected_error),
+        outcome=min(outcome, result.outcome, key=lambda each: each.sureness),
+        notes=(*result.notes, told),
+    )
 
 
 def left_right_of_shapes(

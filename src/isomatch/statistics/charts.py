@@ -312,9 +312,8 @@ def draw_values(
         drawn from each of them, and twice along the plane.
     """
     has_value = np.isfinite(values)
-    highest = (
-        float(np.quantile(np.abs(values[has_value]), 0.98 if signed else 0.995)) if has_value.any() else 0.0
-    )
+    most = 0.98 if signed or sides else 0.995  # a map from left to right may be wrong in places
+    highest = float(np.quantile(np.abs(values[has_value]), most)) if has_value.any() else 0.0
     high = highest or 1.0
     name, low = (DIVERGING, -high) if signed else (RISING, 0.0)
     front = camera_of(mesh)

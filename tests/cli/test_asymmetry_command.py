@@ -68,15 +68,9 @@ def test_one_shape(tmp_path, sides, capsys):
     )
     assert line["over_size"] == pytest.approx(line["asymmetry"] / 2, rel=0.05)
     page = (out / "index.html").read_text(encoding="utf-8")
-    assert (
-        "<h1>Asymmetry of a</h1>" in page
-    )
-    assert (
-        "What was measured" in page
-    )
-    assert (
-        "To look at first" not in page
-    )
+    assert "<h1>Asymmetry of a</h1>" in page
+    assert "What was measured" in page
+    assert "To look at first" not in page
     here = {str(path.relative_to(out)) for path in out.rglob("*") if path.is_file()}
     assert {*record["files"], "asymmetry.json"} == here
     assert set(re.findall(r'<img src="([^"]*)"', page)) == {"shapes/a.png"}
