@@ -88,6 +88,7 @@ def test_one_shape(tmp_path, sides, capsys):
     assert json.loads(capsys.readouterr().out)["shapes"][0]["asymmetry"] == line["asymmetry"]
 
 
+@pytest.mark.long
 def test_several_shapes_and_repeats(tmp_path, sides, capsys):
     rng = np.random.default_rng(0)
     folder = write(
@@ -120,7 +121,7 @@ def test_several_shapes_and_repeats(tmp_path, sides, capsys):
     ]
 
 
-@pytest.mark.parametrize("by_table", [False, True])
+@pytest.mark.parametrize("by_table", [pytest.param(False, marks=pytest.mark.long), True])
 def test_left_and_right_organs(by_table, tmp_path, capsys):
     rng, names = np.random.default_rng(1), [f"{side}_{i}" for i in range(5) for side in ("left", "right")]
     radius = 2 + LUMP + 0.01 * rng.normal(size=(10, 2)) @ [X * Z, Y * Z]
