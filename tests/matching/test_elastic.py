@@ -56,6 +56,7 @@ def test_a_map_between_species_is_judged_by_how_much_the_shapes_are_bent(found):
     """A runner-up that is bent as little is a tie."""
     bounds, quality = Config().outcome, found.quality
     sure = quality.bending_cost <= bounds.poor_bending and quality.residual <= bounds.poor_far_residual
+    sure &= quality.descriptor_distance <= bounds.poor_far_descriptor_distance
     assert (found.outcome is Outcome.CONVERGED) == (sure and quality.runner_up >= bounds.look_tie)
     assert quality.runner_up >= 1
     strict = replace(bounds, poor_bending=0.5 * quality.bending_cost)

@@ -93,7 +93,8 @@ def fits_badly(quality: Quality, bounds: OutcomeSettings) -> bool:
 
 def bends_badly(quality: Quality, bounds: OutcomeSettings) -> bool:
     """Whether shapes far from isometric have to be bent too much to lie on each other."""
-    return not (quality.bending_cost <= bounds.poor_bending and quality.residual <= bounds.poor_far_residual)
+    bends = quality.bending_cost <= bounds.poor_bending and quality.residual <= bounds.poor_far_residual
+    return not bends or quality.descriptor_distance > bounds.poor_far_descriptor_distance
 
 
 def region_evidence(regions: Iterable[DoubtfulRegion], least: float) -> Evidence:

@@ -10,6 +10,7 @@ from typing import Literal, TypeAlias, cast
 import numpy as np
 
 from isomatch.errors import MeshError, NotConvergedError
+from isomatch.matching.candidates import is_another
 from isomatch.matching.evidence import Evidence, Solution, fits_badly
 from isomatch.matching.fit import Hypothesis
 from isomatch.matching.pair import ShapePair, search_pairs
@@ -185,7 +186,13 @@ def _elastic(case: Case) -> Solution | None:
         if candidate.orientation > 0
     ]
     fits, measured = not fits_badly(match.measured.quality, pair.config.outcome), match.measured
-    elastic = Elastic(match.selection.winner, others, fits).on(pair, case.priors, case.stages)
+    first = match.selection.winner
+    rivals = [
+        fit
+        for fit in match.selection.runners_up
+        if fit.side == first.side and is_another(relation, fit, first)
+    ]
+    elastic = Elastic(first, others, fits, rivals).on(pair, case.priors, case.stages)
     timer.start("bending")
     if elastic.is_needless:
         return None

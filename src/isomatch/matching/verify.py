@@ -30,6 +30,8 @@ from isomatch.values.cached import cached_method, cached_property
 LENGTHS = (0.3, 0.2, 0.14, 0.09, 0.06)  # in √area, over which a shape resists while it is bent by a map
 N_BENT = 1000  # vertices of the shape that is bent
 DESCRIPTOR_WEIGHT, SUPPORT_EXPONENT = 6.0, 2.0  # 3 to 10 and 1 to 3 choose alike
+# of the turning, over a unit in radians: about the median of right maps; docs/lab/design_notes.md, individuals
+TURNING_EXPONENT, TURNING_UNIT = 0.25, 0.1
 COVERED = 0.05  # √area from an image, up to which a vertex has a counterpart; outcome.coverage_radius
 NEAR, FAR = 0.08, 0.3  # √area of the source: distances that measure the unit of a map
 N_MEASURED, FEWEST_MEASURED = 300, 40  # samples whose distances do, and how many distances are enough
@@ -54,6 +56,8 @@ class Verification(Shown):
     bending, bending_back : float
         Mean ``|log|`` of the stretch of edges × mean distance from the other surface, in √area: of what has images, when
         it is bent onto the target as rigidly as the map lets it, and of the target bent back.
+    turning : float
+        Mean angle, in radians, between the rotations of neighbouring vertices of what was bent, there and back.
     unit : float
         What √area of the source is worth in √area of the target: 1 between wholes.
     seconds : float
@@ -61,7 +65,7 @@ class Verification(Shown):
 
     Examples
     --------
-    >>> found = Verification(1.0, 0.3, 4e-4, 9e-4, 1.0, 0.2)
+    >>> found = Verification(1.0, 0.3, 4e-4, 9e-4, 0.1, 1.0, 0.2)
     >>> print(f"{found.cost:.4f}")
     0.0036
     """
@@ -70,22 +74,19 @@ class Verification(Shown):
     descriptor_distance: float
     bending: float
     bending_back: float
+    turning: float
     unit: float
     seconds: float
 
     @property
-    def bending_both_ways(self) -> float:
-        """Geometric mean of the bending there and back."""
-        return float(np.sqrt(self.bending * self.bending_back))
-
-    @property
     def cost(self) -> float:
-        """√(bending × bending back) × exp(6 × descriptor distance) / support²: lower is better; inf without images."""
-        bending = self.bending_both_ways
+        """√(bending × bending back) × (turning / 0.1)^¼ × exp(6 × descriptor distance) / support²: lower is better."""
+        bending = np.sqrt(self.bending * self.bending_back)
         if not (self.support and np.isfinite(bending)):
             return np.inf
         unlike = DESCRIPTOR_WEIGHT * np.nan_to_num(self.descriptor_distance, nan=1.0)
-        return float(bending * np.exp(unlike) / self.support**SUPPORT_EXPONENT)
+        turned = (self.turning / TURNING_UNIT) ** TURNING_EXPONENT
+        return float(bending * turned * np.exp(unlike) / self.support**SUPPORT_EXPONENT)
 
 
 def verify(
@@ -181,18 +182,20 @@ class Verifier:
         source, target = self.shapes
         matched = image >= 0
         if not matched.any():
-            return Verification(0.0, np.nan, np.nan, np.nan, self.unit, time.perf_counter() - started)
+            seconds = time.perf_counter() - started
+            return Verification(0.0, np.nan, np.nan, np.nan, np.nan, self.unit, seconds)
         back, gap = _inverse(target, image)
         covered = gap <= COVERED
         back = np.where(covered, back, UNMATCHED)
         unit = self.unit_of(image)
         ways = ((0, image, unit), (1, back, 1 / unit))
-        there, onto_source = parallel_map(lambda way: self._bent(*way), ways)
+        (there, turned), (onto_source, turned_back) = parallel_map(lambda way: self._bent(*way), ways)
         areas = source.body.vertex_areas, target.body.vertex_areas
         apart = [mean_known(self._apart(way, to), areas[way]) for way, to, _ in ways]
         support = max(_share(source, matched), _share(target, covered))
         distance = float(np.nanmean(apart)) if np.isfinite(apart).any() else np.nan
-        return Verification(support, distance, there, onto_source, unit, time.perf_counter() - started)
+        turning, seconds = float(np.sqrt(turned * turned_back)), time.perf_counter() - started
+        return Verification(support, distance, there, onto_source, turning, unit, seconds)
 
     @cached_property
     def _balls(self) -> tuple[tuple[BallSignature, BallSignature], FloatArray]:
@@ -233,8 +236,8 @@ class Verifier:
     def _registration(self, way: int) -> RigidRegistration:
         return RigidRegistration(self._coarse(way).coarse.mesh, keeps=True)
 
-    def _bent(self, way: int, image: IntArray, unit: float) -> float:
-        """Bending of the largest piece of one shape that has images; nan if it is too small."""
+    def _bent(self, way: int, image: IntArray, unit: float) -> tuple[float, float]:
+        """Bending and turning of the largest piece of one shape that has images; nan if it is too small."""
         coarse, mesh = self._coarse(way), self._coarse(way).coarse.mesh
         onto = Surroundings(self._meshes[1 - way], self.shapes[1 - way].index, unit)
         at = image[coarse.nearest_members]
@@ -243,11 +246,12 @@ class Verifier:
         else:
             kept = largest_piece(mesh, at >= 0)
             if len(kept) < FEWEST_BENT:
-                return np.nan
+                return np.nan, np.nan
             inside = np.zeros(mesh.n_vertices, dtype=bool)
             inside[kept] = True
             registration, at = RigidRegistration(mesh.submesh(inside)[0]), at[kept]
-        return bent_onto(registration, onto, onto.mesh.vertices[at], LENGTHS).spectral_residual
+        bent = bent_onto(registration, onto, onto.mesh.vertices[at], LENGTHS)
+        return bent.spectral_residual, bent.turning
 
 
 def _balls(shape: PreparedShape, length: float) -> BallSignature:

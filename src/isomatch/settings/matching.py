@@ -284,8 +284,9 @@ class OutcomeSettings(Settings):
         lengths, in √area, from which the map tears the edge.
     poor_spectral_residual, poor_residual, poor_stretch, poor_torn_off, poor_orientation : float
         Values above which, of the orientation below which, a map is poor.
-    poor_bending, poor_far_residual : float
-        Values of `Quality.bending_cost` and of the residual above which a map between shapes far from isometric is poor.
+    poor_bending, poor_far_residual, poor_far_descriptor_distance : float
+        Values of `Quality.bending_cost`, of the residual and of the descriptor distance above which a map between shapes
+        far from isometric is poor.
     poor_descriptor_distance : float
         Mean descriptor distance, see `Quality`, of which a map is sure only if it is well below.
     doubtful_descriptor_distance, doubtful_area : float
@@ -316,6 +317,7 @@ class OutcomeSettings(Settings):
     poor_stretch: float = setting(1.2, "docs/lab/benchmarks.md, confidence", least=1)
     poor_bending: float = setting(1.7e-3, "docs/lab/design_notes.md", least=0)
     poor_far_residual: float = setting(0.45, "docs/lab/design_notes.md", least=0)
+    poor_far_descriptor_distance: float = setting(0.465, "docs/lab/design_notes.md, individuals", least=0)
     poor_descriptor_distance: float = setting(0.42, "docs/lab/design_notes.md", least=0)
     doubtful_descriptor_distance: float = setting(0.65, "docs/lab/benchmarks.md, regions of doubt", least=0)
     doubtful_area: float = setting(0.02, "a forearm of a body", least=0, most=1)

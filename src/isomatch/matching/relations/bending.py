@@ -5,12 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from isomatch.correspondence import (
     Embedding,
     PrecisePoints,
     RigidRegistration,
     SurfaceIndex,
+    nearest_rotation,
     nearest_with_normals,
     with_normals,
 )
@@ -65,6 +67,26 @@ class Bent:
         """Mean |log| of the stretch of the edges."""
         after, before = (np.maximum(mesh.edge_lengths, SHORTEST) for mesh in (self.mesh, self.rest))
         return float(np.abs(np.log(after / (self.onto.unit * before))).mean())
+
+    @property
+    def turning(self) -> float:
+        """Mean angle in radians between the rotations of neighbouring vertices, of what lies two edges around each."""
+        # Levi & Gotsman, Smooth rotation enhanced as-rigid-as-possible mesh animation, 2015, add this variation to the
+        # energy. Of two maps that stretch alike, the wrong one bends joints the other way
+        i, j = self.rest.edges.T
+        before, after = (mesh.vertices[j] - mesh.vertices[i] for mesh in (self.rest, self.mesh))
+        n, ends = self.rest.n_vertices, (np.concatenate([i, j]), np.concatenate([j, i]))
+        links = csr_array((np.ones(len(ends[0])), ends), shape=(n, n))
+        of_edges = (before[:, :, None] * after[:, None, :]).reshape(-1, 9)
+        at_ends = csr_array(
+            (np.ones(2 * len(i)), (ends[0], np.tile(np.arange(len(i)), 2))), shape=(n, len(i))
+        )
+        covariances = at_ends @ of_edges
+        for _ in range(2):
+            covariances = covariances + links @ covariances
+        rotations = nearest_rotation(covariances.reshape(-1, 3, 3))
+        cosines = (np.einsum("ijk,ijk->i", rotations[i], rotations[j]) - 1.0) / 2.0
+        return float(np.arccos(np.clip(cosines, -1.0, 1.0)).mean())
 
     @cached_property
     def spectral_residual(self) -> float:

@@ -14,7 +14,7 @@ from isomatch.correspondence import Embedding, with_normals
 from isomatch.errors import NotConvergedError
 from isomatch.matching.confidence import doubt_in, expected_errors, regions_of_doubt
 from isomatch.matching.coordinates import refined_images, registered
-from isomatch.matching.evidence import Solution, fits_badly, measured_evidence, mirror_image_fits
+from isomatch.matching.evidence import Solution, fits_badly, mirror_image_fits
 from isomatch.matching.fit import Fit
 from isomatch.matching.pair import search_pairs
 from isomatch.matching.quality import descriptor_distance_of, measure_quality
@@ -35,6 +35,7 @@ from isomatch.matching.result import Quality
 from isomatch.matching.selection import LANDMARK_SLACK, Rules, Selection, distances_between, distinct, select
 from isomatch.matching.stages import Relation
 from isomatch.matching.starts import first_maps_handed_in, searches_by_anchors, starts_from_priors
+from isomatch.matching.verify import Verification, verifier_of
 from isomatch.runtime.stage_timer import StageTimer
 from isomatch.runtime.threads import parallel_map
 from isomatch.values.arrays import IntArray
@@ -98,6 +99,8 @@ class Elastic(Relation):
         Further first maps, as vertices of source and target, and where each came from.
     ordinary_fits : bool
         Whether the ordinary map fits as maps between isometric shapes do.
+    rivals : sequence of Fit
+        Maps found beside the ordinary one, which contend as elastic ones do.
 
     Notes
     -----
@@ -107,7 +110,7 @@ class Elastic(Relation):
         √(s g · s′ g′)
 
     A map that leaves a limb out has a large g′, one that exchanges limbs a large s. The ordinary map contends like all
-    others.
+    others. Of those that are bent to the end, the one that verifies best is taken.
 
     Examples
     --------
@@ -126,8 +129,10 @@ class Elastic(Relation):
         ordinary: Fit | None = None,
         others: Sequence[tuple[IntArray, str]] = (),
         ordinary_fits: bool = False,
+        rivals: Sequence[Fit] = (),
     ) -> None:
         self.ordinary, self.others, self.ordinary_fits = ordinary, others, ordinary_fits
+        self.rivals = rivals
 
     def match(self, timer: StageTimer | None = None) -> tuple[Selection[StretchedFit], str]:
         """Fit first maps coarsely, bend the shapes by the best, and select among these and the maps known before.
@@ -152,6 +157,7 @@ class Elastic(Relation):
         timer.start("bending")
         if self.ordinary is not None:
             kept.append(self._drawn_ordinary(self.ordinary))
+        kept += [self._drawn(self._fine, LAST_STEP, self._pairs(fit), fit.origin) for fit in self.rivals]
         if len(self.priors.initial_pairs):
             kept.append(replace(first(self.priors.initial_pairs, "initial map"), is_users=True))
         if not kept:
@@ -164,8 +170,18 @@ class Elastic(Relation):
         tie = PRIORED_TIE if len(self.priors.initial_pairs) else 1.0
         least = self.pair.config.selection.runner_up_distance
         rules = Rules(runner_up_distance=least, tie=tie, landmark_slack=LANDMARK_SLACK)
-        reason = f"least score of {len(starts)} elastic maps, {len(fits)} bent"
-        return select(fits, apart, rules), reason
+        reason = f"verified best of {len(starts)} elastic maps, {len(fits)} bent"
+        costs = parallel_map(lambda fit: self._verified(fit).cost, fits)
+        selection = select(fits, apart, rules, scores=costs)
+        # one that differs must cost more, and not score less
+        of_winner = apart[fits.index(selection.winner)]
+        scores = [fit.score for fit, distance in zip(fits, of_winner) if distance > least]
+        ratio = max(min(scores, default=np.inf) / selection.winner.score, 1.0)
+        return replace(selection, runner_up=min(selection.runner_up, ratio)), reason
+
+    def _verified(self, fit: StretchedFit) -> Verification:
+        everywhere = np.arange(self.source.body.n_vertices)
+        return verifier_of(self.pair)(self._bendings[0].images(fit.bent[0], everywhere))
 
     @property
     def is_needless(self) -> bool:
@@ -362,7 +378,7 @@ class Elastic(Relation):
             measured = self.measure(selection, reason)
         timer.start("quality")
         pair = self.pair
-        far = measured_evidence(pair, measured.quality, pair.config.orientation, self.priors.any, far=True)
+        far = measured.evidence(pair, self.priors, far=True)
         regions = regions_of_doubt(pair, measured.descriptor_distance)
         errors = expected_errors(pair, measured.points, doubt_in(regions, self.source.body.n_vertices))
         solution = measured.solution(pair, self.priors, errors, (far,), [FAR], regions=regions)

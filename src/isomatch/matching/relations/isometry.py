@@ -69,9 +69,9 @@ from isomatch.values.cached import cached_property
 ELSEWHERE_DISTANCE = 0.3  # √area: from one limb to another, twice runner_up_distance
 TURNED = 0.2  # √area: mean distance from which a map is turned as a whole; half turns of ants 0.24, trunks alone to 0.2
 MOST_TURNED = 4  # such maps, which are refined
-# cost of a verification, over that of the map, up to which the map composed with a near-symmetry fits as well: from the
-# right map 1.46 at most, between ants; from a right one, of people, 1.84 at least
-AS_WELL = 1.6
+# cost of a verification, over that of the map, up to which the map composed with a near-symmetry fits as well; of the
+# right map over a half turn of ants 1.46 at most, of a wrong map over the right one of animals 1.59 at least
+AS_WELL = 1.5
 MOST_MIRRORED = 3  # maps of the orientation that is not allowed, which are refined
 
 
@@ -94,6 +94,14 @@ class Measured:
     doubt: FloatArray | None = None  # (n_s,) error to be expected because another map may be right
     fit: Fit | None = None  # the refined map that polishing begins with; none of a map that stretches
 
+    def evidence(self, pair: ShapePair, priors: Priors, far: bool) -> Evidence:
+        """Compare the measures with the bounds, see `measured_evidence`."""
+        return measured_evidence(pair, self._with_distance(pair), pair.config.orientation, priors.any, far)
+
+    def _with_distance(self, pair: ShapePair) -> Quality:
+        mean = mean_known(self.descriptor_distance, pair.source.body.vertex_areas)
+        return replace(self.quality, descriptor_distance=mean)
+
     def solution(
         self,
         pair: ShapePair,
@@ -108,12 +116,11 @@ class Measured:
         """Sum up the map in the users' vertices; where it has no image, no error is expected."""
         source, between, distances = pair.source, level or pair, self.descriptor_distance
         result = between.source.correspondence(between.target, points or self.points, self.matched)
-        mean_distance = mean_known(distances, source.body.vertex_areas)
         known = None if distances is None else np.where(result.matched, source.lift(distances), np.nan)
         return Solution(
             pair,
             result,
-            replace(self.quality, descriptor_distance=mean_distance, matched=float(result.matched.mean())),
+            replace(self._with_distance(pair), matched=float(result.matched.mean())),
             evidence,
             np.where(result.matched, source.lift_smooth(errors), np.nan),
             notes=(*pair.notes, *priors.notes, *notes, *contradicted_landmarks(pair, self.points, priors)),
@@ -195,8 +202,9 @@ class Isometry(Relation):
         timer.start("refinement")
         selection = self._refined_and_selected(eligible, runners_up)
         if hypotheses is None and self.stages.starts is None:
+            selection = self._with_those_given_up(selection, eligible)
             selection = self._compared_further(selection, eligible)
-        selection = self._against_mirror_image(self._least_bent(selection), eligible)
+        selection = self._against_mirror_image(self._best_verified(selection), eligible)
         embedding = self.everywhere(selection.winner)
         return IsometricMatch(selection, tuple(eligible), tuple(runners_up), embedding, self)
 
@@ -326,6 +334,21 @@ class Isometry(Relation):
             n_tried=n_tried,
         )
 
+    def _with_those_given_up(
+        self, selection: Selection[Fit], candidates: Sequence[Candidate]
+    ) -> Selection[Fit]:
+        """Refine to the end what was given up on the way to a winner that is not sure, if it differs as a whole."""
+        # a half turn of an ant is given up at 1.15 times the spectral residual, and ties by the score
+        first, config = selection.winner, self.pair.config
+        if not self._sided or first.candidate is None or is_sure(self, selection):
+            return selection
+        known = [first, *selection.runners_up]
+        ended = [fit.candidate.target_row for fit in known if fit.candidate]
+        others = contenders(candidates, config.orientation, config.selection)
+        fits = self.refine_and_select(self.begun(distinct_maps(self.pair, others, before=ended)))
+        known += [fit for fit in fits if is_another(self, fit, first)]
+        return self._selected(known, [True] * len(known))
+
     def _compared_further(self, selection: Selection[Fit], candidates: Sequence[Candidate]) -> Selection[Fit]:
         """Compare a winner that is not sure with further ones; one that loses to a runner-up does not replace it."""
         first = selection.winner
@@ -349,8 +372,8 @@ class Isometry(Relation):
         config, oriented = self.pair.config, self.pair.oriented
         return oriented and config.orientation != "any" and config.hypotheses == "all" and not self.priors.any
 
-    def _least_bent(self, selection: Selection[Fit]) -> Selection[Fit]:
-        """Of refined maps that tie, take the one by which the shapes bend least; nothing tells which of them is right."""
+    def _best_verified(self, selection: Selection[Fit]) -> Selection[Fit]:
+        """Of refined maps that tie, take the one that verifies best; nothing tells which of them is right."""
         # where neither shape has handles, which shorten distances, or caps; docs/lab/design_notes.md, one verification
         first, tie, shapes = selection.winner, self.pair.config.outcome.tie, (self.source, self.target)
         if not self._sided or any(shape.handles or shape.original for shape in shapes):
@@ -359,8 +382,8 @@ class Isometry(Relation):
         tied = [fit for fit in fits if fit.score <= tie * first.score and fit.side == first.side]
         if len(tied) == 1:
             return selection
-        bendings = [verifier_of(self.pair)(self._image(fit)).bending_both_ways for fit in tied]
-        best = tied[int(np.argmin(bendings))]
+        costs = [verifier_of(self.pair)(self._image(fit)).cost for fit in tied]
+        best = tied[int(np.argmin(costs))]
         if best is first:
             return selection
         ratio = 1.0 if is_another(self, best, first) else selection.runner_up
@@ -455,7 +478,7 @@ class Isometry(Relation):
             points = self._polished(level, map_.fit)
         if self.source.detail or self.target.detail:
             timer.start("carry")
-        evidence = [measured_evidence(pair, map_.quality, pair.config.orientation, priors.any, far)]
+        evidence = [map_.evidence(pair, priors, far)]
         if pair.round and not priors.any:
             evidence.append(Evidence(ambiguous=True))
         notes = self._notes(selection)
@@ -467,8 +490,7 @@ class Isometry(Relation):
             notes.append("stretch, residual and distortion are those of the shapes with their holes closed")
         solution = map_.solution(pair, priors, errors, tuple(evidence), notes, level, points, regions)
         solution = replace(solution, descriptors_count=not far)
-        certain = not far and is_sure(self, selection)
-        rivals = self._symmetric(map_) if solution.outcome is Outcome.CONVERGED and not certain else []
+        rivals = self._symmetric(map_) if solution.outcome is Outcome.CONVERGED else []
         if rivals:
             solution = solution.with_evidence(Evidence(ambiguous=True))
             solution = replace(solution, notes=(*solution.notes, AMBIGUOUS))
