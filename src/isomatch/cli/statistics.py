@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection
 from dataclasses import replace
 from itertools import accumulate
 from pathlib import Path
@@ -21,7 +21,7 @@ from isomatch.cli.outputs import claimed_files, require_writable, say_left_out
 from isomatch.cli.scored import LAST, new_shapes, say_scored, write_scored
 from isomatch.cli.statistics_files import StatisticsFolder
 from isomatch.cli.terminal import INDENT, TALK, Talk, complain, json_text, part, say, say_rows, say_table
-from isomatch.errors import FormatError, IsomatchError, MapError
+from isomatch.errors import FormatError, IsomatchError
 from isomatch.statistics import CorrespondedShapes, GroupTest, ShapeModel, ShapeRegression
 from isomatch.storage.files import opened, write_text
 from isomatch.storage.texts import decoded, read_csv, separated
@@ -30,7 +30,6 @@ from isomatch.values.arrays import FloatArray
 Scale = Literal["keep", "remove"]
 Weights = Literal["area", "uniform"]
 TestMethod = Literal["permutation", "parametric"]
-NOT_OF_THE_MEAN = "left and right are told by {}, since the left–right map of the mean is not certain"
 TRUSTED = {"CONVERGED", "PARTIAL"}  # outcomes of maps that are not in doubt
 
 statistics = App(name="statistics", default_parameter=Parameter(negative=()))
@@ -75,7 +74,8 @@ def run(
     with talk.progress() as tell, into.claimed(force) as new:
         tell("reading", 0.0)
         shapes, labels, doubts, notes = read_cohort(folder, groups)
-        say_doubts(doubts)
+        for doubt in doubts:
+            complain(f"{' and '.join(doubt.names)} {doubt.reason}")
         tell("model", 0.1)
         if mirror is not None:
             shapes, note = _mirrored(shapes, mirror, scale, weights, seed)
@@ -140,9 +140,9 @@ def run(
 def read_cohort(
     folder: Path, groups: Path | None
 ) -> tuple[CorrespondedShapes, dict[str, str], list[shape_statistics.Doubt], list[str]]:
-    """Read shapes, their groups, which of them seem wrong, and notes."""
+    """Read shapes of a folder, or one, their groups, which of them seem wrong, and notes."""
     collections.require_unchanged(collections.Layout(folder), ["corresponded"])
-    shapes = shape_statistics.read_shapes(folder)
+    shapes = shape_statistics.read_shapes([folder] if folder.is_file() else folder)
     labels = read_groups(groups, shapes.names, shapes.left_out) if groups else {}
     doubts = shape_statistics.doubtful_shapes(shapes)
     notes = [f"left out: {reason}" for reason in shapes.left_out]
@@ -150,26 +150,17 @@ def read_cohort(
     return shapes, labels, list(doubts), notes
 
 
-def say_doubts(doubts: Iterable[shape_statistics.Doubt]) -> None:
-    """Complain of shapes that seem wrong."""
-    for doubt in doubts:
-        complain(f"{' and '.join(doubt.names)} {doubt.reason}")
-
-
 def _mirrored(
     shapes: CorrespondedShapes, mirror: str, scale: Scale, weights: Weights, seed: int
 ) -> tuple[CorrespondedShapes, list[str]]:
     """Add the mirror images by a left–right map, found or read; note of which shape it is, if not of the mean."""
     if mirror != "auto":
-        return shapes.mirrored(isomatch.Correspondence.load(Path(mirror), shapes.n_vertices)), []
+        given = isomatch.Correspondence.load(Path(mirror), shapes.n_vertices)
+        return shapes.mirrored([given] * len(shapes)), []
     mean = ShapeModel.fit(shapes, scale, weights).mesh()
-    result, of = shape_statistics.left_right_of_shapes(shapes, mean, seed=seed)
-    if result.outcome not in shape_statistics.SURE:
-        raise MapError(
-            f"the left–right map is not certain ({result.outcome.value}); give it as a file, or landmarks to isomatch "
-            "asymmetry, which writes it"
-        )
-    return shapes.mirrored(result.map), [NOT_OF_THE_MEAN.format(of)] if of else []
+    left_right, of = shape_statistics.left_right_of_shapes(shapes, mean, seed=seed)
+    note = f"left and right are told by {of}, since the left–right map of the mean is not certain"
+    return shapes.mirrored([left_right] * len(shapes)), [note] if of else []
 
 
 def _doubts(pairs: Path, names: tuple[str, ...]) -> list[str]:

@@ -69,19 +69,12 @@ class StatisticsFolder:
         write_csv(self.path(file), rows, list(columns))
 
     def mesh(
-        self,
-        name: str,
-        mesh: Mesh,
-        values: Mapping[str, FloatArray],
-        shown: FloatArray,
-        highest: float,
-        signed: bool = False,
+        self, name: str, mesh: Mesh, values: Mapping[str, FloatArray], shown: FloatArray, highest: float = 0.0
     ) -> None:
-        """Write a mesh with values at its vertices, one of which, perhaps with a sign, gives the colours."""
-        colour_map, low, high = (
-            ("RdBu_r", -(highest or 1.0), highest) if signed else ("viridis", 0.0, highest)
-        )
-        rgb = np.nan_to_num(view.colour_scale(colour_map, low, high or 1.0)(shown[:, None]), nan=GREY)
+        """Write a mesh with values at its vertices, one of which gives the colours, from 0 or on both sides of it."""
+        high = highest or float(np.nanquantile(np.abs(shown), 0.995)) or 1.0
+        paint = view.colour_scale(*(("RdBu_r", -high) if (shown < 0).any() else ("viridis", 0.0)), high)
+        rgb = np.nan_to_num(paint(shown[:, None]), nan=GREY)
         attributes = [Attribute(measure, "point", "scalar", numbers) for measure, numbers in values.items()]
         colours = Attribute("color", "point", "colour", np.round(255 * rgb).astype(np.uint8))
         write_asset(self.path(name), Asset.of_mesh(mesh, [*attributes, colours]), binary=True)
@@ -109,7 +102,7 @@ class StatisticsFolder:
         values = {"variance": variances, "standard_deviation": deviations}
         if shapes.measured is not None:
             values["measured"] = shapes.measured.sum(axis=0).astype(np.float64)
-        self.mesh("variance.ply", model.mesh(), values, deviations, float(np.nanquantile(deviations, 0.995)))
+        self.mesh("variance.ply", model.mesh(), values, deviations)
         label = "standard deviation, in units of the shapes"
         shape_statistics.draw_values(self.picture("variance"), model.mesh(), deviations, label)
 
@@ -175,7 +168,7 @@ class StatisticsFolder:
         values = {"p_value": test.p_values, "q_value": test.q_values, "difference": length}
         shown = np.where(test.significant(), length, np.nan)
         somewhere = bool(test.significant().any())
-        self.mesh("groups.ply", mean, values, shown, float(np.nanmax(shown)) if somewhere else 0.0)
+        self.mesh("groups.ply", mean, values, shown, float(np.nanmax(shown)) if somewhere else 1.0)
         label = "no difference is significant"
         if somewhere:
             label = "distance of the group means; grey: not significant"
@@ -225,8 +218,8 @@ class StatisticsFolder:
         n, scale, weights = len(record["shapes"]), SCALES[record["scale"]], WEIGHTS[record["weights"]]
         counted = f"{n} shapes" if record["mirror"] is None else f"{n // 2} shapes and their mirror images"
         modes = enumerate(zip(record["shares"][:10], accumulate(record["shares"])), 1)
-        settings = f"{scale}; {weights}. Seed {record['seed']}, isomatch {record['isomatch']}."
         rows = [(str(i), f"{x:.1%}", f"{y:.1%}") for i, (x, y) in modes]
+        settings = f"{scale}; {weights}. Seed {record['seed']}, isomatch {record['isomatch']}."
         sections = {
             "To look at first": listed(doubts),
             "What was found": listed(told),
@@ -235,20 +228,11 @@ class StatisticsFolder:
         self.page(f"Statistics of {counted}", folder, settings, sections, PICTURES)
 
     def page(
-        self,
-        title: str,
-        folder: str,
-        settings: str,
-        sections: Mapping[str, str],
-        pictures: Mapping[str, str],
+        self, title: str, folder: str, settings: str, sections: Mapping[str, str], words: Mapping[str, str]
     ) -> None:
-        """Write the page: sections of HTML by their headings, empty ones left out, pictures with words, and tables."""
-        drawn = {
-            name.removesuffix(f".{self.pictures}"): name
-            for name in self.written
-            if name.endswith(f".{self.pictures}")
-        }
-        figures = [_figure(drawn[name], words) for name, words in pictures.items() if name in drawn]
+        """Write the page: sections of HTML by their headings, but for empty ones, pictures with words, and tables."""
+        ending = f".{self.pictures}"
+        drawn = [name.removesuffix(ending) for name in self.written if name.endswith(ending)]
         tables = [name for name in self.written if name.endswith((".csv", ".npz")) and "/" not in name]
         template = Template((files("isomatch.cli") / "statistics_page.html").read_text(encoding="utf-8"))
         text = template.substitute(
@@ -256,7 +240,7 @@ class StatisticsFolder:
             folder=escape(folder),
             settings=escape(settings),
             sections="".join(f"<h2>{escape(name)}</h2>\n{html}\n" for name, html in sections.items() if html),
-            figures="".join(figures),
+            figures="".join(_figure(name + ending, words[name]) for name in words if name in drawn),
             tables=", ".join(f'<a href="{quote(name)}">{escape(name)}</a>' for name in tables),
         )
         write_text(self.path("index.html"), text)
@@ -312,8 +296,12 @@ def listed(lines: Sequence[str]) -> str:
     return "<ul>" + "".join(f"<li>{escape(line)}</li>" for line in lines) + "</ul>" if lines else ""
 
 
-def tabulated(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Format rows as a table in HTML."""
-    head = "".join(f"<th scope=col>{escape(name)}</th>" for name in columns)
-    body = "".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows)
+def tabulated(columns: Sequence[str], rows: Iterable[Iterable[object]]) -> str:
+    """Format rows as a table in HTML, numbers with four digits, nan as nothing."""
+    head = "".join(f"<th scope=col>{escape(name.replace('_', ' '))}</th>" for name in columns)
+    texts = (
+        [f"{cell:.4g}".replace("nan", "") if isinstance(cell, float) else str(cell) for cell in row]
+        for row in rows
+    )
+    body = "".join(f"<tr>{''.join(f'<td>{escape(text)}</td>' for text in row)}</tr>" for row in texts)
     return f"<div class=wide><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, get_args
 
@@ -290,8 +290,7 @@ def draw_values(
     values: FloatArray,
     label: str,
     *,
-    signed: bool = False,
-    sides: tuple[FloatArray, str, str] | None = None,
+    views: Mapping[str, FloatArray] | None = None,
     dpi: int = DPI,
 ) -> None:
     """Draw a surface from two sides, coloured by a value at each vertex.
@@ -302,34 +301,28 @@ def draw_values(
         As for `draw_scores`.
     mesh : Mesh
     values : (n,) array of float
-        Nan is drawn grey.
+        Nan is drawn grey. If any is below 0, the colours tell signs.
     label : str
         What they are, with their unit; without any value, it is all that is said.
-    signed : bool
-        Whether values have a sign; otherwise they are at least 0.
-    sides : ((3,) array of float, str, str), optional
-        Normal of a plane of symmetry, and the names of the side to which it points and of the other one: the surface is
-        drawn from each of them, and twice along the plane.
+    views : mapping of str to (3,) array of float, optional
+        Directions from which it is seen, by their titles.
     """
     has_value = np.isfinite(values)
-    most = 0.98 if signed or sides else 0.995  # a map from left to right may be wrong in places
-    highest = float(np.quantile(np.abs(values[has_value]), most)) if has_value.any() else 0.0
-    high = highest or 1.0
-    name, low = (DIVERGING, -high) if signed else (RISING, 0.0)
+    high = (float(np.quantile(np.abs(values[has_value]), 0.995)) if has_value.any() else 0.0) or 1.0
+    name, low = (DIVERGING, -high) if (values < 0).any() else (RISING, 0.0)
     front = camera_of(mesh)
-    views, titles = [front, front * [[-1], [1], [-1]]], ["", ""]
-    if sides is not None:
-        views, titles = _views_of_sides(front, *sides)
+    seen = {title: _seen_from(front, direction) for title, direction in (views or {}).items()}
+    cameras = seen or {"": front, " ": front * [[-1], [1], [-1]]}
     paint = colour_scale(name, low, high)
-    density = min(_density([mesh], view, dpi, per_row=2) for view in views) * np.sqrt(mesh.area)
+    density = min(_density([mesh], each, dpi, per_row=2) for each in cameras.values()) * np.sqrt(mesh.area)
 
     def paint_known(seen: FloatArray) -> FloatArray:
         share = np.where(seen[:, 1:] < LEAST_SHARE, np.nan, seen[:, 1:])
         return paint(seen[:, :1] / share)
 
     columns = np.column_stack([np.where(has_value, values, 0.0), has_value])
-    images = [surface_image(mesh, columns, paint_known, view, density) for view in views]
-    figure, axes = arranged_panels(images, titles, 2, WIDTH, TEXT)
+    images = [surface_image(mesh, columns, paint_known, each, density) for each in cameras.values()]
+    figure, axes = arranged_panels(images, list(cameras), 2, WIDTH, TEXT)
     if has_value.any():
         _add_bar(figure, axes, name, low, high, label)
     else:
@@ -337,33 +330,11 @@ def draw_values(
     save_figure(figure, path, dpi)
 
 
-def _views_of_sides(
-    front: FloatArray, normal: FloatArray, plus: str, minus: str
-) -> tuple[list[FloatArray], list[str]]:
-    """Cameras, see `camera_of`, that look at both sides of a plane and along it, from before and from behind."""
-    up = front[1] if abs(front[1] @ normal) < 0.7 else front[2]
-    up = up - (up @ normal) * normal
-    up /= np.linalg.norm(up)
-    ahead = np.cross(normal, up)
-    views = [np.array([np.cross(up, to), up, to]) for to in (normal, -normal, ahead, -ahead)]
-    return views, [f"the {plus} side", f"the {minus} side", "both sides", "both, from the other end"]
-
-
-def draw_null(path: str | Path, null: FloatArray, observed: float, label: str, *, dpi: int = DPI) -> None:
-    """Draw the distribution of a statistic by chance, (k,), and where the observed one is, as `draw_scores`."""
-    figure, (axes,) = _chart(height=0.7 * SIZE[1])
-    axes.hist(
-        null,
-        bins=np.linspace(0.0, max(float(null.max()), observed), 41).tolist(),
-        color=GREY,
-        label="by chance",
-    )
-    axes.axvline(observed, color=COLOURS[2], linewidth=2, label="found")
-    axes.set_xlabel(label)
-    axes.set_ylabel("times")
-    axes.set_xlim(left=0)
-    axes.legend(fontsize="small")
-    save_figure(figure, path, dpi)
+def _seen_from(front: FloatArray, to: FloatArray) -> FloatArray:
+    """Turn a camera, see `camera_of`, so that it looks from another direction, its height kept if possible."""
+    up = front[1] if abs(front[1] @ to) < 0.7 else front[2]
+    right = np.cross(up, to) / np.linalg.norm(np.cross(up, to))
+    return np.array([right, np.cross(to, right), to])
 
 
 def _density(meshes: Sequence[Mesh], camera: FloatArray, dpi: int, per_row: int) -> float:
@@ -376,10 +347,14 @@ def _add_bar(figure: Figure, axes: list[Axes], name: str, low: float, high: floa
     """Add a colour bar below all panels."""
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
+    from matplotlib.ticker import MaxNLocator
 
     scale = ScalarMappable(Normalize(low, high), name)
     figure.set_figheight(figure.get_figheight() + BAR)
     beyond = "both" if low else "max"
-    bar = figure.colorbar(scale, ax=axes, location="bottom", shrink=0.6, aspect=40, extend=beyond)
+    ticks = MaxNLocator(MOST_TICKS)
+    bar = figure.colorbar(
+        scale, ax=axes, location="bottom", shrink=0.6, aspect=40, extend=beyond, ticks=ticks
+    )
     bar.set_label(label, size=TEXT)
     bar.ax.tick_params(labelsize=TEXT)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from hashlib import blake2b
 from pathlib import Path
@@ -168,23 +168,27 @@ class CorrespondedShapes:
         """Return the same shapes at other positions, (m, n, 3)."""
         return replace(self, vertices=vertices)
 
-    def mirrored(self, left_right: Correspondence) -> CorrespondedShapes:
+    def mirrored(self, left_right: Sequence[Correspondence]) -> CorrespondedShapes:
         """Return the shapes followed by their mirror images, moved onto them.
 
-        A left–right map, such as that of `left_right_map`, tells the point on the other side that corresponds to each
-        vertex. A vertex without one stays where it is in the mirror image, too, and is not measured there.
+        The left–right map of each shape, such as `left_right_map` finds, tells the point on the other side that
+        corresponds to each vertex. A vertex without one stays where it is in the mirror image, and is not measured there.
         """
-        n, held = self.n_vertices, left_right.matched
-        if left_right.shape != (n, n) or not held.any():
-            raise MeshError(f"{left_right!r} is no map of the {n} vertices of the shapes onto themselves")
-        images = self.vertices.copy()
-        for image, shape in zip(images, self.vertices):
-            placed = np.where(held[:, None], left_right.pull_back(shape, fill=0.0), 0.0) * [-1.0, 1.0, 1.0]
-            image[held] = aligned_to(shape, placed, held / held.sum())[held]
+        m, n = self.vertices.shape[:2]
+        if len(left_right) != m or not all(
+            each.shape == (n, n) and each.matched.any() for each in left_right
+        ):
+            raise MeshError(f"{left_right!r} are no maps of {m} shapes of {n} vertices onto themselves")
+        own = np.ones((m, n), dtype=bool) if self.measured is None else self.measured
+        images, seen = self.vertices.copy(), own.copy()
+        for shape, image, there, sides in zip(self.vertices, images, seen, left_right):
+            held = sides.matched
+            other = sides.pull_back(shape, fill=0.0) * [-1.0, 1.0, 1.0]
+            image[held] = aligned_to(shape, other, held / held.sum())[held]
+            there[:] = there[sides.vertices] & held
         names = (*self.names, *(name + MIRRORED for name in self.names))
-        own = np.ones(self.vertices.shape[:2], dtype=bool) if self.measured is None else self.measured
-        measured = np.concatenate([own, own[:, left_right.vertices] & held])
-        return replace(self, names=names, vertices=np.concatenate([self.vertices, images]), measured=measured)
+        vertices, measured = np.concatenate([self.vertices, images]), np.concatenate([own, seen])
+        return replace(self, names=names, vertices=vertices, measured=measured)
 
 
 def _digest(faces: IntArray) -> bytes:

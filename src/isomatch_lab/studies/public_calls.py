@@ -383,9 +383,9 @@ def _asymmetry(at: Folders) -> Any:
     room, made, rng = isomatch.statistics, creature(1500, symmetric=True), np.random.default_rng(0)
     meshes = {f"s{i}": made.mesh.moved(made.rest * (1 + 0.05 * rng.normal(size=3))) for i in range(4)}
     shapes = room.CorrespondedShapes.of_meshes(meshes)
-    result, note = room.left_right_of_shapes(shapes, made.rest_mesh)
-    sides = room.align_sides(shapes.mirrored(result.map), left_right=result.map)
-    return result.map, note, room.asymmetry(*sides, n_permutations=99)
+    sides, note = room.left_right_of_shapes(shapes, made.rest_mesh)
+    aligned = room.align_sides(shapes.mirrored([sides] * 4), left_right=[sides] * 4)
+    return sides, note, room.asymmetry(*aligned, n_permutations=99)
 
 
 @call()
