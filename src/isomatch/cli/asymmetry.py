@@ -20,6 +20,7 @@ from isomatch.storage.texts import read_csv
 from isomatch.values.arrays import FloatArray
 
 MOST_DRAWN = 3  # the most asymmetric shapes, which have pictures of their own
+WRONG = "; where they have one colour, the map between them is wrong"
 HEADS = ("variation", "sum of squares", "share", "degrees of freedom", "mean square", "F")
 HALF = "half of the difference of the sides, along the normal; red: stands out, blue: lies deeper"
 MEASURED = (
@@ -167,8 +168,7 @@ def _measured(
     m, lines, words = len(both) // 2, list[dict[str, Any]](), dict[str, str]()
     every = np.ones(both.vertices.shape[:2], bool) if both.measured is None else both.measured
     known = every[:m] & every[m:]
-    share = both.area_weights * known.mean(axis=0)
-    share /= share.sum()
+    share = both.area_weights * known.mean(axis=0) / (both.area_weights @ known.mean(axis=0))
     aligned = shape_statistics.align_sides(both, share, scale, maps)
     found = shape_statistics.asymmetry(*aligned, share, individuals=individuals, seed=seed)
     mean = both.mesh(0).moved(found.symmetric)
@@ -192,7 +192,7 @@ def _measured(
         words["fluctuating"] = "Fluctuating asymmetry: how far single ones differ from that."
     for i in np.argsort(-found.amounts, kind="stable")[:MOST_DRAWN].tolist():
         draw(name := f"shapes/{both.names[i]}", both.mesh(i), outward[i], i)
-        words[name] = f"{both.names[i]}: where its sides differ."
+        words[name] = f"{both.names[i]}: where its sides differ{WRONG if views else ''}."
     for i, signed in enumerate(outward):
         mesh, most = both.mesh(i), int(np.nanargmax(np.abs(signed)))
         length = np.where(known[i], np.linalg.norm(found.components[i], axis=1), np.nan)
