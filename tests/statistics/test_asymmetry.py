@@ -148,7 +148,7 @@ def test_p_values_of_chance_are_uniform(m):
 
 
 def test_errors_of_own_maps_are_no_directional_asymmetry():
-    """Maps that are wrong by a vertex: of one for all, the asymmetry of symmetric shapes is directional."""
+    """Maps that are wrong by a vertex at random: of one for all, the asymmetry of symmetric shapes is directional."""
     rng, m, weights = np.random.default_rng(8), 8, SPHERE.vertex_areas
     shapes = balls(2 + 0.3 * EVEN[1] + 0.02 * rng.normal(size=(m, 2)) @ EVEN)
     neighbours = [SPHERE.faces[(SPHERE.faces == i).any(axis=1)].ravel() for i in range(len(OTHER))]

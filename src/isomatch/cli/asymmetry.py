@@ -17,7 +17,6 @@ from isomatch.cli.terminal import TALK, Talk, Tell, complain, part, say, say_row
 from isomatch.errors import MeshError, NotConvergedError, SettingError
 from isomatch.statistics import Asymmetry, CorrespondedShapes, draw_values
 from isomatch.storage.texts import read_csv
-from isomatch.values.arrays import FloatArray
 
 MOST_DRAWN = 3  # the most asymmetric shapes, which have pictures of their own
 WRONG = "; where they have one colour, the map between them is wrong"
@@ -178,21 +177,20 @@ def _measured(
     planes = [shape_statistics.symmetry_plane(*each, share) for each in zip(both.vertices, maps)]
     axes = ["xyz"[int(np.abs(normal).argmax())] for normal, _ in planes]
     views = [{f"the +{axis} side": to, f"the −{axis} side": -to} for axis, (to, _) in zip(axes, planes)]
-
-    def draw(name: str, mesh: isomatch.Mesh, values: FloatArray, i: int, label: str = HALF) -> None:
-        draw_values(new.picture(name), mesh, values, label, views=views[i] if views else None)
-
+    views = views or [{}] * m
     if m > 1:
         held = np.where(known.any(axis=0), np.nan_to_num(outward), np.nan)
         common, own = held.mean(axis=0), held.std(axis=0)
         new.mesh("mean.ply", mean, {"directional": common, "fluctuating": own}, common)
-        draw("directional", mean, common, 0)
-        draw("fluctuating", mean, own, 0, "standard deviation, along the normal")
+        draw_values(new.picture("directional"), mean, common, HALF, views=views[0])
+        label = "standard deviation, along the normal"
+        draw_values(new.picture("fluctuating"), mean, own, label, views=views[0])
         words["directional"] = "Directional asymmetry: what all have in common."
         words["fluctuating"] = "Fluctuating asymmetry: how far single ones differ from that."
     for i in np.argsort(-found.amounts, kind="stable")[:MOST_DRAWN].tolist():
-        draw(name := f"shapes/{both.names[i]}", both.mesh(i), outward[i], i)
-        words[name] = f"{both.names[i]}: where its sides differ{WRONG if views else ''}."
+        name = f"shapes/{both.names[i]}"
+        draw_values(new.picture(name), both.mesh(i), outward[i], HALF, views=views[i])
+        words[name] = f"{both.names[i]}: where its sides differ{WRONG if planes else ''}."
     for i, signed in enumerate(outward):
         mesh, most = both.mesh(i), int(np.nanargmax(np.abs(signed)))
         length = np.where(known[i], np.linalg.norm(found.components[i], axis=1), np.nan)
@@ -225,6 +223,7 @@ def _told(record: dict[str, Any]) -> list[str]:
             f"fluctuating asymmetry has {rows[2]['f']:.3g} times the mean square of the error of measurement"
             if len(rows) > 3
             else "nothing was measured twice: errors of measurement and of maps are part of the fluctuating asymmetry",
+            "errors of maps are in part alike in all shapes: asymmetry near them may look directional at a small p",
             f"{record['share']:.1%} of the asymmetry is directional, p = {record['p_value']:.4g} "
             f"({record['n_permutations']} ways to mirror some of the individuals; no p is below {2.0 ** (1 - n):.2g})",
         ]
