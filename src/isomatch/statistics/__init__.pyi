@@ -1,4 +1,13 @@
-from isomatch.statistics.asymmetry import Asymmetry, asymmetry, left_right_map, left_right_of_shapes
+from isomatch.statistics.asymmetry import (
+    Asymmetry,
+    SumOfSquares,
+    align_sides,
+    asymmetry,
+    left_right_map,
+    left_right_of_shapes,
+    paired_sides,
+    symmetry_plane,
+)
 from isomatch.statistics.charts import (
     PictureFormat,
     draw_embedding,
@@ -71,6 +80,8 @@ __all__ = [
     "ScoredShape",
     "ShapeModel",
     "ShapeRegression",
+    "SumOfSquares",
+    "align_sides",
     "asymmetry",
     "centroid_sizes",
     "classical_scaling",
@@ -99,6 +110,7 @@ __all__ = [
     "observed_landmarks",
     "observed_part",
     "observed_vertices",
+    "paired_sides",
     "procrustes_distances",
     "read_observations",
     "read_shapes",
@@ -106,6 +118,7 @@ __all__ = [
     "shape_tree",
     "size_factors",
     "specificity",
+    "symmetry_plane",
     "told_factor",
     "write_shapeworks",
     "write_statismo",
