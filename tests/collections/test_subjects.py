@@ -149,8 +149,7 @@ def test_points_that_touch_are_kept_together():
     assert second["slip_after"] < 0.02 < 0.3 < second["slip_before"]
     assert second["gap_after"] == pytest.approx(0.3, abs=1e-6)  # still on the sheet
     np.testing.assert_allclose(shapes.vertices[1, 400:], shapes.vertices[0, 400:], atol=0.1)
-    left, gaps = contacts_kept(sheets(0.6), move=False)
-    np.testing.assert_array_equal(left.vertices, sheets(0.6).vertices)
+    _, gaps = contacts_kept(sheets(0.6), move=False)
     assert gaps[1]["slip_after"] == gaps[1]["slip_before"]
 
 
@@ -160,7 +159,6 @@ def test_points_beyond_the_edge_have_no_counterpart():
     vertices[1, 400:, 0] = 5 + (vertices[1, 400:, 0] - 5) * 0.8  # a sheet that ends before
     kept, (_, second) = contacts_kept(shapes.moved(vertices))
     assert second["without"] == pytest.approx(0.2, abs=0.06)
-    assert (kept.seen[1, 400:] == (kept.vertices[1, 400:, 0] < 12.8)).mean() > 0.95
     np.testing.assert_allclose(kept.vertices[1, 400:], shapes.vertices[0, 400:], atol=0.2)
     vertices[1, 400:, 0] = 5 + (vertices[1, 400:, 0] - 5) * 0.3
     kept, (_, second) = contacts_kept(shapes.moved(vertices))

@@ -7,7 +7,7 @@ from isomatch.correspondence import iterative_closest_points
 from isomatch.datasets import ground_truth
 from isomatch.matching import Hypothesis, default_starts, prepare_pair
 from isomatch.matching.pair import search_pairs
-from isomatch.matching.search import combinations, flips, search, search_back
+from isomatch.matching.search import flips, search
 from isomatch.matching.starts import start_from_pairs, starts_from_extremities, starts_from_poses
 from isomatch_lab.procedural import creature
 
@@ -53,35 +53,6 @@ def test_flips_are_new_whatever_is_known(known, origin):
     for i, one in enumerate(everything):
         for other in everything[:i]:
             assert apart(pair, one, other) > 0.05
-
-
-def test_two_maps_that_exchange_their_halves_are_combined_to_both_right_ones(known):
-    pair, true, mirrored = known
-    half = pair.source.laplace.vectors[pair.source_vertices, 1] > 0
-    maps = [
-        np.where(half, *two)
-        for two in ((true.target_row, mirrored.target_row), (mirrored.target_row, true.target_row))
-    ]
-    assert min(pair.distances_between_maps(true.target_row, maps)) > 0.1
-    found = combinations(pair, maps)
-    for right in (true, mirrored):
-        assert min(apart(pair, h, right) for h in found) < 0.03
-    assert {h.origin for h in found} == {"combination"}
-
-
-def test_combinations_are_new(known):
-    pair, true, mirrored = known
-    maps = [true.target_row, mirrored.target_row]
-    assert all(pair.differs(h.target_row, maps, 0.05) for h in combinations(pair, maps))
-    assert combinations(pair, maps[:1]) == []
-    assert combinations(pair, [maps[0], maps[0]]) == []
-
-
-def test_the_right_map_is_found_from_the_other_side(known):
-    pair, true, _ = known
-    found = search_back(pair)
-    assert min(apart(pair, h, true) for h in found) < 0.03
-    assert {h.origin for h in found} == {"other side"}
 
 
 def test_a_map_of_the_search_vertices_survives_as_pairs(known):

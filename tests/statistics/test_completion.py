@@ -238,6 +238,7 @@ def test_a_part_that_is_wound_inside_out_completes_to_the_same():
 
 def test_mirror_images_do_not_hide_what_a_model_does_not_describe():
     shapes = random_shapes(12)
-    twins = shapes.mirrored(np.random.default_rng(0).permutation(shapes.n_vertices))
+    other = Correspondence(np.random.default_rng(0).permutation(shapes.n_vertices), shapes.n_vertices)
+    twins = shapes.mirrored([other] * 12)
     alone, both = model_noise(ShapeModel.fit(shapes)), model_noise(ShapeModel.fit(twins))
     assert both > 0.3 * alone

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from corresponded import moved, random_shapes
-from isomatch import MeshError, write_asset
+from isomatch import Correspondence, MeshError, write_asset
 from isomatch.assets import Asset, Attribute
 from isomatch.statistics import (
     CorrespondedShapes,
@@ -121,7 +121,8 @@ def test_files_say_what_was_measured(tmp_path):
 def test_a_mirror_image_lacks_the_other_side():
     shapes = with_gaps(random_shapes(3))
     other = np.random.default_rng(1).permutation(42)
-    assert np.array_equal(shapes.mirrored(other).measured[3:], shapes.measured[:, other])
+    both = shapes.mirrored([Correspondence(other, 42)] * 3)
+    assert np.array_equal(both.measured[3:], shapes.measured[:, other])
 
 
 def test_a_mask_of_another_shape_is_refused():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from corresponded import ellipsoids, random_shapes
-from isomatch import Mesh, write_mesh
+from isomatch import Correspondence, Mesh, Outcome, write_mesh
 from isomatch.errors import FormatError, MapError, MeshError, MissingFileError
 from isomatch.statistics import (
     CorrespondedShapes,
@@ -89,13 +89,14 @@ def test_weights_are_shares_of_the_area():
 
 def exact_left_right(points):
     """The vertex at the mirrored place of each."""
-    return np.abs(points[:, None] * [-1, 1, 1] - points).sum(axis=2).argmin(axis=1)
+    other = np.abs(points[:, None] * [-1, 1, 1] - points).sum(axis=2).argmin(axis=1)
+    return Correspondence(other, len(points))
 
 
 def test_with_their_mirror_images_the_mean_is_symmetric():
     shapes = random_shapes(4, spread=0.2)
-    other = exact_left_right(icosphere(1).vertices)
-    both = shapes.mirrored(other)
+    sides = exact_left_right(icosphere(1).vertices)
+    both, other = shapes.mirrored([sides] * 4), sides.vertices
     assert both.names[4:] == ("s000_mirrored", "s001_mirrored", "s002_mirrored", "s003_mirrored")
     mean = ShapeModel.fit(both).mesh().vertices
     apart = np.linalg.norm(mean[:, None] - mean, axis=2)
@@ -107,7 +108,7 @@ def test_with_their_mirror_images_the_mean_is_symmetric():
 
 def test_a_symmetric_shape_is_its_own_mirror_image():
     shapes = ellipsoids([1.0, 1.4])
-    both = ShapeModel.fit(shapes.mirrored(exact_left_right(icosphere(2).vertices)))
+    both = ShapeModel.fit(shapes.mirrored([exact_left_right(icosphere(2).vertices)] * 2))
     assert both.n_modes == 1
     np.testing.assert_allclose(both.scores[2:], both.scores[:2], atol=1e-9)
     np.testing.assert_allclose(both.aligned[:2], shapes.vertices, atol=1e-9)
@@ -115,19 +116,36 @@ def test_a_symmetric_shape_is_its_own_mirror_image():
 
 def test_bad_left_right_maps():
     shapes = ellipsoids([1.0])
-    with pytest.raises(MeshError, match=r"expected \(162,\)"):
-        shapes.mirrored(np.arange(5))
-    with pytest.raises(MeshError, match="outside 0…161"):
-        shapes.mirrored(np.full(162, -1))
+    for bad in ([np.arange(5)], [np.full(162, -1)], [np.arange(162)] * 2):
+        with pytest.raises(MeshError, match="no maps of 1 shapes of 162 vertices"):
+            shapes.mirrored([Correspondence(each, 162) for each in bad])
+
+
+def test_a_vertex_without_a_counterpart_is_not_measured_in_the_mirror_image():
+    shapes, other = ellipsoids([1.0]), exact_left_right(icosphere(2).vertices).vertices.copy()
+    other[7] = -1
+    both = shapes.mirrored([Correspondence(other, 162)])
+    assert np.flatnonzero(~both.measured[1]).tolist() == [7]
+    np.testing.assert_allclose(both.vertices[1], both.vertices[0], atol=1e-9)
 
 
 @pytest.mark.long
 def test_the_left_right_map_is_found():
     body = creature(1500, symmetric=True).mesh
-    apart = body.vertices[left_right_map(body)] * [-1, 1, 1] - body.vertices
+    apart = body.vertices[left_right_map(body).map.vertices] * [-1, 1, 1] - body.vertices
     assert np.linalg.norm(apart, axis=1).mean() < 0.02 * np.sqrt(body.area)
-    with pytest.raises(MapError, match="certain"):
-        left_right_map(icosphere(2))
+    assert left_right_map(icosphere(2)).outcome is Outcome.SYMMETRY_AMBIGUOUS
+
+
+@pytest.mark.long
+def test_what_is_matched_to_its_own_side_is_left_unmatched():
+    """A small ball beside the body, on one side alone, is like nothing but its own mirror image."""
+    body, ball = creature(1500, symmetric=True).rest_mesh, icosphere(2)
+    vertices = np.concatenate([body.vertices, 0.05 * ball.vertices + [0.5, 0, 0.7]])
+    mesh = Mesh(vertices, np.concatenate([body.faces, ball.faces + body.n_vertices]))
+    result = left_right_map(mesh)
+    assert not result.map.matched[body.n_vertices :].any()
+    assert result.map.matched[: body.n_vertices].mean() > 0.99
 
 
 @pytest.mark.long
@@ -139,12 +157,12 @@ def test_a_shape_tells_left_and_right_where_the_mean_does_not():
         radius += size * np.exp(-((points - direction) ** 2).sum(axis=1) / 0.15)
     symmetric = points * radius[:, None]
     shapes = CorrespondedShapes(("ball", "body"), [points, symmetric], ball.faces)
-    other, name = left_right_of_shapes(shapes, ball)
+    found, name = left_right_of_shapes(shapes, ball)
     assert name == "body"
+    other = found.vertices
     assert np.linalg.norm(symmetric[other] * [-1, 1, 1] - symmetric, axis=1).mean() < 0.05
     unsure = CorrespondedShapes(("one", "two"), [points, 2 * points], ball.faces)
-    with pytest.raises(MapError, match="not certain"):
-        left_right_of_shapes(unsure, ball)
     lacking = replace(shapes, measured=[[True] * ball.n_vertices, [False] + [True] * (ball.n_vertices - 1)])
-    with pytest.raises(MapError, match="not certain"):
-        left_right_of_shapes(lacking, ball)
+    for each in (unsure, lacking):
+        with pytest.raises(MapError, match="not certain"):
+            left_right_of_shapes(each, ball)

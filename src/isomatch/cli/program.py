@@ -33,6 +33,7 @@ _BY_FILE = {
     "transfer": ("transfer",),
     "collect": ("collect",),
     "statistics": ("statistics",),
+    "asymmetry": ("asymmetry",),
     "distance": ("distance", "basis"),
     "mesh": ("check", "repair"),
     "evaluate": ("evaluate",),

@@ -79,7 +79,9 @@ def run(
     into = StatisticsFolder(output, pictures)
     with talk.progress() as tell, into.claimed(force) as new:
         tell("reading", 0.0)
-        shapes, labels, doubts, notes = _read(folder, groups)
+        shapes, labels, doubts, notes = read_cohort(folder, groups)
+        for doubt in doubts:
+            complain(f"{' and '.join(doubt.names)} {doubt.reason}")
         tell("model", 0.1)
         if mirror is not None:
             shapes, note = _mirrored(shapes, mirror, scale, weights, seed)
@@ -103,7 +105,6 @@ def run(
         sizes = shape_statistics.centroid_sizes(own.vertices, share)
         allometry, why_not = _allometry(own, sizes, share, seed)
         notes += why_not
-        turned = _asymmetry(model, seed) if mirror is not None else None
         unlabelled = [name for name in own.names if groups and name not in labels]
         if unlabelled:
             notes.append(f"without a group: {', '.join(unlabelled)}")
@@ -117,8 +118,6 @@ def run(
         new.sizes(own, sizes, allometry, groups_of and groups_of[: len(own)])
         new.quality(model, seed)
         structures = new.structures(model, poses, hidden) if poses else []
-        if turned:
-            new.asymmetry(model, turned)
         if tested:
             new.groups(model.mesh(), tested)
         new.distances(shapes, geodesic, procrustes, groups_of)
@@ -138,13 +137,12 @@ def run(
             "n_modes": model.n_modes,
             "total_variance": float(model.variances.sum()),
             "shares": model.variance_ratios.tolist(),
-            "allometry": _of_test(allometry, "r_squared") if allometry else None,
-            "asymmetry": _of_test(turned, "share") if turned else None,
+            "allometry": _of_test(allometry) if allometry else None,
             "groups": of_groups,
             "doubts": [{**doubt._asdict(), "names": list(doubt.names)} for doubt in doubts],
             "notes": notes,
         }
-        new.page(output.resolve().name, record, _lines(record))
+        new.model_page(output.resolve().name, record, _lines(record))
         new.finish(record)
         tell("done", 1.0)
 
@@ -155,16 +153,14 @@ def run(
     talk.result({**record, "output": str(output), "files": into.written}, summary)
 
 
-def _read(
+def read_cohort(
     folder: Path, groups: Path | None
 ) -> tuple[CorrespondedShapes, dict[str, str], list[shape_statistics.Doubt], list[str]]:
-    """Read shapes, their groups, which of them seem wrong, and notes."""
+    """Read shapes of a folder, or one, their groups, which of them seem wrong, and notes."""
     collections.require_unchanged(collections.Layout(folder), ["corresponded"])
-    shapes = shape_statistics.read_shapes(folder)
+    shapes = shape_statistics.read_shapes([folder] if folder.is_file() else folder)
     labels = read_groups(groups, shapes.names, shapes.left_out) if groups else {}
     doubts = shape_statistics.doubtful_shapes(shapes)
-    for doubt in doubts:
-        complain(f"{' and '.join(doubt.names)} {doubt.reason}")
     notes = [f"left out: {reason}" for reason in shapes.left_out]
     for own in (folder / structure for structure in shapes.structures or ("",)):
         told = _doubts(own / "pairs.csv", shapes.names) + _reflected(own / "shapes.csv", shapes.names)
@@ -177,11 +173,12 @@ def _mirrored(
 ) -> tuple[CorrespondedShapes, list[str]]:
     """Add the mirror images by a left–right map, found or read; note of which shape it is, if not of the mean."""
     if mirror != "auto":
-        return shapes.mirrored(isomatch.Correspondence.load(Path(mirror), shapes.n_vertices).vertices), []
+        given = isomatch.Correspondence.load(Path(mirror), shapes.n_vertices)
+        return shapes.mirrored([given] * len(shapes)), []
     mean = ShapeModel.fit(shapes, scale, weights).mesh()
     left_right, of = shape_statistics.left_right_of_shapes(shapes, mean, seed=seed)
     note = f"left and right are told by {of}, since the left–right map of the mean is not certain"
-    return shapes.mirrored(left_right), [note] if of else []
+    return shapes.mirrored([left_right] * len(shapes)), [note] if of else []
 
 
 def _doubts(pairs: Path, names: tuple[str, ...]) -> list[str]:
@@ -214,7 +211,7 @@ def _tested(
     is_second = np.array([group == test.groups[1] for group in listed], dtype=np.float64)
     whole = shape_statistics.shape_regression(model.aligned[rows], is_second, model.weights, seed=seed)
     return test, {
-        **_of_test(whole, "r_squared"),
+        **_of_test(whole),
         "names": list(test.groups),
         "counts": list(test.counts),
         "test": method,
@@ -242,14 +239,8 @@ def _allometry(
         return None, [f"shape was not regressed on size: {error}"]
 
 
-def _asymmetry(model: ShapeModel, seed: int) -> shape_statistics.Asymmetry | None:
-    """Compare the shapes of a model, its first half, with their mirror images; of one shape there is no test."""
-    aligned, m = model.aligned, len(model.names) // 2
-    return shape_statistics.asymmetry(aligned[:m], aligned[m:], model.weights, seed=seed) if m > 1 else None
-
-
-def _of_test(test: ShapeRegression | shape_statistics.Asymmetry, share: str) -> dict[str, Any]:
-    return {name: getattr(test, name) for name in (share, "p_value", "n_permutations", "seed")}
+def _of_test(test: ShapeRegression) -> dict[str, Any]:
+    return {name: getattr(test, name) for name in ("r_squared", "p_value", "n_permutations", "seed")}
 
 
 def _missing(shapes: CorrespondedShapes) -> dict[str, float]:
@@ -260,9 +251,9 @@ def _missing(shapes: CorrespondedShapes) -> dict[str, float]:
     return {name: share for name, share in zip(shapes.names, lacks) if share}
 
 
-def _told(test: dict[str, Any], share: str = "r_squared", of: str = "variance of shape") -> str:
+def _told(test: dict[str, Any]) -> str:
     drawn = f"{test['n_permutations']} permutations, seed {test['seed']}"
-    return f"{test[share]:.1%} of the {of}, p = {test['p_value']:.4g} ({drawn})"
+    return f"{test['r_squared']:.1%} of the variance of shape, p = {test['p_value']:.4g} ({drawn})"
 
 
 def _lines(record: dict[str, Any]) -> list[str]:
@@ -283,8 +274,6 @@ def _lines(record: dict[str, Any]) -> list[str]:
         lines.append(f"the groups describe {_told(tested)}")
     if record["allometry"]:
         lines.append(f"size describes {_told(record['allometry'])}")
-    if record["asymmetry"]:
-        lines.append(f"common to all shapes is {_told(record['asymmetry'], 'share', 'asymmetry')}")
     return [*lines, *(f"note: {note}" for note in record["notes"])]
 
 

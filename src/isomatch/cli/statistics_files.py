@@ -69,10 +69,12 @@ class StatisticsFolder:
         write_csv(self.path(file), rows, list(columns))
 
     def mesh(
-        self, name: str, mesh: Mesh, values: Mapping[str, FloatArray], shown: FloatArray, highest: float
+        self, name: str, mesh: Mesh, values: Mapping[str, FloatArray], shown: FloatArray, highest: float = 0.0
     ) -> None:
-        """Write a mesh with values at its vertices, one of which gives the colours."""
-        rgb = np.nan_to_num(view.colour_scale("viridis", 0.0, highest or 1.0)(shown[:, None]), nan=GREY)
+        """Write a mesh with values at its vertices, one of which gives the colours, from 0 or on both sides of it."""
+        high = highest or float(np.nanquantile(np.abs(shown), 0.995)) or 1.0
+        paint = view.colour_scale(*(("RdBu_r", -high) if (shown < 0).any() else ("viridis", 0.0)), high)
+        rgb = np.nan_to_num(paint(shown[:, None]), nan=GREY)
         attributes = [Attribute(measure, "point", "scalar", numbers) for measure, numbers in values.items()]
         colours = Attribute("color", "point", "colour", np.round(255 * rgb).astype(np.uint8))
         write_asset(self.path(name), Asset.of_mesh(mesh, [*attributes, colours]), binary=True)
@@ -100,7 +102,7 @@ class StatisticsFolder:
         values = {"variance": variances, "standard_deviation": deviations}
         if shapes.measured is not None:
             values["measured"] = shapes.measured.sum(axis=0).astype(np.float64)
-        self.mesh("variance.ply", model.mesh(), values, deviations, float(np.nanquantile(deviations, 0.995)))
+        self.mesh("variance.ply", model.mesh(), values, deviations)
         label = "standard deviation, in units of the shapes"
         shape_statistics.draw_values(self.picture("variance"), model.mesh(), deviations, label)
 
@@ -167,16 +169,6 @@ class StatisticsFolder:
             write_csv(self.path("hidden.csv"), hidden, list(hidden[0]))
         return lines
 
-    def asymmetry(self, model: ShapeModel, sides: shape_statistics.Asymmetry) -> None:
-        """Write how far the shapes are from their mirror images, which follow them in the model."""
-        amounts, own = sides.amounts.tolist(), sides.fluctuating.tolist()
-        self.table("asymmetry.csv", name=model.names, asymmetry=amounts, fluctuating=own)
-        length = np.linalg.norm(sides.directional, axis=1)
-        highest = float(np.quantile(length, 0.995))
-        self.mesh("asymmetry.ply", model.mesh(), {"asymmetry": length}, length, highest)
-        label = "asymmetry common to all shapes, in their units"
-        shape_statistics.draw_values(self.picture("asymmetry"), model.mesh(), length, label)
-
     def distances(
         self,
         shapes: CorrespondedShapes,
@@ -200,7 +192,7 @@ class StatisticsFolder:
         values = {"p_value": test.p_values, "q_value": test.q_values, "difference": length}
         shown = np.where(test.significant(), length, np.nan)
         somewhere = bool(test.significant().any())
-        self.mesh("groups.ply", mean, values, shown, float(np.nanmax(shown)) if somewhere else 0.0)
+        self.mesh("groups.ply", mean, values, shown, float(np.nanmax(shown)) if somewhere else 1.0)
         label = "no difference is significant"
         if somewhere:
             label = "distance of the group means; grey: not significant"
@@ -244,24 +236,35 @@ class StatisticsFolder:
         self.written.append("model.h5")
         return []
 
-    def page(self, folder: str, record: Mapping[str, Any], told: Sequence[str]) -> None:
-        """Write the page with all pictures, and what the command tells."""
-        pictures = {Path(name).stem: name for name in self.written if name.endswith(f".{self.pictures}")}
-        figures = [_figure(pictures[name], words) for name, words in PICTURES.items() if name in pictures]
-        tables = [name for name in self.written if name.endswith((".csv", ".npz")) and "/" not in name]
+    def model_page(self, folder: str, record: Mapping[str, Any], told: Sequence[str]) -> None:
+        """Write the page with all pictures of a model, and what the command tells."""
         doubts = [f"{' and '.join(doubt['names'])} {doubt['reason']}" for doubt in record["doubts"]]
         n, scale, weights = len(record["shapes"]), SCALES[record["scale"]], WEIGHTS[record["weights"]]
         counted = f"{n} shapes" if record["mirror"] is None else f"{n // 2} shapes and their mirror images"
         modes = enumerate(zip(record["shares"][:10], accumulate(record["shares"])), 1)
+        rows = [(str(i), f"{x:.1%}", f"{y:.1%}") for i, (x, y) in modes]
+        settings = f"{scale}; {weights}. Seed {record['seed']}, isomatch {record['isomatch']}."
+        sections = {
+            "To look at first": listed(doubts),
+            "What was found": listed(told),
+            "Modes": tabulated(("mode", "share of the variance", "so far"), rows),
+        }
+        self.page(f"Statistics of {counted}", folder, settings, sections, PICTURES)
+
+    def page(
+        self, title: str, folder: str, settings: str, sections: Mapping[str, str], words: Mapping[str, str]
+    ) -> None:
+        """Write the page: sections of HTML by their headings, but for empty ones, pictures with words, and tables."""
+        ending = f".{self.pictures}"
+        drawn = [name.removesuffix(ending) for name in self.written if name.endswith(ending)]
+        tables = [name for name in self.written if name.endswith((".csv", ".npz")) and "/" not in name]
         template = Template((files("isomatch.cli") / "statistics_page.html").read_text(encoding="utf-8"))
         text = template.substitute(
-            title=escape(f"Statistics of {counted}"),
+            title=escape(title),
             folder=escape(folder),
-            settings=escape(f"{scale}; {weights}. Seed {record['seed']}, isomatch {record['isomatch']}."),
-            first=f"<h2>To look at first</h2>{_listed(doubts)}" if doubts else "",
-            told=_listed(told),
-            modes="".join(f"<tr><td>{i}</td><td>{x:.1%}</td><td>{y:.1%}</td></tr>" for i, (x, y) in modes),
-            figures="".join(figures),
+            settings=escape(settings),
+            sections="".join(f"<h2>{escape(name)}</h2>\n{html}\n" for name, html in sections.items() if html),
+            figures="".join(_figure(name + ending, words[name]) for name in words if name in drawn),
             tables=", ".join(f'<a href="{quote(name)}">{escape(name)}</a>' for name in tables),
         )
         write_text(self.path("index.html"), text)
@@ -289,7 +292,6 @@ PICTURES = {
     "scores": "The shapes by their scores along the first two modes.",
     "variance": "How much each vertex varies.",
     "groups": "Where the means of the groups differ, and how far they are apart there.",
-    "asymmetry": "The asymmetry that is common to all shapes.",
     "allometry": "Shape without size, in the direction in which it changes with size, against size.",
     "quality": "By the number of modes: the share described, the error of shapes left out, how near random ones are.",
     "embedding": "The shapes by the differences of their geodesic distances.",
@@ -313,5 +315,17 @@ def _figure(file: str, words: str) -> str:
     return f"<figure>{shown}<figcaption>{escape(words)}</figcaption></figure>\n"
 
 
-def _listed(lines: Sequence[str]) -> str:
+def listed(lines: Sequence[str]) -> str:
+    """Format lines as a list in HTML; nothing if there are none."""
     return "<ul>" + "".join(f"<li>{escape(line)}</li>" for line in lines) + "</ul>" if lines else ""
+
+
+def tabulated(columns: Sequence[str], rows: Iterable[Iterable[object]]) -> str:
+    """Format rows as a table in HTML, numbers with four digits, nan as nothing."""
+    head = "".join(f"<th scope=col>{escape(name.replace('_', ' '))}</th>" for name in columns)
+    texts = (
+        [f"{cell:.4g}".replace("nan", "") if isinstance(cell, float) else str(cell) for cell in row]
+        for row in rows
+    )
+    body = "".join(f"<tr>{''.join(f'<td>{escape(text)}</td>' for text in row)}</tr>" for row in texts)
+    return f"<div class=wide><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>"

@@ -1,8 +1,7 @@
-"""Candidates: hypotheses with energy, orientation and agreement with priors; further ones for an unsure winner."""
+"""Candidates: hypotheses with energy, orientation and agreement with priors."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,8 +11,8 @@ from isomatch.matching.fit import Candidate, Fit, Hypothesis
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.priors import Priors
 from isomatch.matching.quality import mean_known
-from isomatch.matching.search import combinations, distinct_maps, hypotheses_from_priors, search, search_back
-from isomatch.matching.selection import CLEARLY_BETTER, ENERGY_NOISE, SAME_ENERGY, Selection, ranked
+from isomatch.matching.search import hypotheses_from_priors, search
+from isomatch.matching.selection import Selection, ranked
 from isomatch.matching.stages import Relation
 from isomatch.matching.starts import start_from_pairs, starts_from_pose
 from isomatch.runtime.threads import parallel_map
@@ -23,9 +22,6 @@ from isomatch.values.arrays import IntArray
 
 # functions in the upsampling of a hypothesis; steps of 5 as in Melzi et al. 2019
 SIZES = tuple(range(20, 51, 5))
-MOST_CHALLENGERS = 2  # docs/lab/design_notes.md
-# mean cosine between normals from which a further candidate is refined, as right maps have
-RIGHT_ORIENTATION = 0.54
 SURE = 0.75  # share of the bounds of a poor map, below which a map is sure; docs/lab/design_notes.md
 
 
@@ -130,45 +126,7 @@ def is_sure(relation: Relation, selection: Selection[Fit]) -> bool:
     )
 
 
-def further_candidates(
-    pair: ShapePair, screen: Screening, maps: Sequence[IntArray], side: int, energy: float
-) -> list[Candidate]:
-    """Find further candidates, from the other side and by combination, that may be better than the winner."""
-    hypotheses = [*(search_back(pair) if pair.config.search.both_ways else ()), *combinations(pair, maps)]
-    hypotheses = distinct_maps(pair, hypotheses, before=maps)
-    limit = SAME_ENERGY * max(energy, ENERGY_NOISE)
-    fitting = (c for c in screen(hypotheses) if c.energy <= limit)
-    hopeful = [c for c in fitting if side * c.orientation > RIGHT_ORIENTATION]
-    return sorted(hopeful, key=lambda candidate: candidate.energy)[:MOST_CHALLENGERS]
-
-
-def best_of(relation: Relation, winner: Fit, fits: Sequence[Fit]) -> Fit:
-    """Compare refined further candidates with the winner one after the other, those like it first; return the best."""
-    first = winner
-    for fit in sorted(fits, key=lambda fit: relation.target.mean_distance(fit.image, first.image)):
-        winner = fit if _beats(relation, fit, winner) else winner
-    return winner
-
-
 def is_another(relation: Relation, fit: Fit, other: Fit) -> bool:
     """Whether a map is another one, and no variant."""
     apart = relation.target.mean_distance(fit.image, other.image)
     return apart > relation.pair.config.selection.runner_up_distance
-
-
-def _beats(relation: Relation, candidate: Fit, winner: Fit) -> bool:
-    """Whether a map is better by every measure, or another map and clearly better."""
-    # Many further maps are tried, and of many some fit well by chance: one must be better by every measure, or differ and
-    # be clearly better. Appearance counts between different maps only: where variants differ is too small a region.
-    fits = [candidate, winner]
-    scores = [fit.score for fit in fits]
-    if is_another(relation, candidate, winner):
-        scores = relation.weighed(fits, scores, [True, True])
-        if CLEARLY_BETTER * scores[0] < scores[1]:
-            return True
-    residuals = [residual_of(relation.pair, relation.vertices, fit.image) for fit in fits]
-    return (
-        scores[0] < scores[1]
-        and candidate.spectral_residual < winner.spectral_residual
-        and residuals[0] < residuals[1]
-    )

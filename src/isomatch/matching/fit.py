@@ -16,8 +16,8 @@ class Hypothesis:
     """A first map of the search vertices, after iterative closest points."""
 
     alignment: Alignment  # target row of each source row, rotation and residual
-    # "extremities", "poses", "anchors", "landmarks", "initial map", "descriptors", "pose", "flip", "symmetry",
-    # "other side", "combination", or the name of a start
+    # "extremities", "poses", "anchors", "landmarks", "initial map", "descriptors", "pose", "flip", "symmetry"
+    # or the name of a start
     origin: str
 
     @property

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from itertools import permutations
 from operator import attrgetter
 from typing import TypeVar
 
@@ -19,7 +18,6 @@ from isomatch.matching.starts import (
     default_starts,
     start_from_pairs,
     starts_from_anchors,
-    starts_from_extremities,
     starts_from_priors,
 )
 from isomatch.runtime.threads import parallel_map
@@ -32,8 +30,6 @@ PRIOR_STEPS = 8  # of closest points from priors; most maps change little afterw
 # compared; docs/lab/robustness.md, shapes without limbs
 MOST_WITHOUT_LIMBS = 40
 
-# functions flipped on the way back, which exchange limbs or twist a body; docs/lab/design_notes.md
-FLIPPED_BACK = 6
 T = TypeVar("T")
 M = TypeVar("M", Alignment, Hypothesis, Candidate)
 AT_ONCE = 4  # maps moved together by a thread; fixed, so that results do not depend on the number of threads
@@ -115,31 +111,6 @@ def search(
     return pool.hypotheses
 
 
-def search_back(pair: ShapePair) -> list[Hypothesis]:
-    """Search from the target to the source, in fewer steps, and invert what is found."""
-    settings, turned = pair.config.search, pair.turned
-    steps = settings.compare_every
-    back, there = (Pool(each, settings.n_hypotheses) for each in (turned, pair))
-    starts = [start_from_pairs(turned, pairs) for pairs in starts_from_extremities(turned)]
-    back.add(starts, steps, "other side")
-    back.flip(back.hypotheses[: settings.flipped], "other side", steps, FLIPPED_BACK)
-    inverted = [turned.inverted(hypothesis.target_row) for hypothesis in back.hypotheses]
-    there.add(inverted, steps, "other side")
-    return there.hypotheses
-
-
-def combinations(pair: ShapePair, maps: Sequence[IntArray]) -> list[Hypothesis]:
-    """Combine maps of the search vertices (m_s,): one on one half of the source, another on the other."""
-    # Of two half twists, one has its arms right and one its legs. Halves are where φ_j, j ≤ settings.halves, is positive
-    # and negative, so that a body is cut at its waist (nodal domains of the first functions).
-    settings = pair.config.search
-    halves = pair.source.laplace.vectors[pair.source_vertices, 1 : 1 + settings.halves].T > 0
-    starts = [np.where(half, *two) for half in halves for two in permutations(maps[: settings.combined], 2)]
-    aligned = iterative_closest_points(*pair.search_points, np.array(starts), 0) if starts else []
-    chosen = distinct_maps(pair, sorted(aligned, key=attrgetter("residual")), settings.most_combined, maps)
-    return _moved(pair, [alignment.target_row for alignment in chosen], "combination")
-
-
 def distinct_maps(
     pair: ShapePair, maps: Iterable[M], most: int | None = None, before: Sequence[IntArray] = ()
 ) -> list[M]:
@@ -166,9 +137,7 @@ class Pool:
         """Run iterative closest points from first maps and merge what comes of them."""
         self.merge([Hypothesis(alignment, origin) for alignment in self.converged(starts, steps)])
 
-    def flip(
-        self, parents: list[Hypothesis], origin: str, steps: int | None = None, most: int | None = None
-    ) -> None:
+    def flip(self, parents: list[Hypothesis], origin: str) -> None:
         """Add what comes of turning the sign of one of the first Laplace–Beltrami functions in each of some maps."""
         # Φ_j is defined but for its sign, and a symmetric shape has even and odd functions: D F with D = diag(1, …, −1 at
         # j, …, 1) is near the functional map of the mirror image, or of the map that exchanges front and back
@@ -176,9 +145,9 @@ class Pool:
         n = min(self._settings.flipped_functions, pair.n_functions)
         grown = [pair.search_spectra.grown(parent.target_row, (n,) * 4) for parent in parents if n]
         # the first function is constant; leaving out the second is chosen, not measured
-        flips = [(functional_map, j) for functional_map in grown for j in range(2, n)[:most]]
+        flips = [(functional_map, j) for functional_map in grown for j in range(2, n)]
         starts = parallel_map(lambda flip: _flipped(pair, *flip), flips)
-        self.add(starts, self._settings.flip_steps if steps is None else steps, origin)
+        self.add(starts, self._settings.flip_steps, origin)
 
     def converged(self, starts: list[IntArray], steps: int) -> list[Alignment]:
         """Run iterative closest points from many first maps; one that meets another, or a known map, is dropped."""

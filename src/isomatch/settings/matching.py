@@ -30,19 +30,13 @@ class SearchSettings(Settings):
         Best assignments that are kept for each count and direction; weight of differences of average distance, against
         those of mutual distances, in their cost.
     start_steps, flip_steps : int
-        Iterations of closest points from extremities; after flips and combinations.
+        Iterations of closest points from extremities; after flips.
     unchanged, compare_every : float, int
         Share of unchanged images at which an iteration has converged; iterations between comparisons of the maps.
     same_start, same_map : float
         Mean distance of images, in √area, below which two starts, and two converged maps, are one.
     n_hypotheses, flipped, flipped_functions : int
         Most hypotheses; the best that are flipped, and leading Laplace–Beltrami functions whose sign is flipped.
-    both_ways : bool
-        Whether maps are also searched from the target, and inverted.
-    combined, halves : int
-        Best candidates that are combined, each two on one half of the source each, and functions that part the halves.
-    most_combined : int
-        Most combinations, those of least residual, that are compared with the candidates.
     flip_landmarks : bool
         Whether flips of the map from landmarks are tried where no automatic hypotheses compete.
     """
@@ -65,10 +59,6 @@ class SearchSettings(Settings):
     n_hypotheses: int = setting(14, "the right map was among the best 12 on 86 of 86 pairs", least=1)
     flipped: int = setting(3, "ablation: no flips", least=0)
     flipped_functions: int = setting(20, "ablation: no flips", least=0)
-    both_ways: bool = setting(True, "docs/lab/design_notes.md: victoria2–victoria23, 18.4 without, 4.5 with")
-    combined: int = setting(4, "docs/lab/design_notes.md", least=0)
-    halves: int = setting(4, "docs/lab/design_notes.md", least=0)
-    most_combined: int = setting(6, "docs/lab/design_notes.md", least=0)
     flip_landmarks: bool = setting(True, "docs/lab/paper.md: victoria12–victoria23, 7.9 without, 4.2 with")
 
 

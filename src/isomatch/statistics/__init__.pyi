@@ -1,4 +1,13 @@
-from isomatch.statistics.asymmetry import Asymmetry, asymmetry, left_right_map, left_right_of_shapes
+from isomatch.statistics.asymmetry import (
+    Asymmetry,
+    SumOfSquares,
+    align_sides,
+    asymmetry,
+    left_right_map,
+    left_right_of_shapes,
+    paired_sides,
+    symmetry_plane,
+)
 from isomatch.statistics.charts import (
     PictureFormat,
     draw_embedding,
@@ -82,6 +91,8 @@ __all__ = [
     "ShapeModel",
     "ShapeRegression",
     "StructurePoses",
+    "SumOfSquares",
+    "align_sides",
     "aligned_structures",
     "asymmetry",
     "centroid_sizes",
@@ -112,6 +123,7 @@ __all__ = [
     "observed_landmarks",
     "observed_part",
     "observed_vertices",
+    "paired_sides",
     "procrustes_distances",
     "read_observations",
     "read_shapes",
@@ -122,6 +134,7 @@ __all__ = [
     "specificity",
     "stacked",
     "structure_of",
+    "symmetry_plane",
     "told_factor",
     "write_shapeworks",
     "write_statismo",

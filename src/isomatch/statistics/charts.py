@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, get_args
 
@@ -284,8 +284,16 @@ def draw_modes(
     save_figure(figure, path, dpi)
 
 
-def draw_values(path: str | Path, mesh: Mesh, values: FloatArray, label: str, *, dpi: int = DPI) -> None:
-    """Draw a surface from two sides, coloured by a value of at least 0 at each vertex.
+def draw_values(
+    path: str | Path,
+    mesh: Mesh,
+    values: FloatArray,
+    label: str,
+    *,
+    views: Mapping[str, FloatArray] | None = None,
+    dpi: int = DPI,
+) -> None:
+    """Draw a surface from two sides, coloured by a value at each vertex.
 
     Parameters
     ----------
@@ -293,29 +301,40 @@ def draw_values(path: str | Path, mesh: Mesh, values: FloatArray, label: str, *,
         As for `draw_scores`.
     mesh : Mesh
     values : (n,) array of float
-        Nan is drawn grey.
+        Nan is drawn grey. If any is below 0, the colours tell signs.
     label : str
         What they are, with their unit; without any value, it is all that is said.
+    views : mapping of str to (3,) array of float, optional
+        Directions from which it is seen, by their titles.
     """
     has_value = np.isfinite(values)
-    highest = float(np.quantile(values[has_value], 0.995)) if has_value.any() else 0.0
+    high = (float(np.quantile(np.abs(values[has_value]), 0.995)) if has_value.any() else 0.0) or 1.0
+    name, low = (DIVERGING, -high) if (values < 0).any() else (RISING, 0.0)
     front = camera_of(mesh)
-    paint = colour_scale(RISING, 0.0, highest or 1.0)
-    density = _density([mesh], front, dpi, per_row=2) * np.sqrt(mesh.area)
+    seen = {title: _seen_from(front, direction) for title, direction in (views or {}).items()}
+    cameras = seen or {"": front, " ": front * [[-1], [1], [-1]]}
+    paint = colour_scale(name, low, high)
+    density = min(_density([mesh], each, dpi, per_row=2) for each in cameras.values()) * np.sqrt(mesh.area)
 
     def paint_known(seen: FloatArray) -> FloatArray:
         share = np.where(seen[:, 1:] < LEAST_SHARE, np.nan, seen[:, 1:])
         return paint(seen[:, :1] / share)
 
     columns = np.column_stack([np.where(has_value, values, 0.0), has_value])
-    views = front, front * [[-1], [1], [-1]]
-    images = [surface_image(mesh, columns, paint_known, view, density) for view in views]
-    figure, axes = arranged_panels(images, ["", ""], 2, WIDTH, TEXT)
+    images = [surface_image(mesh, columns, paint_known, each, density) for each in cameras.values()]
+    figure, axes = arranged_panels(images, list(cameras), 2, WIDTH, TEXT)
     if has_value.any():
-        _add_bar(figure, axes, RISING, 0.0, highest or 1.0, label)
+        _add_bar(figure, axes, name, low, high, label)
     else:
         figure.supxlabel(label, size=TEXT)
     save_figure(figure, path, dpi)
+
+
+def _seen_from(front: FloatArray, to: FloatArray) -> FloatArray:
+    """Turn a camera, see `camera_of`, so that it looks from another direction, its height kept if possible."""
+    up = front[1] if abs(front[1] @ to) < 0.7 else front[2]
+    right = np.cross(up, to) / np.linalg.norm(np.cross(up, to))
+    return np.array([right, np.cross(to, right), to])
 
 
 def _density(meshes: Sequence[Mesh], camera: FloatArray, dpi: int, per_row: int) -> float:
@@ -328,10 +347,14 @@ def _add_bar(figure: Figure, axes: list[Axes], name: str, low: float, high: floa
     """Add a colour bar below all panels."""
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
+    from matplotlib.ticker import MaxNLocator
 
     scale = ScalarMappable(Normalize(low, high), name)
     figure.set_figheight(figure.get_figheight() + BAR)
     beyond = "both" if low else "max"
-    bar = figure.colorbar(scale, ax=axes, location="bottom", shrink=0.6, aspect=40, extend=beyond)
+    ticks = MaxNLocator(MOST_TICKS)
+    bar = figure.colorbar(
+        scale, ax=axes, location="bottom", shrink=0.6, aspect=40, extend=beyond, ticks=ticks
+    )
     bar.set_label(label, size=TEXT)
     bar.ax.tick_params(labelsize=TEXT)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from hashlib import blake2b
 from itertools import accumulate
@@ -13,6 +13,7 @@ from typing import TypeVar
 import numpy as np
 
 from isomatch.assets import FORMATS, Asset, Polygons, meshes_among, read_as_far
+from isomatch.correspondence import Correspondence
 from isomatch.errors import FormatError, MeshError, MissingFileError, NotConvergedError, some
 from isomatch.statistics.procrustes import Scale, aligned_to, generalised_procrustes
 from isomatch.storage.files import legible
@@ -203,22 +204,26 @@ class CorrespondedShapes:
         """Return the same shapes at other positions, (m, n, 3)."""
         return replace(self, vertices=vertices)
 
-    def mirrored(self, left_right: IntArray) -> CorrespondedShapes:
+    def mirrored(self, left_right: Sequence[Correspondence]) -> CorrespondedShapes:
         """Return the shapes followed by their mirror images, moved onto them.
 
-        A left–right map (n,), such as `left_right_map` finds, tells the vertex on the other side that corresponds to
-        each.
+        The left–right map of each shape, such as `left_right_map` finds, tells the point on the other side that
+        corresponds to each vertex. A vertex without one stays where it is in the mirror image, and is not measured there.
         """
-        other, n = np.asarray(left_right), self.n_vertices
-        if other.shape != (n,) or other.dtype.kind not in "iu":
-            raise MeshError(f"left_right has shape {other.shape} and type {other.dtype}, expected ({n},)")
-        if other.min() < 0 or other.max() >= n:
-            raise MeshError(f"left_right has entries outside 0…{n - 1}; give a vertex for each vertex")
-        uniform = np.full(n, 1 / n)
-        images = [aligned_to(shape, shape[other] * [-1.0, 1.0, 1.0], uniform) for shape in self.vertices]
+        m, n = self.vertices.shape[:2]
+        if len(left_right) != m or not all(
+            each.shape == (n, n) and each.matched.any() for each in left_right
+        ):
+            raise MeshError(f"{left_right!r} are no maps of {m} shapes of {n} vertices onto themselves")
+        own = np.ones((m, n), dtype=bool) if self.measured is None else self.measured
+        images, seen = self.vertices.copy(), own.copy()
+        for shape, image, there, sides in zip(self.vertices, images, seen, left_right):
+            held = sides.matched
+            other = sides.pull_back(shape, fill=0.0) * [-1.0, 1.0, 1.0]
+            image[held] = aligned_to(shape, other, held / held.sum())[held]
+            there[:] = there[sides.vertices] & held
         names = (*self.names, *(name + MIRRORED for name in self.names))
-        vertices, own = np.concatenate([self.vertices, images]), self.measured
-        measured = None if own is None else np.concatenate([own, own[:, other]])
+        vertices, measured = np.concatenate([self.vertices, images]), np.concatenate([own, seen])
         return replace(self, names=names, vertices=vertices, measured=measured)
 
 

@@ -43,8 +43,6 @@ VARIANTS: dict[str, Config] = {
     "model selection by spectral residual alone": Config(selection=SelectionSettings(energy_exponent=0.0)),
     "energy without curvature": Config(selection=SelectionSettings(curvature_exponent=0.0)),
     "no flips": Config(search=SearchSettings(flipped=0)),
-    "no search from the other side": Config(search=SearchSettings(both_ways=False)),
-    "no combinations": Config(search=SearchSettings(combined=0)),
     "one set of extremities": Config(search=SearchSettings(extremity_counts=(5,))),
     "no registration": Config(refining=RefinementSettings(registration_steps=0)),
     "positions and normals in the last step only, no registration": Config(refining=LATE_POSITIONS),

@@ -384,8 +384,8 @@ def _asymmetry(at: Folders) -> Any:
     meshes = {f"s{i}": made.mesh.moved(made.rest * (1 + 0.05 * rng.normal(size=3))) for i in range(4)}
     shapes = room.CorrespondedShapes.of_meshes(meshes)
     sides, note = room.left_right_of_shapes(shapes, made.rest_mesh)
-    aligned = room.ShapeModel.fit(shapes.mirrored(sides)).aligned
-    return sides, note, room.asymmetry(aligned[:4], aligned[4:], n_permutations=99)
+    aligned = room.align_sides(shapes.mirrored([sides] * 4), left_right=[sides] * 4)
+    return sides, note, room.asymmetry(*aligned, n_permutations=99)
 
 
 @call()

@@ -13,10 +13,8 @@ from isomatch.correspondence import Alignment, Correspondence, Embedding, Precis
 from isomatch.errors import SettingError
 from isomatch.matching.candidates import (
     Screening,
-    best_of,
     energy_of,
     extended,
-    further_candidates,
     is_another,
     is_sure,
     residual_of,
@@ -203,7 +201,6 @@ class Isometry(Relation):
         selection = self._refined_and_selected(eligible, runners_up)
         if hypotheses is None and self.stages.starts is None:
             selection = self._with_those_given_up(selection, eligible)
-            selection = self._compared_further(selection, eligible)
         selection = self._against_mirror_image(self._best_verified(selection), eligible)
         embedding = self.everywhere(selection.winner)
         return IsometricMatch(selection, tuple(eligible), tuple(runners_up), embedding, self)
@@ -348,23 +345,6 @@ class Isometry(Relation):
         fits = self.refine_and_select(self.begun(distinct_maps(self.pair, others, before=ended)))
         known += [fit for fit in fits if is_another(self, fit, first)]
         return self._selected(known, [True] * len(known))
-
-    def _compared_further(self, selection: Selection[Fit], candidates: Sequence[Candidate]) -> Selection[Fit]:
-        """Compare a winner that is not sure with further ones; one that loses to a runner-up does not replace it."""
-        first = selection.winner
-        if not self._sided or first.candidate is None or is_sure(self, selection):
-            return selection
-        rows = [candidate.target_row for candidate in candidates]
-        screen, energy = Screening(self.pair, self.priors), first.candidate.energy
-        further = further_candidates(self.pair, screen, rows, self._wanted_sign, energy)
-        fits = self.refine_and_select(self.begun(further))
-        winner = best_of(self, first, fits)
-        if winner is first:
-            return selection
-        others = [fit for fit in (first, *fits) if is_another(self, fit, winner)]
-        fits = [winner, *selection.runners_up, *others]
-        compared = self._selected(fits, [fit is winner for fit in fits])
-        return selection if compared.runner_up < 1.0 else compared
 
     @property
     def _sided(self) -> bool:

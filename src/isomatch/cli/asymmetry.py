@@ -1,0 +1,238 @@
+"""``isomatch asymmetry``: how far shapes are from their mirror images, where, and whether all in the same way."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import isomatch
+import isomatch.statistics as shape_statistics
+from isomatch import Correspondence
+from isomatch.cli.inputs import ConfigFile, Force, Output, Seed, read_config
+from isomatch.cli.statistics import Scale, read_cohort
+from isomatch.cli.statistics_files import SCALES, StatisticsFolder, listed, tabulated
+from isomatch.cli.terminal import TALK, Talk, Tell, complain, part, say, say_rows
+from isomatch.errors import MeshError, NotConvergedError, SettingError
+from isomatch.statistics import Asymmetry, CorrespondedShapes, draw_values
+from isomatch.storage.texts import read_csv
+
+MOST_DRAWN = 3  # the most asymmetric shapes, which have pictures of their own
+WRONG = "; where they have one colour, the map between them is wrong"
+HEADS = ("variation", "sum of squares", "share", "degrees of freedom", "mean square", "F")
+HALF = "half of the difference of the sides, along the normal; red: stands out, blue: lies deeper"
+MEASURED = (
+    "Each shape is reflected and laid onto itself, or a left one onto the right one; the middle of both is symmetric. "
+    "The asymmetry at a point is its way from there: where it stands out 2 farther than opposite, it is +1."
+)
+REMEDY = "Give landmarks of both sides (--landmarks); a single bone has no mirror half: give left and right (--pairs)."
+
+
+def asymmetry(
+    shapes: Path,
+    /,
+    *,
+    output: Output,
+    pairs: Path | None = None,
+    left_right: Path | None = None,
+    landmarks: Path | None = None,
+    individuals: Path | None = None,
+    scale: Scale = "remove",
+    config: ConfigFile = None,
+    seed: Seed = 0,
+    force: Force = False,
+    talk: Talk = TALK,
+) -> None:
+    """Measure how far shapes are from their mirror images, where, and what of it all shapes have in common.
+
+    The exit code is 1, after all files are written, if a map from left to right is not sure.
+
+    Args:
+        shapes: A mesh; or a folder of meshes in one topology, or the folder of isomatch collect.
+        output: Folder for index.html, tables, pictures, shapes/NAME.ply with the asymmetry at each vertex, and
+            left_right/NAME.npz with the map from left to right.
+        pairs: Table with the columns left and right, names of organs that are compared; without it, each shape is
+            compared with its own mirror image.
+        left_right: The folder left_right of an earlier result, or a file with the vertex on the other side of each vertex
+            of all shapes, as a map; by default each shape is matched with its mirror image.
+        landmarks: Three or more pairs of vertices or positions of the first shape, one on each line: a point and its
+            counterpart on the other side; one in the middle is its own.
+        individuals: Table with the columns name and group: shapes of one group are repeated measurements of one
+            individual, which tell the error of measurement.
+        scale: remove (default): all are brought to one size, and differ in shape alone. keep: size counts.
+    """
+    if left_right and landmarks:
+        raise SettingError("--left-right gives the map, and --landmarks help to find it; give one of them")
+    into = StatisticsFolder(output, last="asymmetry.json")
+    with talk.progress() as tell, into.claimed(force) as new:
+        tell("reading", 0.0)
+        cohort, labels, doubts, notes = read_cohort(shapes, individuals)
+        if len(cohort) == 1 and cohort.left_out:
+            raise MeshError(f"{shapes}: no two meshes are in one topology; run isomatch collect first")
+        doubts = [doubt for doubt in doubts if not (pairs and doubt.kind == "mirrored")]
+        first = [f"{' and '.join(doubt.names)} {doubt.reason}" for doubt in doubts]
+        for line in first:
+            complain(line)
+        maps, about, unsure = list[Correspondence](), [dict[str, Any]()] * len(cohort), ""
+        if pairs:
+            named = [(row.get("left") or "", row.get("right") or "") for row in read_csv(pairs)]
+            both = shape_statistics.paired_sides(cohort, named)
+            notes += [f"{name} has no partner" for name in cohort.names if name not in {*sum(named, ())}]
+        elif left_right:
+            n, inner = cohort.n_vertices, left_right.is_dir()
+            files = [left_right / f"{name}.npz" if inner else left_right for name in cohort.names]
+            maps = [Correspondence.load(file, n, n) for file in files]
+        else:
+            hints = landmarks and isomatch.read_landmarks(landmarks, cohort.mesh(0), cohort.mesh(0))
+            how = {"landmarks": hints, "config": read_config(config), "seed": seed}
+            maps, about, unsure = _matched(cohort, how, notes, part(tell, 0.1, 0.8))
+        both = both if pairs else cohort.mirrored(maps)
+        tell("comparing", 0.8)
+        of = [labels.get(name, name) for name in both.names[: len(both) // 2]]
+        found, lines, words = _measured(new, both, maps, scale, of, seed)
+        record = {
+            "isomatch": isomatch.__version__,
+            "of": str(shapes),
+            "symmetry": "matching" if pairs else "object",
+            "n_individuals": len(set(of)),
+            "scale": scale,
+            "seed": seed,
+            "shapes": [line | more for line, more in zip(lines, about)],
+            "anova": [row._asdict() for row in found.anova] if len(of) > 1 else [],
+            **{name: getattr(found, name) for name in ("share", "p_value", "n_permutations")},
+            "doubts": [unsure, *first] if unsure else first,
+            "notes": notes,
+        }
+        for name, each in zip(cohort.names, maps):
+            each.save(new.path(f"left_right/{name}.npz"))
+        told, lines, rows = _told(record), record["shapes"], record["anova"]
+        for file, table in (("asymmetry.csv", lines), ("anova.csv", rows)):
+            if table:
+                new.table(file, **{key: [row[key] for row in table] for key in table[0]})
+        columns = [name for name in lines[0] if not name.startswith("plane")]
+        sections = {
+            "To look at first": listed(record["doubts"]),
+            "What was measured": f"<p>{MEASURED}</p>",
+            "What was found": listed(told),
+            "Where the variation lies": tabulated(HEADS, (row.values() for row in rows)) if rows else "",
+            "How asymmetric each is": tabulated(
+                columns, ([line[name] for name in columns] for line in lines)
+            ),
+        }
+        title = f"Asymmetry of {lines[0]['name'] if len(of) == 1 else f'{len(of)} shapes'}"
+        used = f"{SCALES[scale]}. Lengths are in the units of the files. Seed {seed}, isomatch {isomatch.__version__}."
+        new.page(title, output.resolve().name, used, sections, words)
+        new.finish(record)
+        tell("done", 1.0)
+
+    def summary() -> None:
+        say(told[0], "bold")
+        say_rows(("", line) for line in told[1:])
+        say(f"open first: {output / 'index.html'}; {len(into.written)} files are there")
+
+    talk.result({**record, "output": str(output), "files": into.written}, summary)
+    if unsure:
+        raise NotConvergedError(f"{unsure} All numbers may be wrong. The files are in {output}.")
+
+
+def _matched(
+    cohort: CorrespondedShapes, how: dict[str, Any], notes: list[str], tell: Tell
+) -> tuple[list[Correspondence], list[dict[str, Any]], str]:
+    """Match each shape with its mirror image: maps, what is known of them, and which are not sure, with the remedy."""
+    maps, about, unsure = list[Correspondence](), list[dict[str, Any]](), list[str]()
+    whole = shape_statistics.filled(cohort, cohort.area_weights, "remove")
+    for i, name in enumerate(cohort.names):
+        mesh, progress = whole.mesh(i), part(tell, i / len(cohort), (i + 1) / len(cohort))
+        result = shape_statistics.left_right_map(mesh, progress=progress, **how)
+        # half of an error reaches the middle of both sides
+        error = float(np.sqrt(np.nansum(mesh.vertex_areas * (result.expected_error / 2) ** 2)))
+        maps.append(result.map)
+        about.append({"outcome": result.outcome.value, "map_error": error})
+        notes += [f"{name}: {note}" for note in result.notes if note.endswith("are left unmatched")]
+        if result.outcome.sureness < isomatch.Outcome.PARTIAL.sureness:
+            unsure.append(f"{name} ({result.outcome.value})")
+    return maps, about, f"Left and right are not sure: {', '.join(unsure)}. {REMEDY}" if unsure else ""
+
+
+def _measured(
+    new: StatisticsFolder,
+    both: CorrespondedShapes,
+    maps: list[Correspondence],
+    scale: Scale,
+    individuals: list[str],
+    seed: int,
+) -> tuple[Asymmetry, list[dict[str, Any]], dict[str, str]]:
+    """Measure and draw asymmetry: all of it, values of each shape, and the words beside each picture."""
+    m, lines, words = len(both) // 2, list[dict[str, Any]](), dict[str, str]()
+    every = np.ones(both.vertices.shape[:2], bool) if both.measured is None else both.measured
+    known = every[:m] & every[m:]
+    share = both.area_weights * known.mean(axis=0) / (both.area_weights @ known.mean(axis=0))
+    aligned = shape_statistics.align_sides(both, share, scale, maps)
+    found = shape_statistics.asymmetry(*aligned, share, individuals=individuals, seed=seed)
+    mean = both.mesh(0).moved(found.symmetric)
+    size = float(shape_statistics.centroid_sizes(mean.vertices[None], share)[0]) / np.sqrt(len(share))
+    normals = mean.vertex_normals * (1.0 if mean.volume >= 0 else -1.0)  # smoother than those of a shape
+    outward = np.where(known, np.einsum("mij,ij->mi", found.components, normals), np.nan)
+    planes = [shape_statistics.symmetry_plane(*each, share) for each in zip(both.vertices, maps)]
+    axes = ["xyz"[int(np.abs(normal).argmax())] for normal, _ in planes]
+    views = [{f"the +{axis} side": to, f"the −{axis} side": -to} for axis, (to, _) in zip(axes, planes)]
+    views = views or [{}] * m
+    if m > 1:
+        held = np.where(known.any(axis=0), np.nan_to_num(outward), np.nan)
+        common, own = held.mean(axis=0), held.std(axis=0)
+        new.mesh("mean.ply", mean, {"directional": common, "fluctuating": own}, common)
+        draw_values(new.picture("directional"), mean, common, HALF, views=views[0])
+        label = "standard deviation, along the normal"
+        draw_values(new.picture("fluctuating"), mean, own, label, views=views[0])
+        words["directional"] = "Directional asymmetry: what all have in common."
+        words["fluctuating"] = "Fluctuating asymmetry: how far single ones differ from that."
+    for i in np.argsort(-found.amounts, kind="stable")[:MOST_DRAWN].tolist():
+        name = f"shapes/{both.names[i]}"
+        draw_values(new.picture(name), both.mesh(i), outward[i], HALF, views=views[i])
+        words[name] = f"{both.names[i]}: where its sides differ{WRONG if planes else ''}."
+    for i, signed in enumerate(outward):
+        mesh, most = both.mesh(i), int(np.nanargmax(np.abs(signed)))
+        length = np.where(known[i], np.linalg.norm(found.components[i], axis=1), np.nan)
+        new.mesh(f"shapes/{both.names[i]}.ply", mesh, {"asymmetry": length, "along_normal": signed}, signed)
+        line = {
+            "name": both.names[i],
+            "asymmetry": float(found.amounts[i]),
+            "over_size": float(found.amounts[i]) / size,
+            "along_normal": float(np.sqrt(share @ np.nan_to_num(signed) ** 2)),
+            "fluctuating": float(found.fluctuating[i]),
+            "most": float(signed[most]),
+            "most_vertex": most,
+        }
+        if planes:
+            normal, offset = planes[i]
+            line["most_side"] = list(views[i])[0 if mesh.vertices[most] @ normal > offset else 1]
+            line |= dict(zip(("plane_x", "plane_y", "plane_z", "plane_offset"), (*normal.tolist(), offset)))
+        lines.append(line if planes else line | {"left": both.names[m + i]})
+    return found, lines, words
+
+
+def _told(record: dict[str, Any]) -> list[str]:
+    """Say what was found, one sentence each."""
+    rows, n, told = record["anova"], record["n_individuals"], list[str]()
+    if rows:
+        between, common, own = (f"{row['share']:.1%}" for row in rows[:3])
+        told = [
+            f"{n} individuals: {between} of all variation is between them and symmetric, {common} is directional "
+            f"asymmetry, the same in all, and {own} fluctuating, each in its own way",
+            f"fluctuating asymmetry has {rows[2]['f']:.3g} times the mean square of the error of measurement"
+            if len(rows) > 3
+            else "nothing was measured twice: errors of measurement and of maps are part of the fluctuating asymmetry",
+            "errors of maps are in part alike in all shapes: asymmetry near them may look directional at a small p",
+            f"{record['share']:.1%} of the asymmetry is directional, p = {record['p_value']:.4g} "
+            f"({record['n_permutations']} ways to mirror some of the individuals; no p is below {2.0 ** (1 - n):.2g})",
+        ]
+    most = max(record["shapes"], key=lambda line: line["asymmetry"])
+    outward = "stands out" if most["most"] > 0 else "lies deeper"
+    where = f"on {most['most_side']}, which" if "most_side" in most else f"where {most['name']}"
+    told += [
+        f"{most['name']}{', the most asymmetric,' if rows else ''} is {most['asymmetry']:.4g} away from a symmetric "
+        f"shape (root mean square), {most['over_size']:.2%} of its size, and {most['along_normal']:.4g} along the "
+        f"normal, most at vertex {most['most_vertex']}, {where} {outward} by {abs(most['most']):.4g}"
+    ]
+    return [*told, *(f"note: {note}" for note in record["notes"])]
