@@ -19,7 +19,9 @@ EXACT = 1e-12  # of the extent of the points: movement in the last step
 PRECISE = 1e-6  # of the target's extent, far less than maps can be right
 
 
-def median_map(maps: Sequence[Correspondence], target: SurfaceLike) -> Correspondence:
+def median_map(
+    maps: Sequence[Correspondence], target: SurfaceLike, errors: Sequence[float] | None = None
+) -> Correspondence:
     """Join maps between the same two surfaces: to the geometric median of the images of each vertex, on the target.
 
     The median lies inside a triangle, on a sheet that one of the images is on. A vertex is unmatched where fewer than
@@ -32,6 +34,9 @@ def median_map(maps: Sequence[Correspondence], target: SurfaceLike) -> Correspon
         Source → target, such as compositions over several other shapes.
     target : Mesh, or what `mesh_from` takes
         Where they end.
+    errors : sequence of float, optional
+        Expected error of each, more than 0. Every point between two images is their median: of two maps with errors, it
+        is the mean with weights 1 / error².
 
     Raises
     ------
@@ -58,7 +63,13 @@ def median_map(maps: Sequence[Correspondence], target: SurfaceLike) -> Correspon
     images = np.stack([each.pull_back(places) for each in maps])  # (m, n, 3)
     starts = np.stack([each.vertices for each in maps], axis=1)  # (n, m)
     rows = np.flatnonzero(2 * (starts >= 0).sum(axis=1) >= len(maps))
-    median = geometric_median(images[:, rows], PRECISE)
+    if len(maps) == 2 and errors is not None:
+        weights = np.where(np.isnan(images), 0.0, np.reshape(np.min(errors) / errors, (2, 1, 1)) ** 2)[
+            :, rows
+        ]
+        median = (weights * np.nan_to_num(images[:, rows])).sum(axis=0) / weights.sum(axis=0)
+    else:
+        median = geometric_median(images[:, rows], PRECISE)
     any_of = starts[rows].max(axis=1, keepdims=True)
     groups = VertexGroups.of(np.arange(mesh.n_vertices), mesh.n_vertices)
     near = np.where(starts[rows] < 0, any_of, starts[rows])

@@ -3,6 +3,7 @@ from isomatch.statistics.charts import (
     PictureFormat,
     draw_embedding,
     draw_modes,
+    draw_motion,
     draw_quality,
     draw_regression,
     draw_scores,
@@ -21,6 +22,14 @@ from isomatch.statistics.doubts import (
 )
 from isomatch.statistics.exports import write_shapeworks, write_statismo
 from isomatch.statistics.group_test import GroupTest, group_test
+from isomatch.statistics.motion import (
+    SurfaceStrain,
+    VertexMotion,
+    motion_by_region,
+    surface_strain,
+    vertex_motion,
+    wall_thickness,
+)
 from isomatch.statistics.observations import (
     Observations,
     model_noise,
@@ -71,6 +80,8 @@ __all__ = [
     "ScoredShape",
     "ShapeModel",
     "ShapeRegression",
+    "SurfaceStrain",
+    "VertexMotion",
     "asymmetry",
     "centroid_sizes",
     "classical_scaling",
@@ -80,6 +91,7 @@ __all__ = [
     "doubtful_shapes",
     "draw_embedding",
     "draw_modes",
+    "draw_motion",
     "draw_quality",
     "draw_regression",
     "draw_scores",
@@ -96,6 +108,7 @@ __all__ = [
     "likely_units",
     "measured_variances",
     "model_noise",
+    "motion_by_region",
     "observed_landmarks",
     "observed_part",
     "observed_vertices",
@@ -106,7 +119,10 @@ __all__ = [
     "shape_tree",
     "size_factors",
     "specificity",
+    "surface_strain",
     "told_factor",
+    "vertex_motion",
+    "wall_thickness",
     "write_shapeworks",
     "write_statismo",
 ]

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
@@ -26,6 +26,7 @@ PictureFormat = Literal["png", "pdf", "svg"]
 
 BLUE, GREY = "#3f90da", "#717581"  # of Petroff 2021
 COLOURS = (BLUE, "#ffa90e", "#bd1f01", "#94a4a2", "#832db6", "#a96b59", "#e76300", "#b9ac70")
+DASHES = ("-", "--", ":")  # of lines, once all colours are used
 DPI = 300  # of pictures in print
 SIZE = (5.6, 4.5)  # inches of a scatter plot; all charts are as wide
 MOST_TICKS = 6  # along x, so that their numbers stay apart
@@ -167,6 +168,42 @@ def draw_embedding(
     axes.locator_params(axis="x", nbins=MOST_TICKS)
     axes.set_title(label, fontsize="medium")
     _save_scatter(figure, path, dpi)
+
+
+def draw_motion(path: str | Path, rows: Sequence[Mapping[str, Any]], *, dpi: int = DPI) -> None:
+    """Draw how the regions of a series change, a panel for each measure that is known, as `draw_scores`.
+
+    The rows are those of `motion_by_region`, of one shape after the other, with its ``name``.
+    """
+    from matplotlib.figure import Figure
+
+    names, regions = (list(dict.fromkeys(row[key] for row in rows)) for key in ("name", "region"))
+    numbers = {key: [row[key] for row in rows] for key in rows[0] if key not in ("name", "region")}
+    lines = {key: np.reshape(values, (len(names), -1)) for key, values in numbers.items()}
+    shown = [key for key, values in lines.items() if np.isfinite(values).any()]
+    n_rows = -(-len(shown) // 2)
+    figure = Figure((WIDTH, 1.0 + 1.7 * n_rows), layout="constrained")
+    panels = figure.subplots(n_rows, 2, squeeze=False).ravel()
+    ticks = np.unique(np.linspace(0, len(names) - 1, MOST_TICKS).astype(int))
+    for axes, key in zip(panels, shown):
+        for j, region in enumerate(regions):
+            style = {
+                "color": COLOURS[(j - 1) % len(COLOURS)],
+                "linestyle": DASHES[(j - 1) // len(COLOURS) % 3],
+            }
+            axes.plot(lines[key][:, j], **(style if j else {"color": "black"}), label=region)
+        axes.set_title(key.replace("_", " "), fontsize="small")
+        axes.set_xticks(ticks, [names[i] for i in ticks], rotation=30, ha="right", parse_math=False)
+        axes.tick_params(labelsize=NAMES)
+    for axes in panels[len(shown) :]:
+        axes.remove()
+    if len(regions) > 1:
+        legend = figure.legend(
+            *panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=5, fontsize=NAMES
+        )
+        for text in legend.get_texts():
+            text.set_parse_math(False)
+    save_figure(figure, path, dpi)
 
 
 def _chart(n_panels: int = 1, height: float = SIZE[1]) -> tuple[Figure, list[Axes]]:
