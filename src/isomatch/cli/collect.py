@@ -433,14 +433,13 @@ def status_of(collection: collections.Collection, folders: Iterable[str] = ()) -
 
 
 def _loop_of(collection: collections.Collection, rows: collections.Rows) -> dict[str, Any]:
-    """Tell how far vertices of the template are from themselves once around a ring, in √area; and where it is open."""
+    """Tell how far the template is from itself once around a ring, in √area, and where the ring is open."""
     names, table = collection.names, collection.layout.shapes_table
     legs = pairwise([*names, names[0]])
     unsure = [list(leg) for leg in legs if not rows.is_current(leg) or rows.is_doubtful(leg)]
-    lines = read_csv(table) if table.exists() and not unsure else []
-    measured = [line for line in lines if line.get("loop_error")]
-    greatest = {key: float(line[key]) for line in measured for key in ("loop_error", "greatest_loop_error")}
-    return {"open": unsure, **greatest}
+    lines = read_csv(table) if table.exists() else []
+    found = {key: float(line[key]) for line in lines for key in line if "loop" in key and line[key]}
+    return {"open": unsure, **found}
 
 
 def _say_status(status: dict[str, Any], layout: collections.Layout) -> None:
@@ -458,12 +457,12 @@ def _say_status(status: dict[str, Any], layout: collections.Layout) -> None:
             f"{agreement['compared']} pairs compared with compositions: {len(agreement['contradicted'])} contradicted, "
             f"{len(agreement['replaced'])} replaced"
         )
-    if loop := status["loop"]:
-        if "loop_error" in loop:
-            mean, most = (f"{100 * loop[key]:.2g} %" for key in ("loop_error", "greatest_loop_error"))
-            say(f"once around the ring, vertices are {mean} of √area from themselves, at most {most}")
-        elif legs := ", ".join(" to ".join(leg) for leg in loop["open"]):
-            say(f"the ring is open, so that shapes are reached one way: no sure maps {legs}", "bold red")
+    loop = status["loop"] or {"open": []}
+    if legs := ", ".join(" to ".join(leg) for leg in loop["open"]):
+        say(f"the ring is open, so that shapes are reached one way: no sure maps {legs}", "bold red")
+    elif "loop_error" in loop:
+        mean, most = (f"{loop[key]:.2%}" for key in ("loop_error", "greatest_loop_error"))
+        say(f"once around the ring, vertices are {mean} of √area from themselves, at most {most}")
     if turned := ", ".join(agreement["turned"]):
         say(f"maps to {turned} mostly reverse the orientation: perhaps mirrored together", "bold red")
     _say_sides(status)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Container, Iterable, Iterator, Sequence
+from collections.abc import Container, Iterable, Iterator
 from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import asdict
@@ -64,11 +64,10 @@ def finish(
     the images of the template's vertices by all these ways are combined: their median on the surface, see `median_map`.
     Doubtful maps are no such ways. Vertices for which it has nothing are placed by those around them; see
     `isomatch.wrap`. A shape that is not matched with the template, as in a chain, gets the composition of the maps on the
-    shortest path of sure ones; in a ring that is closed by sure maps, both ways round are joined, each weighted by
-    1 / error², unless they are far apart: then the surer one counts. ``shapes.csv`` names those that none leads to, and
-    has the expected error of the map, in √area, which grows with the path, and how far the template is from itself once
-    around a ring. Files of shapes that were taken out, or are not matched any more, are removed. A file that was changed
-    after it was written is written again.
+    shortest path of sure ones; in a ring that is closed by sure maps, both ways round are joined, unless they are far
+    apart. ``shapes.csv`` names those that none leads to, has the expected error of the shortest way, in √area, and that
+    of the template once around a ring. Files of shapes that were taken out, or are not matched any more, are removed. A
+    file that was changed after it was written is written again.
 
     Other arguments are those of `Collection.run`.
 
@@ -141,15 +140,19 @@ def _planned(collection: Collection, rows: Rows, template: str) -> list[PlannedS
     linked = [name for name in collection.names if {template, name} in sure]
     own = rows.shapes.get(template, {}).get("key", "")
     plans = [PlannedSurface(_entry(collection, rows, template), None, own)]
-    ring = _ring(collection, rows, template, sure)
-    if ring:  # every surface depends on all maps
-        key = _joined(keys[frozenset(leg)] for leg in pairwise([*(each.name for each in ring), template]))
-        plans = [plans[0]._replace(key=f"{own} {key}", ways=(ring[1:],))]
-        for i, entry in enumerate(ring[1:], 1):
-            both = ring[1:i], ring[:i:-1]
-            plans.append(PlannedSurface(entry, (template, entry.name), key, ways=both))
+    start = collection.names.index(template) if collection.pairs == "ring" else 0
+    ring = [*collection.names[start:], *collection.names[:start]]
+    around = [frozenset(leg) for leg in pairwise([*ring, template])]
+    is_closed = collection.pairs == "ring" and sure.issuperset(around)
+    if is_closed:  # every surface depends on all maps
+        key = _joined(keys[leg] for leg in around)
+        entries = tuple(_entry(collection, rows, each) for each in ring)
+        plans = [plans[0]._replace(key=f"{own} {key}", ways=(entries[1:],))]
+        for i, entry in enumerate(entries[1:], 1):
+            both = sorted((entries[1:i], entries[:i:-1]), key=len)
+            plans.append(PlannedSurface(entry, (template, entry.name), key, ways=tuple(both)))
     for pair in rows.pairs:
-        if ring or template not in pair or frozenset(pair) not in keys:
+        if is_closed or template not in pair or frozenset(pair) not in keys:
             continue
         name = pair[0] if pair[1] == template else pair[1]
         over = [each for each in linked if {each, name} in sure]
@@ -171,18 +174,6 @@ def _planned(collection: Collection, rows: Rows, template: str) -> list[PlannedS
         if (factor := scales.get(plan.entry.name, 1.0)) != 1:
             plans[i] = plan._replace(scale=factor, key=f"{plan.key} × {factor:.6g}")
     return plans
-
-
-def _ring(
-    collection: Collection, rows: Rows, template: str, sure: Container[frozenset[str]]
-) -> tuple[Entry, ...]:
-    """Return the shapes of a ring from the template on, if it is closed by sure maps; otherwise none."""
-    if collection.pairs != "ring":
-        return ()
-    start = collection.names.index(template)
-    names = [*collection.names[start:], *collection.names[:start]]
-    closed = all(frozenset(leg) in sure for leg in pairwise([*names, template]))
-    return tuple(_entry(collection, rows, name) for name in names) if closed else ()
 
 
 def _joined(keys: Iterable[str]) -> str:
@@ -274,8 +265,8 @@ class PlannedSurface(NamedTuple):
     pair: Pair | None  # the template and the shape; None for the template itself
     key: str  # identifies the map, and with it the surface
     scale: float = 1.0  # what its positions are multiplied by, so that they are in the units of the others
-    # how the template's vertices come to it: over which other shapes, none by the map of the pair; the median of all. To
-    # the template itself in a ring: once around
+    # how the template's vertices come to it: over which other shapes, none by the map of the pair; the median of all.
+    # To the template itself: once around a ring
     ways: Ways = ((),)
 
 
@@ -287,13 +278,11 @@ def _wrapped(layout: Layout, of: Entry, plan: PlannedSurface) -> Record:
     try:
         template, mesh = map(_mesh, (of, plan.entry))
         marks: list[Attribute] = []
+        if plan.ways[0] and plan.pair is None:
+            images = _map(layout, of, plan, mesh)[0].pull_back(mesh.vertices)
+            apart = np.linalg.norm(images - mesh.vertices, axis=1) / np.sqrt(mesh.area)
+            line |= zip(LOOP, (float(np.nanmean(apart)), float(np.nanmax(apart))))
         if plan.pair is None:
-            if plan.ways[0]:
-                around, _ = _along(layout, (of, *plan.ways[0], of))
-                apart = np.linalg.norm(around.pull_back(mesh.vertices) - mesh.vertices, axis=1) / np.sqrt(
-                    mesh.area
-                )
-                line |= zip(LOOP, (float(np.nanmean(apart)), float(np.nanmax(apart))))
             template = mesh = reflected(mesh) if plan.entry.reflected else mesh
         else:
             turned = of.reflected, plan.entry.reflected
@@ -317,28 +306,19 @@ def _wrapped(layout: Layout, of: Entry, plan: PlannedSurface) -> Record:
 
 
 def _map(layout: Layout, of: Entry, plan: PlannedSurface, mesh: Mesh) -> tuple[Correspondence, float, int]:
-    """Return the map from the template, the median of all ways, its expected error, in √area, and the number of ways."""
-    found = [_along(layout, (of, *way, plan.entry)) for way in plan.ways]
-    maps, errors = [there for there, _ in found], [error for _, error in found]
-    if len(maps) != 2:
-        return median_map(maps, mesh) if len(maps) > 1 else maps[0], errors[0], len(maps)
-    known = all(0 < error < np.inf for error in errors)
-    weighed = (
-        errors if known else [np.sqrt(len(way) + 1) for way in plan.ways]
-    )  # errors grow with the number of maps
-    surest = int(np.argmin(weighed))
-    apart = np.linalg.norm(maps[0].pull_back(mesh.vertices) - maps[1].pull_back(mesh.vertices), axis=1)
-    if np.nanmean(apart) > CONTRADICTED * np.sqrt(mesh.area):
-        return maps[surest], errors[surest], 1  # one of them is wrong, and so is what lies between
-    both = errors[0] * errors[1] / np.linalg.norm(errors) if known else np.nan
-    return median_map(maps, mesh, weighed), float(both), 2
-
-
-def _along(layout: Layout, path: Sequence[Entry]) -> tuple[Correspondence, float]:
-    """Compose the maps along a path; with the mean expected error, in √area."""
-    of = {each.name: each for each in path}
-    there, errors = maps_along(layout, [each.name for each in path], lambda name: _mesh(of[name]))
-    return there, float(np.nanmean(errors)) if np.isfinite(errors).any() else np.nan
+    """Return the map from the template, the median of all ways, its error by the first, in √area, and their number."""
+    meshes = {plan.entry.name: mesh}
+    maps, errors = [], []
+    for way in plan.ways:
+        path = (of, *way, plan.entry)
+        meshes |= {each.name: _mesh(each) for each in way}
+        there, error = maps_along(layout, [each.name for each in path], meshes.__getitem__)
+        maps.append(there)
+        errors.append(float(np.nanmean(error)) if np.isfinite(error).any() else np.nan)
+    if len(maps) == 2:  # of two that are far apart one is wrong, and so is what lies between
+        apart = np.linalg.norm(maps[0].pull_back(mesh.vertices) - maps[1].pull_back(mesh.vertices), axis=1)
+        maps = maps[:1] if np.nanmean(apart) > CONTRADICTED * np.sqrt(mesh.area) else maps
+    return median_map(maps, mesh, errors) if len(maps) > 1 else maps[0], errors[0], len(maps)
 
 
 def _draw(template: Mesh, mesh: Mesh, path: Path) -> None:

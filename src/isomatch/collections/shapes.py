@@ -109,9 +109,7 @@ def pairs_of(names: Sequence[str], pattern: str, template: str | None) -> list[P
         return list(pairwise(names))
     if pattern == "ring":
         if len(names) < 3:
-            raise InputError(
-                f"a ring has at least three shapes, not {len(names)}; give more, or match a chain"
-            )
+            raise InputError(f"a ring has at least three shapes, not {len(names)}; match a chain")
         return list(pairwise([*names, names[0]]))
     return _listed(Path(pattern), names)
 

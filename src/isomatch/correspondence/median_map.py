@@ -35,8 +35,7 @@ def median_map(
     target : Mesh, or what `mesh_from` takes
         Where they end.
     errors : sequence of float, optional
-        Expected error of each, more than 0. Every point between two images is their median: of two maps with errors, it
-        is the mean with weights 1 / error².
+        Expected error of each. Of two maps, all between both images are medians: it is then the mean by 1 / error².
 
     Raises
     ------
@@ -63,13 +62,11 @@ def median_map(
     images = np.stack([each.pull_back(places) for each in maps])  # (m, n, 3)
     starts = np.stack([each.vertices for each in maps], axis=1)  # (n, m)
     rows = np.flatnonzero(2 * (starts >= 0).sum(axis=1) >= len(maps))
-    if len(maps) == 2 and errors is not None:
-        weights = np.where(np.isnan(images), 0.0, np.reshape(np.min(errors) / errors, (2, 1, 1)) ** 2)[
-            :, rows
-        ]
-        median = (weights * np.nan_to_num(images[:, rows])).sum(axis=0) / weights.sum(axis=0)
-    else:
-        median = geometric_median(images[:, rows], PRECISE)
+    median = geometric_median(images[:, rows], PRECISE)
+    if len(maps) == 2 and errors is not None and np.min(errors) > 0:
+        share = 1 / (1 + (errors[0] / errors[1]) ** 2)  # of the first
+        mean = share * images[0, rows] + (1 - share) * images[1, rows]
+        median = np.where(np.isnan(mean), median, mean)
     any_of = starts[rows].max(axis=1, keepdims=True)
     groups = VertexGroups.of(np.arange(mesh.n_vertices), mesh.n_vertices)
     near = np.where(starts[rows] < 0, any_of, starts[rows])

@@ -22,14 +22,7 @@ from isomatch.statistics.doubts import (
 )
 from isomatch.statistics.exports import write_shapeworks, write_statismo
 from isomatch.statistics.group_test import GroupTest, group_test
-from isomatch.statistics.motion import (
-    SurfaceStrain,
-    VertexMotion,
-    motion_by_region,
-    surface_strain,
-    vertex_motion,
-    wall_thickness,
-)
+from isomatch.statistics.motion import face_motion, motion_by_region, surface_strain, wall_thickness
 from isomatch.statistics.observations import (
     Observations,
     model_noise,
@@ -80,8 +73,6 @@ __all__ = [
     "ScoredShape",
     "ShapeModel",
     "ShapeRegression",
-    "SurfaceStrain",
-    "VertexMotion",
     "asymmetry",
     "centroid_sizes",
     "classical_scaling",
@@ -97,6 +88,7 @@ __all__ = [
     "draw_scores",
     "draw_tree",
     "draw_values",
+    "face_motion",
     "filled",
     "generalisation",
     "generalised_procrustes",
@@ -121,7 +113,6 @@ __all__ = [
     "specificity",
     "surface_strain",
     "told_factor",
-    "vertex_motion",
     "wall_thickness",
     "write_shapeworks",
     "write_statismo",

@@ -26,7 +26,6 @@ PictureFormat = Literal["png", "pdf", "svg"]
 
 BLUE, GREY = "#3f90da", "#717581"  # of Petroff 2021
 COLOURS = (BLUE, "#ffa90e", "#bd1f01", "#94a4a2", "#832db6", "#a96b59", "#e76300", "#b9ac70")
-DASHES = ("-", "--", ":")  # of lines, once all colours are used
 DPI = 300  # of pictures in print
 SIZE = (5.6, 4.5)  # inches of a scatter plot; all charts are as wide
 MOST_TICKS = 6  # along x, so that their numbers stay apart
@@ -175,34 +174,19 @@ def draw_motion(path: str | Path, rows: Sequence[Mapping[str, Any]], *, dpi: int
 
     The rows are those of `motion_by_region`, of one shape after the other, with its ``name``.
     """
-    from matplotlib.figure import Figure
-
     names, regions = (list(dict.fromkeys(row[key] for row in rows)) for key in ("name", "region"))
-    numbers = {key: [row[key] for row in rows] for key in rows[0] if key not in ("name", "region")}
-    lines = {key: np.reshape(values, (len(names), -1)) for key, values in numbers.items()}
-    shown = [key for key, values in lines.items() if np.isfinite(values).any()]
-    n_rows = -(-len(shown) // 2)
-    figure = Figure((WIDTH, 1.0 + 1.7 * n_rows), layout="constrained")
-    panels = figure.subplots(n_rows, 2, squeeze=False).ravel()
+    table = {key: np.reshape([row[key] for row in rows], (len(names), -1)) for key in list(rows[0])[2:]}
+    shown = [key for key, values in table.items() if np.isfinite(values).any()]
+    figure, panels = _chart(len(shown), 1.0 + 1.5 * len(shown))
     ticks = np.unique(np.linspace(0, len(names) - 1, MOST_TICKS).astype(int))
     for axes, key in zip(panels, shown):
-        for j, region in enumerate(regions):
-            style = {
-                "color": COLOURS[(j - 1) % len(COLOURS)],
-                "linestyle": DASHES[(j - 1) // len(COLOURS) % 3],
-            }
-            axes.plot(lines[key][:, j], **(style if j else {"color": "black"}), label=region)
+        axes.set_prop_cycle(color=["black", *COLOURS])
+        lines = axes.plot(table[key])
         axes.set_title(key.replace("_", " "), fontsize="small")
-        axes.set_xticks(ticks, [names[i] for i in ticks], rotation=30, ha="right", parse_math=False)
-        axes.tick_params(labelsize=NAMES)
-    for axes in panels[len(shown) :]:
-        axes.remove()
-    if len(regions) > 1:
-        legend = figure.legend(
-            *panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=5, fontsize=NAMES
-        )
-        for text in legend.get_texts():
-            text.set_parse_math(False)
+        axes.set_xticks(ticks, [names[i] for i in ticks], fontsize=NAMES, parse_math=False)
+    legend = figure.legend(lines, regions, loc="outside lower center", ncols=5, fontsize=NAMES)
+    for text in legend.get_texts():
+        text.set_parse_math(False)
     save_figure(figure, path, dpi)
 
 
