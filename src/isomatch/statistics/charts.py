@@ -183,7 +183,7 @@ def draw_motion(path: str | Path, rows: Sequence[Mapping[str, Any]], *, dpi: int
         axes.set_prop_cycle(color=["black", *COLOURS])
         lines = axes.plot(table[key])
         axes.set_title(key.replace("_", " "), fontsize="small")
-        axes.set_xticks(ticks, [names[i] for i in ticks], fontsize=NAMES, parse_math=False)
+        axes.set_xticks(ticks, [names[i] for i in ticks], rotation=15, size=NAMES, parse_math=False)
     legend = figure.legend(lines, regions, loc="outside lower center", ncols=5, fontsize=NAMES)
     for text in legend.get_texts():
         text.set_parse_math(False)
