@@ -31,7 +31,7 @@ def over_time(
     """Tell how a series of shapes in one topology moves: area, volume, thickness and strain over time, by region.
 
     Args:
-        folder: Folder of meshes with the same faces, by the numbers in their names; or folder of isomatch collect.
+        folder: Folder of meshes with the same faces, frame2 before frame10; or folder of isomatch collect.
         output: Folder for time.csv, time.png, and strain/NAME.vtp, each shape with the measures of its faces.
         regions: Labels of the vertices: a table, .npy, .annot, .label.gii, or the template's file, if it has one label.
         reference: Name of the shape that is not strained; by default the first one.
