@@ -63,6 +63,9 @@ def test_patterns():
     assert set(map(frozenset, pairs_of(NAMES, "all", None))) == set(map(frozenset, combinations(NAMES, 2)))
     assert pairs_of(NAMES[:3], "star", "n01") == [("n01", "n00"), ("n01", "n02")]
     assert pairs_of(NAMES[:3], "chain", None) == [("n00", "n01"), ("n01", "n02")]
+    assert pairs_of(NAMES[:3], "ring", None) == [("n00", "n01"), ("n01", "n02"), ("n02", "n00")]
+    with pytest.raises(InputError, match="a ring has at least three shapes, not 2"):
+        pairs_of(NAMES[:2], "ring", None)
 
 
 @pytest.mark.parametrize(

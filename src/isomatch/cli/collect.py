@@ -6,6 +6,7 @@ import re
 import time
 from collections import Counter
 from collections.abc import Iterable, Mapping
+from itertools import pairwise
 from os.path import isfile
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -25,7 +26,7 @@ from isomatch.errors import InputError, MemoryBudgetError
 from isomatch.matching import Outcome
 from isomatch.statistics import ScoredShape, ShapeModel
 from isomatch.storage.files import claimed
-from isomatch.storage.texts import text_lines
+from isomatch.storage.texts import read_csv, text_lines
 
 Reports = Annotated[
     int | Literal["doubtful", "all", "none"],
@@ -78,8 +79,8 @@ def run(
         output: Folder for prepared shapes, maps, pairs.csv, index.html, and the shapes in the topology of the template.
         template: Name or file of the template; by default (auto) the shape in the middle of all, by spectra and
             distances.
-        pairs: star (default): each shape with the template; all; chain: each with the next; or a CSV file with columns
-            source and target.
+        pairs: star (default): each shape with the template; all; chain: each with the next; ring: also the last with the
+            first, as of a beating heart; or a CSV file with columns source and target.
         shard: i/n: match the i-th of n parts of the pairs. Runs of other parts may go on at the same time, on other
             machines.
         reflect: Shapes to match as their mirror images. auto: those that fit clearly better so, as left ones among right
@@ -473,9 +474,20 @@ def status_of(collection: collections.Collection, folders: Iterable[str] = ()) -
         "mirror_images": {n: rows.pairs[pair].get("not_reflected", {}).get(n) for n, pair in turned.items()},
         "outliers": [outlier._asdict() for outlier in collections.outliers(collection, rows)],
         "agreement": collections.agreement_of(rows)._asdict(),
+        "loop": _loop_of(collection, rows) if collection.pairs == "ring" else None,
         "damaged": damaged,
         "failures": failures,
     }
+
+
+def _loop_of(collection: collections.Collection, rows: collections.Rows) -> dict[str, Any]:
+    """Tell how far the template is from itself once around a ring, in √area, and where the ring is open."""
+    names, table = collection.names, collection.layout.shapes_table
+    legs = pairwise([*names, names[0]])
+    unsure = [list(leg) for leg in legs if not rows.is_current(leg) or rows.is_doubtful(leg)]
+    lines = read_csv(table) if table.exists() else []
+    found = {key: float(line[key]) for line in lines for key in line if "loop" in key and line[key]}
+    return {"open": unsure, **found}
 
 
 def _say_status(status: dict[str, Any], layout: collections.Layout) -> None:
@@ -493,6 +505,12 @@ def _say_status(status: dict[str, Any], layout: collections.Layout) -> None:
             f"{agreement['compared']} pairs compared with compositions: {len(agreement['contradicted'])} contradicted, "
             f"{len(agreement['replaced'])} replaced"
         )
+    loop = status["loop"] or {"open": []}
+    if legs := ", ".join(" to ".join(leg) for leg in loop["open"]):
+        say(f"the ring is open, so that shapes are reached one way: no sure maps {legs}", "bold red")
+    elif "loop_error" in loop:
+        mean, most = (f"{loop[key]:.2%}" for key in ("loop_error", "greatest_loop_error"))
+        say(f"once around the ring, vertices are {mean} of √area from themselves, at most {most}")
     if turned := ", ".join(agreement["turned"]):
         say(f"maps to {turned} mostly reverse the orientation: perhaps mirrored together", "bold red")
     _say_sides(status)

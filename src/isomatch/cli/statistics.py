@@ -20,6 +20,7 @@ from isomatch.cli.inputs import ConfigFile, Force, Output, Seed, read_config
 from isomatch.cli.outputs import claimed_files, require_writable, say_left_out
 from isomatch.cli.scored import LAST, new_shapes, say_scored, write_scored
 from isomatch.cli.statistics_files import StatisticsFolder
+from isomatch.cli.statistics_time import over_time
 from isomatch.cli.terminal import INDENT, TALK, Talk, complain, json_text, part, say, say_rows, say_table
 from isomatch.errors import FormatError, InputError, IsomatchError
 from isomatch.statistics import CorrespondedShapes, GroupTest, ShapeModel, ShapeRegression
@@ -362,6 +363,9 @@ def project(
         scored = {entry.name: prior.score_file(entry.path) for entry in new_ones}
         record = write_scored(new, model, prior, scored)
     talk.result({**record, "output": str(output)}, lambda: say_scored(record, output))
+
+
+statistics.command(over_time, name="time")
 
 
 @statistics.command

@@ -87,8 +87,8 @@ class Collection(Plan):
             A folder, all files of which that can be read are taken; a pattern such as ``'scans/*.vtp'``; a CSV file
             with a column ``path``, relative to its folder, and perhaps ``name``; or the files, an `Entry` with a name.
         pairs : str
-            "star": the template with each other shape; "all"; "chain", each with the next; or a CSV file with
-            columns ``source`` and ``target``. Each pair is matched in both directions.
+            "star": the template with each other shape; "all"; "chain", each with the next; "ring", also the last with
+            the first; or a CSV file with columns ``source`` and ``target``. Each pair is matched in both directions.
         template : str, optional
             Name of a shape, or its file; by default the one in the middle of all, by spectra and distances.
         config, seed : Config, int
@@ -121,6 +121,7 @@ class Collection(Plan):
             template = by_file[Path(template).resolve()]
         if pairs not in PATTERNS:
             pairs = str(Path(pairs).resolve())
+        if pairs not in ("star", "all"):
             pairs_of(names, pairs, template)
         turned, units_of = _checked(reflect, names), checked_units(units or {}, names)
         new = cls(layout.folder, entries, pairs, template, config or Config(), seed, turned, units_of)

@@ -19,7 +19,7 @@ from matplotlib.image import imsave
 from isomatch.assets import Asset, Attribute, Frame, Polygons, mesh_from, read_asset, read_mesh, write_asset
 from isomatch.collections.cohort import NOT_UNLIKE, mirror_images, scales_of
 from isomatch.collections.collection import Collection
-from isomatch.collections.ledger import Ledger, Record, Rows, read_ledgers, writing_ledger
+from isomatch.collections.ledger import CONTRADICTED, Ledger, Record, Rows, read_ledgers, writing_ledger
 from isomatch.collections.map_file import (
     as_matched,
     changed_files,
@@ -41,7 +41,8 @@ from isomatch.surfaces import Mesh, reflected
 from isomatch.view import camera_of, position_colours, surface_image, to_screen, turn_to_target
 
 OWN = ("name", "key", "turned", "stretch", "distance", "extended", "error")  # columns of the work itself
-COLUMNS = (*OWN, "expected_error", "ways", "scale", "reflected", "mirror_image", "unlike")
+LOOP = ("loop_error", "greatest_loop_error")  # of the template, once around a ring, in √area
+COLUMNS = (*OWN, "expected_error", "ways", "scale", "reflected", "mirror_image", "unlike", *LOOP)
 AT_ONCE = 4  # surfaces of a task
 N_COMPARED = 1000  # vertices of a shape by which outliers are found
 MOST_COMPARED = 2000  # shapes that are compared; of more, every so many-th
@@ -63,8 +64,9 @@ def finish(
     the images of the template's vertices by all these ways are combined: their median on the surface, see `median_map`.
     Doubtful maps are no such ways. Vertices for which it has nothing are placed by those around them; see
     `isomatch.wrap`. A shape that is not matched with the template, as in a chain, gets the composition of the maps on the
-    shortest path of sure ones. ``shapes.csv`` names those that none leads to, and has the expected error of the map, in
-    √area, which grows with the path. Files of shapes that were taken out, or are not matched any more, are removed. A
+    shortest path of sure ones; in a ring that is closed by sure maps, both ways round are joined, unless they are far
+    apart. ``shapes.csv`` names those that none leads to, has the expected error of the shortest way, in √area, and that
+    of the template once around a ring. Files of shapes that were taken out, or are not matched any more, are removed. A
     file that was changed after it was written is written again.
 
     Other arguments are those of `Collection.run`.
@@ -138,8 +140,19 @@ def _planned(collection: Collection, rows: Rows, template: str) -> list[PlannedS
     linked = [name for name in collection.names if {template, name} in sure]
     own = rows.shapes.get(template, {}).get("key", "")
     plans = [PlannedSurface(_entry(collection, rows, template), None, own)]
+    start = collection.names.index(template) if collection.pairs == "ring" else 0
+    ring = [*collection.names[start:], *collection.names[:start]]
+    around = [frozenset(leg) for leg in pairwise([*ring, template])]
+    is_closed = collection.pairs == "ring" and sure.issuperset(around)
+    if is_closed:  # every surface depends on all maps
+        key = _joined(keys[leg] for leg in around)
+        entries = tuple(_entry(collection, rows, each) for each in ring)
+        plans = [plans[0]._replace(key=f"{own} {key}", ways=(entries[1:],))]
+        for i, entry in enumerate(entries[1:], 1):
+            both = sorted((entries[1:i], entries[:i:-1]), key=len)
+            plans.append(PlannedSurface(entry, (template, entry.name), key, ways=tuple(both)))
     for pair in rows.pairs:
-        if template not in pair or frozenset(pair) not in keys:
+        if is_closed or template not in pair or frozenset(pair) not in keys:
             continue
         name = pair[0] if pair[1] == template else pair[1]
         over = [each for each in linked if {each, name} in sure]
@@ -252,7 +265,8 @@ class PlannedSurface(NamedTuple):
     pair: Pair | None  # the template and the shape; None for the template itself
     key: str  # identifies the map, and with it the surface
     scale: float = 1.0  # what its positions are multiplied by, so that they are in the units of the others
-    # how the template's vertices come to it: over which other shapes, none by the map of the pair; the median of all
+    # how the template's vertices come to it: over which other shapes, none by the map of the pair; the median of all.
+    # To the template itself: once around a ring
     ways: Ways = ((),)
 
 
@@ -264,11 +278,15 @@ def _wrapped(layout: Layout, of: Entry, plan: PlannedSurface) -> Record:
     try:
         template, mesh = map(_mesh, (of, plan.entry))
         marks: list[Attribute] = []
+        if plan.ways[0] and plan.pair is None:
+            images = _map(layout, of, plan, mesh)[0].pull_back(mesh.vertices)
+            apart = np.linalg.norm(images - mesh.vertices, axis=1) / np.sqrt(mesh.area)
+            line |= zip(LOOP, (float(np.nanmean(apart)), float(np.nanmax(apart))))
         if plan.pair is None:
             template = mesh = reflected(mesh) if plan.entry.reflected else mesh
         else:
             turned = of.reflected, plan.entry.reflected
-            there, line["expected_error"] = _map(layout, of, plan, mesh)
+            there, line["expected_error"], line["ways"] = _map(layout, of, plan, mesh)
             there, template, mesh = as_matched(there, template, mesh, turned)
             wrapped = wrap(there, template, mesh)
             mesh = wrapped.mesh
@@ -287,8 +305,8 @@ def _wrapped(layout: Layout, of: Entry, plan: PlannedSurface) -> Record:
     return line
 
 
-def _map(layout: Layout, of: Entry, plan: PlannedSurface, mesh: Mesh) -> tuple[Correspondence, float]:
-    """Return the map from the template, the median of all ways, and its expected error by the first, in √area."""
+def _map(layout: Layout, of: Entry, plan: PlannedSurface, mesh: Mesh) -> tuple[Correspondence, float, int]:
+    """Return the map from the template, the median of all ways, its error by the first, in √area, and their number."""
     meshes = {plan.entry.name: mesh}
     maps, errors = [], []
     for way in plan.ways:
@@ -297,7 +315,10 @@ def _map(layout: Layout, of: Entry, plan: PlannedSurface, mesh: Mesh) -> tuple[C
         there, error = maps_along(layout, [each.name for each in path], meshes.__getitem__)
         maps.append(there)
         errors.append(float(np.nanmean(error)) if np.isfinite(error).any() else np.nan)
-    return median_map(maps, mesh) if len(maps) > 1 else maps[0], errors[0]
+    if len(maps) == 2:  # of two that are far apart one is wrong, and so is what lies between
+        apart = np.linalg.norm(maps[0].pull_back(mesh.vertices) - maps[1].pull_back(mesh.vertices), axis=1)
+        maps = maps[:1] if np.nanmean(apart) > CONTRADICTED * np.sqrt(mesh.area) else maps
+    return median_map(maps, mesh, errors) if len(maps) > 1 else maps[0], errors[0], len(maps)
 
 
 def _draw(template: Mesh, mesh: Mesh, path: Path) -> None:

@@ -17,7 +17,7 @@ from isomatch.storage.files import ignores_case, legible
 from isomatch.storage.texts import read_csv
 
 BETWEEN = "__"  # of two names, in the name of the file of their maps
-PATTERNS = ("star", "all", "chain")
+PATTERNS = ("star", "all", "chain", "ring")
 SIDE = 8  # shapes at either side of the tiles that shards are cut from
 # on Windows, whatever the suffix
 _OF_DEVICES = re.compile(r"(con|prn|aux|nul|(com|lpt)[0-9])(\..*)?", re.IGNORECASE)
@@ -107,6 +107,10 @@ def pairs_of(names: Sequence[str], pattern: str, template: str | None) -> list[P
         return list(combinations(names, 2))
     if pattern == "chain":
         return list(pairwise(names))
+    if pattern == "ring":
+        if len(names) < 3:
+            raise InputError(f"a ring has at least three shapes, not {len(names)}; match a chain")
+        return list(pairwise([*names, names[0]]))
     return _listed(Path(pattern), names)
 
 

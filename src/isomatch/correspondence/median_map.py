@@ -19,7 +19,9 @@ EXACT = 1e-12  # of the extent of the points: movement in the last step
 PRECISE = 1e-6  # of the target's extent, far less than maps can be right
 
 
-def median_map(maps: Sequence[Correspondence], target: SurfaceLike) -> Correspondence:
+def median_map(
+    maps: Sequence[Correspondence], target: SurfaceLike, errors: Sequence[float] | None = None
+) -> Correspondence:
     """Join maps between the same two surfaces: to the geometric median of the images of each vertex, on the target.
 
     The median lies inside a triangle, on a sheet that one of the images is on. A vertex is unmatched where fewer than
@@ -32,6 +34,8 @@ def median_map(maps: Sequence[Correspondence], target: SurfaceLike) -> Correspon
         Source → target, such as compositions over several other shapes.
     target : Mesh, or what `mesh_from` takes
         Where they end.
+    errors : sequence of float, optional
+        Expected error of each. Of two maps, all between both images are medians: it is then the mean by 1 / error².
 
     Raises
     ------
@@ -59,6 +63,10 @@ def median_map(maps: Sequence[Correspondence], target: SurfaceLike) -> Correspon
     starts = np.stack([each.vertices for each in maps], axis=1)  # (n, m)
     rows = np.flatnonzero(2 * (starts >= 0).sum(axis=1) >= len(maps))
     median = geometric_median(images[:, rows], PRECISE)
+    if len(maps) == 2 and errors is not None and np.min(errors) > 0:
+        share = 1 / (1 + (errors[0] / errors[1]) ** 2)  # of the first
+        mean = share * images[0, rows] + (1 - share) * images[1, rows]
+        median = np.where(np.isnan(mean), median, mean)
     any_of = starts[rows].max(axis=1, keepdims=True)
     groups = VertexGroups.of(np.arange(mesh.n_vertices), mesh.n_vertices)
     near = np.where(starts[rows] < 0, any_of, starts[rows])

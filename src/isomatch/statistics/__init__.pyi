@@ -12,6 +12,7 @@ from isomatch.statistics.charts import (
     PictureFormat,
     draw_embedding,
     draw_modes,
+    draw_motion,
     draw_quality,
     draw_regression,
     draw_scores,
@@ -30,6 +31,7 @@ from isomatch.statistics.doubts import (
 )
 from isomatch.statistics.exports import write_shapeworks, write_statismo
 from isomatch.statistics.group_test import GroupTest, group_test
+from isomatch.statistics.motion import face_motion, motion_by_region, surface_strain, wall_thickness
 from isomatch.statistics.observations import (
     Observations,
     model_noise,
@@ -103,11 +105,13 @@ __all__ = [
     "doubtful_shapes",
     "draw_embedding",
     "draw_modes",
+    "draw_motion",
     "draw_quality",
     "draw_regression",
     "draw_scores",
     "draw_tree",
     "draw_values",
+    "face_motion",
     "filled",
     "generalisation",
     "generalised_procrustes",
@@ -120,6 +124,7 @@ __all__ = [
     "likely_units",
     "measured_variances",
     "model_noise",
+    "motion_by_region",
     "observed_landmarks",
     "observed_part",
     "observed_vertices",
@@ -134,8 +139,10 @@ __all__ = [
     "specificity",
     "stacked",
     "structure_of",
+    "surface_strain",
     "symmetry_plane",
     "told_factor",
+    "wall_thickness",
     "write_shapeworks",
     "write_statismo",
 ]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
@@ -167,6 +167,27 @@ def draw_embedding(
     axes.locator_params(axis="x", nbins=MOST_TICKS)
     axes.set_title(label, fontsize="medium")
     _save_scatter(figure, path, dpi)
+
+
+def draw_motion(path: str | Path, rows: Sequence[Mapping[str, Any]], *, dpi: int = DPI) -> None:
+    """Draw how the regions of a series change, a panel for each measure that is known, as `draw_scores`.
+
+    The rows are those of `motion_by_region`, of one shape after the other, with its ``name``.
+    """
+    names, regions = (list(dict.fromkeys(row[key] for row in rows)) for key in ("name", "region"))
+    table = {key: np.reshape([row[key] for row in rows], (len(names), -1)) for key in list(rows[0])[2:]}
+    shown = [key for key, values in table.items() if np.isfinite(values).any()]
+    figure, panels = _chart(len(shown), 1.0 + 1.5 * len(shown))
+    ticks = np.unique(np.linspace(0, len(names) - 1, MOST_TICKS).astype(int))
+    for axes, key in zip(panels, shown):
+        axes.set_prop_cycle(color=["black", *COLOURS])
+        lines = axes.plot(table[key])
+        axes.set_title(key.replace("_", " "), fontsize="small")
+        axes.set_xticks(ticks, [names[i] for i in ticks], rotation=15, size=NAMES, parse_math=False)
+    legend = figure.legend(lines, regions, loc="outside lower center", ncols=5, fontsize=NAMES)
+    for text in legend.get_texts():
+        text.set_parse_math(False)
+    save_figure(figure, path, dpi)
 
 
 def _chart(n_panels: int = 1, height: float = SIZE[1]) -> tuple[Figure, list[Axes]]:
