@@ -1,16 +1,20 @@
 """The Laplace–Beltrami basis: closed forms, orthonormality, residuals, and ARPACK as the second route."""
 
+import sys
+import threading
+
 import numpy as np
+import psutil
 import pytest
 import robust_laplacian
 from scipy.linalg import eigh
 from scipy.sparse import csc_array, diags_array
-from scipy.sparse.linalg import eigsh
+from scipy.sparse.linalg import eigsh, splu
 
 from isomatch import Mesh, MeshError, NotConvergedError, laplace_basis
-from isomatch.bases import refined_laplace_basis
+from isomatch.bases import refined_laplace_basis, stiffness_and_masses
 from isomatch.bases.laplace_basis import smallest_eigenpairs
-from isomatch.bases.laplacian import WIDTH, factorised, factorised_single
+from isomatch.bases.laplacian import WIDTH, factorised, factorised_for_threads
 from isomatch.resolution import Prolongation, decimate
 from isomatch_lab.procedural import creature
 from shapes import cylinder, disguised, icosphere, planar_delaunay
@@ -213,8 +217,8 @@ def test_refined_scales_with_the_mesh(transfer):
 
 
 @pytest.mark.parametrize("width", [1, 3, WIDTH])
-def test_solving_in_single_precision(width):
-    """Against a dense solver and the one in double precision."""
+def test_solving_in_both_precisions(width):
+    """Against a dense solver and that of SuperLU."""
     rng = np.random.default_rng(width)
     n = 300
     rows, columns = rng.integers(n, size=(2, 4 * n))
@@ -223,10 +227,33 @@ def test_solving_in_single_precision(width):
     matrix = csc_array(diags_array(graph.sum(axis=1)) - graph)
     diagonal, right = 0.5 + rng.random(n), rng.normal(size=(n, width))
     given = right.copy()
-    found = factorised_single(matrix, diagonal)(right)
-    assert found.dtype == np.float32
-    assert found.shape == right.shape
-    np.testing.assert_array_equal(right, given)
     dense = np.linalg.solve(matrix.toarray() + np.diag(diagonal), right)
-    np.testing.assert_allclose(found, dense, atol=1e-5 * np.abs(dense).max())
-    np.testing.assert_allclose(factorised(matrix, diagonal)(right), dense, atol=1e-12 * np.abs(dense).max())
+    largest = np.abs(dense).max()
+    for dtype, error in ((np.float32, 1e-5), (np.float64, 1e-12)):
+        found = factorised_for_threads(matrix, diagonal, dtype)(right)
+        assert found.dtype == dtype
+        assert found.shape == right.shape
+        np.testing.assert_array_equal(right, given)
+        np.testing.assert_allclose(found, dense, atol=error * largest)
+    np.testing.assert_allclose(factorised(matrix, diagonal)(right), dense, atol=1e-12 * largest)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="memory of a process, as Linux counts it")
+def test_factors_that_another_thread_made_give_their_memory_back(mesh):
+    stiffness, masses = stiffness_and_masses(mesh)
+    kept = []
+
+    def make():
+        kept.append(factorised_for_threads(stiffness, masses))
+
+    def resident_after(times):
+        for _ in range(times):
+            thread = threading.Thread(target=make)
+            thread.start()
+            thread.join()
+        kept.clear()
+        return psutil.Process().memory_info().rss
+
+    before = resident_after(5)
+    size = 12 * splu(csc_array(stiffness + diags_array(masses))).nnz  # bytes
+    assert resident_after(60) - before < 20 * size

@@ -3,7 +3,7 @@ from isomatch.bases.build import distance_basis
 from isomatch.bases.canonical_form import CanonicalForm, canonical_form, classical_scaling
 from isomatch.bases.distance_basis import DistanceBasis
 from isomatch.bases.laplace_basis import LaplaceBasis, laplace_basis, refined_laplace_basis
-from isomatch.bases.laplacian import factorised, stiffness_and_masses
+from isomatch.bases.laplacian import factorised_for_threads, stiffness_and_masses
 from isomatch.bases.low_rank import nystrom_basis, spectral_interpolant
 
 __all__ = [
@@ -16,7 +16,7 @@ __all__ = [
     "canonical_form",
     "classical_scaling",
     "distance_basis",
-    "factorised",
+    "factorised_for_threads",
     "laplace_basis",
     "nystrom_basis",
     "refined_laplace_basis",

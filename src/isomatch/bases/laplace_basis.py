@@ -11,7 +11,7 @@ from scipy.sparse import csc_array, csr_array
 
 from isomatch.assets import SurfaceLike, surface_from
 from isomatch.bases.basis import PlottedBasis, fix_signs, require_one_component, shared_weights
-from isomatch.bases.laplacian import WIDTH, factorised, factorised_single, stiffness_and_masses
+from isomatch.bases.laplacian import WIDTH, factorised, factorised_for_threads, stiffness_and_masses
 from isomatch.errors import MeshError, NotConvergedError, SettingError, some
 from isomatch.mending import without_seams
 from isomatch.runtime.memory import require_memory
@@ -159,7 +159,7 @@ def refined_laplace_basis(surface: Surface, coarse: LaplaceBasis, prolongation: 
     with serial_blas():
         start = single(np.sqrt(weights)[:, None] * (prolongation @ coarse.vectors))
         shift = RELATIVE_SHIFT * float(coarse.values[-1] * area)
-        solve = factorised_single(operator, np.full(len(weights), shift))
+        solve = factorised_for_threads(operator, np.full(len(weights), shift), np.float32)
         vectors = np.empty_like(start)
         for first in range(0, k, WIDTH):
             block = solve(start[:, first : first + WIDTH])
@@ -220,7 +220,12 @@ def smallest_eigenpairs(
         return values[:k], vectors[:, :k]
     in_double = dtype == np.float64
     width, shift = (BLOCK, SHIFT) if in_double else (WIDTH, SINGLE_SHIFT)
-    solve = (factorised if in_double else factorised_single)(operator, np.full(n, shift))
+    diagonal = np.full(n, shift)
+    solve = (
+        factorised(operator, diagonal)
+        if in_double
+        else factorised_for_threads(operator, diagonal, np.float32)
+    )
     limit = (min(n - width, 6 * k + 20 * width) // width) * width
     what = f"the Krylov space of {k} functions on {n} vertices"
     require_memory(float(dtype.itemsize) * n * limit, what, "ask for fewer functions")

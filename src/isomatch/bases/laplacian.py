@@ -15,9 +15,9 @@ from isomatch.errors import MeshError, SettingError
 from isomatch.geodesics import MetricSpace
 from isomatch.loading.compiled import compiled
 from isomatch.surfaces import Graph, Mesh, PointCloud, Surface
-from isomatch.values.arrays import Float32Array, FloatArray, IntArray, single
+from isomatch.values.arrays import AnyArray, FloatArray, IntArray
 
-WIDTH = 16  # right-hand sides solved for at once in single precision: 64 bytes of each row
+WIDTH = 16  # right-hand sides solved for at once: in single precision 64 bytes of each row
 
 
 def stiffness_and_masses(surface: Surface) -> tuple[csc_array, FloatArray]:
@@ -56,20 +56,27 @@ def factorised(stiffness: csc_array, diagonal: FloatArray) -> Callable[[FloatArr
     return cast(Callable[[FloatArray], FloatArray], _factors(stiffness, diagonal).solve)
 
 
-def factorised_single(stiffness: csc_array, diagonal: FloatArray) -> Callable[[FloatArray], Float32Array]:
-    """As `factorised`, for up to WIDTH right-hand sides in single precision: half the time, and thread-safe."""
+def factorised_for_threads(
+    stiffness: csc_array, diagonal: FloatArray, dtype: type[np.floating[Any]] = np.float64
+) -> Callable[[FloatArray], AnyArray]:
+    """As `factorised`, for up to WIDTH right-hand sides; in single precision in half the time.
+
+    What it returns may be kept, and used by several threads: the memory of SuperLU's own factors is lost if another
+    thread than that which made them lets go of them.
+    """
     factors = _factors(stiffness, diagonal)  # H + diag(d) = Pᵀ L D Lᵀ P
     strict = csr_array(tril(factors.L, -1))
     columns = csc_array(strict)
-    by_row = strict.indptr, strict.indices, single(strict.data)
-    by_column = columns.indptr, columns.indices, single(columns.data)
-    inverse, place, n = single(1 / factors.U.diagonal()), factors.perm_c, len(diagonal)
+    by_row, by_column = (
+        (each.indptr, each.indices, np.asarray(each.data, dtype)) for each in (strict, columns)
+    )
+    inverse, place, n = np.asarray(1 / factors.U.diagonal(), dtype), factors.perm_c.copy(), len(diagonal)
 
-    def solve(right: FloatArray) -> Float32Array:
+    def solve(right: FloatArray) -> AnyArray:
         q = right.shape[1]
-        x = np.zeros((n, WIDTH), np.float32)
+        x = np.zeros((n, WIDTH), dtype)
         x[place, :q] = right
-        _solve(*by_row, *by_column, inverse, x, np.zeros(WIDTH, np.float32))
+        _solve(*by_row, *by_column, inverse, x, np.zeros(WIDTH, dtype))
         return np.asarray(x[place, :q])
 
     return solve
@@ -90,13 +97,13 @@ def _factors(stiffness: csc_array, diagonal: FloatArray) -> Any:
 def _solve(
     row_start: IntArray,
     column: IntArray,
-    row_value: Float32Array,
+    row_value: AnyArray,
     column_start: IntArray,
     row: IntArray,
-    column_value: Float32Array,
-    inverse: Float32Array,
-    x: Float32Array,
-    sums: Float32Array,
+    column_value: AnyArray,
+    inverse: AnyArray,
+    x: AnyArray,
+    sums: AnyArray,
 ) -> None:
     """Solve L D Lᵀ x = b in place, given the rows and the columns of L below its diagonal of ones, and D⁻¹."""
     # L y = b forwards: y_i = b_i − Σ_{j<i} L_ij y_j. Then Lᵀ x = D⁻¹ y backwards: x_j = y_j / d_j − Σ_{i>j} L_ij x_i.

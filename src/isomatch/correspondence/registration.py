@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 import numpy as np
 from scipy.linalg import solve
 
-from isomatch.bases import factorised
+from isomatch.bases import factorised_for_threads
 from isomatch.correspondence.functional_maps import Embedding, SampledBasis
 from isomatch.correspondence.nearest import SurfaceIndex
 from isomatch.correspondence.rigid_energy import RigidEnergy
@@ -113,7 +113,7 @@ class RigidRegistration:
         # π ℓ², a disc of that radius, for vertices that are held
         pull = self._energy.areas * (scale / length) ** 2
         pull[list(held)] = np.pi
-        return pull, factorised(self._energy.stiffness, pull)
+        return pull, factorised_for_threads(self._energy.stiffness, pull)
 
     _kept_solver = cached_method(_new_solver)
 
