@@ -1,0 +1,149 @@
+"""The pictures of ``docs/wishes`` and the moving picture of the readme, of shapes that isomatch makes.
+
+Run ``python docs/images/draw_wishes.py`` to draw them again; it takes two minutes, and needs the extra ``creatures``.
+"""
+
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+from matplotlib import colormaps
+from PIL import Image
+
+from isomatch import Landmarks, Mesh, distance_basis, geodesic_distances, match, write_landmarks, write_mesh
+from isomatch.collections import Collection, collected_landmarks, draw_landmarks, finish
+from isomatch.datasets import example_pair
+from isomatch.statistics import ShapeModel, read_shapes
+from isomatch.view import arranged_panels, camera_of, position_colours, surface_image
+from isomatch_lab.procedural import creature, organ
+
+HERE = Path(__file__).parent
+N_BANDS = 14  # of a distance
+GREY = np.full(3, 0.82)
+FRAMES, WAIT = 24, 8  # of the way there, and of the rest at either end
+MOST_BYTES = 1_500_000
+
+
+def saved(name, images, titles, per_row=None):
+    """Save pictures in a row."""
+    figure, _ = arranged_panels(images, titles, per_row or len(images))
+    figure.savefig(HERE / f"{name}.png", dpi=130, bbox_inches="tight", pad_inches=0.03)
+
+
+def collected(folder, meshes):
+    """Match meshes with the first of them."""
+    for name, mesh in meshes.items():
+        write_mesh(folder / f"scans/{name}.ply", mesh)
+    collection = Collection.create(folder / "out", folder / "scans", template=next(iter(meshes)))
+    for _ in collection.run():
+        pass
+    for _ in finish(collection):
+        pass
+    return collection
+
+
+def landmarks(folder):
+    """Landmarks of one animal on five others."""
+    animals = {f"animal {i + 1}": creature(2500, style=i % 3, pose=i, triangulation=i).mesh for i in range(6)}
+    collection = collected(folder, animals)
+    first = next(iter(animals))
+    mesh = animals[first]
+    tips = geodesic_tips(mesh, 12)
+    write_landmarks(
+        folder / "marks.mrk.json", Landmarks(mesh.vertices[tips], [f"L{i + 1}" for i in range(12)])
+    )
+    found = dict(collected_landmarks(collection, {first: folder / "marks.mrk.json"}))
+    draw_landmarks(HERE / "wish_landmarks.png", collection, found)
+
+
+def geodesic_tips(mesh, count):
+    """Vertices far from each other."""
+    chosen = [int(mesh.vertices[:, 1].argmax())]
+    while len(chosen) < count:
+        chosen.append(int(geodesic_distances(mesh, chosen).min(axis=0).argmax()))
+    return chosen
+
+
+def mean(folder):
+    """Kidneys with their own triangles, their mean, and two standard deviations of the first mode."""
+    kidneys = {f"kidney {i + 1}": organ("kidney", 1500, style=i, pose=i).mesh for i in range(4)}
+    collected(folder, kidneys)
+    model = ShapeModel.fit(read_shapes(folder / "out/corresponded"))
+    plus, minus = (model.mode_mesh(0, side) for side in (-2.0, 2.0))
+    aligned = zip(kidneys, (model.mesh().moved(vertices) for vertices in model.aligned))
+    drawn = [*aligned, ("mean", model.mesh()), ("first mode, −2 sd", plus), ("first mode, +2 sd", minus)]
+    camera = camera_of(model.mesh())
+    images = [plain(mesh, camera) for _, mesh in drawn]
+    saved("wish_mean", images, [name for name, _ in drawn])
+
+
+def plain(mesh, camera=None):
+    """A picture in grey."""
+    return surface_image(mesh, np.zeros(mesh.n_vertices), lambda v: np.tile(GREY, (len(v), 1)), camera, 200)
+
+
+def distances():
+    """Distances from one vertex as bands, by fast marching and from fifty numbers a vertex."""
+    mesh = example_pair()[0].mesh
+    start = int(mesh.vertices[:, 1].argmax())
+    exact, basis = geodesic_distances(mesh, [start])[0], distance_basis(mesh, k=50)
+
+    def bands(seen):
+        colours = colormaps["viridis"](np.clip(seen.ravel() / exact.max(), 0, 1))[:, :3]
+        return np.where((seen.ravel() * N_BANDS / exact.max() % 1 < 0.15)[:, None], 0.35 * colours, colours)
+
+    values = {"fast marching": exact, "from 50 numbers a vertex": basis.row(start)}
+    saved("wish_distances", [surface_image(mesh, value, bands) for value in values.values()], list(values))
+
+
+def stripes():
+    """Stripes of one animal on another of other proportions."""
+    cat, lion = creature(6000, style=0, pose=1).mesh, creature(6000, style=2, pose=2, triangulation=1).mesh
+    result = match(lion, cat)
+    across = (cat.vertices[:, 1] - cat.vertices[:, 1].min()) / np.ptp(cat.vertices[:, 1])
+
+    def striped(seen):
+        return np.where((seen.ravel() * 11 % 1 < 0.4)[:, None], [0.25, 0.16, 0.1], [0.93, 0.62, 0.25])
+
+    images = [surface_image(cat, across, striped), surface_image(lion, result.map.pull_back(across), striped)]
+    saved("wish_keys", images, ["has stripes", "gets them"])
+
+
+def flow():
+    """A map flowing from one body to the other: the standing animal in its topology becomes the running one."""
+    standing, running = (animal.mesh for animal in example_pair())
+    result = match(standing, running)
+    there = result.as_mesh(standing, running).vertices
+    there = there - there.mean(axis=0) + standing.vertices.mean(axis=0)
+    colours = position_colours(standing)
+    camera = camera_of(standing)
+    steps = 0.5 - 0.5 * np.cos(np.pi * np.linspace(0, 1, FRAMES))
+    way = np.concatenate([np.zeros(WAIT), steps, np.ones(WAIT), steps[::-1]])
+    frames = [
+        surface_image(
+            Mesh((1 - t) * standing.vertices + t * there, standing.faces), colours, lambda v: v, camera, 520
+        )
+        for t in way
+    ]
+    height, width = np.max([frame.shape[:2] for frame in frames], axis=0)
+    pictures = []
+    for frame in frames:
+        picture = Image.new("RGBA", (int(width), int(height)), (0, 0, 0, 0))
+        picture.paste(
+            Image.fromarray((255 * frame).astype(np.uint8)),
+            ((width - frame.shape[1]) // 2, height - frame.shape[0]),
+        )
+        pictures.append(picture)
+    path = HERE / "flow.webp"
+    pictures[0].save(path, save_all=True, append_images=pictures[1:], duration=50, loop=0, quality=70)
+    assert path.stat().st_size < MOST_BYTES
+
+
+if __name__ == "__main__":
+    for each in (landmarks, mean):
+        with TemporaryDirectory() as place:
+            (Path(place) / "scans").mkdir()
+            each(Path(place))
+    distances()
+    stripes()
+    flow()
