@@ -17,7 +17,7 @@ import isomatch.landmarks as shape_landmarks
 from isomatch import collections
 from isomatch.cli.inputs import Force
 from isomatch.cli.terminal import TALK, Talk, Tell, say
-from isomatch.errors import InputError
+from isomatch.errors import InputError, IsomatchError
 from isomatch.storage.files import claimed, legible, made_folder
 from isomatch.storage.texts import write_csv
 
@@ -25,8 +25,25 @@ CurvePoints = Annotated[
     int | None,
     Parameter(help="Number of equally spaced points on each curve; by default as many as it was drawn with."),
 ]
+Patches = Annotated[
+    Path | None,
+    Parameter(
+        help="Surface semilandmarks of the shapes that have landmarks: a file or a folder, as of these, with as many "
+        "points in one order."
+    ),
+]
+SurfacePoints = Annotated[
+    int, Parameter(help="How many semilandmarks to spread evenly over the first shape that has landmarks.")
+]
+Slide = Annotated[
+    bool,
+    Parameter(
+        help="Slide the points of curves, patches and surfaces so that thin-plate splines from the mean shape bend least."
+    ),
+]
 SUFFIXES = (".mrk.json", ".json", ".fcsv", ".pp", ".csv", ".txt")
 ERRORS = ("specimen", "landmark", "expected_error", "spread", "error")  # columns of the table of errors
+SLID = ("specimen", "mean", "largest", "energy_before", "energy_after")  # of how far points slid
 
 
 def landmarks(
@@ -37,6 +54,9 @@ def landmarks(
     *,
     format: str = "mrk.json",
     curve_points: CurvePoints = None,
+    patches: Patches = None,
+    surface_points: SurfacePoints = 0,
+    slide: Slide = False,
     force: Force = False,
     talk: Talk = TALK,
 ) -> None:
@@ -48,16 +68,21 @@ def landmarks(
             Slicer, .pp of MeshLab, or a table name,x,y,z. A file of another name is that of the template.
         to: Folder for a file of each shape, and for R's geomorph landmarks.csv, with a row for each, and landmarks.tps:
             in the unit of the collection, and reflected, x → −x, where a shape was matched as its mirror image.
-            landmarks_errors.csv has the expected error of each, and that of the marked shapes, carried from the others.
+            landmarks_errors.csv has the expected error of each, and that of the marked shapes, carried from the others;
+            landmarks_slid.csv how far points slid, and the bending energy before and after.
         format: Suffix of the files: mrk.json (default), fcsv, pp or csv. They have the spread over templates, but those
             of pp.
     """
     suffix = f".{format.removeprefix('.')}"
     shape_landmarks.writer_of(Path(f"landmarks{suffix}"))
     collection = collections.Collection.open(folder)
-    files = landmark_files(marks, collection, collection.chosen_template(collection.rows()))
+    template = collection.chosen_template(collection.rows())
+    files = landmark_files(marks, collection, template)
+    patch_files = {} if patches is None else landmark_files(patches, collection, template)
     with talk.progress() as tell:
-        record = write_all(collection, files, to, tell, suffix, curve_points, force)
+        record = write_all(
+            collection, files, to, tell, suffix, curve_points, force, patch_files, surface_points, slide
+        )
     talk.result(record, lambda: say_landmarks(record))
 
 
@@ -88,20 +113,42 @@ def write_all(
     suffix: str = ".mrk.json",
     curve_points: int | None = None,
     force: bool = True,
+    patches: dict[str, Path] | None = None,
+    surface_points: int = 0,
+    slide: bool = False,
 ) -> dict[str, Any]:
     """Write the landmarks of all shapes and their tables; return what was written, as plain values."""
     rows = collection.rows()
     ends = {*files, collection.chosen_template(rows)}
     points: dict[str, isomatch.Landmarks] = {}
     lost: set[str] = set()
+    failed: dict[str, IsomatchError] = {}
+    slid: dict[str, dict[str, float]] = {}
     last = to / "landmarks.tps"
     tables = [to / "landmarks.csv", last]
     earlier = [*tables, *(to / f"{name}{suffix}" for name in collection.names)]
     with made_folder(to), claimed(last, [] if force else earlier):
-        for name, carried in collections.collected_landmarks(collection, files, curve_points):
-            lost |= {*isomatch.write_landmarks(to / f"{name}{suffix}", carried)}
+        for name, carried in collections.collected_landmarks(
+            collection, files, curve_points, patches=patches, surface_points=surface_points, failed=failed
+        ):
             points[name] = carried
             tell(f"landmarks of {name}", len(points) / len(collection.names))
+        if slide:
+            tell("sliding", 1.0)
+            moved, result = collections.slid_landmarks(collection, points)
+            points |= moved
+            columns = (
+                result.moved.mean(axis=1),
+                result.moved.max(axis=1),
+                result.energy_before,
+                result.energy_after,
+            )
+            slid = {name: dict(zip(SLID[1:], map(float, each))) for name, *each in zip(moved, *columns)}
+            write_csv(
+                to / "landmarks_slid.csv", ({"specimen": name, **each} for name, each in slid.items()), SLID
+            )
+        for name, carried in points.items():
+            lost |= {*isomatch.write_landmarks(to / f"{name}{suffix}", carried)}
         left_out = {x.name: x for x in collections.landmarks_left_out(collection, files, curve_points)}
         write_csv(to / "landmarks_errors.csv", _errors(points, left_out), ERRORS)
         first = next(iter(points.values()))
@@ -111,7 +158,7 @@ def write_all(
         alike = {
             name: _in_table(each.turned(axes), scales.get(name, 1.0), name in turned)
             for name, each in points.items()
-            if (each.names, each.curves) == (first.names, first.curves)
+            if each.is_like(first)
         }
         collections.draw_landmarks(to / "landmarks.png", collection, points)
         for table in tables:
@@ -135,7 +182,10 @@ def write_all(
         "axes": axes,
         "half_turned": [name for name, each in points.items() if each.axes != axes],
         "doubtful": [pair for pair in rows.pairs if rows.is_doubtful(pair) and not ends.isdisjoint(pair)],
-        "left_out": [name for name in collection.names if name not in points],
+        "failed": {name: str(error) for name, error in failed.items()},
+        "slid": slid,
+        "not_slid": [name for name in points if slid and name not in slid],
+        "left_out": [name for name in collection.names if name not in {*points, *failed}],
     }
 
 
@@ -151,6 +201,13 @@ def say_landmarks(record: dict[str, Any]) -> None:
             f"{name}, carried from the others: error {error['mean']:.4g} in the mean, at most {error['largest']:.4g} at "
             f"{error['at']}"
         )
+    for name, error in record["failed"].items():
+        say(f"{name} is left out: {error}", "bold red")
+    if slid := list(record["slid"].values()):
+        mean, before, after = (float(np.mean([each[key] for each in slid])) for key in (SLID[1], *SLID[3:]))
+        say(
+            f"slid by {mean:.4g} in the mean; bending energy {before:.4g}, then {after:.4g}: see landmarks_slid.csv"
+        )
     doubtful, half_turned = [" and ".join(pair) for pair in record["doubtful"]], record["half_turned"]
     for told, names, style in (
         (f"not written, because {record['format']} has no place for them:", record["not_written"], ""),
@@ -158,6 +215,7 @@ def say_landmarks(record: dict[str, Any]) -> None:
         ("reflected in the tables, as they were matched:", record["reflected"], ""),
         (f"brought into {record['axes']} in the tables, from the space of their files:", half_turned, ""),
         ("not used, because they are doubtful: the maps of", doubtful, "bold red"),
+        ("not slid, as they have other landmarks, or few have a place:", record["not_slid"], ""),
         ("no map that is sure leads to:", record["left_out"], "bold red"),
     ):
         if names:

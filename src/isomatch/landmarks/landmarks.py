@@ -70,6 +70,8 @@ class Landmarks:
         Where x, y and z of the coordinates point; None where neither the surface nor the landmarks say that.
     unit : str
         Unit of the coordinates, as a file of 3D Slicer says it; empty if none does.
+    patch : sequence of int
+        Those on no curve that may lie anywhere on the surface, to slide there.
 
     Raises
     ------
@@ -90,6 +92,7 @@ class Landmarks:
     spread: FloatArray
     axes: Axes | None
     unit: str
+    patch: tuple[int, ...]
 
     def __init__(
         self,
@@ -100,6 +103,7 @@ class Landmarks:
         spread: ArrayLike | None = None,
         axes: Axes | None = None,
         unit: str = "",
+        patch: Sequence[int] = (),
     ) -> None:
         placed = numbers_of(positions, "landmarks", LandmarkError).reshape(-1, 3)
         m = len(placed)
@@ -113,8 +117,16 @@ class Landmarks:
             )
         curves = tuple(Curve(name, tuple(rows), closed) for name, rows, closed in curves)
         _check_curves(curves, m)
+        if wrong := set(patch) - set(range(m)).difference(*(curve.rows for curve in curves)):
+            raise LandmarkError(f"patch: {min(wrong)} is no landmark, or is on a curve; give others")
         fields = {"positions": placed, "names": names, "curves": curves, "expected_error": errors}
-        for field, value in {**fields, "spread": spreads, "axes": axes, "unit": unit}.items():
+        for field, value in {
+            **fields,
+            "spread": spreads,
+            "axes": axes,
+            "unit": unit,
+            "patch": tuple(patch),
+        }.items():
             object.__setattr__(self, field, value)
 
     def __repr__(self) -> str:
@@ -133,6 +145,10 @@ class Landmarks:
     def placed(self) -> BoolArray:
         """(m,) which landmarks have a place."""
         return np.asarray(np.isfinite(self.positions).all(axis=1))
+
+    def is_like(self, other: Landmarks) -> bool:
+        """Whether names, curves and patch are those of others, so that positions correspond."""
+        return (self.names, self.curves, self.patch) == (other.names, other.curves, other.patch)
 
     def turned(self, axes: Axes | None) -> Landmarks:
         """Return the same in coordinates with these axes; unchanged where either is unknown."""
@@ -459,7 +475,9 @@ def median_landmarks(several: Sequence[Landmarks], surface: SurfaceLike) -> Land
     spread, alone = _over_templates(np.mean, apart), _over_templates(np.median, errors)
     together = np.hypot(COMMON * alone, spread / np.sqrt(np.maximum(count, 1)))
     expected = np.where(count == 1, alone, together)
-    return Landmarks(positions, first.names, first.curves, expected, spread, first.axes, first.unit)
+    return Landmarks(
+        positions, first.names, first.curves, expected, spread, first.axes, first.unit, first.patch
+    )
 
 
 def _rows_of(several: Sequence[Landmarks]) -> list[list[int | None]]:
@@ -475,7 +493,7 @@ def _rows_of(several: Sequence[Landmarks]) -> list[list[int | None]]:
                 "templates with different landmarks, of which several have one name, or none; give each a name of its own"
             )
         if alone := set(names) ^ set(place):
-            logger.warning("not in all templates: %s", ", ".join(sorted(alone)))
+            logger.warning("not in all templates: %s", ", ".join(sorted(alone))[:200])
         rows.append([place.get(name) for name in names])
     return rows
 

@@ -54,6 +54,7 @@ from isomatch.statistics.shapes import (
     measured_variances,
     read_shapes,
 )
+from isomatch.statistics.sliding import SlidSemilandmarks, slid_semilandmarks
 
 __all__ = [
     "MEASURED",
@@ -71,6 +72,7 @@ __all__ = [
     "ScoredShape",
     "ShapeModel",
     "ShapeRegression",
+    "SlidSemilandmarks",
     "asymmetry",
     "centroid_sizes",
     "classical_scaling",
@@ -105,6 +107,7 @@ __all__ = [
     "shape_regression",
     "shape_tree",
     "size_factors",
+    "slid_semilandmarks",
     "specificity",
     "told_factor",
     "write_shapeworks",

@@ -1,0 +1,160 @@
+"""Sliding semilandmarks: bending energies by other routes, steps by the direct formula, and what must not move."""
+
+import numpy as np
+import pytest
+from scipy.interpolate import RBFInterpolator
+from scipy.spatial.distance import cdist
+
+from isomatch import LandmarkError, MemoryBudgetError, Mesh, PointCloud
+from isomatch.landmarks import Curve, nearest_on_surface
+from isomatch.statistics import slid_semilandmarks
+from isomatch.statistics.sliding import BendingEnergy
+from shapes import icosphere
+
+CURVE, PATCH = Curve("rim", (4, 5, 6, 7, 8)), range(9, 60)
+
+
+@pytest.fixture(scope="module")
+def specimens():
+    """Four ellipsoids with four landmarks, an open curve and a patch, drawn at other places on each."""
+    ball, random = icosphere(3), np.random.default_rng(0)
+    start = random.standard_normal((60, 3))
+    angles = np.linspace(0, 2, 5)[:, None]
+    start[4:9] = np.cos(angles) * [1, 0, 0] + np.sin(angles) * [0, 1, 0]
+    meshes, places = [], []
+    for _ in range(4):
+        axes = random.uniform(0.8, 1.3, 3)
+        mesh = ball.moved(ball.vertices * axes)
+        own = start + 0.1 * random.standard_normal((60, 3))
+        own /= np.linalg.norm(own, axis=1, keepdims=True)
+        places.append(nearest_on_surface(mesh, own * axes).interpolated(mesh.vertices))
+        meshes.append(mesh)
+    return np.array(places), meshes
+
+
+def energy_matrix(points):
+    """The upper left block of the inverse of the bordered kernel, Bookstein 1989 with the kernel −r of three dimensions."""
+    points = points - points.mean(axis=0)
+    points = points / np.linalg.norm(points)
+    m = len(points)
+    affine = np.column_stack([np.ones(m), points])
+    bordered = np.block([[-cdist(points, points), affine], [affine.T, np.zeros((4, 4))]])
+    return np.linalg.inv(bordered)[:m, :m]
+
+
+def test_the_energy_is_that_of_the_bordered_kernel_and_of_scipy():
+    random = np.random.default_rng(1)
+    points, values = random.standard_normal((2, 30, 3))
+    energy = BendingEnergy.of(points).of_each(values[None])[0]
+    np.testing.assert_allclose(energy, np.trace(values.T @ energy_matrix(points) @ values), rtol=1e-7)
+    unit = (points - points.mean(axis=0)) / np.linalg.norm(points - points.mean(axis=0))
+    spline = RBFInterpolator(unit, values, kernel="linear", degree=1)  # its kernel is −r, too
+    weights = spline._coeffs[:30]  # with its scale of coordinates, which the linear kernel does not depend on
+    np.testing.assert_allclose(energy, -np.trace(weights.T @ cdist(unit, unit) @ weights), rtol=1e-6)
+
+
+def test_affine_maps_do_not_bend():
+    random = np.random.default_rng(2)
+    points = random.standard_normal((40, 3))
+    maps, shifts = random.standard_normal((5, 3, 3)), random.standard_normal((5, 1, 3))
+    assert BendingEnergy.of(points).of_each(points @ maps + shifts).max() < 1e-20
+    assert BendingEnergy.of(points).of_each(points[None] ** 2).min() > 1e-3
+
+
+def test_steps_are_those_of_the_direct_formula():
+    """t = −(UᵀBU)⁻¹UᵀBy with orthonormal directions: two of a surface, one of a curve, none of the fixed points."""
+    random = np.random.default_rng(3)
+    m, counts = 25, [0] * 4 + [1] * 5 + [2] * 15 + [3]
+    points, shape = random.standard_normal((2, m, 3))
+    frames = np.linalg.qr(random.standard_normal((m, 3, 3)))[0]
+    directions = [frames[i][:, :count] for i, count in enumerate(counts)]
+    tangents = np.array([each @ each.T for each in directions])
+    columns = [np.kron(np.eye(m)[:, [i]], each) for i, each in enumerate(directions)]  # (3 m, count)
+    u, b = np.hstack(columns), np.kron(energy_matrix(points), np.eye(3))
+    expected = -u @ np.linalg.solve(u.T @ b @ u, u.T @ b @ shape.ravel())
+    bending = BendingEnergy.of(points)
+    found = bending.least(np.stack([shape, 2 * shape]), np.stack([tangents] * 2), 1e-12, 500)
+    np.testing.assert_allclose(found[0].ravel(), expected, atol=1e-8)
+    np.testing.assert_allclose(found[1], 2 * found[0], atol=1e-8)
+    for most in (1, 3, 10):  # each iteration gains
+        step = bending.least(shape[None], tangents[None], 0.0, most)
+        assert bending.of_each(shape + step)[0] < bending.of_each(shape[None])[0]
+
+
+def test_points_stay_on_surfaces_and_curves_and_fixed_points_where_they_are(specimens):
+    places, meshes = specimens
+    slid = slid_semilandmarks(places, meshes, [CURVE], PATCH)
+    assert (slid.energy_after < 0.5 * slid.energy_before).all()
+    fixed = [0, 1, 2, 3, 4, 8]
+    assert np.array_equal(slid.positions[:, fixed], places[:, fixed])
+    assert (slid.moved[:, 9:].mean(axis=1) > 0.01).all()
+    np.testing.assert_allclose(slid.moved, np.linalg.norm(slid.positions - places, axis=2))
+    for mesh, own, start in zip(meshes, slid.positions, places):
+        near = nearest_on_surface(mesh, own).interpolated(mesh.vertices)
+        np.testing.assert_allclose(own, near, atol=1e-12)
+        steps = np.linalg.norm(np.diff(own[4:9], axis=0), axis=1).sum()
+        assert steps == pytest.approx(np.linalg.norm(np.diff(start[4:9], axis=0), axis=1).sum(), rel=0.05)
+
+
+@pytest.mark.parametrize("closed", [False, True])
+def test_a_closed_curve_slides_over_its_first_point(specimens, closed):
+    places, meshes = specimens
+    slid = slid_semilandmarks(places, meshes, [CURVE._replace(closed=closed)])
+    assert ((slid.moved > 0).any(axis=0)).nonzero()[0].tolist() == [5, 6, 7] + [8] * closed
+
+
+def test_order_place_orientation_and_size_do_not_matter(specimens):
+    places, meshes = specimens
+    slid = slid_semilandmarks(places, meshes, [CURVE], PATCH, most_rounds=2)
+    turn = np.linalg.qr(np.random.default_rng(4).standard_normal((3, 3)))[0]
+    turn *= np.linalg.det(turn)
+
+    def moved(points):
+        return 10 * points @ turn + 5
+
+    order = [2, 0, 3, 1]
+    others = np.array([moved(places[2]), *places[order[1:]]])
+    surfaces = [meshes[2].moved(moved(meshes[2].vertices)), *(meshes[i] for i in order[1:])]
+    again = slid_semilandmarks(others, surfaces, [CURVE], PATCH, most_rounds=2)
+    np.testing.assert_allclose(again.positions[0], moved(slid.positions[2]), atol=1e-3)
+    np.testing.assert_allclose(again.positions[1:], slid.positions[order[1:]], atol=1e-4)
+    np.testing.assert_allclose(again.energy_after, slid.energy_after[order], rtol=1e-3)
+
+
+def test_a_point_without_a_place_does_not_count(specimens):
+    """Neither where all specimens lack it, nor where one does; without any fixed point, too."""
+    places, meshes = specimens
+    without = slid_semilandmarks(places[:, 9:50], meshes, (), range(41))
+    lacking = places[:, 9:].copy()
+    lacking[:, 41:] = np.nan
+    slid = slid_semilandmarks(lacking, meshes, (), range(51))
+    assert np.isnan(slid.positions[:, 41:]).all()
+    np.testing.assert_allclose(slid.positions[:, :41], without.positions, atol=0.02)
+    lacking[1:, 41:] = places[1:, 50:]
+    one = slid_semilandmarks(lacking, meshes, (), range(51))
+    assert np.isfinite(one.positions).all(axis=2).sum() == 4 * 51 - 10
+    assert (one.energy_after < one.energy_before).all()
+
+
+def test_thin_walls_keep_their_sides():
+    """A flat box: no point comes to the other side, however far it is to slide."""
+    random = np.random.default_rng(5)
+    ball = icosphere(4)
+    plate = ball.moved(ball.vertices * [1, 1, 0.01])
+    places = np.stack([plate.vertices[random.choice(ball.n_vertices, 40, replace=False)]] * 3)
+    places[1:, 10:] += 0.2 * random.standard_normal((2, 30, 3)) * [1, 1, 0]
+    places = np.stack([nearest_on_surface(plate, own).interpolated(plate.vertices) for own in places])
+    slid = slid_semilandmarks(places, [plate] * 3, (), range(10, 40))
+    inner = np.hypot(*places[:, :, :2].T).T < 0.9
+    assert (np.sign(slid.positions[..., 2]) == np.sign(places[..., 2]))[inner].all()
+
+
+def test_what_cannot_slide_is_refused(specimens, monkeypatch):
+    places, meshes = specimens
+    with pytest.raises(LandmarkError, match="1 specimens with 1 surfaces"):
+        slid_semilandmarks(places[:1], meshes[:1], (), PATCH)
+    with pytest.raises(LandmarkError, match="a patch slides on triangles"):
+        slid_semilandmarks(places, [PointCloud(mesh.vertices) for mesh in meshes], (), PATCH)
+    monkeypatch.setenv("ISOMATCH_MEMORY_BUDGET", "0.00001")
+    with pytest.raises(MemoryBudgetError, match="the bending energy of 60 points"):
+        slid_semilandmarks(places, meshes, (), PATCH)
