@@ -15,15 +15,7 @@ from cyclopts import App, Parameter
 
 import isomatch
 from isomatch import collections, view
-from isomatch.cli.collect_landmarks import (
-    CurvePoints,
-    Slide,
-    SurfacePoints,
-    landmark_files,
-    landmarks,
-    say_landmarks,
-    write_all,
-)
+from isomatch.cli.collect_landmarks import Semilandmarks, landmark_files, landmarks, say_landmarks, write_all
 from isomatch.cli.inputs import ConfigFile, Force, Output, Rounded, Seed, read_config
 from isomatch.cli.outputs import require_writable
 from isomatch.cli.scored import LAST, new_shapes, say_scored, write_scored
@@ -68,9 +60,7 @@ def run(
     reflect: str | None = None,
     units: str | None = None,
     landmarks: Path | None = None,
-    curve_points: CurvePoints = None,
-    surface_points: SurfacePoints = 0,
-    slide: Slide = False,
+    semilandmarks: Semilandmarks | None = None,
     time_limit: TimeLimit = None,
     agree: Annotated[bool | None, Parameter(negative="--no-agree")] = None,
     reports: Reports = "doubtful",
@@ -136,15 +126,7 @@ def run(
             _write(collection, reports, executor, jobs, end, tell)
             if marks:
                 to = collection.layout.landmarks
-                carried = write_all(
-                    collection,
-                    marks,
-                    to,
-                    tell,
-                    curve_points=curve_points,
-                    surface_points=surface_points,
-                    slide=slide,
-                )
+                carried = write_all(collection, marks, to, tell, semilandmarks)
     tell_status(collection, talk, carried)
     if carried and not (talk.quiet or talk.json or talk.json_lines):
         say_landmarks(carried)

@@ -3,13 +3,7 @@ from isomatch.collections.agreement import Agreement, agree, agreement_of, incon
 from isomatch.collections.cohort import Outlier, mirror_images, outliers, scales_of
 from isomatch.collections.collection import Collection
 from isomatch.collections.finish import export, finish, surfaces_written
-from isomatch.collections.landmarks import (
-    LeftOut,
-    collected_landmarks,
-    draw_landmarks,
-    landmarks_left_out,
-    slid_landmarks,
-)
+from isomatch.collections.landmarks import LeftOut, collected_landmarks, draw_landmarks, landmarks_left_out
 from isomatch.collections.ledger import CONTRADICTED, Rows, state_of
 from isomatch.collections.map_file import KEPT, PairMaps, changed_files, keep_files, require_unchanged
 from isomatch.collections.page import write_reports, write_table
@@ -45,7 +39,6 @@ __all__ = [
     "outliers",
     "require_unchanged",
     "scales_of",
-    "slid_landmarks",
     "state_of",
     "surfaces_written",
     "write_reports",

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import replace
 from functools import lru_cache
 from itertools import islice
 from pathlib import Path
@@ -19,7 +19,6 @@ from isomatch.collections.map_file import maps_along, require_unchanged
 from isomatch.correspondence import Correspondence
 from isomatch.errors import InputError, IsomatchError
 from isomatch.landmarks import Landmarks, median_landmarks, spread_on_surface
-from isomatch.statistics import SlidSemilandmarks, slid_semilandmarks
 from isomatch.storage.files import replaced
 from isomatch.surfaces import Mesh, reflected
 from isomatch.transfer import carry_landmarks
@@ -31,7 +30,8 @@ PER_ROW = 6
 RESOLUTION = 220.0  # pixels per √area
 RADIUS = 0.02  # √area: of a dot
 GREY = 0.82
-LEAST_PLACED = 0.5  # share of the landmarks of a shape that slide
+
+logger = logging.getLogger(__name__)
 
 
 class LeftOut(NamedTuple):
@@ -46,16 +46,14 @@ def collected_landmarks(
     collection: Collection,
     files: Mapping[str, str | Path],
     curve_points: int | None = None,
-    *,
     patches: Mapping[str, str | Path] | None = None,
     surface_points: int = 0,
-    failed: dict[str, IsomatchError] | None = None,
 ) -> Iterator[tuple[str, Landmarks]]:
     """Carry the landmarks of some shapes, the templates, to all others.
 
     Used are the maps of a template with a shape or, where they are not matched with each other, those on the shortest
     path between them, one after the other. Doubtful maps are not used, see `Rows.is_doubtful`; a shape that no other map
-    leads to is left out.
+    leads to is left out; so is one that fails, with a warning.
 
     Parameters
     ----------
@@ -66,11 +64,9 @@ def collected_landmarks(
     curve_points : int, optional
         Number of points on each curve; by default as many as it was drawn with.
     patches : mapping of str to path_like, optional
-        File of the surface semilandmarks of each template, in one order. They are named surface-1, surface-2, ….
+        File of the surface semilandmarks of each template, in one order; they are named surface-1, surface-2, ….
     surface_points : int
         How many more are spread over the first template, and carried to the others.
-    failed : dict, optional
-        Takes up the errors of shapes that are no templates, which are then left out.
 
     Yields
     ------
@@ -92,40 +88,12 @@ def collected_landmarks(
         try:
             marks = templates.own(name) if name in files else templates.carried(name, files)
         except IsomatchError as error:
-            if failed is None or name in files:
+            if name in files:
                 raise
-            failed[name] = error
+            logger.warning("%s is left out: %s", name, error)
             continue
         if marks is not None:
             yield name, marks
-
-
-def slid_landmarks(
-    collection: Collection, found: Mapping[str, Landmarks]
-) -> tuple[dict[str, Landmarks], SlidSemilandmarks]:
-    """Slide the points of curves and patches of the landmarks ``found`` for shapes, see `slid_semilandmarks`.
-
-    Returns
-    -------
-    dict of str to Landmarks
-        Those with the same landmarks as the first, of which at least half have a place, after they have slid.
-    SlidSemilandmarks
-        The same as arrays; reflected, x → −x, where a shape was matched as its mirror image.
-    """
-    first = next(iter(found.values()))
-    names = [
-        name for name, each in found.items() if each.is_like(first) and each.placed.mean() >= LEAST_PLACED
-    ]
-    meshes, turned = (
-        [_unwelded(read_asset(collection.paths[name])) for name in names],
-        collection.rows().reflected(names),
-    )
-    signs = np.array([[[-1.0 if name in turned else 1.0, 1.0, 1.0]] for name in names])
-    meshes = [reflected(mesh) if name in turned else mesh for name, mesh in zip(names, meshes)]
-    positions = signs * [found[name].positions for name in names]
-    slid = slid_semilandmarks(positions, meshes, first.curves, first.patch)
-    moved = {name: replace(found[name], positions=own) for name, own in zip(names, signs * slid.positions)}
-    return moved, slid
 
 
 def landmarks_left_out(
@@ -171,23 +139,23 @@ class _Templates:
         self._marks = {name: Landmarks.read(path, self._read(name)) for name, path in files.items()}
 
     def add_patches(self, files: Mapping[str, str | Path], surface_points: int) -> None:
-        """Let all templates have surface semilandmarks, from their files, and spread over the first one."""
+        """Append surface semilandmarks: of a file for each template, and spread over the first and carried to others."""
         if files and set(files) != set(self._marks):
-            raise InputError("patches: give those of the shapes that have landmarks, and of no others")
+            raise InputError("patches: give those of all shapes that have landmarks, and of no others")
         for name, path in files.items():
             own = Landmarks.read(path, self._read(name)).turned(self._marks[name].axes)
-            self._marks[name] = _with_patch(self._marks[name], own.positions)
+            self._marks[name] = self._marks[name].with_patch(own.positions)
         if surface_points:
             first, *others = self._marks
-            there = self._marks[first].positions[self._marks[first].placed]
-            spread = spread_on_surface(_unwelded(self._read(first)), surface_points, there)
-            self._marks[first] = _with_patch(self._marks[first], spread)
+            start, marks = self._read(first), self._marks[first]
+            spread = spread_on_surface(_unwelded(start), surface_points, marks.positions[marks.placed])
+            self._marks[first] = marks.with_patch(spread)
             for name in others:
-                carried = self._from(first, name, Landmarks(spread))
-                nowhere = np.full_like(spread, np.nan)
-                self._marks[name] = _with_patch(
-                    self._marks[name], nowhere if carried is None else carried.positions
-                )
+                there, _ = self._map(first, name)
+                at = np.full_like(spread, np.nan)
+                if there is not None:
+                    at = carry_landmarks(there, start, self._read(name), Landmarks(spread)).positions
+                self._marks[name] = self._marks[name].with_patch(at)
 
     def own(self, name: str) -> Landmarks:
         """Return the landmarks of a template, with the points of its curves equally spaced."""
@@ -197,31 +165,20 @@ class _Templates:
 
     def carried(self, name: str, templates: Iterable[str]) -> Landmarks | None:
         """Return the median of what some templates give for a shape; None if no sure map leads to it."""
-        given = (self._from(template, name, self._marks[template]) for template in templates)
-        several = [each for each in given if each is not None]
+        several, n_points = [], self._curve_points
+        for template in templates:
+            there, far = self._map(template, name)
+            if there is not None:
+                ends, own = (self._read(template), self._read(name)), self._marks[template]
+                several.append(carry_landmarks(there, *ends, own, curve_points=n_points, expected_error=far))
         return median_landmarks(several, _unwelded(self._read(name))) if several else None
 
-    def _from(self, source: str, target: str, marks: Landmarks) -> Landmarks | None:
-        """Carry landmarks by the map between two shapes, or the shortest path of sure ones; None if there is none."""
+    def _map(self, source: str, target: str) -> tuple[Correspondence | None, FloatArray | None]:
+        """Return the map between two shapes with its expected error, by the shortest path of sure ones, or None."""
         path = self._rows.path(source, target)
         if path is None:
-            return None
-        there, far = maps_along(self._collection.layout, path, lambda name: _unwelded(self._read(name)))
-        ends, n_points = (self._read(source), self._read(target)), self._curve_points
-        return carry_landmarks(there, *ends, marks, curve_points=n_points, expected_error=far)
-
-
-def _with_patch(marks: Landmarks, positions: FloatArray) -> Landmarks:
-    """Append points that lie anywhere on the surface."""
-    m, n, k = len(marks), len(positions), len(marks.patch)
-    return Landmarks(
-        np.concatenate([marks.positions, positions]),
-        [*marks.names, *(f"surface-{k + i + 1}" for i in range(n))],
-        marks.curves,
-        axes=marks.axes,
-        unit=marks.unit,
-        patch=[*marks.patch, *range(m, m + n)],
-    )
+            return None, None
+        return maps_along(self._collection.layout, path, lambda name: _unwelded(self._read(name)))
 
 
 def _unwelded(shape: Asset) -> Mesh:
@@ -231,7 +188,7 @@ def _unwelded(shape: Asset) -> Mesh:
 def draw_landmarks(path: str | Path, collection: Collection, found: Mapping[str, Landmarks]) -> None:
     """Draw the landmarks ``found`` for the first 24 shapes as dots, with their expected errors as discs around them.
 
-    Those of a patch are left out. Shapes are turned like the template as far as they are written in its topology. A point of the surface takes the
+    Shapes are turned like the template as far as they are written in its topology. A point of the surface takes the
     colour of the nearest landmark in space, so that those behind are not seen. About 0.2 s for a shape.
     """
     rows = collection.rows()
@@ -239,11 +196,8 @@ def draw_landmarks(path: str | Path, collection: Collection, found: Mapping[str,
     middle = None if template is None else _written(collection, template)
     images, names = [], list(islice(found, MOST_DRAWN))
     for name in names:
-        mesh, shown = (
-            read_mesh(collection.paths[name]),
-            np.setdiff1d(np.arange(len(found[name])), found[name].patch),
-        )
-        positions, errors = found[name].positions[shown], found[name].expected_error[shown]
+        mesh, positions = read_mesh(collection.paths[name]), found[name].positions.copy()
+        positions[found[name].patch] = np.nan  # too many to be told apart
         if rows.reflected([name]):
             mesh, positions = reflected(mesh), positions * [-1.0, 1.0, 1.0]
         own = _written(collection, name)
@@ -251,7 +205,7 @@ def draw_landmarks(path: str | Path, collection: Collection, found: Mapping[str,
         if middle is not None and own is not None:
             same = Correspondence(range(own.n_vertices), own.n_vertices)
             camera = camera @ turn_to_target(own, middle, same)
-        images.append(_image(mesh, positions, errors, camera))
+        images.append(_image(mesh, positions, found[name].expected_error, camera))
     figure, _ = arranged_panels(images, names, per_row=min(PER_ROW, len(images)))
     with replaced(Path(path)) as file:
         figure.savefig(file, format="png", dpi=200, bbox_inches="tight", pad_inches=0.05)

@@ -98,10 +98,10 @@ def farthest_point_sampling(engine: DistanceEngine, n_samples: int, start: int) 
     return Sampling(chosen, np.array(columns) if complete else engine.distances_from(chosen))
 
 
-def euclidean_farthest_points(points: FloatArray, n_samples: int, start: int | IntArray) -> IntArray:
+def euclidean_farthest_points(points: FloatArray, n_samples: int, start: int) -> IntArray:
     """Choose each of some of n points (n, d) farthest from all before it in Euclidean distance, beginning with ``start``.
 
-    Of several starts, all come first. Every longer prefix of the result is a farthest point sampling itself. Of equally far points the first is taken.
+    Every prefix of the result is a farthest point sampling itself. Of equally far points the first is taken.
     O(n n_samples d) time.
 
     Raises
@@ -117,23 +117,20 @@ def euclidean_farthest_points(points: FloatArray, n_samples: int, start: int | I
     n = len(points)
     if not 1 <= n_samples <= n:
         raise SettingError(f"n_samples = {n_samples} must lie in 1…{n}, the number of points")
-    first = np.atleast_1d(start)[:n_samples]
-    if not len(first) or not ((first >= 0) & (first < n)).all():
+    if not 0 <= start < n:
         raise SettingError(f"start = {start} must lie in 0…{n - 1}, the points")
     chosen = np.zeros(n_samples, dtype=np.int64)
-    chosen[: len(first)] = first
-    _fill_with_farthest(np.array(points, dtype=np.float64, order="C"), chosen, np.full(n, np.inf), len(first))
+    chosen[0] = start
+    _fill_with_farthest(np.array(points, dtype=np.float64, order="C"), chosen, np.full(n, np.inf))
     return chosen
 
 
 @compiled()
-def _fill_with_farthest(points: FloatArray, chosen: IntArray, nearest: FloatArray, n_given: int) -> None:
-    """Fill ``chosen`` after its first entries; ``nearest`` (n,), squared distances to them, is all inf on entry."""
+def _fill_with_farthest(points: FloatArray, chosen: IntArray, nearest: FloatArray) -> None:
+    """Fill ``chosen`` after its first entry; ``nearest`` (n,), squared distances to it, is all inf on entry."""
     farthest = chosen[0]
     for i in range(len(chosen)):
-        if i >= n_given:
-            chosen[i] = farthest
-        last = chosen[i]
+        last = chosen[i] = farthest
         nearest[last] = -1.0  # below the 0 of coincident points, so that no point is chosen twice
         most = -1.0
         for j in range(len(points)):

@@ -16,8 +16,11 @@ AT_ONCE = 1000  # points whose triangles are listed together
 FINENESS = 0.5  # of the mean edge length: longest step of a curve that is drawn on triangles
 BETWEEN_POINTS = 1.5  # the same on points, of which the nearest one is taken; edges join the next 30
 MOST_HALVINGS = 20  # of the way between two points
-PER_POINT = 5  # random points of which each of those that are spread is chosen
-SIDES = 0.25  # of the spacing: weight of normals, so that both sides of a wall are about half of it apart, or more
+PER_POINT = 8  # random points for each that is spread over a surface
+APART, SIDES = (
+    0.4,
+    0.25,
+)  # of their spacing: least distance from others; weight of normals, so that both sides count
 
 
 def nearest_on_surface(surface: Mesh | PointCloud, positions: FloatArray) -> PrecisePoints:
@@ -57,7 +60,7 @@ def nearest_on_surface(surface: Mesh | PointCloud, positions: FloatArray) -> Pre
     # A point of a triangle with middle m is at most `reach` from m. Of those with |q − m| > gap + reach, no point is
     # nearer to q than the vertex that is known. A tree of the middles lists the others, with the largest reach of its
     # triangles.
-    # of a factor of two each, so that one large triangle does not widen all balls; those below the median together
+    # Of a factor of two each, so that one large triangle does not widen all balls; half of all are together
     size = np.frexp(np.maximum(reach, np.median(reach)))[1]
     vertices, faces, queries = map(read_only, (surface.vertices, surface.faces, positions))
     for each in np.unique(size)[::-1]:
@@ -101,54 +104,23 @@ def _take_nearest(
 
 
 def spread_on_surface(surface: Mesh, n: int, around: FloatArray) -> FloatArray:
-    """Spread points evenly over a mesh, with those that are there already.
+    """Spread n points (n, 3) evenly over a mesh, on both sides of thin walls too, and not beside those (k, 3) around.
 
-    Parameters
-    ----------
-    surface : Mesh
-    n : int
-        How many are wanted.
-    around : (k, 3) array of float
-        Points that are there.
-
-    Returns
-    -------
-    (n, 3) array of float
-        Each is the farthest from all before it, of random points of the surface. Both sides of a thin wall get points.
-
-    Raises
-    ------
-    LandmarkError
-        If the mesh has no area.
-
-    Notes
-    -----
-    Five random points are drawn for each; O(n (n + k)) time, 2 s for 7,500.
-
-    Examples
-    --------
-    >>> square = Mesh([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])
-    >>> centre = np.array([[0.5, 0.5, 0]])
-    >>> points = spread_on_surface(square, 100, centre)
-    >>> points.shape, bool(np.linalg.norm(points - centre, axis=1).min() > 0.06)
-    ((100, 3), True)
+    Each is the farthest from all before it of eight times as many random points; O(n²) time, 3 s for 7,500.
     """
     if not 0 < surface.area < np.inf:
         raise LandmarkError("points are spread over triangles, and there are none with an area; give a mesh")
     random, count = generator(0), PER_POINT * n
-    ends = np.cumsum(surface.face_areas)
-    face = np.searchsorted(ends, (np.arange(count) + random.random(count)) * (ends[-1] / count))
-    first, second = np.sort(
+    face = random.choice(surface.n_faces, count, p=surface.face_areas / surface.area)
+    low, high = np.sort(
         random.random((2, count)), axis=0
-    )  # uniform in a triangle: lengths between two cuts of [0, 1]
-    drawn = PrecisePoints(surface.sound_faces[face], np.column_stack([first, second - first, 1 - second]))
-    spacing = np.sqrt(surface.area / n)
-    points = nearest_on_surface(surface, around)
-    joint = PrecisePoints(*(np.concatenate(each) for each in zip(points, drawn)))
-    normals = joint.interpolated(vertex_normals(surface.vertices, surface.faces))
-    places = np.hstack([joint.interpolated(surface.vertices), SIDES * spacing * normals])
-    chosen = euclidean_farthest_points(places, len(around) + n, np.arange(max(len(around), 1)))
-    return np.asarray(places[chosen[len(around) :], :3])
+    )  # the three lengths between cuts: uniform in a triangle
+    drawn = PrecisePoints(surface.sound_faces[face], np.column_stack([low, high - low, 1 - high]))
+    normals = drawn.interpolated(vertex_normals(surface.vertices, surface.faces))
+    places, spacing = drawn.interpolated(surface.vertices), np.sqrt(surface.area / (n + len(around)))
+    free = cKDTree(around).query(places)[0] > APART * spacing
+    sided = np.hstack([places, SIDES * spacing * normals])[free]
+    return np.asarray(places[free][euclidean_farthest_points(sided, n, 0)])
 
 
 def drawn_curve(

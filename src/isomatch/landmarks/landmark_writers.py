@@ -193,7 +193,7 @@ def write_specimens(path: str | Path, specimens: Mapping[str, Landmarks]) -> Non
     curves, one after the other, and missing ones as ``NA``; the table has its columns in the same order:
     ``arrayspecs(read.csv("s.csv", row.names = 1), p, 3)``. The sliders are for
     ``gpagen(..., curves = read.csv("s_sliders.csv"))``: the ends of a curve, and the first point of a closed one, stay.
-    ``surfaces = read.csv("s_surfaces.csv")$slide`` are the points of the patch.
+    ``surfaces = read.csv("s_surfaces.csv")$slide`` are the points of a patch.
 
     Examples
     --------
@@ -221,10 +221,9 @@ def write_specimens(path: str | Path, specimens: Mapping[str, Landmarks]) -> Non
     if first.curves:
         sliders = path.with_name(f"{path.stem}_sliders.csv")
         write_csv(sliders, _sliders(first), ("before", "slide", "after"))
-    if first.patch:
-        place = {row: i for i, row in enumerate(_order(first), start=1)}
-        slide = [{"slide": place[row]} for row in first.patch]
-        write_csv(path.with_name(f"{path.stem}_surfaces.csv"), slide, ("slide",))
+    if patch := {*first.patch}:
+        rows = [{"slide": i} for i, row in enumerate(_order(first), start=1) if row in patch]
+        write_csv(path.with_name(f"{path.stem}_surfaces.csv"), rows, ("slide",))
 
 
 def tps_text(specimens: Mapping[str, Landmarks]) -> str:
@@ -275,6 +274,6 @@ def _same_landmarks(specimens: Mapping[str, Landmarks]) -> Landmarks:
         raise LandmarkError("no specimens; give the landmarks of at least one")
     first_name, first = next(iter(specimens.items()))
     for name, marks in specimens.items():
-        if not marks.is_like(first):
+        if marks.names != first.names or marks.curves != first.curves:
             raise LandmarkError(f"{name} has other landmarks than {first_name}; give the same ones of each")
     return first

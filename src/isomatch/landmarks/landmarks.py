@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
@@ -27,6 +28,7 @@ from isomatch.landmarks.landmark_files import (
 )
 from isomatch.surfaces import Graph, Mesh, PointCloud
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray, numbers_of
+from isomatch.values.cached import cached_property
 
 logger = logging.getLogger(__name__)
 
@@ -70,8 +72,6 @@ class Landmarks:
         Where x, y and z of the coordinates point; None where neither the surface nor the landmarks say that.
     unit : str
         Unit of the coordinates, as a file of 3D Slicer says it; empty if none does.
-    patch : sequence of int
-        Those on no curve that may lie anywhere on the surface, to slide there.
 
     Raises
     ------
@@ -92,7 +92,6 @@ class Landmarks:
     spread: FloatArray
     axes: Axes | None
     unit: str
-    patch: tuple[int, ...]
 
     def __init__(
         self,
@@ -103,7 +102,6 @@ class Landmarks:
         spread: ArrayLike | None = None,
         axes: Axes | None = None,
         unit: str = "",
-        patch: Sequence[int] = (),
     ) -> None:
         placed = numbers_of(positions, "landmarks", LandmarkError).reshape(-1, 3)
         m = len(placed)
@@ -117,16 +115,8 @@ class Landmarks:
             )
         curves = tuple(Curve(name, tuple(rows), closed) for name, rows, closed in curves)
         _check_curves(curves, m)
-        if wrong := set(patch) - set(range(m)).difference(*(curve.rows for curve in curves)):
-            raise LandmarkError(f"patch: {min(wrong)} is no landmark, or is on a curve; give others")
         fields = {"positions": placed, "names": names, "curves": curves, "expected_error": errors}
-        for field, value in {
-            **fields,
-            "spread": spreads,
-            "axes": axes,
-            "unit": unit,
-            "patch": tuple(patch),
-        }.items():
+        for field, value in {**fields, "spread": spreads, "axes": axes, "unit": unit}.items():
             object.__setattr__(self, field, value)
 
     def __repr__(self) -> str:
@@ -141,14 +131,10 @@ class Landmarks:
             raise LandmarkError(f"no landmark {name!r}; there are {', '.join(self.names)[:200]}")
         return np.asarray(self.positions[self.names.index(name)])
 
-    @property
+    @cached_property
     def placed(self) -> BoolArray:
         """(m,) which landmarks have a place."""
         return np.asarray(np.isfinite(self.positions).all(axis=1))
-
-    def is_like(self, other: Landmarks) -> bool:
-        """Whether names, curves and patch are those of others, so that positions correspond."""
-        return (self.names, self.curves, self.patch) == (other.names, other.curves, other.patch)
 
     def turned(self, axes: Axes | None) -> Landmarks:
         """Return the same in coordinates with these axes; unchanged where either is unknown."""
@@ -160,6 +146,17 @@ class Landmarks:
         """The curve that each landmark is on."""
         of = {row: curve for curve in self.curves for row in curve.rows}
         return [of.get(row) for row in range(len(self))]
+
+    @property
+    def patch(self) -> list[int]:
+        """Those that may lie anywhere on the surface, by their names: surface-1, surface-2 and so on."""
+        return [row for row, name in enumerate(self.names) if re.fullmatch(r"surface-\d+", name)]
+
+    def with_patch(self, positions: FloatArray) -> Landmarks:
+        """Append points that may lie anywhere on the surface."""
+        names = [f"surface-{len(self.patch) + i + 1}" for i in range(len(positions))]
+        joint = [*self.positions, *positions], [*self.names, *names]
+        return Landmarks(*joint, self.curves, axes=self.axes, unit=self.unit)
 
     @classmethod
     def read(cls, path: str | PathLike[str], surface: SurfaceLike | None = None) -> Landmarks:
@@ -475,9 +472,7 @@ def median_landmarks(several: Sequence[Landmarks], surface: SurfaceLike) -> Land
     spread, alone = _over_templates(np.mean, apart), _over_templates(np.median, errors)
     together = np.hypot(COMMON * alone, spread / np.sqrt(np.maximum(count, 1)))
     expected = np.where(count == 1, alone, together)
-    return Landmarks(
-        positions, first.names, first.curves, expected, spread, first.axes, first.unit, first.patch
-    )
+    return Landmarks(positions, first.names, first.curves, expected, spread, first.axes, first.unit)
 
 
 def _rows_of(several: Sequence[Landmarks]) -> list[list[int | None]]:

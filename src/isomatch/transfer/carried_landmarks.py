@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -95,12 +95,10 @@ def carry_landmarks(
     if curve_points is None:
         for curve, values in along.items():
             every[list(curve.rows)] = values
-        return replace(landmarks, positions=every[:, :3], expected_error=every[:, 3], spread=None, axes=axes)
+        return Landmarks(every[:, :3], landmarks.names, landmarks.curves, every[:, 3], axes=axes, unit=unit)
     names, images, curves = list[str](), list[FloatArray](), list[Curve]()
-    slides, patch = set(landmarks.patch), list[int]()
     for row, (name, on) in enumerate(zip(landmarks.names, landmarks.curve_of)):
         if on is None:
-            patch += [len(names)] * (row in slides)
             names.append(name)
             images.append(every[row])
         elif row == on.rows[0]:
@@ -109,7 +107,7 @@ def carry_landmarks(
             names += [f"{on.name}-{i + 1}" for i in range(curve_points)]
             images += list(along[on])
     values = np.array(images).reshape(-1, 4)
-    return Landmarks(values[:, :3], names, curves, values[:, 3], axes=axes, unit=unit, patch=patch)
+    return Landmarks(values[:, :3], names, curves, values[:, 3], axes=axes, unit=unit)
 
 
 @dataclass(frozen=True, eq=False)
