@@ -105,6 +105,8 @@ def run(
         reflect=_names_of(reflect),
         units=_units_of(units),
     )
+    if semilandmarks and landmarks is None:
+        raise InputError("semilandmarks come with landmarks of a shape; give these (--landmarks)")
     marks = {} if landmarks is None else landmark_files(landmarks, collection, collection.template)
     for name, path in marks.items():  # what is wrong with them is told before anything is done
         isomatch.Landmarks.read(path, collection.paths[name])

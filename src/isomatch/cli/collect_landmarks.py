@@ -130,7 +130,8 @@ def write_all(
         for name, carried in found:
             points[name] = carried
             tell(f"landmarks of {name}", len(points) / len(collection.names))
-        slid = _slid(collection, points, rows.reflected(points)) if more.slide else []
+        turned = rows.reflected(points)
+        slid = _slid(collection, points, turned) if more.slide else []
         if more.slide:
             write_csv(to / "landmarks_slid.csv", slid, SLID)
         for name, carried in points.items():
@@ -138,7 +139,6 @@ def write_all(
         left_out = {x.name: x for x in collections.landmarks_left_out(collection, *given)}
         write_csv(to / "landmarks_errors.csv", _errors(points, left_out), ERRORS)
         first = next(iter(points.values()))
-        turned = rows.reflected(points)
         scales = collections.scales_of(collection.units, rows)
         axes = next((each.axes for each in points.values() if each.axes), None)
         alike = {
@@ -211,10 +211,10 @@ def _slid(
     marks = {name: each for name, each in points.items() if each.placed.mean() >= LEAST_PLACED}
     names = [n for n in marks if (marks[n].names, marks[n].curves) == (first.names, first.curves)]
     signs = np.array([[[-1.0 if name in turned else 1.0, 1.0, 1.0]] for name in names])
-    meshes = [isomatch.read_mesh(collection.paths[name]) for name in names]
-    meshes = [mesh.moved(mesh.vertices * sign) for mesh, sign in zip(meshes, signs)]
+    meshes = (isomatch.read_mesh(collection.paths[name]) for name in names)
+    surfaces = [mesh.moved(mesh.vertices * sign) for mesh, sign in zip(meshes, signs)]
     positions = signs * [marks[name].positions for name in names]
-    slid = slid_semilandmarks(positions, meshes, first.curves, first.patch)
+    slid = slid_semilandmarks(positions, surfaces, first.curves, first.patch)
     points |= {n: replace(marks[n], positions=at) for n, at in zip(names, signs * slid.positions)}
     far = np.linalg.norm(slid.positions - positions, axis=2)
     columns = np.nanmean(far, axis=1), np.nanmax(far, axis=1), slid.energy_before, slid.energy_after

@@ -17,10 +17,8 @@ FINENESS = 0.5  # of the mean edge length: longest step of a curve that is drawn
 BETWEEN_POINTS = 1.5  # the same on points, of which the nearest one is taken; edges join the next 30
 MOST_HALVINGS = 20  # of the way between two points
 PER_POINT = 8  # random points for each that is spread over a surface
-APART, SIDES = (
-    0.4,
-    0.25,
-)  # of their spacing: least distance from others; weight of normals, so that both sides count
+APART = 0.4  # of their spacing: least distance from others
+SIDES = 0.25  # of it: weight of normals, so that both sides of a wall get points
 
 
 def nearest_on_surface(surface: Mesh | PointCloud, positions: FloatArray) -> PrecisePoints:
@@ -60,8 +58,9 @@ def nearest_on_surface(surface: Mesh | PointCloud, positions: FloatArray) -> Pre
     # A point of a triangle with middle m is at most `reach` from m. Of those with |q − m| > gap + reach, no point is
     # nearer to q than the vertex that is known. A tree of the middles lists the others, with the largest reach of its
     # triangles.
-    # Of a factor of two each, so that one large triangle does not widen all balls; half of all are together
-    size = np.frexp(np.maximum(reach, np.median(reach)))[1]
+    size = np.frexp(np.maximum(reach, np.median(reach)))[
+        1
+    ]  # of a factor of two each, so that no ball is much too wide
     vertices, faces, queries = map(read_only, (surface.vertices, surface.faces, positions))
     for each in np.unique(size)[::-1]:
         alike = np.flatnonzero(size == each)
@@ -112,9 +111,8 @@ def spread_on_surface(surface: Mesh, n: int, around: FloatArray) -> FloatArray:
         raise LandmarkError("points are spread over triangles, and there are none with an area; give a mesh")
     random, count = generator(0), PER_POINT * n
     face = random.choice(surface.n_faces, count, p=surface.face_areas / surface.area)
-    low, high = np.sort(
-        random.random((2, count)), axis=0
-    )  # the three lengths between cuts: uniform in a triangle
+    # three lengths between two cuts are uniform in a triangle
+    low, high = np.sort(random.random((2, count)), axis=0)
     drawn = PrecisePoints(surface.sound_faces[face], np.column_stack([low, high - low, 1 - high]))
     normals = drawn.interpolated(vertex_normals(surface.vertices, surface.faces))
     places, spacing = drawn.interpolated(surface.vertices), np.sqrt(surface.area / (n + len(around)))

@@ -11,7 +11,7 @@ from scipy.sparse.linalg import LinearOperator, cg
 from scipy.spatial.distance import cdist
 
 from isomatch.errors import LandmarkError
-from isomatch.landmarks import Curve, drawn_curve, nearest_on_surface
+from isomatch.landmarks import Curve, nearest_on_surface
 from isomatch.runtime.memory import require_memory
 from isomatch.runtime.threads import parallel_map, row_product, serial_blas
 from isomatch.statistics.procrustes import centroid_sizes, generalised_procrustes
@@ -23,7 +23,6 @@ MOST_ROUNDS, ENOUGH = 5, 0.02  # a round that gains less than this share of the 
 MOST_ITERATIONS, CLOSE = 25, 0.01  # of conjugate gradients; share of the first residual
 SHARES = 1.0, 0.5, 0.25  # of a step that are tried
 AFFINE = 0.01  # m times the mean distance; with 1, twice as many iterations
-FACE = np.array([[0, 1, 2]])  # of shapes that need one
 RIDGE = 1e-10  # of the mean distance, so that two curves may end in one point
 
 
@@ -36,10 +35,7 @@ class SlidSemilandmarks(NamedTuple):
 
 
 def slid_semilandmarks(
-    positions: FloatArray,
-    surfaces: Sequence[Mesh],
-    curves: Sequence[Curve] = (),
-    patch: Sequence[int] = (),
+    positions: FloatArray, surfaces: Sequence[Mesh], curves: Sequence[Curve] = (), patch: Sequence[int] = ()
 ) -> SlidSemilandmarks:
     """Slide semilandmarks along curves and surfaces so that thin-plate splines from the mean shape bend least.
 
@@ -57,8 +53,7 @@ def slid_semilandmarks(
     Returns
     -------
     SlidSemilandmarks
-        On the surfaces, and near the curves drawn through the given points; whatever the order, places, orientations and
-        sizes of the specimens.
+        Whatever the order, places, orientations and sizes of the specimens are.
 
     Notes
     -----
@@ -66,7 +61,7 @@ def slid_semilandmarks(
     three dimensions*, 2005. Each of up to five rounds takes the mean of a Procrustes analysis, finds the steps along
     tangents that minimise the energy, and moves points back to curves and surfaces: by half a step, a quarter or none
     where a normal would turn by more than a right angle. A specimen that would bend more stays. Points without a place
-    move freely, so that they do not count. 20 m² bytes; of 7,500 points, a round takes 6 s and 1 s for each specimen.
+    move freely, so that they do not count. 28 m² bytes; of 7,500 points, a round takes 6 s and 1 s for each specimen.
 
     Examples
     --------
@@ -82,7 +77,8 @@ def slid_semilandmarks(
     placed: BoolArray = np.asarray(np.isfinite(positions).all(axis=2))
     # Points without a place begin where the mean has them, wherever they are put before
     known = np.where(placed[:, :, None], positions, np.nanmean(positions, axis=1, keepdims=True))
-    shapes = CorrespondedShapes(tuple(map(str, range(len(known)))), known, FACE, measured=placed)
+    names, faces = tuple(map(str, range(len(known)))), np.array([[0, 1, 2]])  # which play no part
+    shapes = CorrespondedShapes(names, known, faces, measured=placed)
     now = filled(shapes, scale="remove").vertices
     sizes, energies = centroid_sizes(now)[:, None, None], list[FloatArray]()
     rows, given = np.array(patch, dtype=np.int64), list(zip(surfaces, now, placed))
@@ -108,7 +104,7 @@ class BendingEnergy:
 
     def __init__(self, points: FloatArray) -> None:
         m = len(points)
-        require_memory(20.0 * m**2, f"the bending energy of {m} points", "use fewer points")
+        require_memory(28.0 * m**2, f"the bending energy of {m} points", "use fewer points")
         centred = points - points.mean(axis=0)
         centred /= np.linalg.norm(centred)
         # The spline Σ wᵢ |x − pᵢ| + affine has Qᵀw = 0 and the energy −wᵀKw, K = (|pᵢ − pⱼ|), where Q spans the affine
@@ -160,21 +156,16 @@ class _Specimen:
     def __init__(
         self, surface: Mesh, points: FloatArray, placed: BoolArray, curves: Sequence[Curve], patch: IntArray
     ) -> None:
-        self._surface, self.positions, self._free, self._patch = (
-            surface,
-            points,
-            ~placed,
-            patch[placed[patch]],
-        )
+        self._surface, self.positions = surface, points
+        self._free, self._patch = ~placed, patch[placed[patch]]
         self._vertex_normals = vertex_normals(surface.vertices, surface.faces)
         near = nearest_on_surface(surface, points[self._patch])
         self.normals = _unit(near.interpolated(self._vertex_normals))
         self._tracks = []  # of each curve: points that slide, those before and after them, and the polyline as a mesh
-        for name, of, closed in curves:
+        for _, of, closed in curves:
             rows, n = np.array(of), len(of) - 1 if closed else len(of) - 2
             if placed[rows].all() and n > 0:
-                path = drawn_curve(surface, points[rows], closed, name)
-                step = np.arange(len(path) - 1)
+                path, step = points[[*rows, rows[0]]], np.arange(n + 1)
                 line = Mesh(path, np.column_stack([step, step + 1, step + 1]))
                 self._tracks.append((rows[1 : n + 1], rows[:n], np.roll(rows, -2)[:n], line))
 
