@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.spatial import cKDTree
 
 from isomatch import (
     Asset,
@@ -20,14 +19,7 @@ from isomatch import (
     write_landmarks,
 )
 from isomatch.assets import Frame
-from isomatch.landmarks import (
-    Curve,
-    drawn_curve,
-    equally_spaced,
-    nearest_on_surface,
-    spread_on_surface,
-    write_specimens,
-)
+from isomatch.landmarks import Curve, drawn_curve, equally_spaced, nearest_on_surface, write_specimens
 from shapes import box, flat_grid, icosphere
 
 SPHERE = icosphere(3)
@@ -492,23 +484,3 @@ def test_units_of_slicer_are_kept(tmp_path):
     square = Mesh([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])
     write_landmarks(tmp_path / "b.mrk.json", Landmarks.read(tmp_path / "a.mrk.json", square))
     assert json.loads((tmp_path / "b.mrk.json").read_text())["markups"][0]["coordinateUnits"] == "um"
-
-
-def test_points_are_spread_evenly_on_both_sides_and_not_beside_others():
-    """On a thin plate with triangles of unlike sizes: their distances to the next on the same side are alike."""
-    ball = icosphere(4)
-    plate = ball.moved(ball.vertices * [1, 1, 0.01])
-    around = plate.vertices[:5]
-    points = spread_on_surface(plate, 400, around)
-    np.testing.assert_allclose(
-        points, nearest_on_surface(plate, points).interpolated(plate.vertices), atol=1e-12
-    )
-    spacing = np.sqrt(plate.area / 405)
-    assert cKDTree(around).query(points)[0].min() > 0.4 * spacing
-    for side in (points[:, 2] > 0, points[:, 2] < 0):
-        assert 180 < side.sum() < 220
-        apart = cKDTree(points[side]).query(points[side], 2)[0][:, 1]
-        assert apart.min() > 0.5 * spacing
-        assert apart.max() < 1.6 * spacing
-    with pytest.raises(LandmarkError, match="none with an area"):
-        spread_on_surface(Mesh(plate.vertices, np.zeros((0, 3), int)), 4, around)

@@ -44,13 +44,7 @@ class Semilandmarks:
 SUFFIXES = (".mrk.json", ".json", ".fcsv", ".pp", ".csv", ".txt")
 ERRORS = ("specimen", "landmark", "expected_error", "spread", "error")  # columns of the table of errors
 LEAST_PLACED = 0.5  # share of the landmarks of a shape that slide
-SLID = (
-    "specimen",
-    "mean",
-    "largest",
-    "energy_before",
-    "energy_after",
-)  # columns of the table of how far points slid
+SLID = ("specimen", "mean", "largest", "energy_before", "energy_after")  # columns of that of distances
 
 
 def landmarks(

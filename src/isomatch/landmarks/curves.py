@@ -16,8 +16,7 @@ AT_ONCE = 1000  # points whose triangles are listed together
 FINENESS = 0.5  # of the mean edge length: longest step of a curve that is drawn on triangles
 BETWEEN_POINTS = 1.5  # the same on points, of which the nearest one is taken; edges join the next 30
 MOST_HALVINGS = 20  # of the way between two points
-PER_POINT = 8  # random points for each that is spread over a surface
-APART = 0.4  # of their spacing: least distance from others
+APART = 0.4  # of the spacing of points that are spread: least distance from others
 SIDES = 0.25  # of it: weight of normals, so that both sides of a wall get points
 
 
@@ -58,9 +57,7 @@ def nearest_on_surface(surface: Mesh | PointCloud, positions: FloatArray) -> Pre
     # A point of a triangle with middle m is at most `reach` from m. Of those with |q − m| > gap + reach, no point is
     # nearer to q than the vertex that is known. A tree of the middles lists the others, with the largest reach of its
     # triangles.
-    size = np.frexp(np.maximum(reach, np.median(reach)))[
-        1
-    ]  # of a factor of two each, so that no ball is much too wide
+    size = np.frexp(np.maximum(reach, np.median(reach)))[1]  # of factors of two, so that no ball is too wide
     vertices, faces, queries = map(read_only, (surface.vertices, surface.faces, positions))
     for each in np.unique(size)[::-1]:
         alike = np.flatnonzero(size == each)
@@ -107,12 +104,13 @@ def spread_on_surface(surface: Mesh, n: int, around: FloatArray) -> FloatArray:
 
     Each is the farthest from all before it of eight times as many random points; O(n²) time, 3 s for 7,500.
     """
-    if not 0 < surface.area < np.inf:
-        raise LandmarkError("points are spread over triangles, and there are none with an area; give a mesh")
-    random, count = generator(0), PER_POINT * n
+    if n < 1 or not 0 < surface.area < np.inf:
+        raise LandmarkError(
+            f"{n} points cannot be spread over an area of {surface.area:g}; give 1 or more, and a mesh"
+        )
+    random, count = generator(0), 8 * n
     face = random.choice(surface.n_faces, count, p=surface.face_areas / surface.area)
-    # three lengths between two cuts are uniform in a triangle
-    low, high = np.sort(random.random((2, count)), axis=0)
+    low, high = np.sort(random.random((2, count)), axis=0)  # three lengths: uniform in a triangle
     drawn = PrecisePoints(surface.sound_faces[face], np.column_stack([low, high - low, 1 - high]))
     normals = drawn.interpolated(vertex_normals(surface.vertices, surface.faces))
     places, spacing = drawn.interpolated(surface.vertices), np.sqrt(surface.area / (n + len(around)))

@@ -154,9 +154,8 @@ class Landmarks:
 
     def with_patch(self, positions: FloatArray) -> Landmarks:
         """Append points that may lie anywhere on the surface."""
-        names = [f"surface-{len(self.patch) + i + 1}" for i in range(len(positions))]
-        joint = [*self.positions, *positions], [*self.names, *names]
-        return Landmarks(*joint, self.curves, axes=self.axes, unit=self.unit)
+        names = *self.names, *(f"surface-{len(self.patch) + i + 1}" for i in range(len(positions)))
+        return Landmarks([*self.positions, *positions], names, self.curves, None, None, self.axes, self.unit)
 
     @classmethod
     def read(cls, path: str | PathLike[str], surface: SurfaceLike | None = None) -> Landmarks:

@@ -68,18 +68,16 @@ def slid_semilandmarks(
     >>> square = Mesh([[0, 0, 0], [4, 0, 0], [4, 4, 0], [0, 4, 0]], [[0, 1, 2], [0, 2, 3]])
     >>> marks = np.array([[0, 0, 0], [4, 0, 0], [4, 4, 0], [0, 4, 0], [2, 2, 0.0]])
     >>> other = marks + np.eye(5)[:, 4:] * [1, 0, 0]
-    >>> slid_semilandmarks(np.stack([marks, other]), [square] * 2, patch=[4]).positions[:, 4].round(1)
-    array([[2.5, 2. , 0. ],
-           [2.5, 2. , 0. ]])
+    >>> slid_semilandmarks(np.stack([marks, other]), [square] * 2, patch=[4]).positions[:, 4, 0].round(1).tolist()
+    [2.5, 2.5]
     """
     if len(surfaces) != len(positions):
         raise LandmarkError(f"{len(positions)} specimens, {len(surfaces)} surfaces; give each its own")
     placed: BoolArray = np.asarray(np.isfinite(positions).all(axis=2))
-    # Points without a place begin where the mean has them, wherever they are put before
     known = np.where(placed[:, :, None], positions, np.nanmean(positions, axis=1, keepdims=True))
-    names, faces = tuple(map(str, range(len(known)))), np.array([[0, 1, 2]])  # which play no part
-    shapes = CorrespondedShapes(names, known, faces, measured=placed)
-    now = filled(shapes, scale="remove").vertices
+    # what has no place begins where the mean has it, wherever it was put
+    ids, face = tuple(map(str, range(len(known)))), np.array([[0, 1, 2]])  # of no account
+    now = filled(CorrespondedShapes(ids, known, face, measured=placed), scale="remove").vertices
     sizes, energies = centroid_sizes(now)[:, None, None], list[FloatArray]()
     rows, given = np.array(patch, dtype=np.int64), list(zip(surfaces, now, placed))
     specimens = parallel_map(lambda each: _Specimen(*each, curves, rows), given)
@@ -89,9 +87,8 @@ def slid_semilandmarks(
             steps = sizes * bending.least(now / sizes, np.stack([each.tangents() for each in specimens]))
             moved = parallel_map(lambda each: each[0].moved(each[1]), list(zip(specimens, steps)))
             before, after = (bending.of_each(at / sizes) for at in (now, np.stack([at for at, _ in moved])))
-            for specimen, own, is_better in zip(specimens, moved, after < before):
-                if is_better:
-                    specimen.positions, specimen.normals = own
+            for each, own, is_better in zip(specimens, moved, after < before):
+                each.positions, each.normals = own if is_better else (each.positions, each.normals)
             now = np.stack([each.positions for each in specimens])
             energies += [before, np.minimum(before, after)]
             if energies[-1].sum() > (1 - ENOUGH) * before.sum():
@@ -107,16 +104,15 @@ class BendingEnergy:
         require_memory(28.0 * m**2, f"the bending energy of {m} points", "use fewer points")
         centred = points - points.mean(axis=0)
         centred /= np.linalg.norm(centred)
-        # The spline Σ wᵢ |x − pᵢ| + affine has Qᵀw = 0 and the energy −wᵀKw, K = (|pᵢ − pⱼ|), where Q spans the affine
+        # The spline −Σ wᵢ |x − pᵢ| + affine has Qᵀw = 0 and the energy wᵀKw, K = (−|pᵢ − pⱼ|), where Q spans the affine
         # functions. With P = I − QQᵀ, w is the pseudoinverse of PKP times the values, so that the energy is of the matrix
-        # B = (−PKP)⁺ = P (a QQᵀ − PKP)⁻¹ P. What is inverted is positive definite: −(K + QWᵀ + WQᵀ) with
-        # W = Q (QᵀKQ − a I) / 2 − KQ.
-        kernel = cdist(centred, centred)
-        mean = kernel.mean()
+        # B = (PKP)⁺ = P (PKP + a QQᵀ)⁻¹ P. What is inverted is positive definite: K + QWᵀ + WQᵀ with
+        # W = Q (QᵀKQ + a I) / 2 − KQ.
+        kernel = -cdist(centred, centred)
+        mean = -kernel.mean()
         q = self._affine = orth(np.column_stack([np.ones(m), centred]))
-        w = q @ (q.T @ kernel @ q - AFFINE * m * mean * np.eye(q.shape[1])) / 2 - kernel @ q
+        w = q @ (q.T @ kernel @ q + AFFINE * m * mean * np.eye(q.shape[1])) / 2 - kernel @ q
         kernel += np.hstack([q, w]) @ np.hstack([w, q]).T
-        np.negative(kernel, out=kernel)
         kernel.flat[:: m + 1] += RIDGE * mean
         self._inverse = kernel.astype(np.float32)
         self._factor = cholesky(kernel.T, lower=True, overwrite_a=True, check_finite=False), True
@@ -159,8 +155,7 @@ class _Specimen:
         self._surface, self.positions = surface, points
         self._free, self._patch = ~placed, patch[placed[patch]]
         self._vertex_normals = vertex_normals(surface.vertices, surface.faces)
-        near = nearest_on_surface(surface, points[self._patch])
-        self.normals = _unit(near.interpolated(self._vertex_normals))
+        self.normals = nearest_on_surface(surface, points[self._patch]).interpolated(self._vertex_normals)
         self._tracks = []  # of each curve: points that slide, those before and after them, and the polyline as a mesh
         for _, of, closed in curves:
             rows, n = np.array(of), len(of) - 1 if closed else len(of) - 2
@@ -173,9 +168,8 @@ class _Specimen:
         """(m, 3, 3) projectors onto the directions in which each point may move."""
         allowed = np.zeros((len(self.positions), 3, 3))
         for inner, before, after, _ in self._tracks:
-            along = _unit(self.positions[after] - self.positions[before])
-            allowed[inner] = along[:, :, None] * along[:, None]
-        allowed[self._patch] = np.eye(3) - self.normals[:, :, None] * self.normals[:, None]
+            allowed[inner] = _projectors(self.positions[after] - self.positions[before])
+        allowed[self._patch] = np.eye(3) - _projectors(self.normals)
         allowed[self._free] = np.eye(3)
         return allowed
 
@@ -190,13 +184,14 @@ class _Specimen:
         for share in SHARES:
             rows = self._patch[left]
             near = nearest_on_surface(self._surface, self.positions[rows] + share * steps[rows])
-            there = _unit(near.interpolated(self._vertex_normals))
-            # no point goes beyond an edge, or to the other side of a wall
-            is_near = (there * normals[left]).sum(axis=1) > 0
+            there = near.interpolated(self._vertex_normals)
+            is_near = (there * normals[left]).sum(axis=1) > 0  # else beyond an edge, or behind a wall
             after[rows[is_near]] = near.interpolated(vertices)[is_near]
             normals[left[is_near]], left = there[is_near], left[~is_near]
         return after, normals
 
 
-def _unit(vectors: FloatArray) -> FloatArray:
-    return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-300))
+def _projectors(vectors: FloatArray) -> FloatArray:
+    """(k, 3, 3) projectors onto the lines along vectors (k, 3)."""
+    shares = 1 / np.maximum((vectors**2).sum(axis=1), 1e-300)
+    return np.asarray(np.einsum("ki,kj,k->kij", vectors, vectors, shares))
