@@ -2,6 +2,7 @@
 
 import csv
 import json
+import shutil
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
@@ -333,3 +334,50 @@ def test_the_picture_has_a_dot_for_each_landmark_in_sight(finished, small, tmp_p
     assert drawn(front, 0.1 * np.sqrt(mesh.area)) > 4 * dot
     assert drawn(mesh.vertices[[(mesh.vertices @ toward).argmin()]], 0.0) == 0
     assert drawn([[np.nan] * 3], 0.1) == 0
+
+
+def test_patches_and_points_spread_over_the_first_template_slide_on_all_shapes(
+    finished, small, marks, tmp_path, capsys
+):
+    patches, out = tmp_path / "patches", tmp_path / "out"
+    patches.mkdir()
+    meshes = {f"s{i}": read_mesh(small.shapes / f"s{i}.ply") for i in range(4)}
+    for name in ("s0", "s2"):
+        write_landmarks(patches / f"{name}.csv", Landmarks(meshes[name].vertices[210:230]))
+    argv = ["collect", "landmarks", str(finished), str(marks), str(out), "--patches", str(patches)]
+    argv += ["--surface-points", "60", "--slide"]
+    assert main([*argv, "--json"]) == 0
+    record = json.loads(capsys.readouterr().out)
+    assert [row["specimen"] for row in record["slid"]] == [*meshes]
+    assert all(row["energy_after"] < row["energy_before"] for row in record["slid"])
+    assert (record["not_slid"], record["left_out"]) == ([], [])
+    for name, mesh in meshes.items():
+        found = Landmarks.read(out / f"{name}.mrk.json", mesh)
+        near = nearest_on_surface(mesh, found.positions).interpolated(mesh.vertices)
+        np.testing.assert_allclose(found.positions, near, atol=1e-6)
+        assert set(found.names) == {*NAMES, *(f"surface-{i + 1}" for i in range(80))}
+        if name in ("s0", "s2"):
+            np.testing.assert_allclose(found["nose"], mesh.vertices[ROWS[0]], atol=1e-6)
+    with (out / "landmarks_surfaces.csv").open() as file:
+        assert [int(row["slide"]) for row in csv.DictReader(file)] == [*range(4, 84)]  # before the curve
+    assert (out / "landmarks.csv").read_text().split(",")[10] == "surface-1_X"
+    assert len((out / "landmarks_slid.csv").read_text().splitlines()) == 5
+    (patches / "s2.csv").unlink()
+    assert main([*argv, "--force"]) == 1
+    assert "give those of all shapes that have landmarks" in capsys.readouterr().err
+
+
+def test_a_shape_that_fails_is_named_and_the_others_go_on(small, marks, tmp_path, capsys, caplog):
+    folder = tmp_path / "shapes"
+    shutil.copytree(small.shapes, folder)
+    collection = Collection.create(tmp_path / "star", folder, template="s0", config=small.config)
+    run(collection)
+    (folder / "s1.ply").write_text("no surface")
+    argv = ["collect", "landmarks", str(tmp_path / "star"), str(marks / "s0.mrk.json"), str(tmp_path / "out")]
+    assert main([*argv, "--surface-points", "40", "--slide"]) == 0
+    told = capsys.readouterr()
+    assert "failed, or no map that is sure leads to: s1" in told.out
+    assert "slid by" in told.out
+    assert "s1 is left out: " in caplog.text
+    assert (tmp_path / "out" / "s3.mrk.json").exists()
+    assert not (tmp_path / "out" / "s1.mrk.json").exists()

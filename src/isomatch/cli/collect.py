@@ -16,7 +16,7 @@ from cyclopts import App, Parameter
 
 import isomatch
 from isomatch import collections, view
-from isomatch.cli.collect_landmarks import CurvePoints, landmark_files, landmarks, say_landmarks, write_all
+from isomatch.cli.collect_landmarks import Semilandmarks, landmark_files, landmarks, say_landmarks, write_all
 from isomatch.cli.inputs import ConfigFile, Force, Output, Rounded, Seed, read_config
 from isomatch.cli.outputs import require_writable
 from isomatch.cli.scored import LAST, new_shapes, say_scored, write_scored
@@ -61,7 +61,7 @@ def run(
     reflect: str | None = None,
     units: str | None = None,
     landmarks: Path | None = None,
-    curve_points: CurvePoints = None,
+    semilandmarks: Semilandmarks | None = None,
     time_limit: TimeLimit = None,
     agree: Annotated[bool | None, Parameter(negative="--no-agree")] = None,
     keep_contacts: Annotated[bool, Parameter(negative="--no-keep-contacts")] = True,
@@ -109,6 +109,8 @@ def run(
         "units": _units_of(units),
     }
     marks: dict[str, Path] = {}
+    if semilandmarks and landmarks is None:
+        raise InputError("semilandmarks come with landmarks of a shape; give these (--landmarks)")
     if subjects := collections.structures_of(shapes):
         if landmarks is not None:
             raise InputError(
@@ -144,7 +146,7 @@ def run(
                 _write(collection, reports, executor, jobs, end, tell)
                 if marks:
                     to = collection.layout.landmarks
-                    carried = write_all(collection, marks, to, tell, curve_points=curve_points)
+                    carried = write_all(collection, marks, to, tell, semilandmarks)
         if subjects and part[1] == 1:
             tell("bringing structures together", 1.0)
             gaps = collections.finish_subjects(output, structures, keep_contacts=keep_contacts)

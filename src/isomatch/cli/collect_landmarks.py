@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from math import nan
 from os.path import isfile
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 from cyclopts import Parameter
@@ -18,15 +18,33 @@ from isomatch import collections
 from isomatch.cli.inputs import Force
 from isomatch.cli.terminal import TALK, Talk, Tell, say
 from isomatch.errors import InputError
+from isomatch.statistics import slid_semilandmarks
 from isomatch.storage.files import claimed, legible, made_folder
 from isomatch.storage.texts import write_csv
 
-CurvePoints = Annotated[
-    int | None,
-    Parameter(help="Number of equally spaced points on each curve; by default as many as it was drawn with."),
-]
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Semilandmarks:
+    """What is carried beside landmarks, and whether it slides.
+
+    Args:
+        curve_points: Number of equally spaced points on each curve; by default as many as it was drawn with.
+        patches: Surface semilandmarks of the shapes that have landmarks, in files like theirs.
+        surface_points: How many more to spread evenly over the first of these shapes.
+        slide: Slide points of curves and surfaces so that thin-plate splines from the mean shape bend least.
+    """
+
+    curve_points: int | None = None
+    patches: Path | None = None
+    surface_points: int = 0
+    slide: bool = False
+
+
 SUFFIXES = (".mrk.json", ".json", ".fcsv", ".pp", ".csv", ".txt")
 ERRORS = ("specimen", "landmark", "expected_error", "spread", "error")  # columns of the table of errors
+LEAST_PLACED = 0.5  # share of the landmarks of a shape that slide
+SLID = ("specimen", "mean", "largest", "energy_before", "energy_after")  # columns of that of distances
 
 
 def landmarks(
@@ -36,7 +54,7 @@ def landmarks(
     /,
     *,
     format: str = "mrk.json",
-    curve_points: CurvePoints = None,
+    semilandmarks: Semilandmarks | None = None,
     force: Force = False,
     talk: Talk = TALK,
 ) -> None:
@@ -48,7 +66,8 @@ def landmarks(
             Slicer, .pp of MeshLab, or a table name,x,y,z. A file of another name is that of the template.
         to: Folder for a file of each shape, and for R's geomorph landmarks.csv, with a row for each, and landmarks.tps:
             in the unit of the collection, and reflected, x → −x, where a shape was matched as its mirror image.
-            landmarks_errors.csv has the expected error of each, and that of the marked shapes, carried from the others.
+            landmarks_errors.csv has the expected error of each, and that of the marked shapes, carried from the others;
+            landmarks_slid.csv how far points slid, and bending energies.
         format: Suffix of the files: mrk.json (default), fcsv, pp or csv. They have the spread over templates, but those
             of pp.
     """
@@ -57,7 +76,7 @@ def landmarks(
     collection = collections.Collection.open(folder)
     files = landmark_files(marks, collection, collection.chosen_template(collection.rows()))
     with talk.progress() as tell:
-        record = write_all(collection, files, to, tell, suffix, curve_points, force)
+        record = write_all(collection, files, to, tell, semilandmarks, suffix, force)
     talk.result(record, lambda: say_landmarks(record))
 
 
@@ -85,27 +104,35 @@ def write_all(
     files: dict[str, Path],
     to: Path,
     tell: Tell,
+    semilandmarks: Semilandmarks | None,
     suffix: str = ".mrk.json",
-    curve_points: int | None = None,
     force: bool = True,
 ) -> dict[str, Any]:
     """Write the landmarks of all shapes and their tables; return what was written, as plain values."""
     rows = collection.rows()
-    ends = {*files, collection.chosen_template(rows)}
+    more, template = semilandmarks or Semilandmarks(), collection.chosen_template(rows)
+    ends = {*files, template}
+    patches = {} if more.patches is None else landmark_files(more.patches, collection, template)
+    given = files, more.curve_points
     points: dict[str, isomatch.Landmarks] = {}
     lost: set[str] = set()
     last = to / "landmarks.tps"
     tables = [to / "landmarks.csv", last]
     earlier = [*tables, *(to / f"{name}{suffix}" for name in collection.names)]
     with made_folder(to), claimed(last, [] if force else earlier):
-        for name, carried in collections.collected_landmarks(collection, files, curve_points):
-            lost |= {*isomatch.write_landmarks(to / f"{name}{suffix}", carried)}
+        found = collections.collected_landmarks(collection, *given, patches, more.surface_points)
+        for name, carried in found:
             points[name] = carried
             tell(f"landmarks of {name}", len(points) / len(collection.names))
-        left_out = {x.name: x for x in collections.landmarks_left_out(collection, files, curve_points)}
+        turned = rows.reflected(points)
+        slid = _slid(collection, points, turned) if more.slide else []
+        if more.slide:
+            write_csv(to / "landmarks_slid.csv", slid, SLID)
+        for name, carried in points.items():
+            lost |= {*isomatch.write_landmarks(to / f"{name}{suffix}", carried)}
+        left_out = {x.name: x for x in collections.landmarks_left_out(collection, *given)}
         write_csv(to / "landmarks_errors.csv", _errors(points, left_out), ERRORS)
         first = next(iter(points.values()))
-        turned = rows.reflected(points)
         scales = collections.scales_of(collection.units, rows)
         axes = next((each.axes for each in points.values() if each.axes), None)
         alike = {
@@ -135,6 +162,8 @@ def write_all(
         "axes": axes,
         "half_turned": [name for name, each in points.items() if each.axes != axes],
         "doubtful": [pair for pair in rows.pairs if rows.is_doubtful(pair) and not ends.isdisjoint(pair)],
+        "slid": slid,
+        "not_slid": sorted({*points}.difference(row["specimen"] for row in slid)) if more.slide else [],
         "left_out": [name for name in collection.names if name not in points],
     }
 
@@ -151,6 +180,9 @@ def say_landmarks(record: dict[str, Any]) -> None:
             f"{name}, carried from the others: error {error['mean']:.4g} in the mean, at most {error['largest']:.4g} at "
             f"{error['at']}"
         )
+    if slid := record["slid"]:
+        mean, _, before, after = (float(np.mean([each[column] for each in slid])) for column in SLID[1:])
+        say(f"slid by {mean:.4g} in the mean; mean bending energy {before:.4g}, now {after:.4g}")
     doubtful, half_turned = [" and ".join(pair) for pair in record["doubtful"]], record["half_turned"]
     for told, names, style in (
         (f"not written, because {record['format']} has no place for them:", record["not_written"], ""),
@@ -158,10 +190,29 @@ def say_landmarks(record: dict[str, Any]) -> None:
         ("reflected in the tables, as they were matched:", record["reflected"], ""),
         (f"brought into {record['axes']} in the tables, from the space of their files:", half_turned, ""),
         ("not used, because they are doubtful: the maps of", doubtful, "bold red"),
-        ("no map that is sure leads to:", record["left_out"], "bold red"),
+        ("not slid, as they have other landmarks, or few have a place:", record["not_slid"], "bold red"),
+        ("failed, or no map that is sure leads to:", record["left_out"], "bold red"),
     ):
         if names:
             say(f"{told} {', '.join(names)}", style)
+
+
+def _slid(
+    collection: collections.Collection, points: dict[str, isomatch.Landmarks], turned: list[str]
+) -> list[dict[str, Any]]:
+    """Slide the landmarks of shapes that have those of the first, at least half with a place; tell how far they slid."""
+    first = next(iter(points.values()))
+    marks = {name: each for name, each in points.items() if each.placed.mean() >= LEAST_PLACED}
+    names = [n for n in marks if (marks[n].names, marks[n].curves) == (first.names, first.curves)]
+    signs = np.array([[[-1.0 if name in turned else 1.0, 1.0, 1.0]] for name in names])
+    meshes = (isomatch.read_mesh(collection.paths[name]) for name in names)
+    surfaces = [mesh.moved(mesh.vertices * sign) for mesh, sign in zip(meshes, signs)]
+    positions = signs * [marks[name].positions for name in names]
+    slid = slid_semilandmarks(positions, surfaces, first.curves, first.patch)
+    points |= {n: replace(marks[n], positions=at) for n, at in zip(names, signs * slid.positions)}
+    far = np.linalg.norm(slid.positions - positions, axis=2)
+    columns = np.nanmean(far, axis=1), np.nanmax(far, axis=1), slid.energy_before, slid.energy_after
+    return [dict(zip(SLID, each)) for each in zip(names, *(column.tolist() for column in columns))]
 
 
 def _in_table(landmarks: isomatch.Landmarks, scale: float, reflected: bool) -> isomatch.Landmarks:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterable, Iterator, Mapping
 from functools import lru_cache
 from itertools import islice
@@ -16,8 +17,8 @@ from isomatch.assets import Asset, read_asset, read_mesh
 from isomatch.collections.collection import Collection
 from isomatch.collections.map_file import maps_along, require_unchanged
 from isomatch.correspondence import Correspondence
-from isomatch.errors import InputError
-from isomatch.landmarks import Landmarks, median_landmarks
+from isomatch.errors import InputError, IsomatchError
+from isomatch.landmarks import Landmarks, median_landmarks, spread_on_surface
 from isomatch.storage.files import replaced
 from isomatch.surfaces import Mesh, reflected
 from isomatch.transfer import carry_landmarks
@@ -30,6 +31,8 @@ RESOLUTION = 220.0  # pixels per √area
 RADIUS = 0.02  # √area: of a dot
 GREY = 0.82
 
+logger = logging.getLogger(__name__)
+
 
 class LeftOut(NamedTuple):
     """The landmarks that the other templates give for a shape of which they are known."""
@@ -40,13 +43,17 @@ class LeftOut(NamedTuple):
 
 
 def collected_landmarks(
-    collection: Collection, files: Mapping[str, str | Path], curve_points: int | None = None
+    collection: Collection,
+    files: Mapping[str, str | Path],
+    curve_points: int | None = None,
+    patches: Mapping[str, str | Path] | None = None,
+    surface_points: int = 0,
 ) -> Iterator[tuple[str, Landmarks]]:
     """Carry the landmarks of some shapes, the templates, to all others.
 
     Used are the maps of a template with a shape or, where they are not matched with each other, those on the shortest
     path between them, one after the other. Doubtful maps are not used, see `Rows.is_doubtful`; a shape that no other map
-    leads to is left out.
+    leads to is left out; so is one that fails, with a warning.
 
     Parameters
     ----------
@@ -56,6 +63,10 @@ def collected_landmarks(
         File of the landmarks of each template, by its name.
     curve_points : int, optional
         Number of points on each curve; by default as many as it was drawn with.
+    patches : mapping of str to path_like, optional
+        File of the surface semilandmarks of each template, in one order; they are named surface-1, surface-2, ….
+    surface_points : int
+        How many more are spread over the first template, and carried to the others.
 
     Yields
     ------
@@ -72,8 +83,15 @@ def collected_landmarks(
         If a file cannot be read, its landmarks are not on the shape, or maps were changed after they were written.
     """
     templates = _Templates(collection, files, curve_points)
+    templates.add_patches(patches or {}, surface_points)
     for name in collection.names:
-        marks = templates.own(name) if name in files else templates.carried(name, files)
+        try:
+            marks = templates.own(name) if name in files else templates.carried(name, files)
+        except IsomatchError as error:
+            if name in files:
+                raise
+            logger.warning("%s is left out: %s", name, error)
+            continue
         if marks is not None:
             yield name, marks
 
@@ -120,6 +138,25 @@ class _Templates:
         self._read = lru_cache(len(files) + 2)(lambda name: read_asset(collection.paths[name]))
         self._marks = {name: Landmarks.read(path, self._read(name)) for name, path in files.items()}
 
+    def add_patches(self, files: Mapping[str, str | Path], surface_points: int) -> None:
+        """Append surface semilandmarks: of a file for each template, and spread over the first and carried to others."""
+        if files and set(files) != set(self._marks):
+            raise InputError("patches: give those of all shapes that have landmarks, and of no others")
+        for name, path in files.items():
+            own = Landmarks.read(path, self._read(name)).turned(self._marks[name].axes)
+            self._marks[name] = self._marks[name].with_patch(own.positions)
+        if surface_points:
+            first, *others = self._marks
+            start, marks = self._read(first), self._marks[first]
+            spread = spread_on_surface(_unwelded(start), surface_points, marks.positions[marks.placed])
+            self._marks[first] = marks.with_patch(spread)
+            for name in others:
+                there, _ = self._map(first, name)
+                at = np.full_like(spread, np.nan)
+                if there is not None:
+                    at = carry_landmarks(there, start, self._read(name), Landmarks(spread)).positions
+                self._marks[name] = self._marks[name].with_patch(at)
+
     def own(self, name: str) -> Landmarks:
         """Return the landmarks of a template, with the points of its curves equally spaced."""
         shape = self._read(name)
@@ -159,7 +196,8 @@ def draw_landmarks(path: str | Path, collection: Collection, found: Mapping[str,
     middle = None if template is None else _written(collection, template)
     images, names = [], list(islice(found, MOST_DRAWN))
     for name in names:
-        mesh, positions = read_mesh(collection.paths[name]), found[name].positions
+        mesh, positions = read_mesh(collection.paths[name]), found[name].positions.copy()
+        positions[found[name].patch] = np.nan  # too many to be told apart
         if rows.reflected([name]):
             mesh, positions = reflected(mesh), positions * [-1.0, 1.0, 1.0]
         own = _written(collection, name)

@@ -1,4 +1,4 @@
-from isomatch.landmarks.curves import drawn_curve, equally_spaced, nearest_on_surface
+from isomatch.landmarks.curves import drawn_curve, equally_spaced, nearest_on_surface, spread_on_surface
 from isomatch.landmarks.landmark_writers import write_landmarks, write_specimens, writer_of
 from isomatch.landmarks.landmarks import (
     Curve,
@@ -18,6 +18,7 @@ __all__ = [
     "nearest_landmarks",
     "nearest_on_surface",
     "read_landmarks",
+    "spread_on_surface",
     "with_frame",
     "write_landmarks",
     "write_specimens",

@@ -175,8 +175,8 @@ def write_specimens(path: str | Path, specimens: Mapping[str, Landmarks]) -> Non
     Parameters
     ----------
     path : path_like
-        ``.tps``, or any other suffix for a table. A file of the same name that ends in ``_sliders.csv`` is written too if
-        there are curves.
+        ``.tps``, or any other suffix for a table. Files of the same name that end in ``_sliders.csv`` and
+        ``_surfaces.csv`` are written too if there are curves and a patch.
     specimens : mapping of str to Landmarks
         The landmarks of each specimen, as many of each and in one order.
 
@@ -193,6 +193,7 @@ def write_specimens(path: str | Path, specimens: Mapping[str, Landmarks]) -> Non
     curves, one after the other, and missing ones as ``NA``; the table has its columns in the same order:
     ``arrayspecs(read.csv("s.csv", row.names = 1), p, 3)``. The sliders are for
     ``gpagen(..., curves = read.csv("s_sliders.csv"))``: the ends of a curve, and the first point of a closed one, stay.
+    ``surfaces = read.csv("s_surfaces.csv")$slide`` are the points of a patch.
 
     Examples
     --------
@@ -220,6 +221,9 @@ def write_specimens(path: str | Path, specimens: Mapping[str, Landmarks]) -> Non
     if first.curves:
         sliders = path.with_name(f"{path.stem}_sliders.csv")
         write_csv(sliders, _sliders(first), ("before", "slide", "after"))
+    if patch := {*first.patch}:
+        rows = [{"slide": i} for i, row in enumerate(_order(first), start=1) if row in patch]
+        write_csv(path.with_name(f"{path.stem}_surfaces.csv"), rows, ("slide",))
 
 
 def tps_text(specimens: Mapping[str, Landmarks]) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
@@ -27,6 +28,7 @@ from isomatch.landmarks.landmark_files import (
 )
 from isomatch.surfaces import Graph, Mesh, PointCloud
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray, numbers_of
+from isomatch.values.cached import cached_property
 
 logger = logging.getLogger(__name__)
 
@@ -129,7 +131,7 @@ class Landmarks:
             raise LandmarkError(f"no landmark {name!r}; there are {', '.join(self.names)[:200]}")
         return np.asarray(self.positions[self.names.index(name)])
 
-    @property
+    @cached_property
     def placed(self) -> BoolArray:
         """(m,) which landmarks have a place."""
         return np.asarray(np.isfinite(self.positions).all(axis=1))
@@ -144,6 +146,16 @@ class Landmarks:
         """The curve that each landmark is on."""
         of = {row: curve for curve in self.curves for row in curve.rows}
         return [of.get(row) for row in range(len(self))]
+
+    @property
+    def patch(self) -> list[int]:
+        """Those that may lie anywhere on the surface, by their names: surface-1, surface-2 and so on."""
+        return [row for row, name in enumerate(self.names) if re.fullmatch(r"surface-\d+", name)]
+
+    def with_patch(self, positions: FloatArray) -> Landmarks:
+        """Append points that may lie anywhere on the surface."""
+        names = *self.names, *(f"surface-{len(self.patch) + i + 1}" for i in range(len(positions)))
+        return Landmarks([*self.positions, *positions], names, self.curves, None, None, self.axes, self.unit)
 
     @classmethod
     def read(cls, path: str | PathLike[str], surface: SurfaceLike | None = None) -> Landmarks:
@@ -475,7 +487,7 @@ def _rows_of(several: Sequence[Landmarks]) -> list[list[int | None]]:
                 "templates with different landmarks, of which several have one name, or none; give each a name of its own"
             )
         if alone := set(names) ^ set(place):
-            logger.warning("not in all templates: %s", ", ".join(sorted(alone)))
+            logger.warning("not in all templates: %s", ", ".join(sorted(alone))[:200])
         rows.append([place.get(name) for name in names])
     return rows
 

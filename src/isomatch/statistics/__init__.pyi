@@ -68,6 +68,7 @@ from isomatch.statistics.shapes import (
     slices_of,
     structure_of,
 )
+from isomatch.statistics.sliding import SlidSemilandmarks, slid_semilandmarks
 from isomatch.statistics.structures import (
     StructurePoses,
     aligned_structures,
@@ -92,6 +93,7 @@ __all__ = [
     "ScoredShape",
     "ShapeModel",
     "ShapeRegression",
+    "SlidSemilandmarks",
     "StructurePoses",
     "SumOfSquares",
     "align_sides",
@@ -136,6 +138,7 @@ __all__ = [
     "shape_tree",
     "size_factors",
     "slices_of",
+    "slid_semilandmarks",
     "specificity",
     "stacked",
     "structure_of",
