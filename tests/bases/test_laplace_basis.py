@@ -1,18 +1,17 @@
 """The Laplace–Beltrami basis: closed forms, orthonormality, residuals, and ARPACK as the second route."""
 
+import subprocess
 import sys
-import threading
 
 import numpy as np
-import psutil
 import pytest
 import robust_laplacian
 from scipy.linalg import eigh
 from scipy.sparse import csc_array, diags_array
-from scipy.sparse.linalg import eigsh, splu
+from scipy.sparse.linalg import eigsh
 
 from isomatch import Mesh, MeshError, NotConvergedError, laplace_basis
-from isomatch.bases import refined_laplace_basis, stiffness_and_masses
+from isomatch.bases import refined_laplace_basis
 from isomatch.bases.laplace_basis import smallest_eigenpairs
 from isomatch.bases.laplacian import WIDTH, factorised, factorised_for_threads
 from isomatch.resolution import Prolongation, decimate
@@ -238,22 +237,31 @@ def test_solving_in_both_precisions(width):
     np.testing.assert_allclose(factorised(matrix, diagonal)(right), dense, atol=1e-12 * largest)
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="memory of a process, as Linux counts it")
-def test_factors_that_another_thread_made_give_their_memory_back(mesh):
-    stiffness, masses = stiffness_and_masses(mesh)
-    kept = []
+GROWN = """
+import threading, psutil
+from scipy.sparse import csc_array, diags_array
+from scipy.sparse.linalg import splu
+from isomatch.bases import factorised_for_threads, stiffness_and_masses
+from isomatch.datasets import example_pair
 
-    def make():
-        kept.append(factorised_for_threads(stiffness, masses))
+stiffness, masses = stiffness_and_masses(example_pair()[0].mesh)
+kept = []
 
-    def resident_after(times):
-        for _ in range(times):
-            thread = threading.Thread(target=make)
-            thread.start()
-            thread.join()
+def resident_after(times):
+    for _ in range(times):
+        thread = threading.Thread(target=lambda: kept.append(factorised_for_threads(stiffness, masses)))
+        thread.start()
+        thread.join()
         kept.clear()
-        return psutil.Process().memory_info().rss
+    return psutil.Process().memory_info().rss
 
-    before = resident_after(5)
-    size = 12 * splu(csc_array(stiffness + diags_array(masses))).nnz  # bytes
-    assert resident_after(120) - before < 40 * size
+before = resident_after(10)
+size = 12 * splu(csc_array(stiffness + diags_array(masses))).nnz  # bytes
+print((resident_after(100) - before) / size)
+"""
+
+
+def test_factors_that_another_thread_made_give_their_memory_back():
+    """In a process of its own, of which the memory tells of nothing else; SuperLU's own would leave one each."""
+    told = subprocess.run([sys.executable, "-c", GROWN], capture_output=True, text=True, check=True)
+    assert float(told.stdout) < 30
