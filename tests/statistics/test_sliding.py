@@ -161,7 +161,7 @@ def test_what_cannot_slide_is_refused(specimens, monkeypatch):
     places, meshes = specimens
     with pytest.raises(LandmarkError, match="4 specimens, 3 surfaces; give each its own"):
         slid_semilandmarks(places, meshes[:3], (), PATCH)
-    with pytest.raises(LandmarkError, match="cannot be spread over an area of 0"):
+    with pytest.raises(LandmarkError, match="cannot spread 4 points over an area of 0"):
         spread_on_surface(meshes[0].moved(np.zeros_like(meshes[0].vertices)), 4, places[0])
     monkeypatch.setenv("ISOMATCH_MEMORY_BUDGET", "0.00001")
     with pytest.raises(MemoryBudgetError, match="the bending energy of 60 points"):

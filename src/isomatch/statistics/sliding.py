@@ -61,7 +61,7 @@ def slid_semilandmarks(
     three dimensions*, 2005. Each of up to four rounds takes the mean of a Procrustes analysis, finds the steps along
     tangents that minimise the energy, and moves points back to curves and surfaces: by half a step, a quarter or none
     where a normal would turn by more than a right angle. A specimen that would bend more stays. Points without a place
-    move freely, so that they do not count. 28 m² bytes; of 7,500 points, a round takes 6 s and 1 s for each specimen.
+    move freely, so that they do not count. 28 m² bytes; of 7,500 points, a round takes 5 s and 1 s for each specimen.
 
     Examples
     --------
