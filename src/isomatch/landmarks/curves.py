@@ -105,9 +105,7 @@ def spread_on_surface(surface: Mesh, n: int, around: FloatArray) -> FloatArray:
     Each is the farthest from all before it of eight times as many random points; O(n²) time, 3 s for 7,500.
     """
     if n < 1 or not 0 < surface.area < np.inf:
-        raise LandmarkError(
-            f"{n} points cannot be spread over an area of {surface.area:g}; give 1 or more, and a mesh"
-        )
+        raise LandmarkError(f"cannot spread {n} points over an area of {surface.area:g}; give 1 and more")
     random, count = generator(0), 8 * n
     face = random.choice(surface.n_faces, count, p=surface.face_areas / surface.area)
     low, high = np.sort(random.random((2, count)), axis=0)  # three lengths: uniform in a triangle

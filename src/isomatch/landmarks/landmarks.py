@@ -154,7 +154,7 @@ class Landmarks:
 
     def with_patch(self, positions: FloatArray) -> Landmarks:
         """Append points that may lie anywhere on the surface."""
-        names = *self.names, *(f"surface-{len(self.patch) + i + 1}" for i in range(len(positions)))
+        names = *self.names, *(f"surface-{i}" for i, _ in enumerate(positions, len(self.patch) + 1))
         return Landmarks([*self.positions, *positions], names, self.curves, None, None, self.axes, self.unit)
 
     @classmethod
