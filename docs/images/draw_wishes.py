@@ -13,6 +13,7 @@ from PIL import Image
 from isomatch import Landmarks, Mesh, distance_basis, geodesic_distances, match, write_landmarks, write_mesh
 from isomatch.collections import Collection, collected_landmarks, draw_landmarks, finish
 from isomatch.datasets import example_pair
+from isomatch.geodesics import distance_engine, farthest_point_sampling
 from isomatch.statistics import ShapeModel, read_shapes
 from isomatch.view import arranged_panels, camera_of, position_colours, surface_image
 from isomatch_lab.procedural import creature, organ
@@ -48,7 +49,7 @@ def landmarks(folder):
     collection = collected(folder, animals)
     first = next(iter(animals))
     mesh = animals[first]
-    tips = geodesic_tips(mesh, 12)
+    tips = farthest_point_sampling(distance_engine(mesh), 12, int(mesh.vertices[:, 1].argmax())).vertices
     write_landmarks(
         folder / "marks.mrk.json", Landmarks(mesh.vertices[tips], [f"L{i + 1}" for i in range(12)])
     )
@@ -56,22 +57,14 @@ def landmarks(folder):
     draw_landmarks(HERE / "wish_landmarks.png", collection, found)
 
 
-def geodesic_tips(mesh, count):
-    """Vertices far from each other."""
-    chosen = [int(mesh.vertices[:, 1].argmax())]
-    while len(chosen) < count:
-        chosen.append(int(geodesic_distances(mesh, chosen).min(axis=0).argmax()))
-    return chosen
-
-
 def mean(folder):
     """Kidneys with their own triangles, their mean, and two standard deviations of the first mode."""
     kidneys = {f"kidney {i + 1}": organ("kidney", 1500, style=i, pose=i).mesh for i in range(4)}
     collected(folder, kidneys)
     model = ShapeModel.fit(read_shapes(folder / "out/corresponded"))
-    plus, minus = (model.mode_mesh(0, side) for side in (-2.0, 2.0))
+    minus, plus = (model.mode_mesh(0, side) for side in (-2.0, 2.0))
     aligned = zip(kidneys, (model.mesh().moved(vertices) for vertices in model.aligned))
-    drawn = [*aligned, ("mean", model.mesh()), ("first mode, −2 sd", plus), ("first mode, +2 sd", minus)]
+    drawn = [*aligned, ("mean", model.mesh()), ("first mode, −2 sd", minus), ("first mode, +2 sd", plus)]
     camera = camera_of(model.mesh())
     images = [plain(mesh, camera) for _, mesh in drawn]
     saved("wish_mean", images, [name for name, _ in drawn])

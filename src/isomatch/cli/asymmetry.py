@@ -165,8 +165,7 @@ def _measured(
 ) -> tuple[Asymmetry, list[dict[str, Any]], dict[str, str]]:
     """Measure and draw asymmetry: all of it, values of each shape, and the words beside each picture."""
     m, lines, words = len(both) // 2, list[dict[str, Any]](), dict[str, str]()
-    every = np.ones(both.vertices.shape[:2], bool) if both.measured is None else both.measured
-    known = every[:m] & every[m:]
+    known = both.seen[:m] & both.seen[m:]
     share = both.area_weights * known.mean(axis=0) / (both.area_weights @ known.mean(axis=0))
     aligned = shape_statistics.align_sides(both, share, scale, maps)
     found = shape_statistics.asymmetry(*aligned, share, individuals=individuals, seed=seed)

@@ -21,6 +21,7 @@ from isomatch.errors import InputError
 from isomatch.statistics import slid_semilandmarks
 from isomatch.storage.files import claimed, legible, made_folder
 from isomatch.storage.texts import write_csv
+from isomatch.surfaces import reflected
 
 
 @Parameter(name="*")
@@ -206,7 +207,7 @@ def _slid(
     names = [n for n in marks if (marks[n].names, marks[n].curves) == (first.names, first.curves)]
     signs = np.array([[[-1.0 if name in turned else 1.0, 1.0, 1.0]] for name in names])
     meshes = (isomatch.read_mesh(collection.paths[name]) for name in names)
-    surfaces = [mesh.moved(mesh.vertices * sign) for mesh, sign in zip(meshes, signs)]
+    surfaces = [reflected(mesh) if name in turned else mesh for name, mesh in zip(names, meshes)]
     positions = signs * [marks[name].positions for name in names]
     slid = slid_semilandmarks(positions, surfaces, first.curves, first.patch)
     points |= {n: replace(marks[n], positions=at) for n, at in zip(names, signs * slid.positions)}

@@ -7,10 +7,10 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.sparse import coo_array, csc_array, diags_array
+from scipy.sparse import coo_array, csc_array
 from scipy.sparse.csgraph import laplacian
-from scipy.sparse.linalg import factorized
 
+from isomatch.bases import factorised_for_threads
 from isomatch.landmarks import nearest_on_surface
 from isomatch.statistics import CorrespondedShapes, slices_of, structure_of
 from isomatch.surfaces import Mesh, PrecisePoints
@@ -132,8 +132,8 @@ def _smoothing(mesh: Mesh, contact: _Contact) -> Callable[[FloatArray], FloatArr
     fading = np.clip(2 - contact.distances, 0, 1)
     weights = fading**2 * (3 - 2 * fading)
     stiffness = 1 / (mesh.n_vertices * REACH**2)
-    solve = factorized(csc_array(diags_array(weights + stiffness) + laplacian(links + links.T)))
-    return lambda pulls: np.column_stack([solve(column) for column in (weights[:, None] * pulls).T])
+    solve = factorised_for_threads(csc_array(laplacian(links + links.T)), weights + stiffness)
+    return lambda pulls: np.asarray(solve(weights[:, None] * pulls))
 
 
 def _followed(

@@ -304,8 +304,7 @@ def left_right_of_shapes(
     """
     uniform, centre = np.full(shapes.n_vertices, 1 / shapes.n_vertices), mean.vertices
     apart = [np.linalg.norm(aligned_to(centre, shape, uniform) - centre) for shape in shapes.vertices]
-    lacks = np.zeros((len(shapes), 1), dtype=bool) if shapes.measured is None else ~shapes.measured
-    nearest = [int(i) for i in np.argsort(apart, kind="stable") if not lacks[i].any()]
+    nearest = [int(i) for i in np.argsort(apart, kind="stable") if shapes.seen[i].all()]
     outcomes = list[Outcome]()
     for i in (None, *nearest[:MOST_TRIED]):
         result = left_right_map(mean if i is None else shapes.mesh(i), seed=seed)

@@ -215,15 +215,14 @@ class CorrespondedShapes:
             each.shape == (n, n) and each.matched.any() for each in left_right
         ):
             raise MeshError(f"{left_right!r} are no maps of {m} shapes of {n} vertices onto themselves")
-        own = np.ones((m, n), dtype=bool) if self.measured is None else self.measured
-        images, seen = self.vertices.copy(), own.copy()
+        images, seen = self.vertices.copy(), self.seen.copy()
         for shape, image, there, sides in zip(self.vertices, images, seen, left_right):
             held = sides.matched
             other = sides.pull_back(shape, fill=0.0) * [-1.0, 1.0, 1.0]
             image[held] = aligned_to(shape, other, held / held.sum())[held]
             there[:] = there[sides.vertices] & held
         names = (*self.names, *(name + MIRRORED for name in self.names))
-        vertices, measured = np.concatenate([self.vertices, images]), np.concatenate([own, seen])
+        vertices, measured = np.concatenate([self.vertices, images]), np.concatenate([self.seen, seen])
         return replace(self, names=names, vertices=vertices, measured=measured)
 
 

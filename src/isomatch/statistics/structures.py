@@ -45,7 +45,7 @@ def stacked(parts: Mapping[str, CorrespondedShapes]) -> CorrespondedShapes:
     for (structure, part), where in zip(parts.items(), slices_of(structures).values()):
         rows = [names.index(name) for name in part.names]
         vertices[rows, where] = part.vertices
-        measured[rows, where] = True if part.measured is None else part.measured
+        measured[rows, where] = part.seen
         faces.append(part.faces + where.start)
         left_out += [f"{structure} of {reason}" for reason in part.left_out]
     there, known = np.isfinite(vertices[:, :, 0]), np.nan_to_num(vertices)
