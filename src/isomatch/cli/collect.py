@@ -128,22 +128,22 @@ def run(
     carried: dict[str, Any] = {}
     gaps: list[dict[str, Any]] = []
     end = None if time_limit is None else time.monotonic() + time_limit
-    with talk.progress() as tell:
+    with collections.workers_of(executor, jobs) as workers, talk.progress() as tell:
         for structure, collection in structures.items():
             tell(structure, 0.0)
             for where in collection.rows().damaged:
                 complain(f"{where} is no row of a collection, and is ignored")
-            _follow(collection.run(executor, jobs, part, _until(end)), tell)
+            _follow(collection.run(workers, None, part, _until(end)), tell)
             wanted = pairs == "all" if agree is None else agree
             if wanted and part[1] == 1 and "todo" not in status_of(collection)["pairs"]:
                 tell("comparing maps with compositions of others", 1.0)
                 try:
-                    for event in collections.agree(collection, executor, jobs, _until(end)):
+                    for event in collections.agree(collection, workers, time_limit=_until(end)):
                         tell(*told(event))
                 except MemoryBudgetError as error:  # the maps are there all the same
                     complain(f"maps were not compared: {error}")
             if part[1] == 1:
-                _write(collection, reports, executor, jobs, end, tell)
+                _write(collection, reports, workers, end, tell)
                 if marks:
                     to = collection.layout.landmarks
                     carried = write_all(collection, marks, to, tell, semilandmarks)
@@ -277,10 +277,10 @@ def agree(
     """
     collection = collections.Collection.open(folder)
     end = None if time_limit is None else time.monotonic() + time_limit
-    with talk.progress() as tell:
-        for event in collections.agree(collection, executor, jobs, time_limit):
+    with collections.workers_of(executor, jobs) as workers, talk.progress() as tell:
+        for event in collections.agree(collection, workers, time_limit=time_limit):
             tell(*told(event))
-        _write(collection, reports, executor, jobs, end, tell)
+        _write(collection, reports, workers, end, tell)
     if not collections.agreement_of(collection.rows()).compared and time_limit is None:
         raise InputError(
             f"{folder}: no three shapes are all matched with one another, so there is nothing to compare maps with; "
@@ -325,13 +325,14 @@ def add(
         )
     prior = ShapeModel.load(file)
     # no run of the collection may clear up there meanwhile
-    with talk.progress() as tell, claimed(collection.layout.ledger()):
+    workers = collections.workers_of(executor, jobs)
+    with talk.progress() as tell, claimed(collection.layout.ledger()), workers as at_work:
         more = collections.added(
             collection, new_shapes(new), model=prior, reflect=_names_of(reflect), units=_units_of(units)
         )
         there = more.of(name for name in more.names if more.paths[name].exists())  # others stay as they are
-        _follow(there.run(executor, jobs), tell)
-        _write(more, reports, executor, jobs, None, tell)
+        _follow(there.run(at_work), tell)
+        _write(more, reports, at_work, None, tell)
         rows, written = more.rows(), collections.surfaces_written(more)
         subjects = [name for name in more.names if name != more.template]
         scored = {
@@ -416,17 +417,16 @@ def _until(end: float | None) -> float | None:
 def _write(
     collection: collections.Collection,
     reports: Reports,
-    executor: str,
-    jobs: int | None,
+    workers: collections.Workers,
     end: float | None,
     tell: Tell,
 ) -> None:
     """Write reports, and the shapes in the topology of the template."""
     if reports != "none":
-        for pair, row in collections.write_reports(collection, reports, executor, jobs, _until(end)):
+        for pair, row in collections.write_reports(collection, reports, workers, time_limit=_until(end)):
             failed = f", failed: {row['error']}" if row["state"] == "failed" else ""
             tell(f"report of {' and '.join(pair)}{failed}", 1.0)
-    for line in collections.finish(collection, executor, jobs, _until(end)):
+    for line in collections.finish(collection, workers, time_limit=_until(end)):
         again = f"; again, because {line['again']}" if "again" in line else ""
         tell(f"written in the topology of the template: {line['name']}{again}", 1.0)
         if again:

@@ -17,6 +17,7 @@ from isomatch.collections.subjects import (
     subject_collections,
     subject_doubts,
 )
+from isomatch.collections.workers import Workers, workers_of
 
 __all__ = [
     "CONTRADICTED",
@@ -30,6 +31,7 @@ __all__ = [
     "Outlier",
     "PairMaps",
     "Rows",
+    "Workers",
     "added",
     "agree",
     "agreement_of",
@@ -53,6 +55,7 @@ __all__ = [
     "subject_collections",
     "subject_doubts",
     "surfaces_written",
+    "workers_of",
     "write_reports",
     "write_table",
 ]

@@ -63,7 +63,7 @@ class Agreement(NamedTuple):
 
 def agree(
     collection: Collection,
-    executor: str | Executor = "local",
+    executor: str | Executor | Workers = "local",
     jobs: int | None = None,
     time_limit: float | None = None,
 ) -> Iterator[Event]:

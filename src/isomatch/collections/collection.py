@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
@@ -11,7 +12,7 @@ from pathlib import Path
 from typing import Literal
 
 from isomatch.collections.cohort import OTHERS, checked_units
-from isomatch.collections.ledger import Rows, read_ledgers, state_of, was_contradicted, writing_ledger
+from isomatch.collections.ledger import state_of, was_contradicted, writing_ledger
 from isomatch.collections.map_file import PairMaps, maps_of_pair
 from isomatch.collections.plan import Layout, Plan
 from isomatch.collections.run import Event, Run
@@ -24,6 +25,7 @@ from isomatch.collections.shapes import (
     require_files_of_their_own,
     unusable_names,
 )
+from isomatch.collections.workers import Workers
 from isomatch.errors import FormatError, InputError, SettingError
 from isomatch.settings import Config
 from isomatch.storage.files import write_text
@@ -44,7 +46,7 @@ class Collection(Plan):
         Names and files of the shapes.
     template : str, optional
         Name of the template; None for that in the middle of all, which is found once all are prepared.
-    pairs, config, seed, reflect, units
+    pairs, config, seed, reflect, units, leader
         See `Collection.create`.
 
     Examples
@@ -74,10 +76,12 @@ class Collection(Plan):
         seed: int = 0,
         reflect: str | Iterable[str] | None = None,
         units: Mapping[str, str] | None = None,
+        leader: Collection | None = None,
     ) -> Collection:
         """Make a collection, or continue one with the same settings.
 
-        Shapes may be added and taken out, and ``reflect`` and ``units`` may change; by default they are as before.
+        Shapes may be added and taken out, and ``reflect``, ``units`` and ``leader`` may change; by default they are as
+        before.
 
         Parameters
         ----------
@@ -100,6 +104,10 @@ class Collection(Plan):
         units : mapping of str to str, optional
             Units of shapes whose files are in others than most, by name: "um", "mm", "cm", "m" or "in". In the topology
             of the template they are in the unit of all others; that is found by their sizes, or given for ``"*"``.
+        leader : Collection, optional
+            A collection of surfaces beside these, with the same names, such as the bones of cartilages, which is run
+            first. By default its template is that of this one. A map starts from that of its pair there, carried along
+            (`isomatch.correspondence.carried_along`), unless that is doubtful; nothing else is searched.
 
         Raises
         ------
@@ -124,7 +132,7 @@ class Collection(Plan):
         if pairs not in ("star", "all"):
             pairs_of(names, pairs, template)
         turned, units_of = _checked(reflect, names), checked_units(units or {}, names)
-        new = cls(layout.folder, entries, pairs, template, config or Config(), seed, turned, units_of)
+        new = cls(layout.folder, entries, pairs, template, config or Config(), seed, turned, units_of, leader)
         if layout.plan.exists():
             old = cls.open(folder)
             new._require_same(old)
@@ -134,7 +142,7 @@ class Collection(Plan):
             turned = old.reflect if reflect is None else turned
             if units is None:
                 units_of = {name: unit for name, unit in old.units.items() if name in {OTHERS, *names}}
-            new = replace(new, shapes=entries, reflect=turned, units=units_of)
+            new = replace(new, shapes=entries, reflect=turned, units=units_of, leader=leader or old.leader)
         if new.reflect == "auto" and new.config.orientation == "any":
             raise SettingError(
                 "reflect = 'auto' finds mirror images by maps that must keep the orientation, and orientation = 'any' "
@@ -144,6 +152,7 @@ class Collection(Plan):
         files = {entry.name: str(entry.path) for entry in entries}
         plan: dict[str, object] = {"shapes": files, "pairs": pairs, "template": template}
         plan |= {"config": new.config.to_dict(), "seed": seed, "reflect": new.reflect, "units": new.units}
+        plan["leader"] = new.leader and os.path.relpath(new.leader.folder, layout.folder)
         text = json.dumps(plan, indent=2) + "\n"
         if not layout.plan.exists() or layout.plan.read_text(encoding="utf-8") != text:
             write_text(layout.plan, text)
@@ -164,7 +173,10 @@ class Collection(Plan):
             turned = plan.get("reflect", ())
             turned = turned if turned == "auto" else tuple(map(str, turned))
             units = checked_units(plan.get("units", {}), plan["shapes"])
-            return cls(folder, shapes, plan["pairs"], plan["template"], config, plan["seed"], turned, units)
+            leader = cls.open(folder / plan["leader"]) if plan.get("leader") else None
+            return cls(
+                folder, shapes, plan["pairs"], plan["template"], config, plan["seed"], turned, units, leader
+            )
         except FileNotFoundError:
             raise FormatError(f"{folder}: holds no collection; make one with isomatch collect") from None
         except (ValueError, KeyError, TypeError, AttributeError, SettingError) as error:
@@ -173,10 +185,6 @@ class Collection(Plan):
     def of(self, names: Iterable[str]) -> Collection:
         """Return the same with some of its shapes, to travel with a task that needs no others."""
         return replace(self, shapes=tuple(Entry(name, self.paths[name]) for name in names))
-
-    def rows(self) -> Rows:
-        """Return what is known of the shapes so far, from the ledgers of all shards, also while they are written."""
-        return read_ledgers(self.layout.ledgers()).of(self.names)
 
     def maps(self, source: str, target: str) -> PairMaps:
         """Read the maps of a pair; ``there`` leads from source to target, in whichever order they were matched.
@@ -188,7 +196,7 @@ class Collection(Plan):
 
     def run(
         self,
-        executor: str | Executor = "local",
+        executor: str | Executor | Workers = "local",
         jobs: int | None = None,
         shard: tuple[int, int] = (0, 1),
         time_limit: float | None = None,
@@ -199,9 +207,9 @@ class Collection(Plan):
 
         Parameters
         ----------
-        executor : str or Executor
-            "local": processes of this machine; "dask:ADDRESS": those of a Dask cluster, which see the same files; or any
-            executor of ``concurrent.futures``.
+        executor : str, Executor or Workers
+            "local": processes of this machine; "dask:ADDRESS": those of a Dask cluster, which see the same files; any
+            executor of ``concurrent.futures``; or the workers of a block, see `workers_of`.
         jobs : int, optional
             How many run at once; by default one for each processor.
         shard : (int, int)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -43,6 +43,12 @@ class _Contact(NamedTuple):
     @property
     def touches(self) -> BoolArray:
         return self.distances < 1
+
+
+def beneath(meshes: Mapping[str, Mesh]) -> dict[str, str]:
+    """Find the larger structure on which each lies that touches one by 0.6 of its area, as cartilage its bone."""
+    contacts = _contacts_of(meshes, LEAST_HELD)
+    return {name: max(own, key=lambda each: each.area).other for name, own in contacts.items() if own}
 
 
 def contacts_kept(
@@ -90,15 +96,12 @@ def contacts_kept(
     has = {name: np.asarray(measured[:, part].any(axis=1)) for name, part in parts.items()}
     at = int(np.sum([*has.values()], axis=0).argmax()) if of not in shapes.names else shapes.names.index(of)
     meshes = {name: structure_of(shapes.mesh(at), part) for name, part in parts.items() if has[name][at]}
-    ordered = sorted(meshes, key=lambda name: -meshes[name].area)
     gaps = list[dict[str, Any]]()
 
     def mesh_of(places: FloatArray, i: int, name: str) -> Mesh:
         return meshes[name].moved(places[i, parts[name]])
 
-    for k, name in enumerate(ordered):
-        found = [_Contact.of(meshes[name], other, meshes[other]) for other in ordered[:k]]
-        touching = [each for each in found if each.area >= LEAST_TOUCHING * meshes[name].area]
+    for name, touching in _contacts_of(meshes, LEAST_TOUCHING).items():
         sheets = [each for each in touching if each.area >= LEAST_HELD * meshes[name].area]
         held = max(sheets, key=lambda each: each.area, default=None)
         smooth = _smoothing(meshes[name], held) if held else None
@@ -121,6 +124,13 @@ def contacts_kept(
                         gaps[-1] |= {f"{what}_{when}": value for what, value in lies.items()}
                     gaps[-1] |= {"without": float(1 - counted.sum() / each.touches.sum()), "note": note}
     return replace(shapes, vertices=vertices, measured=measured), gaps
+
+
+def _contacts_of(meshes: Mapping[str, Mesh], least: float) -> dict[str, list[_Contact]]:
+    """Find where each structure touches a larger one, by a share of its area; largest structures first."""
+    ordered = sorted(meshes, key=lambda name: -meshes[name].area)
+    found = {a: [_Contact.of(meshes[a], b, meshes[b]) for b in ordered[:i]] for i, a in enumerate(ordered)}
+    return {a: [each for each in own if each.area >= least * meshes[a].area] for a, own in found.items()}
 
 
 def _smoothing(mesh: Mesh, contact: _Contact) -> Callable[[FloatArray], FloatArray]:

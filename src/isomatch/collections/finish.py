@@ -29,9 +29,9 @@ from isomatch.collections.map_file import (
     require_unchanged,
 )
 from isomatch.collections.page import write_page, write_table
-from isomatch.collections.plan import Layout
+from isomatch.collections.plan import Layout, identity_of_map
 from isomatch.collections.shapes import BETWEEN, Entry, Pair
-from isomatch.collections.workers import Task, late_after, workers_of
+from isomatch.collections.workers import Task, Workers, late_after, workers_of
 from isomatch.correspondence import Correspondence, WrapQuality, median_map, wrap
 from isomatch.errors import FormatError, InputError, IsomatchError, UnwritableFileError
 from isomatch.statistics import MEASURED, doubtful_positions
@@ -53,7 +53,7 @@ PIXELS_PER_UNIT = 110.0  # of a thumbnail: about 200 pixels tall
 
 def finish(
     collection: Collection,
-    executor: str | Executor = "local",
+    executor: str | Executor | Workers = "local",
     jobs: int | None = None,
     time_limit: float | None = None,
 ) -> Iterator[dict[str, Any]]:
@@ -135,7 +135,7 @@ def surfaces_written(collection: Collection) -> list[str]:
 def _planned(collection: Collection, rows: Rows, template: str) -> list[PlannedSurface]:
     scales = scales_of(collection.units, rows)
     current = {frozenset(pair): row for pair, row in rows.pairs.items() if rows.is_current(pair)}
-    keys = {ends: " > ".join((row["key"], *row.get("replaced_by", ()))) for ends, row in current.items()}
+    keys = {ends: identity_of_map(row) for ends, row in current.items()}
     sure = {frozenset(pair) for pair in rows.pairs if frozenset(pair) in keys and not rows.is_doubtful(pair)}
     linked = [name for name in collection.names if {template, name} in sure]
     own = rows.shapes.get(template, {}).get("key", "")

@@ -271,7 +271,7 @@ _KINDS = {
     "origins": {"done": {"made_with": dict}},
 }
 _OPTIONAL: Mapping[str, Kind] = {  # what other values must be, where a row has them
-    **dict.fromkeys(("file", "error", "source_hash", "target_hash"), str),
+    **dict.fromkeys(("file", "error", "source_hash", "target_hash", "led_by"), str),
     **dict.fromkeys(("seconds", "spread", "handedness"), NUMBER),
     **dict.fromkeys(("again", "replaced_by"), _texts),
     "memory": NUMBER | None,

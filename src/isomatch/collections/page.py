@@ -23,7 +23,7 @@ from isomatch.collections.map_file import as_matched
 from isomatch.collections.plan import Layout
 from isomatch.collections.run import row_of
 from isomatch.collections.shapes import Pair
-from isomatch.collections.workers import Task, late_after, workers_of
+from isomatch.collections.workers import Task, Workers, late_after, workers_of
 from isomatch.errors import SettingError
 from isomatch.matching import MatchResult, Outcome, Quality
 from isomatch.storage.files import replaced, write_text, writing
@@ -172,7 +172,7 @@ def _goodness(line: dict[str, Any]) -> tuple[bool, int, float]:
 def write_reports(
     collection: Collection,
     which: int | Literal["doubtful", "all"] = "doubtful",
-    executor: str | Executor = "local",
+    executor: str | Executor | Workers = "local",
     jobs: int | None = None,
     time_limit: float | None = None,
 ) -> Iterator[tuple[Pair, Record]]:

@@ -15,7 +15,7 @@ from typing import Any, Literal
 import numpy as np
 from scipy.spatial.distance import cdist
 
-from isomatch.collections.ledger import N_EIGENVALUES, N_QUANTILES, Record, Rows
+from isomatch.collections.ledger import N_EIGENVALUES, N_QUANTILES, Record, Rows, read_ledgers
 from isomatch.collections.shapes import BETWEEN, Entry, Pair, pairs_of
 from isomatch.settings import Config
 from isomatch.shapes import PreparedShape
@@ -87,6 +87,11 @@ def identity_of(content_hash: str, reflected: bool) -> str:
     return f"{content_hash} reflected" if reflected else content_hash
 
 
+def identity_of_map(row: Record) -> str:
+    """Identify the map of a matched pair, also where a composition of others took its place."""
+    return " > ".join((row["key"], *row.get("replaced_by", ())))
+
+
 @lru_cache
 def _settings(config: Config) -> str:
     return json.dumps([version("isomatch"), config.to_dict()], sort_keys=True)
@@ -110,6 +115,8 @@ def why_again(
     before, now = (set(contents.values() if side is True else side) for side in sides)
     reasons += [f"{name} is matched as its mirror image" for name in sorted(now - before)]
     reasons += [f"{name} is not matched as its mirror image any more" for name in sorted(before - now)]
+    if old.get("led_by", "") != new.get("led_by", ""):
+        reasons.append("the map that it starts from changed")
     ways = [origins.get(row.get("made_with", "")) for row in (old, new)]
     if None not in ways:
         a, b = (dict(_flat(way["made_with"])) for way in ways if way)
@@ -163,6 +170,7 @@ class Plan:
     seed: int
     reflect: Literal["auto"] | tuple[str, ...] = ()
     units: Mapping[str, str] = field(default_factory=dict)
+    leader: Plan | None = None
 
     @property
     def layout(self) -> Layout:
@@ -184,8 +192,12 @@ class Plan:
         turned = bool(rows.reflected([name])) if self.reflect == "auto" else name in self.reflect
         return Entry(name, self.paths[name], turned)
 
+    def rows(self) -> Rows:
+        """Return what is known of the shapes so far, from the ledgers of all shards, also while they are written."""
+        return read_ledgers(self.layout.ledgers()).of(self.names)
+
     def chosen_template(self, rows: Rows) -> str | None:
-        """Return the template asked for, or the medoid; None as long as not all shapes are prepared.
+        """Return the template asked for, that of the leader, or the medoid; None as long as not all are prepared.
 
         The medoid stays the template of a star that has been begun, also where shapes are added.
         """
@@ -197,6 +209,9 @@ class Plan:
         centres = Counter(source for source, _ in rows.pairs if source in possible)
         if self.pairs == "star" and centres:
             return centres.most_common(1)[0][0]
+        led = self.leader and self.leader.chosen_template(self.leader.rows())
+        if led in usable:
+            return led
         if not usable or len(tried) < len(self.names):
             return None
         return usable[medoid(np.array([rows.shapes[name]["features"] for name in usable]))]

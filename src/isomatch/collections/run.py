@@ -12,15 +12,28 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from threading import Lock
-from typing import Literal, NamedTuple, TypeVar
+from typing import Literal, NamedTuple, TypeVar, cast
 
-from isomatch.assets import surface_from
+import numpy as np
+from scipy.spatial import cKDTree
+
+from isomatch.assets import mesh_from, surface_from
 from isomatch.collections.cohort import OF_SHAPES, holes_of, likeness_of, mirror_images, outliers
 from isomatch.collections.ledger import SIDES, Ledger, Record, Rows, read_ledgers, writing_ledger
-from isomatch.collections.map_file import PairMaps, changed_files, digest_of
-from isomatch.collections.plan import Layout, Plan, features_of, identity_of, key_of, made_with, why_again
+from isomatch.collections.map_file import PairMaps, as_matched, changed_files, digest_of, maps_of_pair
+from isomatch.collections.plan import (
+    Layout,
+    Plan,
+    features_of,
+    identity_of,
+    identity_of_map,
+    key_of,
+    made_with,
+    why_again,
+)
 from isomatch.collections.shapes import SIDE, Entry, Pair, pairs_of, tiles_of
 from isomatch.collections.workers import Task, Workers, workers_of
+from isomatch.correspondence import carried_along
 from isomatch.errors import FormatError, MissingFileError, UnwritableFileError
 from isomatch.matching import MatchResult, Outcome, match_both
 from isomatch.runtime.memory import peak_memory
@@ -28,11 +41,20 @@ from isomatch.settings import Config
 from isomatch.shapes import PreparedShape, prepare
 from isomatch.storage.files import is_of_one_file, legible, writing
 from isomatch.surfaces import Graph, Mesh, reflected
+from isomatch.values.arrays import IntArray
+from isomatch.values.cached import cached_property
+from isomatch.values.settings import generator
 
 MOST_PAIRS = 64  # of a tile, whose rows come when all of it is done
 TILES_PER_WORKER = 4  # so that the last ones end at about the same time
 LOADED = 256 * 2**20  # bytes of files of prepared shapes that a worker keeps; a match itself needs more
 HASHES = ("source_hash", "target_hash")  # in rows of pairs
+LED = {
+    "hypotheses": "given",
+    "start": "auto",
+    "part": "none",
+}  # settings of a match that starts from the map of a leader
+CARRIERS = 1500  # points of the leader that carry others along
 REFLECTED = "reflected before it was prepared, x → −x; vertices and faces keep their numbers"
 logger = logging.getLogger(__name__)
 T = TypeVar("T")
@@ -59,11 +81,13 @@ class Run:
     collection: Plan
     shard: tuple[int, int]
 
-    def events(self, executor: str | Executor, jobs: int | None, time_limit: float | None) -> Iterator[Event]:
+    def events(
+        self, executor: str | Executor | Workers, jobs: int | None, time_limit: float | None
+    ) -> Iterator[Event]:
         """Prepare and match all that is still open, and yield each step; see `Collection.run`."""
         end = math.inf if time_limit is None else time.time() + time_limit
         layout = self.collection.layout
-        job = Job(layout, self.collection.config, self.collection.seed, end)
+        job = Job(layout, self.collection.config, self.collection.seed, end, self.collection.leader)
         for folder in ("prepared", "maps"):
             with writing(layout.folder / folder):
                 (layout.folder / folder).mkdir(parents=True, exist_ok=True)
@@ -203,9 +227,22 @@ class Run:
         row = rows.pairs.get(pair, {})
         attempt, turned = row.get("attempt", 0), tuple(rows.reflected(pair))
         keys, hashes = (source["key"], target["key"]), dict(zip(HASHES, (source["hash"], target["hash"])))
-        surfaces = (identity_of(content, name in turned) for name, content in zip(pair, hashes.values()))
-        key = self._key(*surfaces, attempt=attempt)
-        return PlannedPair(pair, key, keys, hashes, turned, attempt, row.get("contradicted", False))
+        surfaces = [identity_of(content, name in turned) for name, content in zip(pair, hashes.values())]
+        led_by = self._led_by(pair, turned)
+        key = self._key(*surfaces, *filter(None, [led_by]), attempt=attempt)
+        return PlannedPair(pair, key, keys, hashes, turned, attempt, row.get("contradicted", False), led_by)
+
+    def _led_by(self, pair: Pair, turned: tuple[str, ...]) -> str:
+        """Identify the map of the leader that a pair starts from; empty if there is none that can be relied on."""
+        for ends in (pair, pair[::-1]):
+            if self._leading.is_current(ends) and not self._leading.is_doubtful(ends):
+                row = self._leading.pairs[ends]
+                return identity_of_map(row) if set(row["reflected"]) == set(turned) else ""
+        return ""
+
+    @cached_property
+    def _leading(self) -> Rows:
+        return self.collection.leader.rows() if self.collection.leader else Rows()
 
     def _removed_if_changed(self, folder: str, rows: Rows) -> dict[Path, str]:
         """Remove files that are not as they were written, so that no job takes them; return what was wrong."""
@@ -238,7 +275,7 @@ class Run:
 
 def _of_plan(plan: PlannedPair) -> Record:
     """Return what is known of a pair before it is matched."""
-    return {**plan.hashes, "reflected": list(plan.reflected), "attempt": plan.attempt}
+    return {**plan.hashes, "reflected": list(plan.reflected), "attempt": plan.attempt, **plan.lead}
 
 
 def _row_of(record: Record | Exception) -> Record:
@@ -259,6 +296,12 @@ class PlannedPair(NamedTuple):
     reflected: tuple[str, ...]  # which of the shapes are matched as their mirror images
     attempt: int  # added to the seed
     contradicted: bool = False  # whether others contradict the earlier map, so that any new one replaces it
+    led_by: str = ""  # identifies the map of the leader that it starts from
+
+    @property
+    def lead(self) -> dict[str, str]:
+        """What the row of the pair says of it."""
+        return {"led_by": self.led_by} if self.led_by else {}
 
 
 class Reflection(NamedTuple):
@@ -276,6 +319,7 @@ class Job:
     config: Config
     seed: int
     end: float = math.inf  # time, in seconds since the epoch, after which nothing new is begun
+    leader: Plan | None = None
 
     def is_late(self) -> bool:
         """Whether nothing new is to be begun."""
@@ -351,16 +395,39 @@ class Job:
     def _new_maps(self, plan: PlannedPair) -> PairMaps:
         start = time.perf_counter()
         source, target = (loaded_shape(self.layout.prepared(key), self.config) for key in plan.shapes)
-        matches = match_both(source, target, config=self.config, seed=self.seed + plan.attempt)
+        lead, config = None, self.config
+        if self.leader and plan.led_by:
+            lead = _carried(self.leader, plan, source, target)
+            config = replace(config, hypotheses="given", start="auto", part="none")
+        matches = match_both(source, target, initial_map=lead, config=config, seed=self.seed + plan.attempt)
         record = {
             "key": plan.key,
             **plan.hashes,
             "reflected": list(plan.reflected),
+            **plan.lead,
             **{side: _summary(result) for side, result in zip(SIDES, matches)},
             "seconds": time.perf_counter() - start,
             "memory": peak_memory(),
         }
         return PairMaps.of(*matches, record)
+
+
+def _carried(leader: Plan, plan: PlannedPair, source: PreparedShape, target: PreparedShape) -> IntArray:
+    """Carry a surface along with the map of the leader; the vertices of its partner nearest there, (n,)."""
+    maps, (a, b) = maps_of_pair(leader.layout, *plan.pair), plan.pair
+    turned = a in plan.reflected, b in plan.reflected
+    image, here, there = as_matched(
+        maps.there, mesh_from(leader.paths[a]), mesh_from(leader.paths[b]), turned
+    )
+    images = image.pull_back(there.vertices)
+    rows = np.flatnonzero(np.isfinite(images).all(axis=1))
+    rows = generator(0).permutation(rows)[:CARRIERS]
+    mirrored = maps.record["there"]["quality"]["orientation"] < 0
+    scale = float(np.sqrt(there.area / here.area))
+    points, own = cast(Mesh, source.surface).vertices, cast(Mesh, target.surface).vertices
+    moved = carried_along(points, here.vertices[rows], images[rows], scale=scale, mirrored=mirrored)
+    # they end at other places of their leader: sheets are laid onto each other as a whole
+    return np.asarray(cKDTree(own - own.mean(axis=0)).query(moved - moved.mean(axis=0))[1])
 
 
 def _summary(result: MatchResult) -> Record:

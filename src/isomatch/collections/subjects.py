@@ -13,7 +13,7 @@ import numpy as np
 from isomatch.assets import Asset, Attribute, mesh_from, meshes_among, write_asset
 from isomatch.collections.cohort import OTHERS
 from isomatch.collections.collection import Collection
-from isomatch.collections.contacts import contacts_kept
+from isomatch.collections.contacts import beneath, contacts_kept
 from isomatch.collections.finish import surfaces_written
 from isomatch.collections.shapes import Entry
 from isomatch.errors import InputError, IsomatchError
@@ -80,23 +80,35 @@ def subject_collections(
     """Make a collection for each structure, in a folder named like it, or continue them.
 
     ``template``, ``reflect`` and ``units`` are of subjects, with all their structures, otherwise, like the ``options``,
-    as for `Collection.create`. A structure that the template lacks has that in the middle of all.
+    as for `Collection.create`. A structure that the template lacks has that in the middle of all. One that lies on a
+    larger one, as cartilage on bone, is led by that, and comes after it.
     """
     names = {name for files in found.values() for name in files}
     named = [] if reflect in (None, "auto") else list(reflect or ())
     if strangers := {*named, *(units or ()), template} - names - {OTHERS, None}:
         raise InputError(f"{', '.join(map(str, strangers))}: no subjects; give names such as {min(names)}")
-    return {
-        structure: Collection.create(
+    whole = template or max(names, key=lambda name: sum(name in files for files in found.values()))
+    below = beneath(
+        {structure: mesh_from(files[whole]) for structure, files in found.items() if whole in files}
+    )
+    made = dict[str, Collection]()
+    for structure in sorted(found, key=lambda each: _depth(each, below)):
+        files = found[structure]
+        made[structure] = Collection.create(
             Path(folder) / structure,
             [Entry(name, file) for name, file in files.items()],
             template=template if template in files else None,
             reflect=reflect if reflect in (None, "auto") else [name for name in named if name in files],
             units=units and {name: unit for name, unit in units.items() if name in {OTHERS, *files}},
+            leader=made.get(below.get(structure, "")),
             **options,
         )
-        for structure, files in found.items()
-    }
+    return made
+
+
+def _depth(structure: str, below: Mapping[str, str]) -> int:
+    """How many structures it lies on, one on another."""
+    return 1 + _depth(below[structure], below) if structure in below else 0
 
 
 def finish_subjects(

@@ -137,8 +137,14 @@ def _here() -> tuple[str, int]:
 
 
 @contextmanager
-def workers_of(executor: str | Executor = "local", jobs: int | None = None) -> Iterator[Workers]:
-    """Find the workers that are asked for, see `Collection.run`, for a block."""
+def workers_of(executor: str | Executor | Workers = "local", jobs: int | None = None) -> Iterator[Workers]:
+    """Find the workers that are asked for, see `Collection.run`, for a block; those of a block around it stay.
+
+    So several calls in one block share processes, of which each takes some seconds to begin.
+    """
+    if isinstance(executor, Workers):
+        yield executor
+        return
     if jobs is not None and jobs < 1:
         raise InputError(f"{jobs} jobs cannot run at once; give a number from 1")
     count = jobs or n_threads()

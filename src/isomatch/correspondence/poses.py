@@ -1,4 +1,4 @@
-"""Rotations nearest to matrices, and similarities in space that bring one surface near another."""
+"""Rotations nearest to matrices, similarities that bring one surface near another, and points carried along."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import TypeAlias
 
 import numpy as np
 from scipy.spatial import cKDTree
+from scipy.spatial.distance import cdist
 
 from isomatch.runtime.threads import parallel_map
 from isomatch.values.arrays import FloatArray, IntArray
@@ -15,6 +16,8 @@ from isomatch.values.arrays import FloatArray, IntArray
 AT_ONCE = 10_000  # matrices of a thread
 KEPT = 4  # poses that are refined, nearest first: a solid may lie on its axes in as many ways
 MOST_STEPS = 30
+FALLOFF = 4.0  # of the weights of points carried along; chosen: sums over a surface converge from 2 on
+NO_DISTANCE = 1e-6  # of the largest one
 SETTLED = 0.999  # times the distance before, above which a pose has settled
 
 
@@ -40,6 +43,45 @@ def nearest_rotation(matrices: FloatArray, mirrored: bool = False) -> FloatArray
     side = -1.0 if mirrored else 1.0
     u[..., -1] *= (side * np.linalg.det(u @ vt))[..., None]
     return np.asarray(u @ vt)
+
+
+def carried_along(
+    points: FloatArray, here: FloatArray, there: FloatArray, *, scale: float = 1.0, mirrored: bool = False
+) -> FloatArray:
+    """Carry points of space along with a map: rigidly around each, as the points say that are nearest to it.
+
+    Parameters
+    ----------
+    points : (n, 3) ndarray
+        Points beside a surface.
+    here, there : (m, 3) ndarrays
+        Points of the surface, and their images, m ≥ 4.
+    scale : float
+        By how much lengths change.
+    mirrored : bool
+        Whether the map mirrors.
+
+    Returns
+    -------
+    (n, 3) ndarray
+        Where they are carried to: p → ȳ + s R (p − x̄) by moving least squares (Schaefer, McPhail, Warren 2006), with the
+        weights 1 / distance⁴. O(n m).
+
+    Examples
+    --------
+    >>> corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
+    >>> carried_along(np.array([[2, 0, 0.0]]), corners, corners @ [[0, 1, 0], [-1, 0, 0], [0, 0, 1]]).round(9) + 0
+    array([[0., 2., 0.]])
+    """
+    # with weighted means x̄, ȳ: R = arg min Σ_j w_j |R (x_j − x̄) − (y_j − ȳ)|², by the SVD of Σ_j w_j x_j y_jᵀ − x̄ ȳᵀ
+    apart = cdist(points, here)
+    weights = np.maximum(apart, NO_DISTANCE * apart.max()) ** -FALLOFF
+    weights /= weights.sum(axis=1, keepdims=True)
+    centre, centre_there = weights @ here, weights @ there
+    products = (here[:, :, None] * there[:, None, :]).reshape(-1, 9)
+    covariance = (weights @ products).reshape(-1, 3, 3) - centre[:, :, None] * centre_there[:, None, :]
+    turned = ((points - centre)[:, None] @ nearest_rotation(covariance, mirrored))[:, 0]
+    return np.asarray(centre_there + scale * turned)
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,9 +10,8 @@ from typing import Self, cast
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial import cKDTree
-from scipy.spatial.distance import cdist
 
-from isomatch.correspondence import UNMATCHED, nearest_rotation
+from isomatch.correspondence import UNMATCHED, carried_along, nearest_rotation
 from isomatch.errors import NotConvergedError
 from isomatch.matching.confidence import expected_errors
 from isomatch.matching.evidence import Evidence, Solution, measured_evidence, outcome_of
@@ -47,8 +46,6 @@ SAME_SPECTRUM = 0.1
 SAME_PLACE = 0.02
 MOST_APART = 0.7  # from where it is carried to, over √area and its distance from the carriers; two eyes: 0.9
 MOST_LENGTH_RATIO = 1.4  # √area of one over that of its partner; as for the unit of a part
-# power of the distance by which influence decreases; chosen: sums over a surface converge from 2 on
-FALLOFF = 4.0
 HELD = 1.0  # distance from the carriers, over √area, up to which a component cannot turn by itself; chosen
 FAR_APART = 1e6  # cost of components that are no partners
 TINY = 1e-6
@@ -106,7 +103,7 @@ class _Components:
         """Match the components that have a partner near where those matched already carry them."""
         rows = numbers_without(self.sources, [match.pair.source for match in matches])
         columns = numbers_without(self.targets, [match.pair.target for match in matches])
-        carrier = Carrier.of([match.solution for match in matches], FALLOFF)
+        carrier = Carrier.of([match.solution for match in matches])
         if not (rows and columns and carrier):
             return []
         centres = {i: carrier.moved(self.sources[i]).mean(axis=0) for i in rows}
@@ -357,10 +354,9 @@ class Carrier:
     units: tuple[float, float]  # what lengths of 1 are worth in the users' units
     scale: float  # change of lengths
     side: float  # −1 if the map mirrors, else 1
-    falloff: float  # power of the distance by which the weight of a point decreases
 
     @classmethod
-    def of(cls, maps: list[Solution], falloff: float) -> Self | None:
+    def of(cls, maps: list[Solution]) -> Self | None:
         """Follow the maps of some components; None if they join fewer than four points."""
         main = maps[0].pair
         units = main.source.scale, main.target.scale
@@ -373,21 +369,12 @@ class Carrier:
         nearest = cKDTree(here).query(here, 2)[1][:, 1]
         before, after = (np.linalg.norm(x - x[nearest], axis=1) for x in (here, there))
         side = -1.0 if maps[0].quality.orientation < 0 else 1.0
-        return cls(here, there, units, float(np.median(after / np.maximum(before, TINY))), side, falloff)
+        return cls(here, there, units, float(np.median(after / np.maximum(before, TINY))), side)
 
     def moved(self, source: PreparedShape) -> FloatArray:
         """Carry the (r, 3) samples of a component along."""
-        # Moving least squares (Schaefer, McPhail, Warren 2006): with w_j = |p − x_j|^−falloff and weighted means x̄, ȳ,
-        #   p → ȳ + s R (p − x̄),   R = arg min Σ_j w_j |R (x_j − x̄) − (y_j − ȳ)|² over the rotations, by the SVD of
-        #   Σ_j w_j x_j y_jᵀ − x̄ ȳᵀ   (r, 3, 3)
         points = _positions(source, self.units[0])
-        weights = np.maximum(cdist(points, self.here), TINY) ** -self.falloff
-        weights /= weights.sum(axis=1, keepdims=True)
-        centre, centre_there = weights @ self.here, weights @ self.there
-        products = (self.here[:, :, None] * self.there[:, None, :]).reshape(-1, 9)
-        covariance = (weights @ products).reshape(-1, 3, 3) - centre[:, :, None] * centre_there[:, None, :]
-        turned = ((points - centre)[:, None] @ nearest_rotation(covariance, self.side < 0))[:, 0]
-        return np.asarray(centre_there + self.scale * turned)
+        return carried_along(points, self.here, self.there, scale=self.scale, mirrored=self.side < 0)
 
     def gap(self, target: PreparedShape) -> float:
         """Distance of a component of the target from the surface that carries it, over √area of the component."""
