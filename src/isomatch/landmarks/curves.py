@@ -8,11 +8,13 @@ from scipy.spatial import cKDTree
 from isomatch.errors import LandmarkError
 from isomatch.geodesics import euclidean_farthest_points
 from isomatch.loading.compiled import compiled
+from isomatch.runtime.threads import parallel_map
 from isomatch.surfaces import Mesh, PointCloud, PrecisePoints, nearest_in_triangle, vertex_normals
 from isomatch.values.arrays import FloatArray, IntArray, read_only
 from isomatch.values.settings import generator
 
-AT_ONCE = 1000  # points whose triangles are listed together
+AT_ONCE = 1000  # points of a thread
+IN_A_BOX = 4  # triangles, up to twice as many
 FINENESS = 0.5  # of the mean edge length: longest step of a curve that is drawn on triangles
 BETWEEN_POINTS = 1.5  # the same on points, of which the nearest one is taken; edges join the next 30
 MOST_HALVINGS = 20  # of the way between two points
@@ -37,8 +39,7 @@ def nearest_on_surface(surface: Mesh | PointCloud, positions: FloatArray) -> Pre
 
     Notes
     -----
-    Only triangles that reach into the ball up to the nearest point so far are looked at, those of about one size
-    together: a few of each size for each position.
+    A hierarchy of boxes around triangles is searched, nearest first, from the nearest vertex: O((n + m) log n).
 
     Examples
     --------
@@ -49,54 +50,93 @@ def nearest_on_surface(surface: Mesh | PointCloud, positions: FloatArray) -> Pre
     if isinstance(surface, PointCloud) or not surface.n_faces:
         return PrecisePoints.at_vertices(cKDTree(surface.vertices).query(positions)[1])
     used = np.unique(surface.sound_faces)
-    gap, nearest = cKDTree(surface.vertices[used]).query(positions)
+    apart, nearest = cKDTree(surface.vertices[used]).query(positions)
     points = PrecisePoints.at_vertices(used[nearest])
-    corners = surface.vertices[surface.sound_faces]  # (f, 3, 3)
-    middles = corners.mean(axis=1)
-    reach = np.linalg.norm(corners - middles[:, None], axis=2).max(axis=1)
-    # A point of a triangle with middle m is at most `reach` from m. Of those with |q − m| > gap + reach, no point is
-    # nearer to q than the vertex that is known. A tree of the middles lists the others, with the largest reach of its
-    # triangles.
-    size = np.frexp(np.maximum(reach, np.median(reach)))[1]  # of factors of two, so that no ball is too wide
-    vertices, faces, queries = map(read_only, (surface.vertices, surface.faces, positions))
-    for each in np.unique(size)[::-1]:
-        alike = np.flatnonzero(size == each)
-        tree, farthest = cKDTree(middles[alike]), reach[alike].max()
-        for first in range(0, len(positions), AT_ONCE):
-            rows = slice(first, first + AT_ONCE)
-            near = tree.query_ball_point(positions[rows], (gap[rows] + farthest) * (1 + 1e-12))
-            of = np.repeat(np.arange(first, first + len(near)), list(map(len, near)))
-            listed = np.concatenate([np.zeros(0, dtype=np.int64), *map(np.asarray, near)]).astype(np.int64)
-            face = alike[listed]
-            apart = np.linalg.norm(middles[face] - positions[of], axis=1)
-            reached = apart <= (gap[of] + reach[face]) * (1 + 1e-12)
-            _take_nearest(vertices, faces, queries, of[reached], face[reached], gap, *points)
+    order = cKDTree(
+        surface.vertices[surface.sound_faces].mean(axis=1)
+    ).indices  # neighbours follow one another
+    faces = surface.sound_faces[order]
+    boxes, starts = _hierarchy(surface.vertices[faces])
+    vertices, queries = map(read_only, (surface.vertices, positions))
+
+    def chunk(first: int) -> None:
+        rows = slice(first, first + AT_ONCE)
+        found = apart[rows], points.corners[rows], points.barycentric[rows]
+        _take_nearest(vertices, faces, boxes, starts, queries[rows], *found)
+
+    parallel_map(chunk, range(0, len(queries), AT_ONCE))
     return points
+
+
+def _hierarchy(corners: FloatArray) -> tuple[FloatArray, IntArray]:
+    """Bound triangles (f, 3, 3) by boxes (2 k, 2, 3): box i holds 2 i and 2 i + 1, box k + j the j-th of k runs."""
+    k = 1 << max(len(corners) // IN_A_BOX, 1).bit_length() - 1
+    starts = np.arange(k + 1) * len(corners) // k
+    boxes = np.empty((2 * k, 2, 3))
+    for side, most in enumerate((np.minimum, np.maximum)):
+        boxes[k:, side] = most.reduceat(most(most(corners[:, 0], corners[:, 1]), corners[:, 2]), starts[:-1])
+    while k > 1:
+        k //= 2
+        boxes[k : 2 * k, 0] = np.minimum(boxes[2 * k : 4 * k : 2, 0], boxes[2 * k + 1 : 4 * k : 2, 0])
+        boxes[k : 2 * k, 1] = np.maximum(boxes[2 * k : 4 * k : 2, 1], boxes[2 * k + 1 : 4 * k : 2, 1])
+    return boxes, starts
+
+
+@compiled(error_model="numpy")
+def _gap(box: FloatArray, point: FloatArray) -> float:
+    """Squared distance of a point from a box."""
+    gap = 0.0
+    for j in range(3):
+        gap += max(box[0, j] - point[j], point[j] - box[1, j], 0.0) ** 2
+    return gap
 
 
 @compiled(error_model="numpy")
 def _take_nearest(
     vertices: FloatArray,
     faces: IntArray,
+    boxes: FloatArray,
+    starts: IntArray,
     queries: FloatArray,
-    of: IntArray,
-    face: IntArray,
     apart: FloatArray,
     corners: IntArray,
     barycentric: FloatArray,
 ) -> None:
-    """Let the point of a triangle take the row of the query that it is listed with, where it is nearer."""
-    for k in range(len(of)):
-        i = of[k]
-        a, b, c = faces[face[k]]
-        u, v, p = vertices[b] - vertices[a], vertices[c] - vertices[a], queries[i] - vertices[a]
-        uu, uv, vv, up, vp = (u * u).sum(), (u * v).sum(), (v * v).sum(), (u * p).sum(), (v * p).sum()
-        s, t, _ = nearest_in_triangle(uu, uv, vv, up, vp)
-        gap = np.sqrt(((s * u + t * v - p) ** 2).sum())
-        if gap < apart[i]:
-            apart[i] = gap
-            corners[i] = faces[face[k]]
-            barycentric[i] = 1.0 - s - t, s, t
+    """Let the nearest point of a triangle take the row of each query that is nearer to it than the point so far."""
+    waiting, gaps = np.empty(64, dtype=np.int64), np.empty(64)  # twice as many as there are levels
+    k = len(boxes) // 2
+    for i in range(len(queries)):
+        q = queries[i]
+        waiting[0], gaps[0], n = 1, 0.0, 1
+        while n:
+            n -= 1
+            box = waiting[n]
+            if gaps[n] >= apart[i] ** 2:
+                continue
+            if box < k:
+                pair = _gap(boxes[2 * box], q), _gap(boxes[2 * box + 1], q)
+                far = int(pair[0] < pair[1])
+                for side in (far, 1 - far):  # the nearer one is looked at first
+                    waiting[n], gaps[n] = 2 * box + side, pair[side]
+                    n += 1
+                continue
+            for face in faces[starts[box - k] : starts[box - k + 1]]:
+                a, b, c = face
+                uu = uv = vv = up = vp = 0.0
+                for j in range(3):
+                    x = vertices[a, j]
+                    u, v, p = vertices[b, j] - x, vertices[c, j] - x, q[j] - x
+                    uu, uv, vv, up, vp = uu + u * u, uv + u * v, vv + v * v, up + u * p, vp + v * p
+                s, t, _ = nearest_in_triangle(uu, uv, vv, up, vp)
+                gap = 0.0
+                for j in range(3):
+                    x = vertices[a, j]
+                    gap += (x + s * (vertices[b, j] - x) + t * (vertices[c, j] - x) - q[j]) ** 2
+                gap = np.sqrt(gap)
+                if gap < apart[i]:
+                    apart[i] = gap
+                    corners[i] = face
+                    barycentric[i] = 1.0 - s - t, s, t
 
 
 def spread_on_surface(surface: Mesh, n: int, around: FloatArray) -> FloatArray:
