@@ -3,8 +3,8 @@
     python release/check.py 3.11 3.12 …
 
 needs uv in the environment, which finds or fetches the Pythons. The wheel is built from the sdist. In each environment
-it is imported, and the examples of the readme are run as they are printed; then the doctests, one of which needs an
-extra. ``uvx`` runs the command without an installation, and the conda recipe is rendered. The files are left in ``dist``.
+it is imported, and the examples of the readme are run as they are printed; then the doctests, some of which need extras.
+``uvx`` runs the command without an installation, and the conda recipe is rendered. The files are left in ``dist``.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def tried(python: str, wheel: Path) -> str:
         write_examples(folder)
         run("bash", "-e", "examples.sh", **options)
         run(own, "examples.py", **options)
-        run("uv", "pip", "install", "--quiet", "--python", own, "pytest", f"{wheel}[creatures]")
+        run("uv", "pip", "install", "--quiet", "--python", own, "pytest", f"{wheel}[creatures,vtk]")
         run(own, "-m", "pytest", "-q", "--doctest-modules", "--pyargs", "isomatch", **options)
     return f"Python {python}: import, doctests, examples of the readme: {time.monotonic() - started:.0f} s"
 
