@@ -13,7 +13,7 @@ WORKERS := -n auto --dist loadfile --no-loadscope-reorder  # a worker for each p
 
 unexport PYTHONDONTWRITEBYTECODE # or each of the processes that tests start compiles every module again
 
-.PHONY: demo docs told extras test test-long fuzz coverage lint types benchmark results lock lowest release-check clean
+.PHONY: demo docs told extras test test-long fuzz coverage lint types benchmark results lock lowest release release-check clean
 
 $(VENV)/core: pyproject.toml
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
@@ -86,6 +86,9 @@ lowest: $(UV)
 	$(UV) pip install --quiet --python $(LOWEST) --resolution lowest-direct -e '.[test]'
 	NUMBA_CACHE_DIR=$(CURDIR)/$(LOWEST)/loops $(LOWEST)/bin/python -m pytest $(WORKERS) \
 		$(addprefix tests/,surfaces assets mending resolution geodesics bases descriptors correspondence lab/baselines view cli)
+
+release: $(UV)  # all that is published, in dist
+	PATH="$(CURDIR)/$(VENV)/uv/bin:$$PATH" $(PYTHON) release/build.py
 
 release-check: $(VENV)/dev $(UV)
 	PATH="$(CURDIR)/$(VENV)/uv/bin:$$PATH" $(BIN)/python release/check.py $(PYTHONS)

@@ -26,6 +26,7 @@ def zipped(name: str, output: Path, wheels: Path | None = None) -> Path:
                 head, tail = text.decode().split("\n[permissions]")
                 text = f"{head}\nwheels = [\n{listed}]\n\n[permissions]{tail}".encode()
             archive.writestr(f"{name}/{path.relative_to(folder).as_posix()}", text)
+        archive.write(HERE.parent / "LICENSE", f"{name}/LICENSE.txt")
         for wheel in added:
             archive.write(wheel, f"{name}/wheels/{wheel.name}")
     return file

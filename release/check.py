@@ -3,16 +3,14 @@
     python release/check.py 3.11 3.12 …
 
 needs uv in the environment, which finds or fetches the Pythons. The wheel is built from the sdist. In each environment
-it is imported, and the examples of the readme are run as they are printed; then the doctests, one of which needs an
-extra. ``uvx`` runs the command without an installation, and the conda recipe is rendered. The files are left in ``dist``.
+it is imported, and the examples of the readme are run as they are printed; then the doctests, some of which need extras.
+``uvx`` runs the command without an installation, and the conda recipe is rendered. The files are left in ``dist``.
 """
 
 from __future__ import annotations
 
 import os
 import shlex
-import shutil
-import subprocess
 import sys
 import tempfile
 import time
@@ -20,28 +18,15 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / "tests"))
+from build import packages, run
 from test_code_blocks import RUN, SHELL, commands, write_shapes
 
 RENDER = """
 import sys
 from pathlib import Path
 from rattler_build import Stage0Recipe, VariantConfig
-print(*Stage0Recipe.from_yaml(Path(sys.argv[1]).read_text()).render(VariantConfig()))
+print(*Stage0Recipe.from_yaml(Path(sys.argv[1]).read_text(encoding="utf-8")).render(VariantConfig()))
 """
-
-
-def run(*command: object, **options: object) -> None:
-    """Run a command; stop if it fails."""
-    print("$", *command, flush=True)
-    subprocess.run([str(part) for part in command], check=True, **options)
-
-
-def built() -> Path:
-    """Build sdist and wheel; the wheel."""
-    shutil.rmtree(ROOT / "dist", ignore_errors=True)
-    run("uv", "build", "--quiet", ROOT)
-    (wheel,) = (ROOT / "dist").glob("*.whl")
-    return wheel
 
 
 def write_examples(folder: Path) -> None:
@@ -70,13 +55,13 @@ def tried(python: str, wheel: Path) -> str:
         write_examples(folder)
         run("bash", "-e", "examples.sh", **options)
         run(own, "examples.py", **options)
-        run("uv", "pip", "install", "--quiet", "--python", own, "pytest", f"{wheel}[creatures]")
+        run("uv", "pip", "install", "--quiet", "--python", own, "pytest", f"{wheel}[creatures,vtk]")
         run(own, "-m", "pytest", "-q", "--doctest-modules", "--pyargs", "isomatch", **options)
     return f"Python {python}: import, doctests, examples of the readme: {time.monotonic() - started:.0f} s"
 
 
 if __name__ == "__main__":
-    wheel = built()
+    _, wheel = packages()
     run("uvx", "--from", wheel, "isomatch", "info")
     recipe = ROOT / "release" / "recipe.yaml"
     run("uv", "run", "--no-project", "--with", "py-rattler-build>=0.60", "python", "-c", RENDER, recipe)

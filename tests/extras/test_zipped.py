@@ -33,6 +33,7 @@ def test_the_addon_has_its_manifest_and_legacy_info(zipped, tmp_path):
         for node in tree.body
         if isinstance(node, ast.Assign) and node.targets[0].id == "bl_info"
     )
+    assert "isomatch_blender/LICENSE.txt" in names
     assert manifest["id"] == "isomatch_blender"
     assert manifest["version"] == ".".join(map(str, info["version"])) == isomatch.__version__
     assert manifest["blender_version_min"] == ".".join(map(str, info["blender"]))
@@ -55,7 +56,7 @@ def test_the_module_of_slicer_is_named_as_slicer_demands(zipped, tmp_path):
         names = archive.namelist()
         tree = ast.parse(archive.read("IsomatchSlicer/IsomatchModule/IsomatchModule.py"))
         cmake = archive.read("IsomatchSlicer/IsomatchModule/CMakeLists.txt").decode()
-    assert "IsomatchSlicer/CMakeLists.txt" in names
+    assert {"IsomatchSlicer/CMakeLists.txt", "IsomatchSlicer/LICENSE.txt"} <= set(names)
     assert "IsomatchSlicer/IsomatchModule/Resources/Icons/IsomatchModule.svg" in names
     assert "set(MODULE_NAME IsomatchModule)" in cmake
     classes = {node.name for node in tree.body if isinstance(node, ast.ClassDef)}

@@ -62,12 +62,14 @@ def group_limits(name: str, root: Path = ROOT) -> list[list[str]]:
     """
     outermost = root / "sys/fs/cgroup"
     try:
-        group = outermost / (root / "proc/self/cgroup").read_text().rpartition("0::/")[2].strip()
+        group = (
+            outermost / (root / "proc/self/cgroup").read_text(encoding="utf-8").rpartition("0::/")[2].strip()
+        )
     except OSError:  # not Linux
         return []
     # in a container, the path can be that outside, where only the outermost folder is visible
     files = [folder / name for folder in (group, *group.parents) if folder.is_relative_to(outermost)]
-    return [words for file in files if file.is_file() and (words := file.read_text().split())]
+    return [words for file in files if file.is_file() and (words := file.read_text(encoding="utf-8").split())]
 
 
 def slurm(name: str) -> int:

@@ -172,7 +172,7 @@ def measured(name: str, study: Study, folder: Path, share: float, errors: dict[s
     """Errors and outcomes before and after the maps of a collection were brought to agree."""
     file = folder / f"{share}.json"
     if file.exists():
-        return dict(json.loads(file.read_text()))
+        return dict(json.loads(file.read_text(encoding="utf-8")))
     base = Collection.open(folder / "all")
     copy, kinds = with_wrong_maps(base, share, folder / f"wrong_{share}")
     before, rows_before = errors_of(study, copy, errors), copy.rows().pairs
@@ -208,7 +208,7 @@ def measured(name: str, study: Study, folder: Path, share: float, errors: dict[s
         "consistency_right": max(first[pair] for pair in pairs if pair not in wrong),
         "consistency_wrong": min((first[pair] for pair in wrong), default=None),
     }
-    file.write_text(json.dumps(row))
+    file.write_text(json.dumps(row), encoding="utf-8")
     return row
 
 

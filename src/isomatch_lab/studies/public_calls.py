@@ -347,7 +347,7 @@ def _landmarks(at: Folders) -> Any:
     carried = isomatch.carry_landmarks(result(), source, target, marks)
     nearest = isomatch.nearest_landmarks(source, target, marks.positions + 0.01, carried.positions)
     median = isomatch.median_landmarks([carried, Landmarks(carried.positions + 0.01, carried.names)], target)
-    (at.scratch / "pairs.txt").write_text("0 5\n100 200\n300 400\n")
+    (at.scratch / "pairs.txt").write_text("0 5\n100 200\n300 400\n", encoding="utf-8")
     return read, carried, nearest, median, isomatch.read_landmarks(at.scratch / "pairs.txt", source, target)
 
 

@@ -74,14 +74,14 @@ def machine() -> str:
     from isomatch.runtime.threads import processors
 
     named = Path("/proc/cpuinfo")
-    model = re.search(r"model name\s*: (.+)", named.read_text()) if named.exists() else None
+    model = re.search(r"model name\s*: (.+)", named.read_text(encoding="utf-8")) if named.exists() else None
     return f"{model[1] if model else platform.machine()}, {processors()} processors"
 
 
 def revision(root: Path = ROOT) -> str:
     """Name the commit, and tell whether what measures was changed since."""
     head, changed = (
-        subprocess.run(["git", *command], cwd=root, capture_output=True, text=True).stdout.strip()
+        subprocess.run(["git", *command], cwd=root, capture_output=True, encoding="utf-8").stdout.strip()
         for command in (("rev-parse", "--short", "HEAD"), ("status", "--porcelain", "src"))
     )
     return head + "-changed" * bool(changed)
@@ -106,14 +106,14 @@ def measure(step: Step, data: str, output: Path, root: Path = ROOT) -> None:
     out = output / f"{step.name}_{hashlib.sha256(told_before).hexdigest()[:16]}"
     out.mkdir(parents=True, exist_ok=True)
     clock = out / "seconds.txt"  # of this run and of those that were interrupted
-    spent = float(clock.read_text()) if clock.exists() else 0.0
+    spent = float(clock.read_text(encoding="utf-8")) if clock.exists() else 0.0
     started = time.monotonic()
     try:
         words = [word.format(data=data, out=out) for word in step.command.split()]
         subprocess.run([sys.executable, *words[1:]], cwd=root, check=True)
     finally:
         seconds = round(spent + time.monotonic() - started)
-        clock.write_text(str(seconds))
+        clock.write_text(str(seconds), encoding="utf-8")
     if present_stamp(step, root) != stamp:
         raise SystemExit(f"{step.name}: the source was changed while it was measured; measure it again")
     for target, file in [
