@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 import isomatch
 from isomatch.cli import main
-from isomatch.collections import contacts_kept, structures_of, subject_collections, subject_doubts
+from isomatch.collections import Collection, contacts_kept, structures_of, subject_collections, subject_doubts
 from isomatch.errors import InputError
 from isomatch.statistics import CorrespondedShapes, read_shapes, stacked
 from shapes import icosphere
@@ -129,6 +129,56 @@ def test_from_files_to_shapes(folder, capsys):
     assert main(argv) == 0
     assert (out / "bone" / "maps" / "s1__s2.npz").stat().st_mtime_ns == kept
     assert sorted(path.stem for path in (out / "corresponded").glob("*.ply")) == ["s1", "s2", "s3", "s4"]
+
+
+def with_a_sheet(tmp_path, subjects=("s1", "s2", "s3")):
+    """Subjects of a bone and a round sheet on it, in which nothing tells how it is turned; vertices correspond."""
+    round_ = lopsided_blob(3).vertices @ [-0.4, -0.4, -0.82] > 0.3
+    for i, subject in enumerate(subjects):
+        bone = lopsided_blob(3, i, 0.05)
+        kept, corners = np.unique(bone.faces[round_[bone.faces].all(axis=1)], return_inverse=True)
+        sheet = isomatch.Mesh(1.02 * bone.vertices[kept], corners.reshape(-1, 3))
+        turn = Rotation.random(random_state=i).as_matrix()
+        (tmp_path / "in" / subject).mkdir(parents=True)
+        for name, mesh in (("bone", bone), ("sheet", sheet)):
+            isomatch.write_mesh(tmp_path / "in" / subject / f"{name}.ply", mesh.moved(mesh.vertices @ turn.T))
+    return tmp_path / "in"
+
+
+@pytest.mark.usefixtures("in_threads")
+def test_what_lies_on_another_starts_from_its_map(tmp_path):
+    found = structures_of(with_a_sheet(tmp_path))
+    (tmp_path / "quick.toml").write_text(QUICK)
+    config = isomatch.Config.from_file(tmp_path / "quick.toml")
+
+    def matched(out):
+        collections = subject_collections(tmp_path / out, found, config=config)
+        return collections, {name: [*each.run(jobs=1)] for name, each in collections.items()}
+
+    collections, _ = matched("out")
+    bone, sheet = collections["bone"], collections["sheet"]
+    assert sheet.leader == Collection.open(sheet.folder).leader == bone
+    assert (bone.leader, sheet.chosen_template(sheet.rows())) == (None, bone.chosen_template(bone.rows()))
+    for pair, row in sheet.rows().pairs.items():
+        assert row["led_by"] == bone.rows().pairs[pair]["key"]
+        mesh, there = isomatch.read_mesh(found["sheet"][pair[1]]), sheet.maps(*pair).there
+        apart = np.linalg.norm(there.pull_back(mesh.vertices) - mesh.vertices, axis=1)
+        assert np.median(apart) < 0.05 * np.sqrt(mesh.area)
+    # nothing is matched twice; with another bone, the sheet is matched again, too
+    assert not any(event.what == "pair" for events in matched("out")[1].values() for event in events)
+    other = next(name for name in found["bone"] if name != bone.chosen_template(bone.rows()))
+    mesh = isomatch.read_mesh(found["bone"][other])
+    isomatch.write_mesh(found["bone"][other], mesh.moved(mesh.vertices * 1.001))
+    _, events = matched("out")
+    (again,) = (event.record for event in events["sheet"] if event.what == "pair")
+    assert again["again"] == ["the map that it starts from changed"]
+    # without a map that can be relied on, it is matched by itself
+    alone = Collection.create(
+        tmp_path / "alone", sheet.shapes, template=sheet.names[0], config=config, leader=bone
+    )
+    bone.layout.ledger().unlink()
+    list(alone.run(jobs=1))
+    assert not any("led_by" in row for row in alone.rows().pairs.values())
 
 
 def sheets(shift):

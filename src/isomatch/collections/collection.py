@@ -173,7 +173,7 @@ class Collection(Plan):
             turned = plan.get("reflect", ())
             turned = turned if turned == "auto" else tuple(map(str, turned))
             units = checked_units(plan.get("units", {}), plan["shapes"])
-            leader = cls.open(folder / plan["leader"]) if plan.get("leader") else None
+            leader = plan.get("leader") and cls.open(os.path.normpath(folder / plan["leader"]))
             return cls(
                 folder, shapes, plan["pairs"], plan["template"], config, plan["seed"], turned, units, leader
             )
