@@ -11,6 +11,7 @@ from corresponded import moved
 from data import real_file
 from isomatch.cli import main
 from isomatch.statistics import CorrespondedShapes
+from isomatch_lab.procedural import creature
 from shapes import icosphere
 
 pytestmark = pytest.mark.usefixtures("coarse_pictures")
@@ -93,6 +94,29 @@ def test_several_shapes_and_repeats(tmp_path, sides, capsys):
     record = json.loads(capsys.readouterr().out)
     assert record["n_individuals"] == 7
     assert [row["degrees"] for row in record["anova"]] == [6, 1, 6, 10]
+
+
+@pytest.mark.long
+@pytest.mark.usefixtures("in_threads")
+def test_the_errors_of_maps_of_scans_are_not_directional(tmp_path, capsys):
+    """Symmetric animals, each in triangles of its own; in one topology their asymmetry, all of it error, looks alike."""
+    (tmp_path / "in").mkdir()
+    for i in range(6):
+        animal = creature(2000, style=i, symmetric=True, triangulation=i).rest_mesh
+        isomatch.write_mesh(tmp_path / "in" / f"c{i}.ply", animal)
+    assert (
+        main(["collect", str(tmp_path / "in"), "-o", str(tmp_path / "all"), "--reports", "none", "--quiet"])
+        == 0
+    )
+    found = []
+    for folder in (tmp_path / "all", tmp_path / "all" / "corresponded"):
+        assert main(["asymmetry", str(folder), "-o", str(tmp_path / "out"), "--force", "--json"]) == 0
+        found.append(json.loads(capsys.readouterr().out))
+    scanned, alike = found
+    assert [each["in_one_topology"] for each in found] == [False, True]
+    assert scanned["p_value"] > 0.05
+    assert scanned["share"] < 0.33 < alike["share"]
+    assert max(line["over_size"] for line in scanned["shapes"]) < 0.005
 
 
 def test_left_and_right_organs(tmp_path, capsys):

@@ -60,6 +60,6 @@ def test_points_are_carried_along_by_motions_and_by_what_is_nearest():
     turn = nearest_rotation(random.standard_normal((3, 3)), mirrored=True)
     moved = carried_along(beside, here, 1.5 * here @ turn + 2, scale=1.5, mirrored=True)
     np.testing.assert_allclose(moved, 1.5 * beside @ turn + 2, atol=1e-9)
-    far = here + [100, 0, 0]  # a second part, which moves another way
+    far = np.add(here, [100, 0, 0])  # a second part, which moves another way
     both = carried_along(far, np.concatenate([here, far]), np.concatenate([here, far @ turn]), mirrored=True)
     np.testing.assert_allclose(both, far @ turn, atol=1e-3)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 import isomatch
 import isomatch.statistics as shape_statistics
@@ -14,9 +16,14 @@ from isomatch.cli.inputs import ConfigFile, Force, Output, Seed, read_config
 from isomatch.cli.statistics import Scale, read_cohort
 from isomatch.cli.statistics_files import SCALES, StatisticsFolder, listed, tabulated
 from isomatch.cli.terminal import TALK, Talk, Tell, complain, part, say, say_rows
-from isomatch.errors import MeshError, NotConvergedError, SettingError
+from isomatch.collections import Collection, Layout, surface_as_written
+from isomatch.correspondence import UNMATCHED
+from isomatch.errors import FormatError, MeshError, NotConvergedError, SettingError
+from isomatch.landmarks import nearest_on_surface
 from isomatch.statistics import Asymmetry, CorrespondedShapes, draw_values
 from isomatch.storage.texts import read_csv
+from isomatch.surfaces import Mesh
+from isomatch.values.arrays import FloatArray
 
 MOST_DRAWN = 3  # the most asymmetric shapes, which have pictures of their own
 WRONG = "; where they have one colour, the map between them is wrong"
@@ -25,6 +32,10 @@ HALF = "half of the difference of the sides, along the normal; red: stands out, 
 MEASURED = (
     "Each shape is reflected and laid onto itself, or a left one onto the right one; the middle of both is symmetric. "
     "The asymmetry at a point is its way from there: where it stands out 2 farther than opposite, it is +1."
+)
+ALIKE = (
+    "shapes were compared in one topology, where maps go wrong alike in all: asymmetry near their errors may look "
+    "directional at a small p; give the folder of isomatch collect"
 )
 REMEDY = "Give landmarks of both sides (--landmarks); a single bone has no mirror half: give left and right (--pairs)."
 
@@ -75,6 +86,7 @@ def asymmetry(
         for line in first:
             complain(line)
         maps, about, unsure = list[Correspondence](), [dict[str, Any]()] * len(cohort), ""
+        scanned = bool(pairs)
         if pairs:
             named = [(row.get("left") or "", row.get("right") or "") for row in read_csv(pairs)]
             both = shape_statistics.paired_sides(cohort, named)
@@ -86,7 +98,9 @@ def asymmetry(
         else:
             hints = landmarks and isomatch.read_landmarks(landmarks, cohort.mesh(0), cohort.mesh(0))
             how = {"landmarks": hints, "config": read_config(config), "seed": seed}
-            maps, about, unsure = _matched(cohort, how, notes, part(tell, 0.1, 0.8))
+            scans = Collection.open(shapes) if Layout(shapes).plan.exists() else None
+            scanned = scans is not None
+            maps, about, unsure = _matched(cohort, scans, how, notes, part(tell, 0.1, 0.8))
         both = both if pairs else cohort.mirrored(maps)
         tell("comparing", 0.8)
         of = [labels.get(name, name) for name in both.names[: len(both) // 2]]
@@ -96,6 +110,7 @@ def asymmetry(
             "of": str(shapes),
             "symmetry": "matching" if pairs else "object",
             "n_individuals": len(set(of)),
+            "in_one_topology": not scanned,
             "scale": scale,
             "seed": seed,
             "shapes": [line | more for line, more in zip(lines, about)],
@@ -137,22 +152,45 @@ def asymmetry(
 
 
 def _matched(
-    cohort: CorrespondedShapes, how: dict[str, Any], notes: list[str], tell: Tell
+    cohort: CorrespondedShapes, scans: Collection | None, how: dict[str, Any], notes: list[str], tell: Tell
 ) -> tuple[list[Correspondence], list[dict[str, Any]], str]:
-    """Match each shape with its mirror image: maps, what is known of them, and which are not sure, with the remedy."""
+    """Match each shape with its mirror image: maps, what is known of them, and which are not sure, with the remedy.
+
+    The surface in its file is matched, where there is one: in one topology, maps go wrong alike in all.
+    """
     maps, about, unsure = list[Correspondence](), list[dict[str, Any]](), list[str]()
     whole = shape_statistics.filled(cohort, cohort.area_weights, "remove")
     for i, name in enumerate(cohort.names):
-        mesh, progress = whole.mesh(i), part(tell, i / len(cohort), (i + 1) / len(cohort))
-        result = shape_statistics.left_right_map(mesh, progress=progress, **how)
+        mesh = scan = whole.mesh(i)
+        if scans and cohort.seen[i].all():
+            try:
+                scan = surface_as_written(scans, name)
+            except FormatError as error:
+                notes.append(f"{name} is matched in the topology of all, where maps go wrong alike: {error}")
+        progress = part(tell, i / len(cohort), (i + 1) / len(cohort))
+        marks = how["landmarks"]
+        if marks is not None:
+            marks = cKDTree(scan.vertices).query(mesh.vertices[marks])[1]
+        result = shape_statistics.left_right_map(scan, progress=progress, **how | {"landmarks": marks})
+        places = nearest_on_surface(scan, mesh.vertices)
+        maps.append(_onto(mesh, places.interpolated(result.map.pull_back(scan.vertices))))
         # half of an error reaches the middle of both sides
-        error = float(np.sqrt(np.nansum(mesh.vertex_areas * (result.expected_error / 2) ** 2)))
-        maps.append(result.map)
-        about.append({"outcome": result.outcome.value, "map_error": error})
+        expected = places.interpolated(result.expected_error[:, None])[:, 0]
+        of_both = float(np.sqrt(np.nansum(mesh.vertex_areas * (expected / 2) ** 2)))
+        about.append({"outcome": result.outcome.value, "map_error": of_both})
         notes += [f"{name}: {note}" for note in result.notes if note.endswith("are left unmatched")]
         if result.outcome.sureness < isomatch.Outcome.PARTIAL.sureness:
             unsure.append(f"{name} ({result.outcome.value})")
     return maps, about, f"Left and right are not sure: {', '.join(unsure)}. {REMEDY}" if unsure else ""
+
+
+def _onto(mesh: Mesh, images: FloatArray) -> Correspondence:
+    """Map rows to the nearest points of a mesh; those that are nan are unmatched."""
+    held = np.asarray(np.isfinite(images).all(axis=1))
+    there = Correspondence.of_points(
+        nearest_on_surface(mesh, np.where(held[:, None], images, 0.0)), mesh.n_vertices
+    )
+    return replace(there, vertices=np.where(held, there.vertices, UNMATCHED))
 
 
 def _measured(
@@ -222,7 +260,7 @@ def _told(record: dict[str, Any]) -> list[str]:
             f"fluctuating asymmetry has {rows[2]['f']:.3g} times the mean square of the error of measurement"
             if len(rows) > 3
             else "nothing was measured twice: errors of measurement and of maps are part of the fluctuating asymmetry",
-            "errors of maps are in part alike in all shapes: asymmetry near them may look directional at a small p",
+            *([ALIKE] if record["in_one_topology"] else []),
             f"{record['share']:.1%} of the asymmetry is directional, p = {record['p_value']:.4g} "
             f"({record['n_permutations']} ways to mirror some of the individuals; no p is below {2.0 ** (1 - n):.2g})",
         ]

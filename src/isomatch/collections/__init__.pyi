@@ -3,7 +3,7 @@ from isomatch.collections.agreement import Agreement, agree, agreement_of, incon
 from isomatch.collections.cohort import Outlier, mirror_images, outliers, scales_of
 from isomatch.collections.collection import Collection
 from isomatch.collections.contacts import contacts_kept
-from isomatch.collections.finish import export, finish, surfaces_written
+from isomatch.collections.finish import export, finish, surface_as_written, surfaces_written
 from isomatch.collections.landmarks import LeftOut, collected_landmarks, draw_landmarks, landmarks_left_out
 from isomatch.collections.ledger import CONTRADICTED, Rows, state_of
 from isomatch.collections.map_file import KEPT, PairMaps, changed_files, keep_files, require_unchanged
@@ -54,6 +54,7 @@ __all__ = [
     "structures_of",
     "subject_collections",
     "subject_doubts",
+    "surface_as_written",
     "surfaces_written",
     "workers_of",
     "write_reports",

@@ -121,6 +121,14 @@ def finish(
     write_page(collection, rows, template, lines)
 
 
+def surface_as_written(collection: Collection, name: str) -> Mesh:
+    """Return the surface of a file where that in the topology of the template lies: reflected, in its units."""
+    rows = collection.rows()
+    entry, factor = _entry(collection, rows, name), scales_of(collection.units, rows).get(name, 1.0)
+    mesh = reflected(_mesh(entry)) if entry.reflected else _mesh(entry)
+    return mesh.moved(factor * mesh.vertices)
+
+
 def surfaces_written(collection: Collection) -> list[str]:
     """Names of the shapes that are written in the topology of the template, by the maps that they have now."""
     rows = collection.rows()

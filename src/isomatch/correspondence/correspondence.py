@@ -411,6 +411,18 @@ class Correspondence(Shown):
         write_map(Path(path), vars(self))
 
     @classmethod
+    def of_points(cls, points: PrecisePoints, n_target: int) -> Correspondence:
+        """Take points of a surface of n vertices as a map onto it.
+
+        Examples
+        --------
+        >>> Correspondence.of_points(PrecisePoints(np.array([[0, 1, 2]]), np.array([[0.2, 0.5, 0.3]])), 3).vertices
+        array([1])
+        """
+        nearest = points.corners[np.arange(len(points.corners)), points.barycentric.argmax(axis=1)]
+        return cls(nearest, n_target, *points)
+
+    @classmethod
     def load(
         cls,
         path: str | Path,

@@ -83,7 +83,7 @@ class Bridge:
 
     def at(self, points: PrecisePoints) -> Places:
         """Where points of the receiver's mesh lie."""
-        samples = as_map(points, self.receiver.mesh.n_vertices)
+        samples = Correspondence.of_points(points, self.receiver.mesh.n_vertices)
         return self._places(samples.then(self.map, self.receiver.mesh, self.giver.mesh))
 
     @cached_property
@@ -223,12 +223,6 @@ def _first_corners(asset: Asset, attribute: Attribute) -> IntArray:
     values = columns(attribute)[rows_of_corners(asset, attribute)]
     none = np.finfo(np.float64).max  # nan is equal to no other
     return first_equal(np.column_stack([asset.vertex_of_corner, np.where(np.isnan(values), none, values)]))
-
-
-def as_map(points: PrecisePoints, n: int) -> Correspondence:
-    """Take points of a surface of n vertices as a map onto it."""
-    nearest = points.corners[np.arange(len(points.corners)), points.barycentric.argmax(axis=1)]
-    return Correspondence(nearest, n, *points)
 
 
 def columns(attribute: Attribute) -> FloatArray:

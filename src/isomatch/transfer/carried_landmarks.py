@@ -14,7 +14,7 @@ from isomatch.landmarks import Curve, Landmarks, drawn_curve, equally_spaced, ne
 from isomatch.matching import MatchResult
 from isomatch.resolution import PlacedMesh, VertexGroups, normalised
 from isomatch.surfaces import Mesh, PointCloud, PrecisePoints
-from isomatch.transfer.bridge import Bridge, as_map
+from isomatch.transfer.bridge import Bridge
 from isomatch.transfer.choices import Side
 from isomatch.values.arrays import FloatArray
 
@@ -144,7 +144,7 @@ class _Way:
         """(m, 4) where positions (m, 3) go, and the error to be expected; nan where they have no image."""
         start, end = self.ends
         points = nearest_on_surface(start, positions)
-        own = as_map(points, start.n_vertices)
+        own = Correspondence.of_points(points, start.n_vertices)
         if not isinstance(self.source, Mesh) or not isinstance(self.target, Mesh):
             way = self.map if self.to == "target" else self.map.reversed(self.source, self.target)
             images = own.then(way)
