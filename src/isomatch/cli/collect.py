@@ -9,6 +9,7 @@ from collections.abc import Iterable, Mapping
 from itertools import pairwise
 from os.path import isfile
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -159,7 +160,12 @@ def run(
 
 
 def _tell_subjects(
-    folder: Path, structures: dict[str, collections.Collection], gaps: list[dict[str, Any]], talk: Talk
+    folder: Path,
+    structures: dict[str, collections.Collection],
+    gaps: list[dict[str, Any]],
+    talk: Talk,
+    *,
+    is_answer: bool = False,
 ) -> None:
     """Tell how far the collections of all structures are, and how structures lie on each other, on average."""
     every = {name: status_of(each, ("landmarks",)) for name, each in structures.items()}
@@ -180,7 +186,7 @@ def _tell_subjects(
                 say(f"{subject} is {note}", "bold red")
         say(f"subjects of all structures: {folder / 'corresponded'}; go on with isomatch statistics {folder}")
 
-    talk.result(status, summary)
+    talk.result(status, summary, is_answer=is_answer)
 
 
 @collect.command
@@ -190,9 +196,17 @@ def status(folder: Path, /, *, talk: Talk = TALK) -> None:
     Args:
         folder: The folder of the collection.
     """
+    plan = collections.Layout(folder).plan
+    inner = {
+        path.parent.name: collections.Collection.open(path.parent) for path in folder.glob(f"*/{plan.name}")
+    }
+    if inner and not plan.exists():
+        _tell_subjects(folder, dict(sorted(inner.items())), [], talk, is_answer=True)
+        return
     collection = collections.Collection.open(folder)
-    collections.write_table(collection.rows(), collection.layout.table)
-    tell_status(collection, talk, is_answer=True)
+    for each in (collection, *inner.values()):
+        collections.write_table(each.rows(), each.layout.table)
+    tell_status(collection, talk, inner=inner, is_answer=True)
 
 
 @collect.command
@@ -443,14 +457,23 @@ def tell_status(
     talk: Talk,
     landmarks: Mapping[str, Any] | None = None,
     *,
+    inner: Mapping[str, collections.Collection] = MappingProxyType({}),
     is_answer: bool = False,
 ) -> None:
-    """Tell how far a collection is, in words or as JSON, with the landmarks that were carried."""
+    """Tell how far a collection is, in words or as JSON, with the landmarks that were carried, and what was added."""
     # as an answer, with all files that were damaged; a run has just compared most of them
     status = status_of(collection, collections.KEPT if is_answer else ("landmarks",))
     if landmarks:
         status["landmarks"] = landmarks
-    talk.result(status, lambda: _say_status(status, collection.layout), is_answer=is_answer)
+    status |= {name: status_of(each) for name, each in inner.items()}
+
+    def summary() -> None:
+        _say_status(status, collection.layout)
+        for name, each in inner.items():
+            say(name, "bold")
+            _say_status(status[name], each.layout)
+
+    talk.result(status, summary, is_answer=is_answer)
 
 
 def status_of(collection: collections.Collection, folders: Iterable[str] = ()) -> dict[str, Any]:

@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 
 from isomatch.assets import mesh_from
-from isomatch.collections.cohort import OTHERS, checked_units, common_unit, scales_of
+from isomatch.collections.cohort import OTHERS, checked_units, common_unit, scales_of, told_unit
 from isomatch.collections.collection import Collection
 from isomatch.collections.finish import surfaces_written
 from isomatch.collections.ledger import Record, Rows
 from isomatch.collections.plan import Layout
 from isomatch.collections.shapes import Entry, entries_of
 from isomatch.errors import InputError, IsomatchError, MeshError, SettingError
-from isomatch.statistics import ShapeModel, likely_units, size_factors, told_factor
+from isomatch.statistics import ShapeModel, size_factors
 
 SAME_SURFACE = 1e-4  # of the size: how far the template may be from where the model has it; files are of single precision
 
@@ -220,9 +220,7 @@ def _in_other_units(
     for name, area in areas.items():
         factor = float(size_factors(np.array([*sizes, area**0.5]))[-1])
         if factor != 1 and name not in known:
-            units = likely_units(factor)
-            remedy = f"--units {name}={units[0] if units else 'UNIT'}"
-            problems.append(f"{name} {told_factor(factor)} ({remedy})")
+            problems.append(f"{name} {told_unit(name, factor)}")
     return problems
 
 

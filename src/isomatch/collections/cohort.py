@@ -95,11 +95,16 @@ def _in_other_units(collection: Plan, rows: Rows) -> Iterator[Outlier]:
         if is_unclear and name in named:
             remedy = f"is said to be in {collection.units[name]}, which fits no unit of the others; give theirs, too"
         elif factor != 1:
-            units = likely_units(factor)
-            remedy = f"{told_factor(factor)} (--units {name}={units[0] if units else 'UNIT'})"
+            remedy = told_unit(name, factor)
         else:
             continue
         yield Outlier("units", name, remedy)
+
+
+def told_unit(name: str, factor: float) -> str:
+    """Tell how many times the size of the others a shape has, and what to give if that is its unit."""
+    units = likely_units(factor)
+    return f"{told_factor(factor)} (--units {name}={units[0] if units else 'UNIT'})"
 
 
 def _mirrored(collection: Plan, rows: Rows) -> Iterator[tuple[str, str]]:
