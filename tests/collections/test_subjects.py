@@ -1,8 +1,10 @@
 """Subjects of several surfaces: what is refused or named before anything is matched, runs, contacts that are kept."""
 
 import csv
+import errno
 import json
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -179,6 +181,42 @@ def test_what_lies_on_another_starts_from_its_map(tmp_path):
     bone.layout.ledger().unlink()
     list(alone.run(jobs=1))
     assert not any("led_by" in row for row in alone.rows().pairs.values())
+
+
+@pytest.mark.long
+@pytest.mark.usefixtures("in_threads", "coarse_pictures")
+def test_after_a_disk_was_full_at_any_file_subjects_are_continued(tmp_path, monkeypatch, capsys):
+    """After each file in turn was written, the disk is full; in the end all is as if it had not been."""
+    argv = [
+        "collect",
+        str(with_a_sheet(tmp_path)),
+        "--config",
+        str(tmp_path / "quick.toml"),
+        "--reports",
+        "none",
+    ]
+    (tmp_path / "quick.toml").write_text(QUICK)
+    assert main([*argv, "-o", str(tmp_path / "once")]) == 0
+    moved, seen, out = Path.replace, set(), tmp_path / "out"
+
+    def moved_and_full(path, to):
+        moved(path, to)
+        if (file := tuple(part for part in to.parts if "unfinished" not in part)) not in seen:
+            seen.add(file)
+            raise OSError(errno.ENOSPC, "No space left on device")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Path, "replace", moved_and_full)
+        while main([*argv, "-o", str(out)]):
+            assert "No space left" in capsys.readouterr().err
+    assert len(seen) > 20
+    files = {
+        name: [*Path(tmp_path / name).glob("**/*.ply"), tmp_path / name / "contacts.csv"]
+        for name in ("once", "out")
+    }
+    once, then = ({str(f.relative_to(tmp_path / n)): f.read_bytes() for f in own} for n, own in files.items())
+    assert once == then
+    assert not list(out.glob("**/.*"))
 
 
 def sheets(shift):
