@@ -294,7 +294,7 @@ class Asset:
 
     @property
     def needs_doubles(self) -> bool:
-        """Whether floats of 32 bits would move points by more than `TOLD` of the mean edge."""
+        """Whether floats of 32 bits would move points by more than ``TOLD`` of the mean edge."""
         return bool(self.rounding().max(initial=0) > TOLD * self.mean_edge > 0)
 
     @cached_property

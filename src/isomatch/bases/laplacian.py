@@ -59,7 +59,7 @@ def factorised(stiffness: csc_array, diagonal: FloatArray) -> Callable[[FloatArr
 def factorised_for_threads(
     stiffness: csc_array, diagonal: FloatArray, dtype: type[np.floating[Any]] = np.float64
 ) -> Callable[[FloatArray], AnyArray]:
-    """As `factorised`, for up to WIDTH right-hand sides; in single precision in half the time.
+    """As ``factorised``, for up to WIDTH right-hand sides; in single precision in half the time.
 
     What it returns may be kept, and used by several threads: the memory of SuperLU's own factors is lost if another
     thread than that which made them lets go of them.

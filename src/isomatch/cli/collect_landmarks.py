@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
 from math import nan
 from os.path import isfile
@@ -45,6 +45,7 @@ class Semilandmarks:
 SUFFIXES = (".mrk.json", ".json", ".fcsv", ".pp", ".csv", ".txt")
 ERRORS = ("specimen", "landmark", "expected_error", "spread", "error")  # columns of the table of errors
 LEAST_PLACED = 0.5  # share of the landmarks of a shape that slide
+LEAST_SURE = 3  # landmarks that are named
 SLID = ("specimen", "mean", "largest", "energy_before", "energy_after")  # columns of that of distances
 
 
@@ -154,6 +155,7 @@ def write_all(
         "templates": sorted(files),
         "shapes": list(points),
         "expected_error": {n: float(np.nanmedian(e)) for n, e in errors.items() if np.isfinite(e).any()},
+        "check_first": _least_sure(points.values()),
         "mean_spread": {name: float(np.nanmean(each)) for name, each in spread.items()},
         "largest_spread": {name: points[name].names[np.nanargmax(each)] for name, each in spread.items()},
         "left_out_errors": {name: _described(each) for name, each in left_out.items()},
@@ -169,11 +171,27 @@ def write_all(
     }
 
 
+def _least_sure(points: Collection[isomatch.Landmarks]) -> dict[str, float]:
+    """Give the landmarks with the largest expected errors, and their medians over the shapes."""
+    errors: dict[str, list[float]] = {}
+    for each in points:
+        for name, error in zip(each.names, each.expected_error.tolist()):
+            if np.isfinite(error):
+                errors.setdefault(name, []).append(error)
+    medians = {name: float(np.median(own)) for name, own in errors.items()}
+    return dict(sorted(medians.items(), key=lambda item: -item[1])[:LEAST_SURE])
+
+
 def say_landmarks(record: dict[str, Any]) -> None:
     """Print what `write_all` did."""
     n = len(record["templates"])
     start = f"wrote the landmarks of {len(record['shapes'])} shapes to {record['folder']}"
     say(f"{start}, from {n} template{'s' * (n != 1)}")
+    if first := record["check_first"]:
+        which = ", ".join(f"{name} ({error:.3g})" for name, error in first.items())
+        say(
+            f"check first, by their expected errors in the units of the files: {which}; look at landmarks.png"
+        )
     for name, mean in record["mean_spread"].items():
         say(f"{name}: mean spread {mean:.4g}, largest at {record['largest_spread'][name]}")
     for name, error in record["left_out_errors"].items():

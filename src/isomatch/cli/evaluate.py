@@ -38,7 +38,7 @@ def evaluate(
 ) -> None:
     """Score a map of any tool: geodesic errors on the target, in √(target area), as in the Princeton benchmark.
 
-    Without a truth, `isomatch evaluate MAP SOURCE TARGET` tells what speaks for the map: how differently the surfaces
+    Without a truth, ``isomatch evaluate MAP SOURCE TARGET`` tells what speaks for the map: how differently the surfaces
     look around points and their images, and how much they bend to lie on each other. Of two maps of the same shapes, that
     of lower cost is nearly always the better one.
 

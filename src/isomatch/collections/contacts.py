@@ -80,7 +80,7 @@ def contacts_kept(
     -----
     Points touch that are nearer than 0.1 √area. A vertex b was nearest to the point p of the larger structure; in each
     subject it moves by p − q, where q is now nearest to it, then back to its surface, four times. Movements u are smooth:
-    they minimise Σ w |u − (p − q)|² + Σ |u_i − u_j|² + μ Σ |u|², with weights w that fall to 0 at twice the distance, and
+    they minimise Σ w ‖u − (p − q)‖² + Σ ‖u_i − u_j‖² + μ Σ ‖u‖², with weights w that fall to 0 at twice the distance, and
     μ so that u falls off within 0.1 √area.
 
     Examples

@@ -91,7 +91,7 @@ def _figure(collection: Collection, name: str, rows: Rows, lines: Mapping[str, M
     if float(line.get("turned") or 0) > MOST_TURNED:
         problems.append(f"{float(line['turned']):.1%} of the faces are turned over")
     if int(line.get("extended") or 0):
-        problems.append(f"{line['extended']} vertices without counterpart")
+        problems.append(f"{line['extended']} vertices of the template without counterpart")
     picture = collection.layout.thumbnail(name)
     image = f'<img src="{_link(collection, picture)}" alt="" loading=lazy>' if picture.exists() else "<i></i>"
     problem = f"<small>{escape('; '.join(problems))}</small>" if problems else ""

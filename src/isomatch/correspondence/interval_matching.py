@@ -83,7 +83,7 @@ class IntervalCost:
         return np.asarray(costs / (self.soft + upper))
 
     def terms(self, points: Intervals, weights: AnyArray) -> Terms:
-        """Prepare distances (p, m) of p points from m for `_costs`, in the precision of the intervals."""
+        """Prepare distances (p, m) of p points from m for ``_costs``, in the precision of the intervals."""
         (lower, upper), number = points, points.upper.dtype.type
         tolerance, inside, most, soft = map(number, (self.tolerance, self.inside, self.most, self.soft))
         bounds = lower * (1 - tolerance), upper * (1 + tolerance), upper

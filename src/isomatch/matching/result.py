@@ -432,7 +432,8 @@ _ADVICE = {
     Outcome.PARTIAL: (
         "One shape is a part of the other, both are parts of one body, or one has further components; what has no "
         "counterpart is marked unmatched (−1). "
-        "The notes say what is missing. Landmarks on two components make them partners."
+        "The notes say what is missing. Landmarks on two components make them partners; if the picture looks wrong, give "
+        "three to five at extremities."
     ),
     Outcome.CONVERGED: "The evidence agrees on one map.",
 }

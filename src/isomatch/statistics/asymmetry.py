@@ -106,7 +106,7 @@ def asymmetry(
     -----
     Klingenberg, Barluenga & Meyer, *Shape analysis of symmetric structures*, Evolution 2002; of paired organs
     Klingenberg & McIntyre 1998. With sᵢ and aᵢ half of the sum and of the difference of a shape and its mirror image,
-    the squares 2 Σ |sᵢ − s̄|², 2 m |ā|² and 2 Σ |aᵢ − ā|² add up to all. Degrees of freedom are counted in shapes, as
+    the squares 2 Σ ‖sᵢ − s̄‖², 2 m ‖ā‖² and 2 Σ ‖aᵢ − ā‖² add up to all. Degrees of freedom are counted in shapes, as
     surfaces have about as many symmetric as asymmetric directions; in the F of sides they cancel. O(m² n) time.
 
     Examples
