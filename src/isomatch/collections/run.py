@@ -49,11 +49,6 @@ MOST_PAIRS = 64  # of a tile, whose rows come when all of it is done
 TILES_PER_WORKER = 4  # so that the last ones end at about the same time
 LOADED = 256 * 2**20  # bytes of files of prepared shapes that a worker keeps; a match itself needs more
 HASHES = ("source_hash", "target_hash")  # in rows of pairs
-LED = {
-    "hypotheses": "given",
-    "start": "auto",
-    "part": "none",
-}  # settings of a match that starts from the map of a leader
 CARRIERS = 1500  # points of the leader that carry others along
 REFLECTED = "reflected before it was prepared, x → −x; vertices and faces keep their numbers"
 logger = logging.getLogger(__name__)
