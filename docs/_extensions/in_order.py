@@ -3,7 +3,7 @@
 ORDER = [
     *("match_two_meshes", "landmarks", "symmetric_shape", "part_to_whole", "damaged_scan"),
     *("pinned_landmarks", "from_another_map", "prepare_once", "point_cloud", "other_species"),
-    *("live_report", "confidence", "where_shapes_differ", "wrong_map", "compare_with_pyfm"),
+    *("live_report", "confidence", "where_shapes_differ", "compare_with_pyfm"),
     *(
         "carry_labels",
         "carry_a_texture",

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from isomatch import Mesh, PointCloud, match
+from isomatch import PointCloud, match
 from isomatch.datasets import ground_truth
 from isomatch.view import (
     ValuePanel,
@@ -18,7 +18,6 @@ from isomatch.view import (
     surface_image,
     to_screen,
 )
-from isomatch_lab.damage import view
 from isomatch_lab.procedural import creature, organ, organ_truth
 
 HERE = Path(__file__).parent
@@ -34,32 +33,11 @@ def drawn(name, source, target, result, truth, highest=0.5):
     print(f"{name}: {result.outcome.name}, mean error {np.nanmean(error):.3f} √area", flush=True)
 
 
-def single_view():
-    """One view of a biped."""
-    whole, posed = creature(3000, kind="biped"), creature(3000, kind="biped", pose=2, triangulation=1)
-    seen = view(posed.mesh, seed=2)
-    truth = ground_truth(posed, whole).vertices[seen.original]
-    drawn("failure_view", seen.mesh, whole.mesh, match(seen.mesh, whole.mesh), truth)
-
-
 def without_faces():
     """A symmetric body as points: left and right cannot be told apart."""
     source, target = (creature(3000, symmetric=True, pose=p, triangulation=p) for p in (1, 2))
     result = match(PointCloud(source.mesh.vertices), target.mesh)
     drawn("failure_points", source.mesh, target.mesh, result, ground_truth(source, target).vertices)
-
-
-def stretched():
-    """The same animal, three times as long."""
-    source, target = creature(3000, pose=1), creature(3000, pose=1, triangulation=1)
-    long = Mesh(target.mesh.vertices * [1, 3, 1], target.mesh.faces)
-    drawn(
-        "failure_stretched",
-        source.mesh,
-        long,
-        match(source.mesh, long),
-        ground_truth(source, target).vertices,
-    )
 
 
 def round_shape():
@@ -82,5 +60,5 @@ def turned():
 
 
 if __name__ == "__main__":
-    for each in (single_view, without_faces, stretched, round_shape, turned):
+    for each in (without_faces, round_shape, turned):
         each()
