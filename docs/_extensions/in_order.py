@@ -10,6 +10,7 @@ ORDER = [
         "one_topology",
         "mean_and_modes",
         "save_and_load",
+        "other_programs",
         "blender_shape_keys",
     ),
     *("distances_without_matrix", "canonical_form", "own_engine", "own_descriptor", "own_matcher"),
