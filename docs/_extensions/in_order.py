@@ -3,13 +3,14 @@
 ORDER = [
     *("match_two_meshes", "landmarks", "symmetric_shape", "part_to_whole", "damaged_scan"),
     *("pinned_landmarks", "from_another_map", "prepare_once", "point_cloud", "other_species"),
-    *("live_report", "confidence", "where_shapes_differ", "wrong_map", "compare_with_pyfm"),
+    *("live_report", "confidence", "where_shapes_differ", "compare_with_pyfm"),
     *(
         "carry_labels",
         "carry_a_texture",
         "one_topology",
         "mean_and_modes",
         "save_and_load",
+        "other_programs",
         "blender_shape_keys",
     ),
     *("distances_without_matrix", "canonical_form", "own_engine", "own_descriptor", "own_matcher"),

@@ -174,3 +174,12 @@ def test_what_is_no_prepared_shape(tmp_path, prepared_example, result):
     result.save(path)
     with pytest.raises(FormatError, match="prepared"):
         PreparedShape.load(path)
+
+
+def test_a_result_becomes_a_mesh_of_pyvista(prepared_example, result):
+    pytest.importorskip("pyvista")
+    source, target = (shape.surface for shape in prepared_example)
+    mesh = result.to_pyvista(source, target)
+    np.testing.assert_array_equal(mesh.point_data["image"], result.map.vertices)
+    np.testing.assert_allclose(mesh.point_data["expected error"], result.expected_error)
+    assert mesh.n_points == source.n_vertices

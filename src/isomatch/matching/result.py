@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch.assets import SurfaceLike
+from isomatch.assets import Asset, Attribute, SurfaceLike, mesh_from, to_pyvista
 from isomatch.correspondence import UNMATCHED, Correspondence, wrap
 from isomatch.errors import FormatError, InputError
 from isomatch.loading.first_use import Shown, view_room
@@ -264,6 +264,14 @@ class MatchResult(Shown):
         """Bend the source onto the target, see `isomatch.wrap`; `MapError` if other surfaces were matched."""
         return wrap(self.map, source, target).mesh
 
+    def to_pyvista(self, source: SurfaceLike = None, target: SurfaceLike = None) -> Any:
+        """Make a ``pyvista.PolyData`` of the source, a mesh, with its images and expected errors as point data."""
+        values = {"image": self.map.vertices, "expected error": self.expected_error}
+        mesh = mesh_from(self.map.surfaces(source, target)[0])
+        return to_pyvista(
+            Asset.of_mesh(mesh, [Attribute(k, "point", "scalar", v) for k, v in values.items()])
+        )
+
     def save(self, path: str | Path) -> None:
         """Write all, with the maps of the alternatives, to an ``.npz`` file; `Correspondence.load` reads its map."""
         stacked = {}
@@ -427,7 +435,7 @@ _ADVICE = {
     Outcome.SYMMETRY_AMBIGUOUS: (
         "A second, symmetric map fits as well, or the priors led to the mirror image. If sides matter, give landmarks: "
         "three to five pairs, at least one on one side only (a left hand, a right ear), and say which orientation "
-        "is meant; or start = 'pose' if the shapes are roughly aligned in space."
+        "is meant; or start = 'pose' with hypotheses = 'given' if the shapes are roughly aligned in space."
     ),
     Outcome.PARTIAL: (
         "One shape is a part of the other, both are parts of one body, or one has further components; what has no "
