@@ -160,7 +160,6 @@ def kidney():
     case = turned("kidney")
     case.then = {
         "--start pose": by(start="pose"),
-        "--start pose --hypotheses given": by(start="pose", hypotheses="given"),
         "alternative 1": chosen,
         "five landmarks": landmarks,
     }

@@ -435,7 +435,7 @@ _ADVICE = {
     Outcome.SYMMETRY_AMBIGUOUS: (
         "A second, symmetric map fits as well, or the priors led to the mirror image. If sides matter, give landmarks: "
         "three to five pairs, at least one on one side only (a left hand, a right ear), and say which orientation "
-        "is meant; or start = 'pose' with hypotheses = 'given' if the shapes are roughly aligned in space."
+        "is meant; or start = 'pose' if the shapes are roughly aligned in space."
     ),
     Outcome.PARTIAL: (
         "One shape is a part of the other, both are parts of one body, or one has further components; what has no "

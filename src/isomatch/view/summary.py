@@ -37,7 +37,7 @@ _TOLD = {
     Outcome.SYMMETRY_AMBIGUOUS: (
         "Two maps fit equally well; this is one of them.",
         "If left or right, front or back matter: choose another in the report, click three to five landmark pairs there, "
-        "or match with --start pose and --hypotheses given if both lie alike in space.",
+        "or match with --start pose if both lie alike in space.",
     ),
     Outcome.PARTIAL: (
         "The shapes match in what they have in common; the rest is left out.",

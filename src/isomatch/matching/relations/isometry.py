@@ -48,11 +48,13 @@ from isomatch.matching.search import (
 )
 from isomatch.matching.selection import (
     ENERGY_NOISE,
+    LANDMARK_SLACK,
     SCORE_NOISE,
     Rules,
     Selection,
     contenders,
     distances_between,
+    nearest_to_priors,
     ranked,
     select,
     survivors,
@@ -360,6 +362,7 @@ class Isometry(Relation):
             return selection
         fits = (first, *selection.runners_up)
         tied = [fit for fit in fits if fit.score <= tie * first.score and fit.side == first.side]
+        tied = nearest_to_priors(tied, LANDMARK_SLACK)  # where shapes lie in space, if that was said to count
         if len(tied) == 1:
             return selection
         costs = [verifier_of(self.pair)(self._image(fit)).cost for fit in tied]
