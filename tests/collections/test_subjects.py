@@ -108,6 +108,12 @@ def test_strangers(folder):
         subject_collections(folder.parent / "out", structures_of(folder), template="x9")
 
 
+def test_a_broken_file_is_left_to_its_collection(folder):
+    (folder / "s1" / "cap.ply").write_text("no mesh")
+    made = subject_collections(folder.parent / "out", structures_of(folder), template="s1")
+    assert made.keys() == {"bone", "cap"}
+
+
 @pytest.mark.usefixtures("in_threads", "coarse_pictures")
 def test_from_files_to_shapes(folder, capsys):
     (folder / "s3" / "cap.ply").unlink()
@@ -118,6 +124,8 @@ def test_from_files_to_shapes(folder, capsys):
     assert main(argv) == 0
     told = json.loads(capsys.readouterr().out)
     assert {name: own["pairs"]["done"] for name, own in told["structures"].items()} == {"bone": 4, "cap": 3}
+    assert main(["collect", "status", str(out), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["structures"].keys() == told["structures"].keys()
     shapes = read_shapes(out)
     assert (shapes.names, [*shapes.structures]) == (SUBJECTS, ["bone", "cap"])
     assert shapes.seen[2].sum() == shapes.structures["bone"]

@@ -18,9 +18,7 @@ from isomatch.values.arrays import BoolArray, FloatArray
 
 TOUCHING = 0.1  # √area of the smaller of two structures: points nearer to the other touch it
 LEAST_TOUCHING = 0.2  # share of the area of the smaller one that has to touch the other
-LEAST_HELD = (
-    0.6  # the same, for points to be kept together: sheets and shells have more, joints that slide less
-)
+LEAST_HELD = 0.6  # the same, for points to be kept together: sheets have more, joints that slide less
 REACH = 0.1  # √area: how far beyond the contact points are still moved
 ROUNDS = 4  # the slip of knee cartilage hardly falls in further ones
 SLIPPED = 0.5  # √area of a vertex: a point that still slips by more has no counterpart
@@ -46,7 +44,10 @@ class _Contact(NamedTuple):
 
 
 def beneath(meshes: Mapping[str, Mesh]) -> dict[str, str]:
-    """Find the larger structure on which each lies that touches one by 0.6 of its area, as cartilage its bone."""
+    """Find the larger structure on which each lies that touches one by 0.6 of its area, as cartilage does its bone.
+
+    The largest of those that lie on another come first.
+    """
     contacts = _contacts_of(meshes, LEAST_HELD)
     return {name: max(own, key=lambda each: each.area).other for name, own in contacts.items() if own}
 
@@ -137,8 +138,9 @@ def _smoothing(mesh: Mesh, contact: _Contact) -> Callable[[FloatArray], FloatArr
     """Return what makes movements (n, 3) of all points of a structure of those of the points that touch."""
     # the minimum of Σ w |u − d|² + Σ |u_i − u_j|² + μ Σ |u|² solves (W + L + μ I) u = W d; along a line u″ = μ u beyond
     # the contact, in edges, and an edge is about as long as the root of the area of a vertex: μ = (edge / reach)²
-    ends = np.unique(np.sort(mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)), axis=0)
-    links = coo_array((np.ones(len(ends)), ends.T), shape=(mesh.n_vertices, mesh.n_vertices)).tocsr()
+    links = coo_array(
+        (np.ones(len(mesh.edges)), mesh.edges.T), shape=(mesh.n_vertices, mesh.n_vertices)
+    ).tocsr()
     fading = np.clip(2 - contact.distances, 0, 1)
     weights = fading**2 * (3 - 2 * fading)
     stiffness = 1 / (mesh.n_vertices * REACH**2)

@@ -87,12 +87,15 @@ def subject_collections(
     named = [] if reflect in (None, "auto") else list(reflect or ())
     if strangers := {*named, *(units or ()), template} - names - {OTHERS, None}:
         raise InputError(f"{', '.join(map(str, strangers))}: no subjects; give names such as {min(names)}")
-    whole = template or max(names, key=lambda name: sum(name in files for files in found.values()))
-    below = beneath(
-        {structure: mesh_from(files[whole]) for structure, files in found.items() if whole in files}
-    )
+    in_order = sorted(names, key=natural_order)
+    whole = template or max(in_order, key=lambda name: sum(name in files for files in found.values()))
+    meshes = dict[str, Mesh]()
+    for structure, files in found.items():
+        with suppress(IsomatchError, KeyError):  # its collection tells what is wrong with a file
+            meshes[structure] = mesh_from(files[whole])
+    below = beneath(meshes)  # larger ones first
     made = dict[str, Collection]()
-    for structure in sorted(found, key=lambda each: _depth(each, below)):
+    for structure in (*(each for each in found if each not in below), *below):
         files = found[structure]
         made[structure] = Collection.create(
             Path(folder) / structure,
@@ -104,11 +107,6 @@ def subject_collections(
             **options,
         )
     return made
-
-
-def _depth(structure: str, below: Mapping[str, str]) -> int:
-    """How many structures it lies on, one on another."""
-    return 1 + _depth(below[structure], below) if structure in below else 0
 
 
 def finish_subjects(
