@@ -86,7 +86,7 @@ def asymmetry(
         for line in first:
             complain(line)
         maps, about, unsure = list[Correspondence](), [dict[str, Any]()] * len(cohort), ""
-        scanned = bool(pairs)
+        scans = Collection.open(shapes) if Layout(shapes).plan.exists() else None
         if pairs:
             named = [(row.get("left") or "", row.get("right") or "") for row in read_csv(pairs)]
             both = shape_statistics.paired_sides(cohort, named)
@@ -98,8 +98,6 @@ def asymmetry(
         else:
             hints = landmarks and isomatch.read_landmarks(landmarks, cohort.mesh(0), cohort.mesh(0))
             how = {"landmarks": hints, "config": read_config(config), "seed": seed}
-            scans = Collection.open(shapes) if Layout(shapes).plan.exists() else None
-            scanned = scans is not None
             maps, about, unsure = _matched(cohort, scans, how, notes, part(tell, 0.1, 0.8))
         both = both if pairs else cohort.mirrored(maps)
         tell("comparing", 0.8)
@@ -110,7 +108,7 @@ def asymmetry(
             "of": str(shapes),
             "symmetry": "matching" if pairs else "object",
             "n_individuals": len(set(of)),
-            "in_one_topology": not scanned,
+            "in_one_topology": not pairs and not scans,
             "scale": scale,
             "seed": seed,
             "shapes": [line | more for line, more in zip(lines, about)],
@@ -159,23 +157,26 @@ def _matched(
     The surface in its file is matched, where there is one: in one topology, maps go wrong alike in all.
     """
     maps, about, unsure = list[Correspondence](), list[dict[str, Any]](), list[str]()
-    whole = shape_statistics.filled(cohort, cohort.area_weights, "remove")
+    whole, rows = shape_statistics.filled(cohort, cohort.area_weights, "remove"), scans and scans.rows()
     for i, name in enumerate(cohort.names):
         mesh = scan = whole.mesh(i)
-        if scans and cohort.seen[i].all():
+        if scans and rows and cohort.seen[i].all():
             try:
-                scan = surface_as_written(scans, name)
+                scan = surface_as_written(scans, rows, name)
             except FormatError as error:
                 notes.append(f"{name} is matched in the topology of all, where maps go wrong alike: {error}")
         progress = part(tell, i / len(cohort), (i + 1) / len(cohort))
         marks = how["landmarks"]
-        if marks is not None:
+        if marks is not None and scan is not mesh:
             marks = cKDTree(scan.vertices).query(mesh.vertices[marks])[1]
         result = shape_statistics.left_right_map(scan, progress=progress, **how | {"landmarks": marks})
-        places = nearest_on_surface(scan, mesh.vertices)
-        maps.append(_onto(mesh, places.interpolated(result.map.pull_back(scan.vertices))))
+        there, expected = result.map, result.expected_error
+        if scan is not mesh:
+            places = nearest_on_surface(scan, mesh.vertices)
+            there = _onto(mesh, places.interpolated(there.pull_back(scan.vertices)))
+            expected = places.interpolated(expected[:, None])[:, 0]
+        maps.append(there)
         # half of an error reaches the middle of both sides
-        expected = places.interpolated(result.expected_error[:, None])[:, 0]
         of_both = float(np.sqrt(np.nansum(mesh.vertex_areas * (expected / 2) ** 2)))
         about.append({"outcome": result.outcome.value, "map_error": of_both})
         notes += [f"{name}: {note}" for note in result.notes if note.endswith("are left unmatched")]

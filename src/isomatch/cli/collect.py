@@ -9,7 +9,6 @@ from collections.abc import Iterable, Mapping
 from itertools import pairwise
 from os.path import isfile
 from pathlib import Path
-from types import MappingProxyType
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -194,19 +193,20 @@ def status(folder: Path, /, *, talk: Talk = TALK) -> None:
     """Tell how far a collection is, with the pairs that failed, from the ledgers of all shards; write its tables.
 
     Args:
-        folder: The folder of the collection.
+        folder: The folder of the collection, or of the collections of all structures.
     """
     plan = collections.Layout(folder).plan
-    inner = {
-        path.parent.name: collections.Collection.open(path.parent) for path in folder.glob(f"*/{plan.name}")
-    }
-    if inner and not plan.exists():
-        _tell_subjects(folder, dict(sorted(inner.items())), [], talk, is_answer=True)
-        return
-    collection = collections.Collection.open(folder)
-    for each in (collection, *inner.values()):
+    folders = [
+        path.parent for path in sorted(folder.glob(f"*/{plan.name}"))
+    ]  # of structures, or what was added
+    inner = {each.name: collections.Collection.open(each) for each in folders}
+    own = [] if inner and not plan.exists() else [collections.Collection.open(folder)]
+    for each in (*own, *inner.values()):
         collections.write_table(each.rows(), each.layout.table)
-    tell_status(collection, talk, inner=inner, is_answer=True)
+    if own:
+        tell_status(own[0], talk, inner=inner, is_answer=True)
+    else:
+        _tell_subjects(folder, inner, [], talk, is_answer=True)
 
 
 @collect.command
@@ -339,14 +339,17 @@ def add(
         )
     prior = ShapeModel.load(file)
     # no run of the collection may clear up there meanwhile
-    workers = collections.workers_of(executor, jobs)
-    with talk.progress() as tell, claimed(collection.layout.ledger()), workers as at_work:
+    with (
+        talk.progress() as tell,
+        claimed(collection.layout.ledger()),
+        collections.workers_of(executor, jobs) as workers,
+    ):
         more = collections.added(
             collection, new_shapes(new), model=prior, reflect=_names_of(reflect), units=_units_of(units)
         )
         there = more.of(name for name in more.names if more.paths[name].exists())  # others stay as they are
-        _follow(there.run(at_work), tell)
-        _write(more, reports, at_work, None, tell)
+        _follow(there.run(workers), tell)
+        _write(more, reports, workers, None, tell)
         rows, written = more.rows(), collections.surfaces_written(more)
         subjects = [name for name in more.names if name != more.template]
         scored = {
@@ -457,7 +460,7 @@ def tell_status(
     talk: Talk,
     landmarks: Mapping[str, Any] | None = None,
     *,
-    inner: Mapping[str, collections.Collection] = MappingProxyType({}),
+    inner: Mapping[str, collections.Collection] | None = None,
     is_answer: bool = False,
 ) -> None:
     """Tell how far a collection is, in words or as JSON, with the landmarks that were carried, and what was added."""
@@ -465,6 +468,7 @@ def tell_status(
     status = status_of(collection, collections.KEPT if is_answer else ("landmarks",))
     if landmarks:
         status["landmarks"] = landmarks
+    inner = inner or {}
     status |= {name: status_of(each) for name, each in inner.items()}
 
     def summary() -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from math import nan
 from os.path import isfile
@@ -171,7 +171,7 @@ def write_all(
     }
 
 
-def _least_sure(points: Collection[isomatch.Landmarks]) -> dict[str, float]:
+def _least_sure(points: Iterable[isomatch.Landmarks]) -> dict[str, float]:
     """Give the landmarks with the largest expected errors, and their medians over the shapes."""
     errors: dict[str, list[float]] = {}
     for each in points:

@@ -121,9 +121,8 @@ def finish(
     write_page(collection, rows, template, lines)
 
 
-def surface_as_written(collection: Collection, name: str) -> Mesh:
+def surface_as_written(collection: Collection, rows: Rows, name: str) -> Mesh:
     """Return the surface of a file where that in the topology of the template lies: reflected, in its units."""
-    rows = collection.rows()
     entry, factor = _entry(collection, rows, name), scales_of(collection.units, rows).get(name, 1.0)
     mesh = reflected(_mesh(entry)) if entry.reflected else _mesh(entry)
     return mesh.moved(factor * mesh.vertices)
