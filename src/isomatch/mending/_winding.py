@@ -33,6 +33,14 @@ def faces_to_rewind(mesh: Mesh) -> BoolArray:
     return to_rewind
 
 
+def wound_outward(mesh: Mesh) -> tuple[Mesh, BoolArray]:
+    """Rewind the faces that `faces_to_rewind` finds: the mesh, and which they are, (m,)."""
+    rewound = faces_to_rewind(mesh)
+    if not rewound.any():
+        return mesh, rewound
+    return Mesh(mesh.vertices, np.where(rewound[:, None], mesh.faces[:, [0, 2, 1]], mesh.faces)), rewound
+
+
 def shells(mesh: Mesh) -> tuple[BoolArray, BoolArray]:
     """Find the faces (m,) of nearly closed pieces: of solids, and of voids, which look inward and lie in a solid."""
     pieces = _pieces(mesh)

@@ -21,7 +21,7 @@ from isomatch.assets import (
     read_mesh,
 )
 from isomatch.errors import FormatError, SettingError
-from isomatch.mending._winding import faces_to_rewind
+from isomatch.mending._winding import wound_outward
 from isomatch.mending.base import base_of
 from isomatch.mending.check import OPENING, MeshReport
 from isomatch.mending.gaps import first_within, without_t_junctions
@@ -112,7 +112,7 @@ def repair(
     Of points without faces, those far from all others are removed.
 
     Vertices and faces keep their order, and no other vertex moves. A second repair changes nothing but, perhaps,
-    chambers.
+    chambers, and edges on which parted vertices have come to lie.
 
     Parameters
     ----------
@@ -218,17 +218,16 @@ def repair(
     new_index = np.where(kept, np.cumsum(kept) - 1, -1)[survivor]
 
     mended = Mesh(mesh.vertices[vertex_index], new_index[faces])
-    rewound = faces_to_rewind(mended) if orient else np.zeros(len(faces), dtype=bool)
-    if rewound.any():
-        faces = mended.faces.copy()
-        faces[rewound] = faces[rewound][:, [0, 2, 1]]
-        mended = Mesh(mended.vertices, faces)
+    mended, rewound = wound_outward(mended) if orient else (mended, np.zeros(len(faces), dtype=bool))
 
     contacts: tuple[IntArray, ...] = ()
     if orient and unmerge < np.inf and (asset is None or len(asset.parts) < 2):
         limbs = unmerged(mended, unmerge)
         contacts = tuple(vertex_index[seam] for seam in limbs.seams)
         mended, vertex_index = limbs.mesh, vertex_index[limbs.vertex_index]
+        if contacts:  # where limbs were merged, more than two faces met at an edge, and the winding went no further
+            mended, again = wound_outward(mended)
+            rewound ^= again
 
     cut: tuple[str, ...] = ()
     removals: list[tuple[str, Callable[[Mesh], BoolArray]]] = []
