@@ -6,6 +6,7 @@ import signal
 from functools import partial
 
 import pytest
+from hypothesis import settings
 from threadpoolctl import threadpool_limits
 
 import isomatch.statistics
@@ -14,6 +15,7 @@ from data import real_file
 from isomatch import Mesh, PointCloud, prepare
 from isomatch.datasets import example_pair, ground_truth
 from isomatch.matching import pair
+from isomatch.runtime.machine import kernels, processor, versions
 from isomatch.view import draw_map
 from small_collections import copied, finished, in_threads, small  # noqa: F401 - fixtures
 
@@ -57,6 +59,31 @@ LONGEST = (  # files in the order in which they are handed to workers, before al
     "matching/test_both.py",
     "cli/test_statistics.py",
 )
+
+
+settings.register_profile("the same each time", derandomize=True)  # `make fuzz` draws at random
+settings.load_profile("the same each time")
+
+
+def this_machine():
+    """What the last digits depend on."""
+    packages = versions(["numpy", "scipy", "numba", "hypothesis"])
+    return f"{processor()}; {kernels()}; " + ", ".join(f"{name} {number}" for name, number in packages.items())
+
+
+def pytest_sessionstart(session):
+    reporter = session.config.pluginmanager.get_plugin("terminalreporter")
+    if reporter and not hasattr(session.config, "workerinput"):
+        reporter.write_line(this_machine())
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item, call):
+    """A failure names the machine, so that it can be seen again elsewhere."""
+    report = yield
+    if report.failed:
+        report.sections.append(("Machine", this_machine()))
+    return report
 
 
 def pytest_collection_modifyitems(items):

@@ -5,14 +5,12 @@ from __future__ import annotations
 import os
 import platform
 import time
-from importlib.metadata import PackageNotFoundError, version
-
-import threadpoolctl
 
 import isomatch
 from isomatch import datasets
 from isomatch.cli.inputs import Json
 from isomatch.cli.terminal import say, say_json, say_table
+from isomatch.runtime.machine import kernels, processor, versions
 from isomatch.runtime.memory import GIB, memory_budget
 from isomatch.runtime.threads import n_threads
 
@@ -32,10 +30,11 @@ def info(*, json: Json = False) -> None:
     facts = {
         "isomatch": isomatch.__version__,
         "python": platform.python_version(),
-        **{name: _version(name) for name in NEEDED + OPTIONAL},
+        **versions(NEEDED + OPTIONAL),
         "platform": platform.platform(),
+        "processor": processor(),
         "threads": n_threads(),
-        "blas": _blas(),
+        "blas": kernels(),
         "numba_cache": os.environ.get("NUMBA_CACHE_DIR") or CACHES,
         "memory_budget_gib": round(memory_budget() / GIB, 1),
     }
@@ -43,20 +42,6 @@ def info(*, json: Json = False) -> None:
         say_json(facts)
         return
     say_table((name, str(value), SETTINGS.get(name, "")) for name, value in facts.items())
-
-
-def _version(distribution: str) -> str:
-    try:
-        return version(distribution)
-    except PackageNotFoundError:
-        return "not installed"
-
-
-def _blas() -> str:
-    import scipy.linalg  # noqa: F401 - only libraries that are loaded are listed
-
-    libraries = [pool for pool in threadpoolctl.threadpool_info() if pool["user_api"] == "blas"]
-    return ", ".join(f"{pool['internal_api']} {pool['version']}" for pool in libraries) or "not recognised"
 
 
 def warm() -> None:

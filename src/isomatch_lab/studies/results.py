@@ -29,10 +29,10 @@ import subprocess
 import sys
 import time
 from datetime import date
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from isomatch.runtime.machine import processor, versions
 from isomatch_lab.studies import published
 from isomatch_lab.studies.result_steps import STEPS, Step
 
@@ -64,18 +64,9 @@ def present_stamp(step: Step, root: Path = ROOT) -> Stamp:
         "source": source_hash(root / "src" / "isomatch"),
         "command": step.command,
         "scripts": hashlib.sha256(code).hexdigest()[:16],
-        "machine": machine(),
-        "versions": {name: version(name) for name in PACKAGES} | {"python": platform.python_version()},
+        "machine": processor(),
+        "versions": versions(PACKAGES) | {"python": platform.python_version()},
     }
-
-
-def machine() -> str:
-    """Processor and how many of them may be used."""
-    from isomatch.runtime.threads import processors
-
-    named = Path("/proc/cpuinfo")
-    model = re.search(r"model name\s*: (.+)", named.read_text(encoding="utf-8")) if named.exists() else None
-    return f"{model[1] if model else platform.machine()}, {processors()} processors"
 
 
 def revision(root: Path = ROOT) -> str:
