@@ -124,14 +124,15 @@ def test_order_place_orientation_and_size_do_not_matter(specimens, monkeypatch):
 def test_a_point_without_a_place_does_not_count(specimens):
     """Neither where all specimens lack it, nor where one does; without any fixed point, too."""
     places, meshes = specimens
-    without = slid_semilandmarks(places[:, 9:50], meshes, (), range(41))
-    lacking = places[:, 9:].copy()
-    lacking[:, 41:] = np.nan
-    slid = slid_semilandmarks(lacking, meshes, (), range(51))
-    assert np.isnan(slid.positions[:, 41:]).all()
-    np.testing.assert_allclose(slid.positions[:, :41], without.positions, atol=0.02)
-    lacking[1:, 41:] = places[1:, 50:]
-    one = slid_semilandmarks(lacking, meshes, (), range(51))
+    without = slid_semilandmarks(places[:, :50], meshes, (), range(9, 50))
+    lacking = places.copy()
+    lacking[:, 50:] = np.nan
+    slid = slid_semilandmarks(lacking, meshes, (), range(9, 60))
+    assert np.isnan(slid.positions[:, 50:]).all()
+    # steps are known to a hundredth; with no fixed point at all, where points go depends on the last digits
+    np.testing.assert_allclose(slid.positions[:, :50], without.positions, atol=0.02)
+    lacking[1:, 50:] = places[1:, 50:]
+    one = slid_semilandmarks(lacking[:, 9:], meshes, (), range(51))
     assert np.isfinite(one.positions).all(axis=2).sum() == 4 * 51 - 10
     assert (one.energy_after < one.energy_before).all()
 
