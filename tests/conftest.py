@@ -68,7 +68,9 @@ settings.load_profile("the same each time")
 def this_machine():
     """What the last digits depend on."""
     packages = versions(["numpy", "scipy", "numba", "hypothesis"])
-    return f"{processor()}; {kernels()}; " + ", ".join(f"{name} {number}" for name, number in packages.items())
+    return f"{processor()}; {kernels()}; " + ", ".join(
+        f"{name} {number}" for name, number in packages.items()
+    )
 
 
 def pytest_sessionstart(session):

@@ -103,6 +103,7 @@ CLAIMS = {
 }  # fmt: skip
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "what", some_later(CLAIMS, lambda what: what != "primitives" and "instances" not in what)
 )

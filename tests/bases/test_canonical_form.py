@@ -58,6 +58,7 @@ def test_poses_of_one_body_look_alike():
     assert procrustes(*forms)[2] < 0.5 * procrustes(one.vertices, other.vertices)[2]
 
 
+@pytest.mark.long
 def test_the_distance_basis_is_more_accurate_than_the_canonical_form():
     """From the same columns, with an error smaller by almost an order of magnitude."""
     mesh = creature(1500).mesh

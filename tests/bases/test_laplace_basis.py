@@ -261,6 +261,7 @@ print((resident_after(100) - before) / size)
 """
 
 
+@pytest.mark.long
 def test_factors_that_another_thread_made_give_their_memory_back():
     """In a process of its own, of which the memory tells of nothing else; SuperLU's own would leave one each."""
     told = subprocess.run([sys.executable, "-c", GROWN], capture_output=True, text=True, check=True)

@@ -119,6 +119,7 @@ def test_the_errors_of_maps_of_scans_are_not_directional(tmp_path, capsys):
     assert max(line["over_size"] for line in scanned["shapes"]) < 0.005
 
 
+@pytest.mark.long
 def test_left_and_right_organs(tmp_path, capsys):
     rng, names = np.random.default_rng(1), [f"{side}_{i}" for i in range(5) for side in ("left", "right")]
     radius = 2 + LUMP + 0.01 * rng.normal(size=(10, 2)) @ [X * Z, Y * Z]

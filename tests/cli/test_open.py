@@ -129,6 +129,7 @@ def matched_quickly(shapes, options):
     assert main(f"match a.ply b.ply -o out --config quick.toml --quiet {options}".split()) == 0
 
 
+@pytest.mark.long
 def test_the_map_back_is_kept_with_the_result_that_was_opened_alone(shapes, served):
     matched_quickly(shapes, "--both")
     before, back = (json.loads((shapes / "out" / "result.json").read_text()), shapes / "out" / "map_back.npz")
@@ -146,6 +147,7 @@ def test_the_map_back_is_kept_with_the_result_that_was_opened_alone(shapes, serv
     assert "back" not in json.loads((shapes / "out" / "result.json").read_text())
 
 
+@pytest.mark.long
 def test_the_mesh_file_of_a_result_that_was_opened_is_told_with_its_map_only(shapes, served):
     matched_quickly(shapes, "--as-mesh shared.ply --no-report")
     before, shared = (shapes / "shared.ply").read_bytes(), shapes / "shared.ply"

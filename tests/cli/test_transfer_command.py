@@ -149,6 +149,7 @@ def test_repair_says_what_it_changed_and_wrote(scan, capsys):
     ]
 
 
+@pytest.mark.long
 def test_a_target_that_cannot_be_read_is_refused_before_the_match(scan, capsys):
     (scan / "bad.obj").write_text((scan / "a.obj").read_text().replace("3/1", "3/7"))
     assert main(["match", "a.obj", "bad.obj", "-o", "result", "--as-mesh", "c.obj"]) == 1

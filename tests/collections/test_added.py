@@ -116,6 +116,7 @@ def test_nothing_is_done_twice_and_more_can_be_added(cohort, capsys):
         assert after[file] == before[file]
 
 
+@pytest.mark.long
 def test_what_was_added_stays_where_its_file_is_gone(cohort):
     own = cohort.folder.parent / "scan.ply"
     shutil.copy(cohort.files["b4"], own)
@@ -162,6 +163,7 @@ def test_bad_subjects_are_all_named_before_anything_is_matched(cohort, tmp_path,
     assert "no shapes" in refused(cohort, capsys)
 
 
+@pytest.mark.long
 def test_units_that_are_told(cohort, tmp_path, capsys):
     body = isomatch.read_mesh(cohort.files["b4"])
     isomatch.write_mesh(tmp_path / "b4.ply", body.moved(body.vertices / 25.4))
@@ -179,6 +181,7 @@ def test_units_that_are_told(cohort, tmp_path, capsys):
     assert main([*argv[:3], str(cohort.files["b5"]), "--units", "cm,b5=mm"]) == 0
 
 
+@pytest.mark.long
 def test_collections_and_models_that_do_not_serve(cohort, made, tmp_path, capsys):
     new = cohort.files["b4"]
     assert "is not finished: 3 shapes are not prepared" in unfinished(made, tmp_path / "a", new, 0)
@@ -219,6 +222,7 @@ def unfinished(made, folder, new, steps):
     return str(caught.value)
 
 
+@pytest.mark.long
 def test_the_template_and_what_was_added_must_be_those_of_the_collection(cohort, made, tmp_path):
     shutil.copy(made.files["b0"], tmp_path / "b0.ply")
     files = [tmp_path / "b0.ply", made.files["b1"]]
@@ -234,6 +238,7 @@ def test_the_template_and_what_was_added_must_be_those_of_the_collection(cohort,
         added(other, [made.files["b4"]])
 
 
+@pytest.mark.long
 def test_mirror_images(made, tmp_path):
     collection = Collection.create(
         tmp_path / "out", [made.files[n] for n in OLD], template="b0", config=made.config, reflect=["b0"]
@@ -251,6 +256,7 @@ def file_of(to):
     return f"{'' if to.parent.name.endswith('.unfinished') else to.parent.name}/{to.name}"
 
 
+@pytest.mark.long
 def test_after_a_disk_was_full_at_any_file_it_is_continued(cohort, monkeypatch):
     """After each file in turn was written, the disk is full."""
     before = digests(cohort.folder)

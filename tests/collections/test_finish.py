@@ -121,6 +121,7 @@ def test_a_template_that_changed_is_read_again(small, tmp_path):
         assert [isomatch.read_mesh(path).n_vertices for path in written] == [n, n]
 
 
+@pytest.mark.long
 def test_surfaces_that_were_written_are_known_though_the_rest_was_killed(copied, monkeypatch):
     monkeypatch.setattr(finish_module, "SAVED", 0.0)
     monkeypatch.setattr(finish_module, "AT_ONCE", 1)

@@ -269,6 +269,7 @@ def test_collect_carries_the_landmarks_of_the_template(small, marks, in_threads,
     assert (out / "landmarks" / "s2.mrk.json").exists()
 
 
+@pytest.mark.long
 def test_shapes_in_other_spaces_get_landmarks_in_their_own_and_tables_in_one(small, tmp_path, capsys):
     """One shape is in RAS, the others in LPS by their files: half a turn apart, as 3D Slicer writes either."""
     folder, turn = tmp_path / "shapes", np.array([-1.0, -1.0, 1.0])
@@ -336,6 +337,7 @@ def test_the_picture_has_a_dot_for_each_landmark_in_sight(finished, small, tmp_p
     assert drawn([[np.nan] * 3], 0.1) == 0
 
 
+@pytest.mark.long
 def test_patches_and_points_spread_over_the_first_template_slide_on_all_shapes(
     finished, small, marks, tmp_path, capsys
 ):
@@ -368,6 +370,7 @@ def test_patches_and_points_spread_over_the_first_template_slide_on_all_shapes(
     assert "give those of all shapes that have landmarks" in capsys.readouterr().err
 
 
+@pytest.mark.long
 def test_a_shape_that_fails_is_named_and_the_others_go_on(small, marks, tmp_path, capsys, caplog):
     folder = tmp_path / "shapes"
     shutil.copytree(small.shapes, folder)

@@ -94,6 +94,7 @@ def test_both_ways_round_cancel_a_drift_that_one_way_adds_up(ring, copied, capsy
     assert status(copied, capsys)["loop"] == {"open": [list(last)]}
 
 
+@pytest.mark.long
 def test_a_wrong_map_does_not_draw_frames_between_two_places(copied):
     maps = replace(copied.maps("frame4", "frame5"), there=slid(3, 4, 120), back=slid(4, 3, -120))
     maps.save(copied.layout.maps(("frame4", "frame5")))
@@ -103,6 +104,7 @@ def test_a_wrong_map_does_not_draw_frames_between_two_places(copied):
     assert told(copied, "ways") == ["1"] * M
 
 
+@pytest.mark.long
 def test_around_a_frame_that_failed_the_others_are_reached(copied, tmp_path, capsys):
     with writing_ledger(copied.layout.ledger()) as ledger:
         ledger.put_shape("frame4", {"state": "failed", "error": "no faces", "time": 2e9})

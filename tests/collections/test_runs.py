@@ -174,6 +174,7 @@ def test_a_failure_is_a_row_with_its_reason_and_can_be_tried_again(small, tmp_pa
     assert {row["state"] for row in collection.rows().pairs.values()} == {"done"}
 
 
+@pytest.mark.long
 def test_low_confidence_is_tried_with_another_seed_and_the_surer_map_is_kept(copied):
     pair = ("s0", "s1")
     low = copied.maps(*pair)

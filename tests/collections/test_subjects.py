@@ -155,6 +155,7 @@ def with_a_sheet(tmp_path, subjects=("s1", "s2", "s3")):
     return tmp_path / "in"
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("in_threads")
 def test_what_lies_on_another_starts_from_its_map(tmp_path):
     found = structures_of(with_a_sheet(tmp_path))

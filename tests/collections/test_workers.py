@@ -75,6 +75,7 @@ def test_an_interruption_leaves_no_worker():
     assert others.issuperset(active_children())
 
 
+@pytest.mark.long
 def test_an_interruption_spares_the_processes_of_others():
     def interrupted():
         with worker_processes(1) as pool:

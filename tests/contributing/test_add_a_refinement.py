@@ -102,6 +102,7 @@ def test_maps_are_measured_by_the_last_step_there_is(animals, relation, sizes):
         assert mean_error(found.map, target, truth) < 0.03
 
 
+@pytest.mark.long
 def test_a_map_that_was_not_measured_is_refused(animals):
     class Unmeasured(Upsampling):
         def __call__(self, relation, fit):

@@ -29,6 +29,7 @@ def animals(example):
     return tuple(made.mesh for made in example)
 
 
+@pytest.mark.long
 def test_it_finds_the_right_map(animals, example_truth):
     source, target = animals
     found = match(source, target, relation=BySpectralResidual())

@@ -131,6 +131,7 @@ def test_error_and_doubt_are_scalars_of_the_source(module, logic, models, result
     np.testing.assert_array_equal(np.flatnonzero(array(models[0], module.DOUBT)), [5, 6])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("to", ["target", "source"])
 def test_landmarks_go_from_world_to_world(logic, models, result, example, to):
     give, get = (0, 1) if to == "target" else (1, 0)

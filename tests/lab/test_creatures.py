@@ -113,6 +113,7 @@ def test_poses_are_near_isometric(resting, seed):
     assert 0.4 < ratio.min() < 0.95 < 1.05 < ratio.max() < 2.2, "it bends the body and tears nothing"
 
 
+@pytest.mark.long
 def test_natural_poses_do_not_self_intersect(resting):
     """Just outside the posed surface, its winding number is 0."""
     limbs = body(resting.kind)
@@ -252,6 +253,7 @@ def test_bad_arguments_are_named(arguments, message):
         creature(**{"n_vertices": 1500, **arguments})
 
 
+@pytest.mark.long
 def test_truth_needs_one_body(resting):
     with pytest.raises(InputError, match="symmetric"):
         ground_truth(resting, creature(1500, kind=resting.kind, symmetric=True))

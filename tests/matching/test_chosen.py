@@ -36,6 +36,7 @@ def test_what_was_chosen_is_the_map_and_the_map_before_the_first_alternative(fou
     assert np.median(apart) < 0.05 * np.sqrt(shape.area)
 
 
+@pytest.mark.long
 def test_the_result_before_is_not_kept(found):
     shape, result = found
     before = replace(result)

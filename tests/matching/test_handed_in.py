@@ -108,6 +108,7 @@ def test_relations_that_keep_the_orientation_say_so(bodies, relation, orientatio
         match(*bodies[:2], config=Config(orientation=orientation), relation=relation)
 
 
+@pytest.mark.long
 @OF_MESHES
 def test_relations_of_meshes_say_so(bodies, relation):
     source, target, _ = bodies

@@ -81,7 +81,8 @@ def off(image, marks, truth, target):
     return np.linalg.norm(apart, axis=1).mean() / np.sqrt(target.area)
 
 
-@pytest.mark.parametrize(("first", "second"), [(0, 2), pytest.param(2, 3, marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize(("first", "second"), [(0, 2), (2, 3)])
 def test_a_half_turn_of_pliers_is_told_and_offered(first, second):
     """Half a turn about the long axis keeps the orientation, and fits as well as the right map."""
     (source, marks), (target, truth) = pliers(first), pliers(second)

@@ -43,6 +43,7 @@ def with_flipped_signs(shape, seed):
     )
 
 
+@pytest.mark.long
 def test_target_relabelled_moved_and_scaled(example, prepared_example, plain, assert_same_map):
     other = disguised(example[1].mesh, seed=5, scale=1000.0)
     found = match(prepared_example[0], prepare(other.mesh))

@@ -80,6 +80,7 @@ def test_what_depends_on_the_threads_is_named():
         check_refinement(ByThreads(unchanged))
 
 
+@pytest.mark.long
 def test_the_number_of_threads_is_as_before(monkeypatch):
     monkeypatch.setenv("ISOMATCH_NUM_THREADS", "2")
     check_refinement(Changed(unchanged))

@@ -47,6 +47,7 @@ def test_numbers_place_and_size_change_nothing(shapes, right):
     assert found.descriptor_distance == pytest.approx(right.descriptor_distance, rel=0.01)
 
 
+@pytest.mark.long
 def test_turning_both_over_changes_nothing(shapes, right):
     source, target, truth, _ = shapes
     assert verify(inside_out(source), inside_out(target), truth).cost == pytest.approx(right.cost, rel=0.03)
@@ -73,6 +74,7 @@ def test_a_part_is_measured_where_it_has_images(shapes, right):
     assert found.cost < 3 * right.cost
 
 
+@pytest.mark.long
 def test_prepared_shapes_and_correspondences_are_taken(shapes, right):
     source, target, truth, _ = shapes
     one, other = prepare(source), prepare(target)

@@ -42,6 +42,7 @@ def found(fragments, whole):
     return match(*fragments[:2], via=whole)
 
 
+@pytest.mark.long
 def test_what_both_fragments_show_is_found_and_matched(fragments, found):
     source, target, truth = fragments
     image, has = found.map.vertices, truth >= 0

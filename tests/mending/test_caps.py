@@ -38,6 +38,7 @@ def test_a_sphere_cut_by_a_plane_gets_a_disc(sphere, height):
     assert lengths < 3, "the cap is as fine as the mesh"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("damage", [cut, holes])
 def test_the_mesh_comes_first_and_every_hole_is_closed(damage):
     mesh = damage(creature(2000).mesh, 0.3, seed=3).mesh

@@ -202,6 +202,7 @@ def test_a_handle_with_two_cut_paths_is_cut_once():
     assert handles(cut.mesh) == 0
 
 
+@pytest.mark.long
 def test_a_clean_body_has_nothing_to_cut():
     clean = body().mesh
     assert handles(clean) == 0

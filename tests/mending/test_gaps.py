@@ -83,6 +83,7 @@ def test_sound_meshes_have_no_such_gaps():
         assert not len(report.t_junctions)
 
 
+@pytest.mark.long
 def test_a_match_names_the_command_that_welds():
     body = creature(1500).mesh
     points = body.vertices[body.faces].reshape(-1, 3)
@@ -136,6 +137,7 @@ def on_a_plate(height=0.02):
     return together(plate, above), above
 
 
+@pytest.mark.long
 def test_a_plate_is_named_and_cut_along_its_rim():
     scan, above = on_a_plate()
     report = check(scan)
@@ -165,6 +167,7 @@ def test_outliers_of_a_cloud_are_found_and_left_out(share):
     assert any("far from all others" in change for change in mended.changes)
 
 
+@pytest.mark.long
 def test_a_match_of_a_cloud_leaves_outliers_out():
     points = np.vstack([creature(1500).mesh.vertices, [[50.0, 0, 0]]])
     shape = prepare(PointCloud(points))

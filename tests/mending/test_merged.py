@@ -166,6 +166,7 @@ def test_triangles_that_meet_in_points_only_are_left_alone():
     assert repair(strip).contacts == ()
 
 
+@pytest.mark.long
 def test_a_body_is_matched_with_its_limbs_apart_and_its_holes_closed():
     damaged = merged_hairpin(*MERGED[0])
     shape = prepare(damaged.mesh)

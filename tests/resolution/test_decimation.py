@@ -14,7 +14,6 @@ from isomatch.errors import MeshError, SettingError
 from isomatch.mending import check, repair
 from isomatch.resolution import decimate, decimations
 from isomatch.surfaces import Graph
-from later import some_later
 
 
 def torus(around: int = 60, along: int = 30, twist: bool = False) -> Mesh:
@@ -92,12 +91,9 @@ def test_the_topology_is_preserved(mesh, share):
         assert "wanted" in repr(coarse)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
-    "make",
-    some_later(
-        [partial(torus, 280, 250), partial(torus, 280, 250, twist=True), partial(flat_grid, 265, 265)],
-        lambda make: make.func is flat_grid,
-    ),
+    "make", [partial(torus, 280, 250), partial(torus, 280, 250, twist=True), partial(flat_grid, 265, 265)]
 )
 def test_blocks_preserve_the_topology_and_spread_the_vertices(make):
     """Large meshes are decimated block by block."""

@@ -203,6 +203,7 @@ def test_what_is_cancelled_leaves_no_result_and_the_next_match_waits_for_its_end
         assert page.settled()["revision"] == 1
 
 
+@pytest.mark.long
 def test_the_error_of_what_was_cancelled_is_not_that_of_the_next_match(shape):
     entered, go_on = Event(), Event()
 
@@ -229,6 +230,7 @@ def ended(job):
     assert job.is_over
 
 
+@pytest.mark.long
 def test_what_has_ended_when_it_is_cancelled_counts(shape):
     with serving((shape, shape)) as page:
         assert page.match()[0] == 202
@@ -237,6 +239,7 @@ def test_what_has_ended_when_it_is_cancelled_counts(shape):
         assert page.state()["revision"] == 1
 
 
+@pytest.mark.long
 def test_a_save_that_is_cancelled_and_ends_all_the_same_counts(shape):
     entered, go_on = Event(), Event()
 

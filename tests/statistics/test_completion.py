@@ -224,6 +224,7 @@ def test_steps_that_do_not_settle_are_an_error():
         _Fit.of(m, observed_vertices(m, half(m.mesh(m.scores[3])), noise=0.1), is_free=True, most=1)
 
 
+@pytest.mark.long
 def test_a_part_that_is_wound_inside_out_completes_to_the_same():
     _, shapes, m = bodies()
     shape = m.mesh().moved(shapes[0])

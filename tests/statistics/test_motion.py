@@ -77,6 +77,7 @@ def test_what_is_not_known_is_nan():
         surface_strain(flat, STRIP)
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("coarse_pictures")
 def test_the_command(tmp_path, capsys):
     ball, folder, argv = icosphere(2), tmp_path / "series", ["statistics", "time", str(tmp_path / "series")]

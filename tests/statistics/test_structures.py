@@ -138,6 +138,7 @@ def test_files_of_subjects(tmp_path):
         read_shapes(tmp_path / "corresponded")
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("coarse_pictures")
 def test_commands(tmp_path, capsys):
     shapes = without(stacked(subjects(poses=0.1)), {5: "tibia"})
@@ -173,6 +174,7 @@ def test_commands(tmp_path, capsys):
     assert "--hide and --align structure are" in " ".join(capsys.readouterr().err.split())
 
 
+@pytest.mark.long
 def test_a_known_structure_in_another_triangulation(tmp_path):
     blobs = [lopsided_blob(2, i, 0.02) for i in range(4)]
     femur = CorrespondedShapes("abcd", [blob.vertices for blob in blobs], blobs[0].faces)

@@ -139,6 +139,7 @@ def test_settings_that_differ_are_shown_with_their_defaults():
     assert words[at : at + 3] == ["rank", "40", str(Config().rank)]
 
 
+@pytest.mark.long
 def test_every_mesh_has_something_to_show():
     for specimen in zoo():
         html = specimen.mesh._repr_html_()

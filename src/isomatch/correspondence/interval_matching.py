@@ -272,10 +272,13 @@ def _grow(
     dearest, refused, apart, width = bounds
     one, total = np.float32(1), np.zeros(unary.shape[1], np.float32)
     variants, gains = np.full((width, len(region)), -1), np.full(width, NOTHING)
-    variants[0], gains[0] = region, one - unary[order[0], region[order[0]]]
+    for point in range(len(region)):
+        variants[0, point] = region[point]
+    gains[0] = one - unary[order[0], region[order[0]]]
     grown, parents, images = np.empty_like(gains), np.empty(width, np.int64), np.empty(width, np.int64)
     for point in order[1:]:
-        grown[:], parents[:], images[:] = gains, np.arange(width), -1
+        for i in range(width):
+            grown[i], parents[i], images[i] = gains[i], i, -1
         for i in range(width):
             if gains[i] <= NOTHING:
                 break
@@ -296,9 +299,11 @@ def _grow(
                     grown[at], parents[at], images[at] = grown[at - 1], parents[at - 1], images[at - 1]
                     at -= 1
                 grown[at], parents[at], images[at] = gain, i, k
-        variants, gains[:] = variants[parents], grown
-        variants[:, point] = images
-    region[:] = variants[0]
+        variants = variants[parents]
+        for i in range(width):
+            gains[i], variants[i, point] = grown[i], images[i]
+    for point in range(len(region)):
+        region[point] = variants[0, point]
     return float(gains[0])
 
 

@@ -136,13 +136,15 @@ def _conjugate_gradients(
         for i in range(n):
             for c in range(3):
                 now[c] += residual[i, c] ** 2 / total[i]
-        if iteration == 0:
-            first[:] = now
-        if (now <= PRECISION**2 * first).all():
+        is_near = True
+        for c in range(3):
+            first[c] = now[c] if iteration == 0 else first[c]
+            is_near &= now[c] <= PRECISION**2 * first[c]
+        if is_near:
             break
         for c in range(3):
             share[c] = now[c] / before[c] if iteration > 0 and before[c] > 0.0 else 0.0
-        before[:] = now
+            before[c] = now[c]
         for i in range(n):
             for c in range(3):
                 step[i, c] = residual[i, c] / total[i] + share[c] * step[i, c]
@@ -246,7 +248,8 @@ def turned(turn: FloatArray, covariances: FloatArray) -> FloatArray:
             step[0, 1], step[1, 0] = rest * x * y - sine * z, rest * x * y + sine * z
             step[2, 0], step[0, 2] = rest * z * x - sine * y, rest * z * x + sine * y
             step[1, 2], step[2, 1] = rest * y * z - sine * x, rest * y * z + sine * x
-            r[:] = rotations[i]
+            for k in range(9):
+                r[k // 3, k % 3] = rotations[i, k // 3, k % 3]
             _multiply(step, r, rotations[i])
             _multiply(rotations[i], covariances[i], m)
     return rotations

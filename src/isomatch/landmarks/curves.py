@@ -135,8 +135,8 @@ def _take_nearest(
                 gap = np.sqrt(gap)
                 if gap < apart[i]:
                     apart[i] = gap
-                    corners[i] = face
-                    barycentric[i] = 1.0 - s - t, s, t
+                    corners[i, 0], corners[i, 1], corners[i, 2] = a, b, c
+                    barycentric[i, 0], barycentric[i, 1], barycentric[i, 2] = 1.0 - s - t, s, t
 
 
 def spread_on_surface(surface: Mesh, n: int, around: FloatArray) -> FloatArray:

@@ -225,7 +225,9 @@ def repair(
         limbs = unmerged(mended, unmerge)
         contacts = tuple(vertex_index[seam] for seam in limbs.seams)
         mended, vertex_index = limbs.mesh, vertex_index[limbs.vertex_index]
-        if contacts:  # where limbs were merged, more than two faces met at an edge, and the winding went no further
+        if (
+            contacts
+        ):  # the winding stopped where limbs were merged, as more than two faces met at an edge there
             mended, again = wound_outward(mended)
             rewound ^= again
 

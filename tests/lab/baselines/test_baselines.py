@@ -183,6 +183,7 @@ def test_gdd_improves_another_map(example, example_truth, prepared_example):
     assert found.origin == "initial map"
 
 
+@pytest.mark.long
 def test_descriptors_are_used(example, example_truth, prepared_example):
     values = np.sin(example[1].rest @ np.random.default_rng(0).normal(size=(3, 12)))
     prior = values[example_truth], values
@@ -224,6 +225,7 @@ def test_points_have_no_orientation(animal, method):
     assert np.isnan(found.quality.orientation)
 
 
+@pytest.mark.long
 def test_vertices_off_the_body_are_unmatched(animal):
     speck = animal.vertices.max(axis=0) + 0.01 * np.eye(3)
     mesh = Mesh(

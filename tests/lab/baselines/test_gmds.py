@@ -87,6 +87,7 @@ def test_held_points_do_not_move(poses, scattered):
     assert (points.corners[7:] != scattered.corners[7:]).any()
 
 
+@pytest.mark.long
 def test_no_place_nearby_is_better(poses):
     """At the end no point gains by a small step to a corner of a triangle around it."""
     source, target, truth = poses
@@ -113,6 +114,7 @@ def test_a_copy_has_no_stress(copies):
     assert len(points.vertices) == 100
 
 
+@pytest.mark.long
 def test_without_priors_a_copy_is_recognised(copies):
     source, target, truth = copies
     found = gmds(source, target)
@@ -139,6 +141,7 @@ def test_landmarks_are_honoured(poses):
     assert len(np.unique(points.vertices)) == len(points.vertices)
 
 
+@pytest.mark.long
 def test_relabelling_and_motion_change_nothing(poses):
     source, target, truth = poses
     moved = disguised(target.surface, seed=5)
@@ -149,6 +152,7 @@ def test_relabelling_and_motion_change_nothing(poses):
     assert (other.map.vertices == moved.new_vertex[plain.map.vertices]).mean() > 0.98
 
 
+@pytest.mark.long
 def test_the_truth_has_more_stress(poses):
     """Poses are not quite isometric: the least stress is below that of the true map, whatever the start."""
     source, target, truth = poses

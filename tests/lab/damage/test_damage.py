@@ -196,6 +196,7 @@ def test_welded_limbs_are_far_apart_along_the_surface():
     assert apart.max() <= GAP * np.sqrt(BODY.area)
 
 
+@pytest.mark.long
 def test_merged_vertices_faced_each_other_and_triangles_between_them_are_gone():
     damaged = merge(BODY, 9.5)
     merged = damaged.twin >= 0

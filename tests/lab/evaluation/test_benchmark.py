@@ -153,6 +153,7 @@ class Strength:
         return asdict(self)
 
 
+@pytest.mark.long
 def test_rows_of_other_settings_are_computed_again(small, monkeypatch, tmp_path):
     given = []
 
@@ -296,6 +297,7 @@ def test_named_pairs_are_run_instead_of_drawn_ones(small, tmp_path):
     assert [row["pair"] for row in run_benchmark(run, tmp_path)] == ["b-c"]
 
 
+@pytest.mark.long
 def test_distortion_of_the_table_is_recorded_where_it_is_asked_for(small, tmp_path):
     run = BenchmarkRun("small", ("right",), n_points=60, jobs=1, n_pairs=1)
     (row,) = run_benchmark(run, tmp_path)
@@ -576,6 +578,7 @@ def test_a_damaged_source_is_judged_where_it_remains(monkeypatch, tmp_path):
     assert row["damage"] == "view:1@source"
 
 
+@pytest.mark.long
 def test_the_nearer_of_two_merged_vertices_counts(monkeypatch, tmp_path):
     target = example_pair()[1].mesh
     truth = ground_truth(*example_pair()).vertices

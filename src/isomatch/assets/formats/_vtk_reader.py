@@ -98,7 +98,7 @@ def _problem(message: str) -> str:
 def _values(array: Any) -> AnyArray:
     if array.IsA("vtkStringArray"):
         return np.array([array.GetValue(i) for i in range(array.GetNumberOfValues())], dtype=str)
-    return np.asarray(vtk_to_numpy(array))  # type: ignore[no-untyped-call]
+    return np.asarray(vtk_to_numpy(array))
 
 
 def _numbered(domain: str, held: Any) -> Mapping[str, object]:
