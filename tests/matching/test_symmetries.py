@@ -105,13 +105,12 @@ def test_symmetric_shapes_of_other_triangles_are_ambiguous(name):
 
 
 @pytest.mark.long
-def test_a_ball_is_ambiguous_however_well_a_map_fits():
-    """Its triangles betray one map, beside which coarse settings find no other."""
+def test_a_ball_is_ambiguous_until_landmarks_are_given():
+    """Although its triangles betray one map."""
     settings = Config(n_columns=40, rank=8, n_functions=100, n_search=300, n_refine=500, refinement="smooth")
     copy, new_vertex = relabelled(icosphere(3), 8)
     found = match(icosphere(3), copy, config=settings)
     assert found.outcome is Outcome.SYMMETRY_AMBIGUOUS
-    assert found.quality.runner_up > settings.outcome.tie
     known = np.column_stack([np.arange(0, 600, 100), new_vertex[:600:100]])
     assert match(icosphere(3), copy, landmarks=known).outcome is Outcome.CONVERGED
 

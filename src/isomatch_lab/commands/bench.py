@@ -82,8 +82,8 @@ def bench(
         Folder of published curves to draw for comparison, .npz with 'set|method|x' (errors) and 'set|method|y' (percent).
     damage : str
         Damage to the target of each pair: NAME or NAME:LEVEL, of cut, holes, limb_removed, view, weld, merge, noise,
-        resample; ending in @source or @both, to the source or to both. May be repeated. Errors are measured on the whole
-        target.
+        decimate, resample; ending in @source or @both, to the source or to both. May be repeated. Errors are measured on
+        the whole target.
     talk : Talk
         What is told.
     """
