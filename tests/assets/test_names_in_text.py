@@ -66,8 +66,8 @@ def test_names_are_readable(encoding, name):
 @given(st.lists(st.binary(min_size=1, max_size=6), min_size=1, max_size=4, unique=True))
 @settings(max_examples=200, deadline=None)
 def test_any_bytes_come_back(names):
-    """A tab is a blank, as in the library of materials."""
-    names = list(dict.fromkeys(b"x" + name.translate(None, b"\n\r\\\t") + b"y" for name in names))
+    """Tabs of either kind, and form feeds, are blanks."""
+    names = list(dict.fromkeys(b"x" + name.translate(None, b"\n\r\\\t\v\f") + b"y" for name in names))
     asset = obj.read_asset(obj_file(names), "a.obj")
     assert asset.attribute("material").values.tolist() == list(range(1, len(names) + 1))
     assert (
