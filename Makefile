@@ -8,20 +8,24 @@ LOCK := requirements-dev.txt
 PYTHONS ?= 3.11 3.12 3.13
 UV := $(VENV)/uv/bin/uv
 PIP := -m pip install --quiet --disable-pip-version-check --no-compile  # Python compiles what is imported
+KERNEL ?= Prescott # of OpenBLAS, the plainest of an x86 processor
+TESTS ?= tests/matching
 ONE_THREAD := ISOMATCH_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1  # for each worker
 WORKERS := -n auto --dist loadfile --no-loadscope-reorder  # a worker for each processor, files in the order of conftest.py
 
 unexport PYTHONDONTWRITEBYTECODE # or each of the processes that tests start compiles every module again
 
-.PHONY: demo docs told extras test test-long fuzz coverage lint types benchmark results lock lowest release release-check clean
+.PHONY: demo docs told extras test test-kernel test-long fuzz coverage lint types benchmark results lock lowest release release-check clean
 
-$(VENV)/core: pyproject.toml
-	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	$(BIN)/python $(PIP) -e .
+# with pip if uv fails
+$(BIN)/python: | $(UV)
+	$(UV) venv --quiet --seed --allow-existing --python $(PYTHON) $(VENV) || $(PYTHON) -m venv $(VENV)
+
+$(VENV)/core: pyproject.toml | $(BIN)/python
+	$(UV) pip install --quiet --python $(BIN)/python -e . || $(BIN)/python $(PIP) -e .
 	@touch $@
 
-$(VENV)/dev: pyproject.toml $(LOCK) | $(UV)  # with pip if uv fails
-	test -x $(BIN)/python || $(UV) venv --quiet --seed --allow-existing --python $(PYTHON) $(VENV) || $(PYTHON) -m venv $(VENV)
+$(VENV)/dev: pyproject.toml $(LOCK) | $(BIN)/python
 	$(UV) pip install --quiet --python $(BIN)/python --require-hashes -r $(LOCK) || \
 		$(BIN)/python $(PIP) --require-hashes -r $(LOCK)
 	$(BIN)/python $(PIP) --no-deps --no-build-isolation -e .
@@ -55,7 +59,10 @@ test: told $(VENV)/dev lint  # types are checked beside the tests and told in th
 	$(ONE_THREAD) $(BIN)/python -m pytest $(WORKERS); tested=$$?; \
 	wait $$checked; typed=$$?; cat $(VENV)/types; exit $$((tested | typed))
 
-test-long: $(VENV)/dev
+test-kernel: $(VENV)/dev
+	OPENBLAS_CORETYPE=$(KERNEL) $(ONE_THREAD) $(BIN)/python -m pytest $(WORKERS) $(TESTS)
+
+test-long: told $(VENV)/dev
 	$(ONE_THREAD) $(BIN)/python -m pytest -m long $(WORKERS)
 
 fuzz: $(VENV)/dev

@@ -32,7 +32,7 @@ while True:
     basis.save(folder / "basis.npz")
     print(count, flush=True)
 """
-TIMES = [1, pytest.param(30, marks=pytest.mark.long)]
+TIMES = [1, pytest.param(10, marks=pytest.mark.long)]
 
 
 def started(argv):
@@ -95,7 +95,7 @@ def require_whole(folder, pair):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("times", [1, 10])
+@pytest.mark.parametrize("times", [1, 4])
 def test_bench_is_resumed_and_its_workers_end(times, tmp_path):
     """Workers inherit the standard output, so that its end means that they have ended."""
     rng = random.Random(times)

@@ -19,7 +19,7 @@ from isomatch.geodesics import DistanceEngine, Sampling
 from isomatch.runtime.memory import require_memory
 from isomatch.runtime.threads import parallel_map, serial_blas
 from isomatch.surfaces import Mesh, PointCloud, Surface
-from isomatch.values.arrays import FloatArray, IntArray
+from isomatch.values.arrays import FloatArray, IntArray, first_largest
 
 RIDGE = 1e-9  # of the mean variance; keeps the system well conditioned when samples nearly coincide
 NODES_PER_VECTOR = 12  # predicted columns per basis vector; twice as many lower the error by less than 1 %
@@ -169,7 +169,7 @@ def representative_points(
     nodes = list(samples)
     nearest = KDTree(points[nodes]).query(points)[0] * gain
     while len(nodes) < min(n_nodes, len(points)):
-        nodes.append(int(nearest.argmax()))
+        nodes.append(first_largest(nearest))
         apart = np.sqrt(((points - points[nodes[-1]]) ** 2).sum(axis=1))
         np.minimum(nearest, apart * gain, out=nearest)
     owner = KDTree(points[nodes]).query(points)[1]

@@ -12,7 +12,7 @@ from isomatch.geodesics.protocol import DistanceEngine
 from isomatch.loading.compiled import compiled
 from isomatch.runtime.memory import require_memory
 from isomatch.surfaces import Mesh, PointCloud
-from isomatch.values.arrays import FloatArray, IntArray
+from isomatch.values.arrays import EQUAL, FloatArray, IntArray, first_largest
 from isomatch.values.settings import generator
 
 
@@ -93,7 +93,7 @@ def farthest_point_sampling(engine: DistanceEngine, n_samples: int, start: int) 
         column = engine.lower(nearest, sample)
         if column is not None:
             columns.append(column)
-        sample = int(nearest.argmax())
+        sample = first_largest(nearest)
     complete = len(columns) == n_samples
     return Sampling(chosen, np.array(columns) if complete else engine.distances_from(chosen))
 
@@ -139,7 +139,7 @@ def _fill_with_farthest(points: FloatArray, chosen: IntArray, nearest: FloatArra
                 squared += (points[j, axis] - points[last, axis]) ** 2
             if squared < nearest[j]:
                 nearest[j] = squared
-            if nearest[j] > most:
+            if nearest[j] > most + EQUAL * abs(most):  # of equally far points the first, also if rounding differs
                 most, farthest = nearest[j], j
 
 
@@ -157,5 +157,5 @@ def peripheral_vertex(surface: MetricSpace, engine: DistanceEngine, seed: int = 
         vertex = int(np.argsort(np.linalg.norm(surface.vertices - centre, axis=1), kind="stable")[vertex])
     for _ in range(2):
         distance = engine.distances_from(np.array([vertex]))[0]
-        vertex = int(np.where(np.isfinite(distance), distance, -1.0).argmax())
+        vertex = first_largest(np.where(np.isfinite(distance), distance, -1.0))
     return vertex

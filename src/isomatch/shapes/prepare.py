@@ -24,7 +24,7 @@ from isomatch.settings import Config
 from isomatch.shapes.body import Body, body_of, full_level, levels_of
 from isomatch.shapes.prepared_shape import PreparedShape
 from isomatch.surfaces import Graph, Surface
-from isomatch.values.arrays import FloatArray, IntArray
+from isomatch.values.arrays import EQUAL, FloatArray, IntArray, first_largest
 from isomatch.values.settings import generator
 
 
@@ -174,7 +174,7 @@ def _evenly_spread(body: Surface, engine: DistanceEngine, count: int, start: int
     if isinstance(body, Graph):
         return farthest_point_sampling(engine, count, start).vertices
     centred = body.vertices - np.average(body.vertices, axis=0, weights=body.vertex_areas)
-    return euclidean_farthest_points(centred, count, int((centred**2).sum(axis=1).argmax()))
+    return euclidean_farthest_points(centred, count, first_largest((centred**2).sum(axis=1)))
 
 
 def extremal_points(
@@ -189,7 +189,8 @@ def extremal_points(
     np.maximum.at(highest, i, average_distance[j])
     np.maximum.at(highest, j, average_distance[i])
     peaks = np.flatnonzero(average_distance >= highest)
-    peaks = peaks[np.argsort(-average_distance[peaks], kind="stable")]
+    order = np.round(average_distance[peaks] / (EQUAL * average_distance.max()))
+    peaks = peaks[np.argsort(-order, kind="stable")]
     nearest = np.full(surface.n_vertices, np.inf)  # distance to those that are kept
     kept: list[int] = []
     for vertex in peaks[: len(peaks) * (limit > 0)]:

@@ -20,7 +20,7 @@ from isomatch.correspondence import (
     signed_procrustes,
 )
 from isomatch.settings import SymmetrySettings
-from isomatch.values.arrays import FloatArray, IntArray
+from isomatch.values.arrays import FloatArray, IntArray, first_largest
 
 # those without another source: docs/lab/benchmarks.md, symmetry
 N_SAMPLES = 200  # samples among which symmetries are searched; chosen: spacing 0.08, less than SAME_SYMMETRY
@@ -120,9 +120,9 @@ def describe_symmetries(symmetries: Sequence[Symmetry]) -> str:
 
 def farthest_rows(distances: FloatArray, count: int, first: Sequence[int] = ()) -> IntArray:
     """Rows far from each other, after some first ones; by default after the most remote one."""
-    rows = list(first) or [int(distances.mean(axis=1).argmax())]
+    rows = list(first) or [first_largest(distances.mean(axis=1))]
     while len(rows) < min(count, len(distances)):
-        rows.append(int(distances[rows].min(axis=0).argmax()))
+        rows.append(first_largest(distances[rows].min(axis=0)))
     return np.array(rows)
 
 

@@ -1,0 +1,102 @@
+"""Is a map the same on another processor? The same pairs, their coordinates disturbed by far less than any scan knows.
+
+    python -m isomatch_lab.studies.steadiness --data DIR -o OUT
+
+writes ``steadiness.csv``, a row for each match, and ``steadiness_table.csv``: how many outcomes differ from the most
+frequent one, and the share of images that lie more than an edge from those of the undisturbed pair. Rounding by another
+kernel of linear algebra (``OPENBLAS_CORETYPE``) disturbs less.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from itertools import groupby, product
+from typing import Any
+
+import numpy as np
+from scipy.sparse import csr_array
+
+import isomatch
+from isomatch import Mesh
+from isomatch.values.arrays import IntArray
+from isomatch_lab.sets import benchmark_set
+from isomatch_lab.studies.shared import Job, asked_for, drawn, in_parallel, write_rows, write_table
+
+PAIRS = {
+    "example": 1,
+    "creatures": 2,
+    "organs": 1,
+    "faust_r": 3,
+    "tosca_iso_r": 3,
+    "topkids": 1,
+    "smal": 2,
+    "shrec16_cuts": 1,
+    "shrec16_holes": 1,
+}  # how many of each set
+DISTURBED, SIZE = 30, 1e-9  # times, and by how much of the size of a shape
+
+
+def disturbed(mesh: Mesh, seed: int) -> Mesh:
+    """Move each coordinate by up to `SIZE`; seed 0 moves nothing."""
+    moves = np.random.default_rng(seed).uniform(-1, 1, mesh.vertices.shape) * min(seed, 1)
+    return mesh.moved(mesh.vertices + SIZE * np.ptp(mesh.vertices, axis=0).max() * moves)
+
+
+def matched(job: tuple[Job, int]) -> tuple[str, IntArray]:
+    """Outcome and images of a pair disturbed by a seed."""
+    (data, name, names), seed = job
+    pair = benchmark_set(name, data).load(*names)
+    result = isomatch.match(disturbed(pair.source, 2 * seed), disturbed(pair.target, 2 * seed + bool(seed)))
+    return result.outcome.name, result.map.vertices
+
+
+def beyond_an_edge(target: Mesh, image: IntArray, other: IntArray) -> float:
+    """Share of vertices whose images (n,) and (n,) are neither equal nor joined by an edge."""
+    i, j = target.edges.T
+    ones = np.ones(2 * len(i), dtype=bool)
+    joined = csr_array((ones, (np.append(i, j), np.append(j, i))), shape=(target.n_vertices,) * 2)
+    both = (image >= 0) & (other >= 0)
+    near = np.asarray(joined[image[both], other[both]]).ravel() | (image[both] == other[both])
+    return float((((image >= 0) != (other >= 0)).sum() + (~near).sum()) / len(image))
+
+
+def measured(jobs: list[tuple[Job, int]]) -> Iterator[dict[str, Any]]:
+    """Make a row for each disturbed match."""
+    results = zip(jobs, in_parallel(matched, jobs))
+    for (data, name, names), of_pair in groupby(results, lambda each: each[0][0]):
+        target = benchmark_set(name, data).load(*names).target
+        (_, (outcome, image)), *others = of_pair
+        for (_, seed), (found, other) in others:
+            moved = beyond_an_edge(target, image, other)
+            row = {"set": name, "pair": " ".join(names), "seed": seed, "outcome": found}
+            yield {**row, "undisturbed": outcome, "moved": moved}
+
+
+def main() -> None:
+    """Run the study."""
+    asked = asked_for(__doc__, "the table")
+    jobs = list(product(drawn(asked.data, PAIRS, 0), range(1 + DISTURBED)))
+    rows = write_rows(asked.output / "steadiness.csv", None, measured(jobs))
+    table = []
+    for pair, of_pair in groupby(rows, lambda row: (row["set"], row["pair"])):
+        own = list(of_pair)
+        outcomes, moved = Counter(row["outcome"] for row in own), [row["moved"] for row in own]
+        table.append(
+            {
+                "pair": " ".join(pair),
+                "outcomes": ", ".join(f"{count} {name}" for name, count in outcomes.most_common()),
+                "moved by more than an edge, mean, worst": f"{np.mean(moved):.2%}, {max(moved):.2%}",
+            }
+        )
+    changed = sum(row["outcome"] != row["undisturbed"] for row in rows)
+    every = {"pair": "all", "outcomes": f"{changed} of {len(rows)} changed"}
+    mean = float(np.mean([row["moved"] for row in rows]))
+    write_table(
+        asked.output / "steadiness_table.csv",
+        [*table, {**every, "moved by more than an edge, mean, worst": f"{mean:.2%}"}],
+    )
+
+
+if __name__ == "__main__":
+    main()
