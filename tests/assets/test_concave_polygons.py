@@ -62,6 +62,7 @@ def test_triangles_cover_the_outline_from_every_first_corner(outline, area, scal
             assert len(polygons.uncut) == 0
 
 
+@pytest.mark.long
 @given(st.integers(5, 40), st.integers(0, 10**6), st.integers(0, 39))
 @settings(max_examples=60, deadline=None)
 def test_stars_of_random_radii(n, seed, first):
@@ -138,6 +139,7 @@ def test_corners_without_a_place_do_no_harm():
 SUFFIXES = [".obj", ".off", ".ply", ".vtk", ".vtp", ".vtu", ".stl", ".glb", ".gii"]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("suffix", "first"),
     some_later(

@@ -37,6 +37,7 @@ def normal_of_last_face(mesh):
     return mesh.face_cross[-1] / np.linalg.norm(mesh.face_cross[-1])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("node", "suffix"),
     [

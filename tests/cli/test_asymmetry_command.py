@@ -37,6 +37,7 @@ def sides(tmp_path):
     return ["--left-right", str(tmp_path / "sides.txt")]
 
 
+@pytest.mark.long
 def test_one_shape(tmp_path, sides, capsys):
     """A bump of height 0.1 at one side is 0.05 there, and −0.05 opposite, in the file's own coordinates."""
     bump = 0.1 * np.exp(-((SPHERE.vertices - [0.8, 0.6, 0]) ** 2).sum(axis=1) / 0.05)

@@ -188,6 +188,7 @@ def test_directions_of_the_former_shape_are_left_out(tmp_path):
     ]
 
 
+@pytest.mark.long
 def test_landmarks_are_carried_there_and_back(folder, capsys):
     (folder / "marks.csv").write_text("name,x,y,z\nnose,0.5,0.25,0.02\ntail,2,2,0.4\n")
     names = [str(folder / name) for name in ("map.npz", "source.ply", "target.ply")]

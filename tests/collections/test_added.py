@@ -95,6 +95,7 @@ def test_new_subjects_are_as_if_they_had_been_there_and_nothing_else_changes(coh
     assert read_shapes(cohort.folder).names == OLD  # statistics of the collection are of the old ones
 
 
+@pytest.mark.long
 def test_nothing_is_done_twice_and_more_can_be_added(cohort, capsys):
     assert main([*cohort.argv[:4], *cohort.argv[-2:]]) == 0
     inner = cohort.folder / "added"

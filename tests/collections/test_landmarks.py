@@ -168,6 +168,7 @@ def test_the_command_writes_files_and_tables(finished, marks, tmp_path, capsys):
     )
 
 
+@pytest.mark.long
 def test_expected_errors_come_with_the_maps(finished, marks):
     """Of one map they are those of its result; over the template, the root of the sum of squares."""
     collection = Collection.open(finished)

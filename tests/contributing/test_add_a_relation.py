@@ -51,6 +51,7 @@ def test_the_hook_scores_every_map(animals):
         ]
 
 
+@pytest.mark.long
 def test_a_bound_relation_can_be_bound_again(animals):
     """What was computed for one pair is not used for another."""
     there, back = prepare_pair(*animals), prepare_pair(*animals[::-1])

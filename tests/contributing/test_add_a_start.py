@@ -58,6 +58,7 @@ def test_with_those_of_isomatch_it_contends(animals):
     assert mean_error(found, target, truth) < 0.02
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("start", "message"),
     [

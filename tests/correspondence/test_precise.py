@@ -52,6 +52,7 @@ def test_units_do_not_matter(scale):
     np.testing.assert_allclose(scaled, weights, atol=1e-9)
 
 
+@pytest.mark.long
 def test_a_vertex_stays_where_it_is():
     mesh = example_pair()[0].mesh
     rows = np.arange(mesh.n_vertices)

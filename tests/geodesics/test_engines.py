@@ -67,6 +67,7 @@ def test_great_circles(name, tolerance, level, size):
     assert error < getattr(tolerance, size)
 
 
+@pytest.mark.long
 def test_symmetry_and_triangle_inequality(name, tolerance, example):
     sources = np.arange(0, 2900, 120)
     among = geodesic_distances(example[0].mesh, sources, name)[:, sources]
@@ -191,6 +192,7 @@ def test_columns_beyond_the_memory_budget_are_refused(name, monkeypatch):
         engine.distances_from(range(100))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("scale", some_later([1.0, 1e-150], lambda scale: scale < 1))
 def test_exact_distances_where_the_mesh_is_no_manifold(scale):
     """Three squares that share an edge, as pages of a book do: of any two of them the distance is that in the plane."""

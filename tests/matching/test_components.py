@@ -255,6 +255,7 @@ def test_one_component_has_no_others(creatures):
     assert shape.share == pytest.approx(1)
 
 
+@pytest.mark.long
 def test_prepared_components_are_kept(found):
     shape = prepare(found[0].mesh)
     assert [len(component.user_vertex) for component in components_of(shape)[1:]] == [

@@ -57,6 +57,7 @@ def test_what_a_copy_of_a_shape_is_called_decides_nothing(seed):
     assert error(source, target, np.arange(source.n_vertices), 0, 10 * seed) < 0.7
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("stuck", [pytest.param(False, marks=pytest.mark.long), True])
 def test_a_map_refined_once_more_scores_no_worse(stuck):
     """And better if it was refined with all functions at once."""

@@ -51,6 +51,7 @@ def test_extremal_points_are_apart_and_remote(shape):
     assert shape.average_distance[shape.extremities[0]] == shape.average_distance.max()
 
 
+@pytest.mark.long
 def test_every_prefix_of_the_spread_vertices_is_even(shape):
     points = shape.body.vertices
     for count in (50, 200, 1000):

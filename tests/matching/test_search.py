@@ -61,6 +61,7 @@ def test_a_map_of_the_search_vertices_survives_as_pairs(known):
     np.testing.assert_array_equal(start_from_pairs(pair, pairs), true.target_row)
 
 
+@pytest.mark.long
 def test_own_starts_and_a_users_are_of_one_kind(known):
     pair = known[0]
 

@@ -53,6 +53,7 @@ def test_what_both_fragments_show_is_found_and_matched(fragments, found):
     assert found.outcome is Outcome.PARTIAL
 
 
+@pytest.mark.long
 def test_the_result_says_how_it_was_found(found):
     assert found.way == "via"
     assert "1 other shape" in found.reason
@@ -98,6 +99,7 @@ def test_priors_say_nothing_of_the_shapes_between(fragments, whole):
         match(*fragments[:2], via=whole, landmarks=[[0, 0], [1, 1], [2, 2]])
 
 
+@pytest.mark.long
 def test_clouds_are_not_matched_by_way_of_others(whole):
     cloud = PointCloud(whole.surface.vertices)
     with pytest.raises(MeshError, match="give meshes"):

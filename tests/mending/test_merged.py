@@ -85,6 +85,7 @@ def test_copies_follow_the_others_and_stand_apart(case):
     assert (faces[mended.vertex_index[n:]] >= faces[n:]).all()
 
 
+@pytest.mark.long
 def test_check_names_them_and_a_second_repair_changes_nothing():
     damaged = merged_hairpin(*MERGED[0])
     mended = repair(damaged.mesh)

@@ -144,6 +144,7 @@ def test_an_opening_has_a_size():
         repair(ball(1.0), outer=True, opening=0)
 
 
+@pytest.mark.long
 def test_skulls_are_double_walled_and_lose_their_inside():
     skull = np.load(real_file("real/mouse20k_A_J.npz"))
     mesh = Mesh(skull["vertices"], skull["faces"])

@@ -105,6 +105,7 @@ def test_blocks_preserve_the_topology_and_spread_the_vertices(make):
     assert np.quantile(np.bincount(coarse.owner), 0.99) < 40
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("n", "sizes"), [(1500, [2000, 700, 400, 60]), (70_000, [80_000, 32_000, 3000])])
 def test_several_sizes_at_once_are_those_made_one_by_one(n, sizes):
     mesh = planar_delaunay(n)
@@ -214,6 +215,7 @@ def shape_of_triangles(mesh: Mesh) -> np.ndarray:
     return 4 * np.sqrt(3) * mesh.face_areas / (sides**2).sum(axis=(1, 2))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("n", [5000, 1000])
 def test_an_animal_keeps_its_shape(n):
     cat = tosca("cat0")

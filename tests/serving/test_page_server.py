@@ -180,6 +180,7 @@ def test_a_result_is_opened_and_an_alternative_chosen(shape):
         ]
 
 
+@pytest.mark.long
 def test_what_is_cancelled_leaves_no_result_and_the_next_match_waits_for_its_end(shape):
     entered, go_on, running = Event(), Event(), []
 
@@ -271,6 +272,7 @@ def test_a_shape_that_cannot_be_matched_is_told_in_words(shape):
         assert "vertices" in page.settled()["error"]
 
 
+@pytest.mark.long
 def test_an_unexpected_error_is_told_and_logged(shape, caplog):
     with serving((shape, shape), at_the_end=lambda: 1 / 0) as page:
         assert page.match()[0] == 202

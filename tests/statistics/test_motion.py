@@ -30,6 +30,7 @@ def test_strain_of_a_linear_map_is_its_definition(plane):
     np.testing.assert_allclose(strain, expected, atol=1e-14)
 
 
+@pytest.mark.long
 def test_a_swelling_ball():
     ball, radius = icosphere(4), 1.3
     labels = np.where(ball.vertices[:, 2] > 0.3, "b10", np.where(ball.vertices[:, 0] > 0, "b9", ""))

@@ -78,6 +78,7 @@ def test_a_receiver_that_says_no_space_is_said_to_be_in_that_of_the_giver(tmp_pa
     assert f"not in {tmp_path / 'out.csv'}: the space (RAS)" in capsys.readouterr().out
 
 
+@pytest.mark.long
 def test_landmarks_of_a_match_are_brought_into_the_space_of_each_shape(tmp_path):
     source, target = written(tmp_path / "s.stl", "RAS"), written(tmp_path / "t.vtp", "LPS")
     for name, axes in (("a", "LPS"), ("b", "RAS")):
@@ -88,6 +89,7 @@ def test_landmarks_of_a_match_are_brought_into_the_space_of_each_shape(tmp_path)
     np.testing.assert_allclose(read_mesh(target).vertices[pairs[:, 1]], TIPS * TURN, atol=1e-6)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["a.vtk", "a.vtp", "a.stl", "a.obj", "a.ply", "a.off", "a.glb"])
 def test_repair_and_as_mesh_say_the_space(tmp_path, name, capsys):
     given = written(tmp_path / name, "RAS", words=["unit: mm"])

@@ -101,6 +101,7 @@ class Elements(HTMLParser):
         self.words.append(data)
 
 
+@pytest.mark.long
 def test_representations_are_whole_and_load_nothing(shown):
     for thing in shown:
         html = thing._repr_html_()
@@ -172,6 +173,7 @@ def test_a_triangle_is_not_mirrored():
     assert np.sign(sides) == np.sign((camera_of(mesh) @ [0, 0, 1])[2])
 
 
+@pytest.mark.long
 def test_figures_show_the_mesh_and_touch_nothing_else(ball_basis):
     """The axes hold the pixels, also of what values are shown in; pyplot is not loaded, and no backend chosen."""
     backend = dict.__getitem__(

@@ -139,7 +139,9 @@ def _fill_with_farthest(points: FloatArray, chosen: IntArray, nearest: FloatArra
                 squared += (points[j, axis] - points[last, axis]) ** 2
             if squared < nearest[j]:
                 nearest[j] = squared
-            if nearest[j] > most + EQUAL * abs(most):  # of equally far points the first, also if rounding differs
+            if nearest[j] > most + EQUAL * abs(
+                most
+            ):  # of equally far points the first, also if rounding differs
                 most, farthest = nearest[j], j
 
 

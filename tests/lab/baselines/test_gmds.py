@@ -69,6 +69,7 @@ def test_stress_is_that_of_the_definition(poses, scattered):
     assert relative_stress(prepare_pair(source, target), scattered) == pytest.approx(expected, rel=0.02)
 
 
+@pytest.mark.long
 def test_points_stay_on_triangles_of_the_target(poses, scattered):
     points, _ = descended(prepare_pair(*poses[:2]), scattered, 0, 20)
     assert points.barycentric.min() >= 0

@@ -323,6 +323,7 @@ def test_maps_that_are_missing_or_unreadable_are_problems(folder, tmp_path, imag
         benchmark(folder, MapsInFolder(maps), damage="noise")
 
 
+@pytest.mark.long
 def test_the_command_runs_functions_and_maps(folder, tmp_path, image, monkeypatch, capsys):
     (tmp_path / "mine_of_a_test.py").write_text(MODULE)
     monkeypatch.chdir(tmp_path)
