@@ -11,6 +11,7 @@ from pathlib import Path
 import matplotlib.image
 import numpy as np
 import pytest
+from threadpoolctl import threadpool_info
 
 import isomatch
 from isomatch.cli import main
@@ -393,7 +394,10 @@ def test_info_tells_versions(capsys):
     assert main(["info", "--json"]) == 0
     facts = json.loads(capsys.readouterr().out)
     assert facts["isomatch"] == isomatch.__version__
-    assert {"python", "numba", "pygeodesic", "threads", "blas", "memory_budget_gib"} <= facts.keys()
+    assert {"python", "numba", "pygeodesic", "threads", "memory_budget_gib"} <= facts.keys()
+    assert facts["processor"].endswith("processors")
+    kernels = [pool.get("architecture") or "" for pool in threadpool_info() if pool["user_api"] == "blas"]
+    assert all(kernel in facts["blas"] for kernel in kernels)
     assert main(["info"]) == 0
     assert isomatch.__version__ in capsys.readouterr().out
 

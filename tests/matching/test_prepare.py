@@ -6,8 +6,8 @@ import pytest
 from isomatch import Config, Mesh, MeshError, distance_engine, geodesic_distances, prepare
 from isomatch.descriptors import mean_curvature
 from isomatch_lab.procedural import creature
-from shapes import disguised, icosphere, two_spheres
-from zoo import grid
+from shapes import box, disguised, icosphere, two_spheres
+from zoo import grid, torus
 
 
 @pytest.fixture(scope="module")
@@ -200,3 +200,12 @@ def test_engine_by_name():
     mesh = creature(1500).mesh
     assert prepare(mesh, Config(engine="dijkstra")).distances.engine == "dijkstra"
     assert prepare(mesh).distances.engine == "fast_marching"
+
+
+@pytest.mark.parametrize("mesh", [box(10, 8, 6), torus(40, 20)], ids=["box", "torus"])
+def test_rounding_does_not_choose_between_the_sides_of_a_symmetric_shape(mesh):
+    """Equal distances are told apart by number, and a right angle is not taken for an obtuse one."""
+    moves = 1e-9 * np.random.default_rng(0).uniform(-1, 1, mesh.vertices.shape)
+    exact, disturbed = prepare(mesh), prepare(mesh.moved(mesh.vertices + moves))
+    for chosen in ("column_vertices", "sample_vertices", "extremities"):
+        np.testing.assert_array_equal(getattr(exact, chosen), getattr(disturbed, chosen))

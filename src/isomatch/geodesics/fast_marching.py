@@ -16,7 +16,7 @@ MOST_SHIFT = 0.02  # of an edge; limits how much the curvature correction change
 MOST_FOCUS = 0.3  # a front converges at most to a focus 1 / 0.3 steps ahead
 TIE = 1e-6  # of a step; paths that differ by less count as equal, and the first one found is kept
 UNFOLD_STEPS = 40  # most faces crossed in search of a vertex that splits an obtuse angle
-RIGHT_ANGLE = 1e-9  # angles whose cosine is smaller in magnitude count as right, which need no split
+RIGHT_ANGLE = 1e-6  # angles whose cosine is smaller in magnitude count as right, which need no split
 NO_BOUND, TO_ALL = np.zeros(0), np.zeros(0, np.int64)
 
 

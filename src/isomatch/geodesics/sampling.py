@@ -12,7 +12,7 @@ from isomatch.geodesics.protocol import DistanceEngine
 from isomatch.loading.compiled import compiled
 from isomatch.runtime.memory import require_memory
 from isomatch.surfaces import Mesh, PointCloud
-from isomatch.values.arrays import EQUAL, FloatArray, IntArray, first_largest
+from isomatch.values.arrays import EQUAL, FloatArray, IntArray, first_largest, without_rounding
 from isomatch.values.settings import generator
 
 
@@ -156,7 +156,8 @@ def peripheral_vertex(surface: MetricSpace, engine: DistanceEngine, seed: int = 
     if isinstance(surface, Mesh | PointCloud):
         shares = surface.vertex_areas / surface.area if 0 < surface.area < np.inf else None
         centre = np.average(surface.vertices, axis=0, weights=shares)
-        vertex = int(np.argsort(np.linalg.norm(surface.vertices - centre, axis=1), kind="stable")[vertex])
+        remoteness = np.linalg.norm(surface.vertices - centre, axis=1)
+        vertex = int(np.argsort(without_rounding(remoteness), kind="stable")[vertex])
     for _ in range(2):
         distance = engine.distances_from(np.array([vertex]))[0]
         vertex = first_largest(np.where(np.isfinite(distance), distance, -1.0))

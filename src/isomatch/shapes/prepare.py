@@ -24,7 +24,7 @@ from isomatch.settings import Config
 from isomatch.shapes.body import Body, body_of, full_level, levels_of
 from isomatch.shapes.prepared_shape import PreparedShape
 from isomatch.surfaces import Graph, Surface
-from isomatch.values.arrays import EQUAL, FloatArray, IntArray, first_largest
+from isomatch.values.arrays import FloatArray, IntArray, first_largest, without_rounding
 from isomatch.values.settings import generator
 
 
@@ -185,12 +185,12 @@ def extremal_points(
     # the pose: its local maxima (no neighbour is higher) are the extremities. The most remote first, those too near to
     # one that is kept are passed over.
     i, j = surface.edges.T
+    average_distance = without_rounding(average_distance)
     highest = np.full(surface.n_vertices, -np.inf)
     np.maximum.at(highest, i, average_distance[j])
     np.maximum.at(highest, j, average_distance[i])
     peaks = np.flatnonzero(average_distance >= highest)
-    order = np.round(average_distance[peaks] / (EQUAL * average_distance.max()))
-    peaks = peaks[np.argsort(-order, kind="stable")]
+    peaks = peaks[np.argsort(-average_distance[peaks], kind="stable")]
     nearest = np.full(surface.n_vertices, np.inf)  # distance to those that are kept
     kept: list[int] = []
     for vertex in peaks[: len(peaks) * (limit > 0)]:

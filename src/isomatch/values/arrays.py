@@ -53,6 +53,17 @@ def first_largest(values: FloatArray) -> int:
     return int((values >= most - EQUAL * abs(most)).argmax()) if np.isfinite(most) else int(values.argmax())
 
 
+def without_rounding(values: FloatArray) -> FloatArray:
+    """Values in millionths of the largest one, as whole numbers: what differs by rounding alone is equal.
+
+    Examples
+    --------
+    >>> without_rounding(np.array([1.0, 2.0, 2.0 + 1e-9]))
+    array([ 500000., 1000000., 1000000.])
+    """
+    return np.round(values / (EQUAL * (np.abs(values).max(initial=0.0) or 1.0)))
+
+
 def single(values: FloatArray) -> Float32Array:
     """Round to single precision: twice as fast in products and searches, where six digits are enough."""
     return np.asarray(values, dtype=np.float32)
