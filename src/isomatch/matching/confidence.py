@@ -19,8 +19,10 @@ from isomatch.surfaces import linked
 from isomatch.values.arrays import FloatArray, IntArray, single
 
 RUNNER_UP_EXPONENT = 10.0  # so that one in ten runners-up is right at the bound of a tie
-ERROR_RADIUS = 0.08  # over which it is spread, in √area; 0.05 to 0.14 tried: benchmarks/vertex_confidence.py
-ERROR_SCALE = 0.32  # to the mean error of faust_r and creatures: benchmarks/vertex_confidence.py
+ERROR_RADIUS = (
+    0.08  # over which it is spread, in √area; 0.05 to 0.14 tried: isomatch_lab.studies.vertex_confidence
+)
+ERROR_SCALE = 0.32  # to the mean error of faust_r and creatures: isomatch_lab.studies.vertex_confidence
 TINY = 1e-12
 
 
@@ -37,7 +39,7 @@ def expected_errors(
     # Of an isometry both are the same, and F is orthogonal. A displaced image leaves r = Φ_t(f(i)) − Φ_s(i) F, and to
     # first order r = |∇(Φ_s F)| · δ for an image that has to move by δ:
     #   δ(i) = ‖r‖ / |∇(Φ_s F)|   (a length),   ε(i) = log(|∇(Φ_s F)|² / |∇Φ_s|²)   (strain: 0 if F is orthogonal),
-    #   expected error = ERROR_SCALE · √(δ |ε|), spread by the heat kernel. docs/concepts/confidence.md
+    #   expected error = ERROR_SCALE · √(δ |ε|), spread by the heat kernel. docs/lab/benchmarks.md, confidence
     source = pair.source
     k = pair.n_functions
     functions = source.functions[:, :k]  # (n_s, K)

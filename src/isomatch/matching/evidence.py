@@ -20,7 +20,13 @@ from isomatch.values.arrays import FloatArray
 NO_LEAD = 1e-9  # so that the doubt of a tie is finite
 
 # what each flag of evidence calls for, the least sure first
-CALLED_FOR = dict(zip(("contradicted", "mirrored", "poor", "ambiguous", "partial"), Outcome))
+CALLED_FOR = {
+    "contradicted": Outcome.PRIORS_CONTRADICTED,
+    "mirrored": Outcome.MIRROR_IMAGE,
+    "poor": Outcome.LOW_CONFIDENCE,
+    "ambiguous": Outcome.SYMMETRY_AMBIGUOUS,
+    "partial": Outcome.PARTIAL,
+}
 
 
 @dataclass(frozen=True)

@@ -182,7 +182,7 @@ def weighed(
                 lead[i, j] = weight * differences[region].mean()
                 lead[j, i] = -lead[i, j]
     # As R differs from pair to pair, three maps may beat each other in a ring. The best is the eligible one that loses
-    # least to any other, min_i max_j c_i exp(looks_ij) / c_j; all costs are then those against it.
+    # least to any other, min_i max_j c_i exp(lead_ij) / c_j; all costs are then those against it.
     against = np.array(costs)[:, None] * np.exp(lead)
     lost = against / np.maximum(costs, np.finfo(float).tiny)
     may_win = sorted(np.flatnonzero(eligible).tolist(), key=lambda i: costs[i])

@@ -182,7 +182,6 @@ class PreparedShape(SmoothShape, Shown):
         if self.original is None and getattr(target, "original", None) is None:
             return super().correspondence(target, image, matched)
         points = image if isinstance(image, PrecisePoints) else PrecisePoints.at_vertices(image)
-        source = self.original or self
         n = source.body.n_vertices
         points = PrecisePoints(points.corners[:n], points.barycentric[:n])
         matched = None if matched is None else matched[:n]
