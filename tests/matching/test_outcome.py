@@ -1,5 +1,6 @@
 """The outcome from the measures: each bound on either side, and the order where several hold."""
 
+import importlib
 from dataclasses import fields, replace
 from itertools import product
 from types import SimpleNamespace
@@ -7,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from isomatch import Config, Outcome
+from isomatch import Config, NotConvergedError, Outcome, match
 from isomatch.matching import Evidence, Quality, measured_evidence, outcome_of
 from isomatch.matching.quality import torn_off_share
 from shapes import icosphere
@@ -116,3 +117,14 @@ def test_a_cap_that_goes_to_the_other_pole_is_torn_off():
     images[cap] = opposite
     assert torn_off(images) == pytest.approx(sphere.vertex_areas[cap].sum() / sphere.area)
     assert torn_off(images) == pytest.approx(0.1, abs=0.02)
+
+
+def test_a_way_that_finds_no_map_is_told(prepared_example, monkeypatch):
+    solving = importlib.import_module("isomatch.matching.solve")
+
+    def broken(case):
+        raise NotConvergedError("nothing turned up")
+
+    ways = solving.Way("broken", "whole", broken), solving.AS_IT_IS
+    monkeypatch.setattr(solving, "ways_of", lambda case: ways)
+    assert "the way 'broken' found no map: nothing turned up" in match(*prepared_example).notes

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from contextlib import nullcontext, suppress
+from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from typing import Literal, TypeAlias, cast
 
@@ -61,6 +61,7 @@ class Case:
     timer: StageTimer
     hypotheses: Sequence[Hypothesis] | None = None  # of an isometry, in place of a search
     solutions: list[Solution] = field(default_factory=list)
+    failed: list[str] = field(default_factory=list)  # ways that found no map, and why
 
     @cached_property
     def side(self) -> PartSide | Literal["both"] | None:
@@ -104,7 +105,8 @@ class Case:
         try:
             source, target = parallel_map(capped_shape, (self.pair.source, self.pair.target))
             return self.between(source, target, config)
-        except (MeshError, NotConvergedError):
+        except (MeshError, NotConvergedError) as error:
+            self.failed.append(f"with the holes closed no map was found: {error}")
             return None
 
     def cut(self, n_source: int, n_target: int) -> Solution | None:
@@ -326,13 +328,15 @@ def solved(case: Case) -> Solution:
                 solution = way.solve(case) if way.applies(case) else None
         except NotConvergedError as error:
             solution, problem = None, error
+            case.failed.append(f"the way {way.name!r} found no map: {error}")
         if solution is not None:
             case.solutions.append(replace(solution, pair=case.pair, way=way.name))
             if way.is_enough(case, solution):
                 break
     if not case.solutions:
         raise problem or NotConvergedError("no way found a map; give three to five landmarks")
-    return case.solutions[0] if len(case.solutions) == 1 else _verified_best(case)
+    solution = case.solutions[0] if len(case.solutions) == 1 else _verified_best(case)
+    return replace(solution, notes=(*solution.notes, *case.failed))
 
 
 def _verified_best(case: Case) -> Solution:
@@ -395,15 +399,20 @@ def solve(pair: ShapePair, priors: Priors, stages: Stages, timer: StageTimer) ->
         return solved(Case(pair, priors, stages, timer))
     turned = replace(pair, **{side: turned_over(getattr(pair, side))})  # type: ignore[arg-type]
     contending: list[tuple[float, str, Solution]] = []
+    failed: list[str] = []
     for how, wound in (("as they are", pair), ("turned over", turned)):
-        with suppress(NotConvergedError), timer.within(f"faces {how}"):
-            solution = solved(Case(wound, priors, stages, timer))
-            cost = verifier_of(wound)(on_bodies(wound, solution.map.vertices)).cost
-            contending.append((cost, how, solution))
+        try:
+            with timer.within(f"faces {how}"):
+                solution = solved(Case(wound, priors, stages, timer))
+        except NotConvergedError as error:
+            failed.append(f"with the faces {how} no map was found: {error}")
+            continue
+        cost = verifier_of(wound)(on_bodies(wound, solution.map.vertices)).cost
+        contending.append((cost, how, solution))
     if not contending:
         raise NotConvergedError(
             "no map keeps the orientation of the faces, as they are or turned over; give three to five landmarks"
         )
     _, how, solution = min(contending, key=lambda each: each[0])
     note = f"the {side} seems to be inside out; of both windings of its faces, the map verifies better with them {how}"
-    return replace(solution, pair=pair, notes=(note, *solution.notes))
+    return replace(solution, pair=pair, notes=(note, *failed, *solution.notes))
