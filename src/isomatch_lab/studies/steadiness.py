@@ -25,12 +25,11 @@ from isomatch_lab.studies.shared import Job, asked_for, drawn, in_parallel, writ
 
 PAIRS = {
     "example": 1,
-    "creatures": 2,
     "organs": 1,
     "faust_r": 3,
     "tosca_iso_r": 3,
     "topkids": 1,
-    "smal": 2,
+    "smal": 1,
     "shrec16_cuts": 1,
     "shrec16_holes": 1,
 }  # how many of each set
