@@ -1,4 +1,4 @@
-# `make demo` shows a match, `make test` runs everything CI runs, `make docs` builds the site.
+# `make demo` shows a match, `make test` and `make test-kernel` run what CI runs, `make docs` builds the site.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -32,8 +32,7 @@ $(VENV)/dev: pyproject.toml $(LOCK) | $(BIN)/python
 	@touch $(VENV)/core $@
 
 $(UV):
-	$(PYTHON) -m venv $(VENV)/uv
-	$(VENV)/uv/bin/python $(PIP) uv
+	-$(PYTHON) -m venv $(VENV)/uv && $(VENV)/uv/bin/python $(PIP) uv
 
 demo: $(VENV)/core
 	$(BIN)/isomatch demo -o demo
@@ -62,7 +61,7 @@ test: told $(VENV)/dev lint  # types are checked beside the tests and told in th
 test-kernel: $(VENV)/dev
 	OPENBLAS_CORETYPE=$(KERNEL) $(ONE_THREAD) $(BIN)/python -m pytest $(WORKERS) $(TESTS)
 
-test-long: told $(VENV)/dev
+test-long: $(VENV)/dev
 	$(ONE_THREAD) $(BIN)/python -m pytest -m long $(WORKERS)
 
 fuzz: $(VENV)/dev

@@ -139,7 +139,6 @@ def test_corners_without_a_place_do_no_harm():
 SUFFIXES = [".obj", ".off", ".ply", ".vtk", ".vtp", ".vtu", ".stl", ".glb", ".gii"]
 
 
-@pytest.mark.long
 @pytest.mark.parametrize(
     ("suffix", "first"),
     some_later(

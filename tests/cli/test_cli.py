@@ -395,9 +395,10 @@ def test_info_tells_versions(capsys):
     facts = json.loads(capsys.readouterr().out)
     assert facts["isomatch"] == isomatch.__version__
     assert {"python", "numba", "pygeodesic", "threads", "memory_budget_gib"} <= facts.keys()
-    assert facts["processor"].endswith("processors")
-    kernels = [pool.get("architecture") or "" for pool in threadpool_info() if pool["user_api"] == "blas"]
+    assert "processor" in facts["processor"]
+    kernels = {pool.get("architecture") for pool in threadpool_info() if pool["user_api"] == "blas"} - {None}
     assert all(kernel in facts["blas"] for kernel in kernels)
+    assert kernels or sys.platform != "linux"
     assert main(["info"]) == 0
     assert isomatch.__version__ in capsys.readouterr().out
 

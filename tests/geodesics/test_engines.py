@@ -67,7 +67,6 @@ def test_great_circles(name, tolerance, level, size):
     assert error < getattr(tolerance, size)
 
 
-@pytest.mark.long
 def test_symmetry_and_triangle_inequality(name, tolerance, example):
     sources = np.arange(0, 2900, 120)
     among = geodesic_distances(example[0].mesh, sources, name)[:, sources]

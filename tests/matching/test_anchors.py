@@ -55,7 +55,6 @@ def test_shapes_that_have_nothing_in_common_get_a_poor_map():
     assert match(icosphere(3), box(2, 3, 30)).outcome is Outcome.LOW_CONFIDENCE
 
 
-@pytest.mark.long
 def test_one_of_the_starts_of_a_copy_is_the_identity():
     mesh = organ("kidney", 1500, pose=1).mesh
     pair = prepare_pair(mesh, mesh)

@@ -129,4 +129,9 @@ def test_a_relation_is_claimed_of_each_two_partners(bodies, relation):
     found = match(with_ball(source), with_ball(target), relation=relation)
     assert mean_error(found, target, truth) < 0.06
     assert (found.map.vertices[source.n_vertices :] >= target.n_vertices).all()
-    assert (found.outcome is Outcome.PARTIAL) == isinstance(relation, Part)
+    unsure = {
+        Outcome.LOW_CONFIDENCE,
+        Outcome.SYMMETRY_AMBIGUOUS,
+        Outcome.CONVERGED,
+    }  # a body and a ball are no species
+    assert found.outcome in ({Outcome.PARTIAL} if isinstance(relation, Part) else unsure)

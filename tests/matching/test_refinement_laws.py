@@ -12,7 +12,6 @@ from isomatch.matching import REFINEMENTS, Refinement, check_refinement
 from later import some_later
 
 
-@pytest.mark.long
 @pytest.mark.parametrize("name", some_later(REFINEMENTS, lambda name: name == "joint"))
 def test_those_of_isomatch_keep_the_laws(name):
     check_refinement(REFINEMENTS[name], seed=1)

@@ -61,7 +61,6 @@ def test_a_t_junction_of_quads_keeps_texture_coordinates(share):
     assert mended.polygon_index.tolist() == [0, 1, 2]
 
 
-@pytest.mark.long
 @pytest.mark.parametrize(("digits", "scale"), [(2, 1.0), (3, 1.0), (1, 1000.0)])
 def test_triangles_with_few_digits_are_welded_within_the_distance_proposed(digits, scale):
     body = creature(1500).mesh
@@ -151,7 +150,6 @@ def test_a_plate_is_named_and_cut_along_its_rim():
     assert check(creature(1500).mesh).planar < 0.1
 
 
-@pytest.mark.long
 @pytest.mark.parametrize("share", [0.01, 0.03])
 def test_outliers_of_a_cloud_are_found_and_left_out(share):
     rng = np.random.default_rng(0)

@@ -58,7 +58,6 @@ def test_a_shape_with_one_wall_is_not_called_double_walled(name):
     assert not any("double-walled" in sentence for sentence in report.warnings)
 
 
-@pytest.mark.long
 @pytest.mark.parametrize("kind", ["capsule", "tube"])
 def test_shells_are_called_double_walled(kind):
     mesh = shell(kind, 0.03, 0).mesh

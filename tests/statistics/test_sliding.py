@@ -122,7 +122,7 @@ def test_order_place_orientation_and_size_do_not_matter(specimens, monkeypatch):
 
 
 def test_a_point_without_a_place_does_not_count(specimens):
-    """Neither where all specimens lack it, nor where one does; without any fixed point, too."""
+    """Where all specimens lack it beside fixed points, and where one does without any."""
     places, meshes = specimens
     without = slid_semilandmarks(places[:, :50], meshes, (), range(9, 50))
     lacking = places.copy()

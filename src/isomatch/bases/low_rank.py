@@ -19,7 +19,8 @@ from isomatch.geodesics import DistanceEngine, Sampling
 from isomatch.runtime.memory import require_memory
 from isomatch.runtime.threads import parallel_map, serial_blas
 from isomatch.surfaces import Mesh, PointCloud, Surface
-from isomatch.values.arrays import FloatArray, IntArray, first_largest
+from isomatch.values.arrays import FloatArray, IntArray
+from isomatch.values.ties import first_largest
 
 RIDGE = 1e-9  # of the mean variance; keeps the system well conditioned when samples nearly coincide
 NODES_PER_VECTOR = 12  # predicted columns per basis vector; twice as many lower the error by less than 1 %

@@ -138,7 +138,8 @@ def _conjugate_gradients(
                 now[c] += residual[i, c] ** 2 / total[i]
         is_near = True
         for c in range(3):
-            first[c] = now[c] if iteration == 0 else first[c]
+            if iteration == 0:
+                first[c] = now[c]
             is_near &= now[c] <= PRECISION**2 * first[c]
         if is_near:
             break
@@ -248,8 +249,9 @@ def turned(turn: FloatArray, covariances: FloatArray) -> FloatArray:
             step[0, 1], step[1, 0] = rest * x * y - sine * z, rest * x * y + sine * z
             step[2, 0], step[0, 2] = rest * z * x - sine * y, rest * z * x + sine * y
             step[1, 2], step[2, 1] = rest * y * z - sine * x, rest * y * z + sine * x
-            for k in range(9):
-                r[k // 3, k % 3] = rotations[i, k // 3, k % 3]
+            for row in range(3):
+                for column in range(3):
+                    r[row, column] = rotations[i, row, column]
             _multiply(step, r, rotations[i])
             _multiply(rotations[i], covariances[i], m)
     return rotations

@@ -12,8 +12,9 @@ from isomatch.geodesics.protocol import DistanceEngine
 from isomatch.loading.compiled import compiled
 from isomatch.runtime.memory import require_memory
 from isomatch.surfaces import Mesh, PointCloud
-from isomatch.values.arrays import EQUAL, FloatArray, IntArray, first_largest, without_rounding
+from isomatch.values.arrays import FloatArray, IntArray
 from isomatch.values.settings import generator
+from isomatch.values.ties import TIE, first_largest, first_of_rank
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,32 +122,33 @@ def euclidean_farthest_points(points: FloatArray, n_samples: int, start: int) ->
         raise SettingError(f"start = {start} must lie in 0…{n - 1}, the points")
     chosen = np.zeros(n_samples, dtype=np.int64)
     chosen[0] = start
-    _fill_with_farthest(np.array(points, dtype=np.float64, order="C"), chosen, np.full(n, np.inf))
+    _fill_with_farthest(np.array(points, dtype=np.float64, order="C"), chosen, np.full(n, np.inf), 2 * TIE)
     return chosen
 
 
 @compiled()
-def _fill_with_farthest(points: FloatArray, chosen: IntArray, nearest: FloatArray) -> None:
+def _fill_with_farthest(points: FloatArray, chosen: IntArray, nearest: FloatArray, tie: float) -> None:
     """Fill ``chosen`` after its first entry; ``nearest`` (n,), squared distances to it, is all inf on entry."""
     farthest = chosen[0]
     for i in range(len(chosen)):
         last = chosen[i] = farthest
         nearest[last] = -1.0  # below the 0 of coincident points, so that no point is chosen twice
-        most = -1.0
+        most = 0.0
         for j in range(len(points)):
             squared = 0.0
             for axis in range(points.shape[1]):
                 squared += (points[j, axis] - points[last, axis]) ** 2
             if squared < nearest[j]:
                 nearest[j] = squared
-            if nearest[j] > most + EQUAL * abs(
-                most
-            ):  # of equally far points the first, also if rounding differs
-                most, farthest = nearest[j], j
+            most = max(most, nearest[j])
+        for j in range(len(points)):
+            if nearest[j] >= most - tie * most:
+                farthest = j
+                break
 
 
 def peripheral_vertex(surface: MetricSpace, engine: DistanceEngine, seed: int = 0) -> int:
-    """Return a vertex at one end of the surface that depends on the shape, not on the order of the vertices.
+    """Return a vertex at one end of the surface that depends on the shape; the order of the vertices decides ties alone.
 
     It is the vertex farthest from the one that is farthest from a first one, which ``seed`` draws; two distance columns.
     """
@@ -157,7 +159,7 @@ def peripheral_vertex(surface: MetricSpace, engine: DistanceEngine, seed: int = 
         shares = surface.vertex_areas / surface.area if 0 < surface.area < np.inf else None
         centre = np.average(surface.vertices, axis=0, weights=shares)
         remoteness = np.linalg.norm(surface.vertices - centre, axis=1)
-        vertex = int(np.argsort(without_rounding(remoteness), kind="stable")[vertex])
+        vertex = first_of_rank(remoteness, vertex)
     for _ in range(2):
         distance = engine.distances_from(np.array([vertex]))[0]
         vertex = first_largest(np.where(np.isfinite(distance), distance, -1.0))

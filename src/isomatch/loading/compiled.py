@@ -1,6 +1,7 @@
 """Compiled loops: functions that numba compiles at their first call and keeps between runs.
 
-They copy arrays element by element: an assignment to a slice compiles for 2 s, most of it the error for other shapes.
+They copy arrays element by element: to assign an array to a slice compiles for 2 s, most of it the error for
+other shapes. Constants of other modules are arguments: the cache does not see that they change.
 """
 
 from __future__ import annotations

@@ -27,7 +27,7 @@ def iterated(
     coordinates: Callable[[M, S], Embedding],
     nearest: Callable[[Embedding, S], tuple[IntArray, M]],
 ) -> tuple[M, float]:
-    """Alternate coordinates and nearest points; returns the images (r,) and their mean distance at last."""
+    """Alternate coordinates and nearest points; returns the images and the mean distance of the nearest vertices."""
     spectral_residual = np.inf
     for step in steps:
         embedding = coordinates(image, step)
@@ -41,9 +41,9 @@ def refined_images(
 ) -> tuple[IntArray, float]:
     """Refine the images (n_refine,) of the refinement vertices in joint coordinates of more and more functions."""
     # Without positions, all but the last images are vertices among n_refine samples of the target. With them, images are
-    # points of its triangles. Such points follow the coordinates continuously, where nearest vertices jump: on five
-    # pairs whose coordinates were disturbed by 1e-9, the share of final images that moved by more than an edge fell from
-    # 2.4 to 1.8 %. side: 1 preserves the orientation of the faces, −1 reverses it.
+    # points of its triangles. Such points follow the coordinates continuously, where nearest vertices jump: where
+    # coordinates are disturbed by 1e-9, fewer final images move (docs/lab/robustness.md, rounding).
+    # side: 1 preserves the orientation of the faces, −1 reverses it
     samples = pair.target.sample_vertices[: pair.target.config.n_refine]
     steps = [(min(k, pair.n_functions), with_positions or k == sizes[-1]) for k in sizes]
 
@@ -55,12 +55,12 @@ def refined_images(
 
     def nearest(embedding: Embedding, step: tuple[int, bool]) -> tuple[IntArray, PrecisePoints]:
         if with_positions:
-            points = pair.target.index.points(*embedding[::-1])
+            points = pair.target.index.points(embedding.target, embedding.source)
             return points.corners[:, 0], points
         if step[1]:
-            row = image = pair.target.index.vertices(*embedding[::-1])
+            row = image = pair.target.index.vertices(embedding.target, embedding.source)
         else:
-            row = nearest_of_few(*embedding[::-1])
+            row = nearest_of_few(embedding.target, embedding.source)
             image = samples[row]
         return row, PrecisePoints.at_vertices(image)
 

@@ -404,11 +404,10 @@ def solve(pair: ShapePair, priors: Priors, stages: Stages, timer: StageTimer) ->
         try:
             with timer.within(f"faces {how}"):
                 solution = solved(Case(wound, priors, stages, timer))
+                cost = verifier_of(wound)(on_bodies(wound, solution.map.vertices)).cost
+            contending.append((cost, how, solution))
         except NotConvergedError as error:
             failed.append(f"with the faces {how} no map was found: {error}")
-            continue
-        cost = verifier_of(wound)(on_bodies(wound, solution.map.vertices)).cost
-        contending.append((cost, how, solution))
     if not contending:
         raise NotConvergedError(
             "no map keeps the orientation of the faces, as they are or turned over; give three to five landmarks"

@@ -225,9 +225,8 @@ def repair(
         limbs = unmerged(mended, unmerge)
         contacts = tuple(vertex_index[seam] for seam in limbs.seams)
         mended, vertex_index = limbs.mesh, vertex_index[limbs.vertex_index]
-        if (
-            contacts
-        ):  # the winding stopped where limbs were merged, as more than two faces met at an edge there
+        # the winding stopped where limbs were merged, as more than two faces met at an edge there
+        if contacts:
             mended, again = wound_outward(mended)
             rewound ^= again
 

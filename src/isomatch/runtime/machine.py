@@ -18,7 +18,8 @@ def processor() -> str:
     listed = Path("/proc/cpuinfo")
     model = re.search(r"model name\s*: (.+)", listed.read_text(encoding="utf-8")) if listed.exists() else None
     name = model[1] if model else platform.processor() or platform.machine()
-    return f"{name}, {processors()} processors"
+    n = processors()
+    return f"{name}, {n} processor{'s' * (n != 1)}"
 
 
 def kernels() -> str:

@@ -24,8 +24,9 @@ from isomatch.settings import Config
 from isomatch.shapes.body import Body, body_of, full_level, levels_of
 from isomatch.shapes.prepared_shape import PreparedShape
 from isomatch.surfaces import Graph, Surface
-from isomatch.values.arrays import FloatArray, IntArray, first_largest, without_rounding
+from isomatch.values.arrays import FloatArray, IntArray
 from isomatch.values.settings import generator
+from isomatch.values.ties import TIE, first_largest
 
 
 def prepare(
@@ -185,19 +186,14 @@ def extremal_points(
     # the pose: its local maxima (no neighbour is higher) are the extremities. The most remote first, those too near to
     # one that is kept are passed over.
     i, j = surface.edges.T
-    average_distance = without_rounding(average_distance)
     highest = np.full(surface.n_vertices, -np.inf)
     np.maximum.at(highest, i, average_distance[j])
     np.maximum.at(highest, j, average_distance[i])
-    peaks = np.flatnonzero(average_distance >= highest)
-    peaks = peaks[np.argsort(-average_distance[peaks], kind="stable")]
+    peaks = np.flatnonzero(average_distance >= highest - TIE * average_distance.max())
     nearest = np.full(surface.n_vertices, np.inf)  # distance to those that are kept
     kept: list[int] = []
-    for vertex in peaks[: len(peaks) * (limit > 0)]:
-        if nearest[vertex] >= spacing:
-            kept.append(int(vertex))
-            engine.lower(nearest, int(vertex))
-            if len(kept) == limit:
-                break
+    while len(kept) < limit and len(peaks := peaks[nearest[peaks] >= spacing]):
+        kept.append(int(peaks[first_largest(average_distance[peaks])]))
+        engine.lower(nearest, kept[-1])
     vertices = np.array(kept, dtype=np.int64)
     return vertices, engine.distances_from(vertices)

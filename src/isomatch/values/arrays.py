@@ -11,11 +11,6 @@ IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 AnyArray = NDArray[Any]
 
-# Of the larger, by which two values may differ and be equal. On symmetric shapes, rounding alone would decide which side
-# comes first: of two maps of a part of a horse with errors of 2.8 and 10.4, either was found on the same pair disturbed
-# by 1e-9. Distances in single precision are known to 1e-7.
-EQUAL = 1e-6
-
 
 def array_of(values: ArrayLike, name: str, error: type[Exception]) -> AnyArray:
     """Make an array of what a user gave; the given kind of error if its rows have different lengths."""
@@ -39,29 +34,6 @@ def numbers_of(values: ArrayLike, name: str, error: type[Exception]) -> FloatArr
     if array.size and array.dtype.kind not in "fiub":
         raise error(f"{name} have type {array.dtype}, expected real numbers")
     return np.array(array, dtype=np.float64, order="C")
-
-
-def first_largest(values: FloatArray) -> int:
-    """Index of the first of those that are as large as the largest, but for rounding; the choice then is by rule.
-
-    Examples
-    --------
-    >>> first_largest(np.array([1.0, 3.0 - 1e-9, 3.0]))
-    1
-    """
-    most = values.max()
-    return int((values >= most - EQUAL * abs(most)).argmax()) if np.isfinite(most) else int(values.argmax())
-
-
-def without_rounding(values: FloatArray) -> FloatArray:
-    """Values in millionths of the largest one, as whole numbers: what differs by rounding alone is equal.
-
-    Examples
-    --------
-    >>> without_rounding(np.array([1.0, 2.0, 2.0 + 1e-9]))
-    array([ 500000., 1000000., 1000000.])
-    """
-    return np.round(values / (EQUAL * (np.abs(values).max(initial=0.0) or 1.0)))
 
 
 def single(values: FloatArray) -> Float32Array:

@@ -29,10 +29,11 @@ import subprocess
 import sys
 import time
 from datetime import date
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from isomatch.runtime.machine import processor, versions
+from isomatch.runtime.machine import processor
 from isomatch_lab.studies import published
 from isomatch_lab.studies.result_steps import STEPS, Step
 
@@ -65,7 +66,7 @@ def present_stamp(step: Step, root: Path = ROOT) -> Stamp:
         "command": step.command,
         "scripts": hashlib.sha256(code).hexdigest()[:16],
         "machine": processor(),
-        "versions": versions(PACKAGES) | {"python": platform.python_version()},
+        "versions": {name: version(name) for name in PACKAGES} | {"python": platform.python_version()},
     }
 
 

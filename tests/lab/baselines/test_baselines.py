@@ -92,7 +92,6 @@ def test_signature_is_that_of_match(method):
     assert list(inspect.signature(method).parameters) == expected
 
 
-@pytest.mark.long
 @pytest.mark.parametrize(
     "method", some_later(ALL, lambda method: method not in (gmds, gromov_wasserstein, gdd, gdd_post))
 )
