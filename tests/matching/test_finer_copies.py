@@ -58,7 +58,7 @@ def test_what_a_copy_of_a_shape_is_called_decides_nothing(seed):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("stuck", [pytest.param(False, marks=pytest.mark.long), True])
+@pytest.mark.parametrize("stuck", [False, True])
 def test_a_map_refined_once_more_scores_no_worse(stuck):
     """And better if it was refined with all functions at once."""
     source, target = (shape.mesh for shape in example_pair())
