@@ -169,7 +169,7 @@ def cases():
     for command in COMMANDS:
         for kind in (*KINDS, "allocation"):
             is_long = command in ("statistics", "match", "export")
-            most = 40 if command == "transfer" else 8 if command == "statistics" else 12
+            most = 40 if command == "transfer" else 5 if command == "statistics" else 12
             yield pytest.param(command, kind, most, marks=[pytest.mark.long] * is_long)
 
 

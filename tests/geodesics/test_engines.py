@@ -19,7 +19,6 @@ from isomatch import (
     repair,
 )
 from isomatch.geodesics import ENGINES, distance_engine, engine_names
-from later import some_later
 from shapes import disguised, flat_grid, icosphere, two_spheres
 from zoo import specimen, zoo
 

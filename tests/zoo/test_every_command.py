@@ -171,6 +171,7 @@ def test_commands(case, written, tmp_path, capsys, monkeypatch):
 
 
 @pytest.mark.long
+@pytest.mark.usefixtures("small_pictures")
 @pytest.mark.parametrize("case", [case for case in CASES if not case.match], ids=repr)
 def test_pictures_and_report(case, written, tmp_path):
     (file,) = written(mesh=case.make())
