@@ -285,7 +285,9 @@ def _longest_paths(mesh: Mesh, edges: IntArray, least: float) -> IntArray:
     """Keep, of each connected set of edges, the longest path of a spanning tree, if it has a length."""
     n = mesh.n_vertices
     lengths = np.linalg.norm(mesh.vertices[edges[:, 0]] - mesh.vertices[edges[:, 1]], axis=1)
-    tree = minimum_spanning_tree(coo_array((lengths, tuple(edges.T)), shape=(n, n)).tocsr())
+    # the tree has indices of this kind; dijkstra of scipy 1.15 takes no longer ones
+    ends = tuple(edges.T.astype(np.int32))
+    tree = minimum_spanning_tree(coo_array((lengths, ends), shape=(n, n)).tocsr())
     _, piece = connected_components(tree, directed=False)
     kept = [np.zeros((0, 2), dtype=np.int64)]
     for vertices in (np.flatnonzero(piece == each) for each in np.unique(piece[edges[:, 0]])):
