@@ -42,7 +42,7 @@ def refined_images(
     """Refine the images (n_refine,) of the refinement vertices in joint coordinates of more and more functions."""
     # Without positions, all but the last images are vertices among n_refine samples of the target. With them, images are
     # points of its triangles. Such points follow the coordinates continuously, where nearest vertices jump: where
-    # coordinates are disturbed by 1e-9, fewer final images move (docs/lab/robustness.md, rounding).
+    # coordinates are disturbed by 1e-9, fewer final images move (docs/lab/design_notes.md, rounding).
     # side: 1 preserves the orientation of the faces, −1 reverses it
     samples = pair.target.sample_vertices[: pair.target.config.n_refine]
     steps = [(min(k, pair.n_functions), with_positions or k == sizes[-1]) for k in sizes]
