@@ -22,7 +22,7 @@ from isomatch_lab.damage import view
 from isomatch_lab.procedural import creature, organ, organ_truth
 
 HERE = Path(__file__).parent
-WRONG = 10.0  # mean error in % of √area, as in the benchmarks
+WRONG = 9.0  # mean error in % of √area: a map with one limb at the wrong place has 9.6
 N = 2500
 
 

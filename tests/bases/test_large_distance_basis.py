@@ -32,13 +32,13 @@ print(json.dumps({"gib": peak, "error": error, "estimate": basis.error_estimate(
 
 @pytest.mark.long
 def test_a_hundred_thousand_vertices():
-    """1.5 GiB at the peak, and the error on 200 random columns."""
+    """2 GiB at the peak, and the error on 200 random columns."""
     folders = [str(Path(__file__).parents[1]), *filter(None, sys.path)]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(folders)}
     run = subprocess.run(
         [sys.executable, "-c", SCRIPT], capture_output=True, text=True, check=True, env=environment
     )
     measured = json.loads(run.stdout.splitlines()[-1])
-    assert measured["gib"] < 1.5, measured
+    assert measured["gib"] < 2.0, measured
     assert measured["error"] < 0.015, measured
     assert measured["estimate"] == pytest.approx(measured["error"], rel=0.4)

