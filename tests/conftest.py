@@ -1,6 +1,7 @@
 """What all tests share; ``zoo.py``, ``shapes.py`` and ``data.py`` beside this file can be imported."""
 
 import os
+import platform
 import re
 import signal
 from functools import partial
@@ -16,6 +17,7 @@ from isomatch import Mesh, PointCloud, prepare
 from isomatch.datasets import example_pair, ground_truth
 from isomatch.matching import pair
 from isomatch.runtime.machine import kernels, processor, versions
+from isomatch.runtime.threads import n_threads
 from isomatch.view import draw_map
 from small_collections import copied, finished, in_threads, small  # noqa: F401 - fixtures
 
@@ -67,10 +69,9 @@ settings.load_profile("the same each time")
 
 def this_machine():
     """What the last digits depend on."""
-    packages = versions(["numpy", "scipy", "numba", "hypothesis"])
-    return f"{processor()}; {kernels()}; " + ", ".join(
-        f"{name} {number}" for name, number in packages.items()
-    )
+    packages = {"python": platform.python_version()} | versions(["numpy", "scipy", "numba", "hypothesis"])
+    numbers = ", ".join(f"{name} {number}" for name, number in packages.items())
+    return f"{processor()}; {kernels()}; threads of a worker: {n_threads()}; {numbers}"
 
 
 def pytest_sessionstart(session):

@@ -19,9 +19,8 @@ from isomatch.surfaces import linked
 from isomatch.values.arrays import FloatArray, IntArray, single
 
 RUNNER_UP_EXPONENT = 10.0  # so that one in ten runners-up is right at the bound of a tie
-ERROR_RADIUS = (
-    0.08  # over which it is spread, in √area; 0.05 to 0.14 tried: isomatch_lab.studies.vertex_confidence
-)
+# √area over which an expected error is spread; 0.05 to 0.14 tried: isomatch_lab.studies.vertex_confidence
+ERROR_RADIUS = 0.08
 ERROR_SCALE = 0.32  # to the mean error of faust_r and creatures: isomatch_lab.studies.vertex_confidence
 TINY = 1e-12
 

@@ -36,9 +36,12 @@ def faces_to_rewind(mesh: Mesh) -> BoolArray:
 def wound_outward(mesh: Mesh) -> tuple[Mesh, BoolArray]:
     """Rewind the faces that `faces_to_rewind` finds: the mesh, and which they are, (m,)."""
     rewound = faces_to_rewind(mesh)
-    if not rewound.any():
-        return mesh, rewound
-    return Mesh(mesh.vertices, np.where(rewound[:, None], mesh.faces[:, [0, 2, 1]], mesh.faces)), rewound
+    return with_rewound(mesh, rewound) if rewound.any() else mesh, rewound
+
+
+def with_rewound(mesh: Mesh, rewound: BoolArray) -> Mesh:
+    """Rewind some faces (m,) of a mesh."""
+    return Mesh(mesh.vertices, np.where(rewound[:, None], mesh.faces[:, [0, 2, 1]], mesh.faces))
 
 
 def shells(mesh: Mesh) -> tuple[BoolArray, BoolArray]:

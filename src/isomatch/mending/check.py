@@ -10,7 +10,7 @@ import numpy as np
 from isomatch.assets import Polygons, SurfaceLike, mesh_from
 from isomatch.errors import some
 from isomatch.loading.compiled import compiled
-from isomatch.mending._winding import faces_to_rewind, shells
+from isomatch.mending._winding import faces_to_rewind, shells, with_rewound
 from isomatch.mending.base import LARGE, base_of
 from isomatch.mending.gaps import NO_SIDES, close_vertices, free_sides, t_junctions
 from isomatch.mending.merged import unmerged
@@ -103,8 +103,7 @@ def check(mesh: SurfaceLike, *, wall: float = WALL) -> MeshReport:
 
 
 def _merged(surface: Mesh, rewound: BoolArray) -> IntArray:
-    outward = Mesh(surface.vertices, np.where(rewound[:, None], surface.faces[:, [0, 2, 1]], surface.faces))
-    return np.concatenate([np.zeros(0, dtype=np.int64), *unmerged(outward).seams])
+    return np.concatenate([np.zeros(0, dtype=np.int64), *unmerged(with_rewound(surface, rewound)).seams])
 
 
 def _components(
