@@ -8,7 +8,7 @@ from threading import Thread
 from urllib.parse import parse_qs, urlsplit
 
 from isomatch import Config, Mesh
-from isomatch.serving import PageServer, Session
+from isomatch.server import PageServer, Session
 from isomatch.view import WorkPage
 from shapes import icosphere
 

@@ -29,7 +29,7 @@ shapes landmarks
 matching
 transfer view datasets evaluation
 statistics
-collections serving
+collections server
 cli
 """
 LAB = """

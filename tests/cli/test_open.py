@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import isomatch
-from isomatch import serving
+from isomatch import server
 from isomatch.cli import main
 from isomatch.matching import match
 from served_pages import PAIRS, QUICK, bent
@@ -35,13 +35,13 @@ def served(monkeypatch):
     """The command serves nothing; what it would have served, and with what."""
     kept = []
 
-    class Recorded(serving.Session):
+    class Recorded(server.Session):
         def __init__(self, surfaces, page, keeper, **options):
             kept.append((keeper, options))
             super().__init__(surfaces, page, keeper, **options)
 
     monkeypatch.setattr(serving, "Session", Recorded)
-    monkeypatch.setattr(serving.PageServer, "run", lambda server: server._socket.close())
+    monkeypatch.setattr(server.PageServer, "run", lambda server: server._socket.close())
     monkeypatch.setattr("webbrowser.open", lambda address: None)
     return kept
 

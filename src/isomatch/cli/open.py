@@ -16,7 +16,7 @@ from zipfile import ZIP_DEFLATED, ZipFile
 from cyclopts import Parameter
 
 import isomatch
-from isomatch import serving, view
+from isomatch import server, view
 from isomatch.cli.inputs import ConfigFile, Force, Surface, read_config, read_landmarks, read_surface
 from isomatch.cli.results import BACK_REMOVED, Back, Earlier, Inputs, ResultFolder, match_again
 from isomatch.cli.terminal import json_text, say
@@ -53,7 +53,7 @@ def open(
         browser: Whether to open the page in a browser. Its address is printed in any case.
         seed: Seed of all that is drawn at random; 0 if it is left out. A result that is opened has its own.
     """
-    serving.require_server()
+    server.require_server()
     if target is None:
         options = "-o", "--landmarks", "--target-landmarks", "--config", "--seed", "--force"
         values = output, landmarks, target_landmarks, config, seed, force or None
@@ -75,7 +75,7 @@ def open(
     drawn = view.drawable(surfaces[0]), view.drawable(surfaces[1])
     page = view.WorkPage(*drawn, names=keeper.inputs.names, landmarks=marks)
     with keeper.claimed(force):
-        server = serving.PageServer(serving.Session(surfaces, page, keeper, landmarks=marks, **session), port)
+        server = server.PageServer(server.Session(surfaces, page, keeper, landmarks=marks, **session), port)
         say(server.address)
         say("Browsers of this machine that have this address show the page. Ctrl-C ends it.")
         if browser:
@@ -98,7 +98,7 @@ def _require_result(folder: Path, options: list[str]) -> None:
 
 @dataclass(frozen=True)
 class _Files:
-    """Writes what `isomatch match` writes, see `serving.Keeper`."""
+    """Writes what `isomatch match` writes, see `server.Keeper`."""
 
     inputs: Inputs
     surfaces: tuple[Surface, Surface]
@@ -117,7 +117,7 @@ class _Files:
         with self.results.claimed(force) if self.results else nullcontext():
             yield
 
-    def write(self, result: isomatch.MatchResult, landmarks: serving.Pairs) -> str:
+    def write(self, result: isomatch.MatchResult, landmarks: server.Pairs) -> str:
         if self.results is None:
             raise SettingError("there is no folder to save into; start isomatch open with -o DIR")
         had_back = self.results.has_back
@@ -128,7 +128,7 @@ class _Files:
         names = ", ".join(Path(path).name for path in record["files"].values())
         return f"Saved {names} in {self.folder}{''.join(f'; {what}' for what in told)}."
 
-    def packed(self, result: isomatch.MatchResult, landmarks: serving.Pairs) -> bytes:
+    def packed(self, result: isomatch.MatchResult, landmarks: server.Pairs) -> bytes:
         archive = BytesIO()
         with TemporaryDirectory() as folder, ZipFile(archive, "w", ZIP_DEFLATED) as zipped:
             results = ResultFolder(Path(folder))
@@ -140,7 +140,7 @@ class _Files:
         return archive.getvalue()
 
     def _write(
-        self, results: ResultFolder, result: isomatch.MatchResult, landmarks: serving.Pairs
+        self, results: ResultFolder, result: isomatch.MatchResult, landmarks: server.Pairs
     ) -> dict[str, Any]:
         is_opened, inputs = result is self.opened, replace(self.inputs, landmarks=landmarks)
         as_mesh = self.earlier.as_mesh if self.earlier and is_opened else {}

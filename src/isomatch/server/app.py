@@ -14,7 +14,7 @@ from urllib.parse import parse_qs
 
 from isomatch.errors import IsomatchError, SettingError
 from isomatch.loading.first_use import package
-from isomatch.serving.session import Session
+from isomatch.server.session import Session
 
 HOST = "127.0.0.1"
 EXTRA, WHAT = "open", "isomatch open"

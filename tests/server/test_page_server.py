@@ -11,9 +11,9 @@ import pytest
 
 from isomatch import Mesh, MeshError, SettingError
 from isomatch.matching import Alternative, match
-from isomatch.serving import PageServer
-from isomatch.serving.app import _bound
-from isomatch.serving.session import Job
+from isomatch.server import PageServer
+from isomatch.server.app import _bound
+from isomatch.server.session import Job
 from served_pages import PAIRS, QUICK, bent, serving
 
 pytest.importorskip("starlette", reason="needs the extra open")
