@@ -11,14 +11,14 @@ from hypothesis import settings
 from threadpoolctl import threadpool_limits
 
 import isomatch.statistics
-import isomatch.view.report
+import isomatch.visualization.report
 from data import real_file
 from isomatch import Mesh, PointCloud, prepare
 from isomatch.datasets import example_pair, ground_truth
 from isomatch.matching import pair
 from isomatch.runtime.machine import kernels, processor, versions
 from isomatch.runtime.threads import n_threads
-from isomatch.view import draw_map
+from isomatch.visualization import draw_map
 from small_collections import copied, finished, in_threads, small  # noqa: F401 - fixtures
 
 LONGEST = (  # files in the order in which they are handed to workers, before all others
@@ -138,8 +138,8 @@ def coarse_pictures(monkeypatch):
 @pytest.fixture
 def small_pictures(monkeypatch):
     """The pictures of a match at a sixth of their width: what is in them is tested in ``view``."""
-    monkeypatch.setattr(isomatch.view, "draw_map", partial(draw_map, width=300))
-    monkeypatch.setattr(isomatch.view.report, "WIDTH", 300)
+    monkeypatch.setattr(isomatch.visualization, "draw_map", partial(draw_map, width=300))
+    monkeypatch.setattr(isomatch.visualization.report, "WIDTH", 300)
 
 
 @pytest.fixture(scope="session")

@@ -9,7 +9,7 @@ from urllib.parse import parse_qs, urlsplit
 
 from isomatch import Config, Mesh
 from isomatch.server import PageServer, Session
-from isomatch.view import WorkPage
+from isomatch.visualization import WorkPage
 from shapes import icosphere
 
 QUICK = Config(n_columns=40, rank=20, n_functions=40, n_search=100, n_refine=100, refinement="none")

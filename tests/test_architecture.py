@@ -27,7 +27,7 @@ correspondence
 settings
 shapes landmarks
 matching
-transfer view datasets evaluation
+transfer visualization datasets evaluation
 statistics
 collections server
 cli
@@ -154,7 +154,7 @@ def test_a_room_is_entered_by_its_front_door():
 def test_the_checker_sees_side_doors():
     source = (
         "from isomatch.surfaces.mesh import Mesh\nfrom isomatch.surfaces import Mesh\n"
-        "import isomatch.bases.build\nfrom isomatch.bases import signs\nfrom isomatch.view.camera import camera_of\n"
+        "import isomatch.bases.build\nfrom isomatch.bases import signs\nfrom isomatch.visualization.camera import camera_of\n"
     )
     doors = side_doors("view", imports(ast.parse(source)))
     assert [line.split(":")[0] for line in doors] == ["line 1", "line 3", "line 4"]

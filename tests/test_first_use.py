@@ -32,7 +32,7 @@ def test_help_loads_nothing_slow(words):
 
 
 def test_the_import_loads_nothing_slow():
-    assert loaded_by("import isomatch, isomatch.matching, isomatch.view, isomatch_lab.evaluation") == []
+    assert loaded_by("import isomatch, isomatch.matching, isomatch.visualization, isomatch_lab.evaluation") == []
 
 
 def test_packages_travel_by_name():

@@ -9,7 +9,7 @@ import numpy as np
 
 from isomatch import PointCloud, match
 from isomatch.datasets import ground_truth
-from isomatch.view import (
+from isomatch.visualization import (
     ValuePanel,
     arranged_panels,
     camera_of,

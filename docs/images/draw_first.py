@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from isomatch import Mesh, match
-from isomatch.view import draw_map
+from isomatch.visualization import draw_map
 
 HERE = Path(__file__).parent
 AS_IS, OVER = np.eye(3), np.diag([1.0, -1.0, -1.0])  # SMAL's animals lie on their backs

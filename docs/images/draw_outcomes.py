@@ -9,7 +9,7 @@ import numpy as np
 
 from isomatch import Mesh, match
 from isomatch.datasets import example_pair
-from isomatch.view import ValuePanel, draw_map, summary_of
+from isomatch.visualization import ValuePanel, draw_map, summary_of
 from isomatch_lab.procedural import creature
 
 HERE = Path(__file__).parent

@@ -17,7 +17,7 @@ from isomatch.datasets import example_pair, ground_truth
 from isomatch.evaluation import geodesic_errors
 from isomatch.geodesics import distance_engine, farthest_point_sampling
 from isomatch.matching import MatchResult, continue_with
-from isomatch.view import ValuePanel, draw_map
+from isomatch.visualization import ValuePanel, draw_map
 from isomatch_lab.damage import view
 from isomatch_lab.procedural import creature, organ, organ_truth
 

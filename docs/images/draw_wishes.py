@@ -15,7 +15,7 @@ from isomatch.collections import Collection, collected_landmarks, draw_landmarks
 from isomatch.datasets import example_pair
 from isomatch.geodesics import distance_engine, farthest_point_sampling
 from isomatch.statistics import ShapeModel, read_shapes
-from isomatch.view import arranged_panels, camera_of, position_colours, surface_image
+from isomatch.visualization import arranged_panels, camera_of, position_colours, surface_image
 from isomatch_lab.procedural import creature, organ
 
 HERE = Path(__file__).parent

@@ -8,7 +8,7 @@ body have nearly the same form.
 
 from isomatch import Mesh, canonical_form
 from isomatch.datasets import example_pair
-from isomatch.view import arranged_panels, surface_image
+from isomatch.visualization import arranged_panels, surface_image
 
 shapes = [animal.mesh for animal in example_pair()]
 forms = []

@@ -19,7 +19,7 @@ from isomatch.matching import (
     default_starts,
     prepare_pair,
 )
-from isomatch.view import draw_map
+from isomatch.visualization import draw_map
 
 
 class Upsampling(Refinement):

@@ -8,7 +8,7 @@ mesh; matching needs no repair here. Defects that would spoil a map are mended i
 
 from isomatch import check, match
 from isomatch.datasets import ground_truth
-from isomatch.view import ValuePanel, draw_map
+from isomatch.visualization import ValuePanel, draw_map
 from isomatch_lab.damage import holes, noise
 from isomatch_lab.procedural import creature
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from isomatch import match
 from isomatch.datasets import example_pair, ground_truth
-from isomatch.view import draw_map
+from isomatch.visualization import draw_map
 
 source, target = example_pair()
 truth = ground_truth(source, target).vertices

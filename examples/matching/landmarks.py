@@ -9,7 +9,7 @@ better. Automatic maps compete with them: a wrong landmark is contradicted, not 
 import numpy as np
 
 from isomatch import distance_engine, farthest_point_sampling, match
-from isomatch.view import draw_map
+from isomatch.visualization import draw_map
 from isomatch_lab.procedural import organ, organ_truth
 
 source = organ("kidney", 2500, symmetry="turn", pose=1)

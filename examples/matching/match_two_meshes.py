@@ -11,7 +11,7 @@ import numpy as np
 from isomatch import match
 from isomatch.datasets import example_pair, ground_truth
 from isomatch.evaluation import geodesic_errors
-from isomatch.view import draw_map
+from isomatch.visualization import draw_map
 
 source, target = example_pair()
 result = match(source.mesh, target.mesh)

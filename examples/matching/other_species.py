@@ -7,7 +7,7 @@ look different around most points and their images, so it is reported with low c
 """
 
 from isomatch import match
-from isomatch.view import draw_map
+from isomatch.visualization import draw_map
 from isomatch_lab.procedural import creature
 
 quadruped = creature(2000, pose=0).mesh

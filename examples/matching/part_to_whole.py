@@ -6,7 +6,7 @@ A part of a body, cut off somewhere, is matched to a whole one in another pose.
 """
 
 from isomatch import match
-from isomatch.view import draw_map
+from isomatch.visualization import draw_map
 from isomatch_lab.damage import cut
 from isomatch_lab.procedural import creature
 

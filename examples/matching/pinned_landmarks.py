@@ -9,7 +9,7 @@ exactly the points that you gave, and the map around them bends.
 import numpy as np
 
 from isomatch import Config, distance_engine, farthest_point_sampling, match
-from isomatch.view import ValuePanel, draw_map
+from isomatch.visualization import ValuePanel, draw_map
 from isomatch_lab.procedural import organ, organ_truth
 
 source, target = organ("heart", 2500, pose=1), organ("heart", 2500, pose=2)

@@ -11,7 +11,7 @@ import numpy as np
 
 from isomatch import PointCloud, distance_engine, farthest_point_sampling, match
 from isomatch.datasets import ground_truth
-from isomatch.view import position_colours, to_screen
+from isomatch.visualization import position_colours, to_screen
 from isomatch_lab.procedural import creature
 
 scanned, model = creature(3000, pose=1), creature(3000, pose=2, triangulation=1)

@@ -7,7 +7,7 @@ the others are among the alternatives.
 """
 
 from isomatch import match
-from isomatch.view import arranged_panels, camera_of, position_colours, surface_image, to_screen
+from isomatch.visualization import arranged_panels, camera_of, position_colours, surface_image, to_screen
 from isomatch_lab.procedural import organ
 
 source = organ("liver", 2500, symmetry="turn", pose=1).mesh

@@ -12,7 +12,7 @@ import numpy as np
 from isomatch import MissingDependencyError, match
 from isomatch.datasets import example_pair, ground_truth
 from isomatch.evaluation import cumulative_curve, geodesic_errors
-from isomatch.view import draw_map
+from isomatch.visualization import draw_map
 from isomatch_lab.baselines import pyfm_zoomout
 
 source, target = example_pair()

@@ -10,7 +10,7 @@ import numpy as np
 
 from isomatch import match
 from isomatch.datasets import ground_truth
-from isomatch.view import ValuePanel, draw_map
+from isomatch.visualization import ValuePanel, draw_map
 from isomatch_lab.damage import cut
 from isomatch_lab.procedural import creature
 

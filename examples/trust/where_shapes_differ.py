@@ -9,7 +9,7 @@ A map may be right although the shapes differ: one animal has a longer snout, on
 import numpy as np
 
 from isomatch import Mesh, match
-from isomatch.view import ValuePanel, draw_map, write_report
+from isomatch.visualization import ValuePanel, draw_map, write_report
 from isomatch_lab.procedural import creature
 
 lean, other = (

@@ -14,7 +14,7 @@ from tempfile import mkdtemp
 import numpy as np
 
 from isomatch import Asset, Attribute, carry_attributes, match, read_asset, write_asset
-from isomatch.view import arranged_panels, surface_image
+from isomatch.visualization import arranged_panels, surface_image
 from isomatch_lab.procedural import creature
 
 folder = Path(mkdtemp())

@@ -8,7 +8,7 @@ One labelled shape labels all others: pull its labels back by the map. This make
 import numpy as np
 
 from isomatch import match
-from isomatch.view import arranged_panels, surface_image
+from isomatch.visualization import arranged_panels, surface_image
 from isomatch_lab.procedural import creature
 
 labelled = creature(3000, pose=0)

@@ -7,7 +7,7 @@ vertex i of one is vertex i of the other, as shape keys, blend shapes and statis
 """
 
 from isomatch import Mesh, match, wrap
-from isomatch.view import arranged_panels, surface_image
+from isomatch.visualization import arranged_panels, surface_image
 from isomatch_lab.procedural import organ
 
 source, target = organ("kidney", 2500, pose=1).mesh, organ("kidney", 2500, style=2, pose=2).mesh

@@ -82,7 +82,7 @@ def test_match_writes_all_files_in_agreement(matched):
     assert record["config"]["n_columns"] == 40
     assert matplotlib.image.imread(folder / "map.png").shape[1] >= 1600
     report = (folder / "report.html").read_text(encoding="utf-8")
-    assert isomatch.view.HEADLINES[isomatch.Outcome[record["outcome"]]] in report
+    assert isomatch.visualization.HEADLINES[isomatch.Outcome[record["outcome"]]] in report
     assert base64.b64encode((folder / "map.png").read_bytes()).decode() in report
 
 
@@ -90,7 +90,7 @@ def test_match_tells_in_a_few_lines_what_came_out_and_what_to_open(matched):
     folder, said = matched
     lines = said.splitlines()
     record = json.loads((folder / "result.json").read_text())
-    assert lines[0] == isomatch.view.HEADLINES[isomatch.Outcome[record["outcome"]]]
+    assert lines[0] == isomatch.visualization.HEADLINES[isomatch.Outcome[record["outcome"]]]
     assert f"  open first  {folder / 'report.html'}" in lines
     assert "map.npz, map.png, map.txt, result.json" in lines[-1]
     assert max(len(line) for line in lines if str(folder) not in line) <= 80
@@ -121,7 +121,7 @@ def test_a_map_is_not_lost_with_a_drawing_that_fails(shapes, tmp_path, monkeypat
     def fails(*_, **__):
         raise ValueError("too far away")
 
-    monkeypatch.setattr(isomatch.view, failing, fails)
+    monkeypatch.setattr(isomatch.visualization, failing, fails)
     what, name = {"draw_map": ("picture", "map.png"), "write_report": ("report", "report.html")}[failing]
     (tmp_path / name).write_text("of an earlier run")
     assert run_match(shapes, tmp_path, "--force") == 0

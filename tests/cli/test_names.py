@@ -12,7 +12,7 @@ import pytest
 import isomatch
 from isomatch.cli import main
 from isomatch.datasets import example_pair
-from isomatch.view import draw_map
+from isomatch.visualization import draw_map
 from isomatch_lab.evaluation import (
     METHODS,
     BenchmarkRun,

@@ -24,7 +24,7 @@ from isomatch.collections import (
 from isomatch.collections.ledger import writing_ledger
 from isomatch.collections.map_file import digest_of
 from isomatch.landmarks import Curve, nearest_on_surface
-from isomatch.view import camera_of
+from isomatch.visualization import camera_of
 from small_collections import run
 
 NAMES = ("nose", "tail", "foot", "c1", "c2", "c3")

@@ -14,7 +14,7 @@ import pytest
 
 import isomatch
 from isomatch.datasets import example_pair
-from isomatch.view import HEADLINES
+from isomatch.visualization import HEADLINES
 from served_pages import bent, serving
 
 pytest.importorskip("starlette", reason="needs the extra open")

@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import isomatch
-import isomatch.view
+import isomatch.visualization
 from isomatch import IsomatchError, Mesh, Outcome
 from isomatch.cli import main
 from isomatch.matching import prepare_pair
@@ -142,7 +142,7 @@ def test_match_says_which_shape_it_refuses(case, side):
 def test_commands(case, written, tmp_path, capsys, monkeypatch):
     """Exit code 0 or 1, and a line that says why; `check --for` knows beforehand what the command will do."""
     for drawing in ("draw_map", "write_report"):
-        monkeypatch.setattr(isomatch.view, drawing, lambda *_, **__: None)
+        monkeypatch.setattr(isomatch.visualization, drawing, lambda *_, **__: None)
     out = str(tmp_path / "out.npz")
     try:
         (file,) = written(mesh=case.make())

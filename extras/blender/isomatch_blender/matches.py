@@ -155,7 +155,7 @@ class Pair:
 
     def show(self, what: str) -> list[bpy.types.Object]:
         """Write colours that correspond to both meshes, or the expected error to the source; return where."""
-        from isomatch.view import position_colours
+        from isomatch.visualization import position_colours
 
         if what == "ERROR":
             shares = np.clip(self.result.expected_error / LARGE_ERROR, 0, 1)

@@ -163,7 +163,7 @@ class IsomatchModuleLogic(ScriptedLoadableModuleLogic):
 
     def show_map(self, result, source, target) -> None:
         """Give corresponding points of both models the same colour, in a point array that is displayed."""
-        from isomatch.view import position_colours, to_screen
+        from isomatch.visualization import position_colours, to_screen
 
         own = position_colours(self.checked(result, source, target)[1])
         pulled = result.map.pull_back(own)

@@ -89,6 +89,6 @@ class PlottedBasis(Shown):
     __slots__ = ()
 
     def plot(self, surface: SurfaceLike = None, **options: Unpack[PlotOptions]) -> Figure:
-        """Draw the spectrum, or the first four vectors on their surface; arguments as for `isomatch.view.plot_basis`."""
+        """Draw the spectrum, or the first four vectors on their surface; arguments as for `isomatch.visualization.plot_basis`."""
         figure: Figure = view_room().plot_basis(self, surface, **options)
         return figure

@@ -15,7 +15,7 @@ import numpy as np
 from cyclopts import App, Parameter
 
 import isomatch
-from isomatch import collections, view
+from isomatch import collections, visualization
 from isomatch.cli.collect_landmarks import Semilandmarks, landmark_files, landmarks, say_landmarks, write_all
 from isomatch.cli.inputs import ConfigFile, Force, Output, Rounded, Seed, read_config
 from isomatch.cli.outputs import require_writable
@@ -527,7 +527,7 @@ def _say_status(status: dict[str, Any], layout: collections.Layout) -> None:
     say(f"{done} of {pairs['all']} pairs matched{failed}; {prepared}", "bold")
     for outcome in Outcome:
         if count := status["outcomes"].get(outcome.name):
-            say_rows([(f"{count} {outcome.value}", view.HEADLINES[outcome])], indent=OUTCOMES)
+            say_rows([(f"{count} {outcome.value}", visualization.HEADLINES[outcome])], indent=OUTCOMES)
     say(f"template {status['template'] or 'not yet chosen'}")
     if agreement["compared"]:
         say(

@@ -16,7 +16,7 @@ from zipfile import ZIP_DEFLATED, ZipFile
 from cyclopts import Parameter
 
 import isomatch
-from isomatch import server, view
+from isomatch import server, visualization
 from isomatch.cli.inputs import ConfigFile, Force, Surface, read_config, read_landmarks, read_surface
 from isomatch.cli.results import BACK_REMOVED, Back, Earlier, Inputs, ResultFolder, match_again
 from isomatch.cli.terminal import json_text, say
@@ -72,8 +72,8 @@ def open(
         inputs = Inputs(source, target, again, [] if pairs is None else pairs.tolist())
         keeper = _Files(inputs, surfaces, ResultFolder(output) if output else None)
     marks = keeper.inputs.landmarks
-    drawn = view.drawable(surfaces[0]), view.drawable(surfaces[1])
-    page = view.WorkPage(*drawn, names=keeper.inputs.names, landmarks=marks)
+    drawn = visualization.drawable(surfaces[0]), visualization.drawable(surfaces[1])
+    page = visualization.WorkPage(*drawn, names=keeper.inputs.names, landmarks=marks)
     with keeper.claimed(force):
         server = server.PageServer(server.Session(surfaces, page, keeper, landmarks=marks, **session), port)
         say(server.address)

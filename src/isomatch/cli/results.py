@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import isomatch
-from isomatch import matching, view
+from isomatch import matching, visualization
 from isomatch.cli.inputs import Surface, read_surface
 from isomatch.cli.outputs import say_notes
 from isomatch.cli.terminal import INDENT, json_text, say, say_rows, say_table
@@ -54,7 +54,7 @@ class Inputs:
         return self.source.name, self.target.name
 
     def shown(self, **first: object) -> dict[str, Any]:
-        """Give what a report shows of it, see `view.write_report`; some facts come first."""
+        """Give what a report shows of it, see `visualization.write_report`; some facts come first."""
         facts = {**first, "source": str(self.source), "target": str(self.target), **self.facts}
         marks = self.landmarks or None
         return {"names": self.names, "facts": facts, "landmarks": marks, "command": self.again}
@@ -84,7 +84,7 @@ class ResultFolder:
     @property
     def alternatives(self) -> list[Path]:
         """Paths of the maps of alternatives, as many as are kept."""
-        return [self.folder / f"alternative_{number}.npz" for number in range(1, view.MOST_ALTERNATIVES + 1)]
+        return [self.folder / f"alternative_{number}.npz" for number in range(1, visualization.MOST_ALTERNATIVES + 1)]
 
     @property
     def has_back(self) -> bool:
@@ -114,7 +114,7 @@ class ResultFolder:
     ) -> dict[str, Any]:
         """Write all files, which replace earlier ones at once when they are complete; return the contents of the last."""
         # titles are below the shapes of the picture; what cannot be drawn is left out, and named under "undrawn"
-        drawn = view.drawable(surfaces[0]), view.drawable(surfaces[1])
+        drawn = visualization.drawable(surfaces[0]), visualization.drawable(surfaces[1])
         own = replace(self, both=back is not None)
         others = dict(zip(self.alternatives, result.alternatives))
         record: dict[str, Any] = {
@@ -137,11 +137,11 @@ class ResultFolder:
             picture, undrawn = files["picture"], list[str]()
             with _noted("picture", undrawn):
                 below = titles or (f"source: {inputs.names[0]}", f"target: {inputs.names[1]}")
-                view.draw_map(*drawn, result.map, picture, titles=below)
+                visualization.draw_map(*drawn, result.map, picture, titles=below)
             if self.report:
                 shown = inputs.shown(isomatch=isomatch.__version__) | {"picture": "" if undrawn else picture}
                 with _noted("report", undrawn):
-                    view.write_report(files["report"], *drawn, result, **shown)
+                    visualization.write_report(files["report"], *drawn, result, **shown)
             if back:
                 back[0].save(files["map back"])
             written = own.files | {path.stem: str(path) for path in others}
@@ -162,8 +162,8 @@ class ResultFolder:
         undrawn: list[str] = []
         if self.report:
             with _noted("page to pick landmarks", undrawn):
-                drawn = view.drawable(surfaces[0]), view.drawable(surfaces[1])
-                view.write_landmark_picker(self._picker, *drawn, str(error), **inputs.shown())
+                drawn = visualization.drawable(surfaces[0]), visualization.drawable(surfaces[1])
+                visualization.write_landmark_picker(self._picker, *drawn, str(error), **inputs.shown())
         if undrawn or not self.report:
             return error
         return type(error)(f"{error}. Both shapes are in {self._picker}, where you can pick landmarks")
@@ -183,7 +183,7 @@ def _noted(what: str, undrawn: list[str]) -> Iterator[None]:
 
 def described(result: isomatch.MatchResult) -> dict[str, Any]:
     """Plain values of a result, with the bounds of its measures."""
-    return {**result.to_dict(), "bounds": view.quality_bounds(result)}
+    return {**result.to_dict(), "bounds": visualization.quality_bounds(result)}
 
 
 _NEEDED: dict[str, type] = dict.fromkeys(("source", "target", "match_again", "origin"), str)
@@ -262,7 +262,7 @@ MOST_NOTES = 2  # in a summary; the report has all
 
 def say_result(result: isomatch.MatchResult, details: bool = False) -> None:
     """Print what came out in plain words; in detail, also every measure, the stages and all notes."""
-    summary = view.summary_of(result)
+    summary = visualization.summary_of(result)
     say(summary.headline, _STYLES.get(result.outcome.name, "bold yellow"))
     say_rows([("how sure", summary.sureness), ("what to do", summary.advice)])
     if details:
@@ -279,7 +279,7 @@ def _say_details(result: isomatch.MatchResult) -> None:
     for region in result.regions:
         say(f"doubtful: {region}")
     rows = []
-    for measure, number, against in view.quality_measures(result):
+    for measure, number, against in visualization.quality_measures(result):
         bound = measure.bound.replace("at most", "≤").replace("at least", "≥") + " !" * against
         rows.append((measure.name, measure.value(number), bound, measure.unit))
     say_table(rows)

@@ -17,7 +17,7 @@ from urllib.parse import quote
 import numpy as np
 
 import isomatch.statistics as shape_statistics
-from isomatch import view
+from isomatch import visualization
 from isomatch.assets import Asset, Attribute, write_asset, write_mesh
 from isomatch.cli.terminal import json_text
 from isomatch.errors import MissingDependencyError
@@ -73,7 +73,7 @@ class StatisticsFolder:
     ) -> None:
         """Write a mesh with values at its vertices, one of which gives the colours, from 0 or on both sides of it."""
         high = highest or float(np.nanquantile(np.abs(shown), 0.995)) or 1.0
-        paint = view.colour_scale(*(("RdBu_r", -high) if (shown < 0).any() else ("viridis", 0.0)), high)
+        paint = visualization.colour_scale(*(("RdBu_r", -high) if (shown < 0).any() else ("viridis", 0.0)), high)
         rgb = np.nan_to_num(paint(shown[:, None]), nan=GREY)
         attributes = [Attribute(measure, "point", "scalar", numbers) for measure, numbers in values.items()]
         colours = Attribute("color", "point", "colour", np.round(255 * rgb).astype(np.uint8))

@@ -38,7 +38,7 @@ from isomatch.statistics import MEASURED, doubtful_positions
 from isomatch.storage.files import claimed, is_of_one_file, made_folder, replaced, staged, writing
 from isomatch.storage.texts import read_csv, write_csv
 from isomatch.surfaces import Mesh, reflected
-from isomatch.view import camera_of, position_colours, surface_image, to_screen, turn_to_target
+from isomatch.visualization import camera_of, position_colours, surface_image, to_screen, turn_to_target
 
 OWN = ("name", "key", "turned", "stretch", "distance", "extended", "error")  # columns of the work itself
 LOOP = ("loop_error", "greatest_loop_error")  # of the template, once around a ring, in √area

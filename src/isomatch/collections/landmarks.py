@@ -23,7 +23,7 @@ from isomatch.storage.files import replaced
 from isomatch.surfaces import Mesh, reflected
 from isomatch.transfer import carry_landmarks
 from isomatch.values.arrays import FloatArray
-from isomatch.view import arranged_panels, camera_of, surface_image, turn_to_target
+from isomatch.visualization import arranged_panels, camera_of, surface_image, turn_to_target
 
 MOST_DRAWN = 24  # shapes
 PER_ROW = 6

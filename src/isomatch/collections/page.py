@@ -28,7 +28,7 @@ from isomatch.errors import SettingError
 from isomatch.matching import MatchResult, Outcome, Quality
 from isomatch.storage.files import replaced, write_text, writing
 from isomatch.storage.texts import write_csv
-from isomatch.view import write_report
+from isomatch.visualization import write_report
 
 SHOWN = {  # columns of the table of pairs on the page, and how their numbers are written
     "in doubt": "{:.1%}",

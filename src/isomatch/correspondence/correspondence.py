@@ -102,7 +102,7 @@ class Correspondence(Shown):
         values: ArrayLike | None = None,
         **options: Unpack[PlotOptions],
     ) -> Figure:
-        """Draw both surfaces side by side, in the same colour what corresponds; see `isomatch.view.draw_map`.
+        """Draw both surfaces side by side, in the same colour what corresponds; see `isomatch.visualization.draw_map`.
 
         Parameters
         ----------

@@ -84,11 +84,11 @@ class PlotOptions(TypedDict, total=False):
 
 def view_room() -> Any:
     """Return the room `view`, for methods that show their own object and for nothing else."""
-    return import_module("isomatch.view")
+    return import_module("isomatch.visualization")
 
 
 class Shown:
-    """An object that notebooks show as `isomatch.view.html_of` represents it."""
+    """An object that notebooks show as `isomatch.visualization.html_of` represents it."""
 
     __slots__ = ()
 

@@ -14,7 +14,7 @@ from isomatch.runtime.threads import Abandoned, Call, parallel_map, stop_if_aban
 from isomatch.settings import Config, Hypotheses, Orientation, Start
 from isomatch.shapes import PreparedShape, prepare
 from isomatch.surfaces import Surface
-from isomatch.view import WorkPage
+from isomatch.visualization import WorkPage
 
 Tell = Callable[[str, float], None]
 POLL = 0.05  # seconds between two looks at a job that is waited for

@@ -155,7 +155,7 @@ class PreparedShape(SmoothShape, Shown):
             )
 
     def plot(self, values: ArrayLike | None = None, **options: Unpack[PlotOptions]) -> Figure:
-        """Draw the user's shape, coloured by values at its vertices, with the keywords of `isomatch.view.plot_surface`.
+        """Draw the user's shape, coloured by values at its vertices, with the keywords of `isomatch.visualization.plot_surface`.
 
         By default the values are the average distance of each vertex to all of the body, in √area of the body, from the
         distance basis; vertices that were left out are grey. `TypeError` if the shape is a graph, which has no positions.

@@ -15,7 +15,7 @@ from isomatch.statistics.shape_model import ModelCurve, ShapeModel
 from isomatch.storage.files import replaced
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import BoolArray, FloatArray
-from isomatch.view import arranged_panels, camera_of, colour_scale, surface_image
+from isomatch.visualization import arranged_panels, camera_of, colour_scale, surface_image
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

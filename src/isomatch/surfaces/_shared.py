@@ -23,7 +23,7 @@ class Plotted(Shown):
     __slots__ = ()
 
     def plot(self, values: ArrayLike | None = None, **options: Unpack[PlotOptions]) -> Figure:
-        """Draw the surface, coloured by values (n,) or (n, 3) at its vertices, by `isomatch.view.plot_surface`."""
+        """Draw the surface, coloured by values (n,) or (n, 3) at its vertices, by `isomatch.visualization.plot_surface`."""
         figure: Figure = view_room().plot_surface(self, values, **options)
         return figure
 

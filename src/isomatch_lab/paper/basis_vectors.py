@@ -7,7 +7,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 
 from isomatch import DistanceBasis, distance_basis, laplace_basis
-from isomatch.view import arranged_panels, camera_of, colour_scale, surface_image
+from isomatch.visualization import arranged_panels, camera_of, colour_scale, surface_image
 from isomatch_lab.paper.item import UP_AXIS, Item, Reproduction, Setting, Verdict
 
 N_VECTORS = 10

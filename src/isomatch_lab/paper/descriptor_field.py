@@ -11,7 +11,7 @@ from scipy.stats import spearmanr
 
 from isomatch.geodesics import distance_engine, farthest_point_sampling, peripheral_vertex
 from isomatch.values.arrays import FloatArray
-from isomatch.view import arranged_panels, camera_of, colour_scale, surface_image
+from isomatch.visualization import arranged_panels, camera_of, colour_scale, surface_image
 from isomatch_lab.paper.descriptor_distance import CLEARLY, embeddings
 from isomatch_lab.paper.item import UP_AXIS, Item, Reproduction, Setting, Verdict
 

@@ -17,7 +17,7 @@ from scipy.spatial import KDTree
 
 from isomatch import match
 from isomatch.evaluation import geodesic_errors
-from isomatch.view import ValuePanel, draw_map
+from isomatch.visualization import ValuePanel, draw_map
 from isomatch_lab.sets import benchmark_set
 from isomatch_lab.studies.contests import CONTESTS
 

@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike
 from isomatch.errors import DescriptorError, SettingError
 from isomatch.values.arrays import FloatArray, numbers_of
 from isomatch.values.cached import cached_property
-from isomatch.view.surface_image import SurfaceView
+from isomatch.visualization.surface_image import SurfaceView
 
 DPI = 200
 SHARPNESS = 2  # pixels of a picture for each pixel of a page, as many as sharp screens have

@@ -11,8 +11,8 @@ import numpy as np
 from isomatch.correspondence import Correspondence
 from isomatch.matching import Alternative, MatchResult, Outcome
 from isomatch.surfaces import Mesh
-from isomatch.view.camera import of_ordinary_size
-from isomatch.view.measures import config_of, is_of_whole, quality_measures
+from isomatch.visualization.camera import of_ordinary_size
+from isomatch.visualization.measures import config_of, is_of_whole, quality_measures
 
 LITTLE_CONFIDENCE = 0.5  # an expected error of 0.05 √area, see `MatchResult.confidence`
 WORTH_TELLING = 0.005  # share of the vertices

@@ -14,7 +14,7 @@ from isomatch.matching import DoubtfulRegion, MatchResult, Question
 from isomatch.settings import Config, Orientation
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import IntArray
-from isomatch.view.page import (
+from isomatch.visualization.page import (
     MOST_ALTERNATIVES,
     asked_of,
     list_of_questions,
@@ -29,8 +29,8 @@ from isomatch.view.page import (
     template,
     text_of,
 )
-from isomatch.view.scene import DrawnPair, layers_of
-from isomatch.view.summary import outcome_colour, share_elsewhere, summary_of, told_of_alternative
+from isomatch.visualization.scene import DrawnPair, layers_of
+from isomatch.visualization.summary import outcome_colour, share_elsewhere, summary_of, told_of_alternative
 
 LEAST_SHARE = 0.001  # of the surface worth telling
 BEFORE = "before"

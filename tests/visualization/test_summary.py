@@ -9,8 +9,8 @@ import pytest
 
 from isomatch import Config, Mesh, Outcome, match
 from isomatch.matching import DoubtfulRegion
-from isomatch.view import HEADLINES, summary_of
-from isomatch.view.summary import ANOTHER_IS_BETTER, MOSTLY_RIGHT
+from isomatch.visualization import HEADLINES, summary_of
+from isomatch.visualization.summary import ANOTHER_IS_BETTER, MOSTLY_RIGHT
 from shapes import icosphere
 
 JARGON = re.compile(

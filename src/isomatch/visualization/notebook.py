@@ -22,8 +22,8 @@ from isomatch.shapes import PreparedShape
 from isomatch.surfaces import Graph, Mesh, PointCloud, Surface, unsound_faces
 from isomatch.values.arrays import IntArray
 from isomatch.values.cached import cached_property
-from isomatch.view.measures import MEASURES, quality_measures
-from isomatch.view.page import (
+from isomatch.visualization.measures import MEASURES, quality_measures
+from isomatch.visualization.page import (
     asked_of,
     list_of_questions,
     maps_of,
@@ -34,10 +34,10 @@ from isomatch.view.page import (
     template,
     text_of,
 )
-from isomatch.view.picture import SHARPNESS
-from isomatch.view.plots import draw_map, drawable, paintable, plot_surface
-from isomatch.view.scene import layers_of, scene_of
-from isomatch.view.summary import HEADLINES, outcome_colour, summary_of
+from isomatch.visualization.picture import SHARPNESS
+from isomatch.visualization.plots import draw_map, drawable, paintable, plot_surface
+from isomatch.visualization.scene import layers_of, scene_of
+from isomatch.visualization.summary import HEADLINES, outcome_colour, summary_of
 
 PAIR_WIDTH, ALONE_WIDTH = 880, 380  # pixels of the page
 _LINE = "1px solid rgba(128,128,128,.35)"  # seen on light and on dark pages

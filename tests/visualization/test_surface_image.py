@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from isomatch import Mesh
-from isomatch.view import camera_of, surface_image
+from isomatch.visualization import camera_of, surface_image
 from shapes import icosphere
 
 BALL = icosphere(3)

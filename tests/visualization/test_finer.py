@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from isomatch import Mesh
-from isomatch.view.surface_image import ENOUGH_FACES, finer
+from isomatch.visualization.surface_image import ENOUGH_FACES, finer
 from shapes import flat_grid, icosphere
 
 

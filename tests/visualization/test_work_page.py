@@ -10,8 +10,8 @@ import pytest
 from isomatch import Config, Mesh, Outcome, Quality
 from isomatch.correspondence import Correspondence
 from isomatch.matching import Alternative, DoubtfulRegion, MatchResult
-from isomatch.view import HEADLINES, WorkPage, summary_of
-from isomatch.view.scene import DrawnPair, scene_of
+from isomatch.visualization import HEADLINES, WorkPage, summary_of
+from isomatch.visualization.scene import DrawnPair, scene_of
 from shapes import icosphere
 
 QUARTER = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])

@@ -33,7 +33,7 @@ from isomatch import (
 )
 from isomatch.errors import DescriptorError, MapError, MeshError, MissingDependencyError, SettingError
 from isomatch.matching import Alternative
-from isomatch.view import ValuePanel, camera_of, html_of, notebook, summary_of
+from isomatch.visualization import ValuePanel, camera_of, html_of, notebook, summary_of
 from shapes import icosphere
 from view_results import QUALITY, map_of, result_of
 from zoo import zoo

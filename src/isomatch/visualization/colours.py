@@ -6,7 +6,7 @@ import numpy as np
 
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import FloatArray
-from isomatch.view.camera import principal_axes
+from isomatch.visualization.camera import principal_axes
 
 MOST_VIVID = 0.17  # Oklab chroma that screens can show in most hues
 # 0: chroma is linear in the position, so the middle is grey; 1: all colours are equally vivid

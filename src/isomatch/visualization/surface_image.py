@@ -13,8 +13,8 @@ from isomatch.loading.compiled import compiled
 from isomatch.surfaces import Mesh, Raster, rasterise
 from isomatch.values.arrays import FloatArray, IntArray
 from isomatch.values.cached import cached_property
-from isomatch.view.camera import camera_of, of_ordinary_size, seen_from, used_vertices
-from isomatch.view.colours import UNMATCHED_GREY, from_screen, to_screen
+from isomatch.visualization.camera import camera_of, of_ordinary_size, seen_from, used_vertices
+from isomatch.visualization.colours import UNMATCHED_GREY, from_screen, to_screen
 
 OVERSAMPLING = 2  # samples per pixel and axis
 

@@ -10,8 +10,8 @@ from isomatch.correspondence import Correspondence
 from isomatch.datasets import example_pair, ground_truth
 from isomatch.errors import MeshError
 from isomatch.surfaces import Mesh
-from isomatch.view import ValuePanel, draw_map, position_colours
-from isomatch.view.camera import camera_of, turn_to_target
+from isomatch.visualization import ValuePanel, draw_map, position_colours
+from isomatch.visualization.camera import camera_of, turn_to_target
 from shapes import icosphere
 
 WIDTH = 400

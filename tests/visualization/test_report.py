@@ -19,11 +19,11 @@ from isomatch.correspondence import Correspondence
 from isomatch.datasets import example_pair, ground_truth
 from isomatch.errors import DescriptorError, LandmarkError
 from isomatch.matching import Alternative, DoubtfulRegion, MatchResult
-from isomatch.view import HEADLINES, position_colours, report, summary_of, write_report
-from isomatch.view.colours import to_screen
-from isomatch.view.measures import MEASURES, quality_bounds, quality_measures
-from isomatch.view.scene import scene_of, stretch
-from isomatch.view.summary import share_elsewhere, told_of_all, told_of_alternative
+from isomatch.visualization import HEADLINES, position_colours, report, summary_of, write_report
+from isomatch.visualization.colours import to_screen
+from isomatch.visualization.measures import MEASURES, quality_bounds, quality_measures
+from isomatch.visualization.scene import scene_of, stretch
+from isomatch.visualization.summary import share_elsewhere, told_of_all, told_of_alternative
 
 HOSTILE = '</title><script>alert("x")</script>&amp;$scene ${title} \\.ply'
 VOID = {"meta", "img", "br", "line", "circle", "input"}
@@ -375,7 +375,7 @@ def test_the_source_returns_to_how_it_lies_in_its_file(pair):
 @pytest.mark.skipif(shutil.which("node") is None, reason="needs node")
 def test_the_script_is_sound_javascript():
     script = "".join(
-        (files("isomatch.view") / name).read_text(encoding="utf-8")
+        (files("isomatch.visualization") / name).read_text(encoding="utf-8")
         for name in ("landmarks.js", "report.js", "work.js")
     )
     done = subprocess.run(["node", "--check", "-"], input=script, capture_output=True, text=True)

@@ -19,11 +19,11 @@ from isomatch.errors import LandmarkError
 from isomatch.matching import MatchResult, Outcome, Question, questions
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import IntArray, array_of
-from isomatch.view.measures import quality_measures
-from isomatch.view.picture import png
-from isomatch.view.plots import draw_map
-from isomatch.view.summary import outcome_colour, summary_of, told_of_all, told_of_alternative
-from isomatch.view.surface_image import AMBIENT, FILL, FILL_LIGHT, GLOSS, KEY, KEY_LIGHT, SHARPNESS
+from isomatch.visualization.measures import quality_measures
+from isomatch.visualization.picture import png
+from isomatch.visualization.plots import draw_map
+from isomatch.visualization.summary import outcome_colour, summary_of, told_of_all, told_of_alternative
+from isomatch.visualization.surface_image import AMBIENT, FILL, FILL_LIGHT, GLOSS, KEY, KEY_LIGHT, SHARPNESS
 
 MOST_ALTERNATIVES = 4
 LEAST_TURN = 0.1  # degrees of a turn worth telling
@@ -83,7 +83,7 @@ def maps_of(result: MatchResult) -> dict[str, Correspondence]:
 
 def text_of(name: str) -> str:
     """Read a file beside this module."""
-    return (files("isomatch.view") / name).read_text(encoding="utf-8")
+    return (files("isomatch.visualization") / name).read_text(encoding="utf-8")
 
 
 def template(name: str) -> Template:

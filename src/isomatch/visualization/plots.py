@@ -18,10 +18,10 @@ from isomatch.errors import DescriptorError, MeshError
 from isomatch.storage.files import replaced
 from isomatch.surfaces import Graph, Mesh, Surface
 from isomatch.values.arrays import FloatArray, numbers_of
-from isomatch.view.camera import camera_of, of_ordinary_size, turn_to_target
-from isomatch.view.colours import from_screen, position_colours
-from isomatch.view.picture import TEXT, Picture, ValuePanel, pictured
-from isomatch.view.surface_image import SurfaceView
+from isomatch.visualization.camera import camera_of, of_ordinary_size, turn_to_target
+from isomatch.visualization.colours import from_screen, position_colours
+from isomatch.visualization.picture import TEXT, Picture, ValuePanel, pictured
+from isomatch.visualization.surface_image import SurfaceView
 
 WIDTH = 1800
 LEAST_AREA = 1e-100  # of a shape of ordinary size; the squares of smaller ones vanish

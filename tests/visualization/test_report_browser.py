@@ -12,7 +12,7 @@ from scipy.spatial import KDTree
 from isomatch import Config, Mesh, Outcome, Quality
 from isomatch.correspondence import Correspondence
 from isomatch.matching import Alternative, MatchResult
-from isomatch.view import write_landmark_picker, write_report
+from isomatch.visualization import write_landmark_picker, write_report
 from shapes import icosphere
 
 sync_api = pytest.importorskip("playwright.sync_api", reason="needs playwright")

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from isomatch.matching import MatchResult, Outcome
 from isomatch.storage.files import write_text
 from isomatch.surfaces import Mesh
-from isomatch.view.page import (
+from isomatch.visualization.page import (
     SIDES,
     asked_of,
     details_of,
@@ -29,10 +29,10 @@ from isomatch.view.page import (
     title_of,
     versions,
 )
-from isomatch.view.picture import png
-from isomatch.view.plots import SEEN, WIDTH, draw_map
-from isomatch.view.scene import layers_of, scene_of, user_layers
-from isomatch.view.summary import outcome_colour
+from isomatch.visualization.picture import png
+from isomatch.visualization.plots import SEEN, WIDTH, draw_map
+from isomatch.visualization.scene import layers_of, scene_of, user_layers
+from isomatch.visualization.summary import outcome_colour
 
 COMMAND = "isomatch match SOURCE TARGET -o DIR --landmarks landmarks.txt"
 
