@@ -10,7 +10,7 @@ import pytest
 import isomatch
 from isomatch.collections import Collection, PairMaps, workers
 from isomatch.datasets import example_pair
-from isomatch.resolution import decimate
+from isomatch.decimation import decimate
 from shapes import icosphere
 
 QUICK = (

@@ -18,7 +18,7 @@ errors values
 loading runtime
 storage
 surfaces
-assets resolution
+assets decimation
 mending
 geodesics
 bases

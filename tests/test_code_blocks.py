@@ -21,7 +21,7 @@ from isomatch import Asset, Mesh
 from isomatch.assets import Attribute, Polygons, with_texture
 from isomatch.cli import main
 from isomatch.datasets import example_pair
-from isomatch.resolution import decimate
+from isomatch.decimation import decimate
 from isomatch_lab.procedural import creature
 from later import some_later
 

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from skimage.measure import marching_cubes
 
 from isomatch import Mesh
-from isomatch.resolution import decimate
+from isomatch.decimation import decimate
 from isomatch_lab.procedural.implicit import BLEND, Skin
 
 TRUNK = [

@@ -14,7 +14,7 @@ from isomatch import Mesh, MeshError, NotConvergedError, laplace_basis
 from isomatch.bases import refined_laplace_basis
 from isomatch.bases.laplace_basis import smallest_eigenpairs
 from isomatch.bases.laplacian import WIDTH, factorised, factorised_for_threads
-from isomatch.resolution import Prolongation, decimate
+from isomatch.decimation import Prolongation, decimate
 from isomatch_lab.procedural import creature
 from shapes import cylinder, disguised, icosphere, planar_delaunay
 from zoo import specimen, torus

@@ -21,7 +21,7 @@ from isomatch.cli import main
 from isomatch.collections import KEPT, Collection, added, finish
 from isomatch.collections.ledger import writing_ledger
 from isomatch.errors import InputError, SettingError
-from isomatch.resolution import decimate
+from isomatch.decimation import decimate
 from isomatch.statistics import ShapeModel, read_shapes
 from isomatch.storage import files as files_module
 from isomatch_lab.procedural import creature

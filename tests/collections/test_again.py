@@ -11,7 +11,7 @@ import isomatch
 from isomatch.cli import main
 from isomatch.collections import Collection, plan
 from isomatch.datasets import example_pair
-from isomatch.resolution import decimate
+from isomatch.decimation import decimate
 from small_collections import run
 
 

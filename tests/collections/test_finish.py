@@ -18,7 +18,7 @@ from isomatch.collections import Collection, export, finish, surfaces_written, w
 from isomatch.collections import page as reports_module
 from isomatch.collections.ledger import writing_ledger
 from isomatch.datasets import example_pair
-from isomatch.resolution import decimate
+from isomatch.decimation import decimate
 from small_collections import N, run
 
 finish_module = import_module("isomatch.collections.finish")  # the room's public name is the function

@@ -7,7 +7,7 @@ from scipy.special import jv
 from isomatch import Graph, Mesh, PointCloud
 from isomatch.descriptors import ball_signature, deviation_of
 from isomatch.errors import DescriptorError, MeshError
-from isomatch.resolution import decimate
+from isomatch.decimation import decimate
 from shapes import disguised, flat_grid, icosphere
 from zoo.made import soup
 

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from isomatch import Asset, Attribute, Config, Mesh, SettingError, check, prepare, repair
 from isomatch.mending import handles
-from isomatch.resolution import decimate
+from isomatch.decimation import decimate
 from isomatch.settings import PreparationSettings
 from isomatch_lab.damage import merge
 from shapes import icosphere

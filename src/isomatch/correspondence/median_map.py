@@ -10,7 +10,7 @@ from isomatch.assets import SurfaceLike, mesh_from
 from isomatch.correspondence.correspondence import Correspondence
 from isomatch.correspondence.map_arrays import UNMATCHED
 from isomatch.errors import MapError
-from isomatch.resolution import PlacedMesh, VertexGroups, normalised
+from isomatch.decimation import PlacedMesh, VertexGroups, normalised
 from isomatch.surfaces import PrecisePoints
 from isomatch.values.arrays import FloatArray
 

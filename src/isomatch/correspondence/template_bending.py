@@ -14,7 +14,7 @@ from isomatch.correspondence.poses import nearest_rotation
 from isomatch.correspondence.registration import ROTATED, with_normals
 from isomatch.correspondence.rigid_energy import RigidEnergy
 from isomatch.loading.compiled import compiled
-from isomatch.resolution import Prolongation, decimate
+from isomatch.decimation import Prolongation, decimate
 from isomatch.surfaces import Mesh, PrecisePoints
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 

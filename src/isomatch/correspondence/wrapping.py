@@ -17,7 +17,7 @@ from isomatch.correspondence.nearest import nearest_points
 from isomatch.correspondence.poses import nearest_rotation
 from isomatch.correspondence.template_bending import Boundary, bend_template
 from isomatch.errors import MapError
-from isomatch.resolution import normalised
+from isomatch.decimation import normalised
 from isomatch.surfaces import Mesh, PrecisePoints, first_equal
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 

@@ -18,7 +18,7 @@ from isomatch.matching.pair import ShapePair, prepare_pair
 from isomatch.matching.priors import checked_initial_map
 from isomatch.matching.quality import mean_known
 from isomatch.matching.relations.bending import Surroundings, bent_onto
-from isomatch.resolution import Prolongation, decimate
+from isomatch.decimation import Prolongation, decimate
 from isomatch.runtime.threads import in_background, parallel_map, serial_blas
 from isomatch.settings import Config
 from isomatch.shapes import N_BALLS, PreparedShape

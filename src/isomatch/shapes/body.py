@@ -17,7 +17,7 @@ from isomatch.mending import (
     seems_inside_out,
     separate_sheets,
 )
-from isomatch.resolution import Prolongation, decimations, normalised
+from isomatch.decimation import Prolongation, decimations, normalised
 from isomatch.settings import Config, PreparationSettings
 from isomatch.surfaces import Graph, Mesh, PointCloud, Surface, in_spatial_order
 from isomatch.values.arrays import BoolArray, IntArray

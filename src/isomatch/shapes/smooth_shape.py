@@ -19,7 +19,7 @@ from isomatch.descriptors import mean_curvature, standardised, wave_kernel_signa
 from isomatch.errors import DescriptorError, MeshError
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.loading.compiled import compiled
-from isomatch.resolution import Decimated, Prolongation
+from isomatch.decimation import Decimated, Prolongation
 from isomatch.runtime.threads import parallel_map, row_product
 from isomatch.settings import Config, PreparationSettings
 from isomatch.shapes.body import Detail

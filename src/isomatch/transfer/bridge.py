@@ -10,7 +10,7 @@ from scipy.sparse import csr_array
 from isomatch.assets import Asset, Attribute
 from isomatch.correspondence import UNMATCHED, Correspondence, nearest_rotation, welded_map
 from isomatch.errors import MeshError
-from isomatch.resolution import PlacedMesh, VertexGroups, normalised
+from isomatch.decimation import PlacedMesh, VertexGroups, normalised
 from isomatch.surfaces import Mesh, PrecisePoints, first_equal
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 from isomatch.values.cached import cached_property

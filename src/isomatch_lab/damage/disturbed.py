@@ -9,7 +9,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import KDTree
 
-from isomatch import resolution
+from isomatch import decimation
 from isomatch.errors import MeshError
 from isomatch.geodesics import distance_engine, euclidean_farthest_points, peripheral_vertex
 from isomatch.surfaces import Mesh
@@ -239,7 +239,7 @@ def decimate(mesh: Mesh, share: float = 0.25, *, seed: int = 0) -> Damaged:
 
     Notes
     -----
-    `isomatch.resolution.decimate` in place. O(n).
+    `isomatch.decimation.decimate` in place. O(n).
     """
     require_usable(mesh, "share", share, SHARES)
     return _thinned(mesh, share)
@@ -272,7 +272,7 @@ def resample(mesh: Mesh, ratio: float = 16.0, *, seed: int = 0) -> Damaged:
 
     Notes
     -----
-    `isomatch.resolution.decimate` in place, with the square of the density as weights. O(n), and one distance map.
+    `isomatch.decimation.decimate` in place, with the square of the density as weights. O(n), and one distance map.
     """
     require_usable(mesh, "ratio", ratio, RATIOS)
     engine = distance_engine(mesh)
@@ -286,7 +286,7 @@ def _thinned(mesh: Mesh, share: float, weights: FloatArray | None = None) -> Dam
     """Merge vertices in place until a share of those in use is left."""
     n_unused = mesh.n_vertices - len(np.unique(mesh.sound_faces))
     wanted = max(round(share * (mesh.n_vertices - n_unused)), 4) + n_unused
-    coarse = resolution.decimate(mesh, wanted, in_place=True, weights=weights)
+    coarse = decimation.decimate(mesh, wanted, in_place=True, weights=weights)
     moved = np.linalg.norm(mesh.vertices - coarse.mesh.vertices[coarse.owner], axis=1)
     order = np.lexsort((moved, coarse.owner))  # by owners, the vertex that has not moved first
     kept = order[np.unique(coarse.owner[order], return_index=True)[1]]

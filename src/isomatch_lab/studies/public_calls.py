@@ -16,7 +16,7 @@ import isomatch.matching
 import isomatch.statistics
 from isomatch import Asset, Attribute, Config, Correspondence, Graph, Landmarks, Mesh, PointCloud, match
 from isomatch.datasets import example_pair, ground_truth
-from isomatch.resolution import decimate
+from isomatch.decimation import decimate
 from isomatch_lab.procedural import creature, organ
 
 

@@ -16,7 +16,7 @@ from isomatch.correspondence import (
     nearest_with_normals,
     with_normals,
 )
-from isomatch.resolution import Prolongation, decimate
+from isomatch.decimation import Prolongation, decimate
 from isomatch.shapes import PreparedShape
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import FloatArray, IntArray

@@ -9,7 +9,7 @@ from tests.shapes import cylinder, flat_grid, icosphere, planar_delaunay
 
 from isomatch import Mesh
 from isomatch.errors import MeshError
-from isomatch.resolution import Prolongation, decimate
+from isomatch.decimation import Prolongation, decimate
 from isomatch.surfaces import PrecisePoints
 
 

@@ -8,9 +8,9 @@ import numpy as np
 
 from isomatch.errors import MeshError
 from isomatch.loading.compiled import compiled
-from isomatch.resolution._collapse import FIRST, Index, other_vertices
-from isomatch.resolution.decimation import Decimated, normalised
-from isomatch.resolution.placed import (
+from isomatch.decimation._collapse import FIRST, Index, other_vertices
+from isomatch.decimation.decimation import Decimated, normalised
+from isomatch.decimation.placed import (
     CHUNK,
     PlacedMesh,
     VertexGroups,

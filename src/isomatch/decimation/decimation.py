@@ -10,7 +10,7 @@ from typing import Self
 import numpy as np
 
 from isomatch.errors import MeshError, SettingError, some
-from isomatch.resolution._collapse import (
+from isomatch.decimation._collapse import (
     BOUNDARY,
     FIXED,
     KIND,
