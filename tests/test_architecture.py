@@ -21,7 +21,7 @@ surfaces
 assets decimation
 mending
 geodesics
-bases
+spectral
 descriptors
 correspondence
 settings
@@ -154,7 +154,7 @@ def test_a_room_is_entered_by_its_front_door():
 def test_the_checker_sees_side_doors():
     source = (
         "from isomatch.surfaces.mesh import Mesh\nfrom isomatch.surfaces import Mesh\n"
-        "import isomatch.bases.build\nfrom isomatch.bases import signs\nfrom isomatch.visualization.camera import camera_of\n"
+        "import isomatch.spectral.build\nfrom isomatch.spectral import signs\nfrom isomatch.visualization.camera import camera_of\n"
     )
     doors = side_doors("view", imports(ast.parse(source)))
     assert [line.split(":")[0] for line in doors] == ["line 1", "line 3", "line 4"]

@@ -86,10 +86,10 @@ def test_a_star_imports_all_public_names():
     [
         ("mending.check", "mending.check"),
         ("matching.match", "matching.match"),
-        ("bases.distance_basis", "bases.distance_basis"),
+        ("spectral.distance_basis", "spectral.distance_basis"),
         (
-            "bases.build",
-            "bases.distance_basis",
+            "spectral.build",
+            "spectral.distance_basis",
         ),  # of the module build, which imports the module distance_basis
     ],
 )

@@ -1,5 +1,5 @@
 from isomatch.assets import Asset, Attribute, read_asset, read_mesh, read_point_cloud, write_asset, write_mesh
-from isomatch.bases import (
+from isomatch.spectral import (
     CanonicalForm,
     DistanceBasis,
     LaplaceBasis,

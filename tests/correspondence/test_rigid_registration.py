@@ -6,7 +6,7 @@ from scipy.sparse import coo_array
 from scipy.spatial.transform import Rotation
 
 from isomatch import Mesh, prepare
-from isomatch.bases import factorised_for_threads, stiffness_and_masses
+from isomatch.spectral import factorised_for_threads, stiffness_and_masses
 from isomatch.correspondence import (
     RigidRegistration,
     SurfaceIndex,

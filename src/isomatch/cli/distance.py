@@ -14,7 +14,7 @@ from cyclopts.validators import LimitedChoice
 
 import isomatch
 from isomatch import geodesics, mending
-from isomatch.bases import BasisMethod, Weighting
+from isomatch.spectral import BasisMethod, Weighting
 from isomatch.cli.inputs import Force, Output, Seed, Weld, surface_of
 from isomatch.cli.outputs import claimed_files
 from isomatch.cli.terminal import TALK, Talk, Tell, complain, part, say, say_table

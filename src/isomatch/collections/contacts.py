@@ -10,7 +10,7 @@ import numpy as np
 from scipy.sparse import coo_array, csc_array
 from scipy.sparse.csgraph import laplacian
 
-from isomatch.bases import factorised_for_threads
+from isomatch.spectral import factorised_for_threads
 from isomatch.landmarks import nearest_on_surface
 from isomatch.statistics import CorrespondedShapes, slices_of, structure_of
 from isomatch.surfaces import Mesh, PrecisePoints

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 import numpy as np
 from scipy.linalg import solve
 
-from isomatch.bases import factorised_for_threads
+from isomatch.spectral import factorised_for_threads
 from isomatch.correspondence.functional_maps import Embedding, SampledBasis
 from isomatch.correspondence.nearest import SurfaceIndex
 from isomatch.correspondence.rigid_energy import RigidEnergy

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import coo_array, csc_array, diags_array
 
-from isomatch.bases import stiffness_and_masses
+from isomatch.spectral import stiffness_and_masses
 from isomatch.correspondence.poses import nearest_rotation
 from isomatch.loading.compiled import compiled
 from isomatch.surfaces import Mesh

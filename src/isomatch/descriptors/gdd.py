@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from isomatch.bases import DistanceBasis
+from isomatch.spectral import DistanceBasis
 from isomatch.values.arrays import FloatArray, IntArray
 
 

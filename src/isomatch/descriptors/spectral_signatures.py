@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from isomatch.bases import LaplaceBasis
+from isomatch.spectral import LaplaceBasis
 from isomatch.mending import without_seams
 from isomatch.runtime.threads import row_product
 from isomatch.surfaces import Mesh

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, Protocol, Self
 
-from isomatch.bases import Weighting
+from isomatch.spectral import Weighting
 from isomatch.errors import FormatError, SettingError
 from isomatch.geodesics import engine_names
 from isomatch.loading.first_use import Shown

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NoReturn, Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch.bases import DistanceBasis, LaplaceBasis, refined_laplace_basis
+from isomatch.spectral import DistanceBasis, LaplaceBasis, refined_laplace_basis
 from isomatch.correspondence import Correspondence, PrecisePoints, SignedPoints
 from isomatch.descriptors import (
     BallSignature,

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from isomatch.bases import LaplaceBasis
+from isomatch.spectral import LaplaceBasis
 from isomatch.correspondence import (
     UNMATCHED,
     Correspondence,

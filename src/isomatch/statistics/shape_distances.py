@@ -8,7 +8,7 @@ import numpy as np
 from scipy.cluster.hierarchy import linkage
 from scipy.spatial.distance import squareform
 
-from isomatch import bases
+from isomatch import spectral
 from isomatch.errors import InputError, SettingError
 from isomatch.geodesics import distance_engine, euclidean_farthest_points
 from isomatch.statistics.procrustes import generalised_procrustes
@@ -71,7 +71,7 @@ def classical_scaling(distances: FloatArray, dim: int = 2) -> FloatArray:
     checked = _checked(distances)
     m = len(checked)
     points = np.zeros((m, dim))
-    points[:, :m] = bases.classical_scaling(checked**2, np.ones(m), dim)[0]
+    points[:, :m] = spectral.classical_scaling(checked**2, np.ones(m), dim)[0]
     farthest = np.take_along_axis(points, np.abs(points).argmax(axis=0)[None], axis=0)
     return points * np.where(farthest < 0, -1.0, 1.0)
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch.bases import DistanceBasis, LaplaceBasis
+from isomatch.spectral import DistanceBasis, LaplaceBasis
 from isomatch.correspondence import Correspondence
 from isomatch.errors import MapError, MeshError
 from isomatch.loading.first_use import package

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
 from isomatch.assets import SurfaceLike, surface_from
-from isomatch.bases import DistanceBasis, LaplaceBasis
+from isomatch.spectral import DistanceBasis, LaplaceBasis
 from isomatch.correspondence import Correspondence
 from isomatch.errors import DescriptorError, MeshError
 from isomatch.storage.files import replaced

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import solve
 
-from isomatch.bases import LaplaceBasis
+from isomatch.spectral import LaplaceBasis
 from isomatch.descriptors import heat_kernel_signature, standardised, wave_kernel_map, wave_kernel_signature
 from isomatch.matching import MatchResult
 from isomatch.runtime.memory import require_memory

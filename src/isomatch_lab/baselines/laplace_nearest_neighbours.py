@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch.bases import LaplaceBasis
+from isomatch.spectral import LaplaceBasis
 from isomatch.correspondence import SignedPoints, alignment_from_functions, alignments_from_points
 from isomatch.errors import SettingError
 from isomatch.matching import MatchResult

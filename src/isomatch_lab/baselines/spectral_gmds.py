@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import polar
 
-from isomatch.bases import LaplaceBasis, spectral_interpolant
+from isomatch.spectral import LaplaceBasis, spectral_interpolant
 from isomatch.descriptors import standardised
 from isomatch.errors import SettingError
 from isomatch.matching import MatchResult

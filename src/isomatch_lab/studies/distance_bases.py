@@ -18,7 +18,7 @@ mpl.use("Agg")
 import matplotlib.pyplot as plt
 
 from isomatch import Mesh, distance_basis, geodesic_distances, laplace_basis
-from isomatch.bases import BasisMethod
+from isomatch.spectral import BasisMethod
 from isomatch_lab.paper.basis_error import projected, relative_error
 from isomatch_lab.procedural import creature
 from isomatch_lab.studies.shared import asked_for, write_rows, write_table

@@ -9,10 +9,10 @@ import numpy as np
 from scipy.linalg import eigh
 
 from isomatch.assets import SurfaceLike
-from isomatch.bases.basis import Weighting, basis_domain
-from isomatch.bases.distance_basis import orthonormalised
-from isomatch.bases.laplacian import require_mesh_or_points
-from isomatch.bases.low_rank import biharmonic_interpolant, leading_eigenpairs, swapped
+from isomatch.spectral.basis import Weighting, basis_domain
+from isomatch.spectral.distance_basis import orthonormalised
+from isomatch.spectral.laplacian import require_mesh_or_points
+from isomatch.spectral.low_rank import biharmonic_interpolant, leading_eigenpairs, swapped
 from isomatch.errors import MeshError, SettingError
 from isomatch.geodesics import MetricSpace, Sampling, farthest_point_sampling, metric_space, peripheral_vertex
 from isomatch.mending import without_seams

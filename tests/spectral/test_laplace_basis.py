@@ -11,9 +11,9 @@ from scipy.sparse import csc_array, diags_array
 from scipy.sparse.linalg import eigsh
 
 from isomatch import Mesh, MeshError, NotConvergedError, laplace_basis
-from isomatch.bases import refined_laplace_basis
-from isomatch.bases.laplace_basis import smallest_eigenpairs
-from isomatch.bases.laplacian import WIDTH, factorised, factorised_for_threads
+from isomatch.spectral import refined_laplace_basis
+from isomatch.spectral.laplace_basis import smallest_eigenpairs
+from isomatch.spectral.laplacian import WIDTH, factorised, factorised_for_threads
 from isomatch.decimation import Prolongation, decimate
 from isomatch_lab.procedural import creature
 from shapes import cylinder, disguised, icosphere, planar_delaunay
@@ -241,7 +241,7 @@ GROWN = """
 import threading, psutil
 from scipy.sparse import csc_array, diags_array
 from scipy.sparse.linalg import splu
-from isomatch.bases import factorised_for_threads, stiffness_and_masses
+from isomatch.spectral import factorised_for_threads, stiffness_and_masses
 from isomatch.datasets import example_pair
 
 stiffness, masses = stiffness_and_masses(example_pair()[0].mesh)

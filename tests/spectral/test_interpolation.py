@@ -5,8 +5,8 @@ import pytest
 
 from data import tosca
 from isomatch import distance_basis, geodesic_distances
-from isomatch.bases.laplacian import stiffness_and_masses
-from isomatch.bases.low_rank import (
+from isomatch.spectral.laplacian import stiffness_and_masses
+from isomatch.spectral.low_rank import (
     ColumnPredictor,
     DensityWeighted,
     biharmonic_interpolant,

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike
 from scipy.linalg import qr
 
-from isomatch.bases.basis import PlottedBasis, fix_signs
+from isomatch.spectral.basis import PlottedBasis, fix_signs
 from isomatch.errors import MeshError, SettingError, some
 from isomatch.geodesics import Sampling, points_of
 from isomatch.loading.compiled import compiled

@@ -6,7 +6,7 @@ from scipy.spatial import procrustes
 from scipy.spatial.distance import pdist, squareform
 
 from isomatch import MemoryBudgetError, SettingError, canonical_form, distance_basis, geodesic_distances
-from isomatch.bases import classical_scaling
+from isomatch.spectral import classical_scaling
 from isomatch_lab.procedural import creature
 from shapes import cylinder, flat_grid, icosphere, planar_delaunay
 

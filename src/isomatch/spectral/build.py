@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from isomatch.assets import SurfaceLike
-from isomatch.bases.basis import BasisMethod, Weighting, basis_domain, shared_weights
-from isomatch.bases.distance_basis import DistanceBasis
-from isomatch.bases.laplacian import require_mesh_or_points
-from isomatch.bases.low_rank import (
+from isomatch.spectral.basis import BasisMethod, Weighting, basis_domain, shared_weights
+from isomatch.spectral.distance_basis import DistanceBasis
+from isomatch.spectral.laplacian import require_mesh_or_points
+from isomatch.spectral.low_rank import (
     DensityWeighted,
     density_of,
     exact_basis,
