@@ -18,7 +18,7 @@ errors values
 loading runtime
 storage
 surfaces
-assets decimation
+io decimation
 mending
 geodesics
 spectral

@@ -5,7 +5,7 @@ import csv
 import numpy as np
 import pytest
 
-from isomatch.assets import Attribute, read_attributes, write_attributes
+from isomatch.io import Attribute, read_attributes, write_attributes
 from isomatch.storage.texts import joined, read_csv, separated, write_csv
 
 FORMULAS = ["=1+1", "+cmd|' /C calc'!A0", "-2+3", "@SUM(A1)", "\tx", "\r=1", "'=1", "''@a"]

@@ -18,7 +18,7 @@ import pytest
 import isomatch
 from corresponded import random_shapes
 from isomatch import Asset, Mesh
-from isomatch.assets import Attribute, Polygons, with_texture
+from isomatch.io import Attribute, Polygons, with_texture
 from isomatch.cli import main
 from isomatch.datasets import example_pair
 from isomatch.decimation import decimate

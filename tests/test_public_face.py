@@ -22,7 +22,7 @@ from isomatch.values.settings import Settings
 
 RECORD = Path(__file__).with_name("public_face.txt")
 EXTENDED = {  # what a stranger implements, or registers in, by room
-    "isomatch.assets": ("FORMATS", "MeshFormat"),
+    "isomatch.io": ("FORMATS", "MeshFormat"),
     "isomatch.geodesics": ("ENGINES", "ColumnEngine", "DistanceEngine", "MetricSpace"),
     "isomatch.correspondence": ("Embedding",),
     "isomatch.matching": (

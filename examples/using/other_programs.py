@@ -8,7 +8,7 @@ Meshes of trimesh, PyVista and meshio can be matched as they are, and what comes
 import numpy as np
 
 from isomatch import Asset, match
-from isomatch.assets import to_meshio, to_trimesh
+from isomatch.io import to_meshio, to_trimesh
 from isomatch.datasets import example_pair
 
 source, target = (animal.mesh for animal in example_pair())

@@ -1,4 +1,4 @@
-from isomatch.assets import Asset, Attribute, read_asset, read_mesh, read_point_cloud, write_asset, write_mesh
+from isomatch.io import Asset, Attribute, read_asset, read_mesh, read_point_cloud, write_asset, write_mesh
 from isomatch.spectral import (
     CanonicalForm,
     DistanceBasis,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import isomatch
-from isomatch.assets import Asset, Attribute
+from isomatch.io import Asset, Attribute
 from isomatch.cli import main
 from isomatch.cli.inputs import read_functions
 from shapes import box

@@ -11,7 +11,7 @@ from PIL import Image
 
 from corresponded import wrapped_as
 from isomatch import Asset, Correspondence, Mesh, match, read_asset, read_mesh, write_asset
-from isomatch.assets import Attribute, Frame, Polygons
+from isomatch.io import Attribute, Frame, Polygons
 from isomatch.cli import main
 from isomatch.cli.outputs import write_wrapped
 from isomatch.datasets import example_pair

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from isomatch import Asset, Correspondence, Mesh, read_asset, write_asset
-from isomatch.assets import (
+from isomatch.io import (
     Attribute,
     Polygons,
     holds_values,

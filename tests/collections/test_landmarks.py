@@ -11,7 +11,7 @@ import pytest
 from matplotlib.image import imread
 
 from isomatch import InputError, Landmarks, read_asset, read_mesh, write_asset, write_landmarks
-from isomatch.assets import Frame
+from isomatch.io import Frame
 from isomatch.cli import main
 from isomatch.collections import (
     Collection,

@@ -17,7 +17,7 @@ from slicer_stub import MarkupsNode, ModelNode, TransformNode
 from vtk.util.numpy_support import vtk_to_numpy
 
 from isomatch import Landmarks, carry_landmarks, write_landmarks, write_mesh
-from isomatch.assets import read_mesh
+from isomatch.io import read_mesh
 from isomatch.datasets import ground_truth
 from isomatch.matching import DoubtfulRegion
 from isomatch.surfaces import Mesh

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 import isomatch
-from isomatch.assets import Asset, Attribute, write_asset
+from isomatch.io import Asset, Attribute, write_asset
 from isomatch.cli import main
 from isomatch.collections import Collection, changed_files
 from isomatch.collections import ledger as ledger_module

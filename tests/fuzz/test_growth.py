@@ -6,7 +6,7 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from isomatch.assets import FORMATS
+from isomatch.io import FORMATS
 from isomatch.errors import FormatError
 
 XYZ = "property float x\nproperty float y\nproperty float z\n"

@@ -18,7 +18,7 @@ from isomatch import (
     median_landmarks,
     write_landmarks,
 )
-from isomatch.assets import Frame
+from isomatch.io import Frame
 from isomatch.landmarks import Curve, drawn_curve, equally_spaced, nearest_on_surface, write_specimens
 from shapes import box, flat_grid, icosphere
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from isomatch import Asset, Attribute, Mesh, PointCloud, check, distance_engine, prepare, repair
-from isomatch.assets import Polygons
+from isomatch.io import Polygons
 from isomatch.errors import MeshError, SettingError
 from isomatch.mending import outliers
 from isomatch_lab.procedural import creature

@@ -7,7 +7,7 @@ import pytest
 
 from corresponded import moved, random_shapes
 from isomatch import Correspondence, MeshError, write_asset
-from isomatch.assets import Asset, Attribute
+from isomatch.io import Asset, Attribute
 from isomatch.statistics import (
     CorrespondedShapes,
     ShapeModel,

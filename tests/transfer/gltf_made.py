@@ -6,7 +6,7 @@ import numpy as np
 from PIL import Image
 
 from isomatch import Correspondence, bake_texture, read_asset
-from isomatch.assets.formats._gltf_data import GltfData, packed
+from isomatch.io.formats._gltf_data import GltfData, packed
 from isomatch.correspondence import nearest_points
 from shapes import flat_grid
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from isomatch import Asset, Correspondence, carry_attributes
-from isomatch.assets import Attribute, Polygons
+from isomatch.io import Attribute, Polygons
 from isomatch.errors import SettingError
 from shapes import icosphere
 

@@ -14,7 +14,7 @@ from isomatch import (
     read_asset,
     write_asset,
 )
-from isomatch.assets import Polygons
+from isomatch.io import Polygons
 from isomatch.cli import main
 from isomatch.cli.outputs import write_wrapped
 from shapes import flat_grid, icosphere

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from isomatch import Asset, Correspondence, bake_texture, read_asset, write_asset
-from isomatch.assets import Attribute, Polygons, looks_of
+from isomatch.io import Attribute, Polygons, looks_of
 
 # two squares beside each other, the left one red and the right one blue
 POINTS = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [3, 0, 0], [4, 0, 0], [4, 1, 0], [3, 1, 0]])

@@ -63,7 +63,7 @@ def asset_of(obj: bpy.types.Object, with_modifiers: bool = False, data: frozense
         If it has no faces, or shape keys of vertices that modifiers change.
     """
     from isomatch import Asset, Attribute
-    from isomatch.assets import Polygons
+    from isomatch.io import Polygons
 
     with mesh_of(obj, with_modifiers) as mesh:
         if not mesh.polygons:

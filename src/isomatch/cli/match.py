@@ -12,7 +12,7 @@ from cyclopts import Parameter
 
 import isomatch
 from isomatch import datasets, evaluation, matching
-from isomatch.assets import files_beside
+from isomatch.io import files_beside
 from isomatch.cli.inputs import (
     ConfigFile,
     Details,

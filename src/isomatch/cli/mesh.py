@@ -16,7 +16,7 @@ from rich.console import Console
 
 import isomatch
 from isomatch import mending, shapes, spectral
-from isomatch.assets import FORMATS, as_written, files_beside, meshes_among, read_as_far
+from isomatch.io import FORMATS, as_written, files_beside, meshes_among, read_as_far
 from isomatch.cli.distance import N_COLUMNS
 from isomatch.cli.inputs import Force, Json, Output, Rounded, surface_of
 from isomatch.cli.outputs import claimed_files, notes_on, say_left_out, say_notes

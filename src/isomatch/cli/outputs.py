@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 import isomatch
-from isomatch.assets import Attribute, Frame
+from isomatch.io import Attribute, Frame
 from isomatch.cli.inputs import Surface
 from isomatch.cli.terminal import INDENT, say, say_rows
 from isomatch.errors import MeshError

@@ -14,8 +14,8 @@ from cyclopts import App, Parameter
 
 import isomatch
 import isomatch.statistics as shape_statistics
-from isomatch import assets, collections
-from isomatch.assets import Asset, Attribute
+from isomatch import collections, io
+from isomatch.io import Asset, Attribute
 from isomatch.cli.inputs import ConfigFile, Force, Output, Seed, read_config
 from isomatch.cli.outputs import claimed_files, require_writable, say_left_out
 from isomatch.cli.scored import LAST, new_shapes, say_scored, write_scored
@@ -334,7 +334,7 @@ def _stem(name: str) -> str:
     """Name of a shape from that of its file."""
     last = name.replace("\\", "/").rpartition("/")[2]
     suffix = Path(last).suffix
-    return last.removesuffix(suffix) if suffix.lower() in assets.FORMATS else last
+    return last.removesuffix(suffix) if suffix.lower() in io.FORMATS else last
 
 
 @statistics.command

@@ -18,7 +18,7 @@ import numpy as np
 
 import isomatch.statistics as shape_statistics
 from isomatch import visualization
-from isomatch.assets import Asset, Attribute, write_asset, write_mesh
+from isomatch.io import Asset, Attribute, write_asset, write_mesh
 from isomatch.cli.terminal import json_text
 from isomatch.errors import MissingDependencyError
 from isomatch.statistics import CorrespondedShapes, GroupTest, ShapeModel, ShapeRegression

@@ -12,7 +12,7 @@ from cyclopts import Parameter
 
 import isomatch
 import isomatch.landmarks as shape_landmarks
-from isomatch.assets import files_beside, holds_values, png_of, read_attributes, told_apart, write_attributes
+from isomatch.io import files_beside, holds_values, png_of, read_attributes, told_apart, write_attributes
 from isomatch.cli.inputs import Force, Output, Rounded, naming_files
 from isomatch.cli.outputs import claimed_files, notes_on, say_left_out, say_notes
 from isomatch.cli.terminal import TALK, Talk, say

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from isomatch.assets import mesh_from
+from isomatch.io import mesh_from
 from isomatch.collections.cohort import OTHERS, checked_units, common_unit, scales_of, told_unit
 from isomatch.collections.collection import Collection
 from isomatch.collections.finish import surfaces_written

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from matplotlib.image import imsave
 
-from isomatch.assets import Asset, Attribute, Frame, Polygons, mesh_from, read_asset, read_mesh, write_asset
+from isomatch.io import Asset, Attribute, Frame, Polygons, mesh_from, read_asset, read_mesh, write_asset
 from isomatch.collections.cohort import NOT_UNLIKE, mirror_images, scales_of
 from isomatch.collections.collection import Collection
 from isomatch.collections.ledger import CONTRADICTED, Ledger, Record, Rows, read_ledgers, writing_ledger

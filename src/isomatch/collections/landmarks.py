@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib import colormaps
 from scipy.spatial import cKDTree
 
-from isomatch.assets import Asset, read_asset, read_mesh
+from isomatch.io import Asset, read_asset, read_mesh
 from isomatch.collections.collection import Collection
 from isomatch.collections.map_file import maps_along, require_unchanged
 from isomatch.correspondence import Correspondence

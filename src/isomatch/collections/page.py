@@ -15,7 +15,7 @@ from string import Template
 from typing import Any, Literal
 from urllib.parse import quote
 
-from isomatch.assets import mesh_from
+from isomatch.io import mesh_from
 from isomatch.collections.cohort import Outlier, outliers
 from isomatch.collections.collection import Collection
 from isomatch.collections.ledger import Record, Rows, is_contradicted

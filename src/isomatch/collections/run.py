@@ -17,7 +17,7 @@ from typing import Literal, NamedTuple, TypeVar, cast
 import numpy as np
 from scipy.spatial import cKDTree
 
-from isomatch.assets import mesh_from, surface_from
+from isomatch.io import mesh_from, surface_from
 from isomatch.collections.cohort import OF_SHAPES, holes_of, likeness_of, mirror_images, outliers
 from isomatch.collections.ledger import SIDES, Ledger, Record, Rows, read_ledgers, writing_ledger
 from isomatch.collections.map_file import PairMaps, as_matched, changed_files, digest_of, maps_of_pair

@@ -11,7 +11,7 @@ from itertools import combinations, pairwise
 from pathlib import Path
 from unicodedata import normalize
 
-from isomatch.assets import meshes_among
+from isomatch.io import meshes_among
 from isomatch.errors import InputError
 from isomatch.storage.files import ignores_case, legible
 from isomatch.storage.texts import read_csv

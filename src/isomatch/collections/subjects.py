@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from isomatch.assets import Asset, Attribute, mesh_from, meshes_among, write_asset
+from isomatch.io import Asset, Attribute, mesh_from, meshes_among, write_asset
 from isomatch.collections.cohort import OTHERS
 from isomatch.collections.collection import Collection
 from isomatch.collections.contacts import beneath, contacts_kept

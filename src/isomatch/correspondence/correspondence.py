@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse import csc_array, csr_array
 
-from isomatch.assets import SurfaceLike, mesh_from, surface_from
+from isomatch.io import SurfaceLike, mesh_from, surface_from
 from isomatch.spectral import LaplaceBasis, laplace_basis
 from isomatch.correspondence.functional_maps import FunctionalMap, fit_functional_map
 from isomatch.correspondence.map_arrays import (

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from isomatch.assets import SurfaceLike, mesh_from
+from isomatch.io import SurfaceLike, mesh_from
 from isomatch.correspondence.correspondence import Correspondence
 from isomatch.correspondence.map_arrays import UNMATCHED
 from isomatch.errors import MapError

@@ -10,7 +10,7 @@ from scipy.sparse import csr_array, diags_array
 from scipy.sparse.linalg import spsolve
 from scipy.spatial import cKDTree
 
-from isomatch.assets import SurfaceLike, mesh_from
+from isomatch.io import SurfaceLike, mesh_from
 from isomatch.correspondence.correspondence import Correspondence
 from isomatch.correspondence.map_arrays import UNMATCHED
 from isomatch.correspondence.nearest import nearest_points

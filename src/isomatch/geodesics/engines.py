@@ -7,7 +7,7 @@ from typing import Any, TypeAlias, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch.assets import SurfaceLike, surface_from
+from isomatch.io import SurfaceLike, surface_from
 from isomatch.errors import MeshError, SettingError
 from isomatch.geodesics.component_engines import Exact, Heat
 from isomatch.geodesics.dijkstra import Dijkstra

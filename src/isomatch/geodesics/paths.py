@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch.assets import SurfaceLike, mesh_from
+from isomatch.io import SurfaceLike, mesh_from
 from isomatch.errors import FormatError, MeshError
 from isomatch.geodesics.dijkstra import Dijkstra
 from isomatch.geodesics.points import Inserted, inserted, joined, points_of

@@ -15,7 +15,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from isomatch.assets import TURN, Axes, Frame
+from isomatch.io import TURN, Axes, Frame
 from isomatch.errors import FormatError, LandmarkError
 from isomatch.storage.files import opened
 from isomatch.storage.texts import is_whole_number, read_text, unescaped

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch.assets import SurfaceLike
+from isomatch.io import SurfaceLike
 from isomatch.correspondence import UNMATCHED, Correspondence, iterative_closest_points
 from isomatch.errors import SettingError
 from isomatch.loading.first_use import view_room
@@ -61,7 +61,7 @@ def match(
     ----------
     source, target : Mesh, PointCloud, Graph, PreparedShape, path_like, tuple or object
         The shapes; `prepare` one that is matched more than once. Also the path of a mesh file, a tuple (vertices, faces)
-        or a mesh of trimesh, PyVista, meshio or Open3D; see ``isomatch.assets``.
+        or a mesh of trimesh, PyVista, meshio or Open3D; see ``isomatch.io``.
     landmarks : (m, 2) array_like of int, optional
         Rows (source vertex, target vertex), m ≥ 3; see `read_landmarks`. With ``Config.pin`` they hold.
     initial_map : (n_source,) array_like of int, optional

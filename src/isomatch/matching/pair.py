@@ -9,7 +9,7 @@ from itertools import permutations
 
 import numpy as np
 
-from isomatch.assets import SurfaceLike
+from isomatch.io import SurfaceLike
 from isomatch.correspondence import Embedding, SignedPoints, SpectralPair, nearest_of_few
 from isomatch.errors import MemoryBudgetError, MeshError, NotConvergedError
 from isomatch.runtime.stage_timer import MATCHING, Progress, StageTimer

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch.assets import SurfaceLike
+from isomatch.io import SurfaceLike
 from isomatch.correspondence import UNMATCHED, Correspondence, RigidRegistration
 from isomatch.descriptors import RADII, BallSignature, ball_signature, deviation_of
 from isomatch.errors import MeshError

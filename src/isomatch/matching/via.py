@@ -9,7 +9,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from isomatch.assets import SurfaceLike
+from isomatch.io import SurfaceLike
 from isomatch.correspondence import Correspondence
 from isomatch.errors import MeshError, SettingError
 from isomatch.matching.evidence import Evidence, Solution

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from isomatch.assets import Polygons, SurfaceLike, mesh_from
+from isomatch.io import Polygons, SurfaceLike, mesh_from
 from isomatch.errors import some
 from isomatch.loading.compiled import compiled
 from isomatch.mending._winding import faces_to_rewind, shells, with_rewound

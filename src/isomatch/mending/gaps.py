@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
-from isomatch.assets import Asset, Polygons, Renumbering
+from isomatch.io import Asset, Polygons, Renumbering
 from isomatch.surfaces import linked
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 

@@ -9,7 +9,7 @@ from typing import TypeVar, cast
 
 import numpy as np
 
-from isomatch.assets import (
+from isomatch.io import (
     Asset,
     Attribute,
     Polygons,

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from isomatch.assets import SurfaceLike, surface_from
+from isomatch.io import SurfaceLike, surface_from
 from isomatch.spectral import laplace_basis, nystrom_basis
 from isomatch.errors import MeshError
 from isomatch.geodesics import (

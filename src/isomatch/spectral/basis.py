@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Literal, Unpack
 
 import numpy as np
 
-from isomatch.assets import SurfaceLike
+from isomatch.io import SurfaceLike
 from isomatch.errors import MeshError
 from isomatch.geodesics import DistanceEngine, MetricSpace, distance_engine
 from isomatch.loading.first_use import PlotOptions, Shown, view_room

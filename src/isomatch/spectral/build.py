@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import DTypeLike
 
-from isomatch.assets import SurfaceLike
+from isomatch.io import SurfaceLike
 from isomatch.spectral.basis import BasisMethod, Weighting, basis_domain, shared_weights
 from isomatch.spectral.distance_basis import DistanceBasis
 from isomatch.spectral.laplacian import require_mesh_or_points

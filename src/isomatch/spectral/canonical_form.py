@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from scipy.linalg import eigh
 
-from isomatch.assets import SurfaceLike
+from isomatch.io import SurfaceLike
 from isomatch.spectral.basis import Weighting, basis_domain
 from isomatch.spectral.distance_basis import orthonormalised
 from isomatch.spectral.laplacian import require_mesh_or_points

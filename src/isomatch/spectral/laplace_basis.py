@@ -9,7 +9,7 @@ import numpy as np
 from scipy.linalg import eigh, solve_triangular
 from scipy.sparse import csc_array, csr_array
 
-from isomatch.assets import SurfaceLike, surface_from
+from isomatch.io import SurfaceLike, surface_from
 from isomatch.spectral.basis import PlottedBasis, fix_signs, require_one_component, shared_weights
 from isomatch.spectral.laplacian import WIDTH, factorised, factorised_for_threads, stiffness_and_masses
 from isomatch.errors import MeshError, NotConvergedError, SettingError, some

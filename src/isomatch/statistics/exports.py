@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from isomatch.assets import write_mesh
+from isomatch.io import write_mesh
 from isomatch.errors import InputError
 from isomatch.loading.first_use import package
 from isomatch.statistics.shape_model import ShapeModel

@@ -12,7 +12,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from isomatch.assets import FORMATS, Asset, Polygons, meshes_among, read_as_far
+from isomatch.io import FORMATS, Asset, Polygons, meshes_among, read_as_far
 from isomatch.correspondence import Correspondence
 from isomatch.errors import FormatError, MeshError, MissingFileError, NotConvergedError, some
 from isomatch.statistics.procrustes import Scale, aligned_to, generalised_procrustes

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from isomatch import assets
-from isomatch.assets import Asset, Layer, Looks, Picture
+from isomatch import io
+from isomatch.io import Asset, Layer, Looks, Picture
 from isomatch.correspondence import Correspondence
 from isomatch.errors import DescriptorError, SettingError
 from isomatch.surfaces import Mesh, PrecisePoints, linked, rasterise
@@ -54,7 +54,7 @@ class Baked:
     @property
     def png(self) -> bytes:
         """The picture as a PNG file."""
-        return assets.png_of(self.picture)
+        return io.png_of(self.picture)
 
 
 def bake_texture(
@@ -96,7 +96,7 @@ def bake_texture(
     --------
     A square with texture coordinates takes the colours at the corners of another one, black below and white above.
 
-    >>> from isomatch.assets import Attribute, Polygons
+    >>> from isomatch.io import Attribute, Polygons
     >>> square = Asset([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], Polygons([0, 1, 2, 3], [4]))
     >>> unfolded = square.with_attributes(Attribute("uv", "point", "uv", square.points[:, :2]))
     >>> grey = [[0.0] * 3, [0.0] * 3, [1.0] * 3, [1.0] * 3]
@@ -134,9 +134,9 @@ def bake_texture(
         share = f"{hidden / receiver.mesh.area:.1%} of the surface"
         notes += (f"{share} shows other parts, which have the same places in the picture and come first",)
     names = [f"baked_{tile}" for tile in tiles] if len(tiles) > 1 else ["baked"]
-    pictures = dict(zip(names, map(assets.png_of, tiles.values())))
+    pictures = dict(zip(names, map(io.png_of, tiles.values())))
     of_triangle = np.searchsorted(list(tiles), tile_of_triangle).clip(0, len(tiles) - 1)
-    return Baked(tiles, assets.with_tiles(receiver, of_triangle, pictures), unmatched, notes)
+    return Baked(tiles, io.with_tiles(receiver, of_triangle, pictures), unmatched, notes)
 
 
 def _in_tiles(receiver: Asset) -> tuple[FloatArray, IntArray, list[int]]:
@@ -211,16 +211,16 @@ class _Paint:
 
     @classmethod
     def of(cls, asset: Asset) -> _Paint:
-        looks, colours, notes = assets.looks_of(asset), asset.of_kind("colour"), assets.unread_files(asset)
+        looks, colours, notes = io.looks_of(asset), asset.of_kind("colour"), io.unread_files(asset)
         pictures = looks.pictures if looks else ()
-        lost = assets.unread(pictures)
+        lost = io.unread(pictures)
         if len(lost) == len(pictures) and colours:
             looks = None
         elif not looks or all(lost.keys() & set(look.pictures) for look in looks.looks):
             why = f"no colour to bake, and no picture can be read ({'; '.join(notes)})"
             why = why if notes else "neither a texture nor a colour to bake"
             raise DescriptorError(f"there is {why}; give a file that has one")
-        pixels = {picture: assets.pixels_of(picture.data) for picture in pictures if picture not in lost}
+        pixels = {picture: io.pixels_of(picture.data) for picture in pictures if picture not in lost}
         instead = "what it would paint is grey" if looks else "colours are painted instead"
         return cls(asset, looks, pixels, tuple(f"{note}; {instead}" for note in notes))
 
@@ -235,10 +235,10 @@ class _Paint:
             those = Places(places.asset, places.triangle[here], places.barycentric[here])
             base = self._of_layer(each.base, those)
             if self.looks.tinted and self.asset.of_kind("colour"):
-                base = assets.multiplied(base, self._of_points(those))
+                base = io.multiplied(base, self._of_points(those))
             if each.emitted:
                 glow = self._of_layer(each.emitted, those)
-                base[:, :3] = assets.srgb_of(assets.linear_of(base) + assets.linear_of(glow))[:, :3]
+                base[:, :3] = io.srgb_of(io.linear_of(base) + io.linear_of(glow))[:, :3]
             colours[here] = base
         return colours
 
@@ -251,6 +251,6 @@ class _Paint:
         uv = [attribute for attribute in self.asset.of_kind("uv") if attribute.name == layer.uv]
         if layer.picture in self.pixels and uv:
             at = places.interpolated(columns(uv[0]), places.rows(uv[0]))[:, :2]
-            return assets.sampled(self.pixels[layer.picture], layer, np.nan_to_num(at))
+            return io.sampled(self.pixels[layer.picture], layer, np.nan_to_num(at))
         colour = np.array(UNPAINTED if layer.picture else layer.tint, dtype=np.float64)
         return np.tile(colour, (len(places.triangle), 1))

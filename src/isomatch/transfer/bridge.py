@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import csr_array
 
-from isomatch.assets import Asset, Attribute
+from isomatch.io import Asset, Attribute
 from isomatch.correspondence import UNMATCHED, Correspondence, nearest_rotation, welded_map
 from isomatch.errors import MeshError
 from isomatch.decimation import PlacedMesh, VertexGroups, normalised

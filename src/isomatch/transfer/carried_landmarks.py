@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from isomatch.assets import Asset, SurfaceLike, surface_from
+from isomatch.io import Asset, SurfaceLike, surface_from
 from isomatch.correspondence import UNMATCHED, Correspondence
 from isomatch.errors import LandmarkError
 from isomatch.geodesics import distance_along_edges_to_nearest

@@ -8,8 +8,8 @@ from typing import get_args
 
 import numpy as np
 
-from isomatch import assets
-from isomatch.assets import Asset, Attribute, Domain, Kind
+from isomatch import io
+from isomatch.io import Asset, Attribute, Domain, Kind
 from isomatch.correspondence import Correspondence
 from isomatch.errors import DescriptorError, SettingError
 from isomatch.transfer.bridge import Bridge, Patches, columns, interpolated_at_corners, is_seamless
@@ -102,7 +102,7 @@ def carry_attributes(
 
     Examples
     --------
-    >>> from isomatch.assets import Attribute, Polygons
+    >>> from isomatch.io import Attribute, Polygons
     >>> square = Asset([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], Polygons([0, 1, 2, 3], [4]))
     >>> named = square.with_attributes(Attribute("side", "point", "label", ["left", "right", "right", "left"]))
     >>> half_turn = Correspondence([2, 3, 0, 1], n_target=4)
@@ -140,15 +140,15 @@ def carry_attributes(
     kinds, notes = {attribute.kind for attribute in chosen}, list[str]()
     if "uv" in kinds:
         asset = asset.without_attributes(*(each.name for each in asset.attributes if each.is_tangent))
-        asset = assets.with_looks_of(asset, giver, bridge.at_polygons.triangle[receiver.polygons.of_triangle])
-        notes += assets.unread_files(giver)
+        asset = io.with_looks_of(asset, giver, bridge.at_polygons.triangle[receiver.polygons.of_triangle])
+        notes += io.unread_files(giver)
     if "weights" in kinds:
-        asset = assets.with_skin_of(asset, giver)
-        if assets.is_posed(giver):
+        asset = io.with_skin_of(asset, giver)
+        if io.is_posed(giver):
             notes.append("the skeleton is posed, and the surface is bound to it so; pose it back before")
     if "key" in kinds:
-        asset = assets.with_key_weights_of(asset, giver.document)
-    if assets.animation_channels(asset) < assets.animation_channels(receiver):
+        asset = io.with_key_weights_of(asset, giver.document)
+    if io.animation_channels(asset) < io.animation_channels(receiver):
         notes.append("animations of joints and shape keys that the receiver had before are left out")
     left = {attribute.name for attribute in asset.attributes}
     supposed = () if numbers_as else (each for each, is_label in zip(chosen, as_labels) if is_label)
@@ -240,13 +240,13 @@ def _labels(attribute: Attribute, bridge: Bridge, labels: Labelling) -> Attribut
     receiver = bridge.receiver
     if attribute.domain == "point" and labels == "nearest":
         places = bridge.at_vertices
-        nearest = assets.without_labels(attribute.values[places.nearest_rows(attribute)], ~places.has_place)
+        nearest = io.without_labels(attribute.values[places.nearest_rows(attribute)], ~places.has_place)
         return attribute.with_values(nearest[receiver.vertex_of_point])
     patches = Patches.of(attribute, bridge)
     rows = attribute.values
     distinct, code = np.unique(rows, axis=0 if rows.ndim > 1 else None, return_inverse=True)
     votes = patches.sums(code.ravel()[patches.rows], len(distinct))
-    winner = assets.without_labels(distinct[votes.argmax(axis=1)], votes.sum(axis=1) == 0)
+    winner = io.without_labels(distinct[votes.argmax(axis=1)], votes.sum(axis=1) == 0)
     return attribute.with_values(winner[patches.owner_of_row])
 
 

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
-from isomatch.assets import SurfaceLike, surface_from
+from isomatch.io import SurfaceLike, surface_from
 from isomatch.spectral import DistanceBasis, LaplaceBasis
 from isomatch.correspondence import Correspondence
 from isomatch.errors import DescriptorError, MeshError

@@ -7,7 +7,7 @@ from typing import Self
 
 from numpy.typing import ArrayLike
 
-from isomatch.assets import SurfaceLike
+from isomatch.io import SurfaceLike
 from isomatch.correspondence import Embedding, SpectralPair, fit_functional_map
 from isomatch.matching import (
     MatchResult,

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from isomatch.assets import FORMATS
+from isomatch.io import FORMATS
 from isomatch.correspondence import IndexBase
 from isomatch.errors import FormatError, IsomatchError, MissingFileError, SettingError
 from isomatch.evaluation import Truth, read_indices, read_marked, read_truth

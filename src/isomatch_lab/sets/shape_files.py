@@ -8,7 +8,7 @@ from typing import NoReturn
 
 import numpy as np
 
-from isomatch.assets import read_mesh
+from isomatch.io import read_mesh
 from isomatch.errors import FormatError
 from isomatch.evaluation import counted_from, read_table
 from isomatch.storage.array_file import Archive, read_mat

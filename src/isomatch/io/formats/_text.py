@@ -1,0 +1,293 @@
+"""Lines of a text file with their line numbers, and the numbers that they contain."""
+
+from __future__ import annotations
+
+import re
+import warnings
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import NoReturn
+
+import numpy as np
+
+from isomatch.io.asset import Frame
+from isomatch.io.formats._reading import unexpected
+from isomatch.io.polygons import spans
+from isomatch.storage.texts import MARKS, decoded
+from isomatch.values.arrays import AnyArray, BoolArray, FloatArray, IntArray
+from isomatch.values.cached import cached_property
+
+EXPORT_AGAIN = "correct the line or export the file again"
+
+SPACE, NEWLINE, BACKSLASH, SLASH, COMMA, POINT = b" \n\\/,."
+_HEAD = 2**16  # bytes in which comments may tell the space of the coordinates
+_BLANKS = bytes.maketrans(b"\t\v\f", b"   ")
+_WORD = re.compile(rb"[^ \n]+")
+# Objects take many times the memory of what they are made of, so they are made of a piece at a time.
+_PIECE = re.compile(rb"(?s).{1,16384}[^ \n]*")
+_PIECE_OF_LINES = re.compile(rb"(?s).{1,16384}[^\n]*\n?")
+
+
+@dataclass(frozen=True)
+class TextLines:
+    """Some lines of a file, without comments, blank lines and leading blanks."""
+
+    name: str
+    data: AnyArray  # the lines, each closed by a newline, other blanks are spaces; objects would take much more memory
+    numbers: IntArray  # (rows,) the number of each line in the file, from 1
+    before: int = 0  # number of the line before the first of these
+
+    def __len__(self) -> int:
+        return len(self.numbers)
+
+    @cached_property
+    def ends(self) -> IntArray:
+        """(rows,) position of the newline of each line."""
+        return np.flatnonzero(self.data == NEWLINE)
+
+    def row(self, i: int) -> str:
+        """Return the text of one line."""
+        return self[i : i + 1].data[:-1].tobytes().decode("latin-1")
+
+    def __getitem__(self, part: slice) -> TextLines:
+        first, stop, _ = part.indices(len(self))
+        before = int(self.numbers[first - 1]) if first and len(self) else self.before
+        start = self.ends[first - 1] + 1 if first else 0
+        data = self.data[start : self.ends[stop - 1] + 1] if first < stop else self.data[:0]
+        return TextLines(self.name, data, self.numbers[part], before)
+
+    @property
+    def texts(self) -> list[bytes]:
+        """Each line as bytes, without outer blanks."""
+        return [text.strip() for text in self.data.tobytes().split(b"\n")[: len(self)]]
+
+    def fail(self, row: int, expected: str, remedy: str = EXPORT_AGAIN) -> NoReturn:
+        """Raise a `FormatError` that quotes one row; a row past the end means that the file is too short."""
+        if 0 <= row < len(self):
+            number, text = self.numbers[row], self.row(row).strip()
+            quoted = repr(text if len(text) <= 40 else text[:40] + "…")
+        else:
+            number = self.numbers[-1] if len(self) else max(self.before, 1)
+            quoted, remedy = "the end of the file", "it is cut short, copy or export it again"
+        raise unexpected(f"{self.name}:{number}", expected, quoted, remedy)
+
+    def starting_with(self, keyword: str) -> TextLines:
+        """Return the lines whose first word is the keyword, without this word."""
+        lengths = np.diff(self.ends, prepend=-1)
+        starts = self.ends + 1 - lengths
+        chosen = _is_blank(self.data.take(starts + len(keyword), mode="clip"))
+        for i, octet in enumerate(keyword.encode()):
+            chosen &= self.data.take(starts + i, mode="clip") == octet
+        kept = np.repeat(chosen, lengths)
+        for i in range(len(keyword)):
+            kept[starts[chosen] + i] = False
+        return TextLines(self.name, self.data[kept], self.numbers[chosen])
+
+    def fields(self, which: int) -> TextLines:
+        """Return the same lines with one field of each ``v/vt/vn`` instead of the word, and 0 where it is missing."""
+        if which == 0 and not (self.data == SLASH).any():
+            return self
+        field = re.compile(rb"(?:[^ \n/]*/){%d}([^ \n/]*)[^ \n]*" % which)
+        padded = (re.sub(rb"(?<=[^ \n])(?=[ \n]|\Z)", b"/0/0", piece) for piece in _pieces(self.data))
+        data = b"".join(field.sub(rb"\1", re.sub(rb"/(?=/)", b"/0", piece)) for piece in padded)
+        return TextLines(self.name, np.frombuffer(data, np.uint8), self.numbers)
+
+    def parse(self) -> NumberRows:
+        """Parse every row as blank-separated numbers, which may have a decimal comma if none has a point."""
+        blank = _is_blank(self.data)
+        word_ends = np.flatnonzero(blank[1:] > blank[:-1])
+        counts = np.diff(np.searchsorted(word_ends, self.ends), prepend=0)
+        values = np.zeros(len(word_ends))
+        at = first = 0
+        for piece in _pieces(self.data):
+            at += len(piece)
+            stop = int(np.searchsorted(word_ends, at))
+            numbers = _plain_numbers(piece, stop - first)
+            if numbers is None:
+                rows = np.searchsorted(np.cumsum(counts), np.arange(first, stop), side="right").tolist()
+                numbers = np.array([self._number(*pair) for pair in zip(_WORD.findall(piece), rows)])
+            values[first:stop] = numbers
+            first = stop
+        return NumberRows(self, values, counts)
+
+    def _number(self, word: bytes, row: int) -> float:
+        try:
+            return number_of(word.decode("latin-1"), self._has_decimal_commas)
+        except ValueError:
+            self.fail(row, "numbers")
+
+    @cached_property
+    def _has_decimal_commas(self) -> bool:
+        return bool((self.data == COMMA).any() and not (self.data == POINT).any())
+
+
+@dataclass(frozen=True)
+class NumberRows:
+    """The numbers on some lines, concatenated, and the number of them on each line."""
+
+    lines: TextLines
+    values: FloatArray
+    counts: IntArray
+
+    @property
+    def starts(self) -> IntArray:
+        """(rows,) position of the first value of each row."""
+        return np.cumsum(self.counts) - self.counts
+
+    def leading(self, width: int, expected: str) -> FloatArray:
+        """Return the first ``width`` numbers of each row, (rows, width); a shorter row raises `FormatError`."""
+        self.require(self.counts >= width, expected)
+        if len(self.counts) and (self.counts == self.counts[0]).all():
+            return self.values.reshape(len(self.counts), -1)[:, :width]
+        return np.asarray(self.values[self.starts[:, None] + np.arange(width)])
+
+    def columns(self, first: int | IntArray, width: int) -> FloatArray:
+        """Return ``width`` numbers of each row from a column on, (rows, width), nan where the row has no more."""
+        table = np.full((len(self.counts), width), np.nan)
+        for i in range(width):
+            said = self.counts > first + i
+            table[said, i] = self.values[(self.starts + first + i)[said]]
+        return table
+
+    def require(self, good: AnyArray, expected: str) -> None:
+        """Raise a `FormatError` for the first row that is not good."""
+        if not good.all():
+            self.lines.fail(int(np.argmin(good)), expected)
+
+    def whole(self, positions: IntArray | None, expected: str) -> IntArray:
+        """Return the values at some positions, by default all, as integers; `FormatError` for another value."""
+        values = self.values if positions is None else self.values[positions]
+        good = is_whole(values)
+        if not good.all():
+            bad = np.argmin(good) if positions is None else positions[np.argmin(good)]
+            self.lines.fail(int(np.searchsorted(self.starts, bad, side="right")) - 1, expected)
+        return values.astype(np.int64)
+
+
+def number_of(text: str, has_decimal_comma: bool = False) -> float:
+    """Return the number of a word; `ValueError` if it is none."""
+    if "_" in text:  # which Python allows in a number, other readers do not
+        raise ValueError
+    return float(text.replace(",", ".", 1) if has_decimal_comma else text)
+
+
+def is_whole(values: AnyArray) -> BoolArray:
+    """Which values are integers that a float holds exactly."""
+    return np.asarray((np.abs(values) < 2**53) & (values == np.rint(values)))  # false for inf and nan
+
+
+def bytes_or_floats(colours: FloatArray) -> AnyArray:
+    """Return numbers of a text as bytes if they are whole and some are above 1; nan stands for none."""
+    colours, largest = colours.copy(), np.fmax.reduce(colours[:, :3], axis=None, initial=0)
+    full = 255.0 if largest > 1 else 1.0
+    if colours.shape[1] == 4:
+        if np.fmax.reduce(colours[:, 3], initial=0) <= 1:
+            colours[:, 3] *= full
+        colours[np.isnan(colours[:, 3]) & ~np.isnan(colours[:, 0]), 3] = full
+    if full > 1 and is_whole(colours).all() and (colours >= 0).all() and (colours <= 255).all():
+        return colours.astype(np.uint8)
+    return colours
+
+
+def is_count(word: str) -> bool:
+    """Whether a word is a number of lines or rows that fits 64 bits."""
+    return word.isdecimal() and len(word) < 19
+
+
+def read_lines(
+    name: str, data: bytes, before: int = 0, continued: bool = False, named: tuple[str, ...] = ()
+) -> TextLines:
+    r"""Split the bytes of a file into lines, without ``#`` comments and blank lines.
+
+    A comment begins at the first byte of a line, or after a blank; its bytes may be of any encoding, and line ends of
+    any kind. ``before`` lines precede these bytes in the file. If ``continued``, a line that ends in ``\\`` goes on in
+    the next. The rest of lines that begin with a ``named`` keyword is a name, which may contain any ``#``.
+    """
+    if data.startswith(tuple(MARKS)):
+        data = decoded(data).encode()
+    text = data.translate(_BLANKS).replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    if not text.endswith(b"\n"):
+        text += b"\n"
+    if continued and text.endswith(b"\\\n"):  # the last line is not continued
+        text += b"\n"
+    numbers = np.arange(before + 1, before + 1 + text.count(b"\n"))
+    if continued and b"\\\n" in text:
+        octets = np.frombuffer(text, np.uint8)
+        goes_on = octets[np.flatnonzero(octets == NEWLINE) - 1] == BACKSLASH
+        numbers = numbers[~np.append(False, goes_on[:-1])]
+        text = text.replace(b"\\\n", b"  ")
+    if b"#" in text or b"\n " in text or text[:1] == b" ":
+        pattern, kept = rb"^ *#[^\n]*|^ +|(?<= )#[^\n]*", b""
+        if named:
+            pattern, kept = rb"^ *((?:%s) [^\n]*)|%s" % ("|".join(named).encode(), pattern), rb"\1"
+        left_out = re.compile(b"(?m)" + pattern)
+        text = b"".join(left_out.sub(kept, piece[0]) for piece in _PIECE_OF_LINES.finditer(text))
+    octets = np.frombuffer(text, np.uint8)
+    if b"\n\n" in text or text[:1] == b"\n":
+        ends = octets == NEWLINE
+        blank = np.append(True, ends[:-1])
+        octets, numbers = octets[~(ends & blank)], numbers[~blank[ends]]
+    return TextLines(name, octets, numbers, before)
+
+
+def told_frame(data: bytes) -> Frame | None:
+    """Return the frame that comments at the beginning of a text tell, if any."""
+    lines = decoded(data[:_HEAD]).splitlines() if b"#" in data[:_HEAD] else []
+    return Frame.of_lines(*(line.lstrip("# \t") for line in lines if line.lstrip().startswith("#")))
+
+
+def comments(frame: Frame | None) -> str:
+    """Return the lines of a frame as comments."""
+    return "".join(f"# {line}\n" for line in (frame.lines if frame else ()))
+
+
+def format_rows(template: str, table: AnyArray) -> bytes:
+    """Write each row of a table with a ``%`` template; a float written with ``%r`` is read back unchanged."""
+    return (template * len(table) % tuple(table.ravel().tolist())).encode("ascii")
+
+
+def numbered(values: AnyArray, template: str = "%d") -> AnyArray:
+    """Write each number as a word, an array of objects."""
+    return np.array((f"{template} " * len(values) % tuple(values.tolist())).split(), dtype=object)
+
+
+def interleaved_lines(parts: list[tuple[IntArray, AnyArray]], n_rows: int, encoding: str = "utf-8") -> bytes:
+    """Write lines of words: of each part as many for each line as its counts say."""
+    once = np.ones(n_rows, dtype=np.int64)
+    words = interleaved([*parts, (once, np.full(n_rows, "\n", dtype=object))], n_rows, object)
+    return " ".join(words).replace("\n ", "\n").replace(" \n", "\n").encode(encoding, "backslashreplace")
+
+
+def interleaved(parts: list[tuple[IntArray, AnyArray]], n_rows: int, kind: type) -> AnyArray:
+    """Join columns row by row: of each part as many entries for each row as its counts say."""
+    lengths = sum((counts for counts, _ in parts), np.zeros(n_rows, dtype=np.int64))
+    joined: AnyArray = np.zeros(int(lengths.sum()), kind)
+    start = np.cumsum(lengths) - lengths
+    for counts, entries in parts:
+        joined[spans(start, counts)] = entries
+        start = start + counts
+    return joined
+
+
+def _is_blank(octets: AnyArray) -> BoolArray:
+    return np.asarray((octets == SPACE) | (octets == NEWLINE))
+
+
+def _pieces(octets: AnyArray) -> Iterator[bytes]:
+    """Cut bytes between words."""
+    return (piece[0] for piece in _PIECE.finditer(octets.data))
+
+
+def _plain_numbers(text: bytes, n_words: int) -> FloatArray | None:
+    """Parse words as numpy does; None if one of them is no number."""
+    if b"(" in text:  # numpy takes nan(1)
+        return None
+    # integers are much faster to parse, but have no -0
+    for kind in (np.float64,) if b"." in text or b"-0" in text else (np.int64, np.float64):
+        # one word more tells whether numpy read on after the last; it warned of words before it refused them
+        with suppress(ValueError), warnings.catch_warnings(action="ignore"):
+            numbers = np.fromstring(text + b" 0", kind, sep=" ")[:-1]
+            if len(numbers) == n_words and (kind is np.float64 or (np.abs(numbers) < 2**53).all()):
+                return numbers.astype(np.float64)
+    return None

@@ -1,0 +1,225 @@
+"""GIFTI: surfaces of brains in XML, with values on their points, by nibabel."""
+
+from __future__ import annotations
+
+import base64
+import zlib
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+from xml.etree.ElementTree import iterparse
+
+import numpy as np
+
+from isomatch.io.asset import COMMENTS, NEW_VOLUME, SPACE, Asset, Frame
+from isomatch.io.attribute import Attribute, guessed_kind, told_apart
+from isomatch.io.formats._reading import Room, reading, unexpected
+from isomatch.io.polygons import Polygons
+from isomatch.loading.first_use import package
+
+_PIECE = 2**20  # bytes that are unpacked at a time
+_LABEL, _VECTOR, _POINTS, _TRIANGLES = 1002, 1007, 1008, 1009
+_NODES, _RGB, _RGBA, _SHAPE = 2002, 2003, 2004, 2005
+VALUES = (".func", ".label", ".rgba", ".shape", ".tensor", ".time", ".vector")
+"""What stands before ``.gii`` in the names of files without a surface."""
+# by codes of NIfTI
+_SPACES = ("unknown", "scanner_anat", "aligned_anat", "talairach", "mni_152", "template_other")
+_AXES = {"xras": "X", "yras": "Y", "zras": "Z", "cras": "C"}
+_VOLUME = {
+    "volume": ("Width", "Height", "Depth"),
+    "voxelsize": ("Xsize", "Ysize", "Zsize"),
+    **{key: tuple(f"{axis}_{way}" for way in "RAS") for key, axis in _AXES.items()},
+}
+"""Meta data by which FreeSurfer tells its volume, each beginning with VolGeom."""
+
+
+@dataclass(frozen=True)
+class GiftiDocument:
+    """The meta data of a file, of its points but for the frame, and of its triangles; the intents of scalars."""
+
+    of_file: Mapping[str, str] = field(default_factory=dict)
+    of_points: Mapping[str, str] = field(default_factory=dict)
+    of_triangles: Mapping[str, str] = field(default_factory=dict)
+    intents: Mapping[str, int] = field(default_factory=dict)
+
+
+def read_asset(data: bytes, name: str) -> Asset:
+    """Read points, triangles and all values on the points."""
+    image = _image(data, name)
+    arrays = {array.intent: array for array in reversed(image.darrays)}
+    for intent, what in ((_POINTS, "points"), (_TRIANGLES, "triangles")):
+        if intent not in arrays:
+            raise unexpected(name, f"an array of {what}", "none", "values alone are for read_attributes")
+    with reading(name, "points and triangles of a GIFTI surface"):
+        points, triangles = arrays[_POINTS], arrays[_TRIANGLES]
+        names = [name for name in points.meta if "VolGeom" not in name and name not in (SPACE, COMMENTS)]
+        plain = {name: points.meta[name] for name in names}
+        attributes, intents = _values(image, len(points.data), "values")
+        document = GiftiDocument(dict(image.meta), plain, dict(triangles.meta), intents)
+        polygons = Polygons.of_triangles(triangles.data)
+        return Asset(points.data, polygons, attributes, document=document, frame=_frame(points))
+
+
+def read_attributes(data: bytes, name: str, surface: Asset | None) -> tuple[Attribute, ...]:
+    """Read the values on points, as in ``.shape.gii``, ``.func.gii`` and ``.label.gii`` files."""
+    image = _image(data, name)
+    with reading(name, "values of a GIFTI file"):
+        title = Path(Path(name).stem)
+        title = title.with_suffix("") if title.suffix.lower() in VALUES else title
+        return _values(image, len(surface.points) if surface else None, str(title))[0]
+
+
+def write_attributes(attributes: Sequence[Attribute]) -> bytes:
+    """Write values on points without a surface."""
+    return _written(attributes, [], GiftiDocument())
+
+
+def keeps(attribute: Attribute) -> bool:
+    """Whether GIFTI has a place for an attribute."""
+    return attribute.domain == "point" and attribute.kind != "weights"
+
+
+def write(asset: Asset) -> bytes:
+    """Write a surface in single precision, with the meta data of the file that it was read from."""
+    array = _package().GiftiDataArray
+    document = asset.document if isinstance(asset.document, GiftiDocument) else GiftiDocument()
+    system, volume = _described(asset.frame)
+    of_points = {**document.of_points, **volume}
+    points = array(asset.points.astype(np.float32), _POINTS, coordsys=system, meta=of_points)
+    faces = array(asset.polygons.triangles.astype(np.int32), _TRIANGLES, meta=dict(document.of_triangles))
+    return _written(asset.attributes, [points, faces], document)
+
+
+def _written(attributes: Sequence[Attribute], arrays: list[Any], document: GiftiDocument) -> bytes:
+    gifti, one_table = _package(), _numbered(attributes)
+    values = [_array(gifti, each, document.intents) for each in one_table]
+    image = gifti.GiftiImage(meta=gifti.GiftiMetaData(document.of_file), darrays=arrays + values)
+    labels: dict[int, Any] = {}
+    for each in one_table:
+        for key, word in each.names.items() if each.kind == "label" else ():
+            label = gifti.GiftiLabel(key, *each.colors.get(key, (None,) * 4))
+            label.label = word.encode(errors="backslashreplace").decode()  # XML has no halves of letters
+            labels.setdefault(key, label)
+    image.labeltable.labels.extend(labels.values())
+    return bytes(image.to_xml())
+
+
+def _image(data: bytes, name: str) -> Any:
+    with reading(name, "a GIFTI file"):
+        _require_room(data)
+        return _package().GiftiImage.from_bytes(data)
+
+
+def _require_room(data: bytes) -> None:
+    """Raise `FormatError` if what is compressed is far larger than the file; nothing large is kept."""
+    room, encoding = Room(len(data)), ""
+    for event, element in iterparse(BytesIO(data), ("start", "end")):
+        if event == "start":
+            encoding = element.get("Encoding", "") if element.tag == "DataArray" else encoding
+            continue
+        if element.tag == "Data" and "GZip" in encoding:
+            stream, rest = zlib.decompressobj(), base64.b64decode(element.text or "")
+            with suppress(zlib.error):  # what is not compressed, and what nibabel will refuse
+                while part := stream.decompress(rest, _PIECE):
+                    room.take(len(part), "an array")
+                    rest = stream.unconsumed_tail
+        element.clear()
+
+
+def _values(image: Any, n_points: int | None, title: str) -> tuple[tuple[Attribute, ...], dict[str, int]]:
+    """Read all values; those of some points alone are spread over all."""
+    table = {label.key: label for label in image.labeltable.labels}
+    names = {key: str(label.label) for key, label in table.items()}
+    colors = {key: tuple(label.rgba) for key, label in table.items() if None not in label.rgba}
+    nodes = [a for a in image.darrays if a.intent == _NODES and np.size(a.data) == len(a.data)]
+    arrays = [a for a in image.darrays if a.intent not in (_POINTS, _TRIANGLES) and a not in nodes]
+    attributes = []
+    for i, array in enumerate(arrays):
+        values = np.asarray(array.data)
+        values = values[:, 0] if values.ndim == 2 and values.shape[1] == 1 else values
+        is_colour = array.intent in (_RGB, _RGBA)
+        unnamed = "color" if is_colour else f"{title}_{i}" if len(arrays) > 1 else title
+        name = str(array.meta.get("Name") or unnamed)
+        if array.intent == _LABEL:
+            attribute = Attribute(name, "point", "label", values, names=names, colors=colors)
+        else:
+            kind = "colour" if is_colour else guessed_kind(name, values)
+            attribute = Attribute(name, "point", "scalar" if kind == "label" else kind, values)
+        if nodes:
+            rows = np.ravel(nodes[0].data).astype(np.int64)
+            attribute = attribute.spread(rows, n_points or int(rows.max(initial=-1)) + 1)
+        attributes.append(attribute)
+    numbered = told_apart(attributes)
+    return numbered, {each.name: array.intent for each, array in zip(numbered, arrays)}
+
+
+def _frame(points: Any) -> Frame:
+    """Read the frame of points; FreeSurfer may tell it in meta data alone."""
+    said = {key: [points.meta.get(f"VolGeom{word}") for word in words] for key, words in _VOLUME.items()}
+    volume = None
+    if all(None not in numbers for numbers in said.values()):
+        volume = {**NEW_VOLUME, "filename": str(points.meta.get("VolGeomFname", "none"))}
+        for key, numbers in said.items():
+            volume[key] = np.array(numbers).astype(int if key == "volume" else float)
+    told, system = Frame.of_named(points.meta), points.coordsys
+    frame = Frame(volume=volume)
+    if system is not None:
+        spaces = [_SPACES[int(code)] for code in (system.dataspace, system.xformspace)]
+        frame = Frame(spaces[0], spaces[1], np.array(system.xform, dtype=np.float64), volume)
+        frame = Frame.of_volume(volume) if volume is not None and not frame.has_space else frame
+    return replace(frame, words=told.words) if told else frame
+
+
+def _described(frame: Frame | None) -> tuple[Any, dict[str, str]]:
+    """Return the coordinate system of a frame, and the meta data that tell its volume and its words."""
+    if frame is None:
+        return None, {}
+    codes = [f"NIFTI_XFORM_{space.upper()}" for space in (frame.space, frame.to)]
+    volume = frame.named if frame.words else {}
+    if frame.volume is not None and frame.has_space:
+        volume |= {
+            f"VolGeom{word}": f"{number:g}" if key == "volume" else f"{number:.6f}"
+            for key, words in _VOLUME.items()
+            for word, number in zip(words, frame.volume[key])
+        }
+        volume["VolGeomFname"] = str(frame.volume.get("filename", "none"))
+    return _package().GiftiCoordSystem(*codes, frame.matrix), volume
+
+
+def _array(gifti: Any, attribute: Attribute, intents: Mapping[str, int]) -> Any:
+    values, intent, kind = attribute.plain, _VECTOR, "float32"
+    if attribute.kind == "colour":
+        intent, values = _RGB if values.shape[1] == 3 else _RGBA, attribute.fractions
+    elif attribute.kind == "label":
+        intent, kind = _LABEL, "int32"
+    elif attribute.kind == "scalar":
+        intent = intents.get(attribute.name, _SHAPE)
+    return gifti.GiftiDataArray(values.astype(kind), intent, meta={"Name": attribute.name})
+
+
+def _numbered(attributes: Sequence[Attribute]) -> list[Attribute]:
+    """Give new numbers to labels that have the number of another of an attribute before: a file has one table."""
+    table: dict[int, str] = {}
+    numbered = []
+    for attribute in attributes:
+        if attribute.kind == "label":
+            attribute = attribute.coded
+            names = {int(code): str(code) for code in np.unique(attribute.values)} if table else {}
+            names |= attribute.names
+            free = max([*table, *names], default=0) + 1
+            others = [code for code, word in names.items() if table.get(code, word) != word]
+            if new := {code: free + i for i, code in enumerate(others)}:
+                values = np.array([new.get(code, code) for code in attribute.values.tolist()], dtype=np.int64)
+                colors = {new.get(code, code): color for code, color in attribute.colors.items()}
+                names = {new.get(code, code): word for code, word in names.items()}
+                attribute = replace(attribute, values=values, names=names, colors=colors)
+            table |= attribute.names
+        numbered.append(attribute)
+    return numbered
+
+
+def _package() -> Any:
+    return package("nibabel.gifti", "io", "a GIFTI file")

@@ -1,0 +1,540 @@
+"""PLY: named elements with named properties, as text or binary (the Stanford polygon format).
+
+The package plyfile 1.1 takes 4 to 30 times as long, has no integers of 64 bits, and ignores bytes at the end.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field, replace
+from itertools import takewhile
+from pathlib import Path
+
+import numpy as np
+
+from isomatch.io.asset import Asset, Frame
+from isomatch.io.attribute import Attribute, Domain, Kind, guessed_kind, told_apart
+from isomatch.io.formats import _text
+from isomatch.io.formats._reading import content_beside, unexpected
+from isomatch.io.formats._text import TextLines
+from isomatch.io.materials import picture_in
+from isomatch.io.polygons import Polygons, Renumbering, spans
+from isomatch.errors import FormatError, MeshError
+from isomatch.surfaces import Mesh
+from isomatch.values.arrays import AnyArray, FloatArray, IntArray
+
+_TYPES = {
+    "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4", "float": "f4", "double": "f8",
+    "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4", "uint32": "u4", "float32": "f4",
+    "float64": "f8", "int64": "i8", "uint64": "u8",
+}  # fmt: skip
+_COUNT_TYPES = ("i1", "u1", "i2", "u2", "i4", "u4")
+_LETTERS = {kind: letters for letters, kind in reversed(_TYPES.items())}
+_BYTE_ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
+_LONGEST_HEADER = 2**18  # bytes
+_MOST_DECLARED = 1000  # elements and properties; files in use have fewer than a hundred
+_LONGEST_ROW = 2**31 - 1  # bytes of a numpy type
+_INDEX_LISTS = ("vertex_indices", "vertex_index")
+_ENDS = ("vertex1", "vertex2", *_INDEX_LISTS)  # properties of other elements that are numbers of points
+_GROUPS: tuple[tuple[str, Kind, tuple[str, ...]], ...] = (
+    ("normal", "normal", ("nx", "ny", "nz")),
+    ("color", "colour", ("red", "green", "blue", "alpha")),
+    ("color", "colour", ("red", "green", "blue")),
+    ("color", "colour", ("r", "g", "b")),
+    ("color", "colour", ("diffuse_red", "diffuse_green", "diffuse_blue")),
+    ("uv", "uv", ("s", "t")),
+    ("uv", "uv", ("u", "v")),
+    ("uv", "uv", ("texture_u", "texture_v")),
+)
+_CORNER_UV = "texcoord"
+TEXTURE_NUMBER = "texnumber"
+"""The property of faces that says which of several pictures they show."""
+_TEXTURE = "comment TextureFile {}"  # which names a picture
+
+
+@dataclass(frozen=True)
+class Column:
+    """A property of an element: its declaration, and its values in all rows, of a list with the number of each row."""
+
+    name: str
+    type: np.dtype[np.generic]
+    count_type: np.dtype[np.generic] | None = None
+    values: AnyArray = field(default_factory=lambda: np.zeros(0))
+    counts: IntArray | None = None
+
+    @classmethod
+    def of(cls, name: str, values: AnyArray, counts: IntArray | None = None) -> Column:
+        """Make a column whose type is the smallest of PLY that holds the values."""
+        count_type = None if counts is None else np.dtype("u1" if counts.max(initial=0) < 256 else "i4")
+        return cls(name, _type_of(values), count_type, values.ravel(), counts)
+
+    def at(self, rows: IntArray) -> Column:
+        """Return the values of some rows, in this order."""
+        if self.counts is None:
+            return replace(self, values=self.values[rows])
+        index = spans((np.cumsum(self.counts) - self.counts)[rows], self.counts[rows])
+        return replace(self, values=self.values[index], counts=self.counts[rows])
+
+    @property
+    def typed(self) -> AnyArray:
+        """The values in the type that the header declares, which text need not keep to."""
+        if self.type.kind != "f" and self.values.dtype.kind == "f":
+            limits = np.iinfo(self.type.str)
+            is_whole = _text.is_whole(self.values).all()
+            if not is_whole or (self.values < limits.min).any() or (self.values > limits.max).any():
+                return self.values
+        with np.errstate(over="ignore"):
+            return self.values.astype(self.type.newbyteorder("="))
+
+
+@dataclass(frozen=True)
+class Element:
+    """A table of the file, such as ``vertex``: its columns, its number of rows, and where it is, for messages."""
+
+    columns: tuple[Column, ...] = ()
+    n_rows: int = 0
+    place: str = ""
+
+    def renumbered(self, new_point: IntArray) -> Element:
+        """Renumber the points of edges; those that lose one are left out."""
+        kept, changed = np.ones(self.n_rows, dtype=bool), []
+        for each in self.columns:
+            if each.name in _ENDS and each.type.kind in "iu":
+                points = each.values.astype(np.int64)
+                points = np.where((points >= 0) & (points < len(new_point)), points, len(new_point))
+                new = np.append(new_point, -1)[points]
+                row = np.repeat(np.arange(self.n_rows), 1 if each.counts is None else each.counts)
+                kept[row[new < 0]] = False
+                each = replace(each, values=np.maximum(new, 0).astype(each.values.dtype))
+            changed.append(each)
+        rows = np.flatnonzero(kept)
+        return replace(self, columns=tuple(each.at(rows) for each in changed), n_rows=len(rows))
+
+
+Names = Mapping[tuple[str, Domain], tuple[str, ...]]  # the properties of each attribute
+Declared = Mapping[str, tuple[int, list[Column]]]  # of each element, the number of rows and the columns
+
+
+@dataclass(frozen=True)
+class PlyDocument:
+    """What a PLY file holds beside points, polygons and attributes, and how it is written."""
+
+    byte_order: str = "<"
+    comments: tuple[str, ...] = ()
+    positions: str = "f8"
+    index_list: str = "vertex_indices"
+    names: Names = field(default_factory=dict)
+    of_points: tuple[Column, ...] = ()
+    of_faces: tuple[Column, ...] = ()
+    elements: Mapping[str, Element] = field(default_factory=dict)
+    files: Mapping[str, bytes] = field(default_factory=dict)  # pictures
+
+    @property
+    def textures(self) -> tuple[str, ...]:
+        """Names of the pictures, in the order of their numbers."""
+        return tuple(name for name in map(_texture_of, self.comments) if name)
+
+    def with_textures(self, files: Mapping[str, bytes]) -> PlyDocument:
+        """Return the same with other pictures."""
+        others = (comment for comment in self.comments if not _texture_of(comment))
+        return replace(self, comments=(*others, *map(_TEXTURE.format, files)), files=files)
+
+    def with_renamed_files(self, names: Mapping[str, str]) -> PlyDocument:
+        """Refer to pictures by other names; those that were not found keep theirs."""
+        renamed = ((comment, names.get(_texture_of(comment))) for comment in self.comments)
+        comments = tuple(_TEXTURE.format(name) if name else comment for comment, name in renamed)
+        return replace(self, comments=comments)
+
+    def renumbered(self, before: Asset, after: Asset, rows: Renumbering) -> PlyDocument:
+        """Take the same rows of lists, and renumber the points of edges."""
+        return replace(
+            self,
+            of_points=tuple(each.at(rows.point_index) for each in self.of_points),
+            of_faces=tuple(each.at(rows.polygon_index) for each in self.of_faces),
+            elements={name: each.renumbered(rows.new_point) for name, each in self.elements.items()},
+        )
+
+
+def read(data: bytes, name: str) -> Mesh:
+    """Read a PLY file; properties and elements other than positions and faces are ignored."""
+    elements = _elements(data, name)[0]
+    points = _positions(elements, name)
+    return Mesh(points, Polygons(*_polygons(elements, name)[:2], points).triangles)
+
+
+def read_asset(data: bytes, name: str) -> Asset:
+    """Read a PLY file with all properties of its vertices and faces, and its other elements as they are."""
+    elements, order, comments = _elements(data, name)
+    points, (corners, sizes, index_list) = _positions(elements, name), _polygons(elements, name)
+    vertex, face = elements.pop("vertex"), elements.pop("face", Element())
+    of_points, point_names, point_lists = _attributes(vertex, "point", "xyz", sizes)
+    of_faces, face_names, face_lists = _attributes(face, "face", (index_list,), sizes)
+    single = {each.type.str[1:] for each in vertex.columns if each.name == "x"} == {"f4"}
+    names, positions = {**point_names, **face_names}, "f4" if single else "f8"
+    document = PlyDocument(order, comments, positions, index_list, names, point_lists, face_lists, elements)
+    pictures = {each: content_beside(each, Path(name).parent, picture_in) for each in document.textures}
+    document = replace(document, files={each: data for each, data in pictures.items() if data is not None})
+    frame = Frame.of_lines(*map(_text_of, comments))
+    return Asset(points, Polygons(corners, sizes), of_points + of_faces, document=document, frame=frame)
+
+
+def keeps(attribute: Attribute) -> bool:
+    """Whether PLY has a place for an attribute: a property, or a list of numbers of the corners of each face."""
+    values = attribute.coded.values
+    if values.dtype.kind not in "biuf" or _type_of(values).str[1:] in ("i8", "u8"):
+        return False
+    return attribute.domain != "corner" or attribute.kind == "uv" or attribute.values.ndim == 1
+
+
+def write(asset: Asset, binary: bool | None = None) -> bytes:
+    """Write a PLY file, binary or text, by default as it was read; a new one little endian, in double precision."""
+    document = asset.document if isinstance(asset.document, PlyDocument) else PlyDocument()
+    byte_order = document.byte_order if binary is None else (document.byte_order or "<") if binary else ""
+    is_single = document.positions == "f4" and not asset.needs_doubles
+    polygons, kind = asset.polygons, np.dtype("f4" if is_single else "f8")
+    if np.abs(polygons.corners).max(initial=0) >= 2**31:
+        raise MeshError("face indices exceed the 32 bits of PLY; remove the faces with repair(mesh)")
+    positions = tuple(Column(axis, kind, None, column) for axis, column in zip("xyz", asset.points.T))
+    corners = Column.of(document.index_list, polygons.corners.astype(np.int32), polygons.sizes)
+    vertex = _properties(asset, "point", positions, document.of_points, document.names)
+    face = _properties(asset, "face", (corners,), document.of_faces, document.names)
+    elements = {"vertex": Element(vertex, len(asset.points)), "face": Element(face, len(polygons))}
+    elements |= document.elements
+    encoding = next(word for word, order in _BYTE_ORDERS.items() if order == byte_order)
+    comments, lines = document.comments, asset.frame.lines if asset.frame else ()
+    told = Frame.of_lines(*map(_text_of, comments)) or Frame()
+    if told.words != lines:
+        others = (comment for comment in comments if _text_of(comment) not in told.words)
+        comments = (*others, *(f"comment {line}" for line in lines))
+    header = ["ply", f"format {encoding} 1.0", *comments]
+    for name, element in elements.items():
+        header.append(f"element {name} {element.n_rows}")
+        for each in element.columns:
+            count = "" if each.count_type is None else f"list {_LETTERS[each.count_type.str[1:]]} "
+            header.append(f"property {count}{_LETTERS[each.type.str[1:]]} {each.name}")
+    body = [_rows(element, byte_order) for element in elements.values()]
+    return b"".join(["\n".join([*header, "end_header\n"]).encode("latin-1", "backslashreplace"), *body])
+
+
+def _text_of(comment: str) -> str:
+    return comment.partition(" ")[2].strip()
+
+
+def _texture_of(comment: str) -> str:
+    """Name of the picture that a comment tells; empty if it tells none."""
+    keyword, _, name = _text_of(comment).partition(" ")
+    return name.strip() if keyword.lower() == "texturefile" else ""
+
+
+def _elements(data: bytes, name: str) -> tuple[dict[str, Element], str, tuple[str, ...]]:
+    """Read all elements, the byte order, which is empty of text, and the comments."""
+    lines, n_bytes = _header_lines(data, name)
+    words = lines.row(1).split() if len(lines) > 1 else []
+    if len(words) != 3 or words[0] != "format" or words[1] not in _BYTE_ORDERS:
+        lines.fail(1, f"'format' and one of {', '.join(_BYTE_ORDERS)}")
+    order = _BYTE_ORDERS[words[1]]
+    declared: dict[str, tuple[int, list[Column]]] = {}
+    columns: list[Column] = []
+    comments: list[str] = []
+    for i in range(2, len(lines) - 1):
+        match lines.row(i).split():
+            case ["comment" | "obj_info", *_]:
+                comments.append(lines.row(i))
+            case ["element", element, n_rows] if _text.is_count(n_rows) and element not in declared:
+                columns = []
+                declared[element] = int(n_rows), columns
+            case ["property", "list", number, kind, column] if (
+                declared and kind in _TYPES and _TYPES.get(number) in _COUNT_TYPES
+            ):
+                count_type = np.dtype(order + _TYPES[number])
+                columns.append(Column(column, np.dtype(order + _TYPES[kind]), count_type))
+            case ["property", kind, column] if declared and kind in _TYPES:
+                columns.append(Column(column, np.dtype(order + _TYPES[kind])))
+            case _:
+                properties = "'property TYPE NAME' or 'property list TYPE TYPE NAME'"
+                lines.fail(i, f"'element NAME COUNT' of a new name, {properties}")
+        if i - len(comments) > _MOST_DECLARED:
+            lines.fail(i, f"at most {_MOST_DECLARED} elements and properties", "remove those not needed")
+    read_body = _in_binary if order else _in_text
+    return read_body(data, name, n_bytes, len(lines), declared), order, tuple(comments)
+
+
+def _header_lines(data: bytes, name: str) -> tuple[TextLines, int]:
+    """Return the lines up to ``end_header``, and their length in bytes."""
+    mark = 3 if data.startswith(b"\xef\xbb\xbf") else 0
+    if data[mark : mark + 3].lower() != b"ply" or data[mark + 3 : mark + 4] not in (b"\n", b"\r", b" "):
+        raise unexpected(f"{name}:1", "'ply'", repr(data[:10]), "give a PLY file, or rename this one")
+    mark = data.find(b"end_header", 0, _LONGEST_HEADER)
+    end = data.find(b"\r" if b"\n" not in data[:mark] else b"\n", mark)
+    if mark < 0 or end < 0:
+        raise unexpected(f"{name}:1", "'end_header' within 256 KiB", "none", "copy the file again")
+    text = data[:end].replace(b"\r\n", b"\n").replace(b"\r", b"\n").rstrip(b"\n") + b"\n"
+    return TextLines(name, np.frombuffer(text, np.uint8), np.arange(1, text.count(b"\n") + 1)), end + 1
+
+
+def _in_text(data: bytes, name: str, n_bytes: int, n_lines: int, declared: Declared) -> dict[str, Element]:
+    lines, elements, start = _text.read_lines(name, data[n_bytes:], before=n_lines), dict[str, Element](), 0
+    for element, (n_rows, columns) in declared.items():
+        stop = start + (n_rows if columns else 0)
+        if stop > len(lines):
+            lines.fail(len(lines), f"{n_rows} lines of element {element}, not {len(lines) - start}")
+        rows = lines[start:stop].parse()
+        expected = f"{element}: " + " ".join(f"{'count ' * bool(c.count_type)}{c.name}" for c in columns)
+        cursor, ends, held = rows.starts, rows.starts + rows.counts, []
+        for column in columns:
+            rows.require(cursor < ends, expected)
+            counts, where = None, cursor
+            if column.count_type is not None:
+                counts = rows.whole(cursor, expected)
+                rows.require((counts >= 0) & (counts < ends - cursor), expected)
+                where = spans(cursor + 1, counts)
+            held.append(replace(column, values=rows.values[where], counts=counts))
+            cursor = cursor + 1 + (0 if counts is None else counts)
+        rows.require((cursor == ends) | (not columns), expected)
+        place = f"{name}:{lines.numbers[start] if stop > start else 1}"
+        elements[element], start = Element(tuple(held), n_rows, place), stop
+    if start != len(lines):
+        expected = "no line after the elements declared in the header"
+        lines.fail(start, expected, "correct the counts in the header")
+    return elements
+
+
+def _in_binary(data: bytes, name: str, position: int, _: int, declared: Declared) -> dict[str, Element]:
+    elements = dict[str, Element]()
+    for element, (n_rows, columns) in declared.items():
+        held, end = _uniform(columns, n_rows, data, position) or _mixed(columns, n_rows, data, position)
+        if end > len(data):
+            place, expected = f"{name}: byte {len(data)}", f"{n_rows} rows of element {element}"
+            remedy = "it is cut short or damaged, copy or export it again"
+            raise unexpected(place, expected, "the end of the file", remedy)
+        elements[element], position = Element(tuple(held), n_rows, f"{name}: byte {position}"), end
+    if data[position:].strip():
+        place, found = f"{name}: byte {position}", f"{len(data) - position} more bytes"
+        remedy = "the counts in the header do not fit the data, export the file again"
+        raise unexpected(place, "the end of the file", found, remedy)
+    return elements
+
+
+def _uniform(columns: list[Column], n_rows: int, data: bytes, start: int) -> tuple[list[Column], int] | None:
+    """Read all rows at once, if all lists are as long as those of the first row; None if they are not."""
+    fields: list[tuple[object, ...]] = []
+    position, counts = start, []
+    for i, column in enumerate(columns):
+        count = 1
+        if column.count_type is not None:
+            first = data[position : position + column.count_type.itemsize]
+            position += column.count_type.itemsize
+            count = int(np.frombuffer(first, column.count_type)[0]) if position <= len(data) else -1
+            fields.append((f"count{i}", column.count_type))
+        position += count * column.type.itemsize
+        if count < 0 or position > min(len(data), start + _LONGEST_ROW):
+            return None
+        counts.append(count)
+        fields.append((f"{i}", column.type, (count,)))
+    if not n_rows or position == start or (end := start + n_rows * (position - start)) > len(data):
+        return None
+    rows, held = np.frombuffer(data, np.dtype(fields), n_rows, start), []
+    for i, (column, count) in enumerate(zip(columns, counts)):
+        if column.count_type is not None and (rows[f"count{i}"] != count).any():
+            return None
+        each = None if column.count_type is None else np.broadcast_to(np.int64(count), n_rows)
+        held.append(replace(column, values=rows[f"{i}"].ravel(), counts=each))
+    return held, end
+
+
+def _mixed(columns: list[Column], n_rows: int, data: bytes, start: int) -> tuple[list[Column], int]:
+    """Read rows that differ in length; the end is after that of the data if these end before."""
+    too_far, end, n_rows = len(data) + 1, start, n_rows if columns else 0
+    sizes = [column.type.itemsize for column in columns]
+    types = [column.count_type or np.dtype("V0") for column in columns]
+    if n_rows * sum(kind.itemsize or size for kind, size in zip(types, sizes)) > len(data) - start:
+        return [], too_far
+    orders = ["big" if kind.byteorder == ">" else "little" for kind in types]
+    plan = list(zip([kind.itemsize for kind in types], orders, [kind.kind == "i" for kind in types], sizes))
+    told: list[int] = []  # the number of values of each property, row by row
+    for _ in range(n_rows):
+        for n_bytes, order, is_signed, size in plan:
+            count = 1
+            if n_bytes:
+                count = int.from_bytes(data[end : end + n_bytes], order, signed=is_signed)  # type: ignore[arg-type]
+                end += n_bytes
+            end += count * size
+            if count < 0 or end > len(data):
+                return [], too_far
+            told.append(count)
+    counts = np.array(told, dtype=np.int64).reshape(n_rows, len(columns))
+    lengths = counts * sizes + [kind.itemsize for kind in types]
+    first = start + np.cumsum(lengths.sum(axis=1)) - lengths.sum(axis=1)
+    octets, held = np.frombuffer(data, np.uint8), []
+    for i, column in enumerate(columns):
+        where = spans(first + types[i].itemsize, counts[:, i] * sizes[i])
+        each = None if column.count_type is None else counts[:, i].copy()
+        held.append(replace(column, values=octets[where].view(column.type), counts=each))
+        first = first + lengths[:, i]
+    return held, end
+
+
+def _positions(elements: Mapping[str, Element], name: str) -> FloatArray:
+    if "tristrips" in elements:
+        raise unexpected(f"{name}:1", "triangles in element 'face'", "'tristrips'", "export faces instead")
+    vertex = elements.get("vertex", Element())
+    column = {each.name: each.values for each in vertex.columns if each.counts is None}
+    if missing := [axis for axis in "xyz" if axis not in column]:
+        expected, remedy = "an element 'vertex' with numbers x, y, z", "export the file again with positions"
+        raise unexpected(f"{name}:1", expected, f"no {', '.join(missing)}", remedy)
+    return np.stack([column[axis] for axis in "xyz"], axis=1, dtype=np.float64)
+
+
+def _polygons(elements: Mapping[str, Element], name: str) -> tuple[IntArray, IntArray, str]:
+    """Read the corners of all faces, concatenated, the number of corners of each, and the name of the list."""
+    if "face" not in elements:
+        return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), _INDEX_LISTS[0]
+    face = elements["face"]
+    lists = [each for key in _INDEX_LISTS for each in face.columns if each.name == key]
+    if not lists or lists[0].counts is None:
+        names = ", ".join(each.name for each in face.columns) or "none"
+        expected = f"the list {' or '.join(_INDEX_LISTS)} of the faces"
+        raise unexpected(f"{name}:1", expected, names, "rename it or export the file again")
+    corners, counts = lists[0].values, lists[0].counts
+    small, broken = np.flatnonzero(counts < 3), counts[:0]
+    if corners.dtype.kind == "f":
+        broken = np.repeat(np.arange(len(counts)), counts)[~_text.is_whole(corners)]
+    for rows, expected in ((small, "a face of at least 3 corners"), (broken, "whole vertex indices")):
+        if len(rows):
+            raise FormatError(
+                f"{face.place}: expected {expected}, face {rows[0]} from here on has none; export the file again"
+            )
+    return corners.astype(np.int64), counts, lists[0].name
+
+
+def _attributes(
+    element: Element, domain: Domain, used: Collection[str], sizes: IntArray
+) -> tuple[tuple[Attribute, ...], Names, tuple[Column, ...]]:
+    """Make attributes of what is not used otherwise; return also the properties of each, and what makes none."""
+    left = {each.name: each for each in element.columns if each.name not in used}
+    single = {name: each for name, each in left.items() if each.count_type is None}
+    pairs: list[tuple[Attribute, tuple[str, ...]]] = []
+
+    def add(name: str, kind: Kind | None, members: tuple[str, ...]) -> None:
+        values = np.stack([single.pop(member).typed for member in members], axis=1)
+        pairs.append((Attribute(name, domain, kind or guessed_kind(name, values), values), members))
+
+    for name, kind, members in _GROUPS:
+        types = {single[member].type if member in single else None for member in members}
+        if len(types) == 1 and (each := types.pop()) and (kind == "colour" or each.kind == "f"):
+            add(name, kind, members)
+    for first in [name for name in single if name.endswith("_0")]:
+        stem = first[:-2]
+        members = tuple(takewhile(single.__contains__, (f"{stem}_{i}" for i in range(len(single)))))
+        if len(members) > 1 and len({single[member].type for member in members}) == 1:
+            add(stem, None, members)
+    for name, column in single.items():
+        pairs.append((Attribute(name, domain, guessed_kind(name, column.typed), column.typed), (name,)))
+    lists = {name: _of_corners(each, sizes) for name, each in left.items() if each.counts is not None}
+    pairs += [(corner, (name,)) for name, corner in lists.items() if corner is not None and domain == "face"]
+    pairs.sort(key=lambda pair: list(left).index(pair[1][0]))
+    attributes = told_apart(attribute for attribute, _ in pairs)
+    names = {(a.name, a.domain): members for a, (_, members) in zip(attributes, pairs)}
+    made = {member for members in names.values() for member in members}
+    return attributes, names, tuple(left[name] for name in lists if name not in made)
+
+
+def _of_corners(column: Column, sizes: IntArray) -> Attribute | None:
+    """Make an attribute of a list that has as many values as its face has corners, or twice as many, or none."""
+    width, values = 2 if column.name == _CORNER_UV else 1, column.typed
+    if column.counts is None or len(column.counts) != len(sizes):
+        return None
+    is_full = column.counts == width * sizes
+    if not is_full.any() or not (is_full | ((column.counts == 0) & (width == 2))).all():
+        return None
+    if width == 1:
+        return Attribute(column.name, "corner", guessed_kind(column.name, values), values)
+    uv = np.full((int(sizes.sum()), 2), np.nan, values.dtype)
+    uv[np.repeat(is_full, sizes)] = values.reshape(-1, 2)
+    return Attribute("uv", "corner", "uv", uv)
+
+
+def _properties(
+    asset: Asset, domain: Domain, own: tuple[Column, ...], lists: tuple[Column, ...], names: Names
+) -> tuple[Column, ...]:
+    """Return the columns of an element: its own, those of its attributes, of which corners are lists, and its lists."""
+    taken = {*_INDEX_LISTS, *(each.name for each in (*own, *lists))}
+    here = [a for a in asset.attributes if a.domain == domain or (a.domain, domain) == ("corner", "face")]
+    former = [names.get((each.name, each.domain), ()) for each in here]
+    for i, (each, members) in enumerate(zip(here, former)):
+        if each.domain != "corner" and len(members) != each.plain.size // max(len(each), 1):
+            former[i] = ()
+    taken.update(member for members in former for member in members)
+    columns: list[Column] = []
+    for attribute, members in zip(here, former):
+        values = attribute.plain
+        members = members or _members(attribute, values, taken)
+        taken.update(members)
+        if attribute.domain == "corner":
+            columns.append(_list_of_faces(members[0], values, asset.polygons.sizes))
+        else:
+            columns += [Column.of(name, column) for name, column in zip(members, np.atleast_2d(values.T))]
+    return (*own, *columns, *lists)
+
+
+def _members(attribute: Attribute, values: AnyArray, taken: set[str]) -> tuple[str, ...]:
+    """Names of the properties of a new attribute: those in use, or its own, with numbers where it has columns."""
+    width = values.shape[1] if values.ndim == 2 else 1
+    is_corner, kind = attribute.domain == "corner", attribute.kind
+    names: list[tuple[str, ...]] = [(_CORNER_UV,)] if is_corner and kind == "uv" else []
+    for name, each, members in () if is_corner else _GROUPS:
+        if len(members) == width and (name == attribute.name or each == kind == "colour"):
+            names.append(members)
+    stem = re.sub("[^!-~]+", "_", attribute.name) or "_"  # no blanks in PLY, and no letters but of ASCII
+    while not (free := [members for members in names if taken.isdisjoint(members)]):
+        names = [(stem,) if is_corner or values.ndim == 1 else tuple(f"{stem}_{i}" for i in range(width))]
+        stem += "_"
+    return free[0]
+
+
+def _list_of_faces(name: str, values: AnyArray, sizes: IntArray) -> Column:
+    """Make a list of the values of corners; a face with a corner of nan has an empty one."""
+    counts = (values.shape[1] if values.ndim == 2 else 1) * sizes
+    if values.dtype.kind == "f" and name == _CORNER_UV:
+        missing = np.isnan(values).any(axis=1)
+        without = np.add.reduceat(missing, np.cumsum(sizes) - sizes) > 0 if len(sizes) else sizes > 0
+        values, counts = values[~np.repeat(without, sizes)], np.where(without, 0, counts)
+    return Column.of(name, values, counts)
+
+
+def _type_of(values: AnyArray) -> np.dtype[np.generic]:
+    """Return the smallest type of PLY, which has no integers of 64 bits, that holds values."""
+    kind, size = values.dtype.kind, values.dtype.itemsize
+    if kind in "biu" and size in (1, 8):
+        for each in ("u1", "i1", "i4", "u4") if size == 1 else ("i4", "u4"):
+            limits = np.iinfo(each)
+            if limits.min <= values.min(initial=0) and values.max(initial=0) <= limits.max:
+                return np.dtype(each)
+    return np.dtype("f4" if size == 2 else "f8") if kind == "f" and size not in (4, 8) else values.dtype
+
+
+def _rows(element: Element, byte_order: str) -> bytes:
+    """Write the rows of an element; the byte order is that of binary files, and empty of text."""
+    n_rows = element.n_rows
+    once = np.ones(n_rows, dtype=np.int64)
+    fields: list[tuple[IntArray, AnyArray, str]] = []  # numbers in each row, all, their type
+    for column in element.columns:
+        if column.counts is not None and column.count_type is not None:
+            fields.append((once, column.counts, column.count_type.str[1:]))
+        fields.append((once if column.counts is None else column.counts, column.values, column.type.str[1:]))
+    if not byte_order:
+        formats = {"f4": "%.9g", "f8": "%r"}
+        words = [(each, _text.numbered(values, formats.get(kind, "%d"))) for each, values, kind in fields]
+        return _text.interleaved_lines(words, n_rows)
+    if all((each == each[:1]).all() for each, _, _ in fields):
+        row = [(f"{i}", byte_order + kind, (each[:1].sum(),)) for i, (each, _, kind) in enumerate(fields)]
+        rows = np.zeros(n_rows, row)
+        for i, (_, values, _) in enumerate(fields):
+            rows[f"{i}"] = values.reshape(rows[f"{i}"].shape)
+        return rows.tobytes()
+    octets = [
+        (each * int(kind[1:]), np.ascontiguousarray(values, byte_order + kind).view(np.uint8))
+        for each, values, kind in fields
+    ]
+    return _text.interleaved(octets, n_rows, np.uint8).tobytes()

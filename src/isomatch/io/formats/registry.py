@@ -1,0 +1,124 @@
+"""The format of each suffix: how its files are read and written, and what they keep."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from isomatch.io.asset import Asset, Axes, Frame
+from isomatch.io.attribute import Attribute
+from isomatch.io.formats import clouds, freesurfer, gifti, gltf, obj, off, ply, stl, vtk
+from isomatch.errors import FormatError, InputError
+from isomatch.surfaces import Mesh
+from isomatch.values.arrays import FloatArray
+
+
+@dataclass(frozen=True)
+class MeshFormat:
+    """How one format is read and written."""
+
+    read: Callable[[bytes, str], Mesh]  # the bytes of a file and its name, which is for messages
+    write: Callable[..., bytes]  # an asset, and the options that the format has, by keyword
+    options: frozenset[str] = frozenset()  # of `write_mesh` that it has: "binary"
+    read_asset: Callable[[bytes, str], Asset] | None = None  # by default points and triangles alone
+    keeps: Callable[[Attribute], bool] = lambda attribute: False  # whether it has a place for an attribute
+    single: frozenset[str] = frozenset()  # kinds of attributes of which it has only one
+    has_parts: bool = False  # and their transforms
+    has_names: bool = False  # of labels
+    has_opacity: bool = True  # of colours
+    keeps_frame: Callable[[Frame], bool] = lambda frame: not frame.has_space  # but axes and a unit, in words
+    axes: Axes | None = None  # in which all its files are
+    middles: Callable[[Asset], FloatArray] | None = None  # taken from points before they become floats
+
+    def missing(self, attribute: Attribute) -> list[Attribute]:
+        """Return what has no place of an attribute that has one."""
+        missing = []
+        if attribute.coded.names and not self.has_names:
+            missing.append(replace(attribute, name=f"names of {attribute.name}"))
+        if attribute.kind == "colour" and not self.has_opacity:
+            opacity = attribute.fractions[:, 3:]
+            if (opacity < 1).any():
+                name = f"opacity of {attribute.name}"
+                missing.append(Attribute(name, attribute.domain, "scalar", opacity[:, 0]))
+        return missing
+
+
+def _with_attributes(
+    read_asset: Callable[[bytes, str], Asset], write: Callable[..., bytes], **others: Any
+) -> MeshFormat:
+    """Make a format whose meshes are read with all that the file holds."""
+
+    def read(data: bytes, name: str) -> Mesh:
+        with naming(name):
+            asset = read_asset(data, name)
+        return Mesh(asset.placed_points, asset.polygons.triangles)
+
+    return MeshFormat(read, write, read_asset=read_asset, **others)
+
+
+def _fits_title(frame: Frame) -> bool:
+    return not frame.has_space and frame.title(stl.TITLE) == "; ".join(frame.lines)
+
+
+_BINARY = frozenset({"binary"})
+_PLAIN: dict[str, Any] = {"single": frozenset({"colour", "normal", "uv"}), "has_opacity": False}
+_SINGLE: dict[str, Any] = {"middles": lambda asset: np.zeros(3)}
+_GLTF: dict[str, Any] = {"keeps": gltf.keeps, "has_parts": True, "has_names": True, "middles": gltf.middles}
+_GIFTI = {"keeps": gifti.keeps, "has_names": True, "keeps_frame": lambda frame: True, **_SINGLE}
+_VTK: dict[str, Any] = {"keeps": lambda attribute: attribute.domain != "corner", "options": _BINARY}
+_FREESURFER: dict[str, Any] = {"keeps_frame": lambda frame: frame.is_in_volume, "axes": "RAS", **_SINGLE}
+
+FORMATS: dict[str, MeshFormat] = {
+    ".off": MeshFormat(off.read, off.write, read_asset=off.read_asset, keeps=off.keeps, **_PLAIN),
+    ".obj": MeshFormat(
+        obj.read, obj.write, read_asset=obj.read_asset, keeps=obj.keeps, has_names=True, **_PLAIN
+    ),
+    ".ply": MeshFormat(ply.read, ply.write, _BINARY, ply.read_asset, ply.keeps),
+    ".stl": MeshFormat(stl.read, stl.write, _BINARY, stl.read_asset, keeps_frame=_fits_title, **_SINGLE),
+    ".glb": _with_attributes(gltf.read_asset, partial(gltf.write, is_glb=True), **_GLTF),
+    ".gltf": _with_attributes(gltf.read_asset, partial(gltf.write, is_glb=False), **_GLTF),
+    **{
+        suffix: _with_attributes(partial(vtk.read, suffix), partial(vtk.write, suffix), **_VTK)
+        for suffix in (".vtk", ".vtp", ".vtu")
+    },
+    ".gii": _with_attributes(gifti.read_asset, gifti.write, **_GIFTI),
+    **dict.fromkeys(
+        freesurfer.SURFACES, _with_attributes(freesurfer.read_asset, freesurfer.write, **_FREESURFER)
+    ),
+}
+"""The format of each suffix, in lower case and with its dot. To add a format, add an entry."""
+
+
+CLOUDS: dict[str, Callable[[bytes, str], Asset]] = {
+    ".xyz": clouds.read_xyz,
+    ".pcd": clouds.read_pcd,
+    ".npy": clouds.read_npy,
+}
+"""The reader of each suffix of files with points alone, which are not written."""
+
+
+def format_of(path: Path, reading: bool = False) -> MeshFormat:
+    """Return the format of a file by its suffix; `FormatError` if that is unknown, or of a cloud and not for reading."""
+    suffix = path.suffix.lower()
+    if suffix in FORMATS:
+        return FORMATS[suffix]
+    if reading and suffix in CLOUDS:
+        return _with_attributes(CLOUDS[suffix], ply.write)
+    told = f"suffix {path.suffix!r}" if path.suffix else "no suffix"
+    known = ", ".join([*FORMATS, *CLOUDS] if reading else FORMATS)
+    raise FormatError(f"{path}: {told} is not a mesh format; use one of {known}")
+
+
+@contextmanager
+def naming(name: str) -> Iterator[None]:
+    """Name a file where what it holds does not fit together."""
+    try:
+        yield
+    except InputError as error:
+        raise FormatError(f"{name}: {error}") from None

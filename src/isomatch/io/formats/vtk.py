@@ -1,0 +1,101 @@
+"""VTK: legacy files, and XML files of polygons (VTP) and of unstructured grids (VTU), read and written by VTK.
+
+They are read in a process of their own: what a file declares can make VTK crash or fill memory.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Mapping
+from io import BytesIO
+
+import numpy as np
+
+from isomatch.io.asset import COMMENTS, Asset, Frame
+from isomatch.io.attribute import told_apart
+from isomatch.io.formats._reading import damaged, on_disk, reading
+from isomatch.io.libraries import attributes_of, polygons_of, to_pyvista
+from isomatch.errors import FormatError, MeshError
+from isomatch.loading.first_use import package
+from isomatch.runtime.memory import room_for
+from isomatch.values.arrays import AnyArray
+
+# time that a file may take, and more for large ones; a triangle takes 0.5 s, a million points in 20 MB of VTP 1.9 s
+SECONDS, BYTES_A_SECOND = 60.0, 1e6
+_MARK = "isomatch_end"
+TITLE = 255  # bytes of the second line of a legacy file
+# VTK reads on into this after an array of a legacy file that is too short, and does not find it as what it is
+_END = b"\n\nFIELD isomatch 1\n%s 1 1 int\n0000\n" % _MARK.encode()
+_ENDED = "the reader came to an end over it, as where more is declared than the file holds"
+_DECLARED = {
+    ".vtk": re.compile(rb"(?im)^POLYGONS\s+(-?\d+)"),
+    ".vtp": re.compile(rb"""\sNumberOfPolys\s*=\s*["'](\d+)"""),
+}
+
+
+def read(suffix: str, data: bytes, name: str) -> Asset:
+    """Read the polygons of a file of this suffix, with all arrays on them and on their points."""
+    what = f"a {suffix} file of polygons"
+    package("vtkmodules", "vtk", what)
+    if suffix != ".vtk" and b"</VTKFile" not in data:
+        raise damaged(name, what, "it has no end, and is cut short")
+    stored = _stored(data + _END if suffix == ".vtk" else data, name, suffix, what)
+    others = dict(zip(stored["others"].tolist(), stored["counts"].tolist()))
+    if suffix != ".vtu" and stored["is_polygons"]:
+        declared = sum(map(int, _DECLARED[suffix].findall(data.partition(b"<AppendedData")[0])))
+        n_more = declared - len(stored["sizes"])  # legacy files of version 5 count one more
+        if n_more not in ((0, 1) if suffix == ".vtk" else (0,)):
+            raise damaged(name, what, f"{len(stored['sizes'])} polygons, {declared} declared")
+    if suffix == ".vtk" and _MARK not in (*stored["point_names"], *stored["cell_names"], *stored["fields"]):
+        raise damaged(name, what, "it is cut short, or an array is shorter than declared")
+    with reading(name, what):
+        cells = polygons_of(stored["points"], stored["corners"], stored["sizes"], stored["rows"], others)
+        of_points = attributes_of(_named(stored, "point"), "point")
+        attributes = [*of_points, *attributes_of(_named(stored, "cell"), "face", cells.rows)]
+        told = dict(zip(stored["text_names"].tolist(), stored["texts"].tolist()))
+        if suffix == ".vtk":  # its second line is a title
+            told[COMMENTS] = data.split(b"\n", 2)[1].decode(errors="replace")
+        frame = Frame.of_named(told)
+        return Asset(cells.points, cells.polygons, told_apart(attributes), notes=cells.notes, frame=frame)
+
+
+def _stored(data: bytes, name: str, suffix: str, what: str) -> Mapping[str, AnyArray]:
+    with reading(name, what), on_disk(data, suffix) as path:
+        arguments = "isomatch.io.formats._vtk_reader", str(path), str(room_for(len(data)))
+        command = [sys.executable, "-P", "-m", *arguments]  # -P: nothing in the working folder is imported
+        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+        limit = SECONDS + len(data) / BYTES_A_SECOND
+        try:
+            ended = subprocess.run(command, env=environment, capture_output=True, timeout=limit)
+        except subprocess.TimeoutExpired:
+            told = f"{name}: reading took more than {limit:.0f} s and was ended"
+            remedy = "try again when the machine is less busy, or export it in another format"
+            raise FormatError(f"{told}; {remedy}") from None
+        if ended.returncode:
+            said = ended.stderr.decode(errors="replace").strip().splitlines()
+            raise damaged(name, what, said[-1] if said and ended.returncode > 0 else _ENDED)
+        with np.load(BytesIO(ended.stdout)) as stored:
+            return dict(stored)
+
+
+def _named(stored: Mapping[str, AnyArray], domain: str) -> dict[str, AnyArray]:
+    names = enumerate(stored[f"{domain}_names"].tolist())
+    return {name: stored[f"{domain}_{i}"] for i, name in names if name != _MARK}
+
+
+def write(suffix: str, asset: Asset, binary: bool = True) -> bytes:
+    """Write a file of this suffix, binary or text."""
+    if suffix == ".vtu" and not len(asset.points):  # over which VTK ends the process
+        raise MeshError("there are no points, and a VTU file without any cannot be read; write a .vtp file")
+    mesh = to_pyvista(asset)
+    if suffix == ".vtk":  # where the title tells it
+        mesh.field_data.clear()
+    with on_disk(b"", suffix) as path:
+        (mesh.cast_to_unstructured_grid() if suffix == ".vtu" else mesh).save(path, binary=binary)
+        if suffix != ".vtk" or not (title := (asset.frame or Frame()).title(TITLE)):
+            return path.read_bytes()
+        version, _, rest = path.read_bytes().split(b"\n", 2)
+        return b"\n".join([version, title.encode(), rest])

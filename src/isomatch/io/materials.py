@@ -1,0 +1,266 @@
+"""Materials of a surface: pictures, where texture coordinates look them up, and the colours that multiply them."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from io import BytesIO
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from isomatch.io.attribute import linear_of, srgb_of
+from isomatch.errors import FormatError
+from isomatch.storage.files import contents, opened
+from isomatch.values.arrays import AnyArray, FloatArray, IntArray
+
+Wrap = Literal["repeat", "clamp", "mirror"]
+UNTINTED = (1.0, 1.0, 1.0, 1.0)
+IN_PLACE = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+_PNG, _JPEG, _KTX = b"\x89PNG", b"\xff\xd8", b"\xabKTX 20\xbb"  # how such files begin
+_KINDS = ("PNG", "JPEG", "WEBP", "BMP", "GIF", "TIFF", "DDS")  # those that can be told from other files
+_UNREAD = "a picture cannot be read: "
+_MOST = 8  # widths of a picture that its border may go on, where it has to be painted
+NO_DIFFUSE = (102, 102, 102, 255)  # of a simple material of trimesh for which none was given
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A picture as a file: its name, its bytes, and if these were not found, why."""
+
+    name: str
+    data: bytes = b""
+    missing: str = ""
+
+    @classmethod
+    def among(cls, files: Mapping[str, bytes], name: str) -> Picture:
+        """Return the picture of a name among those that were beside the surface."""
+        missing = "" if name in files else "there is no such file in the folder of the surface"
+        return cls(name, files.get(name, b""), missing)
+
+
+@dataclass(frozen=True)
+class Layer:
+    """A picture on a surface, multiplied in linear light by a tint of red to alpha, 0…1 in sRGB; or the tint alone.
+
+    ``uv`` is the attribute by which it is looked up. The ``matrix`` is multiplied by columns u, v, 1 first, where v goes
+    down from the top of the picture. ``wrap`` says what is beyond its borders, sideways and upwards; with ``nearest``,
+    texels are not blended.
+    """
+
+    tint: tuple[float, ...] = UNTINTED
+    picture: Picture | None = None
+    uv: str = "uv"
+    matrix: tuple[tuple[float, ...], ...] = IN_PLACE
+    wrap: tuple[Wrap, Wrap] = ("repeat", "repeat")
+    nearest: bool = False
+
+    def looked_up(self, uv: FloatArray) -> FloatArray:
+        """(m, 2) places in the picture of texture coordinates (m, 2 or more), both from its lower left."""
+        matrix = np.array(self.matrix)
+        down = np.column_stack([uv[:, 0], 1 - uv[:, 1]])
+        places: FloatArray = down @ matrix[:, :2].T + matrix[:, 2]
+        places[:, 1] = 1 - places[:, 1]
+        return places
+
+    @property
+    def pixels(self) -> FloatArray | None:
+        """(h, w, 4) the pixels of its picture, multiplied by the tint; None if it has none that can be read."""
+        if self.picture is None or unread([self.picture]):
+            return None
+        return multiplied(pixels_of(self.picture.data), self.tint)
+
+    def unrolled(self, uv: FloatArray) -> Layer:
+        """Return a layer whose picture repeats and shows the same at places (m, 2) in the former one.
+
+        A mirrored picture is put beside its mirror image; of one whose border goes on, as much is added as is seen.
+        """
+        if self.picture is None or self.wrap == ("repeat", "repeat") or unread([self.picture]):
+            return self
+        pixels, matrix = pixels_of(self.picture.data), np.array(self.matrix)
+        for axis, wrap in enumerate(self.wrap):
+            seen = uv[:, 0] if axis == 0 else 1 - uv[:, 1]  # down from the top
+            seen = seen[np.isfinite(seen)]
+            first, last = 0, 2 if wrap == "mirror" else 1
+            if wrap == "clamp" and len(seen):
+                first = int(np.floor(seen.min()).clip(-_MOST, 0))
+                last = int(np.ceil(seen.max()).clip(1, _MOST))
+            n = pixels.shape[1 - axis]
+            pixels = pixels.take(_wrapped(np.arange(first * n, last * n), n, wrap), axis=1 - axis)
+            matrix[axis, 2] -= first
+            matrix[axis] /= last - first
+        picture, rows = Picture(self.picture.name, png_of(pixels)), tuple(map(tuple, matrix.tolist()))
+        return replace(self, picture=picture, matrix=rows, wrap=("repeat", "repeat"))
+
+
+@dataclass(frozen=True)
+class Look:
+    """A material: its base colour, and the light that it emits, which is added."""
+
+    name: str
+    base: Layer
+    emitted: Layer | None = None
+
+    @property
+    def main(self) -> Layer:
+        """The layer that is seen where only one can be: what is emitted by a black base, or the base."""
+        return self.emitted if self.emitted and max(self.base.tint[:3]) == 0 else self.base
+
+    @property
+    def layers(self) -> tuple[Layer, ...]:
+        """Its base and what is emitted, if anything is."""
+        return (self.base, self.emitted) if self.emitted else (self.base,)
+
+    @property
+    def pictures(self) -> tuple[Picture, ...]:
+        """The pictures of its layers."""
+        return tuple(layer.picture for layer in self.layers if layer.picture)
+
+
+@dataclass(frozen=True)
+class Looks:
+    """The material of each triangle, (m,), −1 for none, and the materials.
+
+    Their base colours are multiplied by those of points, if ``tinted``, as in glTF.
+    """
+
+    of_triangle: IntArray
+    looks: tuple[Look, ...]
+    tinted: bool = False
+
+    @property
+    def pictures(self) -> tuple[Picture, ...]:
+        """All different pictures."""
+        return tuple(dict.fromkeys(picture for look in self.looks for picture in look.pictures))
+
+
+def pixels_of(picture: bytes) -> FloatArray:
+    """(height, width, 4) the pixels of a picture file, 0…1, row 0 at the top; `FormatError` if Pillow cannot read it."""
+    return np.asarray(_loaded(picture)) / 255
+
+
+def _loaded(picture: bytes) -> Any:
+    """Return an image of red, green, blue and opacity; FormatError if it cannot be read."""
+    from PIL import Image, UnidentifiedImageError  # slow to import, and needed by matplotlib
+
+    try:
+        image: Image.Image = Image.open(BytesIO(picture))
+        if image.mode.startswith("I"):  # grey of 16 bits
+            image = Image.fromarray((np.asarray(image) // 257).astype(np.uint8))
+        return image.convert("RGBA")
+    except UnidentifiedImageError:
+        raise FormatError(f"{_UNREAD}it is of no known kind; convert it to PNG") from None
+    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
+        raise FormatError(f"{_UNREAD}{error}; copy it again, or convert it to PNG") from None
+
+
+def unread(pictures: Iterable[Picture]) -> dict[Picture, str]:
+    """Say of each picture that cannot be read why not."""
+    reasons = {}
+    for picture in pictures:
+        try:
+            if picture.missing:
+                raise FormatError(picture.missing)
+            _loaded(picture.data)
+        except FormatError as error:
+            reasons[picture] = str(error).removeprefix(_UNREAD)
+    return reasons
+
+
+def picture_in(path: Path) -> bytes | None:
+    """Return the contents of a file if they begin as those of a picture; nothing else may be copied into an output."""
+    from PIL import Image
+
+    with opened(path) as file:
+        if file.read(len(_KTX)) != _KTX:
+            file.seek(0)
+            kinds = _KINDS if path.suffix.lower() != ".tga" else ("TGA",)
+            try:
+                with warnings.catch_warnings(action="ignore"):
+                    Image.open(file, formats=kinds).verify()
+            except Exception:  # the readers of Pillow have no list of their errors
+                return None
+    return contents(path)
+
+
+def as_png(picture: bytes) -> tuple[bytes, str]:
+    """Return a PNG or JPEG file as it is, and another as PNG if it can be read; and which of the two it is."""
+    if picture.startswith(_JPEG):
+        return picture, "jpeg"
+    if not picture.startswith(_PNG):
+        with suppress(FormatError):
+            picture = png_of(pixels_of(picture))
+    return picture, "png"
+
+
+def png_of(pixels: AnyArray) -> bytes:
+    """Make a PNG file of (height, width, channels) pixels: integers of the full range of their type, or floats 0…1."""
+    from matplotlib.image import imsave
+
+    if pixels.dtype.kind in "iu" and pixels.dtype != np.uint8:
+        pixels = pixels / np.iinfo(pixels.dtype).max
+    table = pixels.reshape(*pixels.shape[:2], -1)
+    table = np.repeat(table[:, :, :1], 3, axis=2) if table.shape[2] < 3 else table  # grey
+    full = 255 if pixels.dtype == np.uint8 else 1
+    opaque = np.pad(table, ((0, 0), (0, 0), (0, 4 - table.shape[2])), constant_values=full)
+    file = BytesIO()
+    imsave(file, opaque, format="png")
+    return file.getvalue()
+
+
+def sampled(pixels: FloatArray, layer: Layer, uv: FloatArray) -> FloatArray:
+    """(m, 4) colours of the pixels of a layer's picture at texture coordinates (m, 2), blended between texels."""
+    height, width = pixels.shape[:2]
+    at = layer.looked_up(uv)
+    x, y = at[:, 0] * width - 0.5, (1 - at[:, 1]) * height - 0.5
+    if layer.nearest:
+        x, y = np.floor(x + 0.5), np.floor(y + 0.5)
+    left, top = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
+    s, t = (x - left)[:, None], (y - top)[:, None]
+    total: FloatArray = np.zeros((len(uv), 4))
+    for i, down in ((0, 1 - t), (1, t)):
+        row = _wrapped(top + i, height, layer.wrap[1])
+        for j, right in ((0, 1 - s), (1, s)):
+            total += down * right * pixels[row, _wrapped(left + j, width, layer.wrap[0])]
+    return multiplied(total, layer.tint)
+
+
+def multiplied(colours: FloatArray, tint: ArrayLike) -> FloatArray:
+    """Multiply the light of colours (m, 4), 0…1 in sRGB, by that of others."""
+    tint = np.asarray(tint, dtype=np.float64)
+    return colours if (tint == 1).all() else srgb_of(linear_of(colours) * linear_of(tint))
+
+
+def _wrapped(index: IntArray, n: int, wrap: Wrap) -> IntArray:
+    """Return the texel of n that is shown at an index inside or beyond them."""
+    if wrap == "clamp":
+        return np.clip(index, 0, n - 1)
+    if wrap == "mirror":
+        index = index % (2 * n)
+        return np.minimum(index, 2 * n - 1 - index)
+    return index % n
+
+
+def texture_on(mesh: Any) -> tuple[AnyArray, tuple[float, ...]] | None:
+    """Return the texture of a mesh of trimesh or Open3D, and the colour that tints it, 0…1; None unless it has one."""
+    material = getattr(getattr(mesh, "visual", None), "material", None)  # of trimesh
+    images = [getattr(material, name, None) for name in ("image", "baseColorTexture")]
+    textures = [np.asarray(image.convert("RGBA")) for image in images if image is not None][-1:]
+    upside_down = map(np.asarray, getattr(mesh, "textures", ()))  # of Open3D
+    textures += [texture[::-1] for texture in upside_down if texture.size > 1]
+    return (textures[0], _tint(material)) if len(textures) == 1 else None
+
+
+def _tint(material: Any) -> tuple[float, ...]:
+    """Colour by which a material of trimesh multiplies its picture; those of Open3D are not read."""
+    factor = getattr(material, "baseColorFactor", None)  # of glTF
+    tint = getattr(material, "diffuse", None) if factor is None else factor
+    if tint is None or (factor is None and tuple(tint) == NO_DIFFUSE):
+        return UNTINTED
+    colour = np.asarray(tint)
+    channels = colour if colour.dtype.kind == "f" and colour.max() <= 1 else colour / 255
+    return (*(channels if factor is None else srgb_of(channels)).tolist(), 1.0)[:4]
