@@ -19,7 +19,7 @@ loading runtime
 storage
 surfaces
 io decimation
-mending
+repair
 geodesics
 spectral
 descriptors

@@ -84,7 +84,7 @@ def test_a_star_imports_all_public_names():
 @pytest.mark.parametrize(
     ("module", "name"),
     [
-        ("mending.check", "mending.check"),
+        ("repair.check", "repair.check"),
         ("matching.match", "matching.match"),
         ("spectral.distance_basis", "spectral.distance_basis"),
         (

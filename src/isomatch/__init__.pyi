@@ -50,7 +50,7 @@ from isomatch.matching import (
     questions,
     verify,
 )
-from isomatch.mending import MeshReport, check, repair
+from isomatch.repair import MeshReport, check, repair
 from isomatch.runtime.stage_timer import show_progress
 from isomatch.settings import Config
 from isomatch.shapes import PreparedShape, prepare

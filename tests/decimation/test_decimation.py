@@ -11,7 +11,7 @@ from tests.shapes import box, cylinder, flat_grid, icosphere, planar_delaunay
 
 from isomatch import Mesh
 from isomatch.errors import MeshError, SettingError
-from isomatch.mending import check, repair
+from isomatch.repair import check, repair
 from isomatch.decimation import decimate, decimations
 from isomatch.surfaces import Graph
 

@@ -20,7 +20,7 @@ from isomatch.geodesics import (
     pair_distances,
 )
 from isomatch.geodesics.given import WeldedEngine
-from isomatch.mending import welded_surface
+from isomatch.repair import welded_surface
 from shapes import flat_grid, icosphere
 from zoo.made import block, boxes, soup
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from isomatch.io import read_mesh
-from isomatch.mending import check
+from isomatch.repair import check
 
 
 @pytest.mark.parametrize(

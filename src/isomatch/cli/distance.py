@@ -13,7 +13,7 @@ from cyclopts import Group, Parameter
 from cyclopts.validators import LimitedChoice
 
 import isomatch
-from isomatch import geodesics, mending
+from isomatch import geodesics, repair
 from isomatch.spectral import BasisMethod, Weighting
 from isomatch.cli.inputs import Force, Output, Seed, Weld, surface_of
 from isomatch.cli.outputs import claimed_files
@@ -236,7 +236,7 @@ def _paths(asked: _Asked, file: Path, weld: bool, tell: Tell) -> _Measured:
         tell(f"path {number} of {len(pairs)}", number / len(pairs))
     geodesics.write_paths(file, paths)
     lengths = np.array([path.length for path in paths], dtype=np.float64)
-    _, seams = mending.without_seams(mesh, weld)
+    _, seams = repair.without_seams(mesh, weld)
     return _Measured("exact path", lengths.reshape(asked.shape), None, seams.changes if seams else ())
 
 

@@ -14,7 +14,7 @@ from isomatch.collections.plan import Plan
 from isomatch.collections.shapes import Pair
 from isomatch.errors import InputError
 from isomatch.matching import Outcome
-from isomatch.mending import check, without_seams
+from isomatch.repair import check, without_seams
 from isomatch.statistics import METRES, likely_units, size_factors, told_factor
 from isomatch.storage.texts import read_csv
 from isomatch.surfaces import Mesh, PointCloud

@@ -17,7 +17,7 @@ from isomatch.geodesics import (
     points_of,
 )
 from isomatch.loading.compiled import compiled
-from isomatch.mending import without_seams
+from isomatch.repair import without_seams
 from isomatch.surfaces import Graph, Mesh, PointCloud
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 from isomatch.values.cached import cached_property

@@ -12,7 +12,7 @@ from isomatch.correspondence import Correspondence
 from isomatch.errors import MapError
 from isomatch.geodesics import DistanceEngine, distance_engine, pair_distances
 from isomatch.matching import COVERAGE_RADIUS, covered_share
-from isomatch.mending import without_seams
+from isomatch.repair import without_seams
 from isomatch.surfaces import Mesh, PrecisePoints
 from isomatch.values.arrays import FloatArray, IntArray
 from isomatch.values.settings import generator

@@ -6,7 +6,7 @@ import numpy as np
 import scipy
 
 from isomatch.geodesics.protocol import ColumnEngine, require_finite
-from isomatch.mending import without_seams
+from isomatch.repair import without_seams
 from isomatch.runtime.threads import parallel_map
 from isomatch.surfaces import Graph, Mesh, PointCloud, Surface
 from isomatch.values.arrays import FloatArray, IntArray

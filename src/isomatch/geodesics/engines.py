@@ -15,7 +15,7 @@ from isomatch.geodesics.fast_marching import FastMarching
 from isomatch.geodesics.given import DistanceFunction, GivenFunction, GivenMatrix, WeldedEngine
 from isomatch.geodesics.points import PointsInFaces, inserted, joined, points_of, vertices_of
 from isomatch.geodesics.protocol import DistanceEngine, pair_distances
-from isomatch.mending import without_seams
+from isomatch.repair import without_seams
 from isomatch.surfaces import Graph, Mesh, PointCloud, PrecisePoints
 from isomatch.values.arrays import AnyArray, FloatArray
 

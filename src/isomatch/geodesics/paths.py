@@ -17,7 +17,7 @@ from isomatch.geodesics.dijkstra import Dijkstra
 from isomatch.geodesics.points import Inserted, inserted, joined, points_of
 from isomatch.geodesics.protocol import ordinary_unit, require_finite
 from isomatch.geodesics.windows import UnfoldedFaces, Windows, windows_from
-from isomatch.mending import Repair, repair
+from isomatch.repair import Repair, repair
 from isomatch.storage.files import write_text
 from isomatch.surfaces import Mesh, PrecisePoints
 from isomatch.values.arrays import AnyArray, FloatArray, IntArray

@@ -8,7 +8,7 @@ import numpy as np
 
 from isomatch.errors import MeshError, some
 from isomatch.geodesics import distance_engine, ordinary_unit
-from isomatch.mending import (
+from isomatch.repair import (
     capped_at,
     check,
     outliers,

@@ -25,7 +25,7 @@ from isomatch.descriptors import (
 from isomatch.errors import FormatError, InputError, SettingError
 from isomatch.geodesics import Sampling, distance_along_edges_to_nearest
 from isomatch.loading.first_use import PlotOptions, Shown, view_room
-from isomatch.mending import check, handles, seems_inside_out
+from isomatch.repair import check, handles, seems_inside_out
 from isomatch.decimation import Decimated, Prolongation
 from isomatch.settings import Config, SymmetrySettings
 from isomatch.shapes.body import Body, Detail, Level

@@ -11,7 +11,7 @@ import numpy as np
 
 from isomatch.correspondence import UNMATCHED
 from isomatch.errors import MeshError, NotConvergedError
-from isomatch.mending import Cut, capped, creases, cut_along, cut_self_contacts, ends_of
+from isomatch.repair import Cut, capped, creases, cut_along, cut_self_contacts, ends_of
 from isomatch.runtime.stage_timer import StageTimer
 from isomatch.settings import Config
 from isomatch.shapes.body import LEFT_UNMATCHED, sound_body

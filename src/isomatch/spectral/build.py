@@ -31,7 +31,7 @@ from isomatch.geodesics import (
     metric_space,
     peripheral_vertex,
 )
-from isomatch.mending import Repair, without_seams
+from isomatch.repair import Repair, without_seams
 from isomatch.runtime.threads import in_background, serial_blas
 from isomatch.surfaces import Mesh, PointCloud
 from isomatch.values.arrays import FloatArray

@@ -15,7 +15,7 @@ from isomatch.spectral.laplacian import require_mesh_or_points
 from isomatch.spectral.low_rank import biharmonic_interpolant, leading_eigenpairs, swapped
 from isomatch.errors import MeshError, SettingError
 from isomatch.geodesics import MetricSpace, Sampling, farthest_point_sampling, metric_space, peripheral_vertex
-from isomatch.mending import without_seams
+from isomatch.repair import without_seams
 from isomatch.runtime.memory import require_memory
 from isomatch.runtime.threads import serial_blas
 from isomatch.values.arrays import FloatArray

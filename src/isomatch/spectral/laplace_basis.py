@@ -13,7 +13,7 @@ from isomatch.io import SurfaceLike, surface_from
 from isomatch.spectral.basis import PlottedBasis, fix_signs, require_one_component, shared_weights
 from isomatch.spectral.laplacian import WIDTH, factorised, factorised_for_threads, stiffness_and_masses
 from isomatch.errors import MeshError, NotConvergedError, SettingError, some
-from isomatch.mending import without_seams
+from isomatch.repair import without_seams
 from isomatch.runtime.memory import require_memory
 from isomatch.runtime.threads import row_product, serial_blas
 from isomatch.surfaces import Mesh, Surface

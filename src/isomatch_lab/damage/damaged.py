@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from isomatch.errors import InputError, MeshError, SettingError
-from isomatch.mending import check
+from isomatch.repair import check
 from isomatch.surfaces import Mesh, PrecisePoints
 from isomatch.values.arrays import IntArray
 from isomatch_lab.sets import BenchmarkPair

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from isomatch.mending import check
+from isomatch.repair import check
 from isomatch.surfaces import Mesh
 from zoo import any_mesh, grid, mobius, specimen, torus, zoo
 

@@ -5,8 +5,8 @@ import pytest
 
 from isomatch import Mesh, check
 from isomatch.geodesics import distance_engine
-from isomatch.mending import capped, creases, cut_along, ends_of, handles
-from isomatch.mending.caps import boundary_loops
+from isomatch.repair import capped, creases, cut_along, ends_of, handles
+from isomatch.repair.caps import boundary_loops
 from shapes import disguised, icosphere
 from touching import double_ring, pressed_fork, ring
 

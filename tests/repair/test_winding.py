@@ -5,7 +5,7 @@ import pytest
 
 from isomatch import Mesh, prepare
 from isomatch.datasets import example_pair
-from isomatch.mending import repair, seems_inside_out
+from isomatch.repair import repair, seems_inside_out
 from shapes import icosphere, inside_out, upper_share
 from zoo import grid
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from isomatch import Mesh, check
-from isomatch.mending import cut_self_contacts, handles
+from isomatch.repair import cut_self_contacts, handles
 from shapes import box, cylinder, disguised, icosphere, two_spheres
 from touching import basket, body, cup, double_ring, pelvis, ring, without
 from zoo import torus

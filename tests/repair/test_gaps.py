@@ -6,7 +6,7 @@ import pytest
 from isomatch import Asset, Attribute, Mesh, PointCloud, check, distance_engine, prepare, repair
 from isomatch.io import Polygons
 from isomatch.errors import MeshError, SettingError
-from isomatch.mending import outliers
+from isomatch.repair import outliers
 from isomatch_lab.procedural import creature
 from shapes import icosphere
 

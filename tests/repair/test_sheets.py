@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from isomatch.geodesics import geodesic_distances
-from isomatch.mending import check, repair, separate_sheets
+from isomatch.repair import check, repair, separate_sheets
 from isomatch.surfaces import Mesh
 from isomatch_lab.damage import weld
 from isomatch_lab.procedural import creature

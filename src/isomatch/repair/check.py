@@ -10,12 +10,12 @@ import numpy as np
 from isomatch.io import Polygons, SurfaceLike, mesh_from
 from isomatch.errors import some
 from isomatch.loading.compiled import compiled
-from isomatch.mending._winding import faces_to_rewind, shells, with_rewound
-from isomatch.mending.base import LARGE, base_of
-from isomatch.mending.gaps import NO_SIDES, close_vertices, free_sides, t_junctions
-from isomatch.mending.merged import unmerged
-from isomatch.mending.outliers import outliers
-from isomatch.mending.walls import WALL, double_walled_share
+from isomatch.repair._winding import faces_to_rewind, shells, with_rewound
+from isomatch.repair.base import LARGE, base_of
+from isomatch.repair.gaps import NO_SIDES, close_vertices, free_sides, t_junctions
+from isomatch.repair.merged import unmerged
+from isomatch.repair.outliers import outliers
+from isomatch.repair.walls import WALL, double_walled_share
 from isomatch.surfaces import Mesh, fans, first_equal, linked, unsound_faces
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 

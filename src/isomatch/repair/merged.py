@@ -7,8 +7,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
 from isomatch.loading.compiled import compiled
-from isomatch.mending.self_contacts import bends_and_costs, face_normals, inner_edges
-from isomatch.mending.sheets import SHEET_DISTANCE, Separation, copied, crowded, far_copies, split_by
+from isomatch.repair.self_contacts import bends_and_costs, face_normals, inner_edges
+from isomatch.repair.sheets import SHEET_DISTANCE, Separation, copied, crowded, far_copies, split_by
 from isomatch.surfaces import Mesh, first_equal, linked, root
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 

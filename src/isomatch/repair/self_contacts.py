@@ -11,7 +11,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components, dijkstra, minimum_spanning_tree
 
 from isomatch.loading.compiled import compiled
-from isomatch.mending.caps import boundary_loops, capped
+from isomatch.repair.caps import boundary_loops, capped
 from isomatch.surfaces import Mesh, corner_links, joined, linked, meetings
 from isomatch.values.arrays import AnyArray, BoolArray, FloatArray, IntArray
 

@@ -12,8 +12,8 @@ from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial import cKDTree
 
 from isomatch.errors import SettingError
-from isomatch.mending.check import OPENING
-from isomatch.mending.self_contacts import face_normals
+from isomatch.repair.check import OPENING
+from isomatch.repair.self_contacts import face_normals
 from isomatch.runtime.memory import require_memory
 from isomatch.surfaces import Mesh, meetings
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray

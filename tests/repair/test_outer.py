@@ -9,7 +9,7 @@ from data import real_file
 from isomatch import Asset, Attribute, Mesh, check, repair
 from isomatch.datasets import example_pair
 from isomatch.errors import SettingError
-from isomatch.mending import double_walled_share, inner_faces
+from isomatch.repair import double_walled_share, inner_faces
 from isomatch_lab.procedural import PLANS, creature, organ
 from shapes import icosphere
 from thin_walls import shell

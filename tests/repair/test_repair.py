@@ -5,7 +5,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from isomatch.mending import check, repair
+from isomatch.repair import check, repair
 from isomatch.surfaces import Mesh
 from zoo import any_mesh, grid, specimen, torus, zoo
 

@@ -21,13 +21,13 @@ from isomatch.io import (
     read_mesh,
 )
 from isomatch.errors import FormatError, SettingError
-from isomatch.mending._winding import wound_outward
-from isomatch.mending.base import base_of
-from isomatch.mending.check import OPENING, MeshReport
-from isomatch.mending.gaps import first_within, without_t_junctions
-from isomatch.mending.merged import unmerged
-from isomatch.mending.outliers import outliers
-from isomatch.mending.sheets import SHEET_DISTANCE
+from isomatch.repair._winding import wound_outward
+from isomatch.repair.base import base_of
+from isomatch.repair.check import OPENING, MeshReport
+from isomatch.repair.gaps import first_within, without_t_junctions
+from isomatch.repair.merged import unmerged
+from isomatch.repair.outliers import outliers
+from isomatch.repair.sheets import SHEET_DISTANCE
 from isomatch.surfaces import Mesh, PointCloud, UnsoundFaces, first_equal, unsound_faces
 from isomatch.values.arrays import AnyArray, BoolArray, IntArray
 
@@ -233,7 +233,7 @@ def repair(
     cut: tuple[str, ...] = ()
     removals: list[tuple[str, Callable[[Mesh], BoolArray]]] = []
     if outer:
-        from isomatch.mending.outer import inner_faces  # imports scipy.ndimage, which is slow
+        from isomatch.repair.outer import inner_faces  # imports scipy.ndimage, which is slow
 
         removals.append(("chambers", lambda mesh: inner_faces(mesh, opening)))
     if without_base:

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from isomatch import Mesh, check
-from isomatch.mending import capped
-from isomatch.mending.caps import boundary_loops
+from isomatch.repair import capped
+from isomatch.repair.caps import boundary_loops
 from isomatch_lab.damage import cut, holes
 from isomatch_lab.procedural import creature
 from shapes import icosphere

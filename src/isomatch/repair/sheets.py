@@ -10,7 +10,7 @@ from scipy.optimize import linear_sum_assignment
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import dijkstra
 
-from isomatch.mending.self_contacts import edges_to_root
+from isomatch.repair.self_contacts import edges_to_root
 from isomatch.surfaces import (
     EdgeTable,
     Mesh,
