@@ -18,10 +18,10 @@ import pytest
 import isomatch
 from corresponded import random_shapes
 from isomatch import Asset, Mesh
-from isomatch.io import Attribute, Polygons, with_texture
 from isomatch.cli import main
 from isomatch.datasets import example_pair
 from isomatch.decimation import decimate
+from isomatch.io import Attribute, Polygons, with_texture
 from isomatch_lab.procedural import creature
 from later import some_later
 

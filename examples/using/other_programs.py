@@ -8,8 +8,8 @@ Meshes of trimesh, PyVista and meshio can be matched as they are, and what comes
 import numpy as np
 
 from isomatch import Asset, match
-from isomatch.io import to_meshio, to_trimesh
 from isomatch.datasets import example_pair
+from isomatch.io import to_meshio, to_trimesh
 
 source, target = (animal.mesh for animal in example_pair())
 result = match(to_trimesh(Asset.of_mesh(source)), target)

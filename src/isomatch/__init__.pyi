@@ -1,12 +1,3 @@
-from isomatch.io import Asset, Attribute, read_asset, read_mesh, read_point_cloud, write_asset, write_mesh
-from isomatch.spectral import (
-    CanonicalForm,
-    DistanceBasis,
-    LaplaceBasis,
-    canonical_form,
-    distance_basis,
-    laplace_basis,
-)
 from isomatch.collections import Collection
 from isomatch.correspondence import Correspondence, Wrapped, WrapQuality, wrap
 from isomatch.descriptors import (
@@ -37,6 +28,7 @@ from isomatch.geodesics import (
     geodesic_distances,
     geodesic_path,
 )
+from isomatch.io import Asset, Attribute, read_asset, read_mesh, read_point_cloud, write_asset, write_mesh
 from isomatch.landmarks import Landmarks, median_landmarks, nearest_landmarks, read_landmarks, write_landmarks
 from isomatch.matching import (
     BothDirections,
@@ -54,6 +46,14 @@ from isomatch.repair import MeshReport, check, repair
 from isomatch.runtime.stage_timer import show_progress
 from isomatch.settings import Config
 from isomatch.shapes import PreparedShape, prepare
+from isomatch.spectral import (
+    CanonicalForm,
+    DistanceBasis,
+    LaplaceBasis,
+    canonical_form,
+    distance_basis,
+    laplace_basis,
+)
 from isomatch.surfaces import Graph, Mesh, PointCloud, PrecisePoints
 from isomatch.transfer import bake_texture, carry_attributes, carry_landmarks
 

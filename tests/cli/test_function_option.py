@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import isomatch
-from isomatch.io import Asset, Attribute
 from isomatch.cli import main
 from isomatch.cli.inputs import read_functions
+from isomatch.io import Asset, Attribute
 from shapes import box
 
 pytestmark = pytest.mark.usefixtures("small_pictures")

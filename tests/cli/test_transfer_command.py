@@ -11,10 +11,10 @@ from PIL import Image
 
 from corresponded import wrapped_as
 from isomatch import Asset, Correspondence, Mesh, match, read_asset, read_mesh, write_asset
-from isomatch.io import Attribute, Frame, Polygons
 from isomatch.cli import main
 from isomatch.cli.outputs import write_wrapped
 from isomatch.datasets import example_pair
+from isomatch.io import Attribute, Frame, Polygons
 
 pytestmark = pytest.mark.usefixtures("prepared_once", "small_pictures")
 

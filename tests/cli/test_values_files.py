@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from isomatch import Asset, Correspondence, Mesh, read_asset, write_asset
+from isomatch.cli import main
 from isomatch.io import (
     Attribute,
     Polygons,
@@ -14,7 +15,6 @@ from isomatch.io import (
     write_attribute,
     write_attributes,
 )
-from isomatch.cli import main
 from shapes import icosphere
 
 pytest.importorskip("nibabel")

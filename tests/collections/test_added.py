@@ -20,8 +20,8 @@ import isomatch
 from isomatch.cli import main
 from isomatch.collections import KEPT, Collection, added, finish
 from isomatch.collections.ledger import writing_ledger
-from isomatch.errors import InputError, SettingError
 from isomatch.decimation import decimate
+from isomatch.errors import InputError, SettingError
 from isomatch.statistics import ShapeModel, read_shapes
 from isomatch.storage import files as files_module
 from isomatch_lab.procedural import creature

@@ -11,7 +11,6 @@ import pytest
 from matplotlib.image import imread
 
 from isomatch import InputError, Landmarks, read_asset, read_mesh, write_asset, write_landmarks
-from isomatch.io import Frame
 from isomatch.cli import main
 from isomatch.collections import (
     Collection,
@@ -23,6 +22,7 @@ from isomatch.collections import (
 )
 from isomatch.collections.ledger import writing_ledger
 from isomatch.collections.map_file import digest_of
+from isomatch.io import Frame
 from isomatch.landmarks import Curve, nearest_on_surface
 from isomatch.visualization import camera_of
 from small_collections import run

@@ -6,7 +6,6 @@ from scipy.sparse import coo_array
 from scipy.spatial.transform import Rotation
 
 from isomatch import Mesh, prepare
-from isomatch.spectral import factorised_for_threads, stiffness_and_masses
 from isomatch.correspondence import (
     RigidRegistration,
     SurfaceIndex,
@@ -18,6 +17,7 @@ from isomatch.correspondence import (
 )
 from isomatch.correspondence.rigid_energy import RigidEnergy
 from isomatch.errors import SettingError
+from isomatch.spectral import factorised_for_threads, stiffness_and_masses
 from isomatch_lab.damage import cut
 from isomatch_lab.procedural import creature
 from shapes import icosphere

@@ -10,9 +10,9 @@ from tests.data import tosca
 from tests.shapes import box, cylinder, flat_grid, icosphere, planar_delaunay
 
 from isomatch import Mesh
+from isomatch.decimation import decimate, decimations
 from isomatch.errors import MeshError, SettingError
 from isomatch.repair import check, repair
-from isomatch.decimation import decimate, decimations
 from isomatch.surfaces import Graph
 
 

@@ -17,8 +17,8 @@ from slicer_stub import MarkupsNode, ModelNode, TransformNode
 from vtk.util.numpy_support import vtk_to_numpy
 
 from isomatch import Landmarks, carry_landmarks, write_landmarks, write_mesh
-from isomatch.io import read_mesh
 from isomatch.datasets import ground_truth
+from isomatch.io import read_mesh
 from isomatch.matching import DoubtfulRegion
 from isomatch.surfaces import Mesh
 

@@ -16,10 +16,10 @@ import numpy as np
 import pytest
 
 import isomatch
-from isomatch.io import Asset, Attribute, write_asset
 from isomatch.cli import main
 from isomatch.collections import Collection, changed_files
 from isomatch.collections import ledger as ledger_module
+from isomatch.io import Asset, Attribute, write_asset
 from later import some_later
 from small_collections import QUICK, arrays_of
 

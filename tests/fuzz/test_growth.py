@@ -6,8 +6,8 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from isomatch.io import FORMATS
 from isomatch.errors import FormatError
+from isomatch.io import FORMATS
 
 XYZ = "property float x\nproperty float y\nproperty float z\n"
 FACES = "property list uchar uchar vertex_indices\n"

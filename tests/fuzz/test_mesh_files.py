@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from mutations import fuzzed, mutated, spliced
 
 from isomatch import read_asset, write_asset
-from isomatch.io import FORMATS, Asset
 from isomatch.errors import FormatError
+from isomatch.io import FORMATS, Asset
 from zoo import grid, torus
 
 PLY_WITH_EVERYTHING = (

@@ -7,6 +7,7 @@ import pytest
 from PIL import Image
 
 from isomatch import FormatError, PointCloud, read_asset, read_mesh, write_asset, write_mesh
+from isomatch.cli import main
 from isomatch.io import (
     asset_from,
     looks_of,
@@ -18,7 +19,6 @@ from isomatch.io import (
     unread_files,
     with_texture,
 )
-from isomatch.cli import main
 from shapes import icosphere
 
 POINTS = np.random.default_rng(0).normal(size=(40, 3)).round(5)

@@ -8,8 +8,8 @@ from scipy.spatial.transform import Rotation
 
 import isomatch
 from isomatch import Asset, read_asset, read_mesh, write_asset
-from isomatch.io import Attribute, Polygons
 from isomatch.cli import main
+from isomatch.io import Attribute, Polygons
 from later import some_later
 
 L_SHAPE = [[0, 0], [3, 0], [3, 1], [1, 1], [1, 3], [0, 3]]

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from isomatch.io.formats._text import read_lines
 from isomatch.errors import FormatError
+from isomatch.io.formats._text import read_lines
 
 NOTATIONS = [
     "%r", "%.15g", "%.16g", "%.17g", "%.3f", "%.6f", "%.20f", "%.30f", "%+.2e", "%.17e", "%.18e", "%.19E", "%.40g"

@@ -4,8 +4,8 @@ import struct
 
 import pytest
 
-from isomatch.io.formats import ply
 from isomatch.errors import FormatError
+from isomatch.io.formats import ply
 
 SQUARE = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
 FORMATS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}

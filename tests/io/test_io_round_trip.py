@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from isomatch.io import FORMATS, Asset, read_mesh, write_mesh
 from isomatch.errors import DescriptorError, FormatError, MeshError, MissingFileError
+from isomatch.io import FORMATS, Asset, read_mesh, write_mesh
 from isomatch.surfaces import Mesh
 from zoo import grid, zoo
 

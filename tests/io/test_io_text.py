@@ -2,8 +2,8 @@
 
 import pytest
 
-from isomatch.io.formats import obj, off, stl
 from isomatch.errors import FormatError
+from isomatch.io.formats import obj, off, stl
 
 SQUARE = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
 HALVES = [[0, 1, 2], [0, 2, 3]]

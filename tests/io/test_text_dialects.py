@@ -13,10 +13,10 @@ from isomatch import (
     read_mesh,
     write_asset,
 )
+from isomatch.cli import main
 from isomatch.io import Attribute
 from isomatch.io.formats import obj, off, ply, stl
 from isomatch.io.polygons import Polygons
-from isomatch.cli import main
 
 POINTS = [[0.5, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
 FACES = [[0, 1, 2], [0, 2, 3]]

@@ -5,8 +5,8 @@ import pytest
 
 from isomatch import Mesh, Outcome, match, prepare
 from isomatch.datasets import example_pair
-from isomatch.matching import match_both
 from isomatch.decimation import decimate
+from isomatch.matching import match_both
 from isomatch.shapes import turned_over
 from shapes import icosphere, inside_out, upper_share
 

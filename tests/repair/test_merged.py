@@ -7,8 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from isomatch import Asset, Attribute, Config, Mesh, SettingError, check, prepare, repair
-from isomatch.repair import handles
 from isomatch.decimation import decimate
+from isomatch.repair import handles
 from isomatch.settings import PreparationSettings
 from isomatch_lab.damage import merge
 from shapes import icosphere

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from isomatch import Asset, Correspondence, Mesh, carry_attributes, read_asset, write_asset
+from isomatch.cli import main
 from isomatch.io import Attribute, Layer, Look, Looks, Part, Polygons, looks_of, png_of, with_texture
 from isomatch.io.formats.gltf_carried import with_materials
-from isomatch.cli import main
 from isomatch.repair import check, repair
 from shapes import flat_grid, icosphere
 

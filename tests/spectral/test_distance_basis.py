@@ -14,8 +14,8 @@ from isomatch import (
     geodesic_distances,
     laplace_basis,
 )
-from isomatch.spectral import nystrom_basis
 from isomatch.geodesics import distance_engine, farthest_point_sampling
+from isomatch.spectral import nystrom_basis
 from isomatch_lab.procedural import creature
 from shapes import disguised, flat_grid, icosphere, planar_delaunay, two_spheres
 from zoo import specimen

@@ -5,6 +5,7 @@ import pytest
 
 from data import tosca
 from isomatch import distance_basis, geodesic_distances
+from isomatch.geodesics import distance_engine, farthest_point_sampling
 from isomatch.spectral.laplacian import stiffness_and_masses
 from isomatch.spectral.low_rank import (
     ColumnPredictor,
@@ -13,7 +14,6 @@ from isomatch.spectral.low_rank import (
     fmds_basis,
     representative_points,
 )
-from isomatch.geodesics import distance_engine, farthest_point_sampling
 from isomatch_lab.procedural import creature
 
 

@@ -11,10 +11,10 @@ from scipy.sparse import csc_array, diags_array
 from scipy.sparse.linalg import eigsh
 
 from isomatch import Mesh, MeshError, NotConvergedError, laplace_basis
+from isomatch.decimation import Prolongation, decimate
 from isomatch.spectral import refined_laplace_basis
 from isomatch.spectral.laplace_basis import smallest_eigenpairs
 from isomatch.spectral.laplacian import WIDTH, factorised, factorised_for_threads
-from isomatch.decimation import Prolongation, decimate
 from isomatch_lab.procedural import creature
 from shapes import cylinder, disguised, icosphere, planar_delaunay
 from zoo import specimen, torus

@@ -9,8 +9,8 @@ from sklearn.decomposition import PCA
 
 from corresponded import ellipsoids, moved, only, random_shapes
 from isomatch import Asset, Mesh, write_asset
-from isomatch.io import Polygons
 from isomatch.errors import FormatError, InputError, MeshError, SettingError
+from isomatch.io import Polygons
 from isomatch.statistics import CorrespondedShapes, ShapeModel, compactness, generalised_procrustes
 
 LENGTHS = [0.7, 0.9, 1.0, 1.2, 1.5]

@@ -6,8 +6,8 @@ import numpy as np
 from PIL import Image
 
 from isomatch import Correspondence, bake_texture, read_asset
-from isomatch.io.formats._gltf_data import GltfData, packed
 from isomatch.correspondence import nearest_points
+from isomatch.io.formats._gltf_data import GltfData, packed
 from shapes import flat_grid
 
 RED, BLUE, WHITE, GREY = (255, 0, 0), (0, 0, 255), (255, 255, 255), (128, 128, 128)

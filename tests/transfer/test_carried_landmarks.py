@@ -14,8 +14,8 @@ from isomatch import (
     carry_landmarks,
     match,
 )
-from isomatch.io import Polygons
 from isomatch.datasets import example_pair
+from isomatch.io import Polygons
 from isomatch.landmarks import Curve, nearest_on_surface
 from shapes import cylinder, flat_grid, icosphere, planar_delaunay
 

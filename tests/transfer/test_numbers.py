@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from isomatch import Asset, Correspondence, carry_attributes
-from isomatch.io import Attribute, Polygons
 from isomatch.errors import SettingError
+from isomatch.io import Attribute, Polygons
 from shapes import icosphere
 
 MESH = icosphere(2)

@@ -7,8 +7,8 @@ import pytest
 from gltf_made import BLUE, GREY, RED, WHITE, Square, assert_stripes, onto, picture
 
 from isomatch import Asset, Attribute, Correspondence, bake_texture, carry_attributes, read_asset, write_asset
-from isomatch.io import Polygons, looks_of
 from isomatch.cli import main
+from isomatch.io import Polygons, looks_of
 
 QUADS = [k + np.array([0, 1, 6, 5]) for k in range(20) if k % 5 != 4]
 """The corners of a square of 4 × 4 quads, whose points are those of `Square`."""

@@ -14,9 +14,9 @@ from isomatch import (
     read_asset,
     write_asset,
 )
-from isomatch.io import Polygons
 from isomatch.cli import main
 from isomatch.cli.outputs import write_wrapped
+from isomatch.io import Polygons
 from shapes import flat_grid, icosphere
 
 TURN = np.array([[0, -1, 0], [0, 0, -1], [1, 0, 0]])  # as a rotation moves columns

@@ -8,9 +8,9 @@ import pytest
 
 from corresponded import wrapped_as
 from isomatch import Asset, Landmarks, read_asset, read_landmarks, read_mesh, write_asset, write_landmarks
-from isomatch.io import Attribute, Frame
 from isomatch.cli import main
 from isomatch.cli.outputs import say_wrapped, write_wrapped
+from isomatch.io import Attribute, Frame
 from shapes import icosphere
 
 TURN = np.array([-1.0, -1.0, 1.0])

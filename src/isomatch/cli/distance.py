@@ -13,13 +13,14 @@ from cyclopts import Group, Parameter
 from cyclopts.validators import LimitedChoice
 
 import isomatch
-from isomatch import geodesics, repair
-from isomatch.spectral import BasisMethod, Weighting
+from isomatch import geodesics
 from isomatch.cli.inputs import Force, Output, Seed, Weld, surface_of
 from isomatch.cli.outputs import claimed_files
 from isomatch.cli.terminal import TALK, Talk, Tell, complain, part, say, say_table
 from isomatch.errors import FormatError, SettingError, some
 from isomatch.geodesics import PATH_SUFFIXES, engine_names
+from isomatch.repair import without_seams
+from isomatch.spectral import BasisMethod, Weighting
 from isomatch.storage.array_file import write_arrays
 from isomatch.storage.files import write_text
 from isomatch.storage.texts import is_whole_number, joined, text_lines
@@ -236,7 +237,7 @@ def _paths(asked: _Asked, file: Path, weld: bool, tell: Tell) -> _Measured:
         tell(f"path {number} of {len(pairs)}", number / len(pairs))
     geodesics.write_paths(file, paths)
     lengths = np.array([path.length for path in paths], dtype=np.float64)
-    _, seams = repair.without_seams(mesh, weld)
+    _, seams = without_seams(mesh, weld)
     return _Measured("exact path", lengths.reshape(asked.shape), None, seams.changes if seams else ())
 
 

@@ -12,7 +12,6 @@ from cyclopts import Parameter
 
 import isomatch
 from isomatch import datasets, evaluation, matching
-from isomatch.io import files_beside
 from isomatch.cli.inputs import (
     ConfigFile,
     Details,
@@ -41,6 +40,7 @@ from isomatch.cli.results import (
 )
 from isomatch.cli.terminal import TALK, Talk, json_text, part, say, say_rows
 from isomatch.errors import InputError, LandmarkError, MapError, MeshError, NotConvergedError
+from isomatch.io import files_beside
 from isomatch.settings import Hypotheses, Orientation, RefinementName, Resolution, Start
 from isomatch.storage.files import write_text
 

@@ -15,12 +15,13 @@ from cyclopts import Parameter
 from rich.console import Console
 
 import isomatch
-from isomatch import repair, shapes, spectral
-from isomatch.io import FORMATS, as_written, files_beside, meshes_among, read_as_far
+from isomatch import shapes, spectral
 from isomatch.cli.distance import N_COLUMNS
 from isomatch.cli.inputs import Force, Json, Output, Rounded, surface_of
 from isomatch.cli.outputs import claimed_files, notes_on, say_left_out, say_notes
 from isomatch.cli.terminal import say, say_json
+from isomatch.io import FORMATS, as_written, files_beside, meshes_among, read_as_far
+from isomatch.repair import without_seams
 from isomatch.storage.array_file import write_arrays
 
 NUMBERS = 50  # columns of a table beside the names
@@ -31,7 +32,7 @@ Verb = Literal["distance", "basis", "match"]
 # how each command sets out, which is where it refuses a mesh
 _BEGINNINGS: dict[Verb, Callable[[isomatch.Mesh], object]] = {
     "distance": lambda mesh: isomatch.distance_engine(surface_of(mesh)),
-    "basis": lambda mesh: spectral.basis_domain(repair.without_seams(mesh)[0], n_columns=N_COLUMNS),
+    "basis": lambda mesh: spectral.basis_domain(without_seams(mesh)[0], n_columns=N_COLUMNS),
     "match": lambda mesh: shapes.body_of(surface_of(mesh), isomatch.Config().preparation),
 }
 

@@ -16,11 +16,12 @@ from zipfile import ZIP_DEFLATED, ZipFile
 from cyclopts import Parameter
 
 import isomatch
-from isomatch import server, visualization
+from isomatch import visualization
 from isomatch.cli.inputs import ConfigFile, Force, Surface, read_config, read_landmarks, read_surface
 from isomatch.cli.results import BACK_REMOVED, Back, Earlier, Inputs, ResultFolder, match_again
 from isomatch.cli.terminal import json_text, say
 from isomatch.errors import SettingError
+from isomatch.server import PageServer, Pairs, Session, require_server
 
 
 def open(
@@ -53,7 +54,7 @@ def open(
         browser: Whether to open the page in a browser. Its address is printed in any case.
         seed: Seed of all that is drawn at random; 0 if it is left out. A result that is opened has its own.
     """
-    server.require_server()
+    require_server()
     if target is None:
         options = "-o", "--landmarks", "--target-landmarks", "--config", "--seed", "--force"
         values = output, landmarks, target_landmarks, config, seed, force or None
@@ -75,7 +76,7 @@ def open(
     drawn = visualization.drawable(surfaces[0]), visualization.drawable(surfaces[1])
     page = visualization.WorkPage(*drawn, names=keeper.inputs.names, landmarks=marks)
     with keeper.claimed(force):
-        server = server.PageServer(server.Session(surfaces, page, keeper, landmarks=marks, **session), port)
+        server = PageServer(Session(surfaces, page, keeper, landmarks=marks, **session), port)
         say(server.address)
         say("Browsers of this machine that have this address show the page. Ctrl-C ends it.")
         if browser:
@@ -117,7 +118,7 @@ class _Files:
         with self.results.claimed(force) if self.results else nullcontext():
             yield
 
-    def write(self, result: isomatch.MatchResult, landmarks: server.Pairs) -> str:
+    def write(self, result: isomatch.MatchResult, landmarks: Pairs) -> str:
         if self.results is None:
             raise SettingError("there is no folder to save into; start isomatch open with -o DIR")
         had_back = self.results.has_back
@@ -128,7 +129,7 @@ class _Files:
         names = ", ".join(Path(path).name for path in record["files"].values())
         return f"Saved {names} in {self.folder}{''.join(f'; {what}' for what in told)}."
 
-    def packed(self, result: isomatch.MatchResult, landmarks: server.Pairs) -> bytes:
+    def packed(self, result: isomatch.MatchResult, landmarks: Pairs) -> bytes:
         archive = BytesIO()
         with TemporaryDirectory() as folder, ZipFile(archive, "w", ZIP_DEFLATED) as zipped:
             results = ResultFolder(Path(folder))
@@ -139,9 +140,7 @@ class _Files:
                 zipped.write(results.folder / name, name)
         return archive.getvalue()
 
-    def _write(
-        self, results: ResultFolder, result: isomatch.MatchResult, landmarks: server.Pairs
-    ) -> dict[str, Any]:
+    def _write(self, results: ResultFolder, result: isomatch.MatchResult, landmarks: Pairs) -> dict[str, Any]:
         is_opened, inputs = result is self.opened, replace(self.inputs, landmarks=landmarks)
         as_mesh = self.earlier.as_mesh if self.earlier and is_opened else {}
         more, back = {"as_mesh": as_mesh} if as_mesh else {}, self.back if is_opened else None

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 import isomatch
-from isomatch.io import Attribute, Frame
 from isomatch.cli.inputs import Surface
 from isomatch.cli.terminal import INDENT, say, say_rows
 from isomatch.errors import MeshError
+from isomatch.io import Attribute, Frame
 from isomatch.storage.files import claimed
 from isomatch.values.arrays import FloatArray
 

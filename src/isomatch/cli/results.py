@@ -84,7 +84,10 @@ class ResultFolder:
     @property
     def alternatives(self) -> list[Path]:
         """Paths of the maps of alternatives, as many as are kept."""
-        return [self.folder / f"alternative_{number}.npz" for number in range(1, visualization.MOST_ALTERNATIVES + 1)]
+        return [
+            self.folder / f"alternative_{number}.npz"
+            for number in range(1, visualization.MOST_ALTERNATIVES + 1)
+        ]
 
     @property
     def has_back(self) -> bool:

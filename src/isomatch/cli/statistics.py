@@ -14,8 +14,7 @@ from cyclopts import App, Parameter
 
 import isomatch
 import isomatch.statistics as shape_statistics
-from isomatch import collections, io
-from isomatch.io import Asset, Attribute
+from isomatch import collections
 from isomatch.cli.inputs import ConfigFile, Force, Output, Seed, read_config
 from isomatch.cli.outputs import claimed_files, require_writable, say_left_out
 from isomatch.cli.scored import LAST, new_shapes, say_scored, write_scored
@@ -23,6 +22,7 @@ from isomatch.cli.statistics_files import StatisticsFolder
 from isomatch.cli.statistics_time import over_time
 from isomatch.cli.terminal import INDENT, TALK, Talk, complain, json_text, part, say, say_rows, say_table
 from isomatch.errors import FormatError, InputError, IsomatchError
+from isomatch.io import FORMATS, Asset, Attribute
 from isomatch.statistics import CorrespondedShapes, GroupTest, ShapeModel, ShapeRegression
 from isomatch.storage.files import opened, write_text
 from isomatch.storage.texts import decoded, read_csv, separated
@@ -334,7 +334,7 @@ def _stem(name: str) -> str:
     """Name of a shape from that of its file."""
     last = name.replace("\\", "/").rpartition("/")[2]
     suffix = Path(last).suffix
-    return last.removesuffix(suffix) if suffix.lower() in io.FORMATS else last
+    return last.removesuffix(suffix) if suffix.lower() in FORMATS else last
 
 
 @statistics.command

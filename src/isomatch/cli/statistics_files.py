@@ -18,9 +18,9 @@ import numpy as np
 
 import isomatch.statistics as shape_statistics
 from isomatch import visualization
-from isomatch.io import Asset, Attribute, write_asset, write_mesh
 from isomatch.cli.terminal import json_text
 from isomatch.errors import MissingDependencyError
+from isomatch.io import Asset, Attribute, write_asset, write_mesh
 from isomatch.statistics import CorrespondedShapes, GroupTest, ShapeModel, ShapeRegression
 from isomatch.storage.files import claimed, made_folder, staged, write_text
 from isomatch.storage.texts import write_csv
@@ -73,7 +73,9 @@ class StatisticsFolder:
     ) -> None:
         """Write a mesh with values at its vertices, one of which gives the colours, from 0 or on both sides of it."""
         high = highest or float(np.nanquantile(np.abs(shown), 0.995)) or 1.0
-        paint = visualization.colour_scale(*(("RdBu_r", -high) if (shown < 0).any() else ("viridis", 0.0)), high)
+        paint = visualization.colour_scale(
+            *(("RdBu_r", -high) if (shown < 0).any() else ("viridis", 0.0)), high
+        )
         rgb = np.nan_to_num(paint(shown[:, None]), nan=GREY)
         attributes = [Attribute(measure, "point", "scalar", numbers) for measure, numbers in values.items()]
         colours = Attribute("color", "point", "colour", np.round(255 * rgb).astype(np.uint8))

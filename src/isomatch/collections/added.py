@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 
-from isomatch.io import mesh_from
 from isomatch.collections.cohort import OTHERS, checked_units, common_unit, scales_of, told_unit
 from isomatch.collections.collection import Collection
 from isomatch.collections.finish import surfaces_written
@@ -15,6 +14,7 @@ from isomatch.collections.ledger import Record, Rows
 from isomatch.collections.plan import Layout
 from isomatch.collections.shapes import Entry, entries_of
 from isomatch.errors import InputError, IsomatchError, MeshError, SettingError
+from isomatch.io import mesh_from
 from isomatch.statistics import ShapeModel, size_factors
 
 SAME_SURFACE = 1e-4  # of the size: how far the template may be from where the model has it; files are of single precision

@@ -10,8 +10,8 @@ import numpy as np
 from scipy.sparse import coo_array, csc_array
 from scipy.sparse.csgraph import laplacian
 
-from isomatch.spectral import factorised_for_threads
 from isomatch.landmarks import nearest_on_surface
+from isomatch.spectral import factorised_for_threads
 from isomatch.statistics import CorrespondedShapes, slices_of, structure_of
 from isomatch.surfaces import Mesh, PrecisePoints
 from isomatch.values.arrays import BoolArray, FloatArray

@@ -13,11 +13,11 @@ import numpy as np
 from matplotlib import colormaps
 from scipy.spatial import cKDTree
 
-from isomatch.io import Asset, read_asset, read_mesh
 from isomatch.collections.collection import Collection
 from isomatch.collections.map_file import maps_along, require_unchanged
 from isomatch.correspondence import Correspondence
 from isomatch.errors import InputError, IsomatchError
+from isomatch.io import Asset, read_asset, read_mesh
 from isomatch.landmarks import Landmarks, median_landmarks, spread_on_surface
 from isomatch.storage.files import replaced
 from isomatch.surfaces import Mesh, reflected

@@ -15,7 +15,6 @@ from string import Template
 from typing import Any, Literal
 from urllib.parse import quote
 
-from isomatch.io import mesh_from
 from isomatch.collections.cohort import Outlier, outliers
 from isomatch.collections.collection import Collection
 from isomatch.collections.ledger import Record, Rows, is_contradicted
@@ -25,6 +24,7 @@ from isomatch.collections.run import row_of
 from isomatch.collections.shapes import Pair
 from isomatch.collections.workers import Task, Workers, late_after, workers_of
 from isomatch.errors import SettingError
+from isomatch.io import mesh_from
 from isomatch.matching import MatchResult, Outcome, Quality
 from isomatch.storage.files import replaced, write_text, writing
 from isomatch.storage.texts import write_csv

@@ -17,7 +17,6 @@ from typing import Literal, NamedTuple, TypeVar, cast
 import numpy as np
 from scipy.spatial import cKDTree
 
-from isomatch.io import mesh_from, surface_from
 from isomatch.collections.cohort import OF_SHAPES, holes_of, likeness_of, mirror_images, outliers
 from isomatch.collections.ledger import SIDES, Ledger, Record, Rows, read_ledgers, writing_ledger
 from isomatch.collections.map_file import PairMaps, as_matched, changed_files, digest_of, maps_of_pair
@@ -35,6 +34,7 @@ from isomatch.collections.shapes import SIDE, Entry, Pair, pairs_of, tiles_of
 from isomatch.collections.workers import Task, Workers, workers_of
 from isomatch.correspondence import carried_along
 from isomatch.errors import FormatError, MissingFileError, UnwritableFileError
+from isomatch.io import mesh_from, surface_from
 from isomatch.matching import MatchResult, Outcome, match_both
 from isomatch.runtime.memory import peak_memory
 from isomatch.settings import Config

@@ -11,8 +11,8 @@ from itertools import combinations, pairwise
 from pathlib import Path
 from unicodedata import normalize
 
-from isomatch.io import meshes_among
 from isomatch.errors import InputError
+from isomatch.io import meshes_among
 from isomatch.storage.files import ignores_case, legible
 from isomatch.storage.texts import read_csv
 

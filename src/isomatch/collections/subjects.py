@@ -10,13 +10,13 @@ from typing import Any, Literal
 
 import numpy as np
 
-from isomatch.io import Asset, Attribute, mesh_from, meshes_among, write_asset
 from isomatch.collections.cohort import OTHERS
 from isomatch.collections.collection import Collection
 from isomatch.collections.contacts import beneath, contacts_kept
 from isomatch.collections.finish import surfaces_written
 from isomatch.collections.shapes import Entry
 from isomatch.errors import InputError, IsomatchError
+from isomatch.io import Asset, Attribute, mesh_from, meshes_among, write_asset
 from isomatch.statistics import (
     MEASURED,
     STRUCTURES,

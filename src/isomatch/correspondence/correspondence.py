@@ -11,8 +11,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse import csc_array, csr_array
 
-from isomatch.io import SurfaceLike, mesh_from, surface_from
-from isomatch.spectral import LaplaceBasis, laplace_basis
 from isomatch.correspondence.functional_maps import FunctionalMap, fit_functional_map
 from isomatch.correspondence.map_arrays import (
     UNMATCHED,
@@ -24,7 +22,9 @@ from isomatch.correspondence.map_arrays import (
 )
 from isomatch.correspondence.map_files import map_parts, write_map
 from isomatch.errors import DescriptorError, FormatError, MapError
+from isomatch.io import SurfaceLike, mesh_from, surface_from
 from isomatch.loading.first_use import PlotOptions, Shown, view_room
+from isomatch.spectral import LaplaceBasis, laplace_basis
 from isomatch.surfaces import PrecisePoints, Surface, surface_in_use
 from isomatch.values.arrays import AnyArray, FloatArray, IntArray, array_of
 

@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import polar, solve_triangular
 
-from isomatch.spectral import LaplaceBasis
 from isomatch.correspondence.nearest import nearest_rows
+from isomatch.spectral import LaplaceBasis
 from isomatch.values.arrays import FloatArray, IntArray
 from isomatch.values.cached import cached_property
 

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse import csc_array
 
+from isomatch.decimation import PlacedMesh, VertexGroups, normalised
 from isomatch.errors import DescriptorError, MapError, some
 from isomatch.geodesics import distance_along_edges_to_nearest
-from isomatch.decimation import PlacedMesh, VertexGroups, normalised
 from isomatch.surfaces import Mesh, PrecisePoints, Surface
 from isomatch.values.arrays import AnyArray, BoolArray, FloatArray, IntArray, array_of, numbers_of
 

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from isomatch.io import SurfaceLike, mesh_from
 from isomatch.correspondence.correspondence import Correspondence
 from isomatch.correspondence.map_arrays import UNMATCHED
-from isomatch.errors import MapError
 from isomatch.decimation import PlacedMesh, VertexGroups, normalised
+from isomatch.errors import MapError
+from isomatch.io import SurfaceLike, mesh_from
 from isomatch.surfaces import PrecisePoints
 from isomatch.values.arrays import FloatArray
 

@@ -7,12 +7,12 @@ from collections.abc import Callable, Iterable
 import numpy as np
 from scipy.linalg import solve
 
-from isomatch.spectral import factorised_for_threads
 from isomatch.correspondence.functional_maps import Embedding, SampledBasis
 from isomatch.correspondence.nearest import SurfaceIndex
 from isomatch.correspondence.rigid_energy import RigidEnergy
 from isomatch.errors import SettingError
 from isomatch.runtime.threads import parallel_map, row_product
+from isomatch.spectral import factorised_for_threads
 from isomatch.surfaces import Mesh, PrecisePoints
 from isomatch.values.arrays import FloatArray, IntArray, single
 from isomatch.values.cached import cached_method, cached_property

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import coo_array, csc_array, diags_array
 
-from isomatch.spectral import stiffness_and_masses
 from isomatch.correspondence.poses import nearest_rotation
 from isomatch.loading.compiled import compiled
+from isomatch.spectral import stiffness_and_masses
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import FloatArray, IntArray
 

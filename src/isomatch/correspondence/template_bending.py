@@ -13,8 +13,8 @@ from isomatch.correspondence.nearest import nearest_points, squared_distance
 from isomatch.correspondence.poses import nearest_rotation
 from isomatch.correspondence.registration import ROTATED, with_normals
 from isomatch.correspondence.rigid_energy import RigidEnergy
-from isomatch.loading.compiled import compiled
 from isomatch.decimation import Prolongation, decimate
+from isomatch.loading.compiled import compiled
 from isomatch.surfaces import Mesh, PrecisePoints
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 

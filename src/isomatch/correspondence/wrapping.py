@@ -10,14 +10,14 @@ from scipy.sparse import csr_array, diags_array
 from scipy.sparse.linalg import spsolve
 from scipy.spatial import cKDTree
 
-from isomatch.io import SurfaceLike, mesh_from
 from isomatch.correspondence.correspondence import Correspondence
 from isomatch.correspondence.map_arrays import UNMATCHED
 from isomatch.correspondence.nearest import nearest_points
 from isomatch.correspondence.poses import nearest_rotation
 from isomatch.correspondence.template_bending import Boundary, bend_template
-from isomatch.errors import MapError
 from isomatch.decimation import normalised
+from isomatch.errors import MapError
+from isomatch.io import SurfaceLike, mesh_from
 from isomatch.surfaces import Mesh, PrecisePoints, first_equal
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 

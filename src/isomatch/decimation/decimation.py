@@ -9,7 +9,6 @@ from typing import Self
 
 import numpy as np
 
-from isomatch.errors import MeshError, SettingError, some
 from isomatch.decimation._collapse import (
     BOUNDARY,
     FIXED,
@@ -21,6 +20,7 @@ from isomatch.decimation._collapse import (
     link_corners,
     remove_gaps,
 )
+from isomatch.errors import MeshError, SettingError, some
 from isomatch.surfaces import Mesh, in_spatial_order
 from isomatch.values.arrays import AnyArray, FloatArray, IntArray
 

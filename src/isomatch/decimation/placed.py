@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from isomatch.loading.compiled import compiled
 from isomatch.decimation._collapse import Index, difference, link_corners, other_vertices
+from isomatch.loading.compiled import compiled
 from isomatch.runtime.threads import parallel_map
 from isomatch.surfaces import Mesh, PrecisePoints, nearest_in_triangle
 from isomatch.values.arrays import AnyArray, FloatArray, IntArray, read_only

@@ -6,8 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from isomatch.errors import MeshError
-from isomatch.loading.compiled import compiled
 from isomatch.decimation._collapse import FIRST, Index, other_vertices
 from isomatch.decimation.decimation import Decimated, normalised
 from isomatch.decimation.placed import (
@@ -18,6 +16,8 @@ from isomatch.decimation.placed import (
     nearest_in_face,
     sort_corners,
 )
+from isomatch.errors import MeshError
+from isomatch.loading.compiled import compiled
 from isomatch.runtime.threads import parallel_map
 from isomatch.surfaces import Mesh, PrecisePoints, vertex_normals
 from isomatch.values.arrays import AnyArray, Float32Array, FloatArray, IntArray, single

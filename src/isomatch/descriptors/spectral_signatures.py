@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from isomatch.spectral import LaplaceBasis
 from isomatch.repair import without_seams
 from isomatch.runtime.threads import row_product
+from isomatch.spectral import LaplaceBasis
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import FloatArray
 

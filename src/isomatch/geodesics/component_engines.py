@@ -7,12 +7,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from isomatch import repair
 from isomatch.errors import MeshError
 from isomatch.geodesics.dijkstra import Dijkstra
 from isomatch.geodesics.protocol import ColumnEngine, ordinary_unit, require_finite
 from isomatch.geodesics.windows import UnfoldedFaces, windows_from
 from isomatch.loading.first_use import package
+from isomatch.repair import check, repair
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import FloatArray, IntArray
 
@@ -70,9 +70,9 @@ class Exact(ComponentEngine):
         super().__init__(mesh)
 
     def _solver(self, component: Mesh) -> Solver:
-        report = repair.check(component, wall=0.0)
+        report = check(component, wall=0.0)
         if any(len(getattr(report, defect)) for defect in _NOT_HANDLED):
-            return _by_windows(repair.repair(component, weld=False, remove_unused=False, orient=False).mesh)
+            return _by_windows(repair(component, weld=False, remove_unused=False, orient=False).mesh)
         algorithm = self._algorithm(component.vertices, component.faces.astype(np.int32))
 
         def distances_from(source: int) -> FloatArray:

@@ -7,7 +7,6 @@ from typing import Any, TypeAlias, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch.io import SurfaceLike, surface_from
 from isomatch.errors import MeshError, SettingError
 from isomatch.geodesics.component_engines import Exact, Heat
 from isomatch.geodesics.dijkstra import Dijkstra
@@ -15,6 +14,7 @@ from isomatch.geodesics.fast_marching import FastMarching
 from isomatch.geodesics.given import DistanceFunction, GivenFunction, GivenMatrix, WeldedEngine
 from isomatch.geodesics.points import PointsInFaces, inserted, joined, points_of, vertices_of
 from isomatch.geodesics.protocol import DistanceEngine, pair_distances
+from isomatch.io import SurfaceLike, surface_from
 from isomatch.repair import without_seams
 from isomatch.surfaces import Graph, Mesh, PointCloud, PrecisePoints
 from isomatch.values.arrays import AnyArray, FloatArray

@@ -11,12 +11,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch.io import SurfaceLike, mesh_from
 from isomatch.errors import FormatError, MeshError
 from isomatch.geodesics.dijkstra import Dijkstra
 from isomatch.geodesics.points import Inserted, inserted, joined, points_of
 from isomatch.geodesics.protocol import ordinary_unit, require_finite
 from isomatch.geodesics.windows import UnfoldedFaces, Windows, windows_from
+from isomatch.io import SurfaceLike, mesh_from
 from isomatch.repair import Repair, repair
 from isomatch.storage.files import write_text
 from isomatch.surfaces import Mesh, PrecisePoints

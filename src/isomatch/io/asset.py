@@ -10,9 +10,9 @@ from typing import Any, Literal, Protocol, TypeAlias, cast, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike
 
+from isomatch.errors import DescriptorError, MeshError, some
 from isomatch.io.attribute import Attribute, Domain, Kind, require_lengths
 from isomatch.io.polygons import Polygons, Renumbering
-from isomatch.errors import DescriptorError, MeshError, some
 from isomatch.surfaces import Mesh, welded
 from isomatch.values.arrays import FloatArray, IntArray, numbers_of, read_only
 from isomatch.values.cached import cached_property

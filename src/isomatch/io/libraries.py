@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
+from isomatch.errors import MeshError
 from isomatch.io.appearance import with_one_texture, with_texture
 from isomatch.io.asset import Asset, Frame
 from isomatch.io.attribute import Attribute, Domain, Kind, guessed_kind, told_apart
 from isomatch.io.materials import png_of, texture_on
 from isomatch.io.polygons import Polygons, split_at_seams
-from isomatch.errors import MeshError
 from isomatch.loading.first_use import package
 from isomatch.values.arrays import AnyArray, IntArray
 

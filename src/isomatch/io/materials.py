@@ -13,8 +13,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch.io.attribute import linear_of, srgb_of
 from isomatch.errors import FormatError
+from isomatch.io.attribute import linear_of, srgb_of
 from isomatch.storage.files import contents, opened
 from isomatch.values.arrays import AnyArray, FloatArray, IntArray
 

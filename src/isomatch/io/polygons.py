@@ -9,8 +9,8 @@ import numpy as np
 from mapbox_earcut import triangulate_float64
 from numpy.typing import ArrayLike
 
-from isomatch.io.attribute import Attribute, without_labels
 from isomatch.errors import MeshError
+from isomatch.io.attribute import Attribute, without_labels
 from isomatch.surfaces import first_equal, welded
 from isomatch.values.arrays import AnyArray, BoolArray, FloatArray, IntArray, array_of, read_only
 from isomatch.values.cached import cached_property

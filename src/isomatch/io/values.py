@@ -13,12 +13,12 @@ from pathlib import Path
 
 import numpy as np
 
+from isomatch.errors import DescriptorError, FormatError
 from isomatch.io.asset import Asset
 from isomatch.io.attribute import Attribute, Kind, guessed_kind, told_apart
 from isomatch.io.formats import freesurfer, gifti
 from isomatch.io.formats._reading import reading, unexpected
 from isomatch.io.formats._text import number_of
-from isomatch.errors import DescriptorError, FormatError
 from isomatch.storage.files import contents, replaced
 from isomatch.storage.texts import SEPARATORS, decoded, encoding_of, joined, separated
 from isomatch.values.arrays import AnyArray

@@ -15,8 +15,8 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from isomatch.io import TURN, Axes, Frame
 from isomatch.errors import FormatError, LandmarkError
+from isomatch.io import TURN, Axes, Frame
 from isomatch.storage.files import opened
 from isomatch.storage.texts import is_whole_number, read_text, unescaped
 from isomatch.values.arrays import FloatArray

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
-from isomatch.io import TURN, Asset, Axes, Frame, SurfaceLike, read_asset, surface_from
 from isomatch.correspondence import geometric_median
 from isomatch.errors import LandmarkError
+from isomatch.io import TURN, Asset, Axes, Frame, SurfaceLike, read_asset, surface_from
 from isomatch.landmarks.curves import nearest_on_surface, respaced_curve
 from isomatch.landmarks.landmark_files import (
     PAIRS,

@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch.io import SurfaceLike
 from isomatch.correspondence import UNMATCHED, Correspondence, iterative_closest_points
 from isomatch.errors import SettingError
+from isomatch.io import SurfaceLike
 from isomatch.loading.first_use import view_room
 from isomatch.matching.components import match_components
 from isomatch.matching.evidence import Evidence, Solution, verified

@@ -9,9 +9,9 @@ from itertools import permutations
 
 import numpy as np
 
-from isomatch.io import SurfaceLike
 from isomatch.correspondence import Embedding, SignedPoints, SpectralPair, nearest_of_few
 from isomatch.errors import MemoryBudgetError, MeshError, NotConvergedError
+from isomatch.io import SurfaceLike
 from isomatch.runtime.stage_timer import MATCHING, Progress, StageTimer
 from isomatch.runtime.threads import parallel_map
 from isomatch.settings import Config, SearchSettings

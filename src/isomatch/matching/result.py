@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch.io import Asset, Attribute, SurfaceLike, mesh_from, to_pyvista
 from isomatch.correspondence import UNMATCHED, Correspondence, wrap
 from isomatch.errors import FormatError, InputError
+from isomatch.io import Asset, Attribute, SurfaceLike, mesh_from, to_pyvista
 from isomatch.loading.first_use import Shown, view_room
 from isomatch.matching.confidence import DoubtfulRegion, packed, unpacked
 from isomatch.settings import MatchSettings

@@ -8,17 +8,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch.io import SurfaceLike
 from isomatch.correspondence import UNMATCHED, Correspondence, RigidRegistration
+from isomatch.decimation import Prolongation, decimate
 from isomatch.descriptors import RADII, BallSignature, ball_signature, deviation_of
 from isomatch.errors import MeshError
 from isomatch.geodesics import distance_along_edges_to_nearest
+from isomatch.io import SurfaceLike
 from isomatch.loading.first_use import Shown
 from isomatch.matching.pair import ShapePair, prepare_pair
 from isomatch.matching.priors import checked_initial_map
 from isomatch.matching.quality import mean_known
 from isomatch.matching.relations.bending import Surroundings, bent_onto
-from isomatch.decimation import Prolongation, decimate
 from isomatch.runtime.threads import in_background, parallel_map, serial_blas
 from isomatch.settings import Config
 from isomatch.shapes import N_BALLS, PreparedShape

@@ -9,9 +9,9 @@ from typing import TypeAlias
 
 import numpy as np
 
-from isomatch.io import SurfaceLike
 from isomatch.correspondence import Correspondence
 from isomatch.errors import MeshError, SettingError
+from isomatch.io import SurfaceLike
 from isomatch.matching.evidence import Evidence, Solution
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.quality import covered_share

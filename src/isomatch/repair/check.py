@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from isomatch.io import Polygons, SurfaceLike, mesh_from
 from isomatch.errors import some
+from isomatch.io import Polygons, SurfaceLike, mesh_from
 from isomatch.loading.compiled import compiled
 from isomatch.repair._winding import faces_to_rewind, shells, with_rewound
 from isomatch.repair.base import LARGE, base_of

@@ -9,6 +9,7 @@ from typing import TypeVar, cast
 
 import numpy as np
 
+from isomatch.errors import FormatError, SettingError
 from isomatch.io import (
     Asset,
     Attribute,
@@ -20,7 +21,6 @@ from isomatch.io import (
     read_asset,
     read_mesh,
 )
-from isomatch.errors import FormatError, SettingError
 from isomatch.repair._winding import wound_outward
 from isomatch.repair.base import base_of
 from isomatch.repair.check import OPENING, MeshReport

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, Protocol, Self
 
-from isomatch.spectral import Weighting
 from isomatch.errors import FormatError, SettingError
 from isomatch.geodesics import engine_names
 from isomatch.loading.first_use import Shown
@@ -22,6 +21,7 @@ from isomatch.settings import (
     SelectionSettings,
     SymmetrySettings,
 )
+from isomatch.spectral import Weighting
 from isomatch.storage.files import opened
 from isomatch.values.settings import Settings, require_one_of, setting
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from isomatch.decimation import Prolongation, decimations, normalised
 from isomatch.errors import MeshError, some
 from isomatch.geodesics import distance_engine, ordinary_unit
 from isomatch.repair import (
@@ -17,7 +18,6 @@ from isomatch.repair import (
     seems_inside_out,
     separate_sheets,
 )
-from isomatch.decimation import Prolongation, decimations, normalised
 from isomatch.settings import Config, PreparationSettings
 from isomatch.surfaces import Graph, Mesh, PointCloud, Surface, in_spatial_order
 from isomatch.values.arrays import BoolArray, IntArray

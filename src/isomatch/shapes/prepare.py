@@ -6,8 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from isomatch.io import SurfaceLike, surface_from
-from isomatch.spectral import laplace_basis, nystrom_basis
 from isomatch.errors import MeshError
 from isomatch.geodesics import (
     DistanceEngine,
@@ -18,11 +16,13 @@ from isomatch.geodesics import (
     farthest_point_sampling,
     peripheral_vertex,
 )
+from isomatch.io import SurfaceLike, surface_from
 from isomatch.runtime.stage_timer import PREPARATION, Progress, StageTimer
 from isomatch.runtime.threads import in_background, serial_blas
 from isomatch.settings import Config
 from isomatch.shapes.body import Body, body_of, full_level, levels_of
 from isomatch.shapes.prepared_shape import PreparedShape
+from isomatch.spectral import laplace_basis, nystrom_basis
 from isomatch.surfaces import Graph, Surface
 from isomatch.values.arrays import FloatArray, IntArray
 from isomatch.values.settings import generator

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any, NoReturn, Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch.spectral import DistanceBasis, LaplaceBasis, refined_laplace_basis
 from isomatch.correspondence import Correspondence, PrecisePoints, SignedPoints
+from isomatch.decimation import Decimated, Prolongation
 from isomatch.descriptors import (
     BallSignature,
     ball_signature,
@@ -26,11 +26,11 @@ from isomatch.errors import FormatError, InputError, SettingError
 from isomatch.geodesics import Sampling, distance_along_edges_to_nearest
 from isomatch.loading.first_use import PlotOptions, Shown, view_room
 from isomatch.repair import check, handles, seems_inside_out
-from isomatch.decimation import Decimated, Prolongation
 from isomatch.settings import Config, SymmetrySettings
 from isomatch.shapes.body import Body, Detail, Level
 from isomatch.shapes.smooth_shape import SmoothShape, orientation_of
 from isomatch.shapes.symmetries import LOOSE, Symmetry, find_symmetries
+from isomatch.spectral import DistanceBasis, LaplaceBasis, refined_laplace_basis
 from isomatch.storage.array_file import Archive, ArrayFormat, Stored, save_arrays
 from isomatch.surfaces import Graph, Mesh, PointCloud
 from isomatch.values.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray
@@ -269,7 +269,7 @@ class PreparedShape(SmoothShape, Shown):
 
     @cached_property
     def handles(self) -> int:
-        """Number of handles of the body, see `mending.handles`; 0 of points and graphs."""
+        """Number of handles of the body, see `repair.handles`; 0 of points and graphs."""
         return 0 if self.triangles is None else handles(self.triangles)
 
     @cached_property
@@ -279,7 +279,7 @@ class PreparedShape(SmoothShape, Shown):
 
     @cached_property
     def seems_inside_out(self) -> bool:
-        """Whether the body looks inward, though its openings are too large to be sure; see `mending.seems_inside_out`."""
+        """Whether the body looks inward, though its openings are too large to be sure; see `repair.seems_inside_out`."""
         return self.triangles is not None and self.boundary_length > 0 and seems_inside_out(self.triangles)
 
     @cached_property

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from isomatch.spectral import LaplaceBasis
 from isomatch.correspondence import (
     UNMATCHED,
     Correspondence,
@@ -15,14 +14,15 @@ from isomatch.correspondence import (
     SurfaceIndex,
     VertexCells,
 )
+from isomatch.decimation import Decimated, Prolongation
 from isomatch.descriptors import mean_curvature, standardised, wave_kernel_signature
 from isomatch.errors import DescriptorError, MeshError
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.loading.compiled import compiled
-from isomatch.decimation import Decimated, Prolongation
 from isomatch.runtime.threads import parallel_map, row_product
 from isomatch.settings import Config, PreparationSettings
 from isomatch.shapes.body import Detail
+from isomatch.spectral import LaplaceBasis
 from isomatch.surfaces import Mesh, Surface, vertex_normals
 from isomatch.values.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray, single
 from isomatch.values.cached import cached_method, cached_property

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Literal, Unpack
 
 import numpy as np
 
-from isomatch.io import SurfaceLike
 from isomatch.errors import MeshError
 from isomatch.geodesics import DistanceEngine, MetricSpace, distance_engine
+from isomatch.io import SurfaceLike
 from isomatch.loading.first_use import PlotOptions, Shown, view_room
 from isomatch.values.arrays import FloatArray, IntArray
 from isomatch.values.settings import require_one_of

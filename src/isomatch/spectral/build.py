@@ -9,7 +9,18 @@ from functools import partial
 import numpy as np
 from numpy.typing import DTypeLike
 
+from isomatch.errors import NotConvergedError, SettingError
+from isomatch.geodesics import (
+    DistanceEngine,
+    MetricSpace,
+    Sampling,
+    farthest_point_sampling,
+    metric_space,
+    peripheral_vertex,
+)
 from isomatch.io import SurfaceLike
+from isomatch.repair import Repair, without_seams
+from isomatch.runtime.threads import in_background, serial_blas
 from isomatch.spectral.basis import BasisMethod, Weighting, basis_domain, shared_weights
 from isomatch.spectral.distance_basis import DistanceBasis
 from isomatch.spectral.laplacian import require_mesh_or_points
@@ -22,17 +33,6 @@ from isomatch.spectral.low_rank import (
     predicted_basis,
     smds_basis,
 )
-from isomatch.errors import NotConvergedError, SettingError
-from isomatch.geodesics import (
-    DistanceEngine,
-    MetricSpace,
-    Sampling,
-    farthest_point_sampling,
-    metric_space,
-    peripheral_vertex,
-)
-from isomatch.repair import Repair, without_seams
-from isomatch.runtime.threads import in_background, serial_blas
 from isomatch.surfaces import Mesh, PointCloud
 from isomatch.values.arrays import FloatArray
 from isomatch.values.settings import generator, require_one_of

@@ -10,10 +10,10 @@ import robust_laplacian
 from scipy.sparse import coo_array, csc_array, csr_array, diags_array, tril
 from scipy.sparse.linalg import splu
 
-from isomatch.spectral.basis import require_areas
 from isomatch.errors import MeshError, SettingError
 from isomatch.geodesics import MetricSpace
 from isomatch.loading.compiled import compiled
+from isomatch.spectral.basis import require_areas
 from isomatch.surfaces import Graph, Mesh, PointCloud, Surface
 from isomatch.values.arrays import AnyArray, FloatArray, IntArray
 

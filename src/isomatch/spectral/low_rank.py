@@ -10,14 +10,14 @@ from scipy.sparse import csc_array, diags_array
 from scipy.sparse.linalg import eigsh
 from scipy.spatial import KDTree
 
-from isomatch.spectral.basis import fix_signs
-from isomatch.spectral.distance_basis import NULL_VALUE, DistanceBasis, orthonormalised
-from isomatch.spectral.laplace_basis import LaplaceBasis, laplace_basis
-from isomatch.spectral.laplacian import factorised, stiffness_and_masses
 from isomatch.errors import MeshError
 from isomatch.geodesics import DistanceEngine, Sampling
 from isomatch.runtime.memory import require_memory
 from isomatch.runtime.threads import parallel_map, serial_blas
+from isomatch.spectral.basis import fix_signs
+from isomatch.spectral.distance_basis import NULL_VALUE, DistanceBasis, orthonormalised
+from isomatch.spectral.laplace_basis import LaplaceBasis, laplace_basis
+from isomatch.spectral.laplacian import factorised, stiffness_and_masses
 from isomatch.surfaces import Mesh, PointCloud, Surface
 from isomatch.values.arrays import FloatArray, IntArray
 from isomatch.values.ties import first_largest

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from isomatch.io import write_mesh
 from isomatch.errors import InputError
+from isomatch.io import write_mesh
 from isomatch.loading.first_use import package
 from isomatch.statistics.shape_model import ShapeModel
 from isomatch.statistics.shapes import CorrespondedShapes

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch.io import FORMATS, SurfaceLike, mesh_from, meshes_among
 from isomatch.correspondence import Correspondence, wrap
 from isomatch.errors import InputError, LandmarkError, MeshError, SettingError
+from isomatch.io import FORMATS, SurfaceLike, mesh_from, meshes_among
 from isomatch.landmarks import Landmarks, nearest_on_surface
 from isomatch.matching import Outcome, match
 from isomatch.runtime.stage_timer import Progress

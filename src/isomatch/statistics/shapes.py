@@ -12,9 +12,9 @@ from typing import TypeVar
 
 import numpy as np
 
-from isomatch.io import FORMATS, Asset, Polygons, meshes_among, read_as_far
 from isomatch.correspondence import Correspondence
 from isomatch.errors import FormatError, MeshError, MissingFileError, NotConvergedError, some
+from isomatch.io import FORMATS, Asset, Polygons, meshes_among, read_as_far
 from isomatch.statistics.procrustes import Scale, aligned_to, generalised_procrustes
 from isomatch.storage.files import legible
 from isomatch.storage.texts import natural_order, read_csv

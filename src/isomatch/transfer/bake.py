@@ -7,10 +7,24 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from isomatch import io
-from isomatch.io import Asset, Layer, Looks, Picture
 from isomatch.correspondence import Correspondence
 from isomatch.errors import DescriptorError, SettingError
+from isomatch.io import (
+    Asset,
+    Layer,
+    Looks,
+    Picture,
+    linear_of,
+    looks_of,
+    multiplied,
+    pixels_of,
+    png_of,
+    sampled,
+    srgb_of,
+    unread,
+    unread_files,
+    with_tiles,
+)
 from isomatch.surfaces import Mesh, PrecisePoints, linked, rasterise
 from isomatch.transfer.bridge import Bridge, Places, columns, rows_of_corners
 from isomatch.transfer.choices import Side
@@ -54,7 +68,7 @@ class Baked:
     @property
     def png(self) -> bytes:
         """The picture as a PNG file."""
-        return io.png_of(self.picture)
+        return png_of(self.picture)
 
 
 def bake_texture(
@@ -134,9 +148,9 @@ def bake_texture(
         share = f"{hidden / receiver.mesh.area:.1%} of the surface"
         notes += (f"{share} shows other parts, which have the same places in the picture and come first",)
     names = [f"baked_{tile}" for tile in tiles] if len(tiles) > 1 else ["baked"]
-    pictures = dict(zip(names, map(io.png_of, tiles.values())))
+    pictures = dict(zip(names, map(png_of, tiles.values())))
     of_triangle = np.searchsorted(list(tiles), tile_of_triangle).clip(0, len(tiles) - 1)
-    return Baked(tiles, io.with_tiles(receiver, of_triangle, pictures), unmatched, notes)
+    return Baked(tiles, with_tiles(receiver, of_triangle, pictures), unmatched, notes)
 
 
 def _in_tiles(receiver: Asset) -> tuple[FloatArray, IntArray, list[int]]:
@@ -211,16 +225,16 @@ class _Paint:
 
     @classmethod
     def of(cls, asset: Asset) -> _Paint:
-        looks, colours, notes = io.looks_of(asset), asset.of_kind("colour"), io.unread_files(asset)
+        looks, colours, notes = looks_of(asset), asset.of_kind("colour"), unread_files(asset)
         pictures = looks.pictures if looks else ()
-        lost = io.unread(pictures)
+        lost = unread(pictures)
         if len(lost) == len(pictures) and colours:
             looks = None
         elif not looks or all(lost.keys() & set(look.pictures) for look in looks.looks):
             why = f"no colour to bake, and no picture can be read ({'; '.join(notes)})"
             why = why if notes else "neither a texture nor a colour to bake"
             raise DescriptorError(f"there is {why}; give a file that has one")
-        pixels = {picture: io.pixels_of(picture.data) for picture in pictures if picture not in lost}
+        pixels = {picture: pixels_of(picture.data) for picture in pictures if picture not in lost}
         instead = "what it would paint is grey" if looks else "colours are painted instead"
         return cls(asset, looks, pixels, tuple(f"{note}; {instead}" for note in notes))
 
@@ -235,10 +249,10 @@ class _Paint:
             those = Places(places.asset, places.triangle[here], places.barycentric[here])
             base = self._of_layer(each.base, those)
             if self.looks.tinted and self.asset.of_kind("colour"):
-                base = io.multiplied(base, self._of_points(those))
+                base = multiplied(base, self._of_points(those))
             if each.emitted:
                 glow = self._of_layer(each.emitted, those)
-                base[:, :3] = io.srgb_of(io.linear_of(base) + io.linear_of(glow))[:, :3]
+                base[:, :3] = srgb_of(linear_of(base) + linear_of(glow))[:, :3]
             colours[here] = base
         return colours
 
@@ -251,6 +265,6 @@ class _Paint:
         uv = [attribute for attribute in self.asset.of_kind("uv") if attribute.name == layer.uv]
         if layer.picture in self.pixels and uv:
             at = places.interpolated(columns(uv[0]), places.rows(uv[0]))[:, :2]
-            return io.sampled(self.pixels[layer.picture], layer, np.nan_to_num(at))
+            return sampled(self.pixels[layer.picture], layer, np.nan_to_num(at))
         colour = np.array(UNPAINTED if layer.picture else layer.tint, dtype=np.float64)
         return np.tile(colour, (len(places.triangle), 1))

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import csr_array
 
-from isomatch.io import Asset, Attribute
 from isomatch.correspondence import UNMATCHED, Correspondence, nearest_rotation, welded_map
-from isomatch.errors import MeshError
 from isomatch.decimation import PlacedMesh, VertexGroups, normalised
+from isomatch.errors import MeshError
+from isomatch.io import Asset, Attribute
 from isomatch.surfaces import Mesh, PrecisePoints, first_equal
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 from isomatch.values.cached import cached_property

@@ -8,10 +8,21 @@ from typing import get_args
 
 import numpy as np
 
-from isomatch import io
-from isomatch.io import Asset, Attribute, Domain, Kind
 from isomatch.correspondence import Correspondence
 from isomatch.errors import DescriptorError, SettingError
+from isomatch.io import (
+    Asset,
+    Attribute,
+    Domain,
+    Kind,
+    animation_channels,
+    is_posed,
+    unread_files,
+    with_key_weights_of,
+    with_looks_of,
+    with_skin_of,
+    without_labels,
+)
 from isomatch.transfer.bridge import Bridge, Patches, columns, interpolated_at_corners, is_seamless
 from isomatch.transfer.choices import Labelling, NumbersAs, Side
 from isomatch.values.arrays import AnyArray, FloatArray, IntArray
@@ -140,15 +151,15 @@ def carry_attributes(
     kinds, notes = {attribute.kind for attribute in chosen}, list[str]()
     if "uv" in kinds:
         asset = asset.without_attributes(*(each.name for each in asset.attributes if each.is_tangent))
-        asset = io.with_looks_of(asset, giver, bridge.at_polygons.triangle[receiver.polygons.of_triangle])
-        notes += io.unread_files(giver)
+        asset = with_looks_of(asset, giver, bridge.at_polygons.triangle[receiver.polygons.of_triangle])
+        notes += unread_files(giver)
     if "weights" in kinds:
-        asset = io.with_skin_of(asset, giver)
-        if io.is_posed(giver):
+        asset = with_skin_of(asset, giver)
+        if is_posed(giver):
             notes.append("the skeleton is posed, and the surface is bound to it so; pose it back before")
     if "key" in kinds:
-        asset = io.with_key_weights_of(asset, giver.document)
-    if io.animation_channels(asset) < io.animation_channels(receiver):
+        asset = with_key_weights_of(asset, giver.document)
+    if animation_channels(asset) < animation_channels(receiver):
         notes.append("animations of joints and shape keys that the receiver had before are left out")
     left = {attribute.name for attribute in asset.attributes}
     supposed = () if numbers_as else (each for each, is_label in zip(chosen, as_labels) if is_label)
@@ -240,13 +251,13 @@ def _labels(attribute: Attribute, bridge: Bridge, labels: Labelling) -> Attribut
     receiver = bridge.receiver
     if attribute.domain == "point" and labels == "nearest":
         places = bridge.at_vertices
-        nearest = io.without_labels(attribute.values[places.nearest_rows(attribute)], ~places.has_place)
+        nearest = without_labels(attribute.values[places.nearest_rows(attribute)], ~places.has_place)
         return attribute.with_values(nearest[receiver.vertex_of_point])
     patches = Patches.of(attribute, bridge)
     rows = attribute.values
     distinct, code = np.unique(rows, axis=0 if rows.ndim > 1 else None, return_inverse=True)
     votes = patches.sums(code.ravel()[patches.rows], len(distinct))
-    winner = io.without_labels(distinct[votes.argmax(axis=1)], votes.sum(axis=1) == 0)
+    winner = without_labels(distinct[votes.argmax(axis=1)], votes.sum(axis=1) == 0)
     return attribute.with_values(winner[patches.owner_of_row])
 
 

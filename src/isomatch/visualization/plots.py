@@ -11,10 +11,10 @@ from matplotlib.axes import Axes
 from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
-from isomatch.io import SurfaceLike, surface_from
-from isomatch.spectral import DistanceBasis, LaplaceBasis
 from isomatch.correspondence import Correspondence
 from isomatch.errors import DescriptorError, MeshError
+from isomatch.io import SurfaceLike, surface_from
+from isomatch.spectral import DistanceBasis, LaplaceBasis
 from isomatch.storage.files import replaced
 from isomatch.surfaces import Graph, Mesh, Surface
 from isomatch.values.arrays import FloatArray, numbers_of

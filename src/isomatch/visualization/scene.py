@@ -16,7 +16,13 @@ from isomatch.errors import DescriptorError
 from isomatch.matching import MatchResult
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import FloatArray, IntArray, numbers_of
-from isomatch.visualization.camera import camera_of, of_ordinary_size, seen_from, turn_to_target, used_vertices
+from isomatch.visualization.camera import (
+    camera_of,
+    of_ordinary_size,
+    seen_from,
+    turn_to_target,
+    used_vertices,
+)
 from isomatch.visualization.colours import UNMATCHED_GREY, position_colours, to_screen
 
 Side = Literal["source", "target"]

@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import solve
 
-from isomatch.spectral import LaplaceBasis
 from isomatch.descriptors import heat_kernel_signature, standardised, wave_kernel_map, wave_kernel_signature
 from isomatch.matching import MatchResult
 from isomatch.runtime.memory import require_memory
 from isomatch.runtime.threads import serial_blas
 from isomatch.settings import Orientation
 from isomatch.shapes import PreparedShape
+from isomatch.spectral import LaplaceBasis
 from isomatch.surfaces import Mesh, Surface
 from isomatch.values.arrays import FloatArray
 from isomatch.values.settings import Settings, setting

@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import polar
 
-from isomatch.spectral import LaplaceBasis, spectral_interpolant
 from isomatch.descriptors import standardised
 from isomatch.errors import SettingError
 from isomatch.matching import MatchResult
 from isomatch.runtime.threads import serial_blas
 from isomatch.settings import Orientation
 from isomatch.shapes import PreparedShape
+from isomatch.spectral import LaplaceBasis, spectral_interpolant
 from isomatch.surfaces import Surface
 from isomatch.values.arrays import FloatArray, IntArray
 from isomatch.values.settings import Settings, setting

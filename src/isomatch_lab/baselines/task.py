@@ -7,8 +7,8 @@ from typing import Self
 
 from numpy.typing import ArrayLike
 
-from isomatch.io import SurfaceLike
 from isomatch.correspondence import Embedding, SpectralPair, fit_functional_map
+from isomatch.io import SurfaceLike
 from isomatch.matching import (
     MatchResult,
     Priors,

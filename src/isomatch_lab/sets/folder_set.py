@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from isomatch.io import FORMATS
 from isomatch.correspondence import IndexBase
 from isomatch.errors import FormatError, IsomatchError, MissingFileError, SettingError
 from isomatch.evaluation import Truth, read_indices, read_marked, read_truth
+from isomatch.io import FORMATS
 from isomatch.landmarks import read_landmarks
 from isomatch.storage.texts import read_text
 from isomatch.surfaces import Mesh

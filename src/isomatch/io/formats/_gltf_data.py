@@ -16,11 +16,11 @@ from urllib.parse import unquote
 
 import numpy as np
 
+from isomatch.errors import FormatError, MeshError
 from isomatch.io.asset import product
 from isomatch.io.attribute import unused_name
 from isomatch.io.formats._reading import Room, unexpected
 from isomatch.io.materials import picture_in
-from isomatch.errors import FormatError, MeshError
 from isomatch.storage.files import opened
 from isomatch.values.arrays import AnyArray, FloatArray, IntArray
 

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from isomatch.errors import MeshError
 from isomatch.io.asset import Asset
 from isomatch.io.attribute import Attribute, Kind
 from isomatch.io.formats import _text
@@ -17,7 +18,6 @@ from isomatch.io.formats._reading import content_beside
 from isomatch.io.formats._text import NumberRows, TextLines
 from isomatch.io.materials import Layer, Look, Picture, Wrap, picture_in
 from isomatch.io.polygons import Polygons, Renumbering
-from isomatch.errors import MeshError
 from isomatch.storage.texts import decoded, encoding_of
 from isomatch.surfaces import Mesh, welded
 from isomatch.values.arrays import AnyArray, FloatArray, IntArray

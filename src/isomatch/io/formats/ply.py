@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from isomatch.errors import FormatError, MeshError
 from isomatch.io.asset import Asset, Frame
 from isomatch.io.attribute import Attribute, Domain, Kind, guessed_kind, told_apart
 from isomatch.io.formats import _text
@@ -20,7 +21,6 @@ from isomatch.io.formats._reading import content_beside, unexpected
 from isomatch.io.formats._text import TextLines
 from isomatch.io.materials import picture_in
 from isomatch.io.polygons import Polygons, Renumbering, spans
-from isomatch.errors import FormatError, MeshError
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import AnyArray, FloatArray, IntArray
 

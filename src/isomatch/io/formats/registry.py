@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
+from isomatch.errors import FormatError, InputError
 from isomatch.io.asset import Asset, Axes, Frame
 from isomatch.io.attribute import Attribute
 from isomatch.io.formats import clouds, freesurfer, gifti, gltf, obj, off, ply, stl, vtk
-from isomatch.errors import FormatError, InputError
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import FloatArray
 

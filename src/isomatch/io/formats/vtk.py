@@ -14,11 +14,11 @@ from io import BytesIO
 
 import numpy as np
 
+from isomatch.errors import FormatError, MeshError
 from isomatch.io.asset import COMMENTS, Asset, Frame
 from isomatch.io.attribute import told_apart
 from isomatch.io.formats._reading import damaged, on_disk, reading
 from isomatch.io.libraries import attributes_of, polygons_of, to_pyvista
-from isomatch.errors import FormatError, MeshError
 from isomatch.loading.first_use import package
 from isomatch.runtime.memory import room_for
 from isomatch.values.arrays import AnyArray
