@@ -100,4 +100,4 @@ release-check: $(VENV)/dev $(UV)
 	PATH="$(CURDIR)/$(VENV)/uv/bin:$$PATH" $(BIN)/python release/check.py $(PYTHONS)
 
 clean:
-	rm -rf $(VENV) demo dist performance docs/_build docs/gallery docs/reference/names docs/reference/rooms
+	rm -rf $(VENV) demo dist performance docs/_build docs/gallery docs/reference/names docs/reference/subpackages

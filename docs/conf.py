@@ -20,7 +20,7 @@ copyright = author
 version = release = isomatch.__version__
 
 extensions = [
-    "files_of_rooms",
+    "files_of_subpackages",
     "sphinx.ext.autodoc",
     "sphinx.ext.autosummary",
     "numpydoc",

@@ -14,10 +14,10 @@ import isomatch.statistics
 import isomatch.visualization.report
 from data import real_file
 from isomatch import Mesh, PointCloud, prepare
+from isomatch._core.machine import kernels, processor, versions
+from isomatch._core.threads import n_threads
 from isomatch.datasets import example_pair, ground_truth
 from isomatch.matching import pair
-from isomatch.runtime.machine import kernels, processor, versions
-from isomatch.runtime.threads import n_threads
 from isomatch.visualization import draw_map
 from small_collections import copied, finished, in_threads, small  # noqa: F401 - fixtures
 

@@ -1,4 +1,4 @@
-"""The house: which room may import which, who may print, and that every public name says what it is."""
+"""The house: which subpackage may import which, who may print, and that every public name says what it is."""
 
 import ast
 import importlib
@@ -12,11 +12,9 @@ import isomatch_lab
 
 PACKAGE = Path(isomatch.__file__).parent
 STUDY = Path(isomatch_lab.__file__).parent
-# A room imports only rooms above it; those of one line do not import each other, but for what BESIDE allows.
+# A subpackage imports only subpackages above it; those of one line do not import each other.
 HOUSE = """
-errors values
-loading runtime
-storage
+_core
 surfaces
 io decimation
 repair
@@ -42,34 +40,31 @@ paper
 commands
 studies
 """  # those of isomatch_lab; all may import every public name of isomatch
-BESIDE = {("values", "errors"), ("runtime", "loading"), ("loading", "runtime")}
-FOUNDATION = {"errors", "values", "loading", "runtime", "storage"}  # entered by its modules
+CORE = "_core"  # entered by its modules
 
 
 def allowed(house):
-    """The rooms that each room may import."""
+    """The subpackages that each subpackage may import."""
     rows = [line.split() for line in house.strip().split("\n")]
     return {
-        room: {other for above in rows[:number] for other in above}
-        | {room}
-        | {b for a, b in BESIDE if a == room}
+        subpackage: {other for above in rows[:number] for other in above} | {subpackage}
         for number, row in enumerate(rows)
-        for room in row
+        for subpackage in row
     }
 
 
 MAY_IMPORT, LAB_MAY_IMPORT = allowed(HOUSE), allowed(LAB)
 MAY_IMPORT["__init__"] = set(MAY_IMPORT) - {"cli"}
 MAY_IMPORT["cli"].add("__init__")
-MAY_IMPORT["__main__"] = {"cli", "storage"}
+MAY_IMPORT["__main__"] = {"cli", CORE}
 MAY_IMPORT["warm"] = set()  # it runs the command
 
 FILES = sorted([*PACKAGE.rglob("*.py"), *PACKAGE.rglob("*.pyi")])
 LAB_FILES = sorted([*STUDY.rglob("*.py"), *STUDY.rglob("*.pyi")])
 
 
-def room_of(path):
-    """Room of a file: the first folder below its package, or the file itself."""
+def subpackage_of(path):
+    """Subpackage of a file: the first folder below its package, or the file itself."""
     package = STUDY if path.is_relative_to(STUDY) else PACKAGE
     parts = [part for part in path.relative_to(package).with_suffix("").parts if part != "__init__"]
     return parts[0] if parts else "__init__"
@@ -98,8 +93,8 @@ def imports(tree):
                 yield node.module, [alias.name for alias in node.names], node.lineno
 
 
-def imported_rooms(path, package="isomatch"):
-    """Rooms of a package that a file imports; the package itself counts as ``__init__``."""
+def imported_subpackages(path, package="isomatch"):
+    """Subpackages of a package that a file imports; the package itself counts as ``__init__``."""
     folder = {"isomatch": PACKAGE, "isomatch_lab": STUDY}[package]
     for module, _, line in imports_of(path):
         top, *rest = module.split(".")
@@ -108,34 +103,36 @@ def imported_rooms(path, package="isomatch"):
             yield rest[0] if known else "__init__", line
 
 
-def test_every_room_has_a_place_in_the_order():
-    assert {room_of(path) for path in FILES} <= {*MAY_IMPORT}
-    assert {room_of(path) for path in LAB_FILES} <= {*allowed(LAB), "__init__"}
+def test_every_subpackage_has_a_place_in_the_order():
+    assert {subpackage_of(path) for path in FILES} <= {*MAY_IMPORT}
+    assert {subpackage_of(path) for path in LAB_FILES} <= {*allowed(LAB), "__init__"}
 
 
-def test_a_room_imports_only_rooms_before_it():
+def test_a_subpackage_imports_only_subpackages_before_it():
     for files, package, may_import in (
         (FILES, "isomatch", MAY_IMPORT),
         (LAB_FILES, "isomatch_lab", LAB_MAY_IMPORT),
     ):
         for path in files:
-            rooms = may_import.get(room_of(path), set()) | {"loading"}
+            subpackages = may_import.get(subpackage_of(path), set()) | {CORE}
             wrong = [
-                f"line {line}: {room}" for room, line in imported_rooms(path, package) if room not in rooms
+                f"line {line}: {subpackage}"
+                for subpackage, line in imported_subpackages(path, package)
+                if subpackage not in subpackages
             ]
-            assert not wrong, f"{path}: {room_of(path)} may import {sorted(rooms)}"
+            assert not wrong, f"{path}: {subpackage_of(path)} may import {sorted(subpackages)}"
 
 
 def test_isomatch_never_imports_the_lab():
     for path in FILES:
-        assert not list(imported_rooms(path, "isomatch_lab")), path
+        assert not list(imported_subpackages(path, "isomatch_lab")), path
 
 
-def side_doors(room, imports):
-    """Imports of a file that reach into another room of isomatch, past the names in its ``__all__``."""
+def side_doors(subpackage, imports):
+    """Imports of a file that reach into another subpackage of isomatch, past the names in its ``__all__``."""
     for module, names, line in imports:
         package, *rest = module.split(".")
-        if package != "isomatch" or not rest or rest[0] == room or rest[0] in FOUNDATION:
+        if package != "isomatch" or not rest or rest[0] == subpackage or rest[0] == CORE:
             continue
         if rest[0] == "__version__" or rest[0] in isomatch.__all__:
             continue
@@ -144,24 +141,29 @@ def side_doors(room, imports):
             yield f"line {line}: {module} {', '.join(names)}".rstrip()
 
 
-def test_a_room_is_entered_by_its_front_door():
+def test_a_subpackage_is_entered_by_its_front_door():
     for path in [*FILES, *LAB_FILES]:
-        room = "of the lab" if path in LAB_FILES else room_of(path)
-        doors = list(side_doors(room, imports_of(path)))
-        assert not doors, f"{path}: import public names from `isomatch.<room>`; export what is missing there"
+        subpackage = "of the lab" if path in LAB_FILES else subpackage_of(path)
+        doors = list(side_doors(subpackage, imports_of(path)))
+        assert not doors, (
+            f"{path}: import public names from `isomatch.<subpackage>`; export what is missing there"
+        )
 
 
 def test_the_checker_sees_side_doors():
     source = (
         "from isomatch.surfaces.mesh import Mesh\nfrom isomatch.surfaces import Mesh\n"
-        "import isomatch.spectral.build\nfrom isomatch.spectral import signs\nfrom isomatch.visualization.camera import camera_of\n"
+        "import isomatch.spectral.build\nfrom isomatch.spectral import signs\n"
+        "from isomatch.visualization.camera import camera_of\n"
     )
-    doors = side_doors("view", imports(ast.parse(source)))
+    doors = side_doors("visualization", imports(ast.parse(source)))
     assert [line.split(":")[0] for line in doors] == ["line 1", "line 3", "line 4"]
 
 
 def test_the_checker_sees_imports():
-    assert {"cli", "errors"} <= {room for room, _ in imported_rooms(PACKAGE / "cli" / "program.py")}
+    assert {"cli", CORE} <= {
+        subpackage for subpackage, _ in imported_subpackages(PACKAGE / "cli" / "program.py")
+    }
 
 
 def imported_modules(path):
@@ -193,9 +195,9 @@ def circles(imports):
     return {module for module, found in reached.items() if module in found}
 
 
-@pytest.mark.parametrize("room", sorted({room_of(path) for path in FILES}))
-def test_no_modules_of_a_room_import_each_other_in_a_circle(room):
-    within = {module: path for module, path in MODULES.items() if room_of(path) == room}
+@pytest.mark.parametrize("subpackage", sorted({subpackage_of(path) for path in FILES}))
+def test_no_modules_of_a_subpackage_import_each_other_in_a_circle(subpackage):
+    within = {module: path for module, path in MODULES.items() if subpackage_of(path) == subpackage}
     imports = {
         module: within.keys() & set(imported_modules(path)) - {module} for module, path in within.items()
     }
@@ -209,7 +211,7 @@ def test_the_checker_sees_circles():
 
 def test_only_the_command_line_prints_or_exits():
     for path in FILES:
-        if room_of(path) in ("cli", "__main__", "studies"):
+        if subpackage_of(path) in ("cli", "__main__", "studies"):
             continue
         for node in ast.walk(parsed(path)):
             if isinstance(node, ast.Call):
@@ -219,8 +221,8 @@ def test_only_the_command_line_prints_or_exits():
                 )
 
 
-def test_only_what_shows_itself_reaches_the_room_of_pictures():
-    """A method that shows its own object calls `view_room`, which imports a later room; nothing else may."""
+def test_only_what_shows_itself_reaches_the_subpackage_of_pictures():
+    """A method that shows its own object calls `visualization`, which imports a later subpackage; nothing else may."""
     showing = {"plot", "show", "_repr_html_"}
     for path in FILES:
         calls = {
@@ -228,10 +230,10 @@ def test_only_what_shows_itself_reaches_the_room_of_pictures():
             for function in ast.walk(parsed(path))
             if isinstance(function, ast.FunctionDef)
             for node in ast.walk(function)
-            if isinstance(node, ast.Call) and ast.unparse(node.func) == "view_room"
+            if isinstance(node, ast.Call) and ast.unparse(node.func) == "visualization"
         }
         wrong = {line: name for line, name in calls.items() if name not in showing}
-        assert not wrong, f"{path}: {wrong} call view_room; only {showing} may"
+        assert not wrong, f"{path}: {wrong} call visualization; only {showing} may"
 
 
 def test_loops_are_compiled_in_one_way():

@@ -16,12 +16,12 @@ from isomatch import (
     prepare,
     read_mesh,
 )
-from isomatch.errors import FormatError, LandmarkError, MapError, MeshError, SettingError
+from isomatch._core.errors import FormatError, LandmarkError, MapError, MeshError, SettingError
+from isomatch._core.memory import GIB, memory_budget
+from isomatch._core.settings import generator
+from isomatch._core.texts import read_integers
+from isomatch._core.threads import n_threads
 from isomatch.matching.priors import checked_landmarks
-from isomatch.runtime.memory import GIB, memory_budget
-from isomatch.runtime.threads import n_threads
-from isomatch.storage.texts import read_integers
-from isomatch.values.settings import generator
 from isomatch_lab.sets import benchmark_set
 from zoo import grid, torus
 

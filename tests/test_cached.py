@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from isomatch import match, match_both, prepare
-from isomatch.values.cached import cached_method
+from isomatch._core.cached import cached_method
 from isomatch_lab.evaluation import BenchmarkRun
 from isomatch_lab.evaluation.methods import METHODS
 from isomatch_lab.evaluation.subject import Subject

@@ -5,8 +5,8 @@ import csv
 import numpy as np
 import pytest
 
+from isomatch._core.texts import joined, read_csv, separated, write_csv
 from isomatch.io import Attribute, read_attributes, write_attributes
-from isomatch.storage.texts import joined, read_csv, separated, write_csv
 
 FORMULAS = ["=1+1", "+cmd|' /C calc'!A0", "-2+3", "@SUM(A1)", "\tx", "\r=1", "'=1", "''@a"]
 PLAIN = ["a", "", "'tis", "a=b", "é", "-1.5", "+2", "-inf", "#a"]

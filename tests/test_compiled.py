@@ -14,7 +14,7 @@ import isomatch
 from shapes import icosphere
 
 LOOP = """
-from isomatch.loading.compiled import compiled
+from isomatch._core.compiled import compiled
 
 @compiled(inline="always")
 def doubled(x):

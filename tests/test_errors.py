@@ -1,11 +1,13 @@
 """The tree of errors: what a caller may catch, and that each error is also the one Python has for its kind."""
 
+from doctest import ELLIPSIS, NORMALIZE_WHITESPACE, DocTestParser, DocTestRunner
+
 import pytest
 
 import isomatch
-from isomatch import errors
-from isomatch.errors import MissingDependencyError
-from isomatch.loading.first_use import package
+from isomatch._core import errors
+from isomatch._core.errors import MissingDependencyError
+from isomatch._core.first_use import package
 
 TREE = {
     "InputError": ("IsomatchError", ValueError),
@@ -33,6 +35,15 @@ def test_an_error_is_its_parent_and_one_of_python(name, parent, of_python):
 def test_the_table_is_complete():
     named = {name for name, value in vars(errors).items() if isinstance(value, type)}
     assert named - {"Iterable"} == {"IsomatchError", *TREE}
+
+
+@pytest.mark.parametrize("name", ["IsomatchError", *TREE])
+def test_an_error_is_named_by_its_public_home_and_its_example_holds(name):
+    error = getattr(isomatch, name)
+    assert error.__module__ == "isomatch"
+    example = DocTestParser().get_doctest(error.__doc__, {**vars(errors)}, name, None, 0)
+    assert example.examples
+    assert DocTestRunner(verbose=False, optionflags=ELLIPSIS | NORMALIZE_WHITESPACE).run(example).failed == 0
 
 
 def test_a_missing_file_says_what_it_says():

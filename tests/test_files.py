@@ -12,13 +12,13 @@ from contextlib import suppress
 import pytest
 
 from isomatch import UnwritableFileError
-from isomatch.storage.files import claimed, replaced, write_text
-from isomatch.storage.texts import text_lines, write_csv
+from isomatch._core.files import claimed, replaced, write_text
+from isomatch._core.texts import text_lines, write_csv
 
 CLAIM = """
 import sys
 from pathlib import Path
-from isomatch.storage.files import claimed
+from isomatch._core.files import claimed
 with claimed(Path(sys.argv[1])):
     print("claimed", flush=True)
     sys.stdin.read()

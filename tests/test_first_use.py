@@ -45,7 +45,7 @@ def test_packages_travel_by_name():
 
 def test_serial_blas_holds_for_what_is_loaded_later():
     loaded_by(
-        "from isomatch.runtime.threads import serial_blas\nfrom threadpoolctl import threadpool_info\n"
+        "from isomatch._core.threads import serial_blas\nfrom threadpoolctl import threadpool_info\n"
         "with serial_blas():\n"
         "    import scipy.linalg\n"
         "    assert {pool['num_threads'] for pool in threadpool_info() if pool['user_api'] == 'blas'} == {1}"
@@ -100,8 +100,8 @@ def test_a_module_does_not_hide_the_function_of_its_name(module, name):
 
 
 @pytest.mark.long
-def test_rooms_are_attributes_of_the_package():
-    loaded_by("import isomatch\nisomatch.geodesics.geodesic_distances, isomatch.errors.MeshError")
+def test_subpackages_are_attributes_of_the_package():
+    loaded_by("import isomatch\nisomatch.geodesics.geodesic_distances, isomatch._core.errors.MeshError")
 
 
 def test_public_classes_are_pickled_by_name():

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from isomatch import match, match_both, prepare
-from isomatch.runtime.stage_timer import StageTimer
-from isomatch.runtime.threads import Abandoned, in_background, parallel_map, stop_if_abandoned, tell
+from isomatch._core.stage_timer import StageTimer
+from isomatch._core.threads import Abandoned, in_background, parallel_map, stop_if_abandoned, tell
 from later import some_later
 
 

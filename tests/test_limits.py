@@ -3,8 +3,8 @@
 import psutil
 import pytest
 
-from isomatch.runtime.memory import GIB, available_memory, memory_budget
-from isomatch.runtime.threads import n_threads, processors
+from isomatch._core.memory import GIB, available_memory, memory_budget
+from isomatch._core.threads import n_threads, processors
 
 SLURM = (
     "SLURM_CPUS_PER_TASK",

@@ -17,11 +17,11 @@ import numpy as np
 
 import isomatch
 import isomatch.correspondence
-from isomatch.values.cached import cached_property
-from isomatch.values.settings import Settings
+from isomatch._core.cached import cached_property
+from isomatch._core.settings import Settings
 
 RECORD = Path(__file__).with_name("public_face.txt")
-EXTENDED = {  # what a stranger implements, or registers in, by room
+EXTENDED = {  # what a stranger implements, or registers in, by subpackage
     "isomatch.io": ("FORMATS", "MeshFormat"),
     "isomatch.geodesics": ("ENGINES", "ColumnEngine", "DistanceEngine", "MetricSpace"),
     "isomatch.correspondence": ("Embedding",),
@@ -41,7 +41,7 @@ EXTENDED = {  # what a stranger implements, or registers in, by room
     "isomatch_lab.damage": ("DAMAGES", "Damage"),
     "isomatch_lab.evaluation": ("METHODS", "Method"),
 }
-ROOMS = sorted(stub.parent.name for stub in Path(isomatch.__file__).parent.glob("*/__init__.pyi"))
+SUBPACKAGES = sorted(stub.parent.name for stub in Path(isomatch.__file__).parent.glob("*/__init__.pyi"))
 WITHOUT_EXAMPLE = {  # shrinks to nothing: an entry that has an example is refused
     "BothDirections",
     "MatchResult",
@@ -75,7 +75,7 @@ def test_the_record_sees_names_signatures_and_methods():
     )
 
 
-def test_every_name_of_the_first_rooms_has_an_example():
+def test_every_name_of_the_first_subpackages_has_an_example():
     without = {
         name
         for module in (isomatch, isomatch.correspondence)
@@ -86,7 +86,7 @@ def test_every_name_of_the_first_rooms_has_an_example():
 
 
 def test_a_list_of_parameters_is_that_of_the_signature():
-    for module_name in ("isomatch", *(f"isomatch.{room}" for room in ROOMS)):
+    for module_name in ("isomatch", *(f"isomatch.{subpackage}" for subpackage in SUBPACKAGES)):
         module = importlib.import_module(module_name)
         for name in module.__all__:
             documented = as_written(getattr(module, name))
@@ -213,13 +213,13 @@ def default(thing) -> str:
 
 
 def assigned(module, name) -> str:
-    """Find what a room assigns to a name, as it is in the source: aliases of types stay short and the same."""
+    """Find what a subpackage assigns to a name, as it is in the source: aliases of types stay short and the same."""
     for path in sorted(Path(module.__file__).parent.rglob("*.py")):
         for node in ast.parse(path.read_text(encoding="utf-8")).body:
             targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
             if any(isinstance(target, ast.Name) and target.id == name for target in targets):
                 return ast.unparse(node.value)
-    raise AssertionError(f"{module.__name__}.{name} is assigned nowhere in its room")
+    raise AssertionError(f"{module.__name__}.{name} is assigned nowhere in its subpackage")
 
 
 def without_modules(text: str) -> str:

@@ -6,8 +6,8 @@ from time import sleep
 import pytest
 
 from isomatch import MatchResult, match
+from isomatch._core.stage_timer import StageTimer
 from isomatch.datasets import example_pair
-from isomatch.runtime.stage_timer import StageTimer
 from isomatch_lab.damage import cut
 
 BESIDE = "source: ", "target: "  # stages of the preparation of either shape, which run at the same time

@@ -11,9 +11,9 @@ import pytest
 import scipy.linalg  # noqa: F401 - loads a BLAS of its own
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from isomatch.runtime.threads import ROWS, parallel_map, row_product, serial_blas
+from isomatch._core.cached import cached_property
+from isomatch._core.threads import ROWS, parallel_map, row_product, serial_blas
 from isomatch.surfaces import Mesh, surface_in_use
-from isomatch.values.cached import cached_property
 
 
 @pytest.mark.parametrize("n", [0, 1, ROWS, 2 * ROWS + 3])

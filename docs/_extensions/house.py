@@ -1,4 +1,4 @@
-"""The picture of the house: which rooms there are, and which imports which, drawn from the imports.
+"""The picture of the house: which subpackages there are, and which imports which, drawn from the imports.
 
 Run ``python docs/_extensions/house.py`` to draw ``docs/images/house.svg`` again; a build does so, too.
 """
@@ -10,28 +10,23 @@ from pathlib import Path
 
 PACKAGE = Path(__file__).parents[2] / "src" / "isomatch"
 PICTURE = Path(__file__).parents[1] / "images" / "house.svg"
-FOUNDATION = "foundation"
-BELOW = ("errors", "values", "runtime", "storage", "loading")  # what the foundation consists of
 WIDTH, HEIGHT, ROW, COLUMN = 176, 56, 104, 200
 MARGIN = 16
 
 
-def room_of(module):
-    """Room of a module such as ``isomatch.surfaces.mesh``."""
-    first = module.split(".")[1] if "." in module else ""
-    return (
-        first if first not in BELOW and (PACKAGE / first / "__init__.py").is_file() and first else FOUNDATION
-    )
+def subpackage_of(module):
+    """Subpackage of a module such as ``isomatch.surfaces.mesh``."""
+    return module.split(".")[1]
 
 
 def imports():
-    """For each room, the rooms that its files import."""
-    found = {FOUNDATION: set()}
+    """For each subpackage, the subpackages that its files import."""
+    found = {}
     for file in sorted(PACKAGE.rglob("*.py*")):
-        room = file.relative_to(PACKAGE).parts[0]
-        if file.suffix not in (".py", ".pyi") or room in BELOW or not (PACKAGE / room).is_dir():
+        subpackage = file.relative_to(PACKAGE).parts[0]
+        if file.suffix not in (".py", ".pyi") or not (PACKAGE / subpackage).is_dir():
             continue
-        found.setdefault(room, set())
+        found.setdefault(subpackage, set())
         for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
             modules = []
             if isinstance(node, ast.Import):
@@ -40,47 +35,49 @@ def imports():
                 modules = [f"isomatch.{alias.name}" for alias in node.names]
             elif isinstance(node, ast.ImportFrom):
                 modules = [node.module]
-            found[room] |= {room_of(module) for module in modules if module.split(".")[0] == "isomatch"}
-    return {room: others - {room} for room, others in found.items()}
+            found[subpackage] |= {
+                subpackage_of(module) for module in modules if module.startswith("isomatch.")
+            }
+    return {subpackage: (others & found.keys()) - {subpackage} for subpackage, others in found.items()}
 
 
 def storeys(graph):
-    """Storey of each room: one above the highest room that it imports."""
+    """Storey of each subpackage: one above the highest subpackage that it imports."""
     level = {}
     while len(level) < len(graph):
-        ready = [room for room in sorted(set(graph) - set(level)) if graph[room] <= set(level)]
+        ready = [
+            subpackage for subpackage in sorted(set(graph) - set(level)) if graph[subpackage] <= set(level)
+        ]
         if not ready:
-            raise ValueError(f"these rooms import each other: {sorted(set(graph) - set(level))}")
-        for room in ready:
-            level[room] = 1 + max((level[other] for other in graph[room]), default=-1)
+            raise ValueError(f"these subpackages import each other: {sorted(set(graph) - set(level))}")
+        for subpackage in ready:
+            level[subpackage] = 1 + max((level[other] for other in graph[subpackage]), default=-1)
     return level
 
 
 def necessary(graph):
-    """Leave out imports that follow from others: a room reaches those through what it imports anyway."""
+    """Leave out imports that follow from others: a subpackage reaches those through what it imports anyway."""
     below = {}
-    for room in sorted(graph, key=storeys(graph).get):
-        below[room] = graph[room].union(*(below[other] for other in graph[room]))
+    for subpackage in sorted(graph, key=storeys(graph).get):
+        below[subpackage] = graph[subpackage].union(*(below[other] for other in graph[subpackage]))
     return {
-        room: {other for other in others if not any(other in below[third] for third in others)}
-        for room, others in graph.items()
+        subpackage: {other for other in others if not any(other in below[third] for third in others)}
+        for subpackage, others in graph.items()
     }
 
 
-def idea(room):
-    """First words of the docstring of a room."""
-    if room == FOUNDATION:
-        return "errors, settings, memory, threads, files"
-    text = ast.get_docstring(ast.parse((PACKAGE / room / "__init__.py").read_text(encoding="utf-8")))
+def idea(subpackage):
+    """First words of the docstring of a subpackage."""
+    text = ast.get_docstring(ast.parse((PACKAGE / subpackage / "__init__.py").read_text(encoding="utf-8")))
     return text.splitlines()[0].split(":")[0].rstrip(".")
 
 
 def lanes(graph):
-    """Rows from the ground up, in which an import that skips storeys keeps a lane: rooms, and pairs (upper, lower)."""
+    """Rows from the ground up: subpackages, and pairs (upper, lower), the lanes of imports that skip storeys."""
     level = storeys(graph)
     rows = [[] for _ in range(1 + max(level.values()))]
-    for room in sorted(graph):
-        rows[level[room]].append(room)
+    for subpackage in sorted(graph):
+        rows[level[subpackage]].append(subpackage)
     chains = []
     for upper, others in sorted(necessary(graph).items()):
         for lower in sorted(others):
@@ -117,7 +114,7 @@ def _number(row, storey, place):
 
 
 def drawing(graph):
-    """Draw the rooms as boxes in SVG, each above the rooms that it imports."""
+    """Draw the subpackages as boxes in SVG, each above the subpackages that it imports."""
     rows, chains, level = lanes(graph)
 
     def width(each):
@@ -151,13 +148,13 @@ def drawing(graph):
             storey -= 1
         body.append(f'<path d="{path}"/>')
     for storey, row in enumerate(rows):
-        for room in row:
-            if isinstance(room, str):
-                left = x[storey, room] - WIDTH / 2
+        for subpackage in row:
+            if isinstance(subpackage, str):
+                left = x[storey, subpackage] - WIDTH / 2
                 body.append(
-                    f'<g><title>{escape(idea(room))}</title><rect x="{left:.0f}" y="{y(storey)}" width="{WIDTH}" '
+                    f'<g><title>{escape(idea(subpackage))}</title><rect x="{left:.0f}" y="{y(storey)}" width="{WIDTH}" '
                     f'height="{HEIGHT}" rx="6"/><text x="{left + WIDTH / 2:.0f}" y="{y(storey) + HEIGHT / 2 + 6:.0f}">'
-                    f"{room}</text></g>"
+                    f"{subpackage}</text></g>"
                 )
     style = (
         "rect{fill:#eef3f8;stroke:#40698c}text{font:17px system-ui,sans-serif;text-anchor:middle;fill:#16303f}"

@@ -1,4 +1,4 @@
-"""The reference of the rooms: a page for each, made from its public names, and links by bare names."""
+"""The reference of the subpackages: a page for each, made from its public names, and links by bare names."""
 
 import ast
 import importlib
@@ -12,23 +12,23 @@ from docutils.nodes import literal
 import isomatch
 
 PACKAGE = Path(isomatch.__file__).parent
-ROOMS = sorted(stub.parent.name for stub in PACKAGE.glob("*/__init__.pyi"))
+SUBPACKAGES = sorted(stub.parent.name for stub in PACKAGE.glob("*/__init__.pyi"))
 
 
 def homes():
-    """Where each public name is documented: in ``isomatch`` if it is there, else in the first room that has it."""
+    """Where each public name is documented: in ``isomatch`` if it is there, else in the first subpackage that has it."""
     found = dict.fromkeys(isomatch.__all__, "isomatch")
-    for room in sorted(ROOMS, key=_is_borrowed_by):
-        module = importlib.import_module(f"isomatch.{room}")
+    for subpackage in sorted(SUBPACKAGES, key=_is_borrowed_by):
+        module = importlib.import_module(f"isomatch.{subpackage}")
         for name in module.__all__:
             found.setdefault(name, module.__name__)
     return found
 
 
-def _is_borrowed_by(room):
-    """Sort rooms so that one comes before those that pass its names on."""
-    stub = (PACKAGE / room / "__init__.pyi").read_text(encoding="utf-8")
-    return sum(f"from isomatch.{other}" in stub for other in ROOMS if other != room)
+def _is_borrowed_by(subpackage):
+    """Sort subpackages so that one comes before those that pass its names on."""
+    stub = (PACKAGE / subpackage / "__init__.pyi").read_text(encoding="utf-8")
+    return sum(f"from isomatch.{other}" in stub for other in SUBPACKAGES if other != subpackage)
 
 
 def is_plain(value):
@@ -57,10 +57,10 @@ def described(module, name):
     return ""
 
 
-def page(room, home):
-    """Write the page of a room in reStructuredText."""
-    module = importlib.import_module(f"isomatch.{room}")
-    title = f"isomatch.{room}"
+def page(subpackage, home):
+    """Write the page of a subpackage in reStructuredText."""
+    module = importlib.import_module(f"isomatch.{subpackage}")
+    title = f"isomatch.{subpackage}"
     own = [name for name in module.__all__ if home[name] == title]
     plain = [name for name in own if is_plain(getattr(module, name))]
     listed = [name for name in own if name not in plain]
@@ -79,13 +79,13 @@ def page(room, home):
     return "\n".join(lines)
 
 
-def write_rooms(app, config):
+def write_subpackages(app, config):
     """Write the pages before the summaries are generated."""
-    folder = Path(app.srcdir) / "reference" / "rooms"
+    folder = Path(app.srcdir) / "reference" / "subpackages"
     folder.mkdir(exist_ok=True)
     home = homes()
-    for room in ROOMS:
-        path, text = folder / f"{room}.rst", page(room, home)
+    for subpackage in SUBPACKAGES:
+        path, text = folder / f"{subpackage}.rst", page(subpackage, home)
         if not path.exists() or path.read_text(encoding="utf-8") != text:
             path.write_text(text, encoding="utf-8")
     current = {f"{place}.{name}" for name, place in home.items()}
@@ -95,12 +95,12 @@ def write_rooms(app, config):
 
 
 def find_home(app, env, node, contnode):
-    """Resolve a name without its room, such as `match`, and leave names that are no public ones as code."""
+    """Resolve a name without its subpackage, such as `match`, and leave names that are no public ones as code."""
     if node.get("refdomain") != "py":
         return None
     name = node["reftarget"].removeprefix("isomatch.")
-    for room in ROOMS:
-        name = name.removeprefix(f"{room}.")
+    for subpackage in SUBPACKAGES:
+        name = name.removeprefix(f"{subpackage}.")
     first, _, rest = name.partition(".")
     home = homes_of_site.get(first)
     if home is None:
@@ -128,7 +128,7 @@ homes_of_site = homes()
 
 def setup(app):
     """Write pages before files are listed, so that their summaries are made, too."""
-    app.connect("config-inited", write_rooms)
+    app.connect("config-inited", write_subpackages)
     app.connect("missing-reference", find_home)
     app.connect("autodoc-process-signature", shortened)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -2,8 +2,8 @@
 The report of a match
 =====================
 
-:func:`isomatch.visualization.write_report` writes one HTML file that needs no network: the outcome, what to do, both shapes
-in 3D and the alternatives. ``isomatch match`` writes it as ``report.html``. Turn the shapes below; click on one,
+:func:`isomatch.visualization.write_report` writes one HTML file that needs no network: the outcome, what to do, both
+shapes in 3D and the alternatives. ``isomatch match`` writes it as ``report.html``. Turn the shapes below; click on one,
 and its image appears on the other.
 """
 

@@ -3,7 +3,7 @@
 From geodesic distance descriptors, spectra, curvature and smoothed positions; no training, no landmarks needed.
 """
 
-from isomatch.loading.first_use import names_at_first_use
+from isomatch._core.first_use import names_at_first_use
 
 __version__ = "0.1.0"
 

@@ -1,12 +1,4 @@
-from isomatch.collections import Collection
-from isomatch.correspondence import Correspondence, Wrapped, WrapQuality, wrap
-from isomatch.descriptors import (
-    GeodesicDistanceDescriptor,
-    geodesic_distance_descriptor,
-    heat_kernel_signature,
-    wave_kernel_signature,
-)
-from isomatch.errors import (
+from isomatch._core.errors import (
     DescriptorError,
     FormatError,
     InputError,
@@ -20,6 +12,15 @@ from isomatch.errors import (
     NotConvergedError,
     SettingError,
     UnwritableFileError,
+)
+from isomatch._core.stage_timer import show_progress
+from isomatch.collections import Collection
+from isomatch.correspondence import Correspondence, Wrapped, WrapQuality, wrap
+from isomatch.descriptors import (
+    GeodesicDistanceDescriptor,
+    geodesic_distance_descriptor,
+    heat_kernel_signature,
+    wave_kernel_signature,
 )
 from isomatch.geodesics import (
     GeodesicPath,
@@ -43,7 +44,6 @@ from isomatch.matching import (
     verify,
 )
 from isomatch.repair import MeshReport, check, repair
-from isomatch.runtime.stage_timer import show_progress
 from isomatch.settings import Config
 from isomatch.shapes import PreparedShape, prepare
 from isomatch.spectral import (

@@ -50,7 +50,7 @@ def _end(number: int, _: FrameType | None) -> None:
     """Leave nothing behind, and end without waiting for threads."""
     _ignore_signals()
     try:
-        from isomatch.storage.files import abandon_files
+        from isomatch._core.files import abandon_files
 
         abandon_files()
         for worker in active_children():

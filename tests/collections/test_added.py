@@ -17,13 +17,13 @@ import numpy as np
 import pytest
 
 import isomatch
+from isomatch._core import files as files_module
+from isomatch._core.errors import InputError, SettingError
 from isomatch.cli import main
 from isomatch.collections import KEPT, Collection, added, finish
 from isomatch.collections.ledger import writing_ledger
 from isomatch.decimation import decimate
-from isomatch.errors import InputError, SettingError
 from isomatch.statistics import ShapeModel, read_shapes
-from isomatch.storage import files as files_module
 from isomatch_lab.procedural import creature
 from small_collections import QUICK, arrays_of, lopsided_blob, run
 
@@ -294,7 +294,7 @@ sys.path.insert(0, sys.argv[1])
 from test_added import file_of
 from isomatch.cli import main
 from isomatch.collections import workers
-from isomatch.storage.files import Path
+from isomatch._core.files import Path
 workers.worker_processes = lambda _: ThreadPoolExecutor(1)
 moved, seen = Path.replace, Path(sys.argv[2])
 def moved_and_killed(path, to):

@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 from isomatch import write_mesh
+from isomatch._core.errors import InputError, MemoryBudgetError, UnwritableFileError
+from isomatch._core.workers import worker_processes
 from isomatch.cli.collect import collect
 from isomatch.collections import Collection, PairMaps, Rows, agree, agreement_of
 from isomatch.collections import agreement as agreement_module
@@ -17,9 +19,7 @@ from isomatch.collections.agreement import CONTRADICTED, CycleJob
 from isomatch.collections.ledger import state_of, writing_ledger
 from isomatch.collections.map_file import digest_of
 from isomatch.datasets import ground_truth
-from isomatch.errors import InputError, MemoryBudgetError, UnwritableFileError
 from isomatch.matching import match_both
-from isomatch.runtime.workers import worker_processes
 from isomatch.shapes import PreparedShape
 from isomatch_lab.procedural import creature
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import isomatch
+from isomatch._core.texts import natural_order
 from isomatch.collections import Collection, finish
 from isomatch.collections.ledger import Rows
-from isomatch.storage.texts import natural_order
 from small_collections import N
 
 

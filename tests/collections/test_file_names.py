@@ -8,10 +8,10 @@ from urllib.parse import unquote_to_bytes
 import pytest
 
 from isomatch import read_mesh
+from isomatch._core.files import legible
+from isomatch._core.texts import read_csv
 from isomatch.cli import main
 from isomatch.collections import Collection
-from isomatch.storage.files import legible
-from isomatch.storage.texts import read_csv
 from small_collections import run
 
 RAW = [b"b\xfchne 5%", b"b\xff\xfe", "bühne 5%".encode(), b"plain"]

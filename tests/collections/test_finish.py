@@ -21,7 +21,7 @@ from isomatch.datasets import example_pair
 from isomatch.decimation import decimate
 from small_collections import N, run
 
-finish_module = import_module("isomatch.collections.finish")  # the room's public name is the function
+finish_module = import_module("isomatch.collections.finish")  # the subpackage's public name is the function
 
 PAIR = ("s0", "s1")
 

@@ -14,13 +14,13 @@ import numpy as np
 import pytest
 
 from isomatch import Correspondence, FormatError, UnwritableFileError
+from isomatch._core.files import claimed
 from isomatch.collections import PairMaps
 from isomatch.collections import ledger as ledger_module
 from isomatch.collections.ledger import Rows, read_ledgers, writing_ledger
 from isomatch.collections.plan import OLD, Layout, key_of, medoid
 from isomatch.collections.run import loaded_shape
 from isomatch.settings import Config
-from isomatch.storage.files import claimed
 
 RESULT = {"outcome": "CONVERGED", "quality": {"spectral_residual": 0.1, "orientation": 1.0, "mirrored": None}}
 OF_SHAPE = {"key": "k", "hash": "h", "bytes": 1, "area": 1.0, "features": [0.5] * 50, "notes": []}

@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 
 from isomatch import Correspondence, InputError, Mesh, Outcome, SettingError, read_mesh, write_mesh
+from isomatch._core.errors import MeshError
 from isomatch.cli import main
 from isomatch.collections import Collection, export, finish, mirror_images, write_reports
 from isomatch.collections import run as run_module
 from isomatch.collections.cohort import two_groups
 from isomatch.collections.ledger import Ledger, Rows
-from isomatch.errors import MeshError
 from isomatch.matching import match_both
 from isomatch.surfaces import Graph, PointCloud, reflected
 from isomatch_lab.procedural import creature

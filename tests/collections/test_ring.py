@@ -11,11 +11,11 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from isomatch import Correspondence, Mesh, read_mesh, write_mesh
+from isomatch._core.texts import read_csv
 from isomatch.cli import main
 from isomatch.collections import Collection, PairMaps, finish
 from isomatch.collections.ledger import writing_ledger
 from isomatch.correspondence import nearest_points
-from isomatch.storage.texts import read_csv
 from small_collections import lopsided_blob, run
 
 M = 6

@@ -10,13 +10,13 @@ import pytest
 
 import isomatch
 from isomatch import SettingError
+from isomatch._core.errors import InputError
 from isomatch.cli import main
 from isomatch.collections import Collection, plan, write_table
 from isomatch.collections import run as run_module
 from isomatch.collections.ledger import Rows, writing_ledger
 from isomatch.datasets import example_pair
 from isomatch.decimation import decimate
-from isomatch.errors import InputError
 from small_collections import N, arrays_of, run
 
 PAIRS = set(combinations([f"s{i}" for i in range(len(N))], 2))

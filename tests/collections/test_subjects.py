@@ -11,9 +11,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import isomatch
+from isomatch._core.errors import InputError
 from isomatch.cli import main
 from isomatch.collections import Collection, contacts_kept, structures_of, subject_collections, subject_doubts
-from isomatch.errors import InputError
 from isomatch.statistics import CorrespondedShapes, read_shapes, stacked
 from shapes import icosphere
 from small_collections import QUICK, lopsided_blob

@@ -10,8 +10,8 @@ from contextlib import suppress
 
 import pytest
 
+from isomatch._core.errors import FormatError
 from isomatch.collections import Collection, PairMaps
-from isomatch.errors import FormatError
 from small_collections import arrays_of
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")

@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from isomatch import InputError, MissingDependencyError
+from isomatch._core.workers import worker_processes
 from isomatch.collections.workers import Task, workers_of
-from isomatch.runtime.workers import worker_processes
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
 

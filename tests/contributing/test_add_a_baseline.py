@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from isomatch import LandmarkError, Outcome, match
+from isomatch._core.settings import Settings, setting
 from isomatch.correspondence import Embedding
 from isomatch.settings import Orientation
-from isomatch.values.settings import Settings, setting
 from isomatch_lab.baselines import Baseline
 from isomatch_lab.baselines.task import Task
 from isomatch_lab.evaluation import METHODS, BenchmarkRun, run_benchmark

@@ -15,8 +15,8 @@ import re
 import numpy as np
 import pytest
 
+from isomatch._core.errors import FormatError
 from isomatch.cli import main
-from isomatch.errors import FormatError
 from isomatch.io import FORMATS, Asset, MeshFormat, read_mesh, read_point_cloud, write_mesh
 from isomatch.io.formats._text import format_rows, is_count, read_lines
 from isomatch.surfaces import Mesh

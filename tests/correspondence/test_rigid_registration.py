@@ -6,6 +6,7 @@ from scipy.sparse import coo_array
 from scipy.spatial.transform import Rotation
 
 from isomatch import Mesh, prepare
+from isomatch._core.errors import SettingError
 from isomatch.correspondence import (
     RigidRegistration,
     SurfaceIndex,
@@ -16,7 +17,6 @@ from isomatch.correspondence import (
     rigid_energy,
 )
 from isomatch.correspondence.rigid_energy import RigidEnergy
-from isomatch.errors import SettingError
 from isomatch.spectral import factorised_for_threads, stiffness_and_masses
 from isomatch_lab.damage import cut
 from isomatch_lab.procedural import creature

@@ -10,8 +10,8 @@ from tests.data import tosca
 from tests.shapes import box, cylinder, flat_grid, icosphere, planar_delaunay
 
 from isomatch import Mesh
+from isomatch._core.errors import MeshError, SettingError
 from isomatch.decimation import decimate, decimations
-from isomatch.errors import MeshError, SettingError
 from isomatch.repair import check, repair
 from isomatch.surfaces import Graph
 

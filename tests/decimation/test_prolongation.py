@@ -8,8 +8,8 @@ from tests.data import tosca
 from tests.shapes import cylinder, flat_grid, icosphere, planar_delaunay
 
 from isomatch import Mesh
+from isomatch._core.errors import MeshError
 from isomatch.decimation import Prolongation, decimate
-from isomatch.errors import MeshError
 from isomatch.surfaces import PrecisePoints
 
 

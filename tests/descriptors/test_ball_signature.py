@@ -5,9 +5,9 @@ import pytest
 from scipy.special import jv
 
 from isomatch import Graph, Mesh, PointCloud
+from isomatch._core.errors import DescriptorError, MeshError
 from isomatch.decimation import decimate
 from isomatch.descriptors import ball_signature, deviation_of
-from isomatch.errors import DescriptorError, MeshError
 from shapes import disguised, flat_grid, icosphere
 from zoo.made import soup
 

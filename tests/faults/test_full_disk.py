@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 from isomatch import Correspondence, DistanceBasis, UnwritableFileError, read_mesh, write_mesh
+from isomatch._core.array_file import write_arrays
+from isomatch._core.texts import write_csv
 from isomatch.cli import main
 from isomatch.collections import Collection
 from isomatch.geodesics import Sampling
-from isomatch.storage.array_file import write_arrays
-from isomatch.storage.texts import write_csv
 from isomatch_lab.evaluation.ledger import appending, read_rows
 from shapes import icosphere
 from small_collections import arrays_of

@@ -92,7 +92,7 @@ def test_an_earlier_result_stays_as_it_is(folder, tmp_path):
 TWICE = """
 import os, signal, time
 from isomatch import __main__
-from isomatch.storage import files
+from isomatch._core import files
 
 abandon = files.abandon_files
 files.abandon_files = lambda: (abandon(), os.kill(os.getpid(), signal.SIGTERM))

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 import isomatch
+from isomatch._core import files
 from isomatch.cli import main
 from isomatch.collections import Collection
-from isomatch.storage import files
 from small_collections import arrays_of
 
 LIKE_WINDOWS = Path(__file__).parent / "like_windows"
@@ -69,7 +69,7 @@ def test_commands_where_open_files_stay_and_posix_is_missing(small, finished, tm
 def test_the_simulation_refuses_what_windows_does(tmp_path):
     """Otherwise the test above would show nothing."""
     program = """
-import isomatch.storage.files as files, isomatch.runtime.memory as memory, os, signal, pathlib
+import isomatch._core.files as files, isomatch._core.memory as memory, os, signal, pathlib
 assert memory.peak_memory() is None and not hasattr(signal, "SIGHUP")
 path = pathlib.Path("a"); held = path.open("w"); held.write("one\\n"); held.flush()
 pathlib.Path("b").write_text("two")

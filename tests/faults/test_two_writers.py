@@ -7,8 +7,8 @@ import time
 import pytest
 
 import isomatch
+from isomatch._core.files import claimed
 from isomatch.cli import main
-from isomatch.storage.files import claimed
 from shapes import icosphere
 
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from mutations import fuzzed, mutated
 
 from isomatch import Config, Correspondence, DistanceBasis, MatchResult, Outcome, Quality
-from isomatch.errors import FormatError, IsomatchError
+from isomatch._core.errors import FormatError, IsomatchError
 from isomatch.geodesics import Sampling
 from isomatch.matching import Alternative
 from isomatch.statistics import CorrespondedShapes, ShapeModel

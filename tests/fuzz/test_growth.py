@@ -6,7 +6,7 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from isomatch.errors import FormatError
+from isomatch._core.errors import FormatError
 from isomatch.io import FORMATS
 
 XYZ = "property float x\nproperty float y\nproperty float z\n"

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from mutations import fuzzed, mutated, spliced
 
 from isomatch import read_asset, write_asset
-from isomatch.errors import FormatError
+from isomatch._core.errors import FormatError
 from isomatch.io import FORMATS, Asset
 from zoo import grid, torus
 

@@ -11,8 +11,8 @@ from mutations import fuzzed, mutated
 from scipy.io import savemat
 
 from isomatch import Config, Correspondence, Mesh, read_landmarks
+from isomatch._core.errors import IsomatchError
 from isomatch.cli.inputs import read_config
-from isomatch.errors import IsomatchError
 from isomatch.evaluation import read_indices, read_truth
 from isomatch_lab.evaluation.ledger import FILE, IDENTITY, identity_of, read_rows
 from isomatch_lab.sets import FolderSettings, tosca

@@ -9,9 +9,9 @@ import pytest
 from PIL import Image
 
 from isomatch import FormatError, read_asset, write_asset
+from isomatch._core.memory import room_for
 from isomatch.io import FORMATS
 from isomatch.io.formats._gltf_data import GltfData, packed
-from isomatch.runtime.memory import room_for
 from later import some_later
 
 TRIANGLE = np.float32([[0, 0, 0], [1, 0, 0], [0, 1, 0]])

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from isomatch.errors import FormatError
+from isomatch._core.errors import FormatError
 from isomatch.io.formats._text import read_lines
 
 NOTATIONS = [

@@ -4,7 +4,7 @@ import struct
 
 import pytest
 
-from isomatch.errors import FormatError
+from isomatch._core.errors import FormatError
 from isomatch.io.formats import ply
 
 SQUARE = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]

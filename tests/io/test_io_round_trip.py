@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from isomatch.errors import DescriptorError, FormatError, MeshError, MissingFileError
+from isomatch._core.errors import DescriptorError, FormatError, MeshError, MissingFileError
 from isomatch.io import FORMATS, Asset, read_mesh, write_mesh
 from isomatch.surfaces import Mesh
 from zoo import grid, zoo

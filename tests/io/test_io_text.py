@@ -2,7 +2,7 @@
 
 import pytest
 
-from isomatch.errors import FormatError
+from isomatch._core.errors import FormatError
 from isomatch.io.formats import obj, off, stl
 
 SQUARE = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
+from isomatch._core.errors import InputError, MissingDependencyError, SettingError
 from isomatch.datasets import Creature, closest_points, example_pair, ground_truth
-from isomatch.errors import InputError, MissingDependencyError, SettingError
 from isomatch.surfaces import Mesh
 from isomatch_lab.procedural import creature, joint_names
 from isomatch_lab.procedural.anatomy import PLANS, body

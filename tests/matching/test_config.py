@@ -6,8 +6,8 @@ from dataclasses import fields, is_dataclass
 import pytest
 
 from isomatch import Config
+from isomatch._core.settings import Settings
 from isomatch.settings import SearchSettings
-from isomatch.values.settings import Settings
 
 
 @pytest.mark.parametrize(

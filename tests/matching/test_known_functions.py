@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from isomatch import Mesh, match, match_both
-from isomatch.errors import DescriptorError
+from isomatch._core.errors import DescriptorError
 from isomatch.matching import prepare_pair
 from isomatch.matching.priors import with_functions
 from isomatch_lab.damage import cut

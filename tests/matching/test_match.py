@@ -18,11 +18,11 @@ from isomatch import (
     prepare,
     wave_kernel_signature,
 )
+from isomatch._core.threads import serial_blas
 from isomatch.correspondence import Embedding
 from isomatch.datasets import example_pair, ground_truth
 from isomatch.matching import prepare_pair
 from isomatch.matching.refinements import laplace_icp_embedding
-from isomatch.runtime.threads import serial_blas
 from isomatch_lab.procedural import creature
 from shapes import disguised
 from zoo import torus

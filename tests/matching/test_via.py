@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from isomatch import Config, Mesh, Outcome, PointCloud, SettingError, match, prepare
+from isomatch._core.errors import MeshError
 from isomatch.datasets import ground_truth
-from isomatch.errors import MeshError
 from isomatch.matching.via import chains_of
 from isomatch.settings import PartSettings
 from isomatch_lab.procedural import creature

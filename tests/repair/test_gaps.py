@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from isomatch import Asset, Attribute, Mesh, PointCloud, check, distance_engine, prepare, repair
-from isomatch.errors import MeshError, SettingError
+from isomatch._core.errors import MeshError, SettingError
 from isomatch.io import Polygons
 from isomatch.repair import outliers
 from isomatch_lab.procedural import creature

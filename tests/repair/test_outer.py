@@ -7,8 +7,8 @@ import pytest
 
 from data import real_file
 from isomatch import Asset, Attribute, Mesh, check, repair
+from isomatch._core.errors import SettingError
 from isomatch.datasets import example_pair
-from isomatch.errors import SettingError
 from isomatch.repair import double_walled_share, inner_faces
 from isomatch_lab.procedural import PLANS, creature, organ
 from shapes import icosphere

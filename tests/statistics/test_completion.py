@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from corresponded import ellipsoids, random_shapes
 from isomatch import Correspondence, Landmarks, Mesh, match
-from isomatch.errors import InputError, LandmarkError, MeshError, NotConvergedError, SettingError
+from isomatch._core.errors import InputError, LandmarkError, MeshError, NotConvergedError, SettingError
 from isomatch.statistics import (
     CorrespondedShapes,
     Observations,

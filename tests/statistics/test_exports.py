@@ -8,7 +8,7 @@ import pytest
 
 from corresponded import ellipsoids, random_shapes
 from isomatch import read_mesh
-from isomatch.errors import InputError, MissingDependencyError
+from isomatch._core.errors import InputError, MissingDependencyError
 from isomatch.statistics import ShapeModel, write_shapeworks, write_statismo
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import kstest
 
-from isomatch.errors import InputError, SettingError
+from isomatch._core.errors import InputError, SettingError
 from isomatch.statistics import group_test
 
 LABELS = ["b"] * 9 + ["a"] * 11

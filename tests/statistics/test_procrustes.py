@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from corresponded import ellipsoids, moved, only, random_shapes
-from isomatch.errors import MeshError, NotConvergedError, SettingError
+from isomatch._core.errors import MeshError, NotConvergedError, SettingError
 from isomatch.statistics import generalised_procrustes, procrustes_distances
 
 

@@ -6,7 +6,7 @@ from scipy.spatial.distance import cdist
 
 from corresponded import ellipsoids, moved, only, random_shapes
 from isomatch import geodesic_distances
-from isomatch.errors import InputError, SettingError
+from isomatch._core.errors import InputError, SettingError
 from isomatch.statistics import (
     CorrespondedShapes,
     classical_scaling,

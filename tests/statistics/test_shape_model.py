@@ -9,7 +9,7 @@ from sklearn.decomposition import PCA
 
 from corresponded import ellipsoids, moved, only, random_shapes
 from isomatch import Asset, Mesh, write_asset
-from isomatch.errors import FormatError, InputError, MeshError, SettingError
+from isomatch._core.errors import FormatError, InputError, MeshError, SettingError
 from isomatch.io import Polygons
 from isomatch.statistics import CorrespondedShapes, ShapeModel, compactness, generalised_procrustes
 

@@ -7,7 +7,7 @@ import pytest
 
 from corresponded import ellipsoids, random_shapes
 from isomatch import Correspondence, Mesh, Outcome, write_mesh
-from isomatch.errors import FormatError, MapError, MeshError, MissingFileError
+from isomatch._core.errors import FormatError, MapError, MeshError, MissingFileError
 from isomatch.statistics import (
     CorrespondedShapes,
     ShapeModel,

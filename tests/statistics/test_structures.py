@@ -8,8 +8,8 @@ from scipy.spatial.transform import Rotation
 
 import isomatch
 from corresponded import moved, random_shapes
+from isomatch._core.errors import FormatError, InputError, MeshError
 from isomatch.cli import main
-from isomatch.errors import FormatError, InputError, MeshError
 from isomatch.statistics import (
     CorrespondedShapes,
     ShapeModel,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from isomatch import Graph, MeshError, PointCloud, SettingError, read_point_cloud, write_mesh
-from isomatch.errors import FormatError
+from isomatch._core.errors import FormatError
 from shapes import icosphere
 from zoo import specimen
 

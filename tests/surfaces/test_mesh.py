@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from isomatch.errors import MeshError
+from isomatch._core.errors import MeshError
 from isomatch.surfaces import Mesh, fans, in_spatial_order, unsound_faces, vertex_normals
 from isomatch.surfaces._coincident import first_equal
 from zoo import grid, specimen, torus, zoo

@@ -7,7 +7,7 @@ import pytest
 from gltf_made import BLUE, GREY, RED, WHITE, Square, assert_stripes, onto, picture, shown
 
 from isomatch import Correspondence, bake_texture, carry_attributes, read_asset, write_asset
-from isomatch.errors import DescriptorError
+from isomatch._core.errors import DescriptorError
 
 CLAMP, MIRROR = {"wrapS": 33071}, {"wrapS": 33648}
 

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from isomatch import Asset, Correspondence, Mesh, carry_attributes, write_asset
-from isomatch.errors import DescriptorError, MapError, MeshError, SettingError
+from isomatch._core.errors import DescriptorError, MapError, MeshError, SettingError
 from isomatch.io import Attribute, Polygons
 from shapes import cylinder, flat_grid, icosphere
 

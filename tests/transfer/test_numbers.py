@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from isomatch import Asset, Correspondence, carry_attributes
-from isomatch.errors import SettingError
+from isomatch._core.errors import SettingError
 from isomatch.io import Attribute, Polygons
 from shapes import icosphere
 

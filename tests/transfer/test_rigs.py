@@ -5,7 +5,7 @@ import pytest
 from gltf_made import Square, onto
 
 from isomatch import Attribute, carry_attributes, read_asset, write_asset
-from isomatch.errors import DescriptorError
+from isomatch._core.errors import DescriptorError
 from isomatch.io.formats._gltf_data import GltfData, node_matrices
 
 NAMES, PLACES = ("Hips", "Chest", "Arm"), ([0.5, 0, 0], [1, 0, 0], [0, 2, 1])

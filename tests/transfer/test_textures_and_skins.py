@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from isomatch import Asset, Correspondence, bake_texture, carry_attributes, read_asset, read_mesh, write_asset
-from isomatch.errors import DescriptorError
+from isomatch._core.errors import DescriptorError
 from isomatch.io import Attribute, Polygons, with_texture
 from shapes import flat_grid
 

@@ -7,8 +7,8 @@ from scipy.spatial.transform import Rotation
 
 from data import real_file
 from isomatch import Correspondence, Mesh, match, wrap
+from isomatch._core.errors import MapError
 from isomatch.correspondence.template_bending import turned_faces
-from isomatch.errors import MapError
 from shapes import disguised, flat_grid, icosphere
 from thin_walls import shell
 

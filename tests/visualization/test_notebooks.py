@@ -31,7 +31,7 @@ from isomatch import (
     prepare,
     show_progress,
 )
-from isomatch.errors import DescriptorError, MapError, MeshError, MissingDependencyError, SettingError
+from isomatch._core.errors import DescriptorError, MapError, MeshError, MissingDependencyError, SettingError
 from isomatch.matching import Alternative
 from isomatch.visualization import ValuePanel, camera_of, html_of, notebook, summary_of
 from shapes import icosphere

@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 
 from isomatch import Config, Mesh, Outcome, Quality
+from isomatch._core.errors import DescriptorError, LandmarkError
 from isomatch.correspondence import Correspondence
 from isomatch.datasets import example_pair, ground_truth
-from isomatch.errors import DescriptorError, LandmarkError
 from isomatch.matching import Alternative, DoubtfulRegion, MatchResult
 from isomatch.visualization import HEADLINES, position_colours, report, summary_of, write_report
 from isomatch.visualization.colours import to_screen

@@ -6,9 +6,9 @@ import matplotlib.image
 import numpy as np
 import pytest
 
+from isomatch._core.errors import MeshError
 from isomatch.correspondence import Correspondence
 from isomatch.datasets import example_pair, ground_truth
-from isomatch.errors import MeshError
 from isomatch.surfaces import Mesh
 from isomatch.visualization import ValuePanel, draw_map, position_colours
 from isomatch.visualization.camera import camera_of, turn_to_target

@@ -12,18 +12,18 @@ from scipy.spatial import cKDTree
 import isomatch
 import isomatch.statistics as shape_statistics
 from isomatch import Correspondence
+from isomatch._core.arrays import FloatArray
+from isomatch._core.errors import FormatError, MeshError, NotConvergedError, SettingError
+from isomatch._core.texts import read_csv
 from isomatch.cli.inputs import ConfigFile, Force, Output, Seed, read_config
 from isomatch.cli.statistics import Scale, read_cohort
 from isomatch.cli.statistics_files import SCALES, StatisticsFolder, listed, tabulated
 from isomatch.cli.terminal import TALK, Talk, Tell, complain, part, say, say_rows
 from isomatch.collections import Collection, Layout, surface_as_written
 from isomatch.correspondence import UNMATCHED
-from isomatch.errors import FormatError, MeshError, NotConvergedError, SettingError
 from isomatch.landmarks import nearest_on_surface
 from isomatch.statistics import Asymmetry, CorrespondedShapes, draw_values
-from isomatch.storage.texts import read_csv
 from isomatch.surfaces import Mesh
-from isomatch.values.arrays import FloatArray
 
 MOST_DRAWN = 3  # the most asymmetric shapes, which have pictures of their own
 WRONG = "; where they have one colour, the map between them is wrong"

@@ -16,17 +16,17 @@ from cyclopts import App, Parameter
 
 import isomatch
 from isomatch import collections, visualization
+from isomatch._core.errors import InputError, MemoryBudgetError
+from isomatch._core.files import claimed
+from isomatch._core.texts import read_csv, text_lines
 from isomatch.cli.collect_landmarks import Semilandmarks, landmark_files, landmarks, say_landmarks, write_all
 from isomatch.cli.inputs import ConfigFile, Force, Output, Rounded, Seed, read_config
 from isomatch.cli.outputs import require_writable
 from isomatch.cli.scored import LAST, new_shapes, say_scored, write_scored
 from isomatch.cli.statistics_files import StatisticsFolder
 from isomatch.cli.terminal import TALK, Talk, Tell, complain, say, say_rows
-from isomatch.errors import InputError, MemoryBudgetError
 from isomatch.matching import Outcome
 from isomatch.statistics import ScoredShape, ShapeModel
-from isomatch.storage.files import claimed
-from isomatch.storage.texts import read_csv, text_lines
 
 Reports = Annotated[
     int | Literal["doubtful", "all", "none"],

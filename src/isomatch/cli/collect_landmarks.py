@@ -15,12 +15,12 @@ from cyclopts import Parameter
 import isomatch
 import isomatch.landmarks as shape_landmarks
 from isomatch import collections
+from isomatch._core.errors import InputError
+from isomatch._core.files import claimed, legible, made_folder
+from isomatch._core.texts import write_csv
 from isomatch.cli.inputs import Force
 from isomatch.cli.terminal import TALK, Talk, Tell, say
-from isomatch.errors import InputError
 from isomatch.statistics import slid_semilandmarks
-from isomatch.storage.files import claimed, legible, made_folder
-from isomatch.storage.texts import write_csv
 from isomatch.surfaces import reflected
 
 

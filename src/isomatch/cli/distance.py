@@ -14,18 +14,18 @@ from cyclopts.validators import LimitedChoice
 
 import isomatch
 from isomatch import geodesics
+from isomatch._core.array_file import write_arrays
+from isomatch._core.arrays import FloatArray, IntArray
+from isomatch._core.errors import FormatError, SettingError, some
+from isomatch._core.files import write_text
+from isomatch._core.texts import is_whole_number, joined, text_lines
 from isomatch.cli.inputs import Force, Output, Seed, Weld, surface_of
 from isomatch.cli.outputs import claimed_files
 from isomatch.cli.terminal import TALK, Talk, Tell, complain, part, say, say_table
-from isomatch.errors import FormatError, SettingError, some
 from isomatch.geodesics import PATH_SUFFIXES, engine_names
 from isomatch.repair import without_seams
 from isomatch.spectral import BasisMethod, Weighting
-from isomatch.storage.array_file import write_arrays
-from isomatch.storage.files import write_text
-from isomatch.storage.texts import is_whole_number, joined, text_lines
 from isomatch.surfaces import PrecisePoints
-from isomatch.values.arrays import FloatArray, IntArray
 
 AT_ONCE = 16  # columns between two announcements of progress
 WHICH = Group("Which distances (one of them)", validator=LimitedChoice(1, 1))

@@ -11,11 +11,11 @@ from cyclopts import Parameter
 
 import isomatch
 from isomatch import correspondence, evaluation
+from isomatch._core.arrays import IntArray
+from isomatch._core.errors import FormatError
 from isomatch.cli.inputs import Seed
 from isomatch.cli.outputs import say_notes
 from isomatch.cli.terminal import TALK, Talk, say_table
-from isomatch.errors import FormatError
-from isomatch.values.arrays import IntArray
 
 USUAL = "standard deviations; right maps have 0.2 to 0.5, wrong ones mostly more"
 CURVE = (0.01, 0.02, 0.05, 0.1, 0.25)  # √(target area)

@@ -12,8 +12,8 @@ import numpy as np
 from cyclopts import Parameter
 
 import isomatch
-from isomatch.errors import FormatError, IsomatchError, LandmarkError, MeshError, SettingError
-from isomatch.values.arrays import FloatArray, IntArray
+from isomatch._core.arrays import FloatArray, IntArray
+from isomatch._core.errors import FormatError, IsomatchError, LandmarkError, MeshError, SettingError
 
 Surface: TypeAlias = "isomatch.Mesh | isomatch.PointCloud"
 

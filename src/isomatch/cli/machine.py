@@ -8,11 +8,11 @@ import time
 
 import isomatch
 from isomatch import datasets
+from isomatch._core.machine import kernels, processor, versions
+from isomatch._core.memory import GIB, memory_budget
+from isomatch._core.threads import n_threads
 from isomatch.cli.inputs import Json
 from isomatch.cli.terminal import say, say_json, say_table
-from isomatch.runtime.machine import kernels, processor, versions
-from isomatch.runtime.memory import GIB, memory_budget
-from isomatch.runtime.threads import n_threads
 
 NEEDED = ("numpy", "scipy", "numba", "robust_laplacian", "mapbox_earcut", "matplotlib", "rich", "cyclopts")
 OPTIONAL = ("scikit-image", "pygeodesic", "potpourri3d", "pyfmaps", "POT", "h5py")

@@ -12,6 +12,8 @@ from cyclopts import Parameter
 
 import isomatch
 from isomatch import datasets, evaluation, matching
+from isomatch._core.errors import InputError, LandmarkError, MapError, MeshError, NotConvergedError
+from isomatch._core.files import write_text
 from isomatch.cli.inputs import (
     ConfigFile,
     Details,
@@ -39,10 +41,8 @@ from isomatch.cli.results import (
     say_result,
 )
 from isomatch.cli.terminal import TALK, Talk, json_text, part, say, say_rows
-from isomatch.errors import InputError, LandmarkError, MapError, MeshError, NotConvergedError
 from isomatch.io import files_beside
 from isomatch.settings import Hypotheses, Orientation, RefinementName, Resolution, Start
-from isomatch.storage.files import write_text
 
 N_JUDGED = 500  # source vertices, drawn with seed 0, whose images a demo compares with the ground truth
 

@@ -16,13 +16,13 @@ from rich.console import Console
 
 import isomatch
 from isomatch import shapes, spectral
+from isomatch._core.array_file import write_arrays
 from isomatch.cli.distance import N_COLUMNS
 from isomatch.cli.inputs import Force, Json, Output, Rounded, surface_of
 from isomatch.cli.outputs import claimed_files, notes_on, say_left_out, say_notes
 from isomatch.cli.terminal import say, say_json
 from isomatch.io import FORMATS, as_written, files_beside, meshes_among, read_as_far
 from isomatch.repair import without_seams
-from isomatch.storage.array_file import write_arrays
 
 NUMBERS = 50  # columns of a table beside the names
 LEAST_NAME = 12  # columns of a name, however narrow the terminal is

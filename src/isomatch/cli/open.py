@@ -17,10 +17,10 @@ from cyclopts import Parameter
 
 import isomatch
 from isomatch import visualization
+from isomatch._core.errors import SettingError
 from isomatch.cli.inputs import ConfigFile, Force, Surface, read_config, read_landmarks, read_surface
 from isomatch.cli.results import BACK_REMOVED, Back, Earlier, Inputs, ResultFolder, match_again
 from isomatch.cli.terminal import json_text, say
-from isomatch.errors import SettingError
 from isomatch.server import PageServer, Pairs, Session, require_server
 
 

@@ -12,17 +12,17 @@ from typing import Any
 import numpy as np
 
 import isomatch
+from isomatch._core.arrays import FloatArray
+from isomatch._core.errors import MeshError
+from isomatch._core.files import claimed
 from isomatch.cli.inputs import Surface
 from isomatch.cli.terminal import INDENT, say, say_rows
-from isomatch.errors import MeshError
 from isomatch.io import Attribute, Frame
-from isomatch.storage.files import claimed
-from isomatch.values.arrays import FloatArray
 
 
 @contextmanager
 def claimed_files(*paths: Path | None, force: bool) -> Iterator[None]:
-    """Claim single files, see `isomatch.storage.files.claimed`; those that exist have to be forced."""
+    """Claim single files, see `isomatch._core.files.claimed`; those that exist have to be forced."""
     with ExitStack() as claims:
         for path in filter(None, paths):
             claims.enter_context(claimed(path, [] if force else [path]))

@@ -13,8 +13,8 @@ from cyclopts import App, Parameter
 from cyclopts.exceptions import CycloptsError
 
 from isomatch import __version__
+from isomatch._core.errors import IsomatchError
 from isomatch.cli.terminal import complain, print_anything
-from isomatch.errors import IsomatchError
 
 DONE, BAD, MISUSED, INTERRUPTED = 0, 1, 2, 130
 

@@ -13,11 +13,11 @@ from typing import Any
 
 import isomatch
 from isomatch import matching, visualization
+from isomatch._core.errors import FormatError
+from isomatch._core.files import claimed, made_folder, opened, staged, write_text
 from isomatch.cli.inputs import Surface, read_surface
 from isomatch.cli.outputs import say_notes
 from isomatch.cli.terminal import INDENT, json_text, say, say_rows, say_table
-from isomatch.errors import FormatError
-from isomatch.storage.files import claimed, made_folder, opened, staged, write_text
 
 RESULT = "result.json"
 BACK = "map_back.npz"

@@ -15,18 +15,18 @@ from cyclopts import App, Parameter
 import isomatch
 import isomatch.statistics as shape_statistics
 from isomatch import collections
+from isomatch._core.arrays import FloatArray
+from isomatch._core.errors import FormatError, InputError, IsomatchError
+from isomatch._core.files import opened, write_text
+from isomatch._core.texts import decoded, read_csv, separated
 from isomatch.cli.inputs import ConfigFile, Force, Output, Seed, read_config
 from isomatch.cli.outputs import claimed_files, require_writable, say_left_out
 from isomatch.cli.scored import LAST, new_shapes, say_scored, write_scored
 from isomatch.cli.statistics_files import StatisticsFolder
 from isomatch.cli.statistics_time import over_time
 from isomatch.cli.terminal import INDENT, TALK, Talk, complain, json_text, part, say, say_rows, say_table
-from isomatch.errors import FormatError, InputError, IsomatchError
 from isomatch.io import FORMATS, Asset, Attribute
 from isomatch.statistics import CorrespondedShapes, GroupTest, ShapeModel, ShapeRegression
-from isomatch.storage.files import opened, write_text
-from isomatch.storage.texts import decoded, read_csv, separated
-from isomatch.values.arrays import FloatArray
 
 Scale = Literal["keep", "remove"]
 Weights = Literal["area", "uniform"]

@@ -18,14 +18,14 @@ import numpy as np
 
 import isomatch.statistics as shape_statistics
 from isomatch import visualization
+from isomatch._core.arrays import FloatArray
+from isomatch._core.errors import MissingDependencyError
+from isomatch._core.files import claimed, made_folder, staged, write_text
+from isomatch._core.texts import write_csv
 from isomatch.cli.terminal import json_text
-from isomatch.errors import MissingDependencyError
 from isomatch.io import Asset, Attribute, write_asset, write_mesh
 from isomatch.statistics import CorrespondedShapes, GroupTest, ShapeModel, ShapeRegression
-from isomatch.storage.files import claimed, made_folder, staged, write_text
-from isomatch.storage.texts import write_csv
 from isomatch.surfaces import Mesh
-from isomatch.values.arrays import FloatArray
 
 DEVIATIONS = 2
 GREY = 0.6  # of vertices without a value

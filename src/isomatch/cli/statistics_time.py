@@ -9,10 +9,10 @@ import numpy as np
 import isomatch
 import isomatch.statistics as shape_statistics
 from isomatch import collections
+from isomatch._core.errors import InputError
 from isomatch.cli.inputs import Force, Output
 from isomatch.cli.statistics_files import StatisticsFolder
 from isomatch.cli.terminal import TALK, Talk, complain, say, say_rows
-from isomatch.errors import InputError
 from isomatch.io import Asset, Attribute, holds_values, read_asset, read_attributes, write_asset
 from isomatch.statistics import MEASURED
 from isomatch.surfaces import Mesh

@@ -12,12 +12,12 @@ from cyclopts import Parameter
 
 import isomatch
 import isomatch.landmarks as shape_landmarks
+from isomatch._core.errors import FormatError, LandmarkError, SettingError
+from isomatch._core.files import replaced
 from isomatch.cli.inputs import Force, Output, Rounded, naming_files
 from isomatch.cli.outputs import claimed_files, notes_on, say_left_out, say_notes
 from isomatch.cli.terminal import TALK, Talk, say
-from isomatch.errors import FormatError, LandmarkError, SettingError
 from isomatch.io import files_beside, holds_values, png_of, read_attributes, told_apart, write_attributes
-from isomatch.storage.files import replaced
 from isomatch.transfer import Carried, Labelling, NumbersAs, Side
 
 

@@ -1,5 +1,5 @@
 """Collections: many shapes prepared once, matched in pairs, on one machine or a cluster."""
 
-from isomatch.loading.first_use import names_at_first_use
+from isomatch._core.first_use import names_at_first_use
 
 __all__ = names_at_first_use(__name__)

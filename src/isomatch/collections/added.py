@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
+from isomatch._core.errors import InputError, IsomatchError, MeshError, SettingError
 from isomatch.collections.cohort import OTHERS, checked_units, common_unit, scales_of, told_unit
 from isomatch.collections.collection import Collection
 from isomatch.collections.finish import surfaces_written
 from isomatch.collections.ledger import Record, Rows
 from isomatch.collections.plan import Layout
 from isomatch.collections.shapes import Entry, entries_of
-from isomatch.errors import InputError, IsomatchError, MeshError, SettingError
 from isomatch.io import mesh_from
 from isomatch.statistics import ShapeModel, size_factors
 

@@ -14,6 +14,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
+from isomatch._core.arrays import FloatArray, IntArray
+from isomatch._core.files import claimed
+from isomatch._core.memory import peak_memory, require_memory
 from isomatch.collections.collection import Collection
 from isomatch.collections.ledger import (
     CONTRADICTED,
@@ -31,11 +34,8 @@ from isomatch.collections.shapes import Pair, tiles_of
 from isomatch.collections.workers import Task, Workers, late_after, workers_of
 from isomatch.correspondence import UNMATCHED
 from isomatch.matching import Evidence, Outcome, lowered, match_both, outcome_of
-from isomatch.runtime.memory import peak_memory, require_memory
 from isomatch.settings import Config
 from isomatch.shapes import PreparedShape
-from isomatch.storage.files import claimed
-from isomatch.values.arrays import FloatArray, IntArray
 
 MOST_ROUNDS = 3
 TILE = 8  # shapes on either side of a tile of pairs

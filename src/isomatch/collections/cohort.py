@@ -9,14 +9,14 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from isomatch._core.errors import InputError
+from isomatch._core.texts import read_csv
 from isomatch.collections.ledger import N_RANKS, Record, Rows, is_mirrored
 from isomatch.collections.plan import Plan
 from isomatch.collections.shapes import Pair
-from isomatch.errors import InputError
 from isomatch.matching import Outcome
 from isomatch.repair import check, without_seams
 from isomatch.statistics import METRES, likely_units, size_factors, told_factor
-from isomatch.storage.texts import read_csv
 from isomatch.surfaces import Mesh, PointCloud
 
 RESCALED = 0.01  # factor of the sizes of copies: with less, they are of one size

@@ -11,6 +11,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
+from isomatch._core.errors import FormatError, InputError, SettingError
+from isomatch._core.files import write_text
+from isomatch._core.settings import generator
 from isomatch.collections.cohort import OTHERS, checked_units
 from isomatch.collections.ledger import state_of, was_contradicted, writing_ledger
 from isomatch.collections.map_file import PairMaps, maps_of_pair
@@ -26,10 +29,7 @@ from isomatch.collections.shapes import (
     unusable_names,
 )
 from isomatch.collections.workers import Workers
-from isomatch.errors import FormatError, InputError, SettingError
 from isomatch.settings import Config
-from isomatch.storage.files import write_text
-from isomatch.values.settings import generator
 
 STAYS = ("source_hash", "target_hash", "reflected", "made_with")  # of a pair that is to be matched again
 

@@ -16,6 +16,9 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from matplotlib.image import imsave
 
+from isomatch._core.errors import FormatError, InputError, IsomatchError, UnwritableFileError
+from isomatch._core.files import claimed, is_of_one_file, made_folder, replaced, staged, writing
+from isomatch._core.texts import read_csv, write_csv
 from isomatch.collections.cohort import NOT_UNLIKE, mirror_images, scales_of
 from isomatch.collections.collection import Collection
 from isomatch.collections.ledger import CONTRADICTED, Ledger, Record, Rows, read_ledgers, writing_ledger
@@ -32,11 +35,8 @@ from isomatch.collections.plan import Layout, identity_of_map
 from isomatch.collections.shapes import BETWEEN, Entry, Pair
 from isomatch.collections.workers import Task, Workers, late_after, workers_of
 from isomatch.correspondence import Correspondence, WrapQuality, median_map, wrap
-from isomatch.errors import FormatError, InputError, IsomatchError, UnwritableFileError
 from isomatch.io import Asset, Attribute, Frame, Polygons, mesh_from, read_asset, read_mesh, write_asset
 from isomatch.statistics import MEASURED, doubtful_positions
-from isomatch.storage.files import claimed, is_of_one_file, made_folder, replaced, staged, writing
-from isomatch.storage.texts import read_csv, write_csv
 from isomatch.surfaces import Mesh, reflected
 from isomatch.visualization import camera_of, position_colours, surface_image, to_screen, turn_to_target
 

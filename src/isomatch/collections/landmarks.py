@@ -13,16 +13,16 @@ import numpy as np
 from matplotlib import colormaps
 from scipy.spatial import cKDTree
 
+from isomatch._core.arrays import FloatArray
+from isomatch._core.errors import InputError, IsomatchError
+from isomatch._core.files import replaced
 from isomatch.collections.collection import Collection
 from isomatch.collections.map_file import maps_along, require_unchanged
 from isomatch.correspondence import Correspondence
-from isomatch.errors import InputError, IsomatchError
 from isomatch.io import Asset, read_asset, read_mesh
 from isomatch.landmarks import Landmarks, median_landmarks, spread_on_surface
-from isomatch.storage.files import replaced
 from isomatch.surfaces import Mesh, reflected
 from isomatch.transfer import carry_landmarks
-from isomatch.values.arrays import FloatArray
 from isomatch.visualization import arranged_panels, camera_of, surface_image, turn_to_target
 
 MOST_DRAWN = 24  # shapes

@@ -12,10 +12,10 @@ from pathlib import Path
 from types import UnionType
 from typing import Any
 
+from isomatch._core.errors import FormatError, UnwritableFileError
+from isomatch._core.files import claimed
 from isomatch.collections.shapes import Pair
-from isomatch.errors import FormatError, UnwritableFileError
 from isomatch.matching import Outcome
-from isomatch.storage.files import claimed
 
 Record = dict[str, Any]
 """What is known of a shape or a pair, as plain values."""

@@ -16,17 +16,17 @@ from typing import Any
 
 import numpy as np
 
+from isomatch._core.array_file import ArrayFormat, Stored, save_arrays
+from isomatch._core.arrays import FloatArray
+from isomatch._core.errors import FormatError, MapError
+from isomatch._core.files import opened
+from isomatch._core.threads import n_threads
 from isomatch.collections.ledger import SIDES, Ledger, Record, Rows, read_ledgers, writing_ledger
 from isomatch.collections.plan import Layout
 from isomatch.collections.shapes import Pair
 from isomatch.correspondence import Correspondence
-from isomatch.errors import FormatError, MapError
 from isomatch.matching import MatchResult
-from isomatch.runtime.threads import n_threads
-from isomatch.storage.array_file import ArrayFormat, Stored, save_arrays
-from isomatch.storage.files import opened
 from isomatch.surfaces import Mesh, reflected
-from isomatch.values.arrays import FloatArray
 
 UNKNOWN = -1.0  # in a file, an error that is not known
 _ENDS = tuple(zip(SIDES, ("n_source", "n_target")))

@@ -15,6 +15,9 @@ from string import Template
 from typing import Any, Literal
 from urllib.parse import quote
 
+from isomatch._core.errors import SettingError
+from isomatch._core.files import replaced, write_text, writing
+from isomatch._core.texts import write_csv
 from isomatch.collections.cohort import Outlier, outliers
 from isomatch.collections.collection import Collection
 from isomatch.collections.ledger import Record, Rows, is_contradicted
@@ -23,11 +26,8 @@ from isomatch.collections.plan import Layout
 from isomatch.collections.run import row_of
 from isomatch.collections.shapes import Pair
 from isomatch.collections.workers import Task, Workers, late_after, workers_of
-from isomatch.errors import SettingError
 from isomatch.io import mesh_from
 from isomatch.matching import MatchResult, Outcome, Quality
-from isomatch.storage.files import replaced, write_text, writing
-from isomatch.storage.texts import write_csv
 from isomatch.visualization import write_report
 
 SHOWN = {  # columns of the table of pairs on the page, and how their numbers are written

@@ -15,13 +15,13 @@ from typing import Any, Literal
 import numpy as np
 from scipy.spatial.distance import cdist
 
+from isomatch._core.arrays import FloatArray
+from isomatch._core.cached import cached_property
+from isomatch._core.files import UNFINISHED, remove_unfinished
 from isomatch.collections.ledger import N_EIGENVALUES, N_QUANTILES, Record, Rows, read_ledgers
 from isomatch.collections.shapes import BETWEEN, Entry, Pair, pairs_of
 from isomatch.settings import Config
 from isomatch.shapes import PreparedShape
-from isomatch.storage.files import UNFINISHED, remove_unfinished
-from isomatch.values.arrays import FloatArray
-from isomatch.values.cached import cached_property
 
 OLD = 3600.0  # seconds; files are written in a few
 UNTOLD = "—"  # a setting that there was not

@@ -17,6 +17,12 @@ from typing import Literal, NamedTuple, TypeVar, cast
 import numpy as np
 from scipy.spatial import cKDTree
 
+from isomatch._core.arrays import IntArray
+from isomatch._core.cached import cached_property
+from isomatch._core.errors import FormatError, MissingFileError, UnwritableFileError
+from isomatch._core.files import is_of_one_file, legible, writing
+from isomatch._core.memory import peak_memory
+from isomatch._core.settings import generator
 from isomatch.collections.cohort import OF_SHAPES, holes_of, likeness_of, mirror_images, outliers
 from isomatch.collections.ledger import SIDES, Ledger, Record, Rows, read_ledgers, writing_ledger
 from isomatch.collections.map_file import PairMaps, as_matched, changed_files, digest_of, maps_of_pair
@@ -33,17 +39,11 @@ from isomatch.collections.plan import (
 from isomatch.collections.shapes import SIDE, Entry, Pair, pairs_of, tiles_of
 from isomatch.collections.workers import Task, Workers, workers_of
 from isomatch.correspondence import carried_along
-from isomatch.errors import FormatError, MissingFileError, UnwritableFileError
 from isomatch.io import mesh_from, surface_from
 from isomatch.matching import MatchResult, Outcome, match_both
-from isomatch.runtime.memory import peak_memory
 from isomatch.settings import Config
 from isomatch.shapes import PreparedShape, prepare
-from isomatch.storage.files import is_of_one_file, legible, writing
 from isomatch.surfaces import Graph, Mesh, reflected
-from isomatch.values.arrays import IntArray
-from isomatch.values.cached import cached_property
-from isomatch.values.settings import generator
 
 MOST_PAIRS = 64  # of a tile, whose rows come when all of it is done
 TILES_PER_WORKER = 4  # so that the last ones end at about the same time

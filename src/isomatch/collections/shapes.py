@@ -11,10 +11,10 @@ from itertools import combinations, pairwise
 from pathlib import Path
 from unicodedata import normalize
 
-from isomatch.errors import InputError
+from isomatch._core.errors import InputError
+from isomatch._core.files import ignores_case, legible
+from isomatch._core.texts import read_csv
 from isomatch.io import meshes_among
-from isomatch.storage.files import ignores_case, legible
-from isomatch.storage.texts import read_csv
 
 BETWEEN = "__"  # of two names, in the name of the file of their maps
 PATTERNS = ("star", "all", "chain", "ring")

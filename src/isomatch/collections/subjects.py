@@ -10,12 +10,15 @@ from typing import Any, Literal
 
 import numpy as np
 
+from isomatch._core.arrays import FloatArray
+from isomatch._core.errors import InputError, IsomatchError
+from isomatch._core.files import legible, made_folder, staged
+from isomatch._core.texts import natural_order, read_csv, write_csv
 from isomatch.collections.cohort import OTHERS
 from isomatch.collections.collection import Collection
 from isomatch.collections.contacts import beneath, contacts_kept
 from isomatch.collections.finish import surfaces_written
 from isomatch.collections.shapes import Entry
-from isomatch.errors import InputError, IsomatchError
 from isomatch.io import Asset, Attribute, mesh_from, meshes_among, write_asset
 from isomatch.statistics import (
     MEASURED,
@@ -26,10 +29,7 @@ from isomatch.statistics import (
     read_shapes,
     stacked,
 )
-from isomatch.storage.files import legible, made_folder, staged
-from isomatch.storage.texts import natural_order, read_csv, write_csv
 from isomatch.surfaces import Mesh, reflected
-from isomatch.values.arrays import FloatArray
 
 Structures = Mapping[str, Mapping[str, Path]]  # the file of each subject, by structure
 

@@ -15,10 +15,10 @@ from functools import lru_cache, partial
 from itertools import takewhile
 from typing import Any
 
-from isomatch.errors import InputError, UnwritableFileError
-from isomatch.loading.first_use import package
-from isomatch.runtime.threads import n_threads
-from isomatch.runtime.workers import begin_worker, worker_processes
+from isomatch._core.errors import InputError, UnwritableFileError
+from isomatch._core.first_use import package
+from isomatch._core.threads import n_threads
+from isomatch._core.workers import begin_worker, worker_processes
 
 QUEUED = 2  # tasks sent for each worker: the next one is there when the last one ends
 ASKED = 2.0  # seconds until the number of workers of a cluster is asked for again

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from isomatch._core.arrays import FloatArray, IntArray
 from isomatch.correspondence.nearest import nearest_of_few, nearest_rows
-from isomatch.values.arrays import FloatArray, IntArray
 
 # of the largest singular value; smaller ones are rounding, and leave the rotation undetermined
 NULL_DIRECTION = 1e-9

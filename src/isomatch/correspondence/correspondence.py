@@ -11,6 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse import csc_array, csr_array
 
+from isomatch._core.arrays import AnyArray, FloatArray, IntArray, array_of
+from isomatch._core.errors import DescriptorError, FormatError, MapError
+from isomatch._core.first_use import PlotOptions, Shown, visualization
 from isomatch.correspondence.functional_maps import FunctionalMap, fit_functional_map
 from isomatch.correspondence.map_arrays import (
     UNMATCHED,
@@ -21,12 +24,9 @@ from isomatch.correspondence.map_arrays import (
     pushed_forward,
 )
 from isomatch.correspondence.map_files import map_parts, write_map
-from isomatch.errors import DescriptorError, FormatError, MapError
 from isomatch.io import SurfaceLike, mesh_from, surface_from
-from isomatch.loading.first_use import PlotOptions, Shown, view_room
 from isomatch.spectral import LaplaceBasis, laplace_basis
 from isomatch.surfaces import PrecisePoints, Surface, surface_in_use
-from isomatch.values.arrays import AnyArray, FloatArray, IntArray, array_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -120,7 +120,7 @@ class Correspondence(Shown):
         DescriptorError, MeshError, SettingError
             If the values do not fit, a surface has no area, or there is no such colour map.
         """
-        room, surfaces = view_room(), self.surfaces(source, target)
+        room, surfaces = visualization(), self.surfaces(source, target)
         label, colour_map = options.pop("label", ""), options.pop("colour_map", None)
         panel = None if values is None else room.ValuePanel(values, label, colour_map=colour_map)
         figure: Figure = room.draw_map(*map(room.drawable, surfaces), self, values=panel, **options)

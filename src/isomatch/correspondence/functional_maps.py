@@ -13,10 +13,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import polar, solve_triangular
 
+from isomatch._core.arrays import FloatArray, IntArray
+from isomatch._core.cached import cached_property
 from isomatch.correspondence.nearest import nearest_rows
 from isomatch.spectral import LaplaceBasis
-from isomatch.values.arrays import FloatArray, IntArray
-from isomatch.values.cached import cached_property
 
 NearestVertices = Callable[[FloatArray, FloatArray], IntArray]
 """Of candidates (n, d) and queries (m, d): the index (m,) of the candidate nearest to each query."""

@@ -8,9 +8,9 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from isomatch.loading.compiled import compiled
-from isomatch.runtime.threads import parallel_rows
-from isomatch.values.arrays import AnyArray, Float32Array, FloatArray, IntArray
+from isomatch._core.arrays import AnyArray, Float32Array, FloatArray, IntArray
+from isomatch._core.compiled import compiled
+from isomatch._core.threads import parallel_rows
 
 Terms: TypeAlias = tuple[Any, ...]  # for compiled loops, see `IntervalCost.terms`
 FORBIDDEN = 50.0  # more than any assignment costs

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse import csc_array
 
+from isomatch._core.arrays import AnyArray, BoolArray, FloatArray, IntArray, array_of, numbers_of
+from isomatch._core.errors import DescriptorError, MapError, some
 from isomatch.decimation import PlacedMesh, VertexGroups, normalised
-from isomatch.errors import DescriptorError, MapError, some
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.surfaces import Mesh, PrecisePoints, Surface
-from isomatch.values.arrays import AnyArray, BoolArray, FloatArray, IntArray, array_of, numbers_of
 
 UNMATCHED = -1
 _FILLS = {"f": np.nan, "c": np.nan, "i": -1, "b": False, "U": "", "S": b""}  # by the kind of an array's type

@@ -9,8 +9,7 @@ from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 
-from isomatch.errors import FormatError, SettingError
-from isomatch.storage.array_file import (
+from isomatch._core.array_file import (
     FIRST_VERSION,
     Archive,
     ArrayFormat,
@@ -20,9 +19,10 @@ from isomatch.storage.array_file import (
     require_known_version,
     save_arrays,
 )
-from isomatch.storage.files import opened, replaced
-from isomatch.storage.texts import read_integers
-from isomatch.values.arrays import AnyArray, IntArray
+from isomatch._core.arrays import AnyArray, IntArray
+from isomatch._core.errors import FormatError, SettingError
+from isomatch._core.files import opened, replaced
+from isomatch._core.texts import read_integers
 
 DIRECTION = "source -> target"
 FORMAT = ArrayFormat(

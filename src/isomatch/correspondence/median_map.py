@@ -6,13 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from isomatch._core.arrays import FloatArray
+from isomatch._core.errors import MapError
 from isomatch.correspondence.correspondence import Correspondence
 from isomatch.correspondence.map_arrays import UNMATCHED
 from isomatch.decimation import PlacedMesh, VertexGroups, normalised
-from isomatch.errors import MapError
 from isomatch.io import SurfaceLike, mesh_from
 from isomatch.surfaces import PrecisePoints
-from isomatch.values.arrays import FloatArray
 
 MOST_STEPS = 1000
 EXACT = 1e-12  # of the extent of the points: movement in the last step

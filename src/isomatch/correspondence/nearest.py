@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from isomatch.loading.compiled import compiled
-from isomatch.runtime.threads import parallel_map
+from isomatch._core.arrays import AnyArray, Float32Array, FloatArray, IntArray, single
+from isomatch._core.cached import cached_property
+from isomatch._core.compiled import compiled
+from isomatch._core.threads import parallel_map
 from isomatch.surfaces import PrecisePoints, nearest_in_triangle
-from isomatch.values.arrays import AnyArray, Float32Array, FloatArray, IntArray, single
-from isomatch.values.cached import cached_property
 
 TINY = np.float32(1e-30)
 ROWS = 1024  # queries at once among few candidates

@@ -10,8 +10,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
-from isomatch.runtime.threads import parallel_map
-from isomatch.values.arrays import FloatArray, IntArray
+from isomatch._core.arrays import FloatArray, IntArray
+from isomatch._core.threads import parallel_map
 
 AT_ONCE = 10_000  # matrices of a thread
 KEPT = 4  # poses that are refined, nearest first: a solid may lie on its axes in as many ways

@@ -7,15 +7,15 @@ from collections.abc import Callable, Iterable
 import numpy as np
 from scipy.linalg import solve
 
+from isomatch._core.arrays import FloatArray, IntArray, single
+from isomatch._core.cached import cached_method, cached_property
+from isomatch._core.errors import SettingError
+from isomatch._core.threads import parallel_map, row_product
 from isomatch.correspondence.functional_maps import Embedding, SampledBasis
 from isomatch.correspondence.nearest import SurfaceIndex
 from isomatch.correspondence.rigid_energy import RigidEnergy
-from isomatch.errors import SettingError
-from isomatch.runtime.threads import parallel_map, row_product
 from isomatch.spectral import factorised_for_threads
 from isomatch.surfaces import Mesh, PrecisePoints
-from isomatch.values.arrays import FloatArray, IntArray, single
-from isomatch.values.cached import cached_method, cached_property
 
 NORMAL_UNIT = 0.1  # for surfaces of area 1
 ROTATED = 2  # times that the rotations are fitted between two searches for nearest points

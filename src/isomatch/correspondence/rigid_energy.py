@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import coo_array, csc_array, diags_array
 
+from isomatch._core.arrays import FloatArray, IntArray
+from isomatch._core.compiled import compiled
 from isomatch.correspondence.poses import nearest_rotation
-from isomatch.loading.compiled import compiled
 from isomatch.spectral import stiffness_and_masses
 from isomatch.surfaces import Mesh
-from isomatch.values.arrays import FloatArray, IntArray
 
 TURNS, STILL = 20, 1e-4  # most turns of a rotation, and the angle (rad) of the last
 SMALLEST = 1e-30  # in place of 0 in denominators

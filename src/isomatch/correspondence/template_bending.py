@@ -9,14 +9,14 @@ import numpy as np
 from scipy.sparse import csr_array, eye_array
 from scipy.spatial import cKDTree
 
+from isomatch._core.arrays import BoolArray, FloatArray, IntArray
+from isomatch._core.compiled import compiled
 from isomatch.correspondence.nearest import nearest_points, squared_distance
 from isomatch.correspondence.poses import nearest_rotation
 from isomatch.correspondence.registration import ROTATED, with_normals
 from isomatch.correspondence.rigid_energy import RigidEnergy
 from isomatch.decimation import Prolongation, decimate
-from isomatch.loading.compiled import compiled
 from isomatch.surfaces import Mesh, PrecisePoints
-from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 
 N_COARSE = 3000  # vertices of the template that is bent to where the map puts it
 MAP_LENGTHS = (0.1, 0.07, 0.05, 0.035)  # over which it resists being stretched there, in √area of the target

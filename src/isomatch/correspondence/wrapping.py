@@ -10,16 +10,16 @@ from scipy.sparse import csr_array, diags_array
 from scipy.sparse.linalg import spsolve
 from scipy.spatial import cKDTree
 
+from isomatch._core.arrays import BoolArray, FloatArray, IntArray
+from isomatch._core.errors import MapError
 from isomatch.correspondence.correspondence import Correspondence
 from isomatch.correspondence.map_arrays import UNMATCHED
 from isomatch.correspondence.nearest import nearest_points
 from isomatch.correspondence.poses import nearest_rotation
 from isomatch.correspondence.template_bending import Boundary, bend_template
 from isomatch.decimation import normalised
-from isomatch.errors import MapError
 from isomatch.io import SurfaceLike, mesh_from
 from isomatch.surfaces import Mesh, PrecisePoints, first_equal
-from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 
 N_GUIDES = 30  # vertices with an image, with which a component without any moves
 STRETCH_QUANTILE = 0.99

@@ -7,11 +7,11 @@ from importlib.resources import as_file, files
 
 import numpy as np
 
+from isomatch._core.arrays import FloatArray
+from isomatch._core.cached import cached_property
+from isomatch._core.errors import InputError, SettingError
 from isomatch.datasets.truth import Truth, closest_points
-from isomatch.errors import InputError, SettingError
 from isomatch.surfaces import Mesh
-from isomatch.values.arrays import FloatArray
-from isomatch.values.cached import cached_property
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import KDTree
 
+from isomatch._core.arrays import FloatArray, IntArray
 from isomatch.landmarks import nearest_on_surface
 from isomatch.surfaces import Mesh
-from isomatch.values.arrays import FloatArray, IntArray
 
 
 @dataclass(frozen=True, eq=False)

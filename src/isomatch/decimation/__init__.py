@@ -1,5 +1,5 @@
 """Two resolutions of a surface: decimation, and points carried between the two."""
 
-from isomatch.loading.first_use import names_at_first_use
+from isomatch._core.first_use import names_at_first_use
 
 __all__ = names_at_first_use(__name__)

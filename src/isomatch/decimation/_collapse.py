@@ -14,8 +14,8 @@ from typing import TypeAlias
 
 import numpy as np
 
-from isomatch.loading.compiled import compiled
-from isomatch.values.arrays import AnyArray, FloatArray, IntArray
+from isomatch._core.arrays import AnyArray, FloatArray, IntArray
+from isomatch._core.compiled import compiled
 
 Index: TypeAlias = int | np.int64
 

@@ -9,6 +9,8 @@ from typing import Self
 
 import numpy as np
 
+from isomatch._core.arrays import AnyArray, FloatArray, IntArray
+from isomatch._core.errors import MeshError, SettingError, some
 from isomatch.decimation._collapse import (
     BOUNDARY,
     FIXED,
@@ -20,9 +22,7 @@ from isomatch.decimation._collapse import (
     link_corners,
     remove_gaps,
 )
-from isomatch.errors import MeshError, SettingError, some
 from isomatch.surfaces import Mesh, in_spatial_order
-from isomatch.values.arrays import AnyArray, FloatArray, IntArray
 
 LARGE = 2**16  # vertices, beyond which a round goes block by block; fewer mostly lie in the cache
 BLOCK = 2048  # vertices, of about 250 bytes each: half of a cache of 1 MB

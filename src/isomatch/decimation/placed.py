@@ -7,12 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from isomatch._core.arrays import AnyArray, FloatArray, IntArray, read_only
+from isomatch._core.cached import cached_property
+from isomatch._core.compiled import compiled
+from isomatch._core.threads import parallel_map
 from isomatch.decimation._collapse import Index, difference, link_corners, other_vertices
-from isomatch.loading.compiled import compiled
-from isomatch.runtime.threads import parallel_map
 from isomatch.surfaces import Mesh, PrecisePoints, nearest_in_triangle
-from isomatch.values.arrays import AnyArray, FloatArray, IntArray, read_only
-from isomatch.values.cached import cached_property
 
 MOST_TRIED = 8  # vertices of each group, where steps to the nearest of all may start
 INSIDE_A_FACE = 1e-9  # least weight of a corner, far above rounding

@@ -6,6 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from isomatch._core.arrays import AnyArray, Float32Array, FloatArray, IntArray, single
+from isomatch._core.cached import cached_property
+from isomatch._core.compiled import compiled
+from isomatch._core.errors import MeshError
+from isomatch._core.threads import parallel_map
 from isomatch.decimation._collapse import FIRST, Index, other_vertices
 from isomatch.decimation.decimation import Decimated, normalised
 from isomatch.decimation.placed import (
@@ -16,12 +21,7 @@ from isomatch.decimation.placed import (
     nearest_in_face,
     sort_corners,
 )
-from isomatch.errors import MeshError
-from isomatch.loading.compiled import compiled
-from isomatch.runtime.threads import parallel_map
 from isomatch.surfaces import Mesh, PrecisePoints, vertex_normals
-from isomatch.values.arrays import AnyArray, Float32Array, FloatArray, IntArray, single
-from isomatch.values.cached import cached_property
 
 LEAST_COSINE = 0.5  # between the normals of a vertex and of a face; what is missing costs, NORMAL_WEIGHT
 ROUNDING = 1e-6  # of positions in single precision

@@ -8,7 +8,10 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from isomatch.errors import DescriptorError
+from isomatch._core.arrays import BoolArray, FloatArray, IntArray
+from isomatch._core.cached import cached_property
+from isomatch._core.compiled import compiled
+from isomatch._core.errors import DescriptorError
 from isomatch.geodesics import (
     Balls,
     distance_along_edges_to_nearest,
@@ -16,11 +19,8 @@ from isomatch.geodesics import (
     geodesic_balls,
     points_of,
 )
-from isomatch.loading.compiled import compiled
 from isomatch.repair import without_seams
 from isomatch.surfaces import Graph, Mesh, PointCloud
-from isomatch.values.arrays import BoolArray, FloatArray, IntArray
-from isomatch.values.cached import cached_property
 
 # in √area, from a wrist to a knee: larger balls reach other limbs where limbs touch; docs/lab/design_notes.md
 RADII = (0.04, 0.06, 0.09)

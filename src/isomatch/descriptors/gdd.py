@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from isomatch._core.arrays import FloatArray, IntArray
 from isomatch.spectral import DistanceBasis
-from isomatch.values.arrays import FloatArray, IntArray
 
 
 @dataclass(frozen=True, eq=False)

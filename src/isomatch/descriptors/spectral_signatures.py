@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from isomatch._core.arrays import FloatArray
+from isomatch._core.threads import row_product
 from isomatch.repair import without_seams
-from isomatch.runtime.threads import row_product
 from isomatch.spectral import LaplaceBasis
 from isomatch.surfaces import Mesh
-from isomatch.values.arrays import FloatArray
 
 CLIPPED = 0.02  # share of the values clipped at either end; curvature at sharp tips is noisy and large
 

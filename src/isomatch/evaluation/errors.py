@@ -8,14 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from isomatch._core.arrays import FloatArray, IntArray
+from isomatch._core.errors import MapError
+from isomatch._core.settings import generator
 from isomatch.correspondence import Correspondence
-from isomatch.errors import MapError
 from isomatch.geodesics import DistanceEngine, distance_engine, pair_distances
 from isomatch.matching import COVERAGE_RADIUS, covered_share
 from isomatch.repair import without_seams
 from isomatch.surfaces import Mesh, PrecisePoints
-from isomatch.values.arrays import FloatArray, IntArray
-from isomatch.values.settings import generator
 
 LIMIT = 0.25  # largest error shown in published curves
 THRESHOLDS = np.linspace(0.0, LIMIT, 101)

@@ -8,12 +8,12 @@ from typing import NamedTuple, NoReturn
 
 import numpy as np
 
+from isomatch._core.array_file import read_array, read_mat
+from isomatch._core.arrays import AnyArray, FloatArray, IntArray
+from isomatch._core.errors import FormatError, some
+from isomatch._core.texts import read_integers, text_lines
 from isomatch.correspondence import IndexBase, index_base, read_map
-from isomatch.errors import FormatError, some
-from isomatch.storage.array_file import read_array, read_mat
-from isomatch.storage.texts import read_integers, text_lines
 from isomatch.surfaces import Mesh, PrecisePoints
-from isomatch.values.arrays import AnyArray, FloatArray, IntArray
 
 ROUNDED = 1e-2  # by which published weights, which have few digits, may be negative or miss the sum of 1
 WITH_MASK = ".map"  # PARTIALSMAL appends to a map, counted from 0, which target vertices have a counterpart

@@ -7,14 +7,14 @@ from collections.abc import Callable
 
 import numpy as np
 
-from isomatch.errors import MeshError
+from isomatch._core.arrays import FloatArray, IntArray
+from isomatch._core.errors import MeshError
+from isomatch._core.first_use import package
 from isomatch.geodesics.dijkstra import Dijkstra
 from isomatch.geodesics.protocol import ColumnEngine, ordinary_unit, require_finite
 from isomatch.geodesics.windows import UnfoldedFaces, windows_from
-from isomatch.loading.first_use import package
 from isomatch.repair import check, repair
 from isomatch.surfaces import Mesh
-from isomatch.values.arrays import FloatArray, IntArray
 
 Solver = Callable[[int], FloatArray]
 """Distances from a vertex of a connected mesh to all its vertices, (n,)."""

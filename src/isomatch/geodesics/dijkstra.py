@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import scipy
 
+from isomatch._core.arrays import FloatArray, IntArray
+from isomatch._core.threads import parallel_map
 from isomatch.geodesics.protocol import ColumnEngine, require_finite
 from isomatch.repair import without_seams
-from isomatch.runtime.threads import parallel_map
 from isomatch.surfaces import Graph, Mesh, PointCloud, Surface
-from isomatch.values.arrays import FloatArray, IntArray
 
 BLOCK = 8  # sources that a thread takes at once
 

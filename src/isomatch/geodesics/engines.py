@@ -7,7 +7,8 @@ from typing import Any, TypeAlias, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch.errors import MeshError, SettingError
+from isomatch._core.arrays import AnyArray, FloatArray
+from isomatch._core.errors import MeshError, SettingError
 from isomatch.geodesics.component_engines import Exact, Heat
 from isomatch.geodesics.dijkstra import Dijkstra
 from isomatch.geodesics.fast_marching import FastMarching
@@ -17,7 +18,6 @@ from isomatch.geodesics.protocol import DistanceEngine, pair_distances
 from isomatch.io import SurfaceLike, surface_from
 from isomatch.repair import without_seams
 from isomatch.surfaces import Graph, Mesh, PointCloud, PrecisePoints
-from isomatch.values.arrays import AnyArray, FloatArray
 
 ENGINES: dict[type, tuple[type[Any], ...]] = {
     Mesh: (FastMarching, Exact, Heat, Dijkstra),

@@ -6,11 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from isomatch._core.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray
+from isomatch._core.compiled import compiled
+from isomatch._core.threads import parallel_rows
 from isomatch.geodesics.protocol import Balls, ColumnEngine, ordinary_unit, require_finite
-from isomatch.loading.compiled import compiled
-from isomatch.runtime.threads import parallel_rows
 from isomatch.surfaces import Mesh
-from isomatch.values.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray
 
 MOST_SHIFT = 0.02  # of an edge; limits how much the curvature correction changes a distance in one triangle
 MOST_FOCUS = 0.3  # a front converges at most to a focus 1 / 0.3 steps ahead

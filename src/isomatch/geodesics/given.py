@@ -7,9 +7,9 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch.errors import MeshError, SettingError, some
+from isomatch._core.arrays import AnyArray, FloatArray, IntArray
+from isomatch._core.errors import MeshError, SettingError, some
 from isomatch.geodesics.protocol import Balls, ColumnEngine, DistanceEngine, geodesic_balls, pair_distances
-from isomatch.values.arrays import AnyArray, FloatArray, IntArray
 
 DistanceFunction = Callable[[IntArray], ArrayLike]
 """Maps sources (m,) to distance columns (m, n)."""

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
+from isomatch._core.arrays import FloatArray, IntArray
 from isomatch.geodesics.protocol import DistanceEngine
 from isomatch.geodesics.sampling import euclidean_farthest_points
 from isomatch.surfaces import Mesh
-from isomatch.values.arrays import FloatArray, IntArray
 
 
 @dataclass(frozen=True, eq=False)

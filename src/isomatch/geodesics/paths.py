@@ -11,17 +11,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch.errors import FormatError, MeshError
+from isomatch._core.arrays import AnyArray, FloatArray, IntArray
+from isomatch._core.cached import cached_property
+from isomatch._core.errors import FormatError, MeshError
+from isomatch._core.files import write_text
 from isomatch.geodesics.dijkstra import Dijkstra
 from isomatch.geodesics.points import Inserted, inserted, joined, points_of
 from isomatch.geodesics.protocol import ordinary_unit, require_finite
 from isomatch.geodesics.windows import UnfoldedFaces, Windows, windows_from
 from isomatch.io import SurfaceLike, mesh_from
 from isomatch.repair import Repair, repair
-from isomatch.storage.files import write_text
 from isomatch.surfaces import Mesh, PrecisePoints
-from isomatch.values.arrays import AnyArray, FloatArray, IntArray
-from isomatch.values.cached import cached_property
 
 ROUNDING = 1e-9  # of a length
 SHORTEST = 1e-12  # of a path; shorter segments are of rounding, where it passes through a vertex

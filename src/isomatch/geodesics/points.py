@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch.errors import MeshError, some
+from isomatch._core.arrays import AnyArray, FloatArray, IntArray
+from isomatch._core.errors import MeshError, some
 from isomatch.geodesics.protocol import ColumnEngine, DistanceEngine
 from isomatch.surfaces import Mesh, PrecisePoints
-from isomatch.values.arrays import AnyArray, FloatArray, IntArray
 
 SUM = 1e-6  # by which the weights of a point may differ from 1 together
 AT_CORNER = 1e-12  # smallest weight of a corner; less is rounding, and would make faces without area

@@ -9,10 +9,10 @@ from typing import NamedTuple, Protocol, Self, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch.errors import MeshError, some
-from isomatch.runtime.memory import require_memory
+from isomatch._core.arrays import FloatArray, IntArray
+from isomatch._core.errors import MeshError, some
+from isomatch._core.memory import require_memory
 from isomatch.surfaces import Mesh, PointCloud
-from isomatch.values.arrays import FloatArray, IntArray
 
 BLOCK = 64  # columns held at a time, where pairs or balls are asked of an engine that has only columns
 

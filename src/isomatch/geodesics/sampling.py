@@ -6,15 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from isomatch.errors import MeshError, SettingError
+from isomatch._core.arrays import FloatArray, IntArray
+from isomatch._core.compiled import compiled
+from isomatch._core.errors import MeshError, SettingError
+from isomatch._core.memory import require_memory
+from isomatch._core.settings import generator
+from isomatch._core.ties import TIE, first_largest, first_of_rank
 from isomatch.geodesics.engines import MetricSpace
 from isomatch.geodesics.protocol import DistanceEngine
-from isomatch.loading.compiled import compiled
-from isomatch.runtime.memory import require_memory
 from isomatch.surfaces import Mesh, PointCloud
-from isomatch.values.arrays import FloatArray, IntArray
-from isomatch.values.settings import generator
-from isomatch.values.ties import TIE, first_largest, first_of_rank
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +70,7 @@ def farthest_point_sampling(engine: DistanceEngine, n_samples: int, start: int) 
 
     >>> farthest_point_sampling(distance_engine(np.zeros((2, 2))), 2, start=0)  # doctest: +ELLIPSIS
     Traceback (most recent call last):
-    isomatch.errors.MeshError: cannot place 2 samples: only 1 points are distinct; ask for fewer samples, ...
+    isomatch.MeshError: cannot place 2 samples: only 1 points are distinct; ask for fewer samples, ...
     """
     if n_samples < 1:
         raise SettingError(f"n_samples = {n_samples} is not a positive number of samples")

@@ -6,10 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from isomatch.loading.compiled import compiled
-from isomatch.runtime.memory import memory_budget, require_memory
+from isomatch._core.arrays import BoolArray, FloatArray, IntArray
+from isomatch._core.compiled import compiled
+from isomatch._core.memory import memory_budget, require_memory
 from isomatch.surfaces import Mesh, fans
-from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 
 TIE = 1e-14  # of a distance; a vertex is reached anew only by what is shorter by more
 LOSS = 1e-12  # of a distance; a window is dropped only if what beats it is shorter by more

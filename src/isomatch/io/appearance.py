@@ -9,6 +9,7 @@ from pathlib import Path, PurePosixPath
 
 import numpy as np
 
+from isomatch._core.arrays import AnyArray, IntArray
 from isomatch.io.asset import Asset
 from isomatch.io.attribute import Attribute, unused_name
 from isomatch.io.formats import gltf_carried, obj
@@ -16,7 +17,6 @@ from isomatch.io.formats.gltf import GltfDocument
 from isomatch.io.formats.obj import ObjDocument
 from isomatch.io.formats.ply import TEXTURE_NUMBER, PlyDocument
 from isomatch.io.materials import UNTINTED, Layer, Look, Looks, Picture, as_png, unread
-from isomatch.values.arrays import AnyArray, IntArray
 
 _MATERIAL = "material"
 _UNDEFINED = Layer((0.5, 0.5, 0.5, 1.0))

@@ -10,12 +10,12 @@ from typing import Any, Literal, Protocol, TypeAlias, cast, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch.errors import DescriptorError, MeshError, some
+from isomatch._core.arrays import FloatArray, IntArray, numbers_of, read_only
+from isomatch._core.cached import cached_property
+from isomatch._core.errors import DescriptorError, MeshError, some
 from isomatch.io.attribute import Attribute, Domain, Kind, require_lengths
 from isomatch.io.polygons import Polygons, Renumbering
 from isomatch.surfaces import Mesh, welded
-from isomatch.values.arrays import FloatArray, IntArray, numbers_of, read_only
-from isomatch.values.cached import cached_property
 
 # of the mean edge: rounding of positions that is avoided or told, and that the user has to allow
 TOLD, ASKED = 1e-4, 1e-3

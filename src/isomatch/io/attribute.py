@@ -10,9 +10,9 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch.errors import DescriptorError
-from isomatch.runtime.memory import require_memory
-from isomatch.values.arrays import AnyArray, BoolArray, FloatArray, IntArray, read_only
+from isomatch._core.arrays import AnyArray, BoolArray, FloatArray, IntArray, read_only
+from isomatch._core.errors import DescriptorError
+from isomatch._core.memory import require_memory
 
 Domain = Literal["point", "corner", "face"]
 Kind = Literal["colour", "label", "scalar", "vector", "normal", "uv", "weights", "key"]

@@ -11,17 +11,17 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch.errors import DescriptorError, FormatError, IsomatchError, MeshError
+from isomatch._core.arrays import FloatArray
+from isomatch._core.errors import DescriptorError, FormatError, IsomatchError, MeshError
+from isomatch._core.files import contents, replaced
+from isomatch._core.texts import natural_order
 from isomatch.io.appearance import as_written, left_looks
 from isomatch.io.asset import ASKED, TOLD, Asset
 from isomatch.io.attribute import Attribute, told_apart
 from isomatch.io.formats.registry import FORMATS, MeshFormat, format_of, naming
 from isomatch.io.libraries import read_geometry
 from isomatch.io.polygons import merged_corners
-from isomatch.storage.files import contents, replaced
-from isomatch.storage.texts import natural_order
 from isomatch.surfaces import Graph, Mesh, PointCloud, Surface
-from isomatch.values.arrays import FloatArray
 
 SurfaceLike: TypeAlias = Any
 """What `surface_from` takes. As a type it says nothing, because other libraries' classes are not imported."""

@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from isomatch.errors import MeshError
+from isomatch._core.arrays import AnyArray, IntArray
+from isomatch._core.errors import MeshError
+from isomatch._core.first_use import package
 from isomatch.io.appearance import with_one_texture, with_texture
 from isomatch.io.asset import Asset, Frame
 from isomatch.io.attribute import Attribute, Domain, Kind, guessed_kind, told_apart
 from isomatch.io.materials import png_of, texture_on
 from isomatch.io.polygons import Polygons, split_at_seams
-from isomatch.loading.first_use import package
-from isomatch.values.arrays import AnyArray, IntArray
 
 _STANDARD = ("normal", "rgb", "rgba", "color", "colour", "texturecoordinate", "uv", "obj:vn")
 

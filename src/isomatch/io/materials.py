@@ -13,10 +13,10 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch.errors import FormatError
+from isomatch._core.arrays import AnyArray, FloatArray, IntArray
+from isomatch._core.errors import FormatError
+from isomatch._core.files import contents, opened
 from isomatch.io.attribute import linear_of, srgb_of
-from isomatch.storage.files import contents, opened
-from isomatch.values.arrays import AnyArray, FloatArray, IntArray
 
 Wrap = Literal["repeat", "clamp", "mirror"]
 UNTINTED = (1.0, 1.0, 1.0, 1.0)

@@ -9,11 +9,11 @@ import numpy as np
 from mapbox_earcut import triangulate_float64
 from numpy.typing import ArrayLike
 
-from isomatch.errors import MeshError
+from isomatch._core.arrays import AnyArray, BoolArray, FloatArray, IntArray, array_of, read_only
+from isomatch._core.cached import cached_property
+from isomatch._core.errors import MeshError
 from isomatch.io.attribute import Attribute, without_labels
 from isomatch.surfaces import first_equal, welded
-from isomatch.values.arrays import AnyArray, BoolArray, FloatArray, IntArray, array_of, read_only
-from isomatch.values.cached import cached_property
 
 _ROUNDING = 16 * np.finfo(np.float64).eps  # of a corner, relative to the largest coordinate
 _COCIRCULAR = 1e-12  # below this, in a polygon of size 1, corners count as on one line or circle

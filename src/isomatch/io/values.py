@@ -13,15 +13,15 @@ from pathlib import Path
 
 import numpy as np
 
-from isomatch.errors import DescriptorError, FormatError
+from isomatch._core.arrays import AnyArray
+from isomatch._core.errors import DescriptorError, FormatError
+from isomatch._core.files import contents, replaced
+from isomatch._core.texts import SEPARATORS, decoded, encoding_of, joined, separated
 from isomatch.io.asset import Asset
 from isomatch.io.attribute import Attribute, Kind, guessed_kind, told_apart
 from isomatch.io.formats import freesurfer, gifti
 from isomatch.io.formats._reading import reading, unexpected
 from isomatch.io.formats._text import number_of
-from isomatch.storage.files import contents, replaced
-from isomatch.storage.texts import SEPARATORS, decoded, encoding_of, joined, separated
-from isomatch.values.arrays import AnyArray
 
 _INDEX_NAMES = ("", "index", "vertex", "vertex_index", "point", "node", "unnamed: 0")
 _BLANK = {"", "nan", "na", "n/a", "#n/a", "none", "null"}

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
-from isomatch.errors import LandmarkError
+from isomatch._core.arrays import FloatArray, IntArray, read_only
+from isomatch._core.compiled import compiled
+from isomatch._core.errors import LandmarkError
+from isomatch._core.settings import generator
+from isomatch._core.threads import parallel_map
 from isomatch.geodesics import euclidean_farthest_points
-from isomatch.loading.compiled import compiled
-from isomatch.runtime.threads import parallel_map
 from isomatch.surfaces import Mesh, PointCloud, PrecisePoints, nearest_in_triangle, vertex_normals
-from isomatch.values.arrays import FloatArray, IntArray, read_only
-from isomatch.values.settings import generator
 
 AT_ONCE = 1000  # points of a thread
 IN_A_BOX = 4  # triangles, up to twice as many

@@ -15,11 +15,11 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from isomatch.errors import FormatError, LandmarkError
+from isomatch._core.arrays import FloatArray
+from isomatch._core.errors import FormatError, LandmarkError
+from isomatch._core.files import opened
+from isomatch._core.texts import is_whole_number, read_text, unescaped
 from isomatch.io import TURN, Axes, Frame
-from isomatch.storage.files import opened
-from isomatch.storage.texts import is_whole_number, read_text, unescaped
-from isomatch.values.arrays import FloatArray
 
 PAIRS = "write two 0-based vertex indices, of the source and of the target, or their positions x y z x y z"
 POINTS = "write a 0-based vertex index or a position x y z, after a name if there is a header"

@@ -14,12 +14,12 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from isomatch.errors import FormatError, LandmarkError
+from isomatch._core.arrays import FloatArray
+from isomatch._core.errors import FormatError, LandmarkError
+from isomatch._core.files import write_text
+from isomatch._core.texts import joined, write_csv
 from isomatch.landmarks.landmark_files import CURVES
 from isomatch.landmarks.landmarks import Landmarks
-from isomatch.storage.files import write_text
-from isomatch.storage.texts import joined, write_csv
-from isomatch.values.arrays import FloatArray
 
 SCHEMA = (
     "https://raw.githubusercontent.com/slicer/slicer/master/Modules/Loadable/Markups/Resources/Schema/"

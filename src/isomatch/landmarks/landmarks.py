@@ -14,8 +14,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
+from isomatch._core.arrays import BoolArray, FloatArray, IntArray, numbers_of
+from isomatch._core.cached import cached_property
+from isomatch._core.errors import LandmarkError
 from isomatch.correspondence import geometric_median
-from isomatch.errors import LandmarkError
 from isomatch.io import TURN, Asset, Axes, Frame, SurfaceLike, read_asset, surface_from
 from isomatch.landmarks.curves import nearest_on_surface, respaced_curve
 from isomatch.landmarks.landmark_files import (
@@ -27,8 +29,6 @@ from isomatch.landmarks.landmark_files import (
     placed_positions,
 )
 from isomatch.surfaces import Graph, Mesh, PointCloud
-from isomatch.values.arrays import BoolArray, FloatArray, IntArray, numbers_of
-from isomatch.values.cached import cached_property
 
 logger = logging.getLogger(__name__)
 

@@ -6,6 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from isomatch._core.arrays import IntArray
+from isomatch._core.threads import parallel_map
 from isomatch.correspondence import alignment_residual, signed_procrustes, spectral_embedding
 from isomatch.matching.fit import Candidate, Fit, Hypothesis
 from isomatch.matching.pair import ShapePair
@@ -15,10 +17,8 @@ from isomatch.matching.search import hypotheses_from_priors, search
 from isomatch.matching.selection import Selection, ranked
 from isomatch.matching.stages import Relation
 from isomatch.matching.starts import start_from_pairs, starts_from_pose
-from isomatch.runtime.threads import parallel_map
 from isomatch.settings import Orientation
 from isomatch.shapes import CURVATURE_WEIGHT, orientation_of
-from isomatch.values.arrays import IntArray
 
 # functions in the upsampling of a hypothesis; steps of 5 as in Melzi et al. 2019
 SIZES = tuple(range(20, 51, 5))

@@ -11,8 +11,11 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial import cKDTree
 
+from isomatch._core.arrays import FloatArray, IntArray
+from isomatch._core.errors import NotConvergedError
+from isomatch._core.stage_timer import StageTimer
+from isomatch._core.threads import parallel_map
 from isomatch.correspondence import UNMATCHED, carried_along, nearest_rotation
-from isomatch.errors import NotConvergedError
 from isomatch.matching.confidence import expected_errors
 from isomatch.matching.evidence import Evidence, Solution, measured_evidence, outcome_of
 from isomatch.matching.pair import ShapePair
@@ -30,11 +33,8 @@ from isomatch.matching.result import MAP_ARRAYS, Outcome
 from isomatch.matching.selection import SPECTRAL_RESIDUAL_NOISE
 from isomatch.matching.solve import solve
 from isomatch.matching.stages import Stages
-from isomatch.runtime.stage_timer import StageTimer
-from isomatch.runtime.threads import parallel_map
 from isomatch.shapes import PreparedShape, components_of
 from isomatch.surfaces import Mesh
-from isomatch.values.arrays import FloatArray, IntArray
 
 MOST_RUNNERS_UP = 3  # components tried as partners of the largest; chosen: nine matches at most
 # over that of the largest, from which another is one; hemispheres differ by less, clothes by more

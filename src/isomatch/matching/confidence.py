@@ -8,15 +8,15 @@ from typing import Any
 
 import numpy as np
 
+from isomatch._core.arrays import FloatArray, IntArray, single
+from isomatch._core.compiled import compiled
+from isomatch._core.errors import InputError
+from isomatch._core.threads import row_product
 from isomatch.correspondence import UNMATCHED, PrecisePoints
-from isomatch.errors import InputError
 from isomatch.geodesics import distance_along_edges_to_nearest
-from isomatch.loading.compiled import compiled
 from isomatch.matching.pair import ShapePair, SmoothPair
-from isomatch.runtime.threads import row_product
 from isomatch.shapes import PreparedShape, SmoothShape
 from isomatch.surfaces import linked
-from isomatch.values.arrays import FloatArray, IntArray, single
 
 RUNNER_UP_EXPONENT = 10.0  # so that one in ten runners-up is right at the bound of a tie
 # √area over which an expected error is spread; 0.05 to 0.14 tried: isomatch_lab.studies.vertex_confidence

@@ -7,11 +7,11 @@ from typing import TypeVar
 
 import numpy as np
 
+from isomatch._core.arrays import FloatArray, IntArray, single
+from isomatch._core.threads import parallel_map, row_product
 from isomatch.correspondence import Embedding, nearest_of_few, register_nonrigid
 from isomatch.matching.pair import SmoothPair
-from isomatch.runtime.threads import parallel_map, row_product
 from isomatch.surfaces import PrecisePoints, vertex_normals
-from isomatch.values.arrays import FloatArray, IntArray, single
 
 # of the registration that ends the smooth refinement; docs/lab/benchmarks.md, smoothness
 SMOOTH_REGISTRATION_STEPS = 8

@@ -8,14 +8,14 @@ from typing import Self
 
 import numpy as np
 
+from isomatch._core.arrays import FloatArray
+from isomatch._core.stage_timer import StageTimer
 from isomatch.correspondence import Correspondence
 from isomatch.matching.confidence import ANOTHER_MAP, UNLIKE_ITS_IMAGE, DoubtfulRegion
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.result import Alternative, MatchResult, Outcome, Quality
-from isomatch.runtime.stage_timer import StageTimer
 from isomatch.settings import MatchSettings, Orientation, OutcomeSettings, PartSettings
 from isomatch.shapes import describe_symmetries
-from isomatch.values.arrays import FloatArray
 
 NO_LEAD = 1e-9  # so that the doubt of a tie is finite
 

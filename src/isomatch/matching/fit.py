@@ -7,8 +7,8 @@ from typing import Self
 
 import numpy as np
 
+from isomatch._core.arrays import IntArray
 from isomatch.correspondence import Alignment
-from isomatch.values.arrays import IntArray
 
 
 @dataclass(frozen=True, eq=False)

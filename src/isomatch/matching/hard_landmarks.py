@@ -8,13 +8,13 @@ from itertools import product
 import numpy as np
 from scipy.spatial import cKDTree
 
+from isomatch._core.arrays import BoolArray, FloatArray, IntArray
+from isomatch._core.errors import some
 from isomatch.correspondence import Correspondence, nearest_points
-from isomatch.errors import some
 from isomatch.matching.evidence import Solution, held_evidence
 from isomatch.matching.pair import ShapePair
 from isomatch.shapes import PreparedShape, components_of
 from isomatch.surfaces import Graph, Mesh, PrecisePoints, Surface
-from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 
 # width of a bump over the distance moved; docs/priors.md: 1.5 to 3 alike, steeper turns faces over
 SLOPE = 2.0

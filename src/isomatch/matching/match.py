@@ -10,10 +10,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from isomatch._core.errors import SettingError
+from isomatch._core.first_use import visualization
+from isomatch._core.stage_timer import Progress, StageTimer, two_arguments
+from isomatch._core.threads import in_background, serial_blas
 from isomatch.correspondence import UNMATCHED, Correspondence, iterative_closest_points
-from isomatch.errors import SettingError
 from isomatch.io import SurfaceLike
-from isomatch.loading.first_use import view_room
 from isomatch.matching.components import match_components
 from isomatch.matching.evidence import Evidence, Solution, verified
 from isomatch.matching.fit import Hypothesis
@@ -33,8 +35,6 @@ from isomatch.matching.search import PRIOR_STEPS
 from isomatch.matching.solve import AS_IT_IS, ELASTIC, Case, side_to_turn, solve, solved
 from isomatch.matching.stages import Refinement, Relation, Stages, Start, name_of
 from isomatch.matching.via import Via, solve_via
-from isomatch.runtime.stage_timer import Progress, StageTimer, two_arguments
-from isomatch.runtime.threads import in_background, serial_blas
 from isomatch.settings import Config
 from isomatch.shapes import PreparedShape
 
@@ -207,7 +207,7 @@ class BothDirections(NamedTuple):
     back: MatchResult
 
     def _repr_html_(self) -> str:
-        return str(view_room().html_of(self))  # a named tuple has no other base
+        return str(visualization().html_of(self))  # a named tuple has no other base
 
 
 def match_both(

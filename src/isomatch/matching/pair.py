@@ -9,15 +9,15 @@ from itertools import permutations
 
 import numpy as np
 
+from isomatch._core.arrays import FloatArray, IntArray, single
+from isomatch._core.cached import cached_property
+from isomatch._core.errors import MemoryBudgetError, MeshError, NotConvergedError
+from isomatch._core.stage_timer import MATCHING, Progress, StageTimer
+from isomatch._core.threads import parallel_map
 from isomatch.correspondence import Embedding, SignedPoints, SpectralPair, nearest_of_few
-from isomatch.errors import MemoryBudgetError, MeshError, NotConvergedError
 from isomatch.io import SurfaceLike
-from isomatch.runtime.stage_timer import MATCHING, Progress, StageTimer
-from isomatch.runtime.threads import parallel_map
 from isomatch.settings import Config, SearchSettings
 from isomatch.shapes import PreparedShape, SmoothShape, prepare
-from isomatch.values.arrays import FloatArray, IntArray, single
-from isomatch.values.cached import cached_property
 
 # of both shapes, from which no automatic map is told; discs and balls 11 to 40, bodies to 6
 MANY_ROTATIONS = 11

@@ -9,13 +9,13 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike
 
+from isomatch._core.arrays import FloatArray, IntArray, array_of, numbers_of
+from isomatch._core.errors import DescriptorError, LandmarkError, MapError, some
 from isomatch.correspondence import UNMATCHED, Embedding
-from isomatch.errors import DescriptorError, LandmarkError, MapError, some
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching.pair import ShapePair
 from isomatch.shapes import PreparedShape
 from isomatch.surfaces import Surface
-from isomatch.values.arrays import FloatArray, IntArray, array_of, numbers_of
 
 # landmarks, initial map and initial descriptors, as they were given to `match`
 UserPriors = tuple[ArrayLike | None, ArrayLike | None, tuple[ArrayLike, ArrayLike] | None]

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from isomatch._core.arrays import BoolArray, FloatArray, IntArray
 from isomatch.correspondence import PrecisePoints, alignment_residual, signed_procrustes
 from isomatch.descriptors import BallSignature, deviation_of
 from isomatch.geodesics import distance_along_edges_to_nearest
@@ -16,7 +17,6 @@ from isomatch.matching.selection import Selection
 from isomatch.settings import COVERAGE_RADIUS
 from isomatch.shapes import orientation_of
 from isomatch.surfaces import Graph, Surface, linked
-from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 
 MOST_NAMED = 5  # landmarks in a note
 NORMAL_FUNCTIONS = 60  # of the smoothed surfaces whose normals are compared; chosen with poor_orientation

@@ -7,10 +7,10 @@ from itertools import combinations
 
 import numpy as np
 
+from isomatch._core.arrays import BoolArray, FloatArray, IntArray
 from isomatch.correspondence import UNMATCHED
 from isomatch.matching.result import MatchResult
 from isomatch.surfaces import Mesh
-from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 
 N_CANDIDATES = 400  # vertices that may be asked for
 APART = 0.1  # √area between two places that are told apart by eye; chosen: a hand is half as long

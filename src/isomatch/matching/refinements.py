@@ -14,19 +14,19 @@ from scipy.linalg import polar
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
+from isomatch._core.arrays import FloatArray, IntArray
+from isomatch._core.errors import SettingError
+from isomatch._core.threads import parallel_map, serial_blas
 from isomatch.correspondence import Embedding, signed_procrustes
-from isomatch.errors import SettingError
 from isomatch.matching.candidates import energy_of
 from isomatch.matching.fit import Fit
 from isomatch.matching.pair import ShapePair, prepare_pair
 from isomatch.matching.priors import Priors
 from isomatch.matching.relations.isometry import Isometry
 from isomatch.matching.stages import Joint, Refinement, Relation, Stages
-from isomatch.runtime.threads import parallel_map, serial_blas
 from isomatch.settings import Config, RefinementName
 from isomatch.shapes import PreparedShape, orientation_of, prepare
 from isomatch.surfaces import Mesh
-from isomatch.values.arrays import FloatArray, IntArray
 
 # functions from which a functional map grows; docs/lab/paper.md: the best of four
 LAPLACE_FIRST = (15, 20, 30, 40)
@@ -167,7 +167,7 @@ def check_refinement(refinement: Refinement, seed: int = 0) -> None:
     ...         return relation.measured(fit, fit.image[::-1])
     >>> check_refinement(Shuffled())
     Traceback (most recent call last):
-    isomatch.errors.SettingError: Shuffled breaks the law "truth": ...
+    isomatch.SettingError: Shuffled breaks the law "truth": ...
     """
     random = np.random.default_rng(seed)
     config = Config(hypotheses="given", search_runners_up=False)

@@ -14,17 +14,17 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
+from isomatch._core.array_file import ArrayFormat, Stored, save_arrays
+from isomatch._core.arrays import FloatArray
+from isomatch._core.cached import cached_property
+from isomatch._core.errors import FormatError, InputError
+from isomatch._core.first_use import Shown, visualization
+from isomatch._core.settings import Settings
 from isomatch.correspondence import UNMATCHED, Correspondence, wrap
-from isomatch.errors import FormatError, InputError
 from isomatch.io import Asset, Attribute, SurfaceLike, mesh_from, to_pyvista
-from isomatch.loading.first_use import Shown, view_room
 from isomatch.matching.confidence import DoubtfulRegion, packed, unpacked
 from isomatch.settings import MatchSettings
-from isomatch.storage.array_file import ArrayFormat, Stored, save_arrays
 from isomatch.surfaces import Mesh
-from isomatch.values.arrays import FloatArray
-from isomatch.values.cached import cached_property
-from isomatch.values.settings import Settings
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -258,7 +258,7 @@ class MatchResult(Shown):
             With the extra ``notebook``, its ``landmarks`` are those clicked so far, which `match` takes.
         """
         surfaces = self.map.surfaces(source, target)
-        return view_room().show_result(self, *surfaces, landmarks=landmarks, height=height)
+        return visualization().show_result(self, *surfaces, landmarks=landmarks, height=height)
 
     def as_mesh(self, source: SurfaceLike, target: SurfaceLike) -> Mesh:
         """Bend the source onto the target, see `isomatch.wrap`; `MapError` if other surfaces were matched."""

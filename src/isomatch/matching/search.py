@@ -8,6 +8,8 @@ from typing import TypeVar
 
 import numpy as np
 
+from isomatch._core.arrays import FloatArray, IntArray
+from isomatch._core.threads import parallel_map
 from isomatch.correspondence import Alignment, closest_point_images, iterative_closest_points
 from isomatch.matching.fit import Candidate, Hypothesis
 from isomatch.matching.pair import ShapePair
@@ -20,9 +22,7 @@ from isomatch.matching.starts import (
     starts_from_anchors,
     starts_from_priors,
 )
-from isomatch.runtime.threads import parallel_map
 from isomatch.shapes import Symmetry
-from isomatch.values.arrays import FloatArray, IntArray
 
 PRIOR_STEPS = 8  # of closest points from priors; most maps change little afterwards
 

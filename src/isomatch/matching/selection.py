@@ -8,9 +8,9 @@ from typing import Generic, Self, TypeVar
 
 import numpy as np
 
+from isomatch._core.arrays import FloatArray, IntArray
 from isomatch.matching.fit import Candidate, Fit
 from isomatch.settings import Orientation, OutcomeSettings, SelectionSettings
-from isomatch.values.arrays import FloatArray, IntArray
 
 # energy over the least, up to which orientation decides among maps that agree with landmarks;
 # a mixture of both sides fits worse than either

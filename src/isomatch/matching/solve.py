@@ -9,7 +9,10 @@ from typing import Literal, TypeAlias, cast
 
 import numpy as np
 
-from isomatch.errors import MeshError, NotConvergedError
+from isomatch._core.cached import cached_property
+from isomatch._core.errors import MeshError, NotConvergedError
+from isomatch._core.stage_timer import StageTimer
+from isomatch._core.threads import parallel_map
 from isomatch.matching.candidates import is_another
 from isomatch.matching.evidence import Evidence, Solution, fits_badly
 from isomatch.matching.fit import Hypothesis
@@ -22,8 +25,6 @@ from isomatch.matching.relations.part import Part, PartSide
 from isomatch.matching.result import Outcome
 from isomatch.matching.stages import Stages
 from isomatch.matching.verify import on_bodies, verifier_of
-from isomatch.runtime.stage_timer import StageTimer
-from isomatch.runtime.threads import parallel_map
 from isomatch.settings import Config
 from isomatch.shapes import (
     PreparedShape,
@@ -34,7 +35,6 @@ from isomatch.shapes import (
     opened_shape,
     turned_over,
 )
-from isomatch.values.cached import cached_property
 
 # A way is a row: what it claims of the shapes, and when it is tried. It returns a finished map of the shapes as they are,
 # with its own evidence. The first sure one ends the search. Which map is returned is decided by `verify`, on the shapes

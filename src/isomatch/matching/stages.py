@@ -10,19 +10,19 @@ from typing import Any, ClassVar, Self, TypeAlias
 
 import numpy as np
 
+from isomatch._core.arrays import FloatArray, IntArray
+from isomatch._core.cached import cached_property
+from isomatch._core.errors import DescriptorError, SettingError
+from isomatch._core.stage_timer import StageTimer
+from isomatch._core.threads import parallel_map
 from isomatch.correspondence import Embedding, SpectralPair
 from isomatch.descriptors import deviation_of
-from isomatch.errors import DescriptorError, SettingError
 from isomatch.matching.evidence import Solution
 from isomatch.matching.fit import Fit
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.priors import Priors
 from isomatch.matching.selection import weighed
-from isomatch.runtime.stage_timer import StageTimer
-from isomatch.runtime.threads import parallel_map
 from isomatch.shapes import PreparedShape
-from isomatch.values.arrays import FloatArray, IntArray
-from isomatch.values.cached import cached_property
 
 Start: TypeAlias = Callable[[ShapePair], Iterable[IntArray]]
 """Makes first maps of a pair: arrays (q, 2) of vertices of both bodies that may correspond, a few or all."""
@@ -297,7 +297,7 @@ class Stages:
     True
     >>> Stages(relation="isometry")
     Traceback (most recent call last):
-    isomatch.errors.SettingError: relation = 'isometry' is no Relation; give an instance of a subclass
+    isomatch.SettingError: relation = 'isometry' is no Relation; give an instance of a subclass
     """
 
     refinement: Refinement = field(default_factory=Joint)

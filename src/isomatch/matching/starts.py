@@ -7,6 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.spatial import cKDTree
 
+from isomatch._core.arrays import FloatArray, IntArray
+from isomatch._core.errors import SettingError
+from isomatch._core.threads import parallel_map
 from isomatch.correspondence import (
     Intervals,
     alignment_from_functions,
@@ -17,14 +20,11 @@ from isomatch.correspondence import (
     poses_between,
     with_normals,
 )
-from isomatch.errors import SettingError
 from isomatch.matching.pair import ShapePair, search_pairs
 from isomatch.matching.priors import FEWEST_POINTS, Priors
 from isomatch.matching.stages import Relation, Start, first_maps_of
-from isomatch.runtime.threads import parallel_map
 from isomatch.shapes import EXACTLY, PreparedShape, farthest_rows
 from isomatch.surfaces import Graph, Surface
-from isomatch.values.arrays import FloatArray, IntArray
 
 
 def starts_from_priors(pair: ShapePair, priors: Priors) -> Iterator[tuple[IntArray, str]]:

@@ -8,23 +8,23 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from isomatch._core.arrays import BoolArray, FloatArray, IntArray
+from isomatch._core.cached import cached_method, cached_property
+from isomatch._core.errors import MeshError
+from isomatch._core.first_use import Shown
+from isomatch._core.threads import in_background, parallel_map, serial_blas
 from isomatch.correspondence import UNMATCHED, Correspondence, RigidRegistration
 from isomatch.decimation import Prolongation, decimate
 from isomatch.descriptors import RADII, BallSignature, ball_signature, deviation_of
-from isomatch.errors import MeshError
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.io import SurfaceLike
-from isomatch.loading.first_use import Shown
 from isomatch.matching.pair import ShapePair, prepare_pair
 from isomatch.matching.priors import checked_initial_map
 from isomatch.matching.quality import mean_known
 from isomatch.matching.relations.bending import Surroundings, bent_onto
-from isomatch.runtime.threads import in_background, parallel_map, serial_blas
 from isomatch.settings import Config
 from isomatch.shapes import N_BALLS, PreparedShape
 from isomatch.surfaces import Mesh, linked
-from isomatch.values.arrays import BoolArray, FloatArray, IntArray
-from isomatch.values.cached import cached_method, cached_property
 
 # those without another source: docs/lab/design_notes.md, one verification
 LENGTHS = (0.3, 0.2, 0.14, 0.09, 0.06)  # in √area, over which a shape resists while it is bent by a map

@@ -9,8 +9,8 @@ from typing import TypeAlias
 
 import numpy as np
 
+from isomatch._core.errors import MeshError, SettingError
 from isomatch.correspondence import Correspondence
-from isomatch.errors import MeshError, SettingError
 from isomatch.io import SurfaceLike
 from isomatch.matching.evidence import Evidence, Solution
 from isomatch.matching.pair import ShapePair

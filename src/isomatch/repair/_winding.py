@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from isomatch.loading.compiled import compiled
+from isomatch._core.arrays import AnyArray, BoolArray, FloatArray, IntArray, read_only
+from isomatch._core.cached import cached_method
+from isomatch._core.compiled import compiled
 from isomatch.surfaces import Mesh, first_equal, linked
-from isomatch.values.arrays import AnyArray, BoolArray, FloatArray, IntArray, read_only
-from isomatch.values.cached import cached_method
 
 LEAST_VOLUME = 0.01
 """Volume over area^(3/2) that tells where an open surface looks: 0.03 of a cat and 0.09 of a ball, and more of parts of

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from isomatch._core.arrays import BoolArray, FloatArray, IntArray
 from isomatch.surfaces import Mesh, linked
-from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 
 N_TRIED, N_VOTING = 200, 20_000  # planes of faces that are tried, and faces that are compared with them
 PLANE = 0.01  # √area: distance up to which a face lies in a plane, and how far above it the rim is cut

@@ -8,8 +8,8 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
+from isomatch._core.arrays import BoolArray, FloatArray, IntArray
 from isomatch.surfaces import Mesh
-from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 
 
 def capped_at(mesh: Mesh, at: BoolArray) -> tuple[Mesh, IntArray]:

@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from isomatch.errors import some
+from isomatch._core.arrays import BoolArray, FloatArray, IntArray
+from isomatch._core.compiled import compiled
+from isomatch._core.errors import some
 from isomatch.io import Polygons, SurfaceLike, mesh_from
-from isomatch.loading.compiled import compiled
 from isomatch.repair._winding import faces_to_rewind, shells, with_rewound
 from isomatch.repair.base import LARGE, base_of
 from isomatch.repair.gaps import NO_SIDES, close_vertices, free_sides, t_junctions
@@ -17,7 +18,6 @@ from isomatch.repair.merged import unmerged
 from isomatch.repair.outliers import outliers
 from isomatch.repair.walls import WALL, double_walled_share
 from isomatch.surfaces import Mesh, fans, first_equal, linked, unsound_faces
-from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 
 
 def check(mesh: SurfaceLike, *, wall: float = WALL) -> MeshReport:

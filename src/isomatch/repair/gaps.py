@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
+from isomatch._core.arrays import BoolArray, FloatArray, IntArray
 from isomatch.io import Asset, Polygons, Renumbering
 from isomatch.surfaces import linked
-from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 
 ON_EDGE = 1e-3  # of the edge: a vertex this near to it lies on it
 END = 1e-2  # share of an edge next to its ends where no vertex is inserted

@@ -6,11 +6,11 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
-from isomatch.loading.compiled import compiled
+from isomatch._core.arrays import BoolArray, FloatArray, IntArray
+from isomatch._core.compiled import compiled
 from isomatch.repair.self_contacts import bends_and_costs, face_normals, inner_edges
 from isomatch.repair.sheets import SHEET_DISTANCE, Separation, copied, crowded, far_copies, split_by
 from isomatch.surfaces import Mesh, first_equal, linked, root
-from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 
 # A merge leaves a ragged ring: edges of three and four faces, vertices where several fans meet, small holes where
 # triangles of both sheets vanished; between them stay edges of two faces that bend sharply. All these vertices are the

@@ -11,12 +11,12 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial import cKDTree
 
-from isomatch.errors import SettingError
+from isomatch._core.arrays import BoolArray, FloatArray, IntArray
+from isomatch._core.errors import SettingError
+from isomatch._core.memory import require_memory
 from isomatch.repair.check import OPENING
 from isomatch.repair.self_contacts import face_normals
-from isomatch.runtime.memory import require_memory
 from isomatch.surfaces import Mesh, meetings
-from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 
 T = TypeVar("T", FloatArray, IntArray, BoolArray)
 CELLS = 4.0  # of the grid to the radius of the ball: a wall is then closed, and a hole known to an eighth

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
-from isomatch.values.arrays import BoolArray, FloatArray
+from isomatch._core.arrays import BoolArray, FloatArray
 
 N_NEAREST = 8  # neighbours
 FAR = 4.0  # mean distance to them, over the median of all points or of theirs, from which a point is far from others

@@ -9,7 +9,8 @@ from typing import TypeVar, cast
 
 import numpy as np
 
-from isomatch.errors import FormatError, SettingError
+from isomatch._core.arrays import AnyArray, BoolArray, IntArray
+from isomatch._core.errors import FormatError, SettingError
 from isomatch.io import (
     Asset,
     Attribute,
@@ -29,7 +30,6 @@ from isomatch.repair.merged import unmerged
 from isomatch.repair.outliers import outliers
 from isomatch.repair.sheets import SHEET_DISTANCE
 from isomatch.surfaces import Mesh, PointCloud, UnsoundFaces, first_equal, unsound_faces
-from isomatch.values.arrays import AnyArray, BoolArray, IntArray
 
 T = TypeVar("T")
 MENDED = (

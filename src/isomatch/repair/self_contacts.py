@@ -10,10 +10,10 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components, dijkstra, minimum_spanning_tree
 
-from isomatch.loading.compiled import compiled
+from isomatch._core.arrays import AnyArray, BoolArray, FloatArray, IntArray
+from isomatch._core.compiled import compiled
 from isomatch.repair.caps import boundary_loops, capped
 from isomatch.surfaces import Mesh, corner_links, joined, linked, meetings
-from isomatch.values.arrays import AnyArray, BoolArray, FloatArray, IntArray
 
 # What a length counts along an edge at which the surface bends by so many degrees, negative where concave: the cut
 # path of a self-contact is sharp and concave, while the other loops around the same handle lie across convex limbs

@@ -10,6 +10,7 @@ from scipy.optimize import linear_sum_assignment
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import dijkstra
 
+from isomatch._core.arrays import BoolArray, FloatArray, IntArray
 from isomatch.repair.self_contacts import edges_to_root
 from isomatch.surfaces import (
     EdgeTable,
@@ -22,7 +23,6 @@ from isomatch.surfaces import (
     meetings,
     unsound_faces,
 )
-from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 
 SHEET_DISTANCE = 0.1  # √area; that of `PreparationSettings`
 MOST_PROBED = 8  # vertices of each seam of which the copies are tested for being far apart

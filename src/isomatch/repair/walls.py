@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
-from isomatch.errors import SettingError
+from isomatch._core.arrays import BoolArray
+from isomatch._core.errors import SettingError
 from isomatch.surfaces import Mesh
-from isomatch.values.arrays import BoolArray
 
 WALL = 0.05  # √area: by normals in this unit, nearest points tell sheets apart; docs/lab/design_notes.md
 N_PROBED = 1000  # vertices, evenly over the area: the share is then known to 1.5 %

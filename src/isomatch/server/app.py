@@ -12,8 +12,8 @@ from hmac import compare_digest
 from typing import Any, TypeVar
 from urllib.parse import parse_qs
 
-from isomatch.errors import IsomatchError, SettingError
-from isomatch.loading.first_use import package
+from isomatch._core.errors import IsomatchError, SettingError
+from isomatch._core.first_use import package
 from isomatch.server.session import Session
 
 HOST = "127.0.0.1"

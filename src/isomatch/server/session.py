@@ -8,9 +8,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any, Protocol
 
-from isomatch.errors import IsomatchError, SettingError
+from isomatch._core.errors import IsomatchError, SettingError
+from isomatch._core.threads import Abandoned, Call, parallel_map, stop_if_abandoned
 from isomatch.matching import MatchResult, continue_with, match
-from isomatch.runtime.threads import Abandoned, Call, parallel_map, stop_if_abandoned
 from isomatch.settings import Config, Hypotheses, Orientation, Start
 from isomatch.shapes import PreparedShape, prepare
 from isomatch.surfaces import Surface

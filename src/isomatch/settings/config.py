@@ -7,9 +7,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, Protocol, Self
 
-from isomatch.errors import FormatError, SettingError
+from isomatch._core.errors import FormatError, SettingError
+from isomatch._core.files import opened
+from isomatch._core.first_use import Shown
+from isomatch._core.settings import Settings, require_one_of, setting
 from isomatch.geodesics import engine_names
-from isomatch.loading.first_use import Shown
 from isomatch.settings import (
     ElasticSettings,
     LevelSettings,
@@ -22,8 +24,6 @@ from isomatch.settings import (
     SymmetrySettings,
 )
 from isomatch.spectral import Weighting
-from isomatch.storage.files import opened
-from isomatch.values.settings import Settings, require_one_of, setting
 
 Orientation = Literal["preserve", "reverse", "any"]
 RefinementName = Literal["none", "laplace_icp", "joint", "smooth"]

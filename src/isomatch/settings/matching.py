@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from isomatch.errors import SettingError
-from isomatch.values.settings import Settings, setting
+from isomatch._core.errors import SettingError
+from isomatch._core.settings import Settings, setting
 
 COVERAGE_RADIUS = 0.05  # in √area; the spacing of the search vertices
 LENGTHS = (0.3, 0.25, 0.2, 0.17, 0.14, 0.11, 0.09, 0.075, 0.06, 0.05)  # in √area, over which shapes are bent

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from isomatch.errors import SettingError
-from isomatch.values.settings import Settings, setting
+from isomatch._core.errors import SettingError
+from isomatch._core.settings import Settings, setting
 
 DistanceUnit = Literal["average", "user"]
 

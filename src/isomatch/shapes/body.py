@@ -6,8 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from isomatch._core.arrays import BoolArray, IntArray
+from isomatch._core.errors import MeshError, some
 from isomatch.decimation import Prolongation, decimations, normalised
-from isomatch.errors import MeshError, some
 from isomatch.geodesics import distance_engine, ordinary_unit
 from isomatch.repair import (
     capped_at,
@@ -20,7 +21,6 @@ from isomatch.repair import (
 )
 from isomatch.settings import Config, PreparationSettings
 from isomatch.surfaces import Graph, Mesh, PointCloud, Surface, in_spatial_order
-from isomatch.values.arrays import BoolArray, IntArray
 
 FEWEST_VERTICES = 50  # fewer leave no room for 8 columns and 20 functions
 INSIDE_OUT = (

@@ -6,7 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from isomatch.errors import MeshError
+from isomatch._core.arrays import FloatArray, IntArray
+from isomatch._core.errors import MeshError
+from isomatch._core.settings import generator
+from isomatch._core.stage_timer import PREPARATION, Progress, StageTimer
+from isomatch._core.threads import in_background, serial_blas
+from isomatch._core.ties import TIE, first_largest
 from isomatch.geodesics import (
     DistanceEngine,
     MetricSpace,
@@ -17,16 +22,11 @@ from isomatch.geodesics import (
     peripheral_vertex,
 )
 from isomatch.io import SurfaceLike, surface_from
-from isomatch.runtime.stage_timer import PREPARATION, Progress, StageTimer
-from isomatch.runtime.threads import in_background, serial_blas
 from isomatch.settings import Config
 from isomatch.shapes.body import Body, body_of, full_level, levels_of
 from isomatch.shapes.prepared_shape import PreparedShape
 from isomatch.spectral import laplace_basis, nystrom_basis
 from isomatch.surfaces import Graph, Surface
-from isomatch.values.arrays import FloatArray, IntArray
-from isomatch.values.settings import generator
-from isomatch.values.ties import TIE, first_largest
 
 
 def prepare(

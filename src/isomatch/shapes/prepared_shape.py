@@ -13,6 +13,11 @@ from typing import TYPE_CHECKING, Any, NoReturn, Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
+from isomatch._core.array_file import Archive, ArrayFormat, Stored, save_arrays
+from isomatch._core.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray
+from isomatch._core.cached import cached_property
+from isomatch._core.errors import FormatError, InputError, SettingError
+from isomatch._core.first_use import PlotOptions, Shown, visualization
 from isomatch.correspondence import Correspondence, PrecisePoints, SignedPoints
 from isomatch.decimation import Decimated, Prolongation
 from isomatch.descriptors import (
@@ -22,19 +27,14 @@ from isomatch.descriptors import (
     mean_curvature,
     standardised,
 )
-from isomatch.errors import FormatError, InputError, SettingError
 from isomatch.geodesics import Sampling, distance_along_edges_to_nearest
-from isomatch.loading.first_use import PlotOptions, Shown, view_room
 from isomatch.repair import check, handles, seems_inside_out
 from isomatch.settings import Config, SymmetrySettings
 from isomatch.shapes.body import Body, Detail, Level
 from isomatch.shapes.smooth_shape import SmoothShape, orientation_of
 from isomatch.shapes.symmetries import LOOSE, Symmetry, find_symmetries
 from isomatch.spectral import DistanceBasis, LaplaceBasis, refined_laplace_basis
-from isomatch.storage.array_file import Archive, ArrayFormat, Stored, save_arrays
 from isomatch.surfaces import Graph, Mesh, PointCloud
-from isomatch.values.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray
-from isomatch.values.cached import cached_property
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -155,7 +155,7 @@ class PreparedShape(SmoothShape, Shown):
             )
 
     def plot(self, values: ArrayLike | None = None, **options: Unpack[PlotOptions]) -> Figure:
-        """Draw the user's shape, coloured by values at its vertices, with the keywords of `isomatch.visualization.plot_surface`.
+        """Draw the user's shape, coloured by values at its vertices; see `isomatch.visualization.plot_surface`.
 
         By default the values are the average distance of each vertex to all of the body, in √area of the body, from the
         distance basis; vertices that were left out are grey. `TypeError` if the shape is a graph, which has no positions.
@@ -163,7 +163,7 @@ class PreparedShape(SmoothShape, Shown):
         if values is None:
             values = self.lift(self.average_distance)
             options = {**options, "label": options.get("label") or "average distance / √area"}
-        figure: Figure = view_room().plot_surface(self.surface, values, **options)
+        figure: Figure = visualization().plot_surface(self.surface, values, **options)
         return figure
 
     @property

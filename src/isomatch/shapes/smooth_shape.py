@@ -6,6 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from isomatch._core.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray, single
+from isomatch._core.cached import cached_method, cached_property
+from isomatch._core.compiled import compiled
+from isomatch._core.errors import DescriptorError, MeshError
+from isomatch._core.threads import parallel_map, row_product
 from isomatch.correspondence import (
     UNMATCHED,
     Correspondence,
@@ -16,16 +21,11 @@ from isomatch.correspondence import (
 )
 from isomatch.decimation import Decimated, Prolongation
 from isomatch.descriptors import mean_curvature, standardised, wave_kernel_signature
-from isomatch.errors import DescriptorError, MeshError
 from isomatch.geodesics import distance_along_edges_to_nearest
-from isomatch.loading.compiled import compiled
-from isomatch.runtime.threads import parallel_map, row_product
 from isomatch.settings import Config, PreparationSettings
 from isomatch.shapes.body import Detail
 from isomatch.spectral import LaplaceBasis
 from isomatch.surfaces import Mesh, Surface, vertex_normals
-from isomatch.values.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray, single
-from isomatch.values.cached import cached_method, cached_property
 
 SIGNATURE_FUNCTIONS = 100  # of the wave kernel signature; Aubry et al. 2011 use 100 to 300
 WAVE_WEIGHT = 0.6  # root mean square; measured on 9 pairs: 0.6 2.43, 0.8 2.41

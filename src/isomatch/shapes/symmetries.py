@@ -8,6 +8,8 @@ from itertools import product
 
 import numpy as np
 
+from isomatch._core.arrays import FloatArray, IntArray
+from isomatch._core.ties import first_largest
 from isomatch.correspondence import (
     IntervalCost,
     Intervals,
@@ -20,8 +22,6 @@ from isomatch.correspondence import (
     signed_procrustes,
 )
 from isomatch.settings import SymmetrySettings
-from isomatch.values.arrays import FloatArray, IntArray
-from isomatch.values.ties import first_largest
 
 # those without another source: docs/lab/benchmarks.md, symmetry
 N_SAMPLES = 200  # samples among which symmetries are searched; chosen: spacing 0.08, less than SAME_SYMMETRY

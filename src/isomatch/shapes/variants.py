@@ -9,17 +9,17 @@ from typing import Any
 
 import numpy as np
 
+from isomatch._core.arrays import BoolArray, IntArray
+from isomatch._core.cached import cached_method
+from isomatch._core.errors import MeshError, NotConvergedError
+from isomatch._core.stage_timer import StageTimer
 from isomatch.correspondence import UNMATCHED
-from isomatch.errors import MeshError, NotConvergedError
 from isomatch.repair import Cut, capped, creases, cut_along, cut_self_contacts, ends_of
-from isomatch.runtime.stage_timer import StageTimer
 from isomatch.settings import Config
 from isomatch.shapes.body import LEFT_UNMATCHED, sound_body
 from isomatch.shapes.prepare import prepared_body
 from isomatch.shapes.prepared_shape import PreparedShape
 from isomatch.surfaces import Mesh, Surface, reflected
-from isomatch.values.arrays import BoolArray, IntArray
-from isomatch.values.cached import cached_method
 
 
 def _names(*properties: Any) -> tuple[str, ...]:

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Literal, Unpack
 
 import numpy as np
 
-from isomatch.errors import MeshError
+from isomatch._core.arrays import FloatArray, IntArray
+from isomatch._core.errors import MeshError
+from isomatch._core.first_use import PlotOptions, Shown, visualization
+from isomatch._core.settings import require_one_of
 from isomatch.geodesics import DistanceEngine, MetricSpace, distance_engine
 from isomatch.io import SurfaceLike
-from isomatch.loading.first_use import PlotOptions, Shown, view_room
-from isomatch.values.arrays import FloatArray, IntArray
-from isomatch.values.settings import require_one_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -89,6 +89,6 @@ class PlottedBasis(Shown):
     __slots__ = ()
 
     def plot(self, surface: SurfaceLike = None, **options: Unpack[PlotOptions]) -> Figure:
-        """Draw the spectrum, or the first four vectors on their surface; arguments as for `isomatch.visualization.plot_basis`."""
-        figure: Figure = view_room().plot_basis(self, surface, **options)
+        """Draw the spectrum, or the first four vectors on their surface; see `isomatch.visualization.plot_basis`."""
+        figure: Figure = visualization().plot_basis(self, surface, **options)
         return figure

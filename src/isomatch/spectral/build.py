@@ -9,7 +9,10 @@ from functools import partial
 import numpy as np
 from numpy.typing import DTypeLike
 
-from isomatch.errors import NotConvergedError, SettingError
+from isomatch._core.arrays import FloatArray
+from isomatch._core.errors import NotConvergedError, SettingError
+from isomatch._core.settings import generator, require_one_of
+from isomatch._core.threads import in_background, serial_blas
 from isomatch.geodesics import (
     DistanceEngine,
     MetricSpace,
@@ -20,7 +23,6 @@ from isomatch.geodesics import (
 )
 from isomatch.io import SurfaceLike
 from isomatch.repair import Repair, without_seams
-from isomatch.runtime.threads import in_background, serial_blas
 from isomatch.spectral.basis import BasisMethod, Weighting, basis_domain, shared_weights
 from isomatch.spectral.distance_basis import DistanceBasis
 from isomatch.spectral.laplacian import require_mesh_or_points
@@ -34,8 +36,6 @@ from isomatch.spectral.low_rank import (
     smds_basis,
 )
 from isomatch.surfaces import Mesh, PointCloud
-from isomatch.values.arrays import FloatArray
-from isomatch.values.settings import generator, require_one_of
 
 MOST_COLUMNS = 800  # tried to reach a tolerance
 

@@ -8,18 +8,18 @@ from typing import Literal
 import numpy as np
 from scipy.linalg import eigh
 
-from isomatch.errors import MeshError, SettingError
+from isomatch._core.arrays import FloatArray
+from isomatch._core.errors import MeshError, SettingError
+from isomatch._core.memory import require_memory
+from isomatch._core.settings import require_one_of
+from isomatch._core.threads import serial_blas
 from isomatch.geodesics import MetricSpace, Sampling, farthest_point_sampling, metric_space, peripheral_vertex
 from isomatch.io import SurfaceLike
 from isomatch.repair import without_seams
-from isomatch.runtime.memory import require_memory
-from isomatch.runtime.threads import serial_blas
 from isomatch.spectral.basis import Weighting, basis_domain
 from isomatch.spectral.distance_basis import orthonormalised
 from isomatch.spectral.laplacian import require_mesh_or_points
 from isomatch.spectral.low_rank import biharmonic_interpolant, leading_eigenpairs, swapped
-from isomatch.values.arrays import FloatArray
-from isomatch.values.settings import require_one_of
 
 EmbeddingMethod = Literal["nystrom", "exact", "fmds"]
 

@@ -10,14 +10,14 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike
 from scipy.linalg import qr
 
-from isomatch.errors import MeshError, SettingError, some
+from isomatch._core.array_file import ArrayFormat, Stored, save_arrays
+from isomatch._core.arrays import AnyArray, FloatArray, IntArray
+from isomatch._core.compiled import compiled
+from isomatch._core.errors import MeshError, SettingError, some
+from isomatch._core.threads import n_threads, parallel_map
 from isomatch.geodesics import Sampling, points_of
-from isomatch.loading.compiled import compiled
-from isomatch.runtime.threads import n_threads, parallel_map
 from isomatch.spectral.basis import PlottedBasis, fix_signs
-from isomatch.storage.array_file import ArrayFormat, Stored, save_arrays
 from isomatch.surfaces import PrecisePoints
-from isomatch.values.arrays import AnyArray, FloatArray, IntArray
 
 FORMAT = ArrayFormat(
     what="a distance basis",

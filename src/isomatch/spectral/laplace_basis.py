@@ -9,16 +9,16 @@ import numpy as np
 from scipy.linalg import eigh, solve_triangular
 from scipy.sparse import csc_array, csr_array
 
-from isomatch.errors import MeshError, NotConvergedError, SettingError, some
+from isomatch._core.arrays import AnyArray, FloatArray, single
+from isomatch._core.errors import MeshError, NotConvergedError, SettingError, some
+from isomatch._core.memory import require_memory
+from isomatch._core.settings import generator
+from isomatch._core.threads import row_product, serial_blas
 from isomatch.io import SurfaceLike, surface_from
 from isomatch.repair import without_seams
-from isomatch.runtime.memory import require_memory
-from isomatch.runtime.threads import row_product, serial_blas
 from isomatch.spectral.basis import PlottedBasis, fix_signs, require_one_component, shared_weights
 from isomatch.spectral.laplacian import WIDTH, factorised, factorised_for_threads, stiffness_and_masses
 from isomatch.surfaces import Mesh, Surface
-from isomatch.values.arrays import AnyArray, FloatArray, single
-from isomatch.values.settings import generator
 
 Precision = Literal["double", "single"]
 

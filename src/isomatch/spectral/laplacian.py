@@ -10,12 +10,12 @@ import robust_laplacian
 from scipy.sparse import coo_array, csc_array, csr_array, diags_array, tril
 from scipy.sparse.linalg import splu
 
-from isomatch.errors import MeshError, SettingError
+from isomatch._core.arrays import AnyArray, FloatArray, IntArray
+from isomatch._core.compiled import compiled
+from isomatch._core.errors import MeshError, SettingError
 from isomatch.geodesics import MetricSpace
-from isomatch.loading.compiled import compiled
 from isomatch.spectral.basis import require_areas
 from isomatch.surfaces import Graph, Mesh, PointCloud, Surface
-from isomatch.values.arrays import AnyArray, FloatArray, IntArray
 
 WIDTH = 16  # right-hand sides solved for at once: in single precision 64 bytes of each row
 

@@ -10,17 +10,17 @@ from scipy.sparse import csc_array, diags_array
 from scipy.sparse.linalg import eigsh
 from scipy.spatial import KDTree
 
-from isomatch.errors import MeshError
+from isomatch._core.arrays import FloatArray, IntArray
+from isomatch._core.errors import MeshError
+from isomatch._core.memory import require_memory
+from isomatch._core.threads import parallel_map, serial_blas
+from isomatch._core.ties import first_largest
 from isomatch.geodesics import DistanceEngine, Sampling
-from isomatch.runtime.memory import require_memory
-from isomatch.runtime.threads import parallel_map, serial_blas
 from isomatch.spectral.basis import fix_signs
 from isomatch.spectral.distance_basis import NULL_VALUE, DistanceBasis, orthonormalised
 from isomatch.spectral.laplace_basis import LaplaceBasis, laplace_basis
 from isomatch.spectral.laplacian import factorised, stiffness_and_masses
 from isomatch.surfaces import Mesh, PointCloud, Surface
-from isomatch.values.arrays import FloatArray, IntArray
-from isomatch.values.ties import first_largest
 
 RIDGE = 1e-9  # of the mean variance; keeps the system well conditioned when samples nearly coincide
 NODES_PER_VECTOR = 12  # predicted columns per basis vector; twice as many lower the error by less than 1 %

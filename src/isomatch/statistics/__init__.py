@@ -1,5 +1,5 @@
 """Statistics of shapes in correspondence: alignment, modes of variation, groups and distances."""
 
-from isomatch.loading.first_use import names_at_first_use
+from isomatch._core.first_use import names_at_first_use
 
 __all__ = names_at_first_use(__name__)

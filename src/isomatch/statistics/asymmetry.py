@@ -10,8 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.stats import permutation_test
 
+from isomatch._core.arrays import FloatArray
+from isomatch._core.errors import InputError, MapError, SettingError
+from isomatch._core.settings import generator
 from isomatch.correspondence import Correspondence
-from isomatch.errors import InputError, MapError, SettingError
 from isomatch.matching import MatchResult, Outcome, match
 from isomatch.settings import Config
 from isomatch.statistics.group_test import N_PERMUTATIONS
@@ -25,8 +27,6 @@ from isomatch.statistics.procrustes import (
 )
 from isomatch.statistics.shapes import MIRRORED, CorrespondedShapes, filled
 from isomatch.surfaces import Mesh, reflected
-from isomatch.values.arrays import FloatArray
-from isomatch.values.settings import generator
 
 SOURCES = ("individuals", "sides", "individuals × sides", "error")
 

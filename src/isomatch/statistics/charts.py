@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
-from isomatch.errors import SettingError
+from isomatch._core.arrays import BoolArray, FloatArray
+from isomatch._core.errors import SettingError
+from isomatch._core.files import replaced
 from isomatch.statistics.regression import ShapeRegression
 from isomatch.statistics.shape_distances import shape_tree
 from isomatch.statistics.shape_model import ModelCurve, ShapeModel
-from isomatch.storage.files import replaced
 from isomatch.surfaces import Mesh
-from isomatch.values.arrays import BoolArray, FloatArray
 from isomatch.visualization import arranged_panels, camera_of, colour_scale, surface_image
 
 if TYPE_CHECKING:

@@ -9,15 +9,15 @@ import numpy as np
 from scipy.linalg import solve_triangular
 from scipy.spatial.transform import Rotation
 
+from isomatch._core.arrays import FloatArray
+from isomatch._core.errors import LandmarkError, NotConvergedError
+from isomatch._core.memory import require_memory
+from isomatch._core.settings import require_one_of
+from isomatch._core.threads import serial_blas
 from isomatch.correspondence import nearest_rotation
-from isomatch.errors import LandmarkError, NotConvergedError
-from isomatch.runtime.memory import require_memory
-from isomatch.runtime.threads import serial_blas
 from isomatch.statistics.observations import Observations, SeenSurface, model_noise
 from isomatch.statistics.shape_model import ShapeModel
 from isomatch.surfaces import Mesh
-from isomatch.values.arrays import FloatArray
-from isomatch.values.settings import require_one_of
 
 Pose = Literal["fitted", "given"]
 

@@ -9,9 +9,9 @@ from typing import Literal, NamedTuple, TypeAlias
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
+from isomatch._core.arrays import BoolArray, FloatArray
 from isomatch.statistics.procrustes import procrustes_distances
 from isomatch.statistics.shapes import CorrespondedShapes
-from isomatch.values.arrays import BoolArray, FloatArray
 
 # Of seven sets of animals and people in many poses, of which up to a half was mirrored at random, these find 202 of 208,
 # none of TOSCA victoria, whose poses differ most, and nothing wrong in any.

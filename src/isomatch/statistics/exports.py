@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
-from isomatch.errors import InputError
+from isomatch._core.arrays import FloatArray
+from isomatch._core.errors import InputError
+from isomatch._core.files import replaced, write_text
+from isomatch._core.first_use import package
 from isomatch.io import write_mesh
-from isomatch.loading.first_use import package
 from isomatch.statistics.shape_model import ShapeModel
 from isomatch.statistics.shapes import CorrespondedShapes
-from isomatch.storage.files import replaced, write_text
-from isomatch.values.arrays import FloatArray
 
 
 def write_shapeworks(folder: str | Path, shapes: CorrespondedShapes, aligned: FloatArray) -> None:

@@ -9,10 +9,10 @@ from typing import Literal
 import numpy as np
 from scipy.stats import f, false_discovery_control
 
-from isomatch.errors import InputError, SettingError
-from isomatch.runtime.threads import serial_blas
-from isomatch.values.arrays import BoolArray, FloatArray, IntArray
-from isomatch.values.settings import generator, require_one_of
+from isomatch._core.arrays import BoolArray, FloatArray, IntArray
+from isomatch._core.errors import InputError, SettingError
+from isomatch._core.settings import generator, require_one_of
+from isomatch._core.threads import serial_blas
 
 TestMethod = Literal["permutation", "parametric"]
 

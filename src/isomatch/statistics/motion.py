@@ -6,12 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from isomatch.errors import MeshError
-from isomatch.loading.compiled import compiled
-from isomatch.runtime.threads import parallel_map
-from isomatch.storage.texts import natural_order
+from isomatch._core.arrays import FloatArray
+from isomatch._core.compiled import compiled
+from isomatch._core.errors import MeshError
+from isomatch._core.texts import natural_order
+from isomatch._core.threads import parallel_map
 from isomatch.surfaces import Mesh
-from isomatch.values.arrays import FloatArray
 
 INSIDE = -1e-9  # least weight of a corner, so that no ray slips through an edge
 

@@ -9,18 +9,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from isomatch._core.arrays import BoolArray, FloatArray, IntArray, array_of, numbers_of
+from isomatch._core.errors import InputError, LandmarkError, MeshError, SettingError
+from isomatch._core.files import legible
+from isomatch._core.stage_timer import Progress
 from isomatch.correspondence import Correspondence, wrap
-from isomatch.errors import InputError, LandmarkError, MeshError, SettingError
 from isomatch.io import FORMATS, SurfaceLike, mesh_from, meshes_among
 from isomatch.landmarks import Landmarks, nearest_on_surface
 from isomatch.matching import Outcome, match
-from isomatch.runtime.stage_timer import Progress
 from isomatch.settings import Config
 from isomatch.statistics.shape_model import ShapeModel, generalisation
 from isomatch.statistics.shapes import read_corresponding, slices_of, structure_of
-from isomatch.storage.files import legible
 from isomatch.surfaces import Mesh, PrecisePoints
-from isomatch.values.arrays import BoolArray, FloatArray, IntArray, array_of, numbers_of
 
 PATCH = 0.2  # √area: errors of points nearer than this are about the same; docs/statistics.md, completion
 

@@ -7,12 +7,12 @@ from typing import Literal
 
 import numpy as np
 
+from isomatch._core.arrays import FloatArray
+from isomatch._core.errors import MeshError, NotConvergedError, SettingError
+from isomatch._core.memory import require_memory
+from isomatch._core.settings import require_one_of
+from isomatch._core.threads import serial_blas
 from isomatch.correspondence import nearest_rotation
-from isomatch.errors import MeshError, NotConvergedError, SettingError
-from isomatch.runtime.memory import require_memory
-from isomatch.runtime.threads import serial_blas
-from isomatch.values.arrays import FloatArray
-from isomatch.values.settings import require_one_of
 
 Scale = Literal["keep", "remove"]
 

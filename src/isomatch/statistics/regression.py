@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch.errors import InputError, SettingError
+from isomatch._core.arrays import FloatArray, numbers_of
+from isomatch._core.errors import InputError, SettingError
+from isomatch._core.settings import generator
 from isomatch.statistics.group_test import N_PERMUTATIONS
 from isomatch.statistics.procrustes import scalar_products, shares_of
-from isomatch.values.arrays import FloatArray, numbers_of
-from isomatch.values.settings import generator
 
 FEWEST = 3  # shapes: two differ along any variable
 LEAST_SHARE = 1e-9  # of the largest singular value of the variables: one with less depends on the others

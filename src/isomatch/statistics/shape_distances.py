@@ -9,11 +9,11 @@ from scipy.cluster.hierarchy import linkage
 from scipy.spatial.distance import squareform
 
 from isomatch import spectral
-from isomatch.errors import InputError, SettingError
+from isomatch._core.arrays import FloatArray, numbers_of
+from isomatch._core.errors import InputError, SettingError
 from isomatch.geodesics import distance_engine, euclidean_farthest_points
 from isomatch.statistics.procrustes import generalised_procrustes
 from isomatch.statistics.shapes import CorrespondedShapes
-from isomatch.values.arrays import FloatArray, numbers_of
 
 N_SAMPLES = 100
 

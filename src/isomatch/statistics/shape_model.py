@@ -12,15 +12,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.stats import chi2
 
-from isomatch.errors import FormatError, MeshError, SettingError
-from isomatch.runtime.threads import serial_blas
+from isomatch._core.array_file import ArrayFormat, Stored, save_arrays
+from isomatch._core.arrays import BoolArray, FloatArray, IntArray, numbers_of
+from isomatch._core.cached import cached_property
+from isomatch._core.errors import FormatError, MeshError, SettingError
+from isomatch._core.settings import generator, require_one_of
+from isomatch._core.threads import serial_blas
 from isomatch.statistics.procrustes import Scale, aligned_to, generalised_procrustes
 from isomatch.statistics.shapes import MIRRORED, CorrespondedShapes, filled, read_corresponding, slices_of
-from isomatch.storage.array_file import ArrayFormat, Stored, save_arrays
 from isomatch.surfaces import Mesh
-from isomatch.values.arrays import BoolArray, FloatArray, IntArray, numbers_of
-from isomatch.values.cached import cached_property
-from isomatch.values.settings import generator, require_one_of
 
 Weighting = Literal["area", "uniform"]
 

@@ -12,15 +12,15 @@ from typing import TypeVar
 
 import numpy as np
 
+from isomatch._core.arrays import BoolArray, FloatArray, IntArray, numbers_of
+from isomatch._core.cached import cached_property
+from isomatch._core.errors import FormatError, MeshError, MissingFileError, NotConvergedError, some
+from isomatch._core.files import legible
+from isomatch._core.texts import natural_order, read_csv
 from isomatch.correspondence import Correspondence
-from isomatch.errors import FormatError, MeshError, MissingFileError, NotConvergedError, some
 from isomatch.io import FORMATS, Asset, Polygons, meshes_among, read_as_far
 from isomatch.statistics.procrustes import Scale, aligned_to, generalised_procrustes
-from isomatch.storage.files import legible
-from isomatch.storage.texts import natural_order, read_csv
 from isomatch.surfaces import Mesh
-from isomatch.values.arrays import BoolArray, FloatArray, IntArray, numbers_of
-from isomatch.values.cached import cached_property
 
 MIRRORED = "_mirrored"  # appended to the names of shapes that are mirror images
 

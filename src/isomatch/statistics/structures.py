@@ -9,15 +9,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from isomatch._core.arrays import FloatArray
+from isomatch._core.errors import InputError
+from isomatch._core.texts import natural_order
 from isomatch.correspondence import nearest_rotation
-from isomatch.errors import InputError
 from isomatch.statistics.completion import complete
 from isomatch.statistics.observations import observed_vertices
 from isomatch.statistics.procrustes import Scale, aligned_to, generalised_procrustes
 from isomatch.statistics.shape_model import ShapeModel, Weighting
 from isomatch.statistics.shapes import CorrespondedShapes, filled, slices_of, structure_of
-from isomatch.storage.texts import natural_order
-from isomatch.values.arrays import FloatArray
 
 
 def stacked(parts: Mapping[str, CorrespondedShapes]) -> CorrespondedShapes:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from isomatch.values.arrays import AnyArray, IntArray
+from isomatch._core.arrays import AnyArray, IntArray
 
 
 def first_equal(points: AnyArray) -> IntArray:

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from isomatch.loading.compiled import compiled
+from isomatch._core.arrays import AnyArray, BoolArray, FloatArray, IntArray, read_only
+from isomatch._core.compiled import compiled
 from isomatch.surfaces._faces import sort_lists
-from isomatch.values.arrays import AnyArray, BoolArray, FloatArray, IntArray, read_only
 
 
 @dataclass(frozen=True)

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from isomatch.errors import MeshError, some
-from isomatch.loading.compiled import compiled
-from isomatch.values.arrays import AnyArray, BoolArray, FloatArray, IntArray, read_only
+from isomatch._core.arrays import AnyArray, BoolArray, FloatArray, IntArray, read_only
+from isomatch._core.compiled import compiled
+from isomatch._core.errors import MeshError, some
 
 OUT_OF_RANGE, NON_FINITE, REPEATED, DUPLICATE = range(1, 5)
 

@@ -10,8 +10,8 @@ from weakref import WeakSet
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch.loading.first_use import PlotOptions, Shown, view_room
-from isomatch.values.arrays import AnyArray
+from isomatch._core.arrays import AnyArray
+from isomatch._core.first_use import PlotOptions, Shown, visualization
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -23,8 +23,8 @@ class Plotted(Shown):
     __slots__ = ()
 
     def plot(self, values: ArrayLike | None = None, **options: Unpack[PlotOptions]) -> Figure:
-        """Draw the surface, coloured by values (n,) or (n, 3) at its vertices, by `isomatch.visualization.plot_surface`."""
-        figure: Figure = view_room().plot_surface(self, values, **options)
+        """Draw the surface, coloured by values (n,) or (n, 3) at its vertices; `isomatch.visualization.plot_surface`."""
+        figure: Figure = visualization().plot_surface(self, values, **options)
         return figure
 
 

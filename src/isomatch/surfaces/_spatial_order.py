@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from isomatch.values.arrays import AnyArray, FloatArray, IntArray
+from isomatch._core.arrays import AnyArray, FloatArray, IntArray
 
 BITS = 10  # of each coordinate
 

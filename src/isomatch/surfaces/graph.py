@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch.errors import MeshError, some
+from isomatch._core.arrays import BoolArray, FloatArray, IntArray, array_of, numbers_of
+from isomatch._core.cached import cached_property
+from isomatch._core.errors import MeshError, some
 from isomatch.surfaces._edges import linked
 from isomatch.surfaces._shared import hash_of
-from isomatch.values.arrays import BoolArray, FloatArray, IntArray, array_of, numbers_of
-from isomatch.values.cached import cached_property
 
 
 @dataclass(frozen=True, eq=False, repr=False)

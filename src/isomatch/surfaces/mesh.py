@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch.errors import MeshError
+from isomatch._core.arrays import FloatArray, IntArray, array_of, numbers_of, read_only
+from isomatch._core.cached import cached_property
+from isomatch._core.errors import MeshError
 from isomatch.surfaces._edges import EdgeTable, edge_table, lengths, linked
 from isomatch.surfaces._faces import areas_of, cross_products, require_vertices, vertex_normals
 from isomatch.surfaces._shared import Plotted, hash_of
-from isomatch.values.arrays import FloatArray, IntArray, array_of, numbers_of, read_only
-from isomatch.values.cached import cached_property
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -9,12 +9,12 @@ import robust_laplacian
 import scipy
 from numpy.typing import ArrayLike
 
-from isomatch.errors import MeshError, SettingError, some
+from isomatch._core.arrays import FloatArray, IntArray, numbers_of
+from isomatch._core.cached import cached_property
+from isomatch._core.errors import MeshError, SettingError, some
 from isomatch.surfaces._coincident import first_equal
 from isomatch.surfaces._edges import lengths, linked
 from isomatch.surfaces._shared import Plotted, hash_of
-from isomatch.values.arrays import FloatArray, IntArray, numbers_of
-from isomatch.values.cached import cached_property
 
 FEWEST_POINTS = 4  # fewer have no local triangulation
 MOST_AT_ONE_PLACE = 1000  # neighbours of so many take 0.1 s, of 60 000 45 s

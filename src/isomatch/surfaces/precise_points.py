@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
-from isomatch.loading.compiled import compiled
-from isomatch.values.arrays import FloatArray, IntArray
+from isomatch._core.arrays import FloatArray, IntArray
+from isomatch._core.compiled import compiled
 
 
 class PrecisePoints(NamedTuple):

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from isomatch.loading.compiled import compiled
-from isomatch.values.arrays import BoolArray, FloatArray, IntArray
+from isomatch._core.arrays import BoolArray, FloatArray, IntArray
+from isomatch._core.compiled import compiled
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TypeAlias, overload
 
-from isomatch.errors import MeshError
+from isomatch._core.errors import MeshError
 from isomatch.surfaces.graph import Graph
 from isomatch.surfaces.mesh import Mesh
 from isomatch.surfaces.point_cloud import PointCloud

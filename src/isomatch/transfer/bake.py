@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from isomatch._core.arrays import AnyArray, BoolArray, FloatArray, IntArray
+from isomatch._core.errors import DescriptorError, SettingError
 from isomatch.correspondence import Correspondence
-from isomatch.errors import DescriptorError, SettingError
 from isomatch.io import (
     Asset,
     Layer,
@@ -28,7 +29,6 @@ from isomatch.io import (
 from isomatch.surfaces import Mesh, PrecisePoints, linked, rasterise
 from isomatch.transfer.bridge import Bridge, Places, columns, rows_of_corners
 from isomatch.transfer.choices import Side
-from isomatch.values.arrays import AnyArray, BoolArray, FloatArray, IntArray
 
 CHUNK = 2**18  # texels at once
 UNPAINTED = (0.5, 0.5, 0.5, 1.0)  # grey: what is unmatched, or would show what cannot be read

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import csr_array
 
+from isomatch._core.arrays import BoolArray, FloatArray, IntArray
+from isomatch._core.cached import cached_property
+from isomatch._core.errors import MeshError
 from isomatch.correspondence import UNMATCHED, Correspondence, nearest_rotation, welded_map
 from isomatch.decimation import PlacedMesh, VertexGroups, normalised
-from isomatch.errors import MeshError
 from isomatch.io import Asset, Attribute
 from isomatch.surfaces import Mesh, PrecisePoints, first_equal
-from isomatch.values.arrays import BoolArray, FloatArray, IntArray
-from isomatch.values.cached import cached_property
 
 # × extent of the surface: farther from its image, a corner was kept on its side of a texture seam
 ACROSS = 1e-6

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from isomatch._core.arrays import FloatArray
+from isomatch._core.errors import LandmarkError
 from isomatch.correspondence import UNMATCHED, Correspondence
 from isomatch.decimation import PlacedMesh, VertexGroups, normalised
-from isomatch.errors import LandmarkError
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.io import Asset, SurfaceLike, surface_from
 from isomatch.landmarks import Curve, Landmarks, drawn_curve, equally_spaced, nearest_on_surface, with_frame
@@ -16,7 +17,6 @@ from isomatch.matching import MatchResult
 from isomatch.surfaces import Mesh, PointCloud, PrecisePoints
 from isomatch.transfer.bridge import Bridge
 from isomatch.transfer.choices import Side
-from isomatch.values.arrays import FloatArray
 
 WITHIN = 0.05  # √area of the target: its points farther from all images have none
 

@@ -8,8 +8,9 @@ from typing import get_args
 
 import numpy as np
 
+from isomatch._core.arrays import AnyArray, FloatArray, IntArray
+from isomatch._core.errors import DescriptorError, SettingError
 from isomatch.correspondence import Correspondence
-from isomatch.errors import DescriptorError, SettingError
 from isomatch.io import (
     Asset,
     Attribute,
@@ -25,7 +26,6 @@ from isomatch.io import (
 )
 from isomatch.transfer.bridge import Bridge, Patches, columns, interpolated_at_corners, is_seamless
 from isomatch.transfer.choices import Labelling, NumbersAs, Side
-from isomatch.values.arrays import AnyArray, FloatArray, IntArray
 
 _SYNONYMS: dict[str, Kind] = {
     "color": "colour",

@@ -7,11 +7,11 @@ from itertools import permutations, product
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
+from isomatch._core.arrays import FloatArray, IntArray
+from isomatch._core.errors import SettingError
 from isomatch.correspondence import Correspondence, nearest_rotation
-from isomatch.errors import SettingError
 from isomatch.geodesics import ordinary_unit
 from isomatch.surfaces import Mesh
-from isomatch.values.arrays import FloatArray, IntArray
 
 THREE_QUARTER = 32.0, 14.0  # degrees from the broad side, and above the horizon
 FROM_ABOVE = 0.0, 0.0  # of a sheet, whose broad side is its face

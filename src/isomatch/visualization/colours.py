@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from isomatch._core.arrays import FloatArray
 from isomatch.surfaces import Mesh
-from isomatch.values.arrays import FloatArray
 from isomatch.visualization.camera import principal_axes
 
 MOST_VIVID = 0.17  # Oklab chroma that screens can show in most hues

@@ -12,16 +12,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from isomatch._core.arrays import IntArray
+from isomatch._core.cached import cached_property
+from isomatch._core.errors import MapError, MeshError
+from isomatch._core.first_use import package
 from isomatch.correspondence import Correspondence
-from isomatch.errors import MapError, MeshError
-from isomatch.loading.first_use import package
 from isomatch.matching import BothDirections, MatchResult, Outcome, Quality
 from isomatch.settings import Config
 from isomatch.shapes import PreparedShape
 from isomatch.spectral import DistanceBasis, LaplaceBasis
 from isomatch.surfaces import Graph, Mesh, PointCloud, Surface, unsound_faces
-from isomatch.values.arrays import IntArray
-from isomatch.values.cached import cached_property
 from isomatch.visualization.measures import MEASURES, quality_measures
 from isomatch.visualization.page import (
     asked_of,

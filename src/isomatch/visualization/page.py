@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from isomatch._core.arrays import IntArray, array_of
+from isomatch._core.errors import LandmarkError
 from isomatch.correspondence import Correspondence
-from isomatch.errors import LandmarkError
 from isomatch.matching import MatchResult, Outcome, Question, questions
 from isomatch.surfaces import Mesh
-from isomatch.values.arrays import IntArray, array_of
 from isomatch.visualization.measures import quality_measures
 from isomatch.visualization.picture import png
 from isomatch.visualization.plots import draw_map

@@ -21,9 +21,9 @@ from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties, findfont, get_font
 from numpy.typing import ArrayLike
 
-from isomatch.errors import DescriptorError, SettingError
-from isomatch.values.arrays import FloatArray, numbers_of
-from isomatch.values.cached import cached_property
+from isomatch._core.arrays import FloatArray, numbers_of
+from isomatch._core.cached import cached_property
+from isomatch._core.errors import DescriptorError, SettingError
 from isomatch.visualization.surface_image import SurfaceView
 
 DPI = 200

@@ -11,13 +11,13 @@ from matplotlib.axes import Axes
 from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
+from isomatch._core.arrays import FloatArray, numbers_of
+from isomatch._core.errors import DescriptorError, MeshError
+from isomatch._core.files import replaced
 from isomatch.correspondence import Correspondence
-from isomatch.errors import DescriptorError, MeshError
 from isomatch.io import SurfaceLike, surface_from
 from isomatch.spectral import DistanceBasis, LaplaceBasis
-from isomatch.storage.files import replaced
 from isomatch.surfaces import Graph, Mesh, Surface
-from isomatch.values.arrays import FloatArray, numbers_of
 from isomatch.visualization.camera import camera_of, of_ordinary_size, turn_to_target
 from isomatch.visualization.colours import from_screen, position_colours
 from isomatch.visualization.picture import TEXT, Picture, ValuePanel, pictured

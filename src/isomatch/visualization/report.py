@@ -8,8 +8,8 @@ from pathlib import Path
 
 from numpy.typing import ArrayLike
 
+from isomatch._core.files import write_text
 from isomatch.matching import MatchResult, Outcome
-from isomatch.storage.files import write_text
 from isomatch.surfaces import Mesh
 from isomatch.visualization.page import (
     SIDES,

@@ -11,11 +11,11 @@ import numpy as np
 from matplotlib import colormaps
 from numpy.typing import ArrayLike
 
+from isomatch._core.arrays import FloatArray, IntArray, numbers_of
+from isomatch._core.errors import DescriptorError
 from isomatch.correspondence import Correspondence
-from isomatch.errors import DescriptorError
 from isomatch.matching import MatchResult
 from isomatch.surfaces import Mesh
-from isomatch.values.arrays import FloatArray, IntArray, numbers_of
 from isomatch.visualization.camera import (
     camera_of,
     of_ordinary_size,

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.ndimage import gaussian_filter, map_coordinates
 
-from isomatch.loading.compiled import compiled
+from isomatch._core.arrays import FloatArray, IntArray
+from isomatch._core.cached import cached_property
+from isomatch._core.compiled import compiled
 from isomatch.surfaces import Mesh, Raster, rasterise
-from isomatch.values.arrays import FloatArray, IntArray
-from isomatch.values.cached import cached_property
 from isomatch.visualization.camera import camera_of, of_ordinary_size, seen_from, used_vertices
 from isomatch.visualization.colours import UNMATCHED_GREY, from_screen, to_screen
 

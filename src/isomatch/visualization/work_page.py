@@ -9,11 +9,11 @@ from typing import Any, get_args
 
 import numpy as np
 
+from isomatch._core.arrays import IntArray
 from isomatch.correspondence import UNMATCHED, Correspondence
 from isomatch.matching import DoubtfulRegion, MatchResult, Question
 from isomatch.settings import Config, Orientation
 from isomatch.surfaces import Mesh
-from isomatch.values.arrays import IntArray
 from isomatch.visualization.page import (
     MOST_ALTERNATIVES,
     asked_of,

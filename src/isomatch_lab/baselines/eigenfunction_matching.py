@@ -7,10 +7,10 @@ from operator import itemgetter
 
 import numpy as np
 
+from isomatch._core.arrays import FloatArray, IntArray
 from isomatch.matching import ShapePair
 from isomatch.settings import Orientation
 from isomatch.shapes import PreparedShape
-from isomatch.values.arrays import FloatArray, IntArray
 from isomatch_lab.baselines.functional_maps import orientations, products
 
 WAVE_KERNELS = 20  # leading columns of the point signatures; the others are curvatures

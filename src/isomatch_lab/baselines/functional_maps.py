@@ -10,16 +10,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import solve
 
+from isomatch._core.arrays import FloatArray
+from isomatch._core.memory import require_memory
+from isomatch._core.settings import Settings, setting
+from isomatch._core.threads import serial_blas
 from isomatch.descriptors import heat_kernel_signature, standardised, wave_kernel_map, wave_kernel_signature
 from isomatch.matching import MatchResult
-from isomatch.runtime.memory import require_memory
-from isomatch.runtime.threads import serial_blas
 from isomatch.settings import Orientation
 from isomatch.shapes import PreparedShape
 from isomatch.spectral import LaplaceBasis
 from isomatch.surfaces import Mesh, Surface
-from isomatch.values.arrays import FloatArray
-from isomatch.values.settings import Settings, setting
 from isomatch_lab.baselines.task import Task
 
 KERNEL_FUNCTIONS = 100  # eigenfunctions in wave and heat kernels

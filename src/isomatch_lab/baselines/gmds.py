@@ -8,16 +8,16 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
+from isomatch._core.arrays import FloatArray, IntArray
+from isomatch._core.compiled import compiled
+from isomatch._core.errors import SettingError
+from isomatch._core.settings import Settings, setting
+from isomatch._core.threads import serial_blas
 from isomatch.correspondence import Embedding, PrecisePoints, faces_around_vertices, nearest_in_triangle
-from isomatch.errors import SettingError
-from isomatch.loading.compiled import compiled
 from isomatch.matching import MatchResult, ShapePair, first_map
-from isomatch.runtime.threads import serial_blas
 from isomatch.settings import Orientation
 from isomatch.shapes import PreparedShape
 from isomatch.surfaces import Surface
-from isomatch.values.arrays import FloatArray, IntArray
-from isomatch.values.settings import Settings, setting
 from isomatch_lab.baselines.task import Task
 
 FEWEST_POINTS = 3  # needed to place another point by its distances

@@ -8,17 +8,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.distance import cdist
 
+from isomatch._core.arrays import FloatArray, IntArray
+from isomatch._core.errors import MissingDependencyError, SettingError
+from isomatch._core.settings import Settings, require_least, setting
+from isomatch._core.threads import serial_blas
 from isomatch.correspondence import Embedding
 from isomatch.descriptors import standardised
-from isomatch.errors import MissingDependencyError, SettingError
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching import MatchResult
-from isomatch.runtime.threads import serial_blas
 from isomatch.settings import Orientation
 from isomatch.shapes import PreparedShape
 from isomatch.surfaces import Surface
-from isomatch.values.arrays import FloatArray, IntArray
-from isomatch.values.settings import Settings, require_least, setting
 from isomatch_lab.baselines.gmds import Placement, distances_to
 from isomatch_lab.baselines.task import Task
 

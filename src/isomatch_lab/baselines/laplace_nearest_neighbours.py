@@ -7,16 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from isomatch._core.arrays import FloatArray
+from isomatch._core.errors import SettingError
+from isomatch._core.settings import Settings, setting
+from isomatch._core.threads import serial_blas
 from isomatch.correspondence import SignedPoints, alignment_from_functions, alignments_from_points
-from isomatch.errors import SettingError
 from isomatch.matching import MatchResult
-from isomatch.runtime.threads import serial_blas
 from isomatch.settings import Orientation
 from isomatch.shapes import PreparedShape
 from isomatch.spectral import LaplaceBasis
 from isomatch.surfaces import Surface
-from isomatch.values.arrays import FloatArray
-from isomatch.values.settings import Settings, setting
 from isomatch_lab.baselines.task import Task
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from isomatch._core.errors import MissingDependencyError
 from isomatch.correspondence import Correspondence
-from isomatch.errors import MissingDependencyError
 from isomatch.surfaces import Mesh
 
 INITIAL_FUNCTIONS = 50

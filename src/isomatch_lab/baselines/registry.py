@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
+from isomatch._core.settings import Settings
 from isomatch.correspondence import Correspondence
 from isomatch.matching import MatchResult
 from isomatch.settings import Config
-from isomatch.values.settings import Settings
 from isomatch_lab.baselines.functional_maps import FunctionalMapsConfig, functional_maps
 from isomatch_lab.baselines.gdd import gdd, gdd_post
 from isomatch_lab.baselines.gmds import GmdsConfig, gmds

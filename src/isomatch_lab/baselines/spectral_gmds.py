@@ -8,16 +8,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import polar
 
+from isomatch._core.arrays import FloatArray, IntArray
+from isomatch._core.errors import SettingError
+from isomatch._core.settings import Settings, setting
+from isomatch._core.threads import serial_blas
 from isomatch.descriptors import standardised
-from isomatch.errors import SettingError
 from isomatch.matching import MatchResult
-from isomatch.runtime.threads import serial_blas
 from isomatch.settings import Orientation
 from isomatch.shapes import PreparedShape
 from isomatch.spectral import LaplaceBasis, spectral_interpolant
 from isomatch.surfaces import Surface
-from isomatch.values.arrays import FloatArray, IntArray
-from isomatch.values.settings import Settings, setting
 from isomatch_lab.baselines.functional_maps import FunctionalEnergy
 from isomatch_lab.baselines.task import Task
 

@@ -10,14 +10,14 @@ from numpy.typing import ArrayLike
 from scipy.linalg import polar
 from scipy.sparse import csr_array
 
+from isomatch._core.arrays import FloatArray, IntArray
+from isomatch._core.settings import Settings, require_least, setting
+from isomatch._core.threads import serial_blas
 from isomatch.correspondence import Embedding
 from isomatch.matching import MatchResult, ShapePair
-from isomatch.runtime.threads import serial_blas
 from isomatch.settings import Orientation
 from isomatch.shapes import PreparedShape
 from isomatch.surfaces import Mesh, Surface
-from isomatch.values.arrays import FloatArray, IntArray
-from isomatch.values.settings import Settings, require_least, setting
 from isomatch_lab.baselines.eigenfunction_matching import MOST_MATCHED, SIDES, signed_permutation
 from isomatch_lab.baselines.laplace_nearest_neighbours import first_functional_map
 from isomatch_lab.baselines.task import Task

@@ -7,6 +7,8 @@ from typing import Self
 
 from numpy.typing import ArrayLike
 
+from isomatch._core.arrays import FloatArray, IntArray
+from isomatch._core.stage_timer import StageTimer
 from isomatch.correspondence import Embedding, SpectralPair, fit_functional_map
 from isomatch.io import SurfaceLike
 from isomatch.matching import (
@@ -21,10 +23,8 @@ from isomatch.matching import (
     prepare_pair,
     verified,
 )
-from isomatch.runtime.stage_timer import StageTimer
 from isomatch.settings import Config, MatchSettings
 from isomatch.shapes import PreparedShape
-from isomatch.values.arrays import FloatArray, IntArray
 
 NOT_JUDGED = "a baseline tries no other map: there is no spectral residual or runner-up, and symmetric maps go unnoticed"
 

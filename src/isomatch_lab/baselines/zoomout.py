@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 from numpy.typing import ArrayLike
 
+from isomatch._core.settings import require_least, setting
+from isomatch._core.threads import serial_blas
 from isomatch.matching import MatchResult
-from isomatch.runtime.threads import serial_blas
 from isomatch.shapes import PreparedShape
 from isomatch.surfaces import Surface
-from isomatch.values.settings import require_least, setting
 from isomatch_lab.baselines.functional_maps import FunctionalMapsConfig, FunctionalRefinement, solved
 from isomatch_lab.baselines.task import Task
 

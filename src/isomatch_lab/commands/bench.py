@@ -9,8 +9,8 @@ from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
+from isomatch._core.errors import MapError
 from isomatch.cli import TALK, Talk, part, say, say_notes
-from isomatch.errors import MapError
 from isomatch_lab import evaluation
 
 NOTES = 5  # shown at most

@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from isomatch.errors import InputError, MeshError, SettingError
+from isomatch._core.arrays import IntArray
+from isomatch._core.errors import InputError, MeshError, SettingError
 from isomatch.repair import check
 from isomatch.surfaces import Mesh, PrecisePoints
-from isomatch.values.arrays import IntArray
 from isomatch_lab.sets import BenchmarkPair
 
 SHARES = (0.0, 1.0)

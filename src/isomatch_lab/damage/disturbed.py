@@ -10,10 +10,10 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import KDTree
 
 from isomatch import decimation
-from isomatch.errors import MeshError
+from isomatch._core.arrays import FloatArray, IntArray
+from isomatch._core.errors import MeshError
 from isomatch.geodesics import distance_engine, euclidean_farthest_points, peripheral_vertex
 from isomatch.surfaces import Mesh
-from isomatch.values.arrays import FloatArray, IntArray
 from isomatch_lab.damage.damaged import SHARES, Damaged, require_usable, with_faces
 
 FAR = 0.5  # √area; more than half of a torso's girth, so that only different limbs are glued

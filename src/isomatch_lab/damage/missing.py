@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from isomatch.errors import MeshError, SettingError
+from isomatch._core.arrays import BoolArray, FloatArray
+from isomatch._core.errors import MeshError, SettingError
 from isomatch.geodesics import distance_engine, farthest_point_sampling, peripheral_vertex
 from isomatch.surfaces import Mesh, rasterise
-from isomatch.values.arrays import BoolArray, FloatArray
 from isomatch_lab.damage.damaged import SHARES, Damaged, require_usable, with_faces
 
 TIPS = 5  # extremities among which a limb is drawn: the ends of four limbs and a head

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Self
 from zlib import crc32
 
-from isomatch.errors import SettingError
+from isomatch._core.errors import SettingError
 from isomatch_lab.damage.damaged import SHARES, Damaged, DamagedPair, damaged_pair, require_between, undamaged
 from isomatch_lab.damage.disturbed import GAPS, LOUDNESS, RATIOS, decimate, merge, noise, resample, weld
 from isomatch_lab.damage.missing import VIEWS, cut, holes, limb_removed, view

@@ -8,11 +8,11 @@ from functools import lru_cache, partial
 from pathlib import Path
 from typing import TypeAlias
 
+from isomatch._core.files import made_folder
+from isomatch._core.threads import n_threads
+from isomatch._core.workers import begin_worker, worker_processes
 from isomatch.datasets import example_pair
 from isomatch.matching import match
-from isomatch.runtime.threads import n_threads
-from isomatch.runtime.workers import begin_worker, worker_processes
-from isomatch.storage.files import made_folder
 from isomatch_lab.evaluation.benchmark_run import BenchmarkRun, PairNames
 from isomatch_lab.evaluation.ledger import Row, appending, identity_of, read_rows
 from isomatch_lab.evaluation.methods import CONTINUATIONS

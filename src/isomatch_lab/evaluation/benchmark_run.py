@@ -8,8 +8,8 @@ from functools import cache, cached_property, partial
 from importlib.metadata import version
 from typing import Any, TypeAlias
 
-from isomatch.errors import SettingError
-from isomatch.values.settings import Settings, setting
+from isomatch._core.errors import SettingError
+from isomatch._core.settings import Settings, setting
 from isomatch_lab.damage import DamageChoice, DamagedPair, damaged_pair
 from isomatch_lab.evaluation.ledger import Row
 from isomatch_lab.evaluation.methods import (

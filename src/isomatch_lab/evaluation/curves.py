@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from isomatch._core.arrays import FloatArray
+from isomatch._core.files import replaced
 from isomatch.evaluation import LIMIT, THRESHOLDS
-from isomatch.storage.files import replaced
-from isomatch.values.arrays import FloatArray
 from isomatch_lab.evaluation.ledger import set_label
 from isomatch_lab.evaluation.methods import METHODS
 
@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 from functools import partial
 from typing import NoReturn
 
-from isomatch.errors import FormatError, MissingFileError
-from isomatch.storage.array_file import Archive
-from isomatch.values.arrays import AnyArray
+from isomatch._core.array_file import Archive
+from isomatch._core.arrays import AnyArray
+from isomatch._core.errors import FormatError, MissingFileError
 
 COLOURS = (  # Petroff 2021: ten colours that the colour-blind can distinguish
     "#3f90da", "#ffa90e", "#bd1f01", "#94a4a2", "#832db6", "#a96b59", "#e76300", "#b9ac70", "#717581", "#92dadd",

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from isomatch._core.arrays import FloatArray, IntArray
+from isomatch._core.errors import MapError
+from isomatch._core.settings import generator
 from isomatch.correspondence import Correspondence
-from isomatch.errors import MapError
 from isomatch.geodesics import DistanceEngine, distance_engine
 from isomatch.surfaces import Mesh
-from isomatch.values.arrays import FloatArray, IntArray
-from isomatch.values.settings import generator
 
 BLOCK = 64  # distance columns held at once
 

@@ -11,8 +11,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from isomatch.errors import FormatError
-from isomatch.storage.files import claimed, writing
+from isomatch._core.errors import FormatError
+from isomatch._core.files import claimed, writing
 
 Row: TypeAlias = dict[str, Any]
 """Measurements for one pair and one method, or the problem that prevented them."""

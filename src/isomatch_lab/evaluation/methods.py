@@ -19,14 +19,14 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
+from isomatch._core.arrays import IntArray
+from isomatch._core.errors import FormatError, IsomatchError, MapError, MissingFileError, SettingError
+from isomatch._core.settings import Settings
 from isomatch.correspondence import Correspondence, read_map
-from isomatch.errors import FormatError, IsomatchError, MapError, MissingFileError, SettingError
 from isomatch.matching import MatchResult, match
 from isomatch.settings import Config
 from isomatch.shapes import PreparedShape
 from isomatch.surfaces import Mesh, PrecisePoints
-from isomatch.values.arrays import IntArray
-from isomatch.values.settings import Settings
 from isomatch_lab.baselines import BASELINES, Baseline
 from isomatch_lab.evaluation.true_landmarks import N_LANDMARKS
 

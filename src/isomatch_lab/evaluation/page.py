@@ -10,7 +10,7 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
-from isomatch.storage.files import write_text
+from isomatch._core.files import write_text
 from isomatch_lab.evaluation.curves import CurvePanel
 from isomatch_lab.evaluation.ledger import set_label
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from isomatch._core.errors import MapError
 from isomatch.correspondence import Correspondence
-from isomatch.errors import MapError
 from isomatch.surfaces import Mesh
 
 

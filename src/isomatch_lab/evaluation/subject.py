@@ -10,6 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from isomatch._core.arrays import FloatArray, IntArray
+from isomatch._core.cached import cached_method
+from isomatch._core.memory import memory_budget
+from isomatch._core.threads import n_threads, parallel_map, serial_blas
 from isomatch.correspondence import Correspondence
 from isomatch.evaluation import (
     SHARES,
@@ -22,12 +26,8 @@ from isomatch.evaluation import (
     smallest,
 )
 from isomatch.geodesics import DistanceEngine, distance_engine, pair_distances
-from isomatch.runtime.memory import memory_budget
-from isomatch.runtime.threads import n_threads, parallel_map, serial_blas
 from isomatch.settings import Config
 from isomatch.shapes import prepare
-from isomatch.values.arrays import FloatArray, IntArray
-from isomatch.values.cached import cached_method
 from isomatch_lab.evaluation.benchmark_run import BenchmarkRun, PairNames
 from isomatch_lab.evaluation.distortion import metric_distortion
 from isomatch_lab.evaluation.ledger import Row

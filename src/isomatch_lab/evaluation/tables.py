@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from isomatch.storage.texts import write_csv
+from isomatch._core.texts import write_csv
 from isomatch_lab.evaluation.curves import PublishedCurve, curve_panels, draw_curves
 from isomatch_lab.evaluation.ledger import Row, identity_of, read_rows
 from isomatch_lab.evaluation.page import write_page

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from isomatch.errors import LandmarkError
+from isomatch._core.arrays import IntArray
+from isomatch._core.errors import LandmarkError
+from isomatch._core.settings import generator
 from isomatch.geodesics import DistanceEngine, distance_engine
-from isomatch.values.arrays import IntArray
-from isomatch.values.settings import generator
 from isomatch_lab.sets import BenchmarkPair
 
 N_LANDMARKS = 5  # as in the paper

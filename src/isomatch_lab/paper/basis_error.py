@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from isomatch import Mesh, distance_basis, geodesic_distances, laplace_basis
-from isomatch.values.arrays import FloatArray
+from isomatch._core.arrays import FloatArray
 from isomatch_lab.paper.item import Item, Reproduction, Setting, Verdict
 
 RANKS = tuple(range(5, 51, 5))

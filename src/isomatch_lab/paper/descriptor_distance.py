@@ -10,7 +10,7 @@ from scipy.spatial.distance import pdist, squareform
 from scipy.stats import spearmanr
 
 from isomatch import Mesh, distance_basis, geodesic_distance_descriptor, geodesic_distances, laplace_basis
-from isomatch.values.arrays import FloatArray
+from isomatch._core.arrays import FloatArray
 from isomatch_lab.paper.item import Item, Reproduction, Setting, Verdict
 
 RANK = 50

@@ -9,8 +9,8 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from scipy.stats import spearmanr
 
+from isomatch._core.arrays import FloatArray
 from isomatch.geodesics import distance_engine, farthest_point_sampling, peripheral_vertex
-from isomatch.values.arrays import FloatArray
 from isomatch.visualization import arranged_panels, camera_of, colour_scale, surface_image
 from isomatch_lab.paper.descriptor_distance import CLEARLY, embeddings
 from isomatch_lab.paper.item import UP_AXIS, Item, Reproduction, Setting, Verdict

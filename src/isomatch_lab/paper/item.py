@@ -10,8 +10,8 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from isomatch import Mesh, SettingError
+from isomatch._core.settings import Settings, setting
 from isomatch.datasets import example_pair
-from isomatch.values.settings import Settings, setting
 from isomatch_lab.sets import tosca
 
 UP_AXIS = 2  # vertical axis of TOSCA and of the creatures

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from isomatch.storage.files import write_text
+from isomatch._core.files import write_text
 
 PAGE = "index.md"
 ELSEWHERE = (

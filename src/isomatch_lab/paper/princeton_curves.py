@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from isomatch._core.arrays import FloatArray
 from isomatch.evaluation import LIMIT, THRESHOLDS
-from isomatch.values.arrays import FloatArray
 from isomatch_lab.paper.benchmark_rows import benchmark_rows
 from isomatch_lab.paper.item import Setting
 from isomatch_lab.sets import benchmark_set

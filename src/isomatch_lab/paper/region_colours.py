@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.colors import to_rgb
 
-from isomatch.values.arrays import FloatArray, IntArray
+from isomatch._core.arrays import FloatArray, IntArray
 
 PALETTE = (
     "#0b3c5d", "#0072b2", "#56b4e9", "#b5dcf5", "#3d3d8f",

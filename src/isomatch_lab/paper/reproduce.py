@@ -10,8 +10,8 @@ from typing import Any
 from matplotlib import rc_context
 
 from isomatch import SettingError, __version__
-from isomatch.storage.files import claimed, made_folder, replaced, write_text
-from isomatch.storage.texts import write_csv
+from isomatch._core.files import claimed, made_folder, replaced, write_text
+from isomatch._core.texts import write_csv
 from isomatch_lab.paper import (
     basis_error,
     basis_vectors,

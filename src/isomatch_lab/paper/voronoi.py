@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from isomatch import Correspondence, match, prepare
+from isomatch._core.arrays import FloatArray, IntArray
 from isomatch.evaluation import counted, geodesic_errors
 from isomatch.geodesics import distance_engine, farthest_point_sampling, peripheral_vertex
-from isomatch.values.arrays import FloatArray, IntArray
 from isomatch.visualization import arranged_panels, camera_of, surface_image, turn_to_target
 from isomatch_lab.paper.item import UP_AXIS, Item, Reproduction, Setting, Verdict
 from isomatch_lab.paper.region_colours import region_colours

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch.errors import SettingError
-from isomatch.values.arrays import FloatArray
+from isomatch._core.arrays import FloatArray
+from isomatch._core.errors import SettingError
 
 Limits = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
 

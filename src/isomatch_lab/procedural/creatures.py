@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from isomatch._core.array_file import write_arrays
+from isomatch._core.errors import SettingError
 from isomatch.datasets import Creature
-from isomatch.errors import SettingError
-from isomatch.storage.array_file import write_arrays
 from isomatch.surfaces import Mesh
 from isomatch_lab.procedural.anatomy import body
 from isomatch_lab.procedural.implicit import Skin

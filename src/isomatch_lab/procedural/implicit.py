@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from isomatch.loading.compiled import compiled
-from isomatch.runtime.threads import parallel_map
-from isomatch.values.arrays import FloatArray, IntArray
+from isomatch._core.arrays import FloatArray, IntArray
+from isomatch._core.compiled import compiled
+from isomatch._core.threads import parallel_map
 from isomatch_lab.procedural.anatomy import Limb
 
 CHUNK = 2048  # points a thread handles at once

@@ -10,10 +10,10 @@ from zlib import crc32
 import numpy as np
 from numpy.typing import ArrayLike
 
+from isomatch._core.arrays import FloatArray
+from isomatch._core.errors import SettingError
 from isomatch.datasets import Truth, closest_points
-from isomatch.errors import SettingError
 from isomatch.surfaces import Mesh
-from isomatch.values.arrays import FloatArray
 from isomatch_lab.procedural.implicit import Skin
 from isomatch_lab.procedural.tessellation import tessellate
 

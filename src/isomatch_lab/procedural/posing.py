@@ -10,9 +10,9 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch.errors import SettingError
-from isomatch.values.arrays import FloatArray
-from isomatch.values.settings import generator
+from isomatch._core.arrays import FloatArray
+from isomatch._core.errors import SettingError
+from isomatch._core.settings import generator
 from isomatch_lab.procedural.anatomy import Joint, Limb
 from isomatch_lab.procedural.implicit import Skin
 

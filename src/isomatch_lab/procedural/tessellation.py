@@ -9,10 +9,10 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.spatial.transform import Rotation
 
-from isomatch.errors import MissingDependencyError, SettingError
+from isomatch._core.arrays import FloatArray, IntArray
+from isomatch._core.errors import MissingDependencyError, SettingError
+from isomatch._core.settings import generator
 from isomatch.surfaces import Mesh
-from isomatch.values.arrays import FloatArray, IntArray
-from isomatch.values.settings import generator
 from isomatch_lab.procedural.implicit import Skin
 
 LARGEST_GRID_MESH = 60_000  # vertices; a larger mesh is subdivided from one of at most this size

@@ -11,11 +11,11 @@ from zlib import crc32
 
 import numpy as np
 
+from isomatch._core.arrays import IntArray
+from isomatch._core.errors import MissingFileError, SettingError
+from isomatch._core.settings import generator
 from isomatch.datasets import Creature, example_pair, ground_truth
-from isomatch.errors import MissingFileError, SettingError
 from isomatch.surfaces import Mesh
-from isomatch.values.arrays import IntArray
-from isomatch.values.settings import generator
 from isomatch_lab.procedural import PLANS, Organ, creature, organ, organ_truth
 from isomatch_lab.sets.cross_species import CrossSpecies, cross_species
 from isomatch_lab.sets.folder_set import FolderSet, own_set

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from isomatch.errors import FormatError, MissingFileError
+from isomatch._core.errors import FormatError, MissingFileError
 from isomatch_lab.sets.published import scape, tosca
 from isomatch_lab.sets.shape_files import arrays, stored_indices
 from isomatch_lab.sets.shape_set import BenchmarkPair, ShapeSet

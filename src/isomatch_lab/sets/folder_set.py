@@ -11,14 +11,14 @@ from typing import Any
 
 import numpy as np
 
+from isomatch._core.arrays import IntArray
+from isomatch._core.errors import FormatError, IsomatchError, MissingFileError, SettingError
+from isomatch._core.texts import read_text
 from isomatch.correspondence import IndexBase
-from isomatch.errors import FormatError, IsomatchError, MissingFileError, SettingError
 from isomatch.evaluation import Truth, read_indices, read_marked, read_truth
 from isomatch.io import FORMATS
 from isomatch.landmarks import read_landmarks
-from isomatch.storage.texts import read_text
 from isomatch.surfaces import Mesh
-from isomatch.values.arrays import IntArray
 from isomatch_lab.sets.pair_list import FILES, PairList
 from isomatch_lab.sets.shape_files import read_shape, shapes_in
 from isomatch_lab.sets.shape_set import BenchmarkPair

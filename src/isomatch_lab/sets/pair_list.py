@@ -6,8 +6,8 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from isomatch.errors import FormatError, MissingFileError
-from isomatch.storage.texts import text_lines
+from isomatch._core.errors import FormatError, MissingFileError
+from isomatch._core.texts import text_lines
 
 FILES = ("pairs.txt", "test_pairs.txt")
 _MOST_NAMED = 8  # shapes that a message lists

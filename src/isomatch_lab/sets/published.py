@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from isomatch.errors import FormatError, MissingFileError
-from isomatch.storage.texts import text_lines
+from isomatch._core.errors import FormatError, MissingFileError
+from isomatch._core.texts import text_lines
 from isomatch_lab.sets.shape_files import SUFFIXES, shapes_in
 from isomatch_lab.sets.shape_set import ShapeSet
 

@@ -8,12 +8,12 @@ from typing import NoReturn
 
 import numpy as np
 
-from isomatch.errors import FormatError
+from isomatch._core.array_file import Archive, read_mat
+from isomatch._core.arrays import AnyArray, IntArray
+from isomatch._core.errors import FormatError
 from isomatch.evaluation import counted_from, read_table
 from isomatch.io import read_mesh
-from isomatch.storage.array_file import Archive, read_mat
 from isomatch.surfaces import Mesh
-from isomatch.values.arrays import AnyArray, IntArray
 
 SUFFIXES = (".mat", ".npz", ".obj", ".off", ".ply", ".vert")
 

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from isomatch.errors import FormatError, MissingFileError
+from isomatch._core.arrays import IntArray
+from isomatch._core.errors import FormatError, MissingFileError
+from isomatch._core.settings import generator
 from isomatch.evaluation import read_indices
 from isomatch.surfaces import Mesh, PrecisePoints
-from isomatch.values.arrays import IntArray
-from isomatch.values.settings import generator
 from isomatch_lab.sets.shape_files import arrays, read_landmarks, read_shape, stored_indices
 
 

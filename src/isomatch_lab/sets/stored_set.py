@@ -9,10 +9,10 @@ from typing import NoReturn
 
 import numpy as np
 
-from isomatch.errors import FormatError, MissingFileError
-from isomatch.storage.array_file import Archive
+from isomatch._core.array_file import Archive
+from isomatch._core.arrays import AnyArray
+from isomatch._core.errors import FormatError, MissingFileError
 from isomatch.surfaces import Mesh
-from isomatch.values.arrays import AnyArray
 from isomatch_lab.sets.pair_list import PairList
 from isomatch_lab.sets.shape_set import BenchmarkPair
 

@@ -24,8 +24,8 @@ import numpy as np
 
 import isomatch
 from isomatch import Mesh
+from isomatch._core.threads import processors, serial_blas
 from isomatch.datasets import example_pair, ground_truth
-from isomatch.runtime.threads import processors, serial_blas
 from isomatch.shapes import prepare
 from isomatch_lab.procedural import creature
 from isomatch_lab.sets import benchmark_set

@@ -33,7 +33,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from isomatch.runtime.machine import processor
+from isomatch._core.machine import processor
 from isomatch_lab.studies import published
 from isomatch_lab.studies.result_steps import STEPS, Step
 

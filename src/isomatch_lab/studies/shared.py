@@ -11,10 +11,10 @@ from typing import Any, TypeVar
 import numpy as np
 
 from isomatch import Correspondence, Mesh
+from isomatch._core.threads import n_threads
+from isomatch._core.workers import begin_worker, worker_processes
 from isomatch.datasets import ground_truth
 from isomatch.evaluation import counted, geodesic_errors
-from isomatch.runtime.threads import n_threads
-from isomatch.runtime.workers import begin_worker, worker_processes
 from isomatch_lab.damage import DamagedPair, noise
 from isomatch_lab.procedural import creature
 from isomatch_lab.sets import BenchmarkPair, benchmark_set, relabelled

@@ -18,7 +18,7 @@ from scipy.sparse import csr_array
 
 import isomatch
 from isomatch import Mesh
-from isomatch.values.arrays import IntArray
+from isomatch._core.arrays import IntArray
 from isomatch_lab.sets import benchmark_set
 from isomatch_lab.studies.shared import Job, asked_for, drawn, in_parallel, write_rows, write_table
 

@@ -13,8 +13,8 @@ from scipy.spatial.distance import cdist
 
 from data import real_file
 from isomatch import Correspondence, Mesh, PrecisePoints, match, write_mesh
+from isomatch._core.errors import FormatError, MissingFileError, SettingError
 from isomatch.cli import main
-from isomatch.errors import FormatError, MissingFileError, SettingError
 from isomatch.evaluation import geodesic_errors
 from isomatch.geodesics import geodesic_distances
 from isomatch_lab.evaluation import (

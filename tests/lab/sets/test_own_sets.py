@@ -6,7 +6,7 @@ from scipy.io import savemat
 
 from data import real_file
 from isomatch import Mesh, write_mesh
-from isomatch.errors import FormatError, MissingFileError, SettingError
+from isomatch._core.errors import FormatError, MissingFileError, SettingError
 from isomatch.evaluation import read_truth
 from isomatch_lab.sets import StoredSet, benchmark_set, own_set
 from zoo import grid

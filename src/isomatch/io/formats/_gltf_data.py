@@ -16,13 +16,13 @@ from urllib.parse import unquote
 
 import numpy as np
 
-from isomatch.errors import FormatError, MeshError
+from isomatch._core.arrays import AnyArray, FloatArray, IntArray
+from isomatch._core.errors import FormatError, MeshError
+from isomatch._core.files import opened
 from isomatch.io.asset import product
 from isomatch.io.attribute import unused_name
 from isomatch.io.formats._reading import Room, unexpected
 from isomatch.io.materials import picture_in
-from isomatch.storage.files import opened
-from isomatch.values.arrays import AnyArray, FloatArray, IntArray
 
 _MAGIC, _JSON, _BINARY = b"glTF", b"JSON", b"BIN\0"
 _COMPONENTS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from tempfile import TemporaryDirectory
 
-from isomatch.errors import FormatError, IsomatchError, MemoryBudgetError
-from isomatch.runtime.memory import room_for
-from isomatch.storage.files import contents, writing
+from isomatch._core.errors import FormatError, IsomatchError, MemoryBudgetError
+from isomatch._core.files import contents, writing
+from isomatch._core.memory import room_for
 
 
 @contextmanager

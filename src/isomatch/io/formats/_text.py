@@ -11,12 +11,12 @@ from typing import NoReturn
 
 import numpy as np
 
+from isomatch._core.arrays import AnyArray, BoolArray, FloatArray, IntArray
+from isomatch._core.cached import cached_property
+from isomatch._core.texts import MARKS, decoded
 from isomatch.io.asset import Frame
 from isomatch.io.formats._reading import unexpected
 from isomatch.io.polygons import spans
-from isomatch.storage.texts import MARKS, decoded
-from isomatch.values.arrays import AnyArray, BoolArray, FloatArray, IntArray
-from isomatch.values.cached import cached_property
 
 EXPORT_AGAIN = "correct the line or export the file again"
 

@@ -16,7 +16,7 @@ import numpy as np
 from vtkmodules import vtkCommonCore, vtkCommonDataModel, vtkIOLegacy, vtkIOXML
 from vtkmodules.util.numpy_support import vtk_to_numpy
 
-from isomatch.values.arrays import AnyArray, IntArray
+from isomatch._core.arrays import AnyArray, IntArray
 
 _READERS: dict[str, Any] = {
     ".vtk": vtkIOLegacy.vtkGenericDataObjectReader,

@@ -7,13 +7,13 @@ from io import BytesIO
 
 import numpy as np
 
+from isomatch._core.arrays import AnyArray
+from isomatch._core.first_use import package
 from isomatch.io.asset import Asset
 from isomatch.io.attribute import Attribute
 from isomatch.io.formats._reading import Room, damaged, reading, unexpected
 from isomatch.io.formats._text import read_lines, told_frame
 from isomatch.io.polygons import Polygons
-from isomatch.loading.first_use import package
-from isomatch.values.arrays import AnyArray
 
 _SPREAD = 0.05  # by which the length of a normal may be off, as of few digits
 _WORDS = re.compile(rb"[ \t]*(?://|[A-DF-Za-df-z_])[^\n]*")  # a line that names the columns; E is in numbers

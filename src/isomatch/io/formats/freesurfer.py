@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
+from isomatch._core.first_use import package
+from isomatch._core.texts import encoding_of
 from isomatch.io.asset import SPACE, TURN, Asset, Frame
 from isomatch.io.attribute import Attribute
 from isomatch.io.formats._reading import on_disk, reading
 from isomatch.io.polygons import Polygons
-from isomatch.loading.first_use import package
-from isomatch.storage.texts import encoding_of
 
 SURFACES = (
     ".pial", ".white", ".inflated", ".sphere", ".reg", ".orig", ".smoothwm", ".midthickness", ".graymid",

@@ -14,11 +14,11 @@ from xml.etree.ElementTree import iterparse
 
 import numpy as np
 
+from isomatch._core.first_use import package
 from isomatch.io.asset import COMMENTS, NEW_VOLUME, SPACE, Asset, Frame
 from isomatch.io.attribute import Attribute, guessed_kind, told_apart
 from isomatch.io.formats._reading import Room, reading, unexpected
 from isomatch.io.polygons import Polygons
-from isomatch.loading.first_use import package
 
 _PIECE = 2**20  # bytes that are unpacked at a time
 _LABEL, _VECTOR, _POINTS, _TRIANGLES = 1002, 1007, 1008, 1009

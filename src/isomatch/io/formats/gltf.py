@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from isomatch.errors import MeshError
+from isomatch._core.arrays import AnyArray, FloatArray, IntArray
+from isomatch._core.errors import MeshError
 from isomatch.io.asset import COMMENTS, SPACE, Asset, Frame, Part, RenumberedDocument
 from isomatch.io.attribute import (
     Attribute,
@@ -27,7 +28,6 @@ from isomatch.io.formats import _gltf_data
 from isomatch.io.formats._gltf_data import GltfData, Matrix, extras_of, joint_names, key_names, set_keys
 from isomatch.io.formats._reading import reading
 from isomatch.io.polygons import Polygons, Renumbering, split_at_seams
-from isomatch.values.arrays import AnyArray, FloatArray, IntArray
 
 _PART, _PRIMITIVE = 1024, 1024  # bytes that these take beside their arrays, measured
 _KINDS: dict[str, tuple[str, Kind]] = {

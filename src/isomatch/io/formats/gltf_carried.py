@@ -11,14 +11,14 @@ from typing import Any
 
 import numpy as np
 
-from isomatch.errors import DescriptorError
+from isomatch._core.arrays import IntArray
+from isomatch._core.errors import DescriptorError
 from isomatch.io.asset import Asset
 from isomatch.io.attribute import linear_of, srgb_of
 from isomatch.io.formats import _gltf_data
 from isomatch.io.formats._gltf_data import GltfData, joint_names, node_matrices
 from isomatch.io.formats.gltf import GltfDocument, edited, opened_document, texcoord_numbers
 from isomatch.io.materials import IN_PLACE, UNTINTED, Layer, Look, Looks, Picture, Wrap, as_png, unread
-from isomatch.values.arrays import IntArray
 
 _LISTS = ("images", "samplers", "textures", "materials")
 _WRAPS: dict[int, Wrap] = {10497: "repeat", 33071: "clamp", 33648: "mirror"}

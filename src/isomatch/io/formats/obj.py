@@ -10,7 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-from isomatch.errors import MeshError
+from isomatch._core.arrays import AnyArray, FloatArray, IntArray
+from isomatch._core.errors import MeshError
+from isomatch._core.texts import decoded, encoding_of
 from isomatch.io.asset import Asset
 from isomatch.io.attribute import Attribute, Kind
 from isomatch.io.formats import _text
@@ -18,9 +20,7 @@ from isomatch.io.formats._reading import content_beside
 from isomatch.io.formats._text import NumberRows, TextLines
 from isomatch.io.materials import Layer, Look, Picture, Wrap, picture_in
 from isomatch.io.polygons import Polygons, Renumbering
-from isomatch.storage.texts import decoded, encoding_of
 from isomatch.surfaces import Mesh, welded
-from isomatch.values.arrays import AnyArray, FloatArray, IntArray
 
 _STATEMENTS = {"object": "o", "group": "g", "material": "usemtl", "smoothing": "s"}
 """The keyword of each attribute that is written before the faces that it holds for."""

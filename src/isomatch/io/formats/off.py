@@ -7,13 +7,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from isomatch._core.arrays import FloatArray, IntArray
 from isomatch.io.asset import Asset
 from isomatch.io.attribute import Attribute, Kind
 from isomatch.io.formats import _text
 from isomatch.io.formats._text import NumberRows, TextLines
 from isomatch.io.polygons import Polygons, spans
 from isomatch.surfaces import Mesh
-from isomatch.values.arrays import FloatArray, IntArray
 
 _HEADER = re.compile(r"(?P<letters>(?:ST|[CN4])*)OFF(?![A-Z])\s*(?P<rest>[^#]*)(?:#.*)?", re.IGNORECASE)
 _MAP = "indices into a colour map"

@@ -13,7 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
-from isomatch.errors import FormatError, MeshError
+from isomatch._core.arrays import AnyArray, FloatArray, IntArray
+from isomatch._core.errors import FormatError, MeshError
 from isomatch.io.asset import Asset, Frame
 from isomatch.io.attribute import Attribute, Domain, Kind, guessed_kind, told_apart
 from isomatch.io.formats import _text
@@ -22,7 +23,6 @@ from isomatch.io.formats._text import TextLines
 from isomatch.io.materials import picture_in
 from isomatch.io.polygons import Polygons, Renumbering, spans
 from isomatch.surfaces import Mesh
-from isomatch.values.arrays import AnyArray, FloatArray, IntArray
 
 _TYPES = {
     "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4", "float": "f4", "double": "f8",

@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from isomatch.errors import FormatError, InputError
+from isomatch._core.arrays import FloatArray
+from isomatch._core.errors import FormatError, InputError
 from isomatch.io.asset import Asset, Axes, Frame
 from isomatch.io.attribute import Attribute
 from isomatch.io.formats import clouds, freesurfer, gifti, gltf, obj, off, ply, stl, vtk
 from isomatch.surfaces import Mesh
-from isomatch.values.arrays import FloatArray
 
 
 @dataclass(frozen=True)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from isomatch._core.arrays import AnyArray, FloatArray
 from isomatch.io.asset import Asset, Frame
 from isomatch.io.attribute import Attribute
 from isomatch.io.formats._reading import unexpected
 from isomatch.io.formats._text import TextLines, format_rows, read_lines
 from isomatch.io.polygons import Polygons
 from isomatch.surfaces import Mesh, welded
-from isomatch.values.arrays import AnyArray, FloatArray
 
 _HEADER_SIZE = 84
 TITLE = 80  # bytes before the number of triangles

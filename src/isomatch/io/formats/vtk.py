@@ -14,14 +14,14 @@ from io import BytesIO
 
 import numpy as np
 
-from isomatch.errors import FormatError, MeshError
+from isomatch._core.arrays import AnyArray
+from isomatch._core.errors import FormatError, MeshError
+from isomatch._core.first_use import package
+from isomatch._core.memory import room_for
 from isomatch.io.asset import COMMENTS, Asset, Frame
 from isomatch.io.attribute import told_apart
 from isomatch.io.formats._reading import damaged, on_disk, reading
 from isomatch.io.libraries import attributes_of, polygons_of, to_pyvista
-from isomatch.loading.first_use import package
-from isomatch.runtime.memory import room_for
-from isomatch.values.arrays import AnyArray
 
 # time that a file may take, and more for large ones; a triangle takes 0.5 s, a million points in 20 MB of VTP 1.9 s
 SECONDS, BYTES_A_SECOND = 60.0, 1e6

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import csr_array
 
+from isomatch._core.arrays import FloatArray, IntArray
+from isomatch._core.cached import cached_property
 from isomatch.correspondence import (
     Embedding,
     PrecisePoints,
@@ -19,8 +21,6 @@ from isomatch.correspondence import (
 from isomatch.decimation import Prolongation, decimate
 from isomatch.shapes import PreparedShape
 from isomatch.surfaces import Mesh
-from isomatch.values.arrays import FloatArray, IntArray
-from isomatch.values.cached import cached_property
 
 SHORTEST = 1e-9  # edge, in √area, so that logarithms are finite
 

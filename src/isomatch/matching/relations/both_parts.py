@@ -10,8 +10,12 @@ from typing import Any, cast
 
 import numpy as np
 
+from isomatch._core.arrays import BoolArray, FloatArray, IntArray
+from isomatch._core.cached import cached_method, cached_property
+from isomatch._core.errors import MeshError, NotConvergedError
+from isomatch._core.stage_timer import StageTimer
+from isomatch._core.threads import parallel_map, serial_blas
 from isomatch.correspondence import UNMATCHED, Boundary, Correspondence, Embedding, PrecisePoints
-from isomatch.errors import MeshError, NotConvergedError
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching.evidence import CommonDoubt, Solution
 from isomatch.matching.fit import Fit
@@ -36,12 +40,8 @@ from isomatch.matching.result import Alternative
 from isomatch.matching.stages import Relation
 from isomatch.matching.starts import first_maps_handed_in, nearest_in_pose, searches_by_anchors
 from isomatch.matching.verify import largest_piece
-from isomatch.runtime.stage_timer import StageTimer
-from isomatch.runtime.threads import parallel_map, serial_blas
 from isomatch.settings import Config
 from isomatch.shapes import region_of
-from isomatch.values.arrays import BoolArray, FloatArray, IntArray
-from isomatch.values.cached import cached_method, cached_property
 
 # best refined regions that are grown again, cost of a sample up to which it joins, and whether it is refined roughly
 ROUNDS = (4, 0.05, True), (2, 0.045, False)

@@ -8,6 +8,9 @@ from functools import partial
 
 import numpy as np
 
+from isomatch._core.arrays import BoolArray, FloatArray, IntArray
+from isomatch._core.cached import cached_property
+from isomatch._core.threads import parallel_map
 from isomatch.correspondence import (
     IntervalCost,
     Intervals,
@@ -21,10 +24,7 @@ from isomatch.matching.confidence import nearest_of
 from isomatch.matching.priors import NO_LANDMARKS
 from isomatch.matching.relations.part_pair import N_POSTS, areas_of_samples
 from isomatch.matching.selection import distinct
-from isomatch.runtime.threads import parallel_map
 from isomatch.shapes import PreparedShape
-from isomatch.values.arrays import BoolArray, FloatArray, IntArray
-from isomatch.values.cached import cached_property
 
 # all chosen together on two parts of SHREC'16; docs/lab/design_notes.md
 N_SAMPLES = 600  # vertices of each part that are mapped; not measured

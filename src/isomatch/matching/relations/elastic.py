@@ -10,8 +10,12 @@ from typing import cast
 
 import numpy as np
 
+from isomatch._core.arrays import IntArray
+from isomatch._core.cached import cached_property
+from isomatch._core.errors import NotConvergedError
+from isomatch._core.stage_timer import StageTimer
+from isomatch._core.threads import parallel_map
 from isomatch.correspondence import Embedding, with_normals
-from isomatch.errors import NotConvergedError
 from isomatch.matching.confidence import doubt_in, expected_errors, regions_of_doubt
 from isomatch.matching.coordinates import refined_images, registered
 from isomatch.matching.evidence import Solution, fits_badly, mirror_image_fits
@@ -36,10 +40,6 @@ from isomatch.matching.selection import LANDMARK_SLACK, Rules, Selection, distan
 from isomatch.matching.stages import Relation
 from isomatch.matching.starts import first_maps_handed_in, searches_by_anchors, starts_from_priors
 from isomatch.matching.verify import Verification, verifier_of
-from isomatch.runtime.stage_timer import StageTimer
-from isomatch.runtime.threads import parallel_map
-from isomatch.values.arrays import IntArray
-from isomatch.values.cached import cached_property
 
 # those without another source: docs/lab/design_notes.md
 # best coarse fits that go on after each step; the last are bent, with maps from elsewhere

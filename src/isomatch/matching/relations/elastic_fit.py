@@ -9,15 +9,15 @@ import numpy as np
 from numpy.linalg import LinAlgError
 from scipy.linalg.lapack import dposv
 
+from isomatch._core.arrays import Float32Array, FloatArray, IntArray, single
+from isomatch._core.cached import cached_property
+from isomatch._core.threads import parallel_map
 from isomatch.correspondence import Embedding, IntervalCost, Intervals, assign_points, nearest_rows, pin_first
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.priors import NO_LANDMARKS
-from isomatch.runtime.threads import parallel_map
 from isomatch.settings import Config, ElasticSettings
 from isomatch.shapes import PreparedShape, farthest_rows
 from isomatch.surfaces import Mesh, vertex_normals
-from isomatch.values.arrays import Float32Array, FloatArray, IntArray, single
-from isomatch.values.cached import cached_property
 
 # those without another source were chosen together on pairs of animals
 N_COARSE = 300  # samples of each shape in the coarse fit: enough for 30 functions

@@ -9,8 +9,12 @@ from operator import attrgetter
 
 import numpy as np
 
+from isomatch._core.arrays import BoolArray, FloatArray, IntArray
+from isomatch._core.cached import cached_property
+from isomatch._core.errors import SettingError
+from isomatch._core.stage_timer import StageTimer
+from isomatch._core.threads import parallel_map, serial_blas
 from isomatch.correspondence import Alignment, Correspondence, Embedding, PrecisePoints
-from isomatch.errors import SettingError
 from isomatch.matching.candidates import (
     Screening,
     energy_of,
@@ -61,10 +65,6 @@ from isomatch.matching.selection import (
 )
 from isomatch.matching.stages import Relation
 from isomatch.matching.verify import verifier_of
-from isomatch.runtime.stage_timer import StageTimer
-from isomatch.runtime.threads import parallel_map, serial_blas
-from isomatch.values.arrays import BoolArray, FloatArray, IntArray
-from isomatch.values.cached import cached_property
 
 ELSEWHERE_DISTANCE = 0.3  # √area: from one limb to another, twice runner_up_distance
 TURNED = 0.2  # √area: mean distance from which a map is turned as a whole; half turns of ants 0.24, trunks alone to 0.2

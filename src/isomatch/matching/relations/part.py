@@ -12,8 +12,12 @@ from typing import Literal, Self, cast
 
 import numpy as np
 
+from isomatch._core.arrays import BoolArray, FloatArray, IntArray
+from isomatch._core.cached import cached_property
+from isomatch._core.errors import NotConvergedError, SettingError
+from isomatch._core.stage_timer import StageTimer
+from isomatch._core.threads import parallel_map, serial_blas
 from isomatch.correspondence import Correspondence, Embedding, PrecisePoints, SpectralPair
-from isomatch.errors import NotConvergedError, SettingError
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching.confidence import expected_errors
 from isomatch.matching.evidence import (
@@ -56,11 +60,7 @@ from isomatch.matching.selection import (
 from isomatch.matching.stages import Relation
 from isomatch.matching.starts import first_maps_handed_in, nearest_in_pose, searches_by_anchors
 from isomatch.matching.verify import verifier_of
-from isomatch.runtime.stage_timer import StageTimer
-from isomatch.runtime.threads import parallel_map, serial_blas
 from isomatch.shapes import PreparedShape
-from isomatch.values.arrays import BoolArray, FloatArray, IntArray
-from isomatch.values.cached import cached_property
 
 # those without another source were chosen together on cuts and holes
 N_VARIED = 4  # best rough maps that are composed with maps of the whole onto itself

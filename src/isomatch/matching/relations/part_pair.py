@@ -7,6 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from isomatch._core.arrays import FloatArray, IntArray
+from isomatch._core.cached import cached_method, cached_property
 from isomatch.correspondence import Embedding, IntervalCost
 from isomatch.descriptors import RADII, BallSignature, ball_signature, mean_curvature
 from isomatch.geodesics import MissingRegion, distance_engine
@@ -16,8 +18,6 @@ from isomatch.matching.priors import NO_LANDMARKS
 from isomatch.settings import Config
 from isomatch.shapes import CURVATURE_WEIGHT, N_BALLS, WAVE_WEIGHT, PreparedShape
 from isomatch.surfaces import Mesh
-from isomatch.values.arrays import FloatArray, IntArray
-from isomatch.values.cached import cached_method, cached_property
 
 # those without another source were chosen together on cuts and holes
 MOST_COST, SOFT = 0.6, 0.18  # of the cost of a distance, in √area of the part, see `IntervalCost`

@@ -8,6 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from isomatch._core.arrays import BoolArray, FloatArray, IntArray
+from isomatch._core.cached import cached_method, cached_property
 from isomatch.correspondence import Boundary, Embedding, PrecisePoints, nearest_with_normals
 from isomatch.descriptors import deviation_of
 from isomatch.matching.coordinates import iterated
@@ -24,8 +26,6 @@ from isomatch.matching.relations.part_starts import PartStart, completed, compos
 from isomatch.settings import Config
 from isomatch.shapes import PreparedShape
 from isomatch.surfaces import vertex_normals
-from isomatch.values.arrays import BoolArray, FloatArray, IntArray
-from isomatch.values.cached import cached_method, cached_property
 
 # those without another source were chosen together on cuts and holes
 FUNCTION_RATIO = 1.75  # a boundary needs more functions than the share of the area says

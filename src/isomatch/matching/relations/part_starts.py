@@ -8,6 +8,9 @@ from functools import lru_cache, partial
 
 import numpy as np
 
+from isomatch._core.arrays import FloatArray, IntArray, single
+from isomatch._core.cached import cached_method
+from isomatch._core.threads import parallel_map
 from isomatch.correspondence import Alignment, Intervals, assign_points, grow_regions, pin_first, trilaterate
 from isomatch.descriptors import BallSignature, deviation_of
 from isomatch.matching.fit import Hypothesis
@@ -15,11 +18,8 @@ from isomatch.matching.pair import ShapePair
 from isomatch.matching.relations.part_pair import PartPair, WholeSignatures, areas_of_samples
 from isomatch.matching.search import flips
 from isomatch.matching.selection import distinct
-from isomatch.runtime.threads import parallel_map
 from isomatch.settings import Config
 from isomatch.shapes import SAME_SYMMETRY, PreparedShape
-from isomatch.values.arrays import FloatArray, IntArray, single
-from isomatch.values.cached import cached_method
 
 # those without another source were chosen together on cuts and holes
 N_PLACED, N_CANDIDATES = 16, 300  # anchors that the beam search assigns, and points of the whole among which

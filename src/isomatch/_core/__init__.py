@@ -1,0 +1,1 @@
+"""What every subpackage stands on: errors, arrays, settings, files, threads, memory. Private to isomatch."""

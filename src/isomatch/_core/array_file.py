@@ -1,0 +1,252 @@
+"""Files of named arrays (``.npz``, ``.npy``, ``.mat``): complete when written, headers before contents when read."""
+
+from __future__ import annotations
+
+import os
+import warnings
+import zipfile
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from io import BytesIO
+from math import prod
+from pathlib import Path
+from typing import IO, Any, BinaryIO, Literal, NoReturn
+
+import numpy as np
+from numpy.lib import format as npy
+
+from isomatch._core.arrays import AnyArray
+from isomatch._core.errors import FormatError, IsomatchError, MemoryBudgetError, some
+from isomatch._core.files import contents, opened, replaced
+from isomatch._core.memory import require_memory, room_for
+
+FIRST_VERSION = 1  # format of files that carry no version, which isomatch 0.1 wrote
+_VERSION = "format_version"
+_KINDS = {"float": ("fiu", "numbers"), "integer": ("iu", "integers"), "text": ("U", "a text")}
+LONGEST_HEADER = 1000  # bytes of the header of an array; numpy writes 128
+_READ_HEADER = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
+
+Header = tuple[tuple[int, ...], np.dtype[np.generic]]  # shape and type of an array
+Refuse = Callable[[str], NoReturn]  # raises the error that says what is wrong with a file
+
+
+def save_arrays(
+    path: str | Path, version: int, arrays: Mapping[str, object], *, compressed: bool = False
+) -> None:
+    """Write arrays and the version of their format; an earlier file is replaced only by a complete new one."""
+    write_arrays(Path(path), {_VERSION: np.array(version), **arrays}, compressed=compressed)
+
+
+def write_arrays(path: Path, arrays: Mapping[str, object], *, compressed: bool = True) -> None:
+    """Write arrays to a file, see `replaced`."""
+    with replaced(path) as file:
+        (np.savez_compressed if compressed else np.savez)(file, **arrays)  # type: ignore[arg-type]
+
+
+def require_known_version(path: Path, version: int, newest: int) -> None:
+    """Raise `FormatError` if a file was written by an isomatch that is too new to be understood."""
+    if version > newest:
+        raise FormatError(
+            f"{path}: has format version {version}, and this isomatch reads versions up to {newest}; upgrade isomatch"
+        )
+
+
+@contextmanager
+def _refusing_damage(refuse: Refuse) -> Iterator[None]:
+    try:
+        with warnings.catch_warnings(action="ignore"):
+            yield
+    except IsomatchError:
+        raise
+    except Exception as error:  # zipfile, zlib, numpy and scipy raise a dozen kinds for damaged files
+        refuse(str(error).partition("\n")[0] or type(error).__name__)
+
+
+def _header(start: IO[bytes], size: int, refuse: Refuse) -> Header:
+    """Read the header of an array; it has to declare what the ``size`` bytes hold, header included."""
+    beginning = BytesIO(start.read(LONGEST_HEADER))  # a header may declare to be longer than memory
+    shape, _, dtype = _READ_HEADER[npy.read_magic(beginning)](beginning)
+    if dtype.kind not in "fciubU" or min(shape, default=0) < 0:
+        refuse(f"{dtype} of shape {shape} is not an array of numbers or text")
+    if beginning.tell() + dtype.itemsize * prod(shape) != size:
+        refuse(f"it declares shape {shape}, more or less than the file holds")
+    return shape, dtype
+
+
+def read_array(path: Path) -> AnyArray:
+    """Read an ``.npy`` file of numbers or text; `FormatError` if it is none, or holds more or less than it declares."""
+
+    def refuse(problem: str) -> NoReturn:
+        raise FormatError(f"{path}: not an array ({problem}); expected a file written by numpy.save")
+
+    with opened(path) as file, _refusing_damage(refuse):
+        _header(file, os.fstat(file.fileno()).st_size, refuse)
+        file.seek(0)
+        array: AnyArray = npy.read_array(file, allow_pickle=False)
+    return array
+
+
+@dataclass(frozen=True)
+class Stored:
+    """What one array of a file has to be."""
+
+    kind: Literal["float", "integer", "text"]  # integers are accepted as floats, and floats have to be finite
+    shape: tuple[int | str, ...] = ()  # a name stands for a length that is the same wherever the name occurs
+    positive: bool = False  # whether all entries have to be larger than 0
+    index_of: str = ""  # name of a length n, of which the entries have to be indices 0…n − 1
+    group: str = ""  # the array may be absent together with all others of its group; by default it may not
+
+
+@dataclass(frozen=True)
+class ArrayFormat:
+    """The arrays that a file has to hold."""
+
+    what: str  # what they make together, such as "a map"
+    writer: str  # what writes such files
+    version: int  # of the format; earlier ones are read too
+    arrays: Mapping[str, Stored]  # by name; other arrays are not read
+    filled: tuple[str, ...] = ()  # names of lengths that may not be 0
+
+    def read(self, path: str | Path) -> dict[str, Any]:
+        """Read the arrays of a file, each as float32, float64, int64 or, for a text, as a string.
+
+        Headers are checked before any contents are read. `FormatError` if the file is missing (`MissingFileError`),
+        damaged or too new, or an array is not as declared; `MemoryBudgetError` if they would exceed the budget.
+        """
+        path = Path(path)
+
+        def refuse(problem: str) -> NoReturn:
+            raise FormatError(
+                f"{path}: not {self.what} ({problem}); expected a file written by {self.writer}"
+            )
+
+        with Archive.opened(path, refuse) as stored:
+            if _VERSION in stored:
+                self._fit({_VERSION: Stored("integer")}, stored)
+                require_known_version(path, int(stored.read(_VERSION)), self.version)
+            groups = {"", *(each.group for name, each in self.arrays.items() if name in stored)}
+            wanted = {name: each for name, each in self.arrays.items() if each.group in groups}
+            lengths = self._fit(wanted, stored)
+            contents = stored.read_all(wanted)
+        return {name: _checked(name, contents[name], each, lengths, refuse) for name, each in wanted.items()}
+
+    def _fit(self, wanted: Mapping[str, Stored], stored: Archive) -> dict[str, int]:
+        """Refuse headers that do not fit; return the lengths that have names."""
+        lengths: dict[str, int] = {}
+        for name, each in wanted.items():
+            if name not in stored:
+                stored.refuse(f"it has no array {name!r}")
+            shape, dtype = stored.header(name)
+            sizes = [lengths.get(size) if isinstance(size, str) else size for size in each.shape]
+            fits = len(shape) == len(sizes) and all(a in (None, b) for a, b in zip(sizes, shape))
+            kinds, kind = _KINDS[each.kind]
+            if not fits or dtype.kind not in kinds:
+                expected = ", ".join("any" if size is None else str(size) for size in sizes)
+                stored.refuse(f"{name} has shape {shape} and type {dtype}, not {kind} of shape ({expected})")
+            named = {size: n for size, n in zip(each.shape, shape) if isinstance(size, str)}
+            if any(size in self.filled and not n for size, n in named.items()):
+                stored.refuse(f"{name} is empty: it has shape {shape}")
+            lengths |= named
+        return lengths
+
+
+def _checked(name: str, array: AnyArray, wanted: Stored, lengths: Mapping[str, int], refuse: Refuse) -> Any:
+    """Return an array in a type that compiled code takes, once its entries are checked."""
+    if wanted.kind == "text":
+        try:
+            text = str(array)
+        except ValueError:  # beyond the characters of Unicode
+            text = "\0"
+        return text if text.isprintable() else refuse(f"{name} has characters that cannot be printed")
+    if wanted.kind == "float":
+        array = np.asarray(array, np.float32 if array.dtype.str[1:] == "f4" else np.float64, order="C")
+        if not np.isfinite(array).all():
+            refuse(f"{name} has entries that are not finite")
+    else:
+        array = np.asarray(array, np.int64, order="C")
+    if wanted.positive and not (array > 0).all():
+        refuse(f"{name} has entries that are not positive")
+    if wanted.index_of:
+        n = lengths[wanted.index_of]
+        bad = np.flatnonzero((array < 0) | (array >= n))
+        if len(bad):
+            refuse(f"{name} has entries outside 0…{n - 1} at {some(bad)}")
+    return array
+
+
+class Archive:
+    """An ``.npz`` file of unknown origin, by the directory of the zip archive that it is; see `opened`."""
+
+    def __init__(self, path: Path, stream: BinaryIO, refuse: Refuse) -> None:
+        self.path, self.refuse, self._size = path, refuse, os.fstat(stream.fileno()).st_size
+        with _refusing_damage(refuse):
+            self._zip = zipfile.ZipFile(stream)
+
+    @classmethod
+    @contextmanager
+    def opened(cls, path: Path, refuse: Refuse) -> Iterator[Archive]:
+        """Open a file; `MissingFileError` if there is none, and what ``refuse`` raises if it is damaged."""
+        with opened(path) as stream:
+            yield cls(path, stream, refuse)
+
+    @property
+    def names(self) -> list[str]:
+        """Names of all arrays."""
+        return [name.removesuffix(".npy") for name in self._zip.NameToInfo if name.endswith(".npy")]
+
+    def __contains__(self, name: str) -> bool:
+        return f"{name}.npy" in self._zip.NameToInfo
+
+    def header(self, name: str) -> Header:
+        """Read the shape and type that an array declares; its size agrees with that in the directory."""
+        info = self._zip.NameToInfo[f"{name}.npy"]
+        # other methods may claim much memory
+        if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+            self.refuse(f"{name} is compressed by a method other than deflate")
+
+        def refuse(problem: str) -> NoReturn:
+            self.refuse(f"{name}: {problem}")
+
+        with _refusing_damage(refuse), self._zip.open(info) as member:
+            header = _header(member, info.file_size, refuse)
+        return header
+
+    def read(self, name: str) -> AnyArray:
+        """Read one array."""
+        return self.read_all([name])[name]
+
+    def read_all(self, names: Iterable[str]) -> dict[str, AnyArray]:
+        """Read some arrays; `MemoryBudgetError` if they would exceed the memory budget together."""
+        headers = {name: self.header(name) for name in names}
+        n_bytes = sum(dtype.itemsize * prod(shape) for shape, dtype in headers.values())
+        if n_bytes > room_for(self._size):  # zeros shrink a thousandfold
+            raise MemoryBudgetError(
+                f"{self.path}: its {self._size} bytes would become {n_bytes}; if you trust it, write it again without "
+                "compression (numpy.savez)"
+            )
+        require_memory(n_bytes, f"{self.path}: reading", "raise the budget if you trust this file")
+        arrays: dict[str, AnyArray] = {}
+        for name in headers:
+            with _refusing_damage(self.refuse), self._zip.open(f"{name}.npy") as member:
+                arrays[name] = npy.read_array(member, allow_pickle=False)
+                member.read(1)  # at the end, the checksum is compared
+        return arrays
+
+
+def read_mat(path: Path, what: str, expected: str) -> dict[str, Any]:
+    """Read the variables of a ``.mat`` file by name: arrays, and structs as objects, both without axes of length 1.
+
+    `FormatError` if it is not ``what`` it should be, with what is ``expected`` in it, or of version 7.3, which is HDF5.
+    """
+    from scipy.io import loadmat
+
+    def refuse(problem: str) -> NoReturn:
+        raise FormatError(
+            f"{path}: not {what} ({problem}); expected a MATLAB file before version 7.3 (save -v7) with {expected}"
+        )
+
+    data = BytesIO(contents(path))
+    with _refusing_damage(refuse):
+        stored = loadmat(data, squeeze_me=True, struct_as_record=False)
+    return {name: value for name, value in stored.items() if not name.startswith("__")}

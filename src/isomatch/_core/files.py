@@ -1,0 +1,257 @@
+"""Files are opened with a named error, claimed while they are made, and replaced only by complete new contents."""
+
+from __future__ import annotations
+
+import errno
+import logging
+import os
+import re
+import time
+from collections.abc import Iterable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from pathlib import Path
+from secrets import token_hex
+from shutil import rmtree
+from stat import S_ISREG
+from tempfile import NamedTemporaryFile
+from threading import Lock
+from typing import BinaryIO
+
+from isomatch._core.errors import FormatError, IsomatchError, MissingFileError, UnwritableFileError
+
+_OF_ONE_FILE = (None, errno.ENAMETOOLONG, errno.EINVAL, errno.EILSEQ)  # the first: it is no regular file
+_NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP)
+UNFINISHED = ".isomatch-{}.unfinished"  # name of a file or folder until it is complete
+_HALF_LETTER = re.compile("[\ud800-\udfff]")  # what Python makes of bytes that are no UTF-8
+_HALF_LETTER_OR_PERCENT = re.compile("[%\ud800-\udfff]")
+logger = logging.getLogger(__name__)
+
+
+def opened(path: Path) -> BinaryIO:
+    """Open a file to read its bytes; `MissingFileError` if there is none, `FormatError` if it is no readable file."""
+    try:
+        if not S_ISREG(path.stat().st_mode):  # a pipe could block, a device never end
+            raise FormatError(
+                f"{path}: cannot be opened (not a regular file); write its contents to a file first"
+            )
+        return path.open("rb")
+    except FileNotFoundError:
+        raise MissingFileError(f"{path}: no such file; check the name and the folder") from None
+    except OSError as error:
+        raise FormatError(f"{path}: cannot be opened ({error.strerror}); give a readable file") from None
+
+
+def contents(path: Path) -> bytes:
+    """Read a whole file, see `opened`."""
+    with opened(path) as file:
+        return file.read()
+
+
+@contextmanager
+def replaced(path: Path) -> Iterator[BinaryIO]:
+    """Open a new file beside an earlier one, which it replaces when the block ends without an error.
+
+    A link keeps pointing at the file it names; one that names nothing is itself replaced. `UnwritableFileError` if the
+    file cannot be written, or there is something else of that name, such as a device.
+    """
+    with writing(path):
+        _require_replaceable(path)
+        final = path.resolve() if path.exists() else path
+        with _passing(final.with_name(UNFINISHED.format(token_hex(8)))) as unfinished:
+            with _changing:
+                file = unfinished.open("xb")
+            with file:
+                yield file
+                file.flush()
+                os.fsync(file.fileno())  # a power failure could leave an empty file of the final name
+            with _changing:
+                unfinished.replace(final)
+
+
+def write_text(path: Path, text: str) -> None:
+    r"""Write a text file in UTF-8, see `replaced`.
+
+    Bytes of file names that are not UTF-8 become escapes such as ``\udcff``, which JSON understands.
+    """
+    with replaced(path) as file:
+        file.write(text.encode("utf-8", "backslashreplace"))
+
+
+@contextmanager
+def staged(folder: Path, last: str, gone: Iterable[str] = ()) -> Iterator[Path]:
+    """Give a new folder inside another; its files move there when the block ends without an error.
+
+    The file named ``last`` vouches for the others: an earlier one is taken away first, and its successor moves last.
+    Earlier files named in ``gone`` are removed. If a file cannot be moved, the earlier ones come back.
+    """
+    places = [folder / UNFINISHED.format(token_hex(8)) for _ in range(2)]
+    with writing(folder), _passing(places[0]) as new, _passing(places[1]) as earlier:
+        with _changing:
+            new.mkdir()
+        yield new
+        names = [file.relative_to(new) for file in new.rglob("*") if not file.is_dir()]
+        names.sort(key=lambda name: name == Path(last))
+        away = dict.fromkeys([Path(last), *names, *map(Path, gone)])
+        with _changing:
+            moves = [(folder / name, earlier / name) for name in away if os.path.lexists(folder / name)]
+            _move([*moves, *((new / name, folder / name) for name in names)])
+
+
+def _move(moves: Iterable[tuple[Path, Path]]) -> None:
+    """Move files, each to its new place; if one cannot be moved, move all back."""
+    done: list[tuple[Path, Path]] = []
+    try:
+        for place, to in moves:
+            to.parent.mkdir(parents=True, exist_ok=True)
+            place.replace(to)
+            done.append((place, to))
+    except OSError:
+        for place, to in reversed(done):
+            with suppress(OSError):
+                to.replace(place)
+        raise
+
+
+@contextmanager
+def made_folder(folder: Path) -> Iterator[None]:
+    """Create a folder and those it is in; those that were not there before and stay empty are removed in the end."""
+    with ExitStack() as made:
+        for one in (*reversed(folder.parents), folder):
+            if not one.exists():
+                made.enter_context(_passing(one))
+                with _changing:
+                    one.mkdir(exist_ok=True)
+        folder.mkdir(exist_ok=True)
+        yield
+
+
+_passed: list[Path] = []  # what must not remain, in the order of its creation
+_changing = Lock()
+
+
+@contextmanager
+def _passing(path: Path) -> Iterator[Path]:
+    """Remove a file, or a folder that is empty or unfinished, in the end, however that comes."""
+    with _changing:
+        _passed.append(path)
+    try:
+        yield path
+    finally:
+        with _changing:
+            _remove(path)
+            _passed.remove(path)
+
+
+def _remove(path: Path) -> None:
+    if not path.is_dir():
+        path.unlink(missing_ok=True)
+    elif path.suffix == ".unfinished":
+        rmtree(path, ignore_errors=True)
+    else:
+        with suppress(OSError):  # it is not empty
+            path.rmdir()
+
+
+def remove_unfinished(paths: Iterable[Path], age: float) -> None:
+    """Remove what killed processes left unfinished, if it is older than so many seconds."""
+    for path in paths:
+        with suppress(FileNotFoundError):
+            if time.time() - path.stat().st_mtime >= age:
+                _remove(path)
+
+
+def abandon_files() -> None:
+    """Remove everything unfinished, for a process that ends at once; no thread creates or completes more."""
+    _changing.acquire()
+    for path in reversed(_passed):
+        with suppress(OSError):
+            _remove(path)
+
+
+@contextmanager
+def claimed(path: Path, new: Iterable[Path] = ()) -> Iterator[None]:
+    """Keep every other process that claims a file waiting outside: it is refused while the block runs.
+
+    Of files that belong together, one stands for all; its folder must exist. `UnwritableFileError` if another process has
+    claimed it, if it is no file or cannot be written, or if one of ``new`` exists, even as a link that names nothing.
+    """
+    from filelock import FileLock, Timeout  # 0.1 s, which commands that write nothing need not wait
+
+    lock = path.with_name(f".{path.name}.lock")
+    claim = FileLock(lock, timeout=0, thread_local=False)  # the system releases that of a killed process
+    with writing(path):
+        _require_replaceable(path)
+        path.parent.stat()  # some versions of filelock would make the folder
+        with _changing:
+            try:
+                claim.acquire()
+            except Timeout:
+                raise UnwritableFileError(
+                    f"{path}: is being written by another run; wait until that ends, or choose another name with -o"
+                ) from None
+            except OSError as error:
+                if error.errno not in _NO_LOCKS:
+                    raise
+                logger.warning("%s: not locked (%s); let no other run write there", path, error.strerror)
+            _passed.append(lock)
+    try:
+        for one in new:
+            if os.path.lexists(one):
+                raise UnwritableFileError(
+                    f"{one}: already exists and would be replaced; choose another name with -o, or pass --force"
+                )
+        yield
+    finally:
+        with _changing:
+            with suppress(PermissionError):  # Windows removes it as it is released
+                lock.unlink(missing_ok=True)  # before that: later, it could be that of another process
+            claim.release()
+            _passed.remove(lock)
+
+
+def _require_replaceable(path: Path) -> None:
+    if path.exists() and not path.is_file():
+        raise UnwritableFileError(f"{path}: is not a file and is left as it is; choose another name")
+
+
+@contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """Name the file in the errors of the system, of which `UnwritableFileError` keeps the ``errno``."""
+    try:
+        yield
+    except OSError as error:
+        if isinstance(error, IsomatchError):
+            raise
+        reason = error.strerror or str(error) or type(error).__name__
+        remedy = "give a file in an existing, writable folder with free space"
+        unwritable = UnwritableFileError(f"{path}: cannot be written ({reason}); {remedy}")
+        unwritable.errno = error.errno
+        raise unwritable from None
+
+
+def is_of_one_file(error: UnwritableFileError) -> bool:
+    """Whether a file cannot be written for what it is or how it is named, and not as on a full disk, like any other."""
+    return error.errno in _OF_ONE_FILE
+
+
+def legible(name: str) -> str:
+    r"""Return the name of a file as it is written in tables, pages and other names: with bytes that are no UTF-8 as %XX.
+
+    In such a name, ``%`` itself becomes ``%25``, so that `urllib.parse.unquote_to_bytes` gives the bytes again. All
+    other names stay as they are.
+
+    Examples
+    --------
+    >>> legible("Füße 5%"), legible("F\udcfc\udcdfe 5%")
+    ('Füße 5%', 'F%FC%DFe 5%25')
+    """
+    if not _HALF_LETTER.search(name):
+        return name
+    return _HALF_LETTER_OR_PERCENT.sub(lambda match: f"%{ord(match[0]) & 0xFF:02X}", name)
+
+
+def ignores_case(folder: Path) -> bool:
+    """Whether files whose names differ only in case are the same in a folder, or in that in which it would be made."""
+    place = next(one for one in (folder, *folder.parents) if os.path.isdir(one))
+    with writing(place), NamedTemporaryFile(prefix="isomatch-case-", dir=place) as probe:
+        return os.path.exists(place / Path(probe.name).name.upper())

@@ -1,0 +1,49 @@
+"""What the last digits of a result depend on: processor, kernels of linear algebra, versions of packages."""
+
+from __future__ import annotations
+
+import platform
+import re
+from collections.abc import Iterable
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+import threadpoolctl
+
+from isomatch._core.threads import processors
+
+
+def processor() -> str:
+    """Name the processor, and tell how many of its cores may be used."""
+    listed = Path("/proc/cpuinfo")
+    model = re.search(r"model name\s*: (.+)", listed.read_text(encoding="utf-8")) if listed.exists() else None
+    name = model[1] if model else platform.processor() or platform.machine()
+    n = processors()
+    return f"{name}, {n} processor{'s' * (n != 1)}"
+
+
+def kernels() -> str:
+    """Name the libraries of linear algebra that numpy and scipy have loaded, with the kernels chosen for the processor.
+
+    With OpenBLAS the environment variable ``OPENBLAS_CORETYPE`` chooses others.
+    """
+    import scipy.linalg  # noqa: F401 - only libraries that are loaded are listed
+
+    libraries = [pool for pool in threadpoolctl.threadpool_info() if pool["user_api"] == "blas"]
+    named = (
+        f"{pool['internal_api']} {pool['version']} {pool.get('architecture') or ''}".rstrip()
+        for pool in libraries
+    )
+    return ", ".join(named) or "not recognised"
+
+
+def versions(packages: Iterable[str]) -> dict[str, str]:
+    """Version of each package, or "not installed"."""
+
+    def of(package: str) -> str:
+        try:
+            return version(package)
+        except PackageNotFoundError:
+            return "not installed"
+
+    return {package: of(package) for package in packages}

@@ -1,0 +1,88 @@
+"""Memory: what this process may use, and the budget by which large allocations are refused before they are made."""
+
+from __future__ import annotations
+
+import os
+import re
+import sys
+from functools import cache
+from pathlib import Path
+
+from isomatch._core.errors import MemoryBudgetError, SettingError
+
+MIB, GIB = 2**20, 2**30
+ROOT = Path("/")
+_MOST_TIMES = 20  # the size of a file, which SECURITY.md promises
+_ANY_FILE = 2**26  # bytes, which are no harm
+
+
+def memory_budget() -> int:
+    """Return how many bytes one step may allocate: ``ISOMATCH_MEMORY_BUDGET``, in GiB, or half of `available_memory`."""
+    wanted = os.environ.get("ISOMATCH_MEMORY_BUDGET", "")
+    if not wanted:
+        return available_memory() // 2
+    if re.fullmatch(r"[0-9]{1,9}(\.[0-9]*)?|\.[0-9]+", wanted) and float(wanted) > 0:
+        return int(float(wanted) * GIB)
+    raise SettingError(
+        f"ISOMATCH_MEMORY_BUDGET = {wanted!r} is not a positive number; give GiB, such as 8 or 0.5"
+    )
+
+
+def require_memory(n_bytes: float, purpose: str, instead: str) -> None:
+    """Raise `MemoryBudgetError` if so many bytes for a ``purpose`` exceed the budget, and say what to do ``instead``."""
+    budget = memory_budget()
+    if n_bytes > budget:
+        raise MemoryBudgetError(
+            f"{purpose} needs {n_bytes / GIB:.1f} GiB, the budget is {budget / GIB:.1f} GiB "
+            f"(ISOMATCH_MEMORY_BUDGET, in GiB); {instead}"
+        )
+
+
+def room_for(size: int) -> int:
+    """Return how many bytes of memory what is in a file of a size may claim: many times that, and some of any file."""
+    return _MOST_TIMES * size + _ANY_FILE
+
+
+def available_memory(root: Path = ROOT) -> int:
+    """Return how many bytes the machine, control groups and SLURM leave to this process."""
+    import psutil
+
+    groups = [int(words[0]) for words in group_limits("memory.max", root) if words[0].isdecimal()]
+    cpus = slurm("SLURM_CPUS_PER_TASK") or slurm("SLURM_CPUS_ON_NODE") or 1
+    job = (slurm("SLURM_MEM_PER_NODE") or slurm("SLURM_MEM_PER_CPU") * cpus) * MIB
+    total = int(psutil.virtual_memory().total)
+    return min([total, *groups, job or total])
+
+
+@cache
+def group_limits(name: str, root: Path = ROOT) -> list[list[str]]:
+    """Return the words of a limit of each control group (version 2) around this process.
+
+    psutil tells of the machine alone, and the system kills what exceeds the limit of a container or a job.
+    """
+    outermost = root / "sys/fs/cgroup"
+    try:
+        group = (
+            outermost / (root / "proc/self/cgroup").read_text(encoding="utf-8").rpartition("0::/")[2].strip()
+        )
+    except OSError:  # not Linux
+        return []
+    # in a container, the path can be that outside, where only the outermost folder is visible
+    files = [folder / name for folder in (group, *group.parents) if folder.is_relative_to(outermost)]
+    return [words for file in files if file.is_file() and (words := file.read_text(encoding="utf-8").split())]
+
+
+def slurm(name: str) -> int:
+    """Return a number that SLURM gave, 0 if it gave none."""
+    word = os.environ.get(name, "")
+    return int(word) if re.fullmatch("[0-9]+", word) else 0
+
+
+def peak_memory() -> int | None:
+    """Return the most bytes that this process has used so far; None where the system does not tell."""
+    try:
+        import resource
+    except ImportError:  # Windows
+        return None
+    unit = 1 if sys.platform == "darwin" else 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit

@@ -1,0 +1,176 @@
+"""Texts and tables in texts, of unknown origin: their encoding, their lines and their cells."""
+
+from __future__ import annotations
+
+import csv
+import re
+from array import array
+from collections import Counter
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from contextlib import suppress
+from io import StringIO
+from pathlib import Path
+from typing import NoReturn
+
+import numpy as np
+
+from isomatch._core.arrays import IntArray
+from isomatch._core.errors import FormatError
+from isomatch._core.files import contents, write_text
+
+# encodings by the bytes that a text begins with
+MARKS = {b"\xef\xbb\xbf": "utf-8-sig", b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16"}
+SEPARATORS = ";\t,"  # of cells; the comma last, as it may be that of decimals
+Rows = list[tuple[int, list[str]]]
+_FORMULA = re.compile(r"'*[=+\-@\t\r]")  # how a formula of a spreadsheet begins, also when it is escaped
+
+
+def text_lines(path: Path, comment: str = r"(?:^|(?<=\s))#") -> Iterator[tuple[int, str]]:
+    """Read the lines of a text with their numbers from 1, without comments, blank lines and outer blanks.
+
+    A comment starts where its pattern is found, by default at a ``#`` that begins a word.
+    """
+    for number, line in enumerate(StringIO(read_text(path), newline=None), start=1):
+        text = re.split(comment, line, maxsplit=1)[0].strip()
+        if text:
+            yield number, text
+
+
+def read_text(path: Path) -> str:
+    """Read a text file, see `decoded`."""
+    return decoded(contents(path))
+
+
+def decoded(text: bytes) -> str:
+    """Read a text in the encoding that is found by `encoding_of`, without the mark that it may begin with."""
+    return text.decode(encoding_of(text), errors="replace")
+
+
+def encoding_of(text: bytes) -> str:
+    """Return an encoding in which a text can be read, and written again as it was: UTF-8 or UTF-16 if it is that.
+
+    Examples
+    --------
+    >>> encoding_of("Füße".encode()), encoding_of("Füße".encode("latin-1"))
+    ('utf-8', 'cp1252')
+    """
+    for mark, encoding in MARKS.items():
+        if text.startswith(mark):
+            return encoding
+    for encoding in ("utf-8", "cp1252"):  # the second, of Windows, has no letter for five of the bytes
+        with suppress(UnicodeDecodeError):
+            text.decode(encoding)
+            return encoding
+    return "latin-1"
+
+
+def read_integers(path: Path, width: int, refuse: Callable[[int, str], NoReturn]) -> IntArray:
+    """Read (rows, width) integers, separated by a comma or blanks; ``refuse`` another line, by its number and text."""
+    integers = array("q")
+    for number, line in text_lines(path):
+        words = line.replace(",", " ").split()
+        if len(words) != width or not all(map(is_whole_number, words)):
+            refuse(number, line)
+        integers.extend(map(int, words))
+    return np.array(integers, dtype=np.int64).reshape(-1, width)
+
+
+def natural_order(name: str) -> list[tuple[str, int]]:
+    """Return a key by which names sort as people count: frame2 before frame10, whatever the case.
+
+    Examples
+    --------
+    >>> sorted(["b10", "b9", "A1", "b"], key=natural_order)
+    ['A1', 'b', 'b9', 'b10']
+    """
+    parts = re.split(r"([0-9]+)", name.casefold())
+    numbers = [*map(int, parts[1::2]), -1]
+    return [*zip(parts[::2], numbers), (name, -1)]  # names that differ in case alone keep one order
+
+
+def is_whole_number(word: str) -> bool:
+    """Whether a word is an integer of at most 18 ASCII digits; `int` also takes 1_0 and other digits."""
+    return re.fullmatch(r"[+-]?[0-9]{1,18}", word) is not None
+
+
+def joined(rows: Iterable[Iterable[object]], separator: str = ",", line_end: str = "\n") -> str:
+    r"""Write rows as a text; an apostrophe stands before texts that a spreadsheet would run as a formula.
+
+    Examples
+    --------
+    >>> joined([["name", "depth"], ["=1+1", -0.5], ["-a", "-2"]])
+    "name,depth\n'=1+1,-0.5\n'-a,-2\n"
+    """
+    text = StringIO(newline="")
+    writer = csv.writer(text, delimiter=separator, lineterminator=line_end)
+    writer.writerows([_escaped(cell) for cell in row] for row in rows)
+    return text.getvalue()
+
+
+def _escaped(cell: object) -> object:
+    if not (isinstance(cell, str) and _FORMULA.match(cell)):
+        return cell
+    try:
+        float(cell)
+    except ValueError:
+        return f"'{cell}"
+    return cell
+
+
+def unescaped(cell: str) -> str:
+    """Return a text without the apostrophe that `joined` puts before it.
+
+    Examples
+    --------
+    >>> unescaped("'=1+1"), unescaped("'tis")
+    ('=1+1', "'tis")
+    """
+    return cell[1:] if cell.startswith("'") and _FORMULA.match(cell) else cell
+
+
+def separated(text: str, name: str, separators: Iterable[str] = SEPARATORS) -> tuple[Rows, str]:
+    r"""Split the lines of a text by the separator that gives most rows of one length, of at least two cells.
+
+    A first line ``sep=;``, for a spreadsheet program, says which it is. Returned are rows, with the numbers of their
+    lines and cells without outer blanks, and the separator. `FormatError`, about ``name``, if it is no table.
+
+    Examples
+    --------
+    >>> separated("depth;width\n1,5;0,25\n", "a.csv")
+    ([(1, ['depth', 'width']), (2, ['1,5', '0,25'])], ';')
+    """
+
+    def split(separator: str) -> Rows:
+        reader = csv.reader(StringIO(text, newline=""), delimiter=separator, skipinitialspace=True)
+        try:
+            return [(reader.line_num, [unescaped(cell.strip()) for cell in row]) for row in reader if row]
+        except csv.Error as error:
+            message = f"{name}:{reader.line_num}: not a table ({error}); write cells separated by commas"
+            raise FormatError(message) from None
+
+    if text[:4].lower() == "sep=" and text[4:5] in tuple(SEPARATORS):
+        return split(text[4])[1:], text[4]
+
+    def n_alike(table: tuple[Rows, str]) -> int:
+        return max(Counter(len(row) for _, row in table[0] if len(row) > 1).values(), default=0)
+
+    return max(((split(each), each) for each in separators), key=n_alike)
+
+
+def read_csv(path: Path) -> list[dict[str, str]]:
+    """Read a table whose first line names the columns; a cell that a line lacks is empty; `FormatError` if it is none."""
+    reader = csv.DictReader(StringIO(read_text(path), newline=""), restval="")
+    try:
+        reader.fieldnames = [unescaped(name) for name in reader.fieldnames or ()]
+        return [  # under None are the further cells of a line, a list
+            {name: unescaped(cell) if name is not None else cell for name, cell in row.items()}
+            for row in reader
+        ]
+    except csv.Error as error:
+        raise FormatError(f"{path}: not a table ({error}); write cells separated by commas") from None
+
+
+def write_csv(path: Path, rows: Iterable[Mapping[str, object]], columns: Collection[str]) -> None:
+    """Write a table with a line of names, see `replaced`; values of other columns are left out."""
+    cells = ([row.get(column, "") for column in columns] for row in rows)
+    write_text(path, joined([columns, *cells], line_end="\r\n"))

@@ -1,0 +1,258 @@
+"""Threads: calls that can be given up, and independent items in parallel, whose results keep their order."""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from contextvars import copy_context
+from functools import partial
+from pathlib import Path
+from queue import Empty, SimpleQueue
+from threading import Lock, Thread, local
+from typing import Any, TypeVar
+
+import numpy as np
+from threadpoolctl import OpenBLASController, ThreadpoolController
+
+from isomatch._core.arrays import FloatArray
+from isomatch._core.errors import SettingError
+from isomatch._core.memory import ROOT, group_limits, slurm
+
+ROWS = 1280  # of a block of a product: the 5000 vertices that are matched by default make four
+POLL = 0.2  # seconds; where a wait cannot be interrupted, as on Windows, it is at least this short
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+
+def n_threads() -> int:
+    """Return the number of threads to use: ``ISOMATCH_NUM_THREADS`` if it is set, and otherwise of `processors`."""
+    wanted = os.environ.get("ISOMATCH_NUM_THREADS", "")
+    if wanted:
+        if not re.fullmatch("0*[1-9][0-9]{0,5}", wanted):
+            raise SettingError(f"ISOMATCH_NUM_THREADS = {wanted!r} is not a positive number of threads")
+        return int(wanted)
+    return processors()
+
+
+def processors(root: Path = ROOT) -> int:
+    """Return the number of processors that affinity, control groups and SLURM leave to this process, at least 1."""
+    allowed = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    limits = [words for words in group_limits("cpu.max", root) if words[0].isdecimal()]
+    shares = [int(quota) / int(period) for quota, period in limits]
+    return math.ceil(min([allowed, slurm("SLURM_CPUS_PER_TASK") or allowed, *shares]))
+
+
+class Abandoned(BaseException):
+    """Ends a thread whose result nobody waits for; never seen outside it."""
+
+
+class Call:
+    """A call under way, on one thread or on several."""
+
+    def __init__(self) -> None:
+        self.abandoned = False
+        self.messages: SimpleQueue[Callable[[], Any] | None] = SimpleQueue()
+
+    def thread(self, function: Callable[[], Any]) -> Thread:
+        """Make a thread that works for this call; it keeps no process alive."""
+
+        def work() -> None:
+            _here.call = self
+            function()
+
+        return Thread(target=copy_context().run, args=(work,), daemon=True)
+
+
+_here = local()
+
+
+def current_call() -> Call | None:
+    """Return the call that this thread works for, if it is one in the background."""
+    return getattr(_here, "call", None)
+
+
+def stop_if_abandoned() -> None:
+    """End this thread if nobody waits for it any more; to be called where a computation can stop."""
+    call = current_call()
+    if call is not None and call.abandoned:
+        raise Abandoned
+
+
+def in_background(function: Callable[[], R]) -> R:
+    """Call a function on another thread and wait for its result, so that an interruption need not wait for a loop.
+
+    When an exception, such as that of Ctrl-C, reaches the waiting thread, it goes through at once; the function ends
+    at the next `stop_if_abandoned`. Within such a call, the function is called directly.
+    """
+    if current_call() is not None:
+        return function()
+    call, results, errors = Call(), [], []
+
+    def work() -> None:
+        try:
+            results.append(function())
+        except BaseException as error:
+            errors.append(error)
+        finally:
+            call.messages.put(None)
+
+    thread = call.thread(work)
+    try:
+        thread.start()
+        while message := _next(call):
+            message()
+        thread.join()  # what it held is free
+    except BaseException:
+        call.abandoned = True
+        raise
+    if errors:
+        raise errors.pop()
+    return results.pop()
+
+
+def _next(call: Call) -> Callable[[], Any] | None:
+    while True:
+        try:
+            return call.messages.get(timeout=POLL)
+        except Empty:
+            continue
+
+
+def tell(listener: Callable[..., Any], *values: Any) -> None:
+    """Call a function of the user's, on the thread that waits for this call; what it raises gives up the call."""
+    stop_if_abandoned()
+    call = current_call()
+    if call is None:
+        listener(*values)
+    else:
+        call.messages.put(partial(listener, *values))
+
+
+def parallel_rows(function: Callable[[int], None], count: int) -> None:
+    """Call a function with each row number below ``count``; of T threads, thread t takes rows t, t + T, t + 2 T, ….
+
+    For many short calls, each of which writes to arrays of its own row.
+    """
+    threads = max(1, min(n_threads(), count))
+
+    def rows(first: int) -> None:
+        for row in range(first, count, threads):
+            function(row)
+
+    parallel_map(rows, range(threads))
+
+
+def parallel_map(function: Callable[[T], R], items: Iterable[T]) -> list[R]:
+    """Apply a function to every item, on several threads, and return the results in the order of the items.
+
+    The function should release the interpreter lock. Items must not share anything that is written, so that the
+    results do not depend on the number of threads. A call from within an item runs in the thread of that item. An
+    error of an item is that of the first one that fails. An interruption goes through at once.
+    """
+    todo = list(items)
+    workers = min(n_threads(), len(todo))
+    if workers <= 1 or getattr(_inside, "item", False):
+        return [_applied(function, item) for item in todo]
+    call = current_call()
+    if call is None:
+        return in_background(lambda: parallel_map(function, todo))
+    results: dict[int, R] = {}
+    errors: dict[int, BaseException] = {}
+    numbers, taking = iter(range(len(todo))), Lock()
+
+    def work() -> None:
+        _inside.item = True
+        while not errors:
+            with taking:
+                i = next(numbers, None)
+            if i is None:
+                return
+            try:
+                results[i] = _applied(function, todo[i])
+            except BaseException as error:
+                errors[i] = error
+
+    threads = [call.thread(work) for _ in range(workers)]
+    try:
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+    except BaseException:
+        call.abandoned = True
+        raise
+    if errors:
+        raise errors[min(errors)]
+    return [results[i] for i in range(len(todo))]
+
+
+def _applied(function: Callable[[T], R], item: T) -> R:
+    stop_if_abandoned()
+    return function(item)
+
+
+_inside = local()
+
+
+def row_product(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Matrix product (n, k) (k, m) by blocks of rows, on several threads; in single precision if ``a`` is.
+
+    The blocks are fixed, so that the result does not depend on the number of threads.
+    """
+    product = np.empty((len(a), b.shape[1]), a.dtype)
+    factor = np.ascontiguousarray(b, dtype=a.dtype)
+
+    def block(first: int) -> None:
+        rows = slice(first, first + ROWS)
+        np.matmul(a[rows], factor, out=product[rows])
+
+    parallel_map(block, range(0, len(a), ROWS))
+    return product
+
+
+class _Limit:
+    """The limit that `serial_blas` sets."""
+
+    lock = Lock()
+    depth = 0
+    controller: ThreadpoolController | None = None
+    limiter: Any = None
+
+
+@contextmanager
+def serial_blas() -> Iterator[None]:
+    """Make matrix products use one thread in a block, so that `parallel_map` can use all of them for its items.
+
+    The results then do not depend on the number of threads, and nested thread pools do not stall one another. Several
+    threads may be in it at once: the first one limits BLAS, the last one lifts the limit.
+    """
+    with _Limit.lock:
+        if _Limit.controller is None:
+            import scipy.linalg  # noqa: F401 - the controller sees only libraries that are loaded
+
+            _Limit.controller = ThreadpoolController()
+        _Limit.depth += 1
+        if _Limit.depth == 1:
+            with _any_thread_may_limit():
+                _Limit.limiter = _Limit.controller.limit(limits=1, user_api="blas")
+    try:
+        yield
+    finally:
+        with _Limit.lock:
+            _Limit.depth -= 1
+            if _Limit.depth == 0:
+                with _any_thread_may_limit():
+                    _Limit.limiter.restore_original_limits()
+
+
+@contextmanager
+def _any_thread_may_limit() -> Iterator[None]:
+    """Limit OpenBLAS also where another thread did: threadpoolctl 3.8 lets the first one only, and ignores others."""
+    release = getattr(OpenBLASController, "clear_controlling_thread", lambda force: None)
+    release(force=True)
+    yield
+    release(force=True)

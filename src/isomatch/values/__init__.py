@@ -1,1 +1,0 @@
-"""Types of arrays, checked settings, and values that are computed once."""
