@@ -8,8 +8,8 @@ import pytest
 from isomatch import Config, Mesh, Outcome, match, prepare
 from isomatch.datasets import ground_truth
 from isomatch.matching import Elastic, Fit, Priors, prepare_pair
-from isomatch.matching.evidence import bends_badly
-from isomatch.matching.relations.isometry import AMBIGUOUS
+from isomatch.matching.assessment.evidence import bends_badly
+from isomatch.matching.isometric.isometry import AMBIGUOUS
 from isomatch.settings import ElasticSettings
 from isomatch_lab.procedural import creature
 from isomatch_lab.sets import relabelled

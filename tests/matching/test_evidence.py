@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from isomatch import Outcome
-from isomatch.matching.evidence import (
+from isomatch.matching.assessment.evidence import (
     Evidence,
     PartDoubt,
     held_evidence,

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from isomatch import Mesh, Outcome, Verification, match
 from isomatch.correspondence import SurfaceIndex, VertexCells
-from isomatch.matching.relations.bending import Bent, Surroundings
+from isomatch.matching.bending import Bent, Surroundings
 from isomatch_lab.procedural.implicit import Skin
 from isomatch_lab.procedural.tessellation import tessellate
 from shapes import disguised

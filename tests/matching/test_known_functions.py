@@ -6,7 +6,7 @@ import pytest
 from isomatch import Mesh, match, match_both
 from isomatch._core.errors import DescriptorError
 from isomatch.matching import prepare_pair
-from isomatch.matching.priors import with_functions
+from isomatch.matching.proposals.priors import with_functions
 from isomatch_lab.damage import cut
 from isomatch_lab.procedural import creature
 from shapes import box, disguised

@@ -10,7 +10,7 @@ import pytest
 
 from isomatch import Config, NotConvergedError, Outcome, match
 from isomatch.matching import Evidence, Quality, measured_evidence, outcome_of
-from isomatch.matching.quality import torn_off_share
+from isomatch.matching.assessment.quality import torn_off_share
 from shapes import icosphere
 
 BOUNDS = Config().outcome
@@ -120,7 +120,7 @@ def test_a_cap_that_goes_to_the_other_pole_is_torn_off():
 
 
 def test_a_way_that_finds_no_map_is_told(prepared_example, monkeypatch):
-    solving = importlib.import_module("isomatch.matching.solve")
+    solving = importlib.import_module("isomatch.matching.strategies")
 
     def broken(case):
         raise NotConvergedError("nothing turned up")

@@ -12,8 +12,8 @@ from isomatch._core.stage_timer import StageTimer
 from isomatch.datasets import ground_truth
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching import Part, Priors, ShapePair, prepare_pair, stages_of
-from isomatch.matching.quality import covered_share
-from isomatch.matching.solve import Case
+from isomatch.matching.assessment.quality import covered_share
+from isomatch.matching.strategies import Case
 from isomatch.settings import PartSettings
 from isomatch_lab.damage import cut, holes, limb_removed, view
 from isomatch_lab.procedural import creature

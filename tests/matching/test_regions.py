@@ -11,8 +11,14 @@ from isomatch.cli.results import say_result
 from isomatch.datasets import ground_truth
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching import DoubtfulRegion, outcome_of, prepare_pair
-from isomatch.matching.confidence import ANOTHER_MAP, UNLIKE_ITS_IMAGE, doubt_in, lifted, regions_of_doubt
-from isomatch.matching.evidence import region_evidence
+from isomatch.matching.assessment.confidence import (
+    ANOTHER_MAP,
+    UNLIKE_ITS_IMAGE,
+    doubt_in,
+    lifted,
+    regions_of_doubt,
+)
+from isomatch.matching.assessment.evidence import region_evidence
 from isomatch_lab.procedural import creature
 from shapes import icosphere
 

@@ -11,7 +11,7 @@ from isomatch.datasets import ground_truth
 from isomatch.evaluation import geodesic_errors
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching import expected_errors, prepare_pair
-from isomatch.matching.confidence import doubt_of
+from isomatch.matching.assessment.confidence import doubt_of
 from isomatch_lab.baselines import BASELINES
 from isomatch_lab.damage import cut
 from shapes import icosphere

@@ -1,7 +1,5 @@
-from isomatch.matching.candidates import first_map
-from isomatch.matching.confidence import DoubtfulRegion, expected_errors
-from isomatch.matching.coordinates import joint_coordinates
-from isomatch.matching.evidence import (
+from isomatch.matching.assessment.confidence import DoubtfulRegion, expected_errors
+from isomatch.matching.assessment.evidence import (
     Evidence,
     Solution,
     lowered,
@@ -9,21 +7,23 @@ from isomatch.matching.evidence import (
     outcome_of,
     verified,
 )
-from isomatch.matching.fit import Candidate, Fit, Hypothesis
+from isomatch.matching.assessment.quality import contradicted_landmarks, covered_share, measure_quality
+from isomatch.matching.assessment.questions import Question, questions
+from isomatch.matching.coordinates import joint_coordinates
+from isomatch.matching.elastic.elastic import Elastic
+from isomatch.matching.isometric.candidates import first_map
+from isomatch.matching.isometric.isometry import Isometry
+from isomatch.matching.maps import Candidate, Fit, Hypothesis
 from isomatch.matching.match import BothDirections, continue_with, match, match_both, stages_of
-from isomatch.matching.pair import ShapePair, prepare_pair
-from isomatch.matching.priors import Priors
-from isomatch.matching.quality import contradicted_landmarks, covered_share, measure_quality
-from isomatch.matching.questions import Question, questions
+from isomatch.matching.partial.both_parts import BothParts
+from isomatch.matching.partial.part import Part
+from isomatch.matching.pipeline import Joint, Refinement, Relation, Stages, Start
+from isomatch.matching.problem import ShapePair, prepare_pair
+from isomatch.matching.proposals.priors import Priors
+from isomatch.matching.proposals.starts import default_starts
 from isomatch.matching.refinements import REFINEMENTS, check_refinement
-from isomatch.matching.relations.both_parts import BothParts
-from isomatch.matching.relations.elastic import Elastic
-from isomatch.matching.relations.isometry import Isometry
-from isomatch.matching.relations.part import Part
 from isomatch.matching.result import Alternative, MatchResult, Outcome, Quality
-from isomatch.matching.solve import WAYS
-from isomatch.matching.stages import Joint, Refinement, Relation, Stages, Start
-from isomatch.matching.starts import default_starts
+from isomatch.matching.strategies import WAYS
 from isomatch.matching.verify import Verification, verify
 from isomatch.settings import COVERAGE_RADIUS
 

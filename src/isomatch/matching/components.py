@@ -16,10 +16,12 @@ from isomatch._core.errors import NotConvergedError
 from isomatch._core.stage_timer import StageTimer
 from isomatch._core.threads import parallel_map
 from isomatch.correspondence import UNMATCHED, carried_along, nearest_rotation
-from isomatch.matching.confidence import expected_errors
-from isomatch.matching.evidence import Evidence, Solution, measured_evidence, outcome_of
-from isomatch.matching.pair import ShapePair
-from isomatch.matching.priors import (
+from isomatch.matching.assessment.confidence import expected_errors
+from isomatch.matching.assessment.evidence import Evidence, Solution, measured_evidence, outcome_of
+from isomatch.matching.assessment.quality import measure_quality
+from isomatch.matching.pipeline import Stages
+from isomatch.matching.problem import ShapePair
+from isomatch.matching.proposals.priors import (
     FEWEST_POINTS,
     NO_LANDMARKS,
     Priors,
@@ -28,11 +30,9 @@ from isomatch.matching.priors import (
     checked_initial_map,
     checked_landmarks,
 )
-from isomatch.matching.quality import measure_quality
 from isomatch.matching.result import MAP_ARRAYS, Outcome
 from isomatch.matching.selection import SPECTRAL_RESIDUAL_NOISE
-from isomatch.matching.solve import solve
-from isomatch.matching.stages import Stages
+from isomatch.matching.strategies import solve
 from isomatch.shapes import PreparedShape, components_of
 from isomatch.surfaces import Mesh
 

@@ -10,7 +10,7 @@ import numpy as np
 from isomatch._core.arrays import FloatArray, IntArray, single
 from isomatch._core.threads import parallel_map, row_product
 from isomatch.correspondence import Embedding, nearest_of_few, register_nonrigid
-from isomatch.matching.pair import SmoothPair
+from isomatch.matching.problem import SmoothPair
 from isomatch.surfaces import PrecisePoints, vertex_normals
 
 # of the registration that ends the smooth refinement; docs/lab/benchmarks.md, smoothness

@@ -11,8 +11,8 @@ from scipy.spatial import cKDTree
 from isomatch._core.arrays import BoolArray, FloatArray, IntArray
 from isomatch._core.errors import some
 from isomatch.correspondence import Correspondence, nearest_points
-from isomatch.matching.evidence import Solution, held_evidence
-from isomatch.matching.pair import ShapePair
+from isomatch.matching.assessment.evidence import Solution, held_evidence
+from isomatch.matching.problem import ShapePair
 from isomatch.shapes import PreparedShape, components_of
 from isomatch.surfaces import Graph, Mesh, PrecisePoints, Surface
 

@@ -16,12 +16,15 @@ from isomatch._core.stage_timer import Progress, StageTimer, two_arguments
 from isomatch._core.threads import in_background, serial_blas
 from isomatch.correspondence import UNMATCHED, Correspondence, iterative_closest_points
 from isomatch.io import SurfaceLike
+from isomatch.matching.assessment.evidence import Evidence, Solution, verified
 from isomatch.matching.components import match_components
-from isomatch.matching.evidence import Evidence, Solution, verified
-from isomatch.matching.fit import Hypothesis
 from isomatch.matching.hard_landmarks import pinned
-from isomatch.matching.pair import ShapePair, prepare_pair
-from isomatch.matching.priors import (
+from isomatch.matching.isometric.isometry import IsometricMatch
+from isomatch.matching.isometric.search import PRIOR_STEPS
+from isomatch.matching.maps import Hypothesis
+from isomatch.matching.pipeline import Refinement, Relation, Stages, Start, name_of
+from isomatch.matching.problem import ShapePair, prepare_pair
+from isomatch.matching.proposals.priors import (
     Priors,
     UserPriors,
     checked_initial_map,
@@ -29,11 +32,8 @@ from isomatch.matching.priors import (
     with_functions,
 )
 from isomatch.matching.refinements import REFINEMENTS
-from isomatch.matching.relations.isometry import IsometricMatch
 from isomatch.matching.result import Alternative, MatchResult
-from isomatch.matching.search import PRIOR_STEPS
-from isomatch.matching.solve import AS_IT_IS, ELASTIC, Case, side_to_turn, solve, solved
-from isomatch.matching.stages import Refinement, Relation, Stages, Start, name_of
+from isomatch.matching.strategies import AS_IT_IS, ELASTIC, Case, side_to_turn, solve, solved
 from isomatch.matching.via import Via, solve_via
 from isomatch.settings import Config
 from isomatch.shapes import PreparedShape

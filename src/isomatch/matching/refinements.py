@@ -18,12 +18,12 @@ from isomatch._core.arrays import FloatArray, IntArray
 from isomatch._core.errors import SettingError
 from isomatch._core.threads import parallel_map, serial_blas
 from isomatch.correspondence import Embedding, signed_procrustes
-from isomatch.matching.candidates import energy_of
-from isomatch.matching.fit import Fit
-from isomatch.matching.pair import ShapePair, prepare_pair
-from isomatch.matching.priors import Priors
-from isomatch.matching.relations.isometry import Isometry
-from isomatch.matching.stages import Joint, Refinement, Relation, Stages
+from isomatch.matching.isometric.candidates import energy_of
+from isomatch.matching.isometric.isometry import Isometry
+from isomatch.matching.maps import Fit
+from isomatch.matching.pipeline import Joint, Refinement, Relation, Stages
+from isomatch.matching.problem import ShapePair, prepare_pair
+from isomatch.matching.proposals.priors import Priors
 from isomatch.settings import Config, RefinementName
 from isomatch.shapes import PreparedShape, orientation_of, prepare
 from isomatch.surfaces import Mesh

@@ -22,7 +22,7 @@ from isomatch._core.first_use import Shown, visualization
 from isomatch._core.settings import Settings
 from isomatch.correspondence import UNMATCHED, Correspondence, wrap
 from isomatch.io import Asset, Attribute, SurfaceLike, mesh_from, to_pyvista
-from isomatch.matching.confidence import DoubtfulRegion, packed, unpacked
+from isomatch.matching.assessment.confidence import DoubtfulRegion, packed, unpacked
 from isomatch.settings import MatchSettings
 from isomatch.surfaces import Mesh
 

@@ -9,7 +9,7 @@ from typing import Generic, Self, TypeVar
 import numpy as np
 
 from isomatch._core.arrays import FloatArray, IntArray
-from isomatch.matching.fit import Candidate, Fit
+from isomatch.matching.maps import Candidate, Fit
 from isomatch.settings import Orientation, OutcomeSettings, SelectionSettings
 
 # energy over the least, up to which orientation decides among maps that agree with landmarks;

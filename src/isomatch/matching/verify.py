@@ -18,10 +18,10 @@ from isomatch.decimation import Prolongation, decimate
 from isomatch.descriptors import RADII, BallSignature, ball_signature, deviation_of
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.io import SurfaceLike
-from isomatch.matching.pair import ShapePair, prepare_pair
-from isomatch.matching.priors import checked_initial_map
-from isomatch.matching.quality import mean_known
-from isomatch.matching.relations.bending import Surroundings, bent_onto
+from isomatch.matching.assessment.quality import mean_known
+from isomatch.matching.bending import Surroundings, bent_onto
+from isomatch.matching.problem import ShapePair, prepare_pair
+from isomatch.matching.proposals.priors import checked_initial_map
 from isomatch.settings import Config
 from isomatch.shapes import N_BALLS, PreparedShape
 from isomatch.surfaces import Mesh, linked

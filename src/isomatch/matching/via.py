@@ -12,11 +12,11 @@ import numpy as np
 from isomatch._core.errors import MeshError, SettingError
 from isomatch.correspondence import Correspondence
 from isomatch.io import SurfaceLike
-from isomatch.matching.evidence import Evidence, Solution
-from isomatch.matching.pair import ShapePair
-from isomatch.matching.quality import covered_share
+from isomatch.matching.assessment.evidence import Evidence, Solution
+from isomatch.matching.assessment.quality import covered_share
+from isomatch.matching.problem import ShapePair
 from isomatch.matching.result import Quality
-from isomatch.matching.solve import VIA
+from isomatch.matching.strategies import VIA
 from isomatch.matching.verify import Verification, on_bodies, verifier_of
 from isomatch.settings import Config
 from isomatch.shapes import PreparedShape, prepare

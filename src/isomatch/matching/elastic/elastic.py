@@ -16,14 +16,12 @@ from isomatch._core.errors import NotConvergedError
 from isomatch._core.stage_timer import StageTimer
 from isomatch._core.threads import parallel_map
 from isomatch.correspondence import Embedding, with_normals
-from isomatch.matching.confidence import doubt_in, expected_errors, regions_of_doubt
+from isomatch.matching.assessment.confidence import doubt_in, expected_errors, regions_of_doubt
+from isomatch.matching.assessment.evidence import Solution, fits_badly, mirror_image_fits
+from isomatch.matching.assessment.quality import descriptor_distance_of, measure_quality
+from isomatch.matching.bending import Bent, ElasticBending
 from isomatch.matching.coordinates import refined_images, registered
-from isomatch.matching.evidence import Solution, fits_badly, mirror_image_fits
-from isomatch.matching.fit import Fit
-from isomatch.matching.pair import search_pairs
-from isomatch.matching.quality import descriptor_distance_of, measure_quality
-from isomatch.matching.relations.bending import Bent, ElasticBending
-from isomatch.matching.relations.elastic_fit import (
+from isomatch.matching.elastic.elastic_fit import (
     COARSE_STEPS,
     N_COARSE,
     Coefficients,
@@ -34,11 +32,13 @@ from isomatch.matching.relations.elastic_fit import (
     anchor_starts,
     with_mirror,
 )
-from isomatch.matching.relations.isometry import Measured
+from isomatch.matching.isometric.isometry import Measured
+from isomatch.matching.maps import Fit
+from isomatch.matching.pipeline import Relation
+from isomatch.matching.problem import search_pairs
+from isomatch.matching.proposals.starts import first_maps_handed_in, searches_by_anchors, starts_from_priors
 from isomatch.matching.result import Quality
 from isomatch.matching.selection import LANDMARK_SLACK, Rules, Selection, distances_between, distinct, select
-from isomatch.matching.stages import Relation
-from isomatch.matching.starts import first_maps_handed_in, searches_by_anchors, starts_from_priors
 from isomatch.matching.verify import Verification, verifier_of
 
 # those without another source: docs/lab/design_notes.md

@@ -9,14 +9,14 @@ import numpy as np
 from isomatch._core.arrays import IntArray
 from isomatch._core.threads import parallel_map
 from isomatch.correspondence import alignment_residual, signed_procrustes, spectral_embedding
-from isomatch.matching.fit import Candidate, Fit, Hypothesis
-from isomatch.matching.pair import ShapePair
-from isomatch.matching.priors import Priors
-from isomatch.matching.quality import mean_known
-from isomatch.matching.search import hypotheses_from_priors, search
+from isomatch.matching.assessment.quality import mean_known
+from isomatch.matching.isometric.search import hypotheses_from_priors, search
+from isomatch.matching.maps import Candidate, Fit, Hypothesis
+from isomatch.matching.pipeline import Relation
+from isomatch.matching.problem import ShapePair
+from isomatch.matching.proposals.priors import Priors
+from isomatch.matching.proposals.starts import start_from_pairs, starts_from_pose
 from isomatch.matching.selection import Selection, ranked
-from isomatch.matching.stages import Relation
-from isomatch.matching.starts import start_from_pairs, starts_from_pose
 from isomatch.settings import Orientation
 from isomatch.shapes import CURVATURE_WEIGHT, orientation_of
 

@@ -15,15 +15,7 @@ from isomatch._core.errors import SettingError
 from isomatch._core.stage_timer import StageTimer
 from isomatch._core.threads import parallel_map, serial_blas
 from isomatch.correspondence import Alignment, Correspondence, Embedding, PrecisePoints
-from isomatch.matching.candidates import (
-    Screening,
-    energy_of,
-    extended,
-    is_another,
-    is_sure,
-    residual_of,
-)
-from isomatch.matching.confidence import (
+from isomatch.matching.assessment.confidence import (
     DoubtfulRegion,
     doubt_in,
     doubt_of,
@@ -31,25 +23,34 @@ from isomatch.matching.confidence import (
     lifted,
     regions_of_doubt,
 )
-from isomatch.matching.coordinates import refined_images, registered
-from isomatch.matching.evidence import Evidence, Solution, measured_evidence
-from isomatch.matching.fit import Candidate, Fit, Hypothesis
-from isomatch.matching.pair import ShapePair, SmoothPair
-from isomatch.matching.priors import Priors
-from isomatch.matching.quality import (
+from isomatch.matching.assessment.evidence import Evidence, Solution, measured_evidence
+from isomatch.matching.assessment.quality import (
     contradicted_landmarks,
     descriptor_distance_of,
     mean_known,
     measure_quality,
 )
-from isomatch.matching.result import Alternative, Outcome, Quality
-from isomatch.matching.search import (
+from isomatch.matching.coordinates import refined_images, registered
+from isomatch.matching.isometric.candidates import (
+    Screening,
+    energy_of,
+    extended,
+    is_another,
+    is_sure,
+    residual_of,
+)
+from isomatch.matching.isometric.search import (
     composed,
     distinct_maps,
     hypotheses_from_priors,
     search,
     symmetric_variants,
 )
+from isomatch.matching.maps import Candidate, Fit, Hypothesis
+from isomatch.matching.pipeline import Relation
+from isomatch.matching.problem import ShapePair, SmoothPair
+from isomatch.matching.proposals.priors import Priors
+from isomatch.matching.result import Alternative, Outcome, Quality
 from isomatch.matching.selection import (
     ENERGY_NOISE,
     LANDMARK_SLACK,
@@ -63,7 +64,6 @@ from isomatch.matching.selection import (
     select,
     survivors,
 )
-from isomatch.matching.stages import Relation
 from isomatch.matching.verify import verifier_of
 
 ELSEWHERE_DISTANCE = 0.3  # √area: from one limb to another, twice runner_up_distance

@@ -12,17 +12,17 @@ from isomatch._core.arrays import BoolArray, FloatArray, IntArray
 from isomatch._core.cached import cached_method, cached_property
 from isomatch.correspondence import Boundary, Embedding, PrecisePoints, nearest_with_normals
 from isomatch.descriptors import deviation_of
+from isomatch.matching.bending import Bending, Bent, HardLandmarks, Surroundings
 from isomatch.matching.coordinates import iterated
-from isomatch.matching.fit import Fit
-from isomatch.matching.relations.bending import Bending, Bent, HardLandmarks, Surroundings
-from isomatch.matching.relations.part_pair import (
+from isomatch.matching.maps import Fit
+from isomatch.matching.partial.part_pair import (
     FEWEST_KNOWN,
     TRUSTED,
     PartPair,
     PartSignatures,
     WholeSignatures,
 )
-from isomatch.matching.relations.part_starts import PartStart, completed, composed
+from isomatch.matching.partial.part_starts import PartStart, completed, composed
 from isomatch.settings import Config
 from isomatch.shapes import PreparedShape
 from isomatch.surfaces import vertex_normals

@@ -17,28 +17,28 @@ from isomatch._core.stage_timer import StageTimer
 from isomatch._core.threads import parallel_map, serial_blas
 from isomatch.correspondence import UNMATCHED, Boundary, Correspondence, Embedding, PrecisePoints
 from isomatch.geodesics import distance_along_edges_to_nearest
-from isomatch.matching.evidence import CommonDoubt, Solution
-from isomatch.matching.fit import Fit
-from isomatch.matching.pair import ShapePair
-from isomatch.matching.priors import NO_LANDMARKS, Priors
-from isomatch.matching.quality import descriptor_distance_of
-from isomatch.matching.relations.both_seeds import NEXT_ANCHORS, CommonRegion, CommonRegions, two_sides
-from isomatch.matching.relations.part import (
+from isomatch.matching.assessment.evidence import CommonDoubt, Solution
+from isomatch.matching.assessment.quality import descriptor_distance_of
+from isomatch.matching.maps import Fit
+from isomatch.matching.partial.both_seeds import NEXT_ANCHORS, CommonRegion, CommonRegions, two_sides
+from isomatch.matching.partial.part import (
     Part,
     contradiction,
     expected_errors_of_part,
     filled,
     measured_part,
 )
-from isomatch.matching.relations.part_registration import (
+from isomatch.matching.partial.part_registration import (
     N_ROUGH_VERTICES,
     BentPart,
     PartFit,
     WholeCoordinates,
 )
+from isomatch.matching.pipeline import Relation
+from isomatch.matching.problem import ShapePair
+from isomatch.matching.proposals.priors import NO_LANDMARKS, Priors
+from isomatch.matching.proposals.starts import first_maps_handed_in, nearest_in_pose, searches_by_anchors
 from isomatch.matching.result import Alternative
-from isomatch.matching.stages import Relation
-from isomatch.matching.starts import first_maps_handed_in, nearest_in_pose, searches_by_anchors
 from isomatch.matching.verify import largest_piece
 from isomatch.settings import Config
 from isomatch.shapes import region_of

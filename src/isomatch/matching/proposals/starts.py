@@ -20,9 +20,9 @@ from isomatch.correspondence import (
     poses_between,
     with_normals,
 )
-from isomatch.matching.pair import ShapePair, search_pairs
-from isomatch.matching.priors import FEWEST_POINTS, Priors
-from isomatch.matching.stages import Relation, Start, first_maps_of
+from isomatch.matching.pipeline import Relation, Start, first_maps_of
+from isomatch.matching.problem import ShapePair, search_pairs
+from isomatch.matching.proposals.priors import FEWEST_POINTS, Priors
 from isomatch.shapes import EXACTLY, PreparedShape, farthest_rows
 from isomatch.surfaces import Graph, Surface
 

@@ -13,8 +13,8 @@ from isomatch._core.arrays import Float32Array, FloatArray, IntArray, single
 from isomatch._core.cached import cached_property
 from isomatch._core.threads import parallel_map
 from isomatch.correspondence import Embedding, IntervalCost, Intervals, assign_points, nearest_rows, pin_first
-from isomatch.matching.pair import ShapePair
-from isomatch.matching.priors import NO_LANDMARKS
+from isomatch.matching.problem import ShapePair
+from isomatch.matching.proposals.priors import NO_LANDMARKS
 from isomatch.settings import Config, ElasticSettings
 from isomatch.shapes import PreparedShape, farthest_rows
 from isomatch.surfaces import Mesh, vertex_normals

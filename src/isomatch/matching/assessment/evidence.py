@@ -11,8 +11,8 @@ import numpy as np
 from isomatch._core.arrays import FloatArray
 from isomatch._core.stage_timer import StageTimer
 from isomatch.correspondence import Correspondence
-from isomatch.matching.confidence import ANOTHER_MAP, UNLIKE_ITS_IMAGE, DoubtfulRegion
-from isomatch.matching.pair import ShapePair
+from isomatch.matching.assessment.confidence import ANOTHER_MAP, UNLIKE_ITS_IMAGE, DoubtfulRegion
+from isomatch.matching.problem import ShapePair
 from isomatch.matching.result import Alternative, MatchResult, Outcome, Quality
 from isomatch.settings import MatchSettings, Orientation, OutcomeSettings, PartSettings
 from isomatch.shapes import describe_symmetries
@@ -238,7 +238,7 @@ class Solution:
     # whether regions that look unlike are evidence; two species look unlike somewhere
     descriptors_count: bool = True
     doubt: PartDoubt | CommonDoubt | None = None  # of the map of a part
-    way: str = ""  # that found it, see `isomatch.matching.solve`
+    way: str = ""  # that found it, see `isomatch.matching.strategies`
 
     @property
     def outcome(self) -> Outcome:

@@ -10,8 +10,8 @@ from isomatch._core.arrays import BoolArray, FloatArray, IntArray
 from isomatch.correspondence import PrecisePoints, alignment_residual, signed_procrustes
 from isomatch.descriptors import BallSignature, deviation_of
 from isomatch.geodesics import distance_along_edges_to_nearest
-from isomatch.matching.pair import ShapePair
-from isomatch.matching.priors import Priors
+from isomatch.matching.problem import ShapePair
+from isomatch.matching.proposals.priors import Priors
 from isomatch.matching.result import Quality
 from isomatch.matching.selection import Selection
 from isomatch.settings import COVERAGE_RADIUS

@@ -17,10 +17,10 @@ from isomatch._core.stage_timer import StageTimer
 from isomatch._core.threads import parallel_map
 from isomatch.correspondence import Embedding, SpectralPair
 from isomatch.descriptors import deviation_of
-from isomatch.matching.evidence import Solution
-from isomatch.matching.fit import Fit
-from isomatch.matching.pair import ShapePair
-from isomatch.matching.priors import Priors
+from isomatch.matching.assessment.evidence import Solution
+from isomatch.matching.maps import Fit
+from isomatch.matching.problem import ShapePair
+from isomatch.matching.proposals.priors import Priors
 from isomatch.matching.selection import weighed
 from isomatch.shapes import PreparedShape
 

@@ -19,16 +19,14 @@ from isomatch._core.stage_timer import StageTimer
 from isomatch._core.threads import parallel_map, serial_blas
 from isomatch.correspondence import Correspondence, Embedding, PrecisePoints, SpectralPair
 from isomatch.geodesics import distance_along_edges_to_nearest
-from isomatch.matching.confidence import expected_errors
-from isomatch.matching.evidence import (
+from isomatch.matching.assessment.confidence import expected_errors
+from isomatch.matching.assessment.evidence import (
     Evidence,
     PartDoubt,
     Solution,
     part_contradicts,
 )
-from isomatch.matching.fit import Fit
-from isomatch.matching.pair import SmoothPair
-from isomatch.matching.quality import (
+from isomatch.matching.assessment.quality import (
     covered_share,
     descriptor_distance_of,
     distances_to_priors,
@@ -36,9 +34,10 @@ from isomatch.matching.quality import (
     image_positions,
     prior_errors,
 )
-from isomatch.matching.relations.isometry import Measured
-from isomatch.matching.relations.part_pair import PartPair
-from isomatch.matching.relations.part_registration import (
+from isomatch.matching.isometric.isometry import Measured
+from isomatch.matching.maps import Fit
+from isomatch.matching.partial.part_pair import PartPair
+from isomatch.matching.partial.part_registration import (
     ALL_FUNCTIONS,
     N_ROUGH_VERTICES,
     BentPart,
@@ -46,7 +45,10 @@ from isomatch.matching.relations.part_registration import (
     PartFits,
     WholeCoordinates,
 )
-from isomatch.matching.relations.part_starts import APART, PartStarts, self_maps
+from isomatch.matching.partial.part_starts import APART, PartStarts, self_maps
+from isomatch.matching.pipeline import Relation
+from isomatch.matching.problem import SmoothPair
+from isomatch.matching.proposals.starts import first_maps_handed_in, nearest_in_pose, searches_by_anchors
 from isomatch.matching.result import Alternative, Quality
 from isomatch.matching.selection import (
     LANDMARK_SLACK,
@@ -57,8 +59,6 @@ from isomatch.matching.selection import (
     nearest_to_priors,
     select,
 )
-from isomatch.matching.stages import Relation
-from isomatch.matching.starts import first_maps_handed_in, nearest_in_pose, searches_by_anchors
 from isomatch.matching.verify import verifier_of
 from isomatch.shapes import PreparedShape
 

@@ -11,17 +11,17 @@ import numpy as np
 from isomatch._core.arrays import FloatArray, IntArray
 from isomatch._core.threads import parallel_map
 from isomatch.correspondence import Alignment, closest_point_images, iterative_closest_points
-from isomatch.matching.fit import Candidate, Hypothesis
-from isomatch.matching.pair import ShapePair
-from isomatch.matching.priors import Priors
-from isomatch.matching.selection import distinct
-from isomatch.matching.stages import Start, first_maps_of, name_of
-from isomatch.matching.starts import (
+from isomatch.matching.maps import Candidate, Hypothesis
+from isomatch.matching.pipeline import Start, first_maps_of, name_of
+from isomatch.matching.problem import ShapePair
+from isomatch.matching.proposals.priors import Priors
+from isomatch.matching.proposals.starts import (
     default_starts,
     start_from_pairs,
     starts_from_anchors,
     starts_from_priors,
 )
+from isomatch.matching.selection import distinct
 from isomatch.shapes import Symmetry
 
 PRIOR_STEPS = 8  # of closest points from priors; most maps change little afterwards

@@ -20,9 +20,9 @@ from isomatch.correspondence import (
 )
 from isomatch.descriptors import BallSignature, ball_signature, deviation_of
 from isomatch.geodesics import MissingRegion, distance_engine
-from isomatch.matching.confidence import nearest_of
-from isomatch.matching.priors import NO_LANDMARKS
-from isomatch.matching.relations.part_pair import N_POSTS, areas_of_samples
+from isomatch.matching.assessment.confidence import nearest_of
+from isomatch.matching.partial.part_pair import N_POSTS, areas_of_samples
+from isomatch.matching.proposals.priors import NO_LANDMARKS
 from isomatch.matching.selection import distinct
 from isomatch.shapes import PreparedShape
 

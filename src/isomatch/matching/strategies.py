@@ -13,17 +13,17 @@ from isomatch._core.cached import cached_property
 from isomatch._core.errors import MeshError, NotConvergedError
 from isomatch._core.stage_timer import StageTimer
 from isomatch._core.threads import parallel_map
-from isomatch.matching.candidates import is_another
-from isomatch.matching.evidence import Evidence, Solution, fits_badly
-from isomatch.matching.fit import Hypothesis
-from isomatch.matching.pair import ShapePair, search_pairs
-from isomatch.matching.priors import Priors
-from isomatch.matching.relations.both_parts import BothParts
-from isomatch.matching.relations.elastic import FAR, FAR_KEPT, Elastic, far_from_isometric
-from isomatch.matching.relations.isometry import MOST_MIRRORED, IsometricMatch, Isometry
-from isomatch.matching.relations.part import Part, PartSide
+from isomatch.matching.assessment.evidence import Evidence, Solution, fits_badly
+from isomatch.matching.elastic.elastic import FAR, FAR_KEPT, Elastic, far_from_isometric
+from isomatch.matching.isometric.candidates import is_another
+from isomatch.matching.isometric.isometry import MOST_MIRRORED, IsometricMatch, Isometry
+from isomatch.matching.maps import Hypothesis
+from isomatch.matching.partial.both_parts import BothParts
+from isomatch.matching.partial.part import Part, PartSide
+from isomatch.matching.pipeline import Stages
+from isomatch.matching.problem import ShapePair, search_pairs
+from isomatch.matching.proposals.priors import Priors
 from isomatch.matching.result import Outcome
-from isomatch.matching.stages import Stages
 from isomatch.matching.verify import on_bodies, verifier_of
 from isomatch.settings import Config
 from isomatch.shapes import (

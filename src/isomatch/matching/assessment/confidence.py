@@ -14,7 +14,7 @@ from isomatch._core.errors import InputError
 from isomatch._core.threads import row_product
 from isomatch.correspondence import UNMATCHED, PrecisePoints
 from isomatch.geodesics import distance_along_edges_to_nearest
-from isomatch.matching.pair import ShapePair, SmoothPair
+from isomatch.matching.problem import ShapePair, SmoothPair
 from isomatch.shapes import PreparedShape, SmoothShape
 from isomatch.surfaces import linked
 

@@ -13,7 +13,7 @@ from isomatch._core.arrays import FloatArray, IntArray, array_of, numbers_of
 from isomatch._core.errors import DescriptorError, LandmarkError, MapError, some
 from isomatch.correspondence import UNMATCHED, Embedding
 from isomatch.geodesics import distance_along_edges_to_nearest
-from isomatch.matching.pair import ShapePair
+from isomatch.matching.problem import ShapePair
 from isomatch.shapes import PreparedShape
 from isomatch.surfaces import Surface
 

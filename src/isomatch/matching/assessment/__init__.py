@@ -1,0 +1,1 @@
+"""What is known of a found map: evidence, expected errors, quality, questions."""

@@ -1,0 +1,1 @@
+"""Two complete shapes whose limbs stretch."""

@@ -1,0 +1,1 @@
+"""Two complete shapes with the same distances: the isometric relation."""

@@ -1,0 +1,1 @@
+"""First maps: from priors, extremities, anchors, pose, flips and symmetries."""
