@@ -17,7 +17,7 @@ from isomatch import Mesh, PointCloud, prepare
 from isomatch._core.machine import kernels, processor, versions
 from isomatch._core.threads import n_threads
 from isomatch.datasets import example_pair, ground_truth
-from isomatch.matching import pair
+from isomatch.matching import problem
 from isomatch.visualization import draw_map
 from small_collections import copied, finished, in_threads, small  # noqa: F401 - fixtures
 
@@ -124,7 +124,7 @@ def prepared_once():
         return kept[key]
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(pair, "prepare", once)
+        patch.setattr(problem, "prepare", once)
         yield
 
 

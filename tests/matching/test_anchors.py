@@ -5,7 +5,8 @@ import pytest
 
 from isomatch import Config, Graph, Outcome, PointCloud, SettingError, match, prepare
 from isomatch.matching import prepare_pair
-from isomatch.matching.proposals.starts import slid, start_from_pairs, starts_from_anchors
+from isomatch.matching.proposals.anchors import slid, starts_from_anchors
+from isomatch.matching.proposals.priors import start_from_pairs
 from isomatch_lab.procedural import organ, organ_truth
 from isomatch_lab.sets import relabelled
 from shapes import box, cylinder, disguised, flat_grid, icosphere

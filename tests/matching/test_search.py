@@ -6,9 +6,12 @@ import pytest
 from isomatch.correspondence import iterative_closest_points
 from isomatch.datasets import ground_truth
 from isomatch.matching import Hypothesis, default_starts, prepare_pair
-from isomatch.matching.isometric.search import flips, search
+from isomatch.matching.isometric.search import search
 from isomatch.matching.problem import search_pairs
-from isomatch.matching.proposals.starts import start_from_pairs, starts_from_extremities, starts_from_poses
+from isomatch.matching.proposals.flips import flips
+from isomatch.matching.proposals.pose import starts_from_poses
+from isomatch.matching.proposals.priors import start_from_pairs
+from isomatch.matching.proposals.starts import starts_from_extremities
 from isomatch_lab.procedural import creature
 
 

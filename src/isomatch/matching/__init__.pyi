@@ -17,10 +17,10 @@ from isomatch.matching.maps import Candidate, Fit, Hypothesis
 from isomatch.matching.match import BothDirections, continue_with, match, match_both, stages_of
 from isomatch.matching.partial.both_parts import BothParts
 from isomatch.matching.partial.part import Part
-from isomatch.matching.pipeline import Joint, Refinement, Relation, Stages, Start
+from isomatch.matching.pipeline import Joint, Refinement, Relation, Stages
 from isomatch.matching.problem import ShapePair, prepare_pair
 from isomatch.matching.proposals.priors import Priors
-from isomatch.matching.proposals.starts import default_starts
+from isomatch.matching.proposals.starts import Start, default_starts
 from isomatch.matching.refinements import REFINEMENTS, check_refinement
 from isomatch.matching.result import Alternative, MatchResult, Outcome, Quality
 from isomatch.matching.strategies import WAYS

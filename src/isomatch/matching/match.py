@@ -22,7 +22,7 @@ from isomatch.matching.hard_landmarks import pinned
 from isomatch.matching.isometric.isometry import IsometricMatch
 from isomatch.matching.isometric.search import PRIOR_STEPS
 from isomatch.matching.maps import Hypothesis
-from isomatch.matching.pipeline import Refinement, Relation, Stages, Start, name_of
+from isomatch.matching.pipeline import Refinement, Relation, Stages
 from isomatch.matching.problem import ShapePair, prepare_pair
 from isomatch.matching.proposals.priors import (
     Priors,
@@ -31,6 +31,7 @@ from isomatch.matching.proposals.priors import (
     checked_landmarks,
     with_functions,
 )
+from isomatch.matching.proposals.starts import Start, name_of
 from isomatch.matching.refinements import REFINEMENTS
 from isomatch.matching.result import Alternative, MatchResult
 from isomatch.matching.strategies import AS_IT_IS, ELASTIC, Case, side_to_turn, solve, solved

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, Self, TypeAlias
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -20,12 +20,11 @@ from isomatch.descriptors import deviation_of
 from isomatch.matching.assessment.evidence import Solution
 from isomatch.matching.maps import Fit
 from isomatch.matching.problem import ShapePair
+from isomatch.matching.proposals.anchors import starts_from_anchors
 from isomatch.matching.proposals.priors import Priors
+from isomatch.matching.proposals.starts import Start, default_starts, first_maps_of, name_of
 from isomatch.matching.selection import weighed
 from isomatch.shapes import PreparedShape
-
-Start: TypeAlias = Callable[[ShapePair], Iterable[IntArray]]
-"""Makes first maps of a pair: arrays (q, 2) of vertices of both bodies that may correspond, a few or all."""
 
 
 class Refinement(ABC):
@@ -207,6 +206,23 @@ class Relation(ABC):
                 "hypotheses = 'given', but no landmarks, initial map or descriptors were given"
             )
 
+    @property
+    def searches_by_anchors(self) -> bool:
+        """Whether a part or an elastic map is searched by anchors: not if only other starts or priors lead to it."""
+        # landmarks lead through anchors, in any case but where a whole map is given and nothing else may win
+        starts, config, priors = self.stages.starts, self.pair.config, self.priors
+        only_given = config.hypotheses == "given"
+        if len(priors.landmarks) and not (
+            only_given and (not priors.only_landmarks or config.start == "pose")
+        ):
+            return True
+        return not only_given and (starts is None or starts_from_anchors in starts)
+
+    def first_maps_handed_in(self) -> list[tuple[IntArray, str]]:
+        """Collect the first maps (q, 2) of a user's starts, for a part or an elastic map; none if only priors may win."""
+        starts = () if self.pair.config.hypotheses == "given" else self.stages.starts or ()
+        return first_maps_of([start for start in starts if start not in default_starts], self.pair)
+
     def origin_of(self, winner: Fit) -> str:
         """Where a map came from: the initial map, if it agrees with that."""
         agrees = winner.prior_error <= self.pair.config.outcome.contradiction
@@ -317,30 +333,3 @@ class Stages:
             object.__setattr__(self, "starts", tuple(self.starts))
             if not all(map(callable, self.starts)):
                 raise SettingError("starts hold something that cannot be called with a pair of shapes")
-
-
-def name_of(start: Start) -> str:
-    """Name of a start: that of the function, without "starts_from_", or of the class."""
-    return str(getattr(start, "__name__", type(start).__name__)).removeprefix("starts_from_")
-
-
-def first_maps_of(starts: Iterable[Start], pair: ShapePair) -> list[tuple[IntArray, str]]:
-    """Collect the first maps (q, 2) of some starts, checked, with the name of each start."""
-    first_maps = []
-    sizes = pair.source.body.n_vertices, pair.target.body.n_vertices
-    for start in starts:
-        maps = start(pair)
-        if maps is None or (isinstance(maps, np.ndarray) and maps.ndim < 3):
-            what = "None" if maps is None else f"one array of shape {maps.shape}"
-            raise SettingError(
-                f"the start {name_of(start)} gave {what}; expected a list of first maps, which may be empty"
-            )
-        for pairs in map(np.asarray, maps):
-            fits = pairs.ndim == 2 and pairs.shape[1] == 2 and pairs.dtype.kind in "iu" and len(pairs) >= 3
-            if not fits or (pairs < 0).any() or (pairs >= sizes).any():
-                raise SettingError(
-                    f"the start {name_of(start)} gave an array of shape {pairs.shape} and type {pairs.dtype}; expected "
-                    f"at least three rows (source vertex, target vertex) of bodies of {sizes[0]} and {sizes[1]} vertices"
-                )
-            first_maps.append((pairs, name_of(start)))
-    return first_maps

@@ -36,7 +36,7 @@ from isomatch.matching.isometric.isometry import Measured
 from isomatch.matching.maps import Fit
 from isomatch.matching.pipeline import Relation
 from isomatch.matching.problem import search_pairs
-from isomatch.matching.proposals.starts import first_maps_handed_in, searches_by_anchors, starts_from_priors
+from isomatch.matching.proposals.priors import starts_from_priors
 from isomatch.matching.result import Quality
 from isomatch.matching.selection import LANDMARK_SLACK, Rules, Selection, distances_between, distinct, select
 from isomatch.matching.verify import Verification, verifier_of
@@ -206,7 +206,7 @@ class Elastic(Relation):
         """First maps (q, 2), and where each comes from; those of an ordinary map have made use of priors before."""
         pair, landmarks = self.pair, self.priors.landmarks
         first_maps: list[tuple[IntArray, str]] = []
-        if searches_by_anchors(self):
+        if self.searches_by_anchors:
             source, target = self._shapes
             back = anchor_starts(pair.turned, landmarks[:, ::-1], (target, source))
             pairs = [*anchor_starts(pair, landmarks, (source, target)), *(start[:, ::-1] for start in back)]
@@ -216,7 +216,7 @@ class Elastic(Relation):
         else:
             from_priors = starts_from_priors(pair, self.priors)
             first_maps += [(search_pairs(pair, rows), origin) for rows, origin in from_priors]
-        return [*first_maps, *self.others, *first_maps_handed_in(self)]
+        return [*first_maps, *self.others, *self.first_maps_handed_in()]
 
     @cached_property
     def _shapes(self) -> tuple[ElasticShape, ElasticShape]:

@@ -14,8 +14,8 @@ from isomatch.matching.isometric.search import hypotheses_from_priors, search
 from isomatch.matching.maps import Candidate, Fit, Hypothesis
 from isomatch.matching.pipeline import Relation
 from isomatch.matching.problem import ShapePair
-from isomatch.matching.proposals.priors import Priors
-from isomatch.matching.proposals.starts import start_from_pairs, starts_from_pose
+from isomatch.matching.proposals.pose import starts_from_pose
+from isomatch.matching.proposals.priors import Priors, start_from_pairs
 from isomatch.matching.selection import Selection, ranked
 from isomatch.settings import Orientation
 from isomatch.shapes import CURVATURE_WEIGHT, orientation_of

@@ -39,17 +39,13 @@ from isomatch.matching.isometric.candidates import (
     is_sure,
     residual_of,
 )
-from isomatch.matching.isometric.search import (
-    composed,
-    distinct_maps,
-    hypotheses_from_priors,
-    search,
-    symmetric_variants,
-)
+from isomatch.matching.isometric.search import hypotheses_from_priors, search
 from isomatch.matching.maps import Candidate, Fit, Hypothesis
 from isomatch.matching.pipeline import Relation
 from isomatch.matching.problem import ShapePair, SmoothPair
+from isomatch.matching.proposals.flips import distinct_maps
 from isomatch.matching.proposals.priors import Priors
+from isomatch.matching.proposals.symmetries import near_symmetric_variants, symmetric_variants
 from isomatch.matching.result import Alternative, Outcome, Quality
 from isomatch.matching.selection import (
     ENERGY_NOISE,
@@ -488,7 +484,7 @@ class Isometry(Relation):
         image, bounds = map_.points.corners[pair.source_vertices, 0], config.outcome
         rows = self.target.distances.between(pair.target_vertices, image).argmin(axis=0)
         residual = residual_of(pair, pair.source_vertices, image, config.search.start_columns)
-        variants = composed(pair, rows, bounds.tie * residual)
+        variants = near_symmetric_variants(pair, rows, bounds.tie * residual)
         itself = Hypothesis(Alignment(rows, np.eye(1), 0.0), map_.origin)
         own, *others = Screening(pair, self.priors)([itself, *variants])
         limit = config.selection.energy_limit * max(own.energy, ENERGY_NOISE)

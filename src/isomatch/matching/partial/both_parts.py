@@ -21,23 +21,12 @@ from isomatch.matching.assessment.evidence import CommonDoubt, Solution
 from isomatch.matching.assessment.quality import descriptor_distance_of
 from isomatch.matching.maps import Fit
 from isomatch.matching.partial.both_seeds import NEXT_ANCHORS, CommonRegion, CommonRegions, two_sides
-from isomatch.matching.partial.part import (
-    Part,
-    contradiction,
-    expected_errors_of_part,
-    filled,
-    measured_part,
-)
-from isomatch.matching.partial.part_registration import (
-    N_ROUGH_VERTICES,
-    BentPart,
-    PartFit,
-    WholeCoordinates,
-)
+from isomatch.matching.partial.part import Part, contradiction, expected_errors_of_part, filled, measured_part
+from isomatch.matching.partial.part_registration import N_ROUGH_VERTICES, BentPart, PartFit, WholeCoordinates
 from isomatch.matching.pipeline import Relation
 from isomatch.matching.problem import ShapePair
+from isomatch.matching.proposals.pose import nearest_in_pose
 from isomatch.matching.proposals.priors import NO_LANDMARKS, Priors
-from isomatch.matching.proposals.starts import first_maps_handed_in, nearest_in_pose, searches_by_anchors
 from isomatch.matching.result import Alternative
 from isomatch.matching.verify import largest_piece
 from isomatch.settings import Config
@@ -129,13 +118,13 @@ class BothParts(Relation):
     def _first_regions(self) -> list[CommonRegion]:
         """Regions grown from seeds, those of given maps, and those of starts handed in."""
         pairs, count = self.priors.initial_pairs, self.pair.config.parts.n_common
-        regions = self._regions.best(count) if searches_by_anchors(self) else []
+        regions = self._regions.best(count) if self.searches_by_anchors else []
         first_maps = [(pairs, "initial map")] if len(pairs) else []
         if self.pair.config.start == "pose":
             everything = np.arange(self.source.body.n_vertices)
             images = nearest_in_pose(self.pair.source, self.pair.target, everything)
             first_maps.append((np.column_stack([everything, images]), "pose"))
-        for pairs, origin in (*first_maps, *first_maps_handed_in(self)):
+        for pairs, origin in (*first_maps, *self.first_maps_handed_in()):
             image, gap = filled(self.source, pairs)
             near = self._regions.source.unit * gap <= AROUND
             regions.append(self._regions.around(image, near, origin))

@@ -20,12 +20,7 @@ from isomatch._core.threads import parallel_map, serial_blas
 from isomatch.correspondence import Correspondence, Embedding, PrecisePoints, SpectralPair
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching.assessment.confidence import expected_errors
-from isomatch.matching.assessment.evidence import (
-    Evidence,
-    PartDoubt,
-    Solution,
-    part_contradicts,
-)
+from isomatch.matching.assessment.evidence import Evidence, PartDoubt, Solution, part_contradicts
 from isomatch.matching.assessment.quality import (
     covered_share,
     descriptor_distance_of,
@@ -48,7 +43,7 @@ from isomatch.matching.partial.part_registration import (
 from isomatch.matching.partial.part_starts import APART, PartStarts, self_maps
 from isomatch.matching.pipeline import Relation
 from isomatch.matching.problem import SmoothPair
-from isomatch.matching.proposals.starts import first_maps_handed_in, nearest_in_pose, searches_by_anchors
+from isomatch.matching.proposals.pose import nearest_in_pose
 from isomatch.matching.result import Alternative, Quality
 from isomatch.matching.selection import (
     LANDMARK_SLACK,
@@ -167,7 +162,7 @@ class Part(Relation):
         timer.start("search")
         config, settings, fits_of = self.pair.config, self.pair.config.parts, self.fits
         first_maps = self._first_maps()
-        only_given = config.hypotheses == "given" and not searches_by_anchors(self)
+        only_given = config.hypotheses == "given" and not self.searches_by_anchors
         rough = [] if only_given else self._rough_fits(first_maps)
         kept = self._distinct(rough, N_CONTENDERS)
         hopeful = [fit for fit in kept if fit.promise <= settings.hopeless * kept[0].promise]
@@ -244,7 +239,7 @@ class Part(Relation):
     @cached_property
     def _anchored(self) -> list[PartFit | None]:
         """The starts of the part's own search, refined roughly; None for mirror images."""
-        if not searches_by_anchors(self):
+        if not self.searches_by_anchors:
             return []
         signatures = self.fits.coordinates.signatures
         return parallel_map(self.fits.rough, PartStarts(self.fits.pair, signatures, self._onto_itself)())
@@ -257,7 +252,7 @@ class Part(Relation):
         if self._with_priors_image is not None:
             origin = "initial map" if len(self.priors.initial_pairs) else "pose"
             images.append((self._with_priors_image, origin))
-        handed_in = first_maps_handed_in(self)
+        handed_in = self.first_maps_handed_in()
         images += [(filled(self.source, self._towards_whole(pairs))[0], name) for pairs, name in handed_in]
         rough = self.source.sample_vertices[:N_ROUGH_VERTICES]
         return [(self.fits.pair.in_unit_of(image), image[rough], origin) for image, origin in images]

@@ -13,10 +13,10 @@ from isomatch._core.cached import cached_method
 from isomatch._core.threads import parallel_map
 from isomatch.correspondence import Alignment, Intervals, assign_points, grow_regions, pin_first, trilaterate
 from isomatch.descriptors import BallSignature, deviation_of
-from isomatch.matching.isometric.search import flips
 from isomatch.matching.maps import Hypothesis
 from isomatch.matching.partial.part_pair import PartPair, WholeSignatures, areas_of_samples
 from isomatch.matching.problem import ShapePair
+from isomatch.matching.proposals.flips import flips
 from isomatch.matching.selection import distinct
 from isomatch.settings import Config
 from isomatch.shapes import SAME_SYMMETRY, PreparedShape

@@ -2,18 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.spatial import cKDTree
 
 from isomatch._core.arrays import FloatArray, IntArray, array_of, numbers_of
-from isomatch._core.errors import DescriptorError, LandmarkError, MapError, some
-from isomatch.correspondence import UNMATCHED, Embedding
+from isomatch._core.errors import (
+    DescriptorError,
+    LandmarkError,
+    MapError,
+    some,
+)
+from isomatch._core.threads import parallel_map
+from isomatch.correspondence import (
+    UNMATCHED,
+    Embedding,
+    alignment_from_functions,
+    alignments_from_points,
+    nearest_under_rotation,
+)
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching.problem import ShapePair
+from isomatch.matching.proposals.pose import starts_from_pose
 from isomatch.shapes import PreparedShape
 from isomatch.surfaces import Surface
 
@@ -228,3 +242,58 @@ def _filled(values: FloatArray, surface: Surface) -> FloatArray:
             column[unknown & ~reached] = 0.0
             column[unknown & reached] = column[nearest[unknown & reached]]
     return filled
+
+
+def starts_from_priors(pair: ShapePair, priors: Priors) -> Iterator[tuple[IntArray, str]]:
+    """First maps from what the user knows: target rows (m_s,) of the search vertices, and where each comes from."""
+    settings = pair.config.search
+    if len(priors.landmarks):
+        for penalty in settings.off_diagonal:
+            yield first_maps_from_points(pair, priors.landmarks[None], penalty)[0], "landmarks"
+    if len(priors.initial_pairs):
+        yield start_from_pairs(pair, priors.initial_pairs), "initial map"
+    if priors.functions[0].shape[1]:
+        yield start_from_functions(pair, *priors.functions), "descriptors"
+    if pair.config.start == "pose":
+        for start in starts_from_pose(pair):
+            yield start, "pose"
+
+
+def start_from_pairs(pair: ShapePair, pairs: IntArray) -> IntArray:
+    """First map from a map that is known at some vertices, pairs (q, 2): target rows (m_s,) of the search vertices."""
+    # search vertices without an image take that of the one that has an image and is nearest in descriptors; and an
+    # image between the target's search vertices goes to the nearest of them
+    source, target = pair.search_points
+    image, row = np.full(pair.source.body.n_vertices, -1), np.full(pair.target.body.n_vertices, -1)
+    image[pairs[::-1, 0]] = pairs[::-1, 1]  # of vertices that were welded, the first counts
+    row[pair.target_vertices] = np.arange(len(pair.target_vertices))
+    target_vertex = image[pair.source_vertices]
+    held = np.flatnonzero(target_vertex >= 0)
+    if len(held) == len(target_vertex) and (row[target_vertex] >= 0).all():
+        return np.asarray(row[target_vertex])
+    if len(held) < FEWEST_POINTS:  # the nearest known vertices stand in
+        held = np.arange(len(target_vertex))
+        points = pair.source.points.at(pairs[:, 0], len(source.signs)).coordinates
+        target_vertex = pairs[cKDTree(points).query(source.coordinates)[1], 1]
+    stand_in = held[cKDTree(source.coordinates[held]).query(source.coordinates)[1]]
+    images = pair.target.points.at(target_vertex[stand_in], len(target.signs)).coordinates
+    return np.asarray(cKDTree(target.coordinates).query(images)[1], dtype=np.int64)
+
+
+def start_from_functions(pair: ShapePair, of_source: FloatArray, of_target: FloatArray) -> IntArray:
+    """First map from functions on the bodies that should correspond, (n_s, q) and (n_t, q)."""
+    settings = pair.config.search
+    weights = pair.source.body.vertex_areas, pair.target.body.vertex_areas
+    sides = pair.source.points, pair.target.points, of_source, of_target, *weights
+    rotation = alignment_from_functions(
+        *sides, n_columns=settings.start_columns, off_diagonal=settings.off_diagonal[0], ridge=settings.ridge
+    )
+    return nearest_under_rotation(*pair.search_points, rotation)
+
+
+def first_maps_from_points(pair: ShapePair, points: IntArray, off_diagonal: float) -> list[IntArray]:
+    """First maps from corresponding vertices (h, m, 2), source and target."""
+    settings = pair.config.search
+    sides = pair.source.points, pair.target.points, points[..., 0], points[..., 1]
+    rotations = alignments_from_points(*sides, settings.start_columns, off_diagonal, settings.ridge)
+    return parallel_map(lambda rotation: nearest_under_rotation(*pair.search_points, rotation), rotations)

@@ -1,0 +1,64 @@
+"""First maps from points far from each other, for shapes without limbs."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from isomatch._core.arrays import IntArray
+from isomatch._core.threads import parallel_map
+from isomatch.correspondence import (
+    Intervals,
+    assign_points,
+    nearest_rows,
+)
+from isomatch.matching.problem import ShapePair, search_pairs
+from isomatch.shapes import EXACTLY, farthest_rows
+
+N_ANCHORS = 6  # three points determine an isometry, three more its errors
+N_CANDIDATES = 200  # search vertices of the target among which their images are sought; as for symmetries
+SIGNATURE_WEIGHT = 0.25  # docs/lab/robustness.md, shapes without limbs
+BEAM = 200  # partial assignments that are kept; chosen, not measured
+# mean distance by which these differ, in average distances; chosen: 0.1 with 80 starts is no better
+APART = 0.15
+N_STARTS = 48  # best assignments that become first maps; chosen: of the most that extremities give
+SLIDE_FUNCTIONS = 20  # functions by which signatures move a first map; the first before a candidate is made
+SLIDE_STEPS = 10  # docs/lab/robustness.md, shapes without limbs
+
+
+def starts_from_anchors(pair: ShapePair) -> list[IntArray]:
+    """First maps of a pair of which a shape has no limbs: from points far from each other."""
+    # Assign anchors a_1 … a_6, one after the other, to points b_1 … b_6 of the target by a beam search. The cost is that
+    # of violated distances d(b_p, b_q) = d(a_p, a_q), see `IntervalCost`, plus for each point p
+    #   w_e |ē(a_p) − ē(b_p)| + w_σ ‖σ(a_p) − σ(b_p)‖,   ē the mean of d (eccentricity), σ the signatures,
+    # d over the average distance. All other vertices go where their distances to the anchors fit best; then it is slid.
+    if not pair.limbless:
+        return []
+    source, target = pair.source, pair.target
+    here = source.distances_between(pair.source_vertices) / source.intrinsic_scale
+    there = target.distances_between(pair.target_vertices) / target.intrinsic_scale
+    signatures = pair.search_signatures
+    n = N_CANDIDATES
+    anchors = farthest_rows(here[:n, :n], N_ANCHORS)
+    exact, among = here[np.ix_(anchors, anchors)], there[:n, :n]
+    sides = Intervals(exact, exact), Intervals(among, among)
+    remoteness = np.abs(there.mean(axis=1)[:n] - here.mean(axis=1)[anchors, None])
+    unlike = np.linalg.norm(signatures.target[:n] - signatures.source[anchors, None], axis=2)
+    unary = pair.config.search.eccentricity_weight * remoteness + SIGNATURE_WEIGHT * unlike
+    assigned, _ = assign_points(*sides, unary, EXACTLY, BEAM, APART)
+    starts = [nearest_rows(there[:, images], here[:, anchors]) for images in assigned[:N_STARTS]]
+    return [search_pairs(pair, start) for start in parallel_map(lambda start: slid(pair, start), starts)]
+
+
+def slid(pair: ShapePair, target_row: IntArray) -> IntArray:
+    """Let the signatures move a map (m_s,) of the search vertices."""
+    # Of a round shape, many maps keep distances, and iterative closest points stop at any of them. Few functions leave
+    # a map free to move along these directions: images are nearest neighbours in (Φ_t Fᵀ / √k, σ_t) of (Φ_s / √k, σ_s).
+    spectra, signatures = pair.search_spectra, pair.search_signatures
+    k = min(SLIDE_FUNCTIONS, pair.n_functions)
+    for _ in range(SLIDE_STEPS):
+        carried = spectra.target[:, :k] @ spectra.functional_map(target_row, k).T
+        target_row = nearest_rows(
+            np.hstack([carried / np.sqrt(k), signatures.target]),
+            np.hstack([spectra.source.at_samples[:, :k] / np.sqrt(k), signatures.source]),
+        )
+    return target_row

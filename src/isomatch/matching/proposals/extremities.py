@@ -1,0 +1,57 @@
+"""Assignments of the extremities of two shapes to one another."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from functools import lru_cache
+from itertools import permutations
+
+import numpy as np
+
+from isomatch._core.arrays import IntArray
+from isomatch.settings import SearchSettings
+from isomatch.shapes import PreparedShape
+
+
+def extremity_assignments(
+    source: PreparedShape, target: PreparedShape, settings: SearchSettings
+) -> list[IntArray]:
+    """Assign extremal points so that their distances agree: (count, 2) source and target vertices, the best first."""
+    # the best of every count of points and both directions, repetitions removed
+    assignments: dict[tuple[tuple[int, int], ...], None] = {}
+    for count in settings.extremity_counts:
+        for forward in (True, False):
+            a, b = (source, target) if forward else (target, source)
+            for few, among in _consistent_assignments(a, b, count, settings):
+                pairs = zip(few, among) if forward else zip(among, few)
+                assignments.setdefault(tuple(sorted((int(i), int(j)) for i, j in pairs)))
+    return [np.array(pairs) for pairs in assignments]
+
+
+def _consistent_assignments(
+    a: PreparedShape, b: PreparedShape, count: int, settings: SearchSettings
+) -> Iterable[tuple[IntArray, IntArray]]:
+    """Extremities of a, the most remote first, and those of b that they are assigned to."""
+    few, among = a.extremities[:count], b.extremities[: settings.n_candidate_extremities]
+    if len(few) < count or len(among) < count:
+        return []
+    # All injective σ from the m points a_i of one shape to the n points b of the other, of which the least
+    #   Σ_{i≠j} |d_a(a_i, a_j) − d_b(b_σi, b_σj)| / m² + w Σ_i |ē_a(a_i) − ē_b(b_σi)| / m
+    # are kept: d over the average distance, ē the average distance of a point over that of all.
+    choices = _choices(len(among), count)
+    d_few = a.extremity_columns[:count][:, few] / a.intrinsic_scale
+    d_among = b.extremity_columns[: len(among)][:, among] / b.intrinsic_scale
+    remote_few = a.average_distance[few] / a.intrinsic_scale
+    remote_among = b.average_distance[among] / b.intrinsic_scale
+    remoteness = np.abs(remote_few[:, None] - remote_among)
+    cost = settings.eccentricity_weight / count * sum(each[c] for each, c in zip(remoteness, choices))
+    for i, j in permutations(range(count), 2):
+        cost += np.abs(d_few[i, j] - d_among)[choices[i], choices[j]] / count**2
+    best = np.argsort(cost, kind="stable")[: settings.assignments]
+    return [(few, among[choices[:, c]]) for c in best]
+
+
+@lru_cache
+def _choices(n: int, count: int) -> IntArray:
+    """Every choice of some of n in order, (count, c)."""
+    return np.array(list(permutations(range(n), count))).T.copy()
