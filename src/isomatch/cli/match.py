@@ -259,14 +259,13 @@ def demo(*, output: Output = Path("demo"), details: Details = False, talk: Talk 
         pairs = np.column_stack([np.arange(len(truth)), truth])
         errors = evaluation.geodesic_errors(target.mesh, result.map, pairs, N_JUDGED)
         tell("writing", 0.7)
-        for path, mesh in zip(ends, shapes):
-            isomatch.write_mesh(path, mesh)
         facts = {"error, mean": f"{errors.mean():.2%} of √(target area), against the ground truth"}
         inputs = Inputs(*ends, match_again(*ends, output=output), facts=facts)
         here, there = (f"{mesh.n_vertices} vertices" for mesh in shapes)
         titles = f"source, {here}, coloured by their images", f"target, {there}"
         more = {"mean_error_over_sqrt_target_area": float(errors.mean())}
-        record = folder.write(shapes, result, inputs, titles=titles, more=more)
+        meshes = {path.name: mesh for path, mesh in zip(ends, shapes)}
+        record = folder.write(shapes, result, inputs, titles=titles, more=more, meshes=meshes)
 
     def summary() -> None:
         say_result(result, details)

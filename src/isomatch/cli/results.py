@@ -114,9 +114,10 @@ class ResultFolder:
         titles: tuple[str, str] | None = None,
         more: Mapping[str, Any] | None = None,
         back: Back | None = None,
+        meshes: Mapping[str, isomatch.Mesh] | None = None,
     ) -> dict[str, Any]:
         """Write all files, which replace earlier ones at once when they are complete; return the contents of the last."""
-        # titles are below the shapes of the picture; what cannot be drawn is left out, and named under "undrawn"
+        # titles are below the shapes of the picture; meshes are written beside the map, by file name; what cannot be drawn is left out, and named under "undrawn"
         drawn = visualization.drawable(surfaces[0]), visualization.drawable(surfaces[1])
         own = replace(self, both=back is not None)
         others = dict(zip(self.alternatives, result.alternatives))
@@ -135,6 +136,8 @@ class ResultFolder:
             files = {what: str(folder / Path(path).name) for what, path in own.files.items()}
             replace(result, alternatives=()).save(files["map"])
             result.map.save(files["text"])
+            for name, mesh in (meshes or {}).items():
+                isomatch.write_mesh(folder / name, mesh)
             for path, other in others.items():
                 other.map.save(folder / path.name)
             picture, undrawn = files["picture"], list[str]()
