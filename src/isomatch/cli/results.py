@@ -117,7 +117,8 @@ class ResultFolder:
         meshes: Mapping[str, isomatch.Mesh] | None = None,
     ) -> dict[str, Any]:
         """Write all files, which replace earlier ones at once when they are complete; return the contents of the last."""
-        # titles are below the shapes of the picture; meshes are written beside the map, by file name; what cannot be drawn is left out, and named under "undrawn"
+        # titles are below the shapes of the picture; what cannot be drawn is left out, and named under "undrawn";
+        # meshes, by file name, are written beside the map
         drawn = visualization.drawable(surfaces[0]), visualization.drawable(surfaces[1])
         own = replace(self, both=back is not None)
         others = dict(zip(self.alternatives, result.alternatives))
