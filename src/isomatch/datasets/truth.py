@@ -8,8 +8,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from isomatch._core.arrays import FloatArray, IntArray
-from isomatch.landmarks import nearest_on_surface
-from isomatch.surfaces import Mesh
+from isomatch.surfaces import Mesh, nearest_on_surface
 
 
 @dataclass(frozen=True, eq=False)
