@@ -96,7 +96,7 @@ class ResultFolder:
 
     @contextmanager
     def claimed(self, force: bool) -> Iterator[None]:
-        """Create the folder and claim its files (`storage.files.claimed`); an earlier result has to be forced."""
+        """Create the folder and claim its files (`_core.files.claimed`); an earlier result has to be forced."""
         new = [] if force else [*map(Path, self.files.values()), *self.alternatives]
         with made_folder(self.folder), claimed(self.result, new):
             yield
