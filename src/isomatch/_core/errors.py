@@ -191,15 +191,7 @@ class NotConvergedError(IsomatchError):
 
 
 def some(indices: Iterable[int], limit: int = 5) -> str:
-    """Write at most ``limit`` indices and the total count, for error messages.
-
-    Examples
-    --------
-    >>> some(range(8))
-    '0, 1, 2, 3, 4, … (8 in all)'
-    >>> some([4, 2])
-    '4, 2'
-    """
+    """Write at most ``limit`` indices, and of more the count: 0, 1, 2, 3, 4, … (8 in all)."""
     shown = [int(i) for i in indices]
     head = ", ".join(str(i) for i in shown[:limit])
     return head if len(shown) <= limit else f"{head}, … ({len(shown)} in all)"
