@@ -25,10 +25,10 @@ Rows = list[tuple[int, list[str]]]
 _FORMULA = re.compile(r"'*[=+\-@\t\r]")  # how a formula of a spreadsheet begins, also when it is escaped
 
 
-def text_lines(path: Path, comment: str = r"(?:^|(?<=\s))#") -> Iterator[tuple[int, str]]:
-    """Read the lines of a text with their numbers from 1, without what follows a ``comment``, and without blanks."""
+def text_lines(path: Path) -> Iterator[tuple[int, str]]:
+    """Read the lines of a text with their numbers from 1, without outer blanks and what follows a # before a word."""
     for number, line in enumerate(StringIO(read_text(path), newline=None), start=1):
-        text = re.split(comment, line, maxsplit=1)[0].strip()
+        text = re.split(r"(?:^|(?<=\s))#", line, maxsplit=1)[0].strip()
         if text:
             yield number, text
 

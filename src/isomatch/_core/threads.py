@@ -130,10 +130,7 @@ def tell(listener: Callable[..., Any], *values: Any) -> None:
 
 
 def parallel_rows(function: Callable[[int], None], count: int) -> None:
-    """Call a function with each row number below ``count``; of T threads, thread t takes rows t, t + T, t + 2 T, ….
-
-    For many short calls, each of which writes to arrays of its own row.
-    """
+    """Call a function with each row number below ``count``, for many short calls: one thread takes every T-th row."""
     threads = max(1, min(n_threads(), count))
 
     def rows(first: int) -> None:
@@ -144,12 +141,9 @@ def parallel_rows(function: Callable[[int], None], count: int) -> None:
 
 
 def parallel_map(function: Callable[[T], R], items: Iterable[T]) -> list[R]:
-    """Apply a function to every item, on several threads, and return the results in the order of the items.
-
-    The function should release the interpreter lock. Items must not share anything that is written, so that the
-    results do not depend on the number of threads. A call from within an item runs in the thread of that item. An
-    error of an item is that of the first one that fails. An interruption goes through at once.
-    """
+    """Apply a function to every item, on several threads, and return the results in the order of the items."""
+    # The function should release the interpreter lock. Items must not share anything that is written, so that the
+    # results do not depend on the number of threads. A call from within an item runs in the thread of that item.
     todo = list(items)
     workers = min(n_threads(), len(todo))
     if workers <= 1 or getattr(_inside, "item", False):
