@@ -15,7 +15,7 @@ WORKERS := -n auto --dist loadfile --no-loadscope-reorder  # a worker for each p
 
 unexport PYTHONDONTWRITEBYTECODE # or each of the processes that tests start compiles every module again
 
-.PHONY: demo docs told extras test test-kernel test-long fuzz coverage lint types benchmark results lock lowest release release-check clean
+.PHONY: demo docs extras test test-kernel test-long fuzz coverage lint types benchmark results lock lowest release release-check clean
 
 # with pip if uv fails
 $(BIN)/python: | $(UV)
@@ -49,10 +49,7 @@ docs: $(DOCS)/bin/sphinx-build
 extras:  # zips for Blender and 3D Slicer
 	$(PYTHON) extras/zipped.py dist/extras
 
-told:
-	@echo 'tests: about 4 minutes on two cores; `make test-long` runs the others, half an hour or more'
-
-test: told $(VENV)/dev lint  # types are checked beside the tests and told in the end; no two workers compile the same loops
+test: $(VENV)/dev lint  # types are checked beside the tests and told in the end; no two workers compile the same loops
 	$(BIN)/mypy >$(VENV)/types 2>&1 & checked=$$!; \
 	$(ONE_THREAD) $(BIN)/python -m isomatch.warm; \
 	$(ONE_THREAD) $(BIN)/python -m pytest $(WORKERS); tested=$$?; \

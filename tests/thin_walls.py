@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from skimage.measure import marching_cubes
 
 from isomatch import Correspondence, Mesh
-from isomatch.datasets.truth import closest_points
+from isomatch.datasets import closest_points
 
 THICKNESS = 0.07  # of walls; capsule and tube are about 1 long
 WINDOWS = np.array([[1.0, 0.2, 0.1], [-0.4, 1.0, 0.5], [-0.5, -0.8, -0.4], [0.3, -0.3, 1.0]])  # directions

@@ -15,10 +15,8 @@ CLEARED = b"\r\x1b[2K\x1b[?25h"  # ends the line of a progress bar, which hides 
 
 
 def program() -> None:
-    """Run one command and exit with its code; a signal ends the process at once and leaves nothing unfinished.
-
-    The command runs on another thread, so that a signal is handled even while a compiled loop runs.
-    """
+    """Run one command and exit with its code; a signal ends the process at once and leaves nothing unfinished."""
+    # the command runs on another thread, so that a signal is handled even while a compiled loop runs
     for name in SIGNALS:
         number = getattr(signal, name, None)
         if number is not None and signal.getsignal(number) is not signal.SIG_IGN:  # as nohup sets it

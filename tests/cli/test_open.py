@@ -40,7 +40,7 @@ def served(monkeypatch):
             kept.append((keeper, options))
             super().__init__(surfaces, page, keeper, **options)
 
-    monkeypatch.setattr(sys.modules["isomatch.cli.open"], "Session", Recorded)
+    monkeypatch.setattr(sys.modules["isomatch.cli.open_command"], "Session", Recorded)
     monkeypatch.setattr(server.PageServer, "run", lambda server: server._socket.close())
     monkeypatch.setattr("webbrowser.open", lambda address: None)
     return kept

@@ -11,7 +11,7 @@ import pytest
 
 from isomatch import write_mesh
 from isomatch._core.errors import InputError, MemoryBudgetError, UnwritableFileError
-from isomatch._core.workers import worker_processes
+from isomatch._core.processes import worker_processes
 from isomatch.cli.collect import collect
 from isomatch.collections import Collection, PairMaps, Rows, agree, agreement_of
 from isomatch.collections import agreement as agreement_module

@@ -23,7 +23,8 @@ from isomatch.collections import (
 from isomatch.collections.ledger import writing_ledger
 from isomatch.collections.map_file import digest_of
 from isomatch.io import Frame
-from isomatch.landmarks import Curve, nearest_on_surface
+from isomatch.landmarks import Curve
+from isomatch.surfaces import nearest_on_surface
 from isomatch.visualization import camera_of
 from small_collections import run
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from isomatch import InputError, MissingDependencyError
-from isomatch._core.workers import worker_processes
+from isomatch._core.processes import worker_processes
 from isomatch.collections.workers import Task, workers_of
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")

@@ -5,7 +5,7 @@ import pytest
 
 from isomatch import Mesh
 from isomatch._core.errors import SettingError
-from isomatch.datasets.truth import closest_points
+from isomatch.datasets import closest_points
 from isomatch_lab.procedural.organs import PLANS, SIGNS, organ, organ_truth
 from isomatch_lab.sets import benchmark_set
 

@@ -19,7 +19,8 @@ from isomatch import (
     write_landmarks,
 )
 from isomatch.io import Frame
-from isomatch.landmarks import Curve, drawn_curve, equally_spaced, nearest_on_surface, write_specimens
+from isomatch.landmarks import Curve, drawn_curve, equally_spaced, write_specimens
+from isomatch.surfaces import nearest_on_surface
 from shapes import box, flat_grid, icosphere
 
 SPHERE = icosphere(3)

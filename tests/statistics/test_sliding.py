@@ -7,9 +7,10 @@ from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
 from isomatch import LandmarkError, MemoryBudgetError
-from isomatch.landmarks import Curve, nearest_on_surface, spread_on_surface
+from isomatch.landmarks import Curve, spread_on_surface
 from isomatch.statistics import slid_semilandmarks, sliding
 from isomatch.statistics.sliding import BendingEnergy
+from isomatch.surfaces import nearest_on_surface
 from shapes import icosphere
 
 CURVE, PATCH = Curve("rim", (4, 5, 6, 7, 8)), range(9, 60)

@@ -16,7 +16,8 @@ from isomatch import (
 )
 from isomatch.datasets import example_pair
 from isomatch.io import Polygons
-from isomatch.landmarks import Curve, nearest_on_surface
+from isomatch.landmarks import Curve
+from isomatch.surfaces import nearest_on_surface
 from shapes import cylinder, flat_grid, icosphere, planar_delaunay
 
 pytestmark = pytest.mark.usefixtures("prepared_once")

@@ -5,7 +5,7 @@ import pytest
 
 from data import real_file
 from isomatch import Landmarks, Mesh, carry_landmarks, geodesic_distances, match, median_landmarks
-from isomatch.landmarks import nearest_on_surface
+from isomatch.surfaces import nearest_on_surface
 
 pytestmark = pytest.mark.long
 TEMPLATES, BODIES = (0, 11, 22), (3, 15, 18, 24, 27, 30, 34, 39, 41, 46)

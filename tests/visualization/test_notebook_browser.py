@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from isomatch import Mesh
-from isomatch.visualization.page import text_of
+from isomatch.visualization.pair_page import text_of
 from shapes import icosphere
 from view_results import result_of
 

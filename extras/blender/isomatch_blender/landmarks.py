@@ -63,7 +63,7 @@ def shared(source: list[Mark], target: list[Mark]) -> list[tuple[Mark, Mark]]:
 
 def require_near(obj: bpy.types.Object, surface, marks: list[Mark]) -> None:
     """Raise `Refused` if landmarks are far from a surface."""
-    from isomatch.landmarks import nearest_on_surface
+    from isomatch.surfaces import nearest_on_surface
 
     positions = np.array([mark.position for mark in marks])
     nearest = nearest_on_surface(surface, positions).interpolated(surface.vertices)

@@ -216,7 +216,7 @@ class IsomatchModuleLogic(ScriptedLoadableModuleLogic):
             If points are not on the model.
         """
         from isomatch import Landmarks, carry_landmarks
-        from isomatch.landmarks import nearest_on_surface
+        from isomatch.surfaces import nearest_on_surface
 
         ends = self.checked(result, source, target)
         giver, receiver = (source, target) if to == "target" else (target, source)

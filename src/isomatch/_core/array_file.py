@@ -109,11 +109,7 @@ class ArrayFormat:
     filled: tuple[str, ...] = ()  # names of lengths that may not be 0
 
     def read(self, path: str | Path) -> dict[str, Any]:
-        """Read the arrays of a file, each as float32, float64, int64 or, for a text, as a string.
-
-        Headers are checked before any contents are read. `FormatError` if the file is missing (`MissingFileError`),
-        damaged or too new, or an array is not as declared; `MemoryBudgetError` if they would exceed the budget.
-        """
+        """Read the arrays of a file, each as float32, float64, int64 or, for a text, as a string; headers come first."""
         path = Path(path)
 
         def refuse(problem: str) -> NoReturn:
@@ -235,10 +231,7 @@ class Archive:
 
 
 def read_mat(path: Path, what: str, expected: str) -> dict[str, Any]:
-    """Read the variables of a ``.mat`` file by name: arrays, and structs as objects, both without axes of length 1.
-
-    `FormatError` if it is not ``what`` it should be, with what is ``expected`` in it, or of version 7.3, which is HDF5.
-    """
+    """Read the variables of a ``.mat`` file by name: arrays, and structs as objects, both without axes of length 1."""
     from scipy.io import loadmat
 
     def refuse(problem: str) -> NoReturn:

@@ -34,11 +34,8 @@ else:
 
 
 def cached_method(method: Callable[Concatenate[S, P], R]) -> Callable[Concatenate[S, P], R]:
-    """Decorate a method whose results are kept with the object, one for each list of arguments as written.
-
-    A cache of the bound method would refer to its own object, a circle in which large arrays stay until the garbage
-    collector happens to run.
-    """
+    """Decorate a method whose results are kept with the object, one for each list of arguments as written."""
+    # a cache of the bound method would refer to its own object, a circle in which large arrays stay for long
     name = f"results of {method.__qualname__}"
 
     @wraps(method)

@@ -190,16 +190,11 @@ class NotConvergedError(IsomatchError):
     """
 
 
-def some(indices: Iterable[int], limit: int = 5) -> str:
-    """Write at most ``limit`` indices and the total count, for error messages.
+MOST_INDICES = 5  # in a message
 
-    Examples
-    --------
-    >>> some(range(8))
-    '0, 1, 2, 3, 4, … (8 in all)'
-    >>> some([4, 2])
-    '4, 2'
-    """
+
+def some(indices: Iterable[int]) -> str:
+    """Write the first indices, and of more also the count: 0, 1, 2, 3, 4, … (8 in all)."""
     shown = [int(i) for i in indices]
-    head = ", ".join(str(i) for i in shown[:limit])
-    return head if len(shown) <= limit else f"{head}, … ({len(shown)} in all)"
+    head = ", ".join(map(str, shown[:MOST_INDICES]))
+    return head if len(shown) <= MOST_INDICES else f"{head}, … ({len(shown)} in all)"

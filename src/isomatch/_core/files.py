@@ -49,11 +49,8 @@ def contents(path: Path) -> bytes:
 
 @contextmanager
 def replaced(path: Path) -> Iterator[BinaryIO]:
-    """Open a new file beside an earlier one, which it replaces when the block ends without an error.
-
-    A link keeps pointing at the file it names; one that names nothing is itself replaced. `UnwritableFileError` if the
-    file cannot be written, or there is something else of that name, such as a device.
-    """
+    """Open a new file beside an earlier one, which it replaces when the block ends without an error."""
+    # a link keeps pointing at the file it names; one that names nothing is itself replaced
     with writing(path):
         _require_replaceable(path)
         final = path.resolve() if path.exists() else path
@@ -69,21 +66,18 @@ def replaced(path: Path) -> Iterator[BinaryIO]:
 
 
 def write_text(path: Path, text: str) -> None:
-    r"""Write a text file in UTF-8, see `replaced`.
-
-    Bytes of file names that are not UTF-8 become escapes such as ``\udcff``, which JSON understands.
-    """
-    with replaced(path) as file:
+    """Write a text file in UTF-8, see `replaced`."""
+    with replaced(
+        path
+    ) as file:  # bytes of file names that are not UTF-8 become escapes, which JSON understands
         file.write(text.encode("utf-8", "backslashreplace"))
 
 
 @contextmanager
 def staged(folder: Path, last: str, gone: Iterable[str] = ()) -> Iterator[Path]:
-    """Give a new folder inside another; its files move there when the block ends without an error.
-
-    The file named ``last`` vouches for the others: an earlier one is taken away first, and its successor moves last.
-    Earlier files named in ``gone`` are removed. If a file cannot be moved, the earlier ones come back.
-    """
+    """Give a new folder inside another; its files move there when the block ends without an error, or none does."""
+    # The last file vouches for the others: an earlier one is taken away first, and its successor moves last. Earlier
+    # files that are gone are removed.
     places = [folder / UNFINISHED.format(token_hex(8)) for _ in range(2)]
     with writing(folder), _passing(places[0]) as new, _passing(places[1]) as earlier:
         with _changing:
@@ -170,11 +164,7 @@ def abandon_files() -> None:
 
 @contextmanager
 def claimed(path: Path, new: Iterable[Path] = ()) -> Iterator[None]:
-    """Keep every other process that claims a file waiting outside: it is refused while the block runs.
-
-    Of files that belong together, one stands for all; its folder must exist. `UnwritableFileError` if another process has
-    claimed it, if it is no file or cannot be written, or if one of ``new`` exists, even as a link that names nothing.
-    """
+    """Refuse a file, which may stand for several, to other processes while the block runs; none of ``new`` may exist."""
     from filelock import FileLock, Timeout  # 0.1 s, which commands that write nothing need not wait
 
     lock = path.with_name(f".{path.name}.lock")
@@ -235,16 +225,7 @@ def is_of_one_file(error: UnwritableFileError) -> bool:
 
 
 def legible(name: str) -> str:
-    r"""Return the name of a file as it is written in tables, pages and other names: with bytes that are no UTF-8 as %XX.
-
-    In such a name, ``%`` itself becomes ``%25``, so that `urllib.parse.unquote_to_bytes` gives the bytes again. All
-    other names stay as they are.
-
-    Examples
-    --------
-    >>> legible("Füße 5%"), legible("F\udcfc\udcdfe 5%")
-    ('Füße 5%', 'F%FC%DFe 5%25')
-    """
+    """Return the name of a file with bytes that are no UTF-8, and % beside such, as %XX: `unquote_to_bytes` undoes it."""
     if not _HALF_LETTER.search(name):
         return name
     return _HALF_LETTER_OR_PERCENT.sub(lambda match: f"%{ord(match[0]) & 0xFF:02X}", name)

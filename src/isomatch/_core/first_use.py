@@ -43,10 +43,7 @@ class _Package(ModuleType):
 
 
 def names_at_first_use(package: str) -> list[str]:
-    """Make a package import its public names at their first use; return the ``__all__`` of its stub.
-
-    The stub of the package, given by its full name, has nothing but imports and ``__all__``.
-    """
+    """Make a package import its public names at their first use; return the ``__all__`` of its stub, all else imports."""
     module: Any = sys.modules[package]
     stub = get_data(package, "__init__.pyi")
     body = ast.parse(stub or b"").body

@@ -23,10 +23,7 @@ def processor() -> str:
 
 
 def kernels() -> str:
-    """Name the libraries of linear algebra that numpy and scipy have loaded, with the kernels chosen for the processor.
-
-    With OpenBLAS the environment variable ``OPENBLAS_CORETYPE`` chooses others.
-    """
+    """Name the libraries of linear algebra that are loaded, with their kernels, which ``OPENBLAS_CORETYPE`` chooses."""
     import scipy.linalg  # noqa: F401 - only libraries that are loaded are listed
 
     libraries = [pool for pool in threadpoolctl.threadpool_info() if pool["user_api"] == "blas"]

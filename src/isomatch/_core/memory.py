@@ -56,10 +56,7 @@ def available_memory(root: Path = ROOT) -> int:
 
 @cache
 def group_limits(name: str, root: Path = ROOT) -> list[list[str]]:
-    """Return the words of a limit of each control group (version 2) around this process.
-
-    psutil tells of the machine alone, and the system kills what exceeds the limit of a container or a job.
-    """
+    """Return the words of a limit of each control group (version 2) around this process, which psutil does not tell."""
     outermost = root / "sys/fs/cgroup"
     try:
         group = (

@@ -26,10 +26,7 @@ def setting(
     most: float | None = None,
     empty: bool = False,
 ) -> Any:
-    """Declare a setting: its default, the paper or measurement that this rests on, and what is allowed.
-
-    The bounds are allowed themselves, and of a tuple hold for each entry; it may be ``empty`` if that is said.
-    """
+    """Declare a setting: its default, the source of that, and the bounds, allowed themselves, of it or of each entry."""
     return field(default=default, metadata={"source": source, "least": least, "most": most, "empty": empty})
 
 
@@ -61,10 +58,7 @@ class Settings:
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Self:
-        """Make settings from plain values, such as `to_dict` gave; what is left out keeps its default.
-
-        `SettingError` if one is unknown, or its value is not allowed.
-        """
+        """Make settings from plain values, such as `to_dict` gave; what is left out keeps its default."""
         hints = get_type_hints(cls)
         names = [each.name for each in fields(cls)]
         unknown = sorted(set(values) - set(names))

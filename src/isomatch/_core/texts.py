@@ -25,13 +25,10 @@ Rows = list[tuple[int, list[str]]]
 _FORMULA = re.compile(r"'*[=+\-@\t\r]")  # how a formula of a spreadsheet begins, also when it is escaped
 
 
-def text_lines(path: Path, comment: str = r"(?:^|(?<=\s))#") -> Iterator[tuple[int, str]]:
-    """Read the lines of a text with their numbers from 1, without comments, blank lines and outer blanks.
-
-    A comment starts where its pattern is found, by default at a ``#`` that begins a word.
-    """
+def text_lines(path: Path) -> Iterator[tuple[int, str]]:
+    """Read the lines of a text with their numbers from 1, without outer blanks and what follows a # before a word."""
     for number, line in enumerate(StringIO(read_text(path), newline=None), start=1):
-        text = re.split(comment, line, maxsplit=1)[0].strip()
+        text = re.split(r"(?:^|(?<=\s))#", line, maxsplit=1)[0].strip()
         if text:
             yield number, text
 
@@ -47,13 +44,7 @@ def decoded(text: bytes) -> str:
 
 
 def encoding_of(text: bytes) -> str:
-    """Return an encoding in which a text can be read, and written again as it was: UTF-8 or UTF-16 if it is that.
-
-    Examples
-    --------
-    >>> encoding_of("Füße".encode()), encoding_of("Füße".encode("latin-1"))
-    ('utf-8', 'cp1252')
-    """
+    """Return an encoding in which a text can be read, and written again as it was: UTF-8 or UTF-16 if it is that."""
     for mark, encoding in MARKS.items():
         if text.startswith(mark):
             return encoding
@@ -76,13 +67,7 @@ def read_integers(path: Path, width: int, refuse: Callable[[int, str], NoReturn]
 
 
 def natural_order(name: str) -> list[tuple[str, int]]:
-    """Return a key by which names sort as people count: frame2 before frame10, whatever the case.
-
-    Examples
-    --------
-    >>> sorted(["b10", "b9", "A1", "b"], key=natural_order)
-    ['A1', 'b', 'b9', 'b10']
-    """
+    """Return a key by which names sort as people count: frame2 before frame10, whatever the case."""
     parts = re.split(r"([0-9]+)", name.casefold())
     numbers = [*map(int, parts[1::2]), -1]
     return [*zip(parts[::2], numbers), (name, -1)]  # names that differ in case alone keep one order
@@ -94,13 +79,7 @@ def is_whole_number(word: str) -> bool:
 
 
 def joined(rows: Iterable[Iterable[object]], separator: str = ",", line_end: str = "\n") -> str:
-    r"""Write rows as a text; an apostrophe stands before texts that a spreadsheet would run as a formula.
-
-    Examples
-    --------
-    >>> joined([["name", "depth"], ["=1+1", -0.5], ["-a", "-2"]])
-    "name,depth\n'=1+1,-0.5\n'-a,-2\n"
-    """
+    """Write rows as a text; an apostrophe stands before texts that a spreadsheet would run as a formula."""
     text = StringIO(newline="")
     writer = csv.writer(text, delimiter=separator, lineterminator=line_end)
     writer.writerows([_escaped(cell) for cell in row] for row in rows)
@@ -118,27 +97,12 @@ def _escaped(cell: object) -> object:
 
 
 def unescaped(cell: str) -> str:
-    """Return a text without the apostrophe that `joined` puts before it.
-
-    Examples
-    --------
-    >>> unescaped("'=1+1"), unescaped("'tis")
-    ('=1+1', "'tis")
-    """
+    """Return a text without the apostrophe that `joined` puts before it."""
     return cell[1:] if cell.startswith("'") and _FORMULA.match(cell) else cell
 
 
 def separated(text: str, name: str, separators: Iterable[str] = SEPARATORS) -> tuple[Rows, str]:
-    r"""Split the lines of a text by the separator that gives most rows of one length, of at least two cells.
-
-    A first line ``sep=;``, for a spreadsheet program, says which it is. Returned are rows, with the numbers of their
-    lines and cells without outer blanks, and the separator. `FormatError`, about ``name``, if it is no table.
-
-    Examples
-    --------
-    >>> separated("depth;width\n1,5;0,25\n", "a.csv")
-    ([(1, ['depth', 'width']), (2, ['1,5', '0,25'])], ';')
-    """
+    """Split lines, numbered from 1, by the separator that gives most rows of one length of 2 and more; return it too."""
 
     def split(separator: str) -> Rows:
         reader = csv.reader(StringIO(text, newline=""), delimiter=separator, skipinitialspace=True)
@@ -148,6 +112,7 @@ def separated(text: str, name: str, separators: Iterable[str] = SEPARATORS) -> t
             message = f"{name}:{reader.line_num}: not a table ({error}); write cells separated by commas"
             raise FormatError(message) from None
 
+    # a first line sep=; of a spreadsheet program says which it is
     if text[:4].lower() == "sep=" and text[4:5] in tuple(SEPARATORS):
         return split(text[4])[1:], text[4]
 

@@ -83,11 +83,8 @@ def stop_if_abandoned() -> None:
 
 
 def in_background(function: Callable[[], R]) -> R:
-    """Call a function on another thread and wait for its result, so that an interruption need not wait for a loop.
-
-    When an exception, such as that of Ctrl-C, reaches the waiting thread, it goes through at once; the function ends
-    at the next `stop_if_abandoned`. Within such a call, the function is called directly.
-    """
+    """Call a function on another thread and wait for its result, so that an interruption need not wait for a loop."""
+    # an exception that reaches the waiting thread goes through at once; the function ends at `stop_if_abandoned`
     if current_call() is not None:
         return function()
     call, results, errors = Call(), [], []
@@ -133,10 +130,7 @@ def tell(listener: Callable[..., Any], *values: Any) -> None:
 
 
 def parallel_rows(function: Callable[[int], None], count: int) -> None:
-    """Call a function with each row number below ``count``; of T threads, thread t takes rows t, t + T, t + 2 T, ….
-
-    For many short calls, each of which writes to arrays of its own row.
-    """
+    """Call a function with each row number below ``count``, for many short calls: one thread takes every T-th row."""
     threads = max(1, min(n_threads(), count))
 
     def rows(first: int) -> None:
@@ -147,12 +141,9 @@ def parallel_rows(function: Callable[[int], None], count: int) -> None:
 
 
 def parallel_map(function: Callable[[T], R], items: Iterable[T]) -> list[R]:
-    """Apply a function to every item, on several threads, and return the results in the order of the items.
-
-    The function should release the interpreter lock. Items must not share anything that is written, so that the
-    results do not depend on the number of threads. A call from within an item runs in the thread of that item. An
-    error of an item is that of the first one that fails. An interruption goes through at once.
-    """
+    """Apply a function to every item, on several threads, and return the results in the order of the items."""
+    # The function should release the interpreter lock. Items must not share anything that is written, so that the
+    # results do not depend on the number of threads. A call from within an item runs in the thread of that item.
     todo = list(items)
     workers = min(n_threads(), len(todo))
     if workers <= 1 or getattr(_inside, "item", False):
@@ -199,10 +190,7 @@ _inside = local()
 
 
 def row_product(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Matrix product (n, k) (k, m) by blocks of rows, on several threads; in single precision if ``a`` is.
-
-    The blocks are fixed, so that the result does not depend on the number of threads.
-    """
+    """Matrix product (n, k) (k, m) by fixed blocks of rows, on any number of threads; single precision if ``a`` is."""
     product = np.empty((len(a), b.shape[1]), a.dtype)
     factor = np.ascontiguousarray(b, dtype=a.dtype)
 
@@ -225,11 +213,8 @@ class _Limit:
 
 @contextmanager
 def serial_blas() -> Iterator[None]:
-    """Make matrix products use one thread in a block, so that `parallel_map` can use all of them for its items.
-
-    The results then do not depend on the number of threads, and nested thread pools do not stall one another. Several
-    threads may be in it at once: the first one limits BLAS, the last one lifts the limit.
-    """
+    """Make matrix products use one thread in a block: results do not depend on their number, and pools do not stall."""
+    # several threads may be in it at once: the first one limits BLAS, the last one lifts the limit
     with _Limit.lock:
         if _Limit.controller is None:
             import scipy.linalg  # noqa: F401 - the controller sees only libraries that are loaded

@@ -13,24 +13,12 @@ TIE = 1e-7
 
 
 def first_largest(values: FloatArray) -> int:
-    """Index of the first of those values (n,) that equal the largest.
-
-    Examples
-    --------
-    >>> first_largest(np.array([1.0, 3.0 - 1e-9, 3.0]))
-    1
-    """
+    """Index of the first of those values (n,) that equal the largest."""
     most = values.max()
     return int((values >= most - TIE * abs(most)).argmax()) if np.isfinite(most) else int(values.argmax())
 
 
 def first_of_rank(values: FloatArray, rank: int) -> int:
-    """Index of the first of those values (n,) that equal the one of a rank; rank 0 is the least.
-
-    Examples
-    --------
-    >>> first_of_rank(np.array([5.0, 2.0 + 1e-9, 1.0, 2.0]), 2)
-    1
-    """
+    """Index of the first of those values (n,) that equal the one of a rank; rank 0 is the least."""
     value = np.partition(values, rank)[rank]
     return int((np.abs(values - value) <= TIE * np.abs(values).max()).argmax())

@@ -21,9 +21,8 @@ from isomatch.cli.statistics_files import SCALES, StatisticsFolder, listed, tabu
 from isomatch.cli.terminal import TALK, Talk, Tell, complain, part, say, say_rows
 from isomatch.collections import Collection, Layout, surface_as_written
 from isomatch.correspondence import UNMATCHED
-from isomatch.landmarks import nearest_on_surface
 from isomatch.statistics import Asymmetry, CorrespondedShapes, draw_values
-from isomatch.surfaces import Mesh
+from isomatch.surfaces import Mesh, nearest_on_surface
 
 MOST_DRAWN = 3  # the most asymmetric shapes, which have pictures of their own
 WRONG = "; where they have one colour, the map between them is wrong"

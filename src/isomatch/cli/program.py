@@ -28,18 +28,23 @@ app = App(
     default_parameter=Parameter(negative=()),
 )
 _BY_FILE = {
-    "match": ("match", "choose", "demo"),
-    "open": ("open",),
-    "transfer": ("transfer",),
+    "match_command": ("match", "choose", "demo"),
+    "open_command": ("open",),
+    "transfer_command": ("transfer",),
     "collect": ("collect",),
     "statistics": ("statistics",),
     "asymmetry": ("asymmetry",),
-    "distance": ("distance", "basis"),
-    "mesh": ("check", "repair"),
-    "evaluate": ("evaluate",),
-    "machine": ("info", "warm"),
+    "distance_command": ("distance", "basis"),
+    "mesh_command": ("check", "repair"),
+    "evaluate_command": ("evaluate",),
+    "machine_command": ("info", "warm"),
 }
-OWN = {name: f"isomatch.cli.{file}:{name}" for file, names in _BY_FILE.items() for name in names}
+_FUNCTIONS = {"open": "open_page"}  # of the commands that are not named as their function
+OWN = {
+    name: f"isomatch.cli.{file}:{_FUNCTIONS.get(name, name)}"
+    for file, names in _BY_FILE.items()
+    for name in names
+}
 for name, place in OWN.items():  # each is imported when it is called
     app.command(place, name=name)
 app.register_install_completion_command(

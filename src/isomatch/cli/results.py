@@ -14,7 +14,7 @@ from typing import Any
 import isomatch
 from isomatch import matching, visualization
 from isomatch._core.errors import FormatError
-from isomatch._core.files import claimed, made_folder, opened, staged, write_text
+from isomatch._core.files import claimed, contents, made_folder, staged, write_text
 from isomatch.cli.inputs import Surface, read_surface
 from isomatch.cli.outputs import say_notes
 from isomatch.cli.terminal import INDENT, json_text, say, say_rows, say_table
@@ -96,7 +96,7 @@ class ResultFolder:
 
     @contextmanager
     def claimed(self, force: bool) -> Iterator[None]:
-        """Create the folder and claim its files (`storage.files.claimed`); an earlier result has to be forced."""
+        """Create the folder and claim its files (`_core.files.claimed`); an earlier result has to be forced."""
         new = [] if force else [*map(Path, self.files.values()), *self.alternatives]
         with made_folder(self.folder), claimed(self.result, new):
             yield
@@ -209,8 +209,7 @@ class Earlier:
     def read(cls, folder: Path) -> Earlier:
         """Read ``result.json``, and require what a match writes."""
         path = ResultFolder(folder).result
-        with opened(path) as file:
-            text = file.read()
+        text = contents(path)
         fields: dict[str, Any] = {}
         with suppress(ValueError):
             fields = record if isinstance(record := loads(text), dict) else {}

@@ -11,10 +11,9 @@ from scipy.sparse import coo_array, csc_array
 from scipy.sparse.csgraph import laplacian
 
 from isomatch._core.arrays import BoolArray, FloatArray
-from isomatch.landmarks import nearest_on_surface
 from isomatch.spectral import factorised_for_threads
 from isomatch.statistics import CorrespondedShapes, slices_of, structure_of
-from isomatch.surfaces import Mesh, PrecisePoints
+from isomatch.surfaces import Mesh, PrecisePoints, nearest_on_surface
 
 TOUCHING = 0.1  # √area of the smaller of two structures: points nearer to the other touch it
 LEAST_TOUCHING = 0.2  # share of the area of the smaller one that has to touch the other

@@ -17,8 +17,8 @@ from typing import Any
 
 from isomatch._core.errors import InputError, UnwritableFileError
 from isomatch._core.first_use import package
+from isomatch._core.processes import begin_worker, worker_processes
 from isomatch._core.threads import n_threads
-from isomatch._core.workers import begin_worker, worker_processes
 
 QUEUED = 2  # tasks sent for each worker: the next one is there when the last one ends
 ASKED = 2.0  # seconds until the number of workers of a cluster is asked for again

@@ -88,8 +88,7 @@ class VertexCells:
     @classmethod
     def of(cls, centres: IntArray, owner: IntArray) -> VertexCells:
         """Group vertices by the number of the centre that owns them, (n,)."""
-        start = np.zeros(len(centres) + 1, dtype=np.int64)
-        np.cumsum(np.bincount(owner, minlength=len(centres)), out=start[1:])
+        start = np.append(0, np.cumsum(np.bincount(owner, minlength=len(centres))))
         return cls(centres, start, np.argsort(owner, kind="stable"))
 
 
@@ -242,8 +241,7 @@ def faces_around_vertices(faces: IntArray, n_vertices: int) -> tuple[IntArray, I
     >>> [(order[start[a] : start[a + 1]] // 3).tolist() for a in range(4)]
     [[0, 1], [0], [0, 1], [1]]
     """
-    start = np.zeros(n_vertices + 1, dtype=np.int64)
-    np.cumsum(np.bincount(faces.ravel(), minlength=n_vertices), out=start[1:])
+    start = np.append(0, np.cumsum(np.bincount(faces.ravel(), minlength=n_vertices)))
     return start, np.argsort(faces.ravel(), kind="stable")
 
 

@@ -62,8 +62,7 @@ class RigidEnergy:
         links = coo_array(stiffness)
         apart = links.row != links.col  # L_ij = −w_ij off the diagonal
         order = np.lexsort((links.col[apart], links.row[apart]))
-        start = np.zeros(len(areas) + 1, dtype=np.int64)
-        np.cumsum(np.bincount(links.row[apart], minlength=len(areas)), out=start[1:])
+        start = np.append(0, np.cumsum(np.bincount(links.row[apart], minlength=len(areas))))
         neighbours = links.col[apart][order].astype(np.int64)
         return cls(stiffness, areas, start, neighbours, -links.data[apart][order])
 

@@ -1,4 +1,3 @@
-from isomatch.datasets.example import Creature, example_pair, ground_truth
-from isomatch.datasets.truth import Truth, closest_points
+from isomatch.datasets.example import Creature, Truth, closest_points, example_pair, ground_truth
 
 __all__ = ["Creature", "Truth", "closest_points", "example_pair", "ground_truth"]

@@ -1,4 +1,4 @@
-"""The pair of creatures shipped with the package, and the truth between two creatures."""
+"""The pair of creatures shipped with the package, and the exact truth between two triangulations of one surface."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from importlib.resources import as_file, files
 
 import numpy as np
+from scipy.spatial import KDTree
 
-from isomatch._core.arrays import FloatArray
+from isomatch._core.arrays import FloatArray, IntArray
 from isomatch._core.cached import cached_property
 from isomatch._core.errors import InputError, SettingError
-from isomatch.datasets.truth import Truth, closest_points
-from isomatch.surfaces import Mesh
+from isomatch.surfaces import Mesh, nearest_on_surface
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,6 +76,20 @@ def example_pair() -> tuple[Creature, Creature]:
     return source, target
 
 
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """True image of each of n source vertices on the target."""
+
+    vertices: IntArray  # (n,) nearest target vertex
+    faces: IntArray  # (n,) target face that contains the closest point
+    barycentric: FloatArray  # (n, 3) weights of the three corners of that face
+
+    def points(self, target: Mesh) -> FloatArray:
+        """Compute the precise images, (n, 3), on the target mesh in any pose."""
+        corners = target.vertices[target.faces[self.faces]]
+        return np.asarray(np.einsum("ij,ijx->ix", self.barycentric, corners))
+
+
 def ground_truth(source: Creature, target: Creature, *, mirrored: bool = False) -> Truth:
     """Find the true correspondence of two creatures through their common rest surface.
 
@@ -94,3 +108,16 @@ def ground_truth(source: Creature, target: Creature, *, mirrored: bool = False) 
         raise SettingError("an asymmetric creature has no mirrored truth; make both with symmetric=True")
     points = source.rest * [-1.0, 1.0, 1.0] if mirrored else source.rest
     return closest_points(points, target.rest_mesh)
+
+
+def closest_points(points: FloatArray, mesh: Mesh) -> Truth:
+    """Find the closest point of a mesh to each of (n, 3) points, exactly."""
+    corners, barycentric = nearest_on_surface(mesh, points)
+    number = {face: i for i, face in enumerate(map(tuple, mesh.faces.tolist()))}
+    faces = np.array([number.get(face, -1) for face in map(tuple, corners.tolist())], dtype=np.int64)
+    alone = np.flatnonzero(faces < 0)  # vertices, which are in the first face that has them
+    used, first = np.unique(mesh.faces, return_index=True)
+    at = first[np.searchsorted(used, corners[alone, 0])]
+    faces[alone], barycentric[alone] = at // 3, np.eye(3)[at % 3]
+    nearest: IntArray = KDTree(mesh.vertices).query(points)[1].astype(np.int64)
+    return Truth(nearest, faces, np.maximum(barycentric, 0.0))  # −1e-17 by rounding

@@ -1,4 +1,4 @@
-from isomatch.evaluation.errors import (
+from isomatch.evaluation.map_errors import (
     LIMIT,
     SHARES,
     THRESHOLDS,

@@ -175,8 +175,7 @@ def _group(corners: IntArray, shape: FloatArray, curvature: FloatArray) -> Stenc
     trigger = np.concatenate([a, b])
     order = np.argsort(trigger, kind="stable")
     shape = np.concatenate([shape, mirrored])[order]
-    start = np.zeros(n + 1, dtype=np.int64)
-    np.cumsum(np.bincount(trigger, minlength=n), out=start[1:])
+    start = np.append(0, np.cumsum(np.bincount(trigger, minlength=n)))
     return Stencil(
         start,
         np.concatenate([b, a])[order].astype(np.int32),

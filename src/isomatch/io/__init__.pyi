@@ -8,19 +8,6 @@ from isomatch.io.appearance import (
 )
 from isomatch.io.asset import TURN, Asset, Axes, Frame, Part
 from isomatch.io.attribute import Attribute, Domain, Kind, linear_of, srgb_of, told_apart, without_labels
-from isomatch.io.files import (
-    SurfaceLike,
-    files_beside,
-    mesh_from,
-    meshes_among,
-    read_as_far,
-    read_asset,
-    read_mesh,
-    read_point_cloud,
-    surface_from,
-    write_asset,
-    write_mesh,
-)
 from isomatch.io.formats.gltf import with_key_weights_of
 from isomatch.io.formats.gltf_carried import animation_channels, is_posed, with_skin_of
 from isomatch.io.formats.registry import FORMATS, MeshFormat
@@ -37,6 +24,19 @@ from isomatch.io.materials import (
     unread,
 )
 from isomatch.io.polygons import Polygons, Renumbering
+from isomatch.io.surface_files import (
+    SurfaceLike,
+    files_beside,
+    mesh_from,
+    meshes_among,
+    read_as_far,
+    read_asset,
+    read_mesh,
+    read_point_cloud,
+    surface_from,
+    write_asset,
+    write_mesh,
+)
 from isomatch.io.values import holds_values, read_attributes, write_attribute, write_attributes
 
 __all__ = [

@@ -1,4 +1,4 @@
-from isomatch.landmarks.curves import drawn_curve, equally_spaced, nearest_on_surface, spread_on_surface
+from isomatch.landmarks.curves import drawn_curve, equally_spaced, spread_on_surface
 from isomatch.landmarks.landmark_writers import write_landmarks, write_specimens, writer_of
 from isomatch.landmarks.landmarks import (
     Curve,
@@ -16,7 +16,6 @@ __all__ = [
     "equally_spaced",
     "median_landmarks",
     "nearest_landmarks",
-    "nearest_on_surface",
     "read_landmarks",
     "spread_on_surface",
     "with_frame",

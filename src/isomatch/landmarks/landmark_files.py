@@ -17,7 +17,7 @@ import numpy as np
 
 from isomatch._core.arrays import FloatArray
 from isomatch._core.errors import FormatError, LandmarkError
-from isomatch._core.files import opened
+from isomatch._core.files import contents
 from isomatch._core.texts import is_whole_number, read_text, unescaped
 from isomatch.io import TURN, Axes, Frame
 
@@ -121,8 +121,7 @@ def _text_points(path: Path) -> list[MarkedPoint]:
 
 
 def _slicer_markups(path: Path) -> list[MarkedPoint]:
-    with opened(path) as file:
-        text = file.read()
+    text = contents(path)
     try:
         content = json.loads(text)
     except (ValueError, RecursionError) as error:
@@ -190,8 +189,7 @@ def _in_lps(position: Any, axes: Axes) -> tuple[float, ...]:
 
 
 def _meshlab_points(path: Path) -> list[MarkedPoint]:
-    with opened(path) as file:
-        text = file.read()
+    text = contents(path)
     try:
         root = ElementTree.fromstring(re.sub(rb"<!DOCTYPE[^>]*>", b"", text))
     except (ElementTree.ParseError, ValueError, LookupError) as error:
@@ -340,10 +338,8 @@ def placed_positions(
 
 
 def _ways(positions: FloatArray, is_said: bool, frame: Frame) -> list[tuple[FloatArray, Axes | None, str]]:
-    """Return where points can be meant to be, first as they are said to be: positions, axes, and how that is told.
-
-    Positions of 3D Slicer, which says the axes, are in LPS here, in which it also writes meshes unless they say RAS.
-    """
+    """Return where points can be meant to be, first as they are said to be: positions, axes, and how that is told."""
+    # positions of 3D Slicer, which says the axes, are in LPS here, in which it also writes meshes unless they say RAS
     turned = TURN * positions
     if not is_said:
         told = "after half a turn, from RAS to LPS or back"

@@ -19,7 +19,7 @@ from isomatch._core.cached import cached_property
 from isomatch._core.errors import LandmarkError
 from isomatch.correspondence import geometric_median
 from isomatch.io import TURN, Asset, Axes, Frame, SurfaceLike, read_asset, surface_from
-from isomatch.landmarks.curves import nearest_on_surface, respaced_curve
+from isomatch.landmarks.curves import respaced_curve
 from isomatch.landmarks.landmark_files import (
     PAIRS,
     POINTS,
@@ -28,7 +28,7 @@ from isomatch.landmarks.landmark_files import (
     marked_points,
     placed_positions,
 )
-from isomatch.surfaces import Graph, Mesh, PointCloud
+from isomatch.surfaces import Graph, Mesh, PointCloud, nearest_on_surface
 
 logger = logging.getLogger(__name__)
 

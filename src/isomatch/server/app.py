@@ -1,4 +1,4 @@
-"""The addresses that the page asks, the server that answers, and who may ask: the page itself, with the token."""
+"""The addresses that the page asks, and the server that answers."""
 
 from __future__ import annotations
 
@@ -6,36 +6,19 @@ import json
 import os
 import secrets
 import socket
-from collections.abc import Awaitable, Callable, Mapping, MutableMapping
+from collections.abc import Callable, Mapping
 from functools import partial
-from hmac import compare_digest
 from typing import Any, TypeVar
-from urllib.parse import parse_qs
 
 from isomatch._core.errors import IsomatchError, SettingError
 from isomatch._core.first_use import package
+from isomatch.server.guard import App, Guard
 from isomatch.server.session import Session
 
 HOST = "127.0.0.1"
 EXTRA, WHAT = "open", "isomatch open"
 REFUSED = 400  # answer to what cannot be done, with the reason in words
 MANY = 2**31  # no surface has so many vertices
-Scope = MutableMapping[str, Any]
-Receive = Callable[[], Awaitable[MutableMapping[str, Any]]]
-Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
-App = Callable[[Scope, Receive, Send], Awaitable[None]]
-
-TOKEN_HEADER = b"x-isomatch-token"
-LARGEST_BODY = 2**20  # bytes; some 70 000 pairs of landmarks
-PAGE = "/"  # its address has the token; all else is asked for by its script, with a header that no other page can send
-HEADERS = (
-    (b"cache-control", b"no-store"),
-    (b"referrer-policy", b"no-referrer"),  # the address has the token
-    (b"x-content-type-options", b"nosniff"),
-    (b"content-security-policy", b"frame-ancestors 'none'"),
-    (b"cross-origin-opener-policy", b"same-origin"),
-    (b"cross-origin-resource-policy", b"same-origin"),
-)
 T = TypeVar("T")
 
 
@@ -162,76 +145,3 @@ def _pairs(value: object) -> list[tuple[int, int]]:
             raise ValueError
         pairs.append((first, second))
     return pairs
-
-
-class Guard:
-    """An ASGI application that lets through what has the token and comes from the page, in a browser on this machine."""
-
-    # The token has to be in the query of the page's address, and in a header of all other requests: without cookies
-    # there is nothing that a browser would send along for another page. Host and, of a POST, Origin must name this
-    # machine and the port, so that no foreign name that leads here passes. once, in the query, leads to the page's
-    # address a single time.
-
-    def __init__(self, app: App, token: str, port: int, once: str = "") -> None:
-        self._app, self._token, self._once = app, token.encode(), once.encode()
-        self._hosts = {f"{name}:{port}".encode() for name in ("127.0.0.1", "localhost")}
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer a request."""
-        if scope["type"] != "http":
-            return
-
-        async def guarded(message: MutableMapping[str, Any]) -> None:
-            if message["type"] == "http.response.start":
-                message["headers"] = [*message.get("headers", ()), *HEADERS]
-            await send(message)
-
-        code, words, *headers = self._refused(scope) or (0, "")
-        if not code:
-            body = await _body(receive)
-            if body is not None:
-
-                async def again() -> MutableMapping[str, Any]:
-                    return {"type": "http.request", "body": body, "more_body": False}
-
-                return await self._app(scope, again, guarded)
-            code, words = 413, "The request is too large."
-        headers.append((b"content-type", b"text/plain"))
-        await guarded({"type": "http.response.start", "status": code, "headers": headers})
-        await guarded({"type": "http.response.body", "body": words.encode()})
-
-    def _refused(self, scope: Scope) -> tuple[Any, ...] | None:
-        """Return code, reason and headers of an answer in place of the application's; None if the request passes."""
-        headers: dict[bytes, list[bytes]] = {}
-        for name, value in scope["headers"]:
-            headers.setdefault(name.lower(), []).append(value)
-        (host, *more), origins = headers.get(b"host", [b""]), headers.get(b"origin", [])
-        if host not in self._hosts or more:
-            return 403, "This address is not that of isomatch."
-        if scope["method"] not in ("GET", "POST"):
-            return 403, "Only GET and POST are answered."
-        if (scope["method"] == "POST" or origins) and origins != [b"http://" + host]:
-            return 403, "Only the page of isomatch may ask."
-        if scope["method"] == "GET" and scope["path"] == PAGE:
-            query = parse_qs(scope["query_string"].decode("latin-1"))
-            tokens, key = ([word.encode() for word in query.get(name, [])] for name in ("token", "once"))
-            if self._once and len(key) == 1 and compare_digest(key[0], self._once):
-                self._once = b""
-                return 303, "", (b"location", b"/?token=" + self._token)
-        else:
-            tokens = headers.get(TOKEN_HEADER, [])
-        if len(tokens) != 1 or not compare_digest(tokens[0], self._token):
-            return 403, "The token is missing or wrong. Open the address that isomatch open printed."
-        return None
-
-
-async def _body(receive: Receive) -> bytes | None:
-    """Read the body; None if it is too large."""
-    body: bytes = b""
-    while True:
-        message = await receive()
-        body += message.get("body", b"")
-        if len(body) > LARGEST_BODY:
-            return None
-        if not message.get("more_body"):
-            return body

@@ -49,10 +49,7 @@ def _graph_laplacian(graph: Graph) -> csc_array:
 
 
 def factorised(stiffness: csc_array, diagonal: FloatArray) -> Callable[[FloatArray], FloatArray]:
-    """Factorise H + diag(d), which must be symmetric and definite, and return the function that solves with it.
-
-    `MeshError` if H is so badly scaled that it is singular to rounding.
-    """
+    """Factorise H + diag(d), which must be symmetric and definite, and return the function that solves with it."""
     return cast(Callable[[FloatArray], FloatArray], _factors(stiffness, diagonal).solve)
 
 

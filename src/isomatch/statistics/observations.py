@@ -15,12 +15,12 @@ from isomatch._core.files import legible
 from isomatch._core.stage_timer import Progress
 from isomatch.correspondence import Correspondence, wrap
 from isomatch.io import FORMATS, SurfaceLike, mesh_from, meshes_among
-from isomatch.landmarks import Landmarks, nearest_on_surface
+from isomatch.landmarks import Landmarks
 from isomatch.matching import Outcome, match
 from isomatch.settings import Config
 from isomatch.statistics.shape_model import ShapeModel, generalisation
 from isomatch.statistics.shapes import read_corresponding, slices_of, structure_of
-from isomatch.surfaces import Mesh, PrecisePoints
+from isomatch.surfaces import Mesh, PrecisePoints, nearest_on_surface
 
 PATCH = 0.2  # √area: errors of points nearer than this are about the same; docs/statistics.md, completion
 

@@ -14,10 +14,10 @@ from isomatch._core.arrays import BoolArray, FloatArray, IntArray
 from isomatch._core.errors import LandmarkError
 from isomatch._core.memory import require_memory
 from isomatch._core.threads import parallel_map, row_product, serial_blas
-from isomatch.landmarks import Curve, nearest_on_surface
+from isomatch.landmarks import Curve
 from isomatch.statistics.procrustes import centroid_sizes, generalised_procrustes
 from isomatch.statistics.shapes import CorrespondedShapes, filled
-from isomatch.surfaces import Mesh, vertex_normals
+from isomatch.surfaces import Mesh, nearest_on_surface, vertex_normals
 
 MOST_ROUNDS, ENOUGH = 4, 0.02  # a round that gains less than this share of the energy is the last
 MOST_ITERATIONS, CLOSE = 30, 0.01  # of conjugate gradients; share of the first residual

@@ -13,6 +13,7 @@ from isomatch.surfaces._edges import (
 from isomatch.surfaces._faces import UnsoundFaces, unsound_faces, vertex_normals
 from isomatch.surfaces._shared import surface_in_use
 from isomatch.surfaces._spatial_order import in_spatial_order
+from isomatch.surfaces.closest_point import nearest_on_surface
 from isomatch.surfaces.graph import Graph
 from isomatch.surfaces.mesh import Mesh
 from isomatch.surfaces.point_cloud import PointCloud
@@ -39,6 +40,7 @@ __all__ = [
     "linked",
     "meetings",
     "nearest_in_triangle",
+    "nearest_on_surface",
     "rasterise",
     "reflected",
     "root",

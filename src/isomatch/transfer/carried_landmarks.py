@@ -12,9 +12,9 @@ from isomatch.correspondence import UNMATCHED, Correspondence
 from isomatch.decimation import PlacedMesh, VertexGroups, normalised
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.io import Asset, SurfaceLike, surface_from
-from isomatch.landmarks import Curve, Landmarks, drawn_curve, equally_spaced, nearest_on_surface, with_frame
+from isomatch.landmarks import Curve, Landmarks, drawn_curve, equally_spaced, with_frame
 from isomatch.matching import MatchResult
-from isomatch.surfaces import Mesh, PointCloud, PrecisePoints
+from isomatch.surfaces import Mesh, PointCloud, PrecisePoints, nearest_on_surface
 from isomatch.transfer.bridge import Bridge
 from isomatch.transfer.choices import Side
 

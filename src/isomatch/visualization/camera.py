@@ -113,9 +113,7 @@ def of_ordinary_size(mesh: Mesh) -> Mesh:
 
 def used_vertices(mesh: Mesh) -> IntArray:
     """Return the vertices that faces use, in order."""
-    used = np.zeros(mesh.n_vertices, dtype=bool)
-    used[mesh.sound_faces] = True
-    return np.flatnonzero(used)
+    return np.flatnonzero(np.bincount(mesh.sound_faces.ravel(), minlength=mesh.n_vertices))
 
 
 def seen_from(camera: FloatArray, mesh: Mesh) -> FloatArray:

@@ -80,11 +80,6 @@ def _evenly(values: FloatArray, areas: FloatArray) -> FloatArray:
     return np.asarray(0.5 * scaled + 0.5 * (2.0 * share - 1.0))
 
 
-def from_screen(rgb: FloatArray) -> FloatArray:
-    """Decode sRGB values to linear light."""
-    return np.asarray(np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4))
-
-
 def to_screen(linear: FloatArray) -> FloatArray:
     """Encode linear light as sRGB values, 0 … 1."""
     clipped = np.clip(linear, 0.0, 1.0)

@@ -23,7 +23,7 @@ from isomatch.shapes import PreparedShape
 from isomatch.spectral import DistanceBasis, LaplaceBasis
 from isomatch.surfaces import Graph, Mesh, PointCloud, Surface, unsound_faces
 from isomatch.visualization.measures import MEASURES, quality_measures
-from isomatch.visualization.page import (
+from isomatch.visualization.pair_page import (
     asked_of,
     list_of_questions,
     maps_of,

@@ -15,11 +15,11 @@ from isomatch._core.arrays import FloatArray, numbers_of
 from isomatch._core.errors import DescriptorError, MeshError
 from isomatch._core.files import replaced
 from isomatch.correspondence import Correspondence
-from isomatch.io import SurfaceLike, surface_from
+from isomatch.io import SurfaceLike, linear_of, surface_from
 from isomatch.spectral import DistanceBasis, LaplaceBasis
 from isomatch.surfaces import Graph, Mesh, Surface
 from isomatch.visualization.camera import camera_of, of_ordinary_size, turn_to_target
-from isomatch.visualization.colours import from_screen, position_colours
+from isomatch.visualization.colours import position_colours
 from isomatch.visualization.picture import TEXT, Picture, ValuePanel, pictured
 from isomatch.visualization.surface_image import SurfaceView
 
@@ -108,10 +108,10 @@ def painted(
 ) -> SurfaceView:
     """Show a mesh in the colours of values at its vertices; of others (n,), if they are given, at the same scale."""
     rows = values.rows(mesh.n_vertices) if rows is None else rows
-    return SurfaceView(mesh, camera, rows[:, None], lambda seen: from_screen(values.paint(seen)), title)
+    return SurfaceView(mesh, camera, rows[:, None], lambda seen: linear_of(values.paint(seen)), title)
 
 
-CLAY = from_screen(np.array([200, 200, 196]) / 255)  # as in the report
+CLAY = linear_of(np.array([200, 200, 196]) / 255)  # as in the report
 ALONE = 1000  # pixels; the width of the picture of one surface
 N_SHOWN = 4  # functions of a basis on a surface
 NULL = 1e-9  # of the largest eigenvalue; smaller ones are rounding errors
@@ -177,7 +177,7 @@ def plot_surface(
     rows = None if values is None else numbers_of(values, "values", DescriptorError)
     if rows is None or rows.ndim == 2:
         clay = np.tile(CLAY, (mesh.n_vertices, 1))
-        colours = clay if rows is None else from_screen(np.clip(rows, 0.0, 1.0))
+        colours = clay if rows is None else linear_of(np.clip(rows, 0.0, 1.0))
         if colours.shape != (mesh.n_vertices, 3):
             raise DescriptorError(
                 f"values have shape {colours.shape}; expected ({mesh.n_vertices},) numbers, or 3 columns of colours"

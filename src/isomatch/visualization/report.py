@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from isomatch._core.files import write_text
 from isomatch.matching import MatchResult, Outcome
 from isomatch.surfaces import Mesh
-from isomatch.visualization.page import (
+from isomatch.visualization.pair_page import (
     SIDES,
     asked_of,
     details_of,

@@ -12,9 +12,10 @@ from scipy.ndimage import gaussian_filter, map_coordinates
 from isomatch._core.arrays import FloatArray, IntArray
 from isomatch._core.cached import cached_property
 from isomatch._core.compiled import compiled
+from isomatch.io import linear_of
 from isomatch.surfaces import Mesh, Raster, rasterise
 from isomatch.visualization.camera import camera_of, of_ordinary_size, seen_from, used_vertices
-from isomatch.visualization.colours import UNMATCHED_GREY, from_screen, to_screen
+from isomatch.visualization.colours import UNMATCHED_GREY, to_screen
 
 OVERSAMPLING = 2  # samples per pixel and axis
 
@@ -104,7 +105,7 @@ def surface_image(
     mesh = of_ordinary_size(mesh)
     columns = np.asarray(values, dtype=np.float64).reshape(mesh.n_vertices, -1)
     camera = camera_of(mesh) if camera is None else camera
-    view = SurfaceView(mesh, camera, columns, lambda seen: from_screen(paint(seen)))
+    view = SurfaceView(mesh, camera, columns, lambda seen: linear_of(paint(seen)))
     width, height = (int(side) + 2 for side in np.ceil(resolution * view.extent()))
     return view.pixels(width, height, resolution)
 

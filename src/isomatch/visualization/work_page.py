@@ -14,7 +14,7 @@ from isomatch.correspondence import UNMATCHED, Correspondence
 from isomatch.matching import DoubtfulRegion, MatchResult, Question
 from isomatch.settings import Config, Orientation
 from isomatch.surfaces import Mesh
-from isomatch.visualization.page import (
+from isomatch.visualization.pair_page import (
     MOST_ALTERNATIVES,
     asked_of,
     list_of_questions,

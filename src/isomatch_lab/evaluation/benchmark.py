@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TypeAlias
 
 from isomatch._core.files import made_folder
+from isomatch._core.processes import begin_worker, worker_processes
 from isomatch._core.threads import n_threads
-from isomatch._core.workers import begin_worker, worker_processes
 from isomatch.datasets import example_pair
 from isomatch.matching import match
 from isomatch_lab.evaluation.benchmark_run import BenchmarkRun, PairNames

@@ -11,8 +11,8 @@ from typing import Any, TypeVar
 import numpy as np
 
 from isomatch import Correspondence, Mesh
+from isomatch._core.processes import begin_worker, worker_processes
 from isomatch._core.threads import n_threads
-from isomatch._core.workers import begin_worker, worker_processes
 from isomatch.datasets import ground_truth
 from isomatch.evaluation import counted, geodesic_errors
 from isomatch_lab.damage import DamagedPair, noise

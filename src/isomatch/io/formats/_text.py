@@ -198,12 +198,10 @@ def is_count(word: str) -> bool:
 def read_lines(
     name: str, data: bytes, before: int = 0, continued: bool = False, named: tuple[str, ...] = ()
 ) -> TextLines:
-    r"""Split the bytes of a file into lines, without ``#`` comments and blank lines.
-
-    A comment begins at the first byte of a line, or after a blank; its bytes may be of any encoding, and line ends of
-    any kind. ``before`` lines precede these bytes in the file. If ``continued``, a line that ends in ``\\`` goes on in
-    the next. The rest of lines that begin with a ``named`` keyword is a name, which may contain any ``#``.
-    """
+    """Split the bytes of a file, after ``before`` lines, into lines, without ``#`` comments and blank lines."""
+    # A comment begins at the first byte of a line, or after a blank; its bytes may be of any encoding, and line ends of
+    # any kind. If continued, a line that ends in a backslash goes on in the next. The rest of lines that begin with a
+    # named keyword is a name, which may contain any #.
     if data.startswith(tuple(MARKS)):
         data = decoded(data).encode()
     text = data.translate(_BLANKS).replace(b"\r\n", b"\n").replace(b"\r", b"\n")

@@ -20,24 +20,18 @@ _WORDS = re.compile(rb"[ \t]*(?://|[A-DF-Za-df-z_])[^\n]*")  # a line that names
 _POINTS = re.compile(rb"(?m)^POINTS\s+(\d{1,18})\s*$")
 _LONGEST_HEADER = 2**16  # bytes
 _NORMAL = ("normal_x", "normal_y", "normal_z")
-_NO_FACES = np.zeros((0, 3), dtype=np.int64)
+_NO_POLYGONS = Polygons([], [])
 
 
 def read_xyz(data: bytes, name: str) -> Asset:
-    """Read rows of x, y, z, and what follows: bytes of a colour, a normal, or other numbers.
-
-    Blanks, commas or semicolons separate them. A line that names the columns, or the number of the rows before them, is
-    passed over.
-    """
-    data, notes = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n"), tuple[str, ...]()
+    """Read rows of x, y, z, and what follows: bytes of a colour, a normal, or other numbers."""
+    # a line that names the columns, or the number of the rows before them, is passed over
+    data, notes = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n"), list[str]()
     if heading := _WORDS.match(data):
-        data, notes = (
-            data[heading.end() :],
-            (f"the first line is taken as names: {heading[0].decode(errors='replace')}",),
-        )
-    first = next(
-        (line for line in data.split(b"\n") if line.strip() and not line.lstrip().startswith(b"#")), b""
-    )
+        data = data[heading.end() :]
+        notes.append(f"the first line is taken as names: {heading[0].decode(errors='replace')}")
+    lines_of_numbers = (line for line in data.split(b"\n") if line.strip() and line.lstrip()[:1] != b"#")
+    first = next(lines_of_numbers, b"")
     for mark in (b";", b","):
         if first.count(mark) > 1:  # which no decimal comma is
             data = data.replace(mark, b" ")
@@ -47,9 +41,7 @@ def read_xyz(data: bytes, name: str) -> Asset:
     rows = lines.parse()
     points = rows.leading(3, "at least 3 numbers x y z of a point")
     others = rows.columns(3, max(int(rows.counts.max(initial=3)) - 3, 0))
-    return Asset(
-        points, Polygons.of_triangles(_NO_FACES), _columns(others), notes=notes, frame=told_frame(data)
-    )
+    return Asset(points, _NO_POLYGONS, _columns(others), notes=tuple(notes), frame=told_frame(data))
 
 
 def read_npy(data: bytes, name: str) -> Asset:
@@ -61,7 +53,7 @@ def read_npy(data: bytes, name: str) -> Asset:
         remedy = "save the transposed array" if lies else "save x, y, z as columns"
         raise unexpected(name, "an array (n, 3) of positions", f"{array.dtype} {array.shape}", remedy)
     table = array.astype(np.float64)
-    return Asset(table[:, :3], Polygons.of_triangles(_NO_FACES), _columns(table[:, 3:]))
+    return Asset(table[:, :3], _NO_POLYGONS, _columns(table[:, 3:]))
 
 
 def read_pcd(data: bytes, name: str) -> Asset:
@@ -86,7 +78,7 @@ def read_pcd(data: bytes, name: str) -> Asset:
         attributes.append(Attribute("normal", "point", "normal", normal))
     positions = np.stack([columns.pop(axis) for axis in "xyz"], axis=1, dtype=np.float64)
     attributes += [Attribute(column, "point", "scalar", values) for column, values in columns.items()]
-    return Asset(positions, Polygons.of_triangles(_NO_FACES), tuple(attributes))
+    return Asset(positions, _NO_POLYGONS, tuple(attributes))
 
 
 def _columns(others: AnyArray) -> tuple[Attribute, ...]:
@@ -97,13 +89,11 @@ def _columns(others: AnyArray) -> tuple[Attribute, ...]:
         whole = three.shape[1] == 3 and len(three)
         if whole and "normal" not in attributes and _are_normals(three):
             attributes["normal"] = Attribute("normal", "point", "normal", three)
-            at += 3
         elif whole and "color" not in attributes and _are_bytes(three):
             attributes["color"] = Attribute("color", "point", "colour", three.astype(np.uint8))
-            at += 3
         else:
             attributes[name] = Attribute(name, "point", "scalar", others[:, at])
-            at += 1
+        at += 1 if name in attributes else 3
     return tuple(attributes.values())
 
 

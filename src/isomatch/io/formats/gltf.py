@@ -15,15 +15,7 @@ import numpy as np
 from isomatch._core.arrays import AnyArray, FloatArray, IntArray
 from isomatch._core.errors import MeshError
 from isomatch.io.asset import COMMENTS, SPACE, Asset, Frame, Part, RenumberedDocument
-from isomatch.io.attribute import (
-    Attribute,
-    Kind,
-    guessed_kind,
-    linear_of,
-    srgb_of,
-    told_apart,
-    unused_name,
-)
+from isomatch.io.attribute import Attribute, Kind, guessed_kind, linear_of, srgb_of, told_apart, unused_name
 from isomatch.io.formats import _gltf_data
 from isomatch.io.formats._gltf_data import GltfData, Matrix, extras_of, joint_names, key_names, set_keys
 from isomatch.io.formats._reading import reading

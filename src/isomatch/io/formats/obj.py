@@ -34,7 +34,6 @@ _NUMBERS = {"-o": 3, "-s": 3, "-t": 3, "-mm": 2}
 """Options of a picture, with the most numbers that follow each."""
 _WORDS = ("-blendu", "-blendv", "-bm", "-boost", "-cc", "-clamp", "-imfchan", "-texres", "-type")
 _PICTURES = ("map_", "bump", "disp", "decal", "norm", "refl")
-_MISSING = "there is no such file in the folder of the OBJ file"
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ from isomatch.cli.terminal import json_text, say
 from isomatch.server import PageServer, Pairs, Session, require_server
 
 
-def open(
+def open_page(
     source: Path,
     target: Path | None = None,
     /,

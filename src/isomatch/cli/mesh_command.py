@@ -17,7 +17,7 @@ from rich.console import Console
 import isomatch
 from isomatch import shapes, spectral
 from isomatch._core.array_file import write_arrays
-from isomatch.cli.distance import N_COLUMNS
+from isomatch.cli.distance_command import N_COLUMNS
 from isomatch.cli.inputs import Force, Json, Output, Rounded, surface_of
 from isomatch.cli.outputs import claimed_files, notes_on, say_left_out, say_notes
 from isomatch.cli.terminal import say, say_json

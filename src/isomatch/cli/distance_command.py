@@ -193,7 +193,8 @@ class _Asked:
         rows = self.words.get("targets", range(distances.shape[1]))
         name = "target" if "targets" in self.words else "vertex"
         header = [name, *(f"from_{word}" for word in self.words["sources"])]
-        return _csv([header, *([row, *map(repr, values)] for row, values in zip(rows, distances.T.tolist()))])
+        cells = ([row, *map(repr, values)] for row, values in zip(rows, distances.T.tolist()))
+        return joined([header, *cells]).splitlines()  # a point in a face, which has commas, is quoted
 
 
 class _Measured(NamedTuple):
@@ -271,11 +272,6 @@ def _plain(words: Any) -> Any:
     return words if words.startswith("f") else int(words)
 
 
-def _csv(rows: list[list[Any]]) -> list[str]:
-    """Lines of a table; a point in a face, which has commas, is quoted."""
-    return joined(rows).splitlines()
-
-
 def _write(path: Path, asked: _Asked, distances: FloatArray) -> None:
     if path.suffix == ".npz":
         arrays: dict[str, Any] = {"distances": distances, **asked.numbers}
@@ -286,7 +282,7 @@ def _write(path: Path, asked: _Asked, distances: FloatArray) -> None:
     lines = asked.lines(distances)
     if "pairs" in asked.words:
         rows = ([*pair, line] for pair, line in zip(asked.words["pairs"], lines))
-        lines = _csv([["source", "target", "distance"], *rows])
+        lines = joined([["source", "target", "distance"], *rows]).splitlines()
     write_text(path, "\n".join([*lines, ""]))
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
-from importlib.metadata import PackageNotFoundError, version
 from importlib.resources import files
 from platform import python_version
 from string import Template, ascii_uppercase
@@ -14,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from isomatch._core import machine
 from isomatch._core.arrays import IntArray, array_of
 from isomatch._core.errors import LandmarkError
 from isomatch.correspondence import Correspondence
@@ -318,11 +318,4 @@ def sentence(text: str) -> str:
 
 def versions() -> dict[str, str]:
     """Versions of Python and of the libraries that decide numbers."""
-    return {"python": python_version(), **{name: _version(name) for name in LIBRARIES}}
-
-
-def _version(distribution: str) -> str:
-    try:
-        return version(distribution)
-    except PackageNotFoundError:
-        return "not installed"
+    return {"python": python_version(), **machine.versions(LIBRARIES)}
