@@ -12,11 +12,9 @@ from isomatch.repair.draft import Draft, count
 from isomatch.surfaces import Mesh
 
 
-def carried(draft: Draft, onto: IntArray) -> tuple[Asset, IntArray, list[str]]:
+def carried(asset: Asset, draft: Draft, onto: IntArray) -> tuple[Asset, IntArray, list[str]]:
     """Make the mended asset; returns also the polygon of each of its polygons, and notes on values that differed."""
-    # onto (n,) is the point of the given asset that each one was welded onto
-    asset = draft.asset
-    assert asset is not None
+    # the asset of the draft, and the point (n,) of it that each of its points was welded onto
     differing = welded_apart(asset, onto)
     mesh, trace = draft.mesh, draft.trace
     rows = Renumbering.of(asset.polygons, trace.given, trace.current, draft.faces, draft.rewound, mesh.faces)

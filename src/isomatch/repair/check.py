@@ -65,16 +65,14 @@ def check(mesh: SurfaceLike, *, wall: float = WALL) -> MeshReport:
     flatness = np.zeros(len(faces))
     _fill_flatness(surface.vertices, faces, 2 * surface.face_areas, flatness)
     rewound, first = faces_to_rewind(surface), first_equal(mesh.vertices)
-    boundary = edges.ends[edges.n_faces == 1]
-    stray = outliers(mesh.vertices) if not mesh.n_faces and finite.all() else np.zeros(0, dtype=bool)
+    seams, nobody = unmerged(with_rewound(surface, rewound)).seams, np.zeros(0, dtype=np.int64)
     return MeshReport(
         n_vertices=mesh.n_vertices,
         n_faces=mesh.n_faces,
         euler_number=int(used.sum()) - len(edges.ends) + len(faces),
         **_components(surface, used, np.where(flatness > ZERO_AREA_RATIO, surface.face_areas, 0.0), rewound),
         **_gaps(surface, first, scale),
-        boundary_edges=boundary,
-        boundary_lengths=_boundary_lengths(surface.vertices, boundary, scale),
+        **_boundary(surface, scale),
         non_finite_vertices=np.flatnonzero(~finite),
         out_of_range_faces=np.flatnonzero(bad.out_of_range),
         repeated_index_faces=np.flatnonzero(bad.repeated_index),
@@ -86,10 +84,8 @@ def check(mesh: SurfaceLike, *, wall: float = WALL) -> MeshReport:
         non_manifold_edges=edges.ends[edges.n_faces > 2],
         non_manifold_vertices=np.flatnonzero(n_fans > 1),
         inconsistent_edges=edges.ends[edges.clash],
-        merged_vertices=np.concatenate(
-            [np.zeros(0, dtype=np.int64), *unmerged(with_rewound(surface, rewound)).seams]
-        ),
-        outliers=np.flatnonzero(stray),
+        merged_vertices=np.concatenate([nobody, *seams]),
+        outliers=np.flatnonzero(outliers(mesh.vertices)) if not mesh.n_faces and finite.all() else nobody,
         double_walled=double_walled_share(surface, wall, rewound) if wall else float("nan"),
         planar=base_of(surface).share if wall else float("nan"),
     )
@@ -142,15 +138,16 @@ def _fill_flatness(points: FloatArray, faces: IntArray, doubled: FloatArray, fla
             flatness[f] = doubled[f] / longest
 
 
-def _boundary_lengths(points: FloatArray, boundary: IntArray, scale: float) -> FloatArray:
-    """Compute the length of each connected piece of the boundary, longest first, of points in units of ``scale``."""
+def _boundary(surface: Mesh, scale: float) -> dict[str, Any]:
+    """Find the edges of the boundary, and the length of each connected piece, longest first, in units of ``scale``."""
+    points, boundary = surface.vertices, surface.boundary_edges
     vertices, ends = np.unique(boundary, return_inverse=True)
     ends = ends.reshape(-1, 2)
     count, label = linked(len(vertices), (ends[:, 0], ends[:, 1]))
     lengths = np.linalg.norm(points[boundary[:, 0]] - points[boundary[:, 1]], axis=1)
     loops: FloatArray = np.bincount(label[ends[:, 0]], lengths, count).astype(np.float64)
     with np.errstate(over="ignore"):  # lengths beyond the largest float become infinite
-        return np.sort(loops)[::-1] * scale
+        return {"boundary_edges": boundary, "boundary_lengths": np.sort(loops)[::-1] * scale}
 
 
 ZERO_AREA_RATIO = 1e-10

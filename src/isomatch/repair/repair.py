@@ -176,9 +176,9 @@ def repair(
     # rewound faces that were cut off do not count
     told = tell_winding(replace(cut, notes=mended.notes))
     notes = (*told.notes, *cut.notes[len(mended.notes) :])
-    if asset is None or not notes:
+    if cut.asset is None or not notes:
         return _repair_of(cut, lost + notes, asset)
-    after, polygon_index, kept = carried(cut, onto=closed.trace.current)
+    after, polygon_index, kept = carried(cut.asset, cut, onto=closed.trace.current)
     return _repair_of(cut, (*lost, *notes, *kept), after, polygon_index)
 
 
