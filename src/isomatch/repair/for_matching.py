@@ -110,8 +110,8 @@ def mend(draft: Draft, weld: bool = True, insert: bool = True, least_distance: f
     """Mend the mesh of a draft; its own vertices, copies too, are the given ones of these steps."""
     close = partial(close_gaps, weld=weld, insert=insert)
     part = partial(part_limbs, least_distance=least_distance)
-    steps = close, drop_unsound_faces, drop_non_finite, drop_welded, drop_unused, wind, part, tell_winding
-    return draft.then(run(Draft.of(draft.mesh), *steps))
+    steps = close, drop_unsound_faces, drop_non_finite, drop_welded, drop_unused, wind, part
+    return tell_winding(draft.then(run(Draft.of(draft.mesh), *steps)))
 
 
 def cap_contacts(draft: Draft) -> Draft:
