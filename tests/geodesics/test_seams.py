@@ -20,7 +20,7 @@ from isomatch.geodesics import (
     pair_distances,
 )
 from isomatch.geodesics.given import WeldedEngine
-from isomatch.repair import welded_surface
+from isomatch.repair import without_seams
 from shapes import flat_grid, icosphere
 from zoo.made import block, boxes, soup
 
@@ -100,7 +100,7 @@ def test_a_surface_without_coincident_points_is_taken_as_it_is(name):
     assert np.array_equal(
         geodesic_distances(mesh, [3], name), geodesic_distances(mesh, [3], name, weld=False)
     )
-    assert welded_surface(mesh) is None
+    assert without_seams(mesh) == (mesh, None)
 
 
 def test_what_was_welded_is_noted(split):
@@ -118,7 +118,7 @@ def test_sampling_balls_and_pairs_know_the_copies(split):
     sampling = farthest_point_sampling(engine, 12, 3)
     assert len(np.unique(point[sampling.vertices])) == 12
     assert np.array_equal(sampling.columns, columns[sampling.vertices])
-    seams = welded_surface(split)
+    _, seams = without_seams(split)
     nearest, expected = np.full(split.n_vertices, np.inf), np.full(seams.mesh.n_vertices, np.inf)
     for source in (3, 40):
         engine.lower(nearest, source)
@@ -137,7 +137,7 @@ def test_sampling_balls_and_pairs_know_the_copies(split):
 @pytest.mark.parametrize("weights", ["area", "uniform"])
 def test_a_distance_basis_is_that_of_the_closed_surface(method, weights):
     split = globe()
-    seams = welded_surface(split)
+    _, seams = without_seams(split)
     found = isomatch.distance_basis(split, 20, 40, method, weights)
     expected = isomatch.distance_basis(seams.mesh, 20, 40, method, weights)
     everywhere = np.arange(split.n_vertices)
@@ -276,7 +276,7 @@ def test_commands(tmp_path, capsys):
 def test_a_map_is_inverted_across_a_seam():
     """Of the images of one copy of a point, vertices on the other side of the seam are as near."""
     split = globe()
-    seams = welded_surface(split)
+    _, seams = without_seams(split)
     there = np.arange(split.n_vertices)
     there[seams.vertex_index[seams.new_index] != there] = -1  # only the first of the copies is an image
     there = isomatch.Correspondence(there, split.n_vertices)

@@ -625,7 +625,8 @@ def test_a_large_body_lies_in_spatial_order_and_knows_the_users_vertices(defect,
         faces[:100] = faces[:100, ::-1]
     shuffled = Mesh(vertices, faces)
     plain = body_of(shuffled, COARSE.preparation)
-    monkeypatch.setattr("isomatch.shapes.body.LARGE", 1000)
+    for module in ("repair.for_matching", "shapes.body"):
+        monkeypatch.setattr(f"isomatch.{module}.LARGE_MESH", 1000)
     ordered = body_of(shuffled, COARSE.preparation)
     assert ordered.notes == plain.notes
     assert ordered.scale == pytest.approx(plain.scale, rel=1e-12)

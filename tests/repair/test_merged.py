@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from isomatch import Asset, Attribute, Config, Mesh, SettingError, check, prepare, repair
 from isomatch.decimation import decimate
-from isomatch.repair import handles
+from isomatch.repair import for_matching, handles, prepare_for_matching
 from isomatch.settings import PreparationSettings
 from isomatch_lab.damage import merge
 from shapes import icosphere
@@ -98,6 +98,16 @@ def test_check_names_them_and_a_second_repair_changes_nothing():
     (change,) = (change for change in mended.changes if "parted" in change)
     assert f"{len(report.merged_vertices)} vertices" in change
     assert repair(damaged.mesh, unmerge=np.inf).contacts == ()
+
+
+def test_a_note_on_a_mesh_in_spatial_order_names_a_given_vertex(monkeypatch):
+    monkeypatch.setattr(for_matching, "LARGE_MESH", 100)
+    mesh = merged_hairpin(*MERGED[0]).mesh
+    draft = prepare_for_matching(mesh, 0.1)
+    (note,) = (note for note in draft.notes if "parted" in note)
+    contact = np.concatenate(repair(mesh).contacts)
+    assert int(note.partition("one of them vertex ")[2].partition(";")[0]) in contact
+    np.testing.assert_array_equal(np.sort(np.concatenate(draft.contacts)), np.sort(contact))
 
 
 def test_inward_faces_and_a_soup_of_triangles_are_parted_too():

@@ -24,10 +24,7 @@ class Base(NamedTuple):
 
 
 def base_of(mesh: Mesh) -> Base:
-    """Find the largest planar piece, and what lies in its plane or on the side of it with less of the other area.
-
-    The planes of 200 faces, evenly over the area, are tried on 20 000 faces: 0.1 s, and O(m) for the best.
-    """
+    """Find the largest planar piece, and what lies in its plane or on the side of it with less of the other area."""
     nothing = np.zeros(mesh.n_faces, dtype=bool)
     area = mesh.area
     if not 0 < area < np.inf:

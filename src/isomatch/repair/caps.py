@@ -13,10 +13,7 @@ from isomatch.surfaces import Mesh
 
 
 def capped_at(mesh: Mesh, at: BoolArray) -> tuple[Mesh, IntArray]:
-    """Close the holes around which at least half of the vertices are marked (n,); as `capped`.
-
-    Returns also, for each vertex, the one of the mesh that is nearest along edges: for each of the first n, itself.
-    """
+    """Close the holes around which half of the vertices are marked (n,); returns also the old vertex nearest to each."""
     closed = _closed(mesh, [rim for rim in boundary_loops(mesh) if at[rim].mean() >= 0.5])
     everything, n = np.arange(mesh.n_vertices), closed.n_vertices
     if n == mesh.n_vertices:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -61,26 +62,17 @@ def check(mesh: SurfaceLike, *, wall: float = WALL) -> MeshReport:
     # Dividing by the largest coordinate keeps squares and products from overflowing.
     scale = float(max(points.max(initial=0.0), -points.min(initial=0.0))) or 1.0
     surface = whole.moved(points / scale)
-    inconsistent = edges.ends[edges.clash]
-    doubled = 2 * surface.face_areas
     flatness = np.zeros(len(faces))
-    _fill_flatness(surface.vertices, surface.faces, doubled, flatness)
-    areas = np.where(flatness > ZERO_AREA_RATIO, doubled / 2, 0.0)
-    rewound = faces_to_rewind(surface)
-    components = _components(surface, inconsistent, used, areas, rewound)
-    nobody = np.zeros(0, dtype=np.int64)
-    first, polygons = first_equal(mesh.vertices), Polygons.of_triangles(faces)
-    # points that are joined close boundaries, and open none
-    free = free_sides(polygons, first) if (edges.n_faces == 1).any() else NO_SIDES
-    parted = t_junctions(surface.vertices, polygons, first, free)
-    loose = close_vertices(surface.vertices, free.ends)
+    _fill_flatness(surface.vertices, faces, 2 * surface.face_areas, flatness)
+    rewound, first = faces_to_rewind(surface), first_equal(mesh.vertices)
+    seams, nobody = unmerged(with_rewound(surface, rewound)).seams, np.zeros(0, dtype=np.int64)
     return MeshReport(
         n_vertices=mesh.n_vertices,
         n_faces=mesh.n_faces,
         euler_number=int(used.sum()) - len(edges.ends) + len(faces),
-        **components,
-        boundary_edges=edges.ends[edges.n_faces == 1],
-        boundary_lengths=_boundary_lengths(surface.vertices, edges.ends[edges.n_faces == 1], scale),
+        **_components(surface, used, np.where(flatness > ZERO_AREA_RATIO, surface.face_areas, 0.0), rewound),
+        **_gaps(surface, first, scale),
+        **_boundary(surface, scale),
         non_finite_vertices=np.flatnonzero(~finite),
         out_of_range_faces=np.flatnonzero(bad.out_of_range),
         repeated_index_faces=np.flatnonzero(bad.repeated_index),
@@ -91,24 +83,26 @@ def check(mesh: SurfaceLike, *, wall: float = WALL) -> MeshReport:
         coincident_vertices=np.flatnonzero(finite & (first != np.arange(mesh.n_vertices))),
         non_manifold_edges=edges.ends[edges.n_faces > 2],
         non_manifold_vertices=np.flatnonzero(n_fans > 1),
-        inconsistent_edges=inconsistent,
-        t_junctions=np.unique(parted.points),
-        close_vertices=loose.vertices,
-        weld_tolerance=loose.tolerance * scale,
-        merged_vertices=_merged(surface, rewound),
+        inconsistent_edges=edges.ends[edges.clash],
+        merged_vertices=np.concatenate([nobody, *seams]),
         outliers=np.flatnonzero(outliers(mesh.vertices)) if not mesh.n_faces and finite.all() else nobody,
         double_walled=double_walled_share(surface, wall, rewound) if wall else float("nan"),
         planar=base_of(surface).share if wall else float("nan"),
     )
 
 
-def _merged(surface: Mesh, rewound: BoolArray) -> IntArray:
-    return np.concatenate([np.zeros(0, dtype=np.int64), *unmerged(with_rewound(surface, rewound)).seams])
+def _gaps(surface: Mesh, first: IntArray, scale: float) -> dict[str, Any]:
+    """Find gaps that are meant to be closed, where vertices (n,) that are one are joined."""
+    polygons = Polygons.of_triangles(surface.faces)
+    # points that are joined close boundaries, and open none
+    free = free_sides(polygons, first) if (surface.edge_table.n_faces == 1).any() else NO_SIDES
+    parted = t_junctions(surface.vertices, polygons, first, free)
+    loose = close_vertices(surface.vertices, free.ends)
+    found = {"t_junctions": np.unique(parted.points), "close_vertices": loose.vertices}
+    return {**found, "weld_tolerance": loose.tolerance * scale}
 
 
-def _components(
-    surface: Mesh, inconsistent: IntArray, used: BoolArray, areas: FloatArray, rewound: BoolArray
-) -> dict[str, Any]:
+def _components(surface: Mesh, used: BoolArray, areas: FloatArray, rewound: BoolArray) -> dict[str, Any]:
     """Describe components that have faces, largest first: vertices, shares of the area; solids, voids, inside out."""
     sizes = np.bincount(surface.components, used).astype(np.int64)
     has_faces = sizes > 0
@@ -118,7 +112,7 @@ def _components(
     area = np.bincount(of_face, areas, len(sizes))
     solid, void = shells(surface)
     inward, *kinds = (np.bincount(of_face[rows], minlength=len(sizes)) > 0 for rows in (rewound, solid, void))
-    inward[of_vertex[inconsistent[:, 0]]] = False
+    inward[of_vertex[surface.edges[surface.edge_table.clash][:, 0]]] = False
     order = np.lexsort([-sizes, -area])
     total = area.sum()
     shares = area[order] / total if total > 0 else np.zeros(len(sizes))
@@ -144,15 +138,16 @@ def _fill_flatness(points: FloatArray, faces: IntArray, doubled: FloatArray, fla
             flatness[f] = doubled[f] / longest
 
 
-def _boundary_lengths(points: FloatArray, boundary: IntArray, scale: float) -> FloatArray:
-    """Compute the length of each connected piece of the boundary, longest first, of points in units of ``scale``."""
+def _boundary(surface: Mesh, scale: float) -> dict[str, Any]:
+    """Find the edges of the boundary, and the length of each connected piece, longest first, in units of ``scale``."""
+    points, boundary = surface.vertices, surface.boundary_edges
     vertices, ends = np.unique(boundary, return_inverse=True)
     ends = ends.reshape(-1, 2)
     count, label = linked(len(vertices), (ends[:, 0], ends[:, 1]))
     lengths = np.linalg.norm(points[boundary[:, 0]] - points[boundary[:, 1]], axis=1)
     loops: FloatArray = np.bincount(label[ends[:, 0]], lengths, count).astype(np.float64)
     with np.errstate(over="ignore"):  # lengths beyond the largest float become infinite
-        return np.sort(loops)[::-1] * scale
+        return {"boundary_edges": boundary, "boundary_lengths": np.sort(loops)[::-1] * scale}
 
 
 ZERO_AREA_RATIO = 1e-10
@@ -201,6 +196,17 @@ _SURVIVABLE = {
     "inward_components": "closed components with faces oriented inward: left and right are exchanged; "
     "repair(mesh) orients them outward",
 }
+MENDED = (
+    *("non_finite_vertices", "out_of_range_faces", "repeated_index_faces", "duplicate_faces"),
+    *("unused_vertices", "coincident_vertices", "inconsistent_edges", "inward_components"),
+    *("merged_vertices", "t_junctions", "outliers"),
+)
+"""Fields of `MeshReport` with defects that a repair removes."""
+
+
+def has_any(report: MeshReport, defects: Iterable[str]) -> bool:
+    """Whether a mesh has any of some defects, the fields of its report."""
+    return any(len(getattr(report, defect)) for defect in defects)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -3,41 +3,35 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TypeVar, cast
 
 import numpy as np
 
-from isomatch._core.arrays import AnyArray, BoolArray, IntArray
+from isomatch._core.arrays import IntArray
 from isomatch._core.errors import FormatError, SettingError
-from isomatch.io import (
-    Asset,
-    Attribute,
-    Polygons,
-    Renumbering,
-    SurfaceLike,
-    asset_from,
-    mesh_from,
-    read_asset,
-    read_mesh,
-)
-from isomatch.repair._winding import wound_outward
-from isomatch.repair.base import base_of
-from isomatch.repair.check import OPENING, MeshReport
-from isomatch.repair.gaps import first_within, without_t_junctions
-from isomatch.repair.merged import unmerged
-from isomatch.repair.outliers import outliers
+from isomatch.io import Asset, SurfaceLike, asset_from, mesh_from, read_asset, read_mesh
+from isomatch.repair.carried import carried
+from isomatch.repair.check import MENDED, OPENING, MeshReport, has_any
+from isomatch.repair.draft import Draft, Step, run
 from isomatch.repair.sheets import SHEET_DISTANCE
-from isomatch.surfaces import Mesh, PointCloud, UnsoundFaces, first_equal, unsound_faces
+from isomatch.repair.steps import (
+    close_gaps,
+    drop_base,
+    drop_chambers,
+    drop_non_finite,
+    drop_outliers,
+    drop_unsound_faces,
+    drop_unused,
+    drop_welded,
+    part_limbs,
+    tell_winding,
+    wind,
+)
+from isomatch.surfaces import Mesh, PointCloud, first_equal
 
 T = TypeVar("T")
-MENDED = (
-    *("non_finite_vertices", "out_of_range_faces", "repeated_index_faces", "duplicate_faces"),
-    *("unused_vertices", "coincident_vertices", "inconsistent_edges", "inward_components"),
-    *("merged_vertices", "t_junctions", "outliers"),
-)
-"""Fields of `MeshReport` with defects that a repair removes."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -161,6 +155,35 @@ def repair(
     >>> mended.changes
     ('welded 2 vertices onto an earlier vertex at the same position', 'rewound 1 face')
     """
+    _require_options(weld, orient, unmerge, outer)
+    asset, lost = _asset_of(mesh)
+    whole = mesh_from(mesh) if asset is None else Mesh(asset.placed_points, asset.polygons.triangles)
+    given, parts = Draft.of(whole, asset), asset.parts if asset else ()
+    plain = isinstance(weld, bool) and unmerge >= SHEET_DISTANCE and not (outer or without_base)
+    if report and plain and not has_any(report, MENDED):
+        return _repair_of(given, lost, asset)
+    insert = not parts and (report is None or weld is not True or len(report.t_junctions) > 0)
+    closed = close_gaps(given, weld, insert)
+    steps: list[Step] = [partial(drop_unsound_faces, keep_duplicates=not remove_duplicates)]
+    steps += [drop_non_finite, drop_welded]
+    steps += [drop_unused if whole.n_faces else drop_outliers] if remove_unused else []
+    steps += [wind] if orient else []
+    steps += [partial(part_limbs, least_distance=unmerge)] if orient and len(parts) < 2 else []
+    cuts: list[Step] = [partial(drop_chambers, opening=opening)] if outer else []
+    cuts += [drop_base] if without_base else []
+    mended = run(closed, *steps)
+    cut = run(mended, *cuts)
+    # rewound faces that were cut off do not count
+    told = tell_winding(replace(cut, notes=mended.notes))
+    notes = (*told.notes, *cut.notes[len(mended.notes) :])
+    if cut.asset is None or not notes:
+        return _repair_of(cut, lost + notes, asset)
+    after, polygon_index, kept = carried(cut.asset, cut, onto=closed.trace.current)
+    return _repair_of(cut, (*lost, *notes, *kept), after, polygon_index)
+
+
+def _require_options(weld: bool | float, orient: bool, unmerge: float, outer: bool) -> None:
+    """Raise `SettingError` for options that make no sense."""
     if not (isinstance(unmerge, int | float) and unmerge >= 0):
         raise SettingError(f"unmerge = {unmerge!r} is not a distance; give 0 or more, in √area, or infinity")
     if outer and not orient:
@@ -169,130 +192,18 @@ def repair(
         raise SettingError(
             f"weld = {weld!r} is no distance; give True, False, or 0 or more in the units of the mesh"
         )
-    asset, lost = _asset_of(mesh)
-    mesh = mesh_from(mesh) if asset is None else Mesh(asset.placed_points, asset.polygons.triangles)
-    identity = np.arange(mesh.n_vertices)
-    if (
-        report
-        and not (outer or without_base)
-        and isinstance(weld, bool)
-        and unmerge >= SHEET_DISTANCE
-        and not any(len(getattr(report, defect)) for defect in MENDED)
-    ):
-        same = None if asset is None else np.arange(len(asset.polygons))
-        return Repair(mesh, identity, identity, np.arange(mesh.n_faces), lost, asset, same)
-    places = mesh.vertices
-    if asset is not None and len(asset.parts) > 1:
-        places = np.column_stack([places, asset.part_of_point])
-    survivor = identity
-    if not isinstance(weld, bool):
-        survivor = first_within(places, weld)
-    elif weld:
-        survivor = first_equal(places)
-    original, of_triangle = asset, np.arange(mesh.n_faces)
-    faces, bad = _welded_faces(mesh, survivor)
-    polygons = Polygons.of_triangles(mesh.faces) if asset is None else asset.polygons
-    is_sound = np.bincount(polygons.of_triangle, ~bad.any, len(polygons)) > 0
-    on_sides = np.zeros(mesh.n_vertices, dtype=bool)
-    known = report if weld is True else None
-    if (asset is None or not asset.parts) and (known is None or len(known.t_junctions)):
-        given = Asset(mesh.vertices, polygons) if asset is None else asset
-        whole, on_sides = without_t_junctions(given, survivor, is_sound)
-    if on_sides.any():
-        # triangles of a polygon with a further corner come from its first one
-        of_triangle = np.searchsorted(polygons.of_triangle, whole.polygons.of_triangle)
-        mesh, asset = Mesh(mesh.vertices, whole.polygons.triangles), asset and whole
-        faces, bad = _welded_faces(mesh, survivor)
-    face_index = np.flatnonzero(~bad.any | (bad.duplicate & (not remove_duplicates)))
-    faces = faces[face_index]
 
-    finite = np.isfinite(mesh.vertices).all(axis=1)
-    welded = survivor != identity
-    unused = np.bincount(faces.ravel(), minlength=mesh.n_vertices) == 0
-    unused &= finite & ~welded & remove_unused & bool(mesh.n_faces)
-    stray = np.zeros(mesh.n_vertices, dtype=bool)
-    if not mesh.n_faces and remove_unused:
-        stray[finite & ~welded] = outliers(mesh.vertices[finite & ~welded])
-    kept = finite & ~welded & ~unused & ~stray
-    vertex_index = np.flatnonzero(kept)
-    new_index = np.where(kept, np.cumsum(kept) - 1, -1)[survivor]
 
-    mended = Mesh(mesh.vertices[vertex_index], new_index[faces])
-    mended, rewound = wound_outward(mended) if orient else (mended, np.zeros(len(faces), dtype=bool))
-
-    contacts: tuple[IntArray, ...] = ()
-    if orient and unmerge < np.inf and (asset is None or len(asset.parts) < 2):
-        limbs = unmerged(mended, unmerge)
-        contacts = tuple(vertex_index[seam] for seam in limbs.seams)
-        mended, vertex_index = limbs.mesh, vertex_index[limbs.vertex_index]
-        # the winding stopped where limbs were merged, as more than two faces met at an edge there
-        if contacts:
-            mended, again = wound_outward(mended)
-            rewound ^= again
-
-    cut: tuple[str, ...] = ()
-    removals: list[tuple[str, Callable[[Mesh], BoolArray]]] = []
-    if outer:
-        from isomatch.repair.outer import inner_faces  # imports scipy.ndimage, which is slow
-
-        removals.append(("chambers", lambda mesh: inner_faces(mesh, opening)))
-    if without_base:
-        removals.append(("a base and below its rim", lambda mesh: base_of(mesh).below))
-    for what, found in removals:
-        gone = found(mended)
-        if not gone.any():
-            continue
-        share = float(mended.face_areas[gone].sum() / mended.area)
-        cut += (f"removed {_count(int(gone.sum()), 'face')} of {what}, {share:.1%} of the area",)
-        lined = np.setdiff1d(mended.faces[gone], mended.faces[~gone])
-        stays = np.ones(mended.n_vertices, dtype=bool)
-        stays[lined] = False
-        place = np.append(np.where(stays, np.cumsum(stays) - 1, -1), -1)
-        mended = Mesh(mended.vertices[stays], place[mended.faces[~gone]])
-        vertex_index, new_index = vertex_index[stays], place[new_index]
-        face_index, rewound = face_index[~gone], rewound[~gone]
-
-    at = "at the same position" if isinstance(weld, bool) else f"within {weld:g}"
-    counted = (
-        (f"welded {{}} onto an earlier vertex {at}", "vertex", welded),
-        ("inserted {} into edges that they lie on", "vertex", on_sides),
-        ("removed {} with a vertex index out of range", "face", bad.out_of_range),
-        ("removed {} with a non-finite vertex", "face", bad.non_finite),
-        ("removed {} with a repeated vertex", "face", bad.repeated_index),
-        ("removed {} with the vertices of an earlier face", "face", bad.duplicate & remove_duplicates),
-        ("removed {} with non-finite coordinates", "vertex", ~finite),
-        ("removed {} that no face used", "vertex", unused),
-        ("removed {} far from all others", "point", stray),
-        ("rewound {}", "face", rewound),
+def _repair_of(
+    draft: Draft, changes: tuple[str, ...], asset: Asset | None, polygon_index: IntArray | None = None
+) -> Repair:
+    """Report a draft; the polygons of an asset are the given ones unless others are named."""
+    faces, trace = draft.given_face[draft.faces], draft.trace
+    if asset and polygon_index is None:
+        polygon_index = np.arange(len(asset.polygons))
+    return Repair(
+        draft.mesh, trace.given, trace.current, faces, changes, asset, polygon_index, draft.contacts
     )
-    changes = lost + tuple(
-        sentence.format(_count(int(mask.sum()), noun)) for sentence, noun, mask in counted if mask.any()
-    )
-    changes += ((parted_described(contacts),) if contacts else ()) + cut
-    if asset is None or not changes:
-        same = None if asset is None else np.arange(len(asset.polygons))
-        mended = mended if changes else mesh
-        face_index = of_triangle[face_index]
-        return Repair(mended, vertex_index, new_index, face_index, changes, original, same, contacts)
-    apart = welded_apart(asset, survivor)
-    rows = Renumbering.of(asset.polygons, vertex_index, new_index, face_index, rewound, mended.faces)
-    whole = turned_over(kept_at_corners(asset, apart).renumbered(rows), asset, rows, face_index[rewound])
-    if contacts:
-        whole = _with_normals(
-            whole.placed_at(mended.vertices), mended, np.isin(vertex_index, np.concatenate(contacts))
-        )
-    told = tuple(_told(asset, name, n) for name, n in apart.items())
-    changes += told
-    face_index = of_triangle[face_index]
-    return Repair(mended, vertex_index, new_index, face_index, changes, whole, rows.polygon_index, contacts)
-
-
-def _welded_faces(mesh: Mesh, survivor: IntArray) -> tuple[IntArray, UnsoundFaces]:
-    """Return the faces between vertices that are one, and which of them are unsound."""
-    in_range = ((mesh.faces >= 0) & (mesh.faces < mesh.n_vertices)).all(axis=1)
-    faces = mesh.faces.copy()
-    faces[in_range] = survivor[faces[in_range]]
-    return faces, unsound_faces(mesh.vertices, faces)
 
 
 def _asset_of(surface: SurfaceLike) -> tuple[Asset | None, tuple[str, ...]]:
@@ -309,128 +220,18 @@ def _asset_of(surface: SurfaceLike) -> tuple[Asset | None, tuple[str, ...]]:
     return asset_from(surface, sound=False), ()
 
 
-def _told(asset: Asset, name: str, n: int) -> str:
-    welded = _count(n, "welded vertex")
-    if goes_to_corners(asset, asset.attribute(name, "point")):
-        return f"kept {name} at corners, as it differs at {welded}"
-    return f"kept the first value of {name} at {welded} where it differs"
-
-
-def _with_normals(asset: Asset, mesh: Mesh, rows: BoolArray) -> Asset:
-    """Give some points (n,) the normals of a mesh: at merged points those of both limbs had been averaged."""
-    if asset.parts:
-        return asset
-    attributes = []
-    for each in asset.attributes:
-        if each.kind == "normal" and each.domain == "point":
-            values = np.where(rows[:, None], mesh.vertex_normals, each.values).astype(each.values.dtype)
-            each = replace(each, values=values)
-        attributes.append(each)
-    return replace(asset, attributes=tuple(attributes))
-
-
-def parted_described(contacts: tuple[IntArray, ...]) -> str:
-    """Say where limbs were parted, given the vertices of each contact."""
-    largest, count = max(contacts, key=len), sum(map(len, contacts))
-    return (
-        f"parted limbs that were merged at {_count(count, 'vertex')}, in {_count(len(contacts), 'contact')}; the largest "
-        f"has {len(largest)}, one of them vertex {largest[len(largest) // 2]}"
-    )
-
-
-def _count(number: int, noun: str) -> str:
-    several = noun.replace("vertex", "vertices") if noun.endswith("vertex") else f"{noun}s"
-    return f"{number} {noun if number == 1 else several}"
-
-
-def welded_surface(surface: object) -> Repair | None:
-    """Weld the vertices of a mesh at exactly the same position, as `repair` does, and change nothing else.
-
-    None if no two vertices coincide, if it is no mesh, or if it has coordinates that are not finite or faces without
-    vertices, which `check` reports. Faces that vanish or double are left out. O(n log n) time, in which only hashes are
-    sorted.
-    """
-    if not isinstance(surface, Mesh):
-        return None
-    first = first_equal(surface.vertices)
-    if (first[1:] > first[:-1]).all():
-        return None
-    faces = surface.faces
-    if not np.isfinite(surface.vertices).all() or ((faces < 0) | (faces >= surface.n_vertices)).any():
-        return None
-    return repair(surface, remove_unused=False, orient=False)
-
-
 def without_seams(surface: T, weld: bool = True) -> tuple[T, Repair | None]:
-    """Return the welded mesh, and how it was welded; or the surface as it is and None, if there is nothing to weld."""
-    seams = welded_surface(surface) if weld else None
-    return (cast(T, seams.mesh), seams) if seams else (surface, None)
+    """Weld the vertices of a mesh at exactly the same position, and change nothing else; returns also how.
 
-
-def welded_apart(asset: Asset, survivor: IntArray) -> dict[str, int]:
-    """Count, for each attribute of points, those that are welded onto a point with another value."""
-    rows = np.flatnonzero(survivor != np.arange(len(survivor)))
-    counts = {}
-    for attribute in asset.attributes:
-        if attribute.domain != "point" or not len(rows):
-            continue
-        differ = _differ(attribute.values, rows, survivor[rows])
-        if attribute.joints is not None:
-            differ |= _differ(attribute.joints, rows, survivor[rows])
-        if differ.any():
-            counts[attribute.name] = int(differ.sum())
-    return counts
-
-
-def _differ(values: AnyArray, rows: IntArray, others: IntArray) -> BoolArray:
-    one, other = values[rows].reshape(len(rows), -1), values[others].reshape(len(rows), -1)
-    differ = np.not_equal(one, other)
-    if values.dtype.kind == "f":
-        differ &= ~(np.isnan(one) & np.isnan(other))
-    return np.asarray(differ.any(axis=1))
-
-
-def goes_to_corners(asset: Asset, attribute: Attribute) -> bool:
-    """Whether values of points that differ at welded ones are kept at corners."""
-    # texture coordinates of one side of a seam would smear the texture. Normals too have two sides at a sharp edge, and
-    # glTF, whose files have parts, splits points for them again
-    directed = attribute.kind == "normal" or attribute.is_tangent
-    is_free = all((a.name, a.domain) != (attribute.name, "corner") for a in asset.attributes)
-    return is_free and (attribute.kind == "uv" or (directed and bool(asset.parts)))
-
-
-def kept_at_corners(asset: Asset, apart: dict[str, int]) -> Asset:
-    """Return the asset before it is welded, with these attributes of points at corners where that keeps both sides."""
-    corners = asset.polygons.corners
-    inside = np.where((corners >= 0) & (corners < len(asset.points)), corners, 0)
-    attributes = tuple(
-        a.at(inside, "corner") if a.domain == "point" and a.name in apart and goes_to_corners(asset, a) else a
-        for a in asset.attributes
-    )
-    return replace(asset, attributes=attributes)
-
-
-def turned_over(asset: Asset, before: Asset, rows: Renumbering, rewound: IntArray) -> Asset:
-    """Turn normals over where all faces were, given as the triangles before, unless they agree with them now."""
-    if not asset.of_kind("normal") or not len(rewound):
-        return asset
-    of_face = np.isin(rows.polygon_index, before.polygons.of_triangle[rewound])
-    polygons = asset.polygons
-    of_corner = of_face[polygons.of_corner]
-    corners, n = polygons.corners, len(asset.points)
-    n_turned, n_all = (np.bincount(each, minlength=n) for each in (corners[of_corner], corners))
-    turned = {"face": of_face, "corner": of_corner, "point": (n_turned > 0) & (n_turned == n_all)}
-    mesh = Mesh(asset.placed_points, polygons.triangles)
-    first = np.unique(polygons.of_triangle, return_index=True)[1]
-    at_points = mesh.vertex_normals
-    now = {"face": mesh.face_cross[first], "corner": at_points[polygons.corners], "point": at_points}
-
-    def right(attribute: Attribute) -> Attribute:
-        if attribute.kind != "normal":
-            return attribute
-        placed = asset.placed.attribute(attribute.name, attribute.domain).values
-        against = (placed * now[attribute.domain]).sum(axis=1) < 0
-        sign = np.where(turned[attribute.domain] & against, -1, 1).astype(attribute.values.dtype)
-        return attribute.with_values(attribute.values * sign[:, None]) if (sign < 0).any() else attribute
-
-    return replace(asset, attributes=tuple(map(right, asset.attributes)))
+    The surface itself and None if no two vertices coincide, if it is no mesh, or if it has coordinates that are not
+    finite or faces without vertices, which `check` reports. Faces that vanish or double are left out. O(n log n) time,
+    in which only hashes are sorted.
+    """
+    if not (weld and isinstance(surface, Mesh)):
+        return surface, None
+    first, faces = first_equal(surface.vertices), surface.faces
+    is_sound = np.isfinite(surface.vertices).all() and ((faces >= 0) & (faces < surface.n_vertices)).all()
+    if (first[1:] > first[:-1]).all() or not is_sound:
+        return surface, None
+    seams = repair(surface, remove_unused=False, orient=False)
+    return cast(T, seams.mesh), seams

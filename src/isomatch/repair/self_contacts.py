@@ -83,14 +83,20 @@ def opened(mesh: Mesh, cut: BoolArray, at: IntArray) -> tuple[Mesh, IntArray]:
     kept = ~cut[met.edge]
     here, there = met.sides[kept].T
     count, fan = linked(mesh.faces.size, *corner_links(here, there, met.same_direction[kept]))
-    fans = np.arange(count)
-    vertex, first = np.zeros(count, dtype=np.int64), np.full(mesh.n_vertices, count)
+    vertex = np.zeros(count, dtype=np.int64)
     vertex[fan] = mesh.faces.ravel()
-    np.minimum.at(first, vertex, fans)
-    is_copy = (first[vertex] != fans) & np.isin(vertex, at)
+    return copied(mesh, fan.reshape(-1, 3), vertex, np.isin(np.arange(mesh.n_vertices), at))
+
+
+def copied(mesh: Mesh, fan: IntArray, vertex: IntArray, of: BoolArray) -> tuple[Mesh, IntArray]:
+    """Give some vertices, (n,), a copy for each further fan of the corners (m, 3); returns also the old numbers."""
+    numbers = np.arange(len(vertex))
+    first = np.zeros(mesh.n_vertices, dtype=np.int64)
+    first[vertex[::-1]] = numbers[::-1]
+    is_copy = of[vertex] & (first[vertex] != numbers)
     number = np.where(is_copy, mesh.n_vertices + np.cumsum(is_copy) - 1, vertex)
     index = np.concatenate([np.arange(mesh.n_vertices), vertex[is_copy]])
-    return Mesh(mesh.vertices[index], number[fan].reshape(-1, 3)), index
+    return Mesh(mesh.vertices[index], number[fan]), index
 
 
 def are_among(ends: IntArray, edges: IntArray) -> BoolArray:

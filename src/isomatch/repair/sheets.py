@@ -11,7 +11,7 @@ from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from isomatch._core.arrays import BoolArray, FloatArray, IntArray
-from isomatch.repair.self_contacts import edges_to_root
+from isomatch.repair.self_contacts import copied, edges_to_root
 from isomatch.surfaces import (
     EdgeTable,
     Mesh,
@@ -97,20 +97,6 @@ def separate_sheets(mesh: Mesh, least_distance: float = SHEET_DISTANCE) -> Separ
         return whole
     parted, index = copied(mesh, fan, vertex, np.isin(np.arange(mesh.n_vertices), np.concatenate(far)))
     return Separation(parted, index, tuple(far))
-
-
-def copied(mesh: Mesh, fan: IntArray, vertex: IntArray, of: BoolArray) -> tuple[Mesh, IntArray]:
-    """Give some vertices, (n,), a copy for each fan but the first; returns also the old number of each vertex.
-
-    Corners (m, 3) are in fans, which are in the order of their vertices.
-    """
-    numbers = np.arange(len(vertex))
-    first = np.zeros(mesh.n_vertices, dtype=np.int64)
-    first[vertex[::-1]] = numbers[::-1]
-    is_copy = of[vertex] & (first[vertex] != numbers)
-    number = np.where(is_copy, mesh.n_vertices + np.cumsum(is_copy) - 1, vertex)
-    index = np.concatenate([np.arange(mesh.n_vertices), vertex[is_copy]])
-    return Mesh(mesh.vertices[index], number[fan]), index
 
 
 def _with_all_layers(vertices: FloatArray, faces: IntArray) -> IntArray:

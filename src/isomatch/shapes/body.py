@@ -8,34 +8,19 @@ import numpy as np
 
 from isomatch._core.arrays import BoolArray, IntArray
 from isomatch._core.errors import MeshError, some
-from isomatch.decimation import Prolongation, decimations, normalised
+from isomatch.decimation import Prolongation, decimations
 from isomatch.geodesics import distance_engine, ordinary_unit
-from isomatch.repair import (
-    capped_at,
-    check,
-    outliers,
-    parted_described,
-    repair,
-    seems_inside_out,
-    separate_sheets,
-)
+from isomatch.repair import LARGE_MESH, VertexTrace, outliers, prepare_for_matching
 from isomatch.settings import Config, PreparationSettings
-from isomatch.surfaces import Graph, Mesh, PointCloud, Surface, in_spatial_order
+from isomatch.surfaces import Graph, Mesh, PointCloud, Surface
 
 FEWEST_VERTICES = 50  # fewer leave no room for 8 columns and 20 functions
-INSIDE_OUT = (
-    "it seems to be inside out, and its openings are too large to turn it over unasked; with a shape that does not, "
-    "`match` tries both windings of its faces"
-)
-TOGETHER = "if they belong together, set preparation.sheet_distance = inf"
 LEFT_UNMATCHED = "are left unmatched"
 
 # of two points of a graph of unit size; about that of animals and people of unit area
 GRAPH_AVERAGE_DISTANCE = 0.75
 # share of the area from which a component is matched by itself; an eye has as much of a body
 LEAST_COMPONENT = 0.001
-LARGE = 2**16  # vertices, beyond which the arrays of a mesh do not fit into the cache of a processor
-SIGNS_OF_SHEETS = ("non_manifold_edges", "non_manifold_vertices", "duplicate_faces", "coincident_vertices")
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +48,7 @@ def body_of(shape: Surface, settings: PreparationSettings) -> Body:
     MeshError
         If the shape cannot be used.
     """
-    whole, unit, new_index, old_index, notes = _repaired(shape, settings.sheet_distance)
+    whole, unit, trace, notes = _repaired(shape, settings.sheet_distance)
     if not whole.n_vertices:
         raise MeshError("no vertices, so there is nothing to match; give a shape with vertices")
     labels = whole.components
@@ -72,10 +57,10 @@ def body_of(shape: Surface, settings: PreparationSettings) -> Body:
     largest = int(shares.argmax())
     others = np.arange(len(shares)) != largest
     if others.any():
-        notes.append(
+        notes += (
             f"{others.sum()} smaller components with {shares[others].sum():.1%} of the area and "
             f"{sizes[others].sum() / len(labels):.1%} of the vertices {LEFT_UNMATCHED}: no path leads to them, so they "
-            "have no geodesic distance to the rest"
+            "have no geodesic distance to the rest",
         )
     if sizes[largest] < FEWEST_VERTICES:
         raise MeshError(
@@ -84,12 +69,10 @@ def body_of(shape: Surface, settings: PreparationSettings) -> Body:
         )
 
     def component(label: int) -> Body:
-        surface, length = _normalised(whole, labels == label, GRAPH_AVERAGE_DISTANCE)
-        vertices = np.flatnonzero(labels == label)
-        to_body = np.full(whole.n_vertices + 1, -1, dtype=np.int64)  # the last entry stands for "removed"
-        to_body[vertices] = np.arange(len(vertices))
-        share = float(shares[label])
-        return Body(surface, length * unit, to_body[new_index], old_index[vertices], 0.0, (), share)
+        kept = labels == label
+        surface, length = _normalised(whole, kept, GRAPH_AVERAGE_DISTANCE)
+        own = trace.then(VertexTrace.of_kept(kept))
+        return Body(surface, length * unit, own.current, own.given, 0.0, (), float(shares[label]))
 
     own = others & (sizes >= FEWEST_VERTICES)
     matchable = np.flatnonzero(own & (shares >= LEAST_COMPONENT) & isinstance(whole, Mesh))
@@ -99,85 +82,28 @@ def body_of(shape: Surface, settings: PreparationSettings) -> Body:
     return replace(
         component(largest),
         left_out=float(max(shares[others].sum(), sizes[own].sum() / len(labels))),
-        notes=tuple(notes),
+        notes=notes,
         others=tuple(component(label) for label in largest_first[: settings.most_components]),
     )
 
 
-def _repaired(shape: Surface, sheet_distance: float) -> tuple[Surface, float, IntArray, IntArray, list[str]]:
-    """Mend a mesh and separate glued sheets; of points and graphs, nothing is mended."""
-    # returned in a unit in which no area overflows or vanishes, with that unit, and index maps both ways
+def _repaired(shape: Surface, sheet_distance: float) -> tuple[Surface, float, VertexTrace, tuple[str, ...]]:
+    """Mend a shape; of points only outliers are left out, and of graphs nothing."""
+    # returned in a unit in which no area overflows or vanishes, with that unit, the trace of its vertices, and notes
+    if isinstance(shape, Graph):
+        return shape, 1.0, VertexTrace.of_all(shape.n_vertices), ()
     if isinstance(shape, PointCloud):
-        stray, notes = outliers(shape.vertices), list[str]()
-        kept = np.flatnonzero(~stray)
+        stray, notes = outliers(shape.vertices), tuple[str, ...]()
         if stray.any():
             named = some(np.flatnonzero(stray))
-            notes = [f"left out {stray.sum()} points far from all others, such as {named}"]
-            shape = PointCloud(shape.vertices[kept], shape.n_neighbours)
+            notes = (f"left out {stray.sum()} points far from all others, such as {named}",)
+            shape = PointCloud(shape.vertices[~stray], shape.n_neighbours)
         unit = ordinary_unit(shape)
-        new_index = np.where(stray, -1, np.cumsum(~stray) - 1)
-        return PointCloud(shape.vertices / unit, shape.n_neighbours), unit, new_index, kept, notes
-    if isinstance(shape, Graph):
-        everything = np.arange(shape.n_vertices)
-        return shape, 1.0, everything, everything, []
-    mesh, order = _in_memory_order(shape)
-    report = check(mesh, wall=0.0)
-    if report.fatal:
-        raise MeshError("; ".join(report.fatal))
-    repaired = repair(mesh, unmerge=np.inf, report=report)
-    new_index, old_index, notes = repaired.new_index, repaired.vertex_index, list(repaired.changes)
-    of_shape = np.arange(mesh.n_vertices) if order is None else order
-    whole, apart = repaired.mesh, None
-    contacts: tuple[IntArray, ...] = ()
-    if any(len(getattr(report, defect)) for defect in SIGNS_OF_SHEETS):
-        glued = repair(mesh, remove_duplicates=False, orient=False)
-        apart = separate_sheets(glued.mesh, sheet_distance)
-        if not apart.is_manifold:  # as where triangles vanished with the merge of their corners
-            repaired = repair(mesh, unmerge=sheet_distance)
-            contacts = repaired.contacts
-    if contacts:  # the holes that the merge left are no openings of the shape
-        whole, nearest = capped_at(repaired.mesh, np.isin(repaired.vertex_index, np.concatenate(contacts)))
-        new_index, old_index = repaired.new_index, repaired.vertex_index[nearest]
-        notes = [note for note in repaired.changes if note != parted_described(contacts)]
-        notes.append(f"{parted_described(tuple(of_shape[seam] for seam in contacts))}; {TOGETHER}")
-    elif apart and apart.seams:
-        repaired = repair(apart.mesh, weld=False, unmerge=np.inf)
-        whole = repaired.mesh
-        new_index = np.append(repaired.new_index, -1)[glued.new_index]
-        old_index = glued.vertex_index[apart.vertex_index[repaired.vertex_index]]
-        notes = [*glued.changes, *repaired.changes]
-        notes.append(_seams_described(apart.seams, of_shape[glued.vertex_index]))
-    if order is not None:
-        new_index, old_index = new_index[np.argsort(order)], order[old_index]
-    if len(report.close_vertices):
-        notes.append(
-            f"{len(report.close_vertices)} vertices nearly coincide with others, and the surface falls apart there; if "
-            f"they belong together: isomatch repair --weld {report.weld_tolerance:.2g}"
-        )
-    if seems_inside_out(whole):
-        notes.append(INSIDE_OUT)
-    unit = float(np.abs(whole.vertices).max())
-    return whole.moved(whole.vertices / unit), unit, new_index, old_index, notes
-
-
-def _in_memory_order(mesh: Mesh) -> tuple[Mesh, IntArray | None]:
-    """Put a large mesh in spatial order; returns it and the old number of each vertex, None if it stays as it is."""
-    if mesh.n_vertices <= LARGE or not mesh.n_faces:
-        return mesh, None
-    within = mesh.faces.min() >= 0 and mesh.faces.max() < mesh.n_vertices
-    if not within or not np.isfinite(mesh.vertices).all():
-        return mesh, None
-    _, faces, order = in_spatial_order(normalised(mesh.vertices)[0], mesh.faces)
-    return Mesh(mesh.vertices[order], faces), order.astype(np.int64)
-
-
-def _seams_described(seams: tuple[IntArray, ...], vertex_index: IntArray) -> str:
-    largest, count = max(seams, key=len), sum(map(len, seams))
-    return (
-        f"separated sheets that were glued together at {count} {'vertex' if count == 1 else 'vertices'}, in {len(seams)} "
-        f"{'seam' if len(seams) == 1 else 'seams'}; the largest has {len(largest)}, one of them vertex "
-        f"{vertex_index[largest[len(largest) // 2]]}; {TOGETHER}"
-    )
+        scaled = PointCloud(shape.vertices / unit, shape.n_neighbours)
+        return scaled, unit, VertexTrace.of_kept(~stray), notes
+    mended = prepare_for_matching(shape, sheet_distance)
+    unit = float(np.abs(mended.mesh.vertices).max())
+    return mended.mesh.moved(mended.mesh.vertices / unit), unit, mended.trace, mended.notes
 
 
 def sound_body(mesh: Mesh) -> Body:
@@ -212,7 +138,7 @@ def _normalised(whole: Surface, kept: BoolArray, graph_average_distance: float) 
     if isinstance(part, PointCloud):
         return PointCloud(points, part.n_neighbours), length
     # the edges of a large mesh take twice the memory of its faces, and are hardly needed again
-    return Mesh(points, part.faces) if part.n_vertices > LARGE else part.moved(points), length
+    return Mesh(points, part.faces) if part.n_vertices > LARGE_MESH else part.moved(points), length
 
 
 @dataclass(frozen=True, eq=False)
@@ -276,6 +202,6 @@ def _level(body: Body, transfer: Prolongation, refining: Prolongation) -> Level:
     unit = float(np.sqrt(coarse.area))
     middle = np.average(coarse.vertices, axis=0, weights=coarse.vertex_areas)
     surface = coarse.moved((coarse.vertices - middle) / unit)
-    vertices = np.append(owner, -1)[body.body_vertex], body.user_vertex[transfer.nearest_members]
+    trace = VertexTrace(body.user_vertex, body.body_vertex).then(VertexTrace(transfer.nearest_members, owner))
     detail = Detail(transfer, body.body_vertex, body.user_vertex)
-    return Level(surface, body.scale * unit, *vertices, detail, refining)
+    return Level(surface, body.scale * unit, trace.current, trace.given, detail, refining)

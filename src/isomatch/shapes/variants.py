@@ -135,10 +135,8 @@ def _cut_open(
 
 
 def _variant(shape: PreparedShape, mesh: Mesh, origin: IntArray, *notes: str) -> PreparedShape:
-    """Prepare a mesh made from the body of a shape, whose maps are those of the shape.
-
-    The vertices of the body come first; ``origin`` has the vertex there of each further one, and those of caps have none.
-    """
+    """Prepare a mesh made from the body of a shape, whose maps are those of the shape; its vertices come first."""
+    # the origin names the vertex of the body of each vertex; those of caps, which come last, have none
     made = _prepared_again(shape, mesh, shape.requested)
     on_caps = np.full(mesh.n_vertices - len(origin), UNMATCHED)
     variant = replace(made, origin=np.concatenate([origin, on_caps]), original=replace(shape))

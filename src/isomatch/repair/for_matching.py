@@ -1,0 +1,120 @@
+"""What a mesh goes through before it is matched: it is mended, and sheets that were glued or merged come apart."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from isomatch._core.errors import MeshError
+from isomatch.decimation import normalised
+from isomatch.repair._winding import seems_inside_out
+from isomatch.repair.caps import capped_at
+from isomatch.repair.check import MENDED, check, has_any
+from isomatch.repair.draft import Draft, VertexTrace, placed, run
+from isomatch.repair.sheets import separate_sheets
+from isomatch.repair.steps import (
+    close_gaps,
+    drop_non_finite,
+    drop_unsound_faces,
+    drop_unused,
+    drop_welded,
+    part_limbs,
+    tell_winding,
+    wind,
+)
+from isomatch.surfaces import Mesh, in_spatial_order
+
+LARGE_MESH = 2**16  # vertices, beyond which the arrays of a mesh do not fit into the cache of a processor
+SIGNS_OF_SHEETS = ("non_manifold_edges", "non_manifold_vertices", "duplicate_faces", "coincident_vertices")
+TOGETHER = "if they belong together, set preparation.sheet_distance = inf"
+INSIDE_OUT = (
+    "it seems to be inside out, and its openings are too large to turn it over unasked; with a shape that does not, "
+    "`match` tries both windings of its faces"
+)
+
+
+def prepare_for_matching(mesh: Mesh, sheet_distance: float) -> Draft:
+    """Mend a mesh as `repair` does, and take sheets apart that were glued together or merged.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Its arrays may contain anything.
+    sheet_distance : float
+        Sheets stay together unless copies of some vertex where they meet are so far apart along edges, in √area.
+
+    Returns
+    -------
+    Draft
+        Its ``mesh``, the ``trace`` of its vertices, and ``notes`` on what was changed. Copies of a vertex come from the
+        same one, vertices of the caps that close the holes at parted limbs from the nearest one.
+
+    Raises
+    ------
+    MeshError
+        If the mesh has fatal defects.
+    """
+    draft = order_in_memory(Draft.of(mesh))
+    report = check(draft.mesh, wall=0.0)
+    if report.fatal:
+        raise MeshError("; ".join(report.fatal))
+    apart = take_sheets_apart(draft, sheet_distance) if has_any(report, SIGNS_OF_SHEETS) else None
+    if apart:
+        draft = apart
+    elif has_any(report, MENDED):
+        draft = mend(draft, insert=len(report.t_junctions) > 0)
+    if len(report.close_vertices):
+        draft = draft.noted(
+            f"{len(report.close_vertices)} vertices nearly coincide with others, and the surface falls apart there; if "
+            f"they belong together: isomatch repair --weld {report.weld_tolerance:.2g}"
+        )
+    return draft.noted(INSIDE_OUT) if seems_inside_out(draft.mesh) else draft
+
+
+def order_in_memory(draft: Draft) -> Draft:
+    """Put the vertices and faces of a large mesh in spatial order, if they are sound."""
+    mesh = draft.mesh
+    if mesh.n_vertices <= LARGE_MESH or not mesh.n_faces:
+        return draft
+    within = mesh.faces.min() >= 0 and mesh.faces.max() < mesh.n_vertices
+    if not within or not np.isfinite(mesh.vertices).all():
+        return draft
+    _, faces, order = in_spatial_order(normalised(mesh.vertices)[0], mesh.faces)
+    order = order.astype(np.int64)
+    return draft.then(
+        Draft.of(Mesh(mesh.vertices[order], faces), trace=VertexTrace(order, np.argsort(order)))
+    )
+
+
+def take_sheets_apart(draft: Draft, sheet_distance: float) -> Draft | None:
+    """Part merged limbs, or separate glued sheets; None if there are neither."""
+    keep_layers = partial(drop_unsound_faces, keep_duplicates=True)
+    glued = run(draft, close_gaps, keep_layers, drop_non_finite, drop_welded, drop_unused)
+    sheets = separate_sheets(glued.mesh, sheet_distance)
+    if not sheets.is_manifold:  # as where triangles vanished with the merge of their corners
+        parted = mend(draft, least_distance=sheet_distance)
+        if parted.contacts:
+            *earlier, note = parted.notes
+            return replace(cap_contacts(parted), notes=(*earlier, f"{note}; {TOGETHER}"))
+    if not sheets.seams:
+        return None
+    trace = VertexTrace(sheets.vertex_index, np.arange(glued.mesh.n_vertices))
+    separated = mend(glued.then(Draft.of(sheets.mesh, trace=trace)), weld=False)
+    where = placed(tuple(glued.trace.given[seam] for seam in sheets.seams), "seam")
+    return separated.noted(f"separated sheets that were glued together {where}; {TOGETHER}")
+
+
+def mend(draft: Draft, weld: bool = True, insert: bool = True, least_distance: float = np.inf) -> Draft:
+    """Mend the mesh of a draft; its own vertices, copies too, are the given ones of these steps."""
+    close = partial(close_gaps, weld=weld, insert=insert)
+    part = partial(part_limbs, least_distance=least_distance)
+    steps = close, drop_unsound_faces, drop_non_finite, drop_welded, drop_unused, wind, part
+    return tell_winding(draft.then(run(Draft.of(draft.mesh), *steps)))
+
+
+def cap_contacts(draft: Draft) -> Draft:
+    """Close the holes that a merge left where limbs were parted: they are no openings of the shape."""
+    closed, nearest = capped_at(draft.mesh, np.isin(draft.trace.given, np.concatenate(draft.contacts)))
+    return draft.then(Draft.of(closed, trace=VertexTrace(nearest, np.arange(draft.mesh.n_vertices))))
