@@ -39,7 +39,8 @@ def distinct_maps(
 ) -> list[M]:
     """Keep the first maps of the search vertices that differ, see `distinct`."""
     least = pair.config.search.same_map
-    return distinct(maps, lambda map_: map_.target_row, pair.distances_between_maps, least, most, before)
+    apart = pair.distances_between_maps
+    return distinct(maps, lambda map_: SearchRows(map_.target_row), apart, least, most, before)
 
 
 class Pool:

@@ -274,7 +274,7 @@ def starts_from_priors(pair: ShapePair, priors: Priors) -> Iterator[tuple[Int[Se
 
 
 def start_from_pairs(pair: ShapePair, pairs: Int[BodyVertices, "_ 2"]) -> Int[SearchRows, "m_s"]:
-    """First map from a map that is known at some vertices, pairs (q, 2): target rows (m_s,) of the search vertices."""
+    """First map of the search vertices from a map that is known at some vertices."""
     # search vertices without an image take that of the one that has an image and is nearest in descriptors; and an
     # image between the target's search vertices goes to the nearest of them
     source, target = pair.search_points
