@@ -1,6 +1,6 @@
 """Names of the array types in signatures, with shapes and index spaces; arrays of what a user gave.
 
-``Int[SearchRows, "m_s"]`` is an array of integers of shape (m_s,) that are search rows, ``Float[FloatArray, "n_s 3"]`` one
+``Int[SearchRows, "m_s"]`` is an array of integers of shape (m_s,) that are search rows, ``Float[FloatArray, "n 3"]`` one
 of floating-point numbers. A letter is one length within a signature, ``_`` any. mypy tells the index spaces apart; tests
 check the shapes by jaxtyping, which reads the same annotations.
 """

@@ -44,7 +44,7 @@ def refined_images(
     # points of its triangles. Such points follow the coordinates continuously, where nearest vertices jump: where
     # coordinates are disturbed by 1e-9, fewer final images move (docs/lab/design_notes.md, rounding).
     # side: 1 preserves the orientation of the faces, −1 reverses it
-    samples = BodyVertices(pair.target.sample_vertices[: pair.target.config.n_refine])
+    samples = pair.target.sample_vertices[: pair.target.config.n_refine]
     steps = [(min(k, pair.n_functions), with_positions or k == sizes[-1]) for k in sizes]
 
     def coordinates(points: PrecisePoints, step: tuple[int, bool]) -> Embedding:
@@ -71,7 +71,7 @@ def refined_images(
 def registered(pair: SmoothPair, image: Int[BodyVertices, "r"], side: float, smooth: bool) -> Embedding:
     """Coordinates of all vertices of both bodies under a map, with all functions, after registration."""
     settings, k = pair.config.refining, pair.n_functions
-    everywhere = BodyVertices(np.arange(pair.source.body.n_vertices))
+    everywhere = np.arange(pair.source.body.n_vertices)
     embedding = joint_coordinates(pair, PrecisePoints.at_vertices(image), k, side, everywhere)
     steps = settings.registration_steps
     # signatures recognise points; the smooth variant does without: positions, normals and spectrum make a smoother map
@@ -89,8 +89,8 @@ def joint_coordinates(
     image: PrecisePoints,
     k: int,
     side: float,
-    source_vertex: Int[BodyVertices, "q"],
-    onto_vertex: Int[BodyVertices, "_"] | slice = EVERYWHERE,
+    source_vertex: Int[IntArray, "q"],
+    onto_vertex: Int[IntArray, "_"] | slice = EVERYWHERE,
 ) -> Embedding:
     """Coordinates of some vertices of both bodies under a map of the refinement vertices; images are nearest.
 

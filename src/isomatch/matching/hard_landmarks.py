@@ -106,9 +106,7 @@ class _Bending:
         return _with_images(self._map, UserVertices(touched), images), gap
 
 
-def _with_images(
-    map_: Correspondence, rows: Int[UserVertices, "m"], images: PrecisePoints
-) -> Correspondence:
+def _with_images(map_: Correspondence, rows: Int[UserVertices, "m"], images: PrecisePoints) -> Correspondence:
     """Give some source vertices other images."""
     vertices, faces, weights = map_.vertices.copy(), map_.faces.copy(), map_.barycentric.copy()
     vertices[rows], faces[rows], weights[rows] = images.corners[:, 0], images.corners, images.barycentric

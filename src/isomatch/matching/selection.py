@@ -40,18 +40,20 @@ ELSEWHERE = 0.08
 LEAST_REGION = 0.01  # share of the vertices, below which a region says nothing; chosen: ten of 1000
 
 T = TypeVar("T")
-I = TypeVar("I", bound=IntArray)  # images, in any index space
+V = TypeVar("V", bound=IntArray)  # images, in any index space
 R = TypeVar("R", bound=Fit)
 H = TypeVar("H", Candidate, Fit)
 
 
 def distinct(
     maps: Iterable[T],
-    image: Callable[[T], I],
-    distances: Callable[[I, Sequence[I]], FloatArray],  # between the images of a map, and those of each of others
+    image: Callable[[T], V],
+    distances: Callable[
+        [I, Sequence[V]], FloatArray
+    ],  # between the images of a map, and those of each of others
     apart: float,
     most: int | None = None,
-    before: Sequence[I] = (),
+    before: Sequence[V] = (),
 ) -> list[T]:
     """Keep the first maps, at most so many, that are farther ``apart`` from those kept and from the images ``before``."""
     kept: list[T] = []
@@ -67,7 +69,7 @@ def distinct(
 
 
 def distances_between(
-    images: Sequence[I], distances: Callable[[I, Sequence[I]], FloatArray]
+    images: Sequence[V], distances: Callable[[V, Sequence[V]], FloatArray]
 ) -> Float[FloatArray, "q q"]:
     """Mean distance between the images of each two maps."""
     apart = np.zeros((len(images),) * 2)

@@ -91,9 +91,7 @@ def _fill_squared(x: FloatArray, edges: IntArray, squared: FloatArray) -> None:
             squared[e] += step * step
 
 
-def diffused(
-    shape: SmoothShape, values: Float[FloatArray, "n"], radius: float
-) -> Float[FloatArray, "n"]:
+def diffused(shape: SmoothShape, values: Float[FloatArray, "n"], radius: float) -> Float[FloatArray, "n"]:
     """Spread values by heat diffusion over a radius; nowhere less than half the least of them."""
     # u_t = Σ_j e^{−t λ_j} ⟨φ_j, u⟩ φ_j solves the heat equation; its kernel in the plane has mean square distance 4 t
     laplace, time = shape.laplace, radius**2 / 4

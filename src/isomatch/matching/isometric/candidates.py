@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from isomatch._core.arrays import BodyVertices, Int, SearchRows
+from isomatch._core.arrays import BodyVertices, Int, IntArray, SearchRows
 from isomatch._core.threads import parallel_map
 from isomatch.correspondence import alignment_residual, signed_procrustes, spectral_embedding
 from isomatch.matching.assessment.quality import mean_known
@@ -114,13 +114,14 @@ def extended(
 
 
 def first_map(
-    pair: ShapePair, priors: Priors, source_vertex: Int[BodyVertices, "q"], orientation: Orientation
+    pair: ShapePair, priors: Priors, source_vertex: Int[IntArray, "q"], orientation: Orientation
 ) -> tuple[Int[BodyVertices, "q"], str]:
     """Map source vertices by the best hypothesis, from priors if there are any: target vertices, its origin."""
     hypotheses = hypotheses_from_priors(pair, priors) if priors.any else search(pair, [])
     candidates, led = Screening(pair, priors)(hypotheses), bool(len(priors.landmarks))
     order = ranked(candidates, orientation, pair.config.selection, led)
-    return extended(pair, order[0].target_row, source_vertex), order[0].hypothesis.origin
+    image = extended(pair, order[0].target_row, BodyVertices(source_vertex))
+    return image, order[0].hypothesis.origin
 
 
 def is_sure(relation: Relation, selection: Selection[Fit]) -> bool:

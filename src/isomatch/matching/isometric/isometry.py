@@ -9,16 +9,7 @@ from operator import attrgetter
 
 import numpy as np
 
-from isomatch._core.arrays import (
-    BodyVertices,
-    Bool,
-    BoolArray,
-    Float,
-    FloatArray,
-    Int,
-    IntArray,
-    SearchRows,
-)
+from isomatch._core.arrays import BodyVertices, Bool, BoolArray, Float, FloatArray, Int, IntArray, SearchRows
 from isomatch._core.cached import cached_property
 from isomatch._core.errors import SettingError
 from isomatch._core.stage_timer import StageTimer

@@ -8,16 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from isomatch._core.arrays import (
-    BodyVertices,
-    Bool,
-    BoolArray,
-    Float,
-    FloatArray,
-    Int,
-    IntArray,
-    SampleRows,
-)
+from isomatch._core.arrays import BodyVertices, Bool, BoolArray, Float, FloatArray, Int, IntArray, SampleRows
 from isomatch._core.cached import cached_property
 from isomatch._core.threads import parallel_map
 from isomatch.correspondence import (
@@ -282,9 +273,7 @@ class CommonRegions:
         left_out += target.areas[showing & (from_images.min(axis=1) > UNCOVERED)].sum()
         return self.evidence(rows, images) - LEFT_OUT_COST * float(left_out)
 
-    def alike(
-        self, rows: Int[SampleRows, "m"], columns: Int[SampleRows, "c"]
-    ) -> Float[FloatArray, "m c"]:
+    def alike(self, rows: Int[SampleRows, "m"], columns: Int[SampleRows, "c"]) -> Float[FloatArray, "m c"]:
         """Cost of each candidate for each anchor by itself, by moments and areas of balls."""
         (of_source, whole_here), (of_target, whole_there) = self.source.ball_areas, self.target.ball_areas
         both = whole_here[rows][:, None] & whole_there[columns][None]

@@ -179,9 +179,7 @@ class PartStarts:
         # Σ_a unary_a + Σ_{a<b} c_ab over the number of pairs m (m − 1) / 2: the mean of c, and 2 / (m − 1) × the mean of
         # the unary costs. `_start` weighs both alike, of however many anchors.
         costs = costs / (placed * (placed - 1) / 2) + self._against(unit)
-        return [
-            PartStart(pair, BodyVertices(candidates[row]), float(cost)) for row, cost in zip(rows, costs)
-        ]
+        return [PartStart(pair, BodyVertices(candidates[row]), float(cost)) for row, cost in zip(rows, costs)]
 
     def _start(self, pair: PartPair, images: Int[BodyVertices, "_"], rounds: int) -> PartStart:
         """Complete images of the first anchors, −1 for none, and again in the unit that they ask for."""

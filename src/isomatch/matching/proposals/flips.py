@@ -82,8 +82,10 @@ class Pool:
         for _ in range(0, steps, settings.compare_every):
             met, apart = [*before, *settled], self.pair.distances_between_maps
             starts = distinct(starts, lambda rows: rows, apart, settings.same_start, before=met)
-            steps_at_once = settings.compare_every, settings.unchanged
-            images = _in_groups(lambda maps: closest_point_images(*points, maps, *steps_at_once), starts)
+            images = _in_groups(
+                lambda maps: closest_point_images(*points, maps, settings.compare_every, settings.unchanged),
+                starts,
+            )
             moving = [(rows == start).mean() < settings.unchanged for rows, start in zip(images, starts)]
             settled += [rows for rows, moves in zip(images, moving) if not moves]
             starts = [rows for rows, moves in zip(images, moving) if moves]

@@ -25,7 +25,10 @@ def starts_from_pose(pair: ShapePair) -> list[Int[SearchRows, "m_s"]]:
     source, target = pair.source, pair.target
     here, there = pair.source_vertices, pair.target_vertices
     bodies = _places(source.body)[here], _places(target.body)[there]
-    shapes = _places(source.surface)[source.user_vertex[here]], _places(target.surface)[target.user_vertex[there]]
+    shapes = (
+        _places(source.surface)[source.user_vertex[here]],
+        _places(target.surface)[target.user_vertex[there]],
+    )
     rows = (np.asarray(cKDTree(onto).query(points)[1], dtype=np.int64) for points, onto in (bodies, shapes))
     return list(map(SearchRows, rows))
 
@@ -39,7 +42,9 @@ def starts_from_poses(pair: ShapePair) -> list[Int[BodyVertices, "m_s 2"]]:
     source = with_normals(pair.source.mesh_body)[pair.source_vertices]
     target = with_normals(pair.target.mesh_body)[pair.target_vertices]
     several = parallel_map(lambda mirrored: poses_between(source, target, mirrored), sides)
-    return [search_pairs(pair, SearchRows(x.nearest)) for poses in several for x in poses if x.distance <= limit]
+    return [
+        search_pairs(pair, SearchRows(x.nearest)) for poses in several for x in poses if x.distance <= limit
+    ]
 
 
 def nearest_in_pose(
