@@ -11,13 +11,7 @@ import numpy as np
 from isomatch._core.arrays import BodyVertices, Bool, BoolArray, Float, FloatArray, Int, IntArray, SampleRows
 from isomatch._core.cached import cached_property
 from isomatch._core.threads import parallel_map
-from isomatch.correspondence import (
-    IntervalCost,
-    Intervals,
-    grow_regions,
-    pin_first,
-    trilaterate,
-)
+from isomatch.correspondence import IntervalCost, Intervals, grow_regions, pin_first, trilaterate
 from isomatch.descriptors import BallSignature, ball_signature, deviation_of
 from isomatch.geodesics import MissingRegion, distance_engine
 from isomatch.matching.assessment.confidence import nearest_of

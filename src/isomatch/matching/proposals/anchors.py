@@ -6,11 +6,7 @@ import numpy as np
 
 from isomatch._core.arrays import BodyVertices, Int, SearchRows
 from isomatch._core.threads import parallel_map
-from isomatch.correspondence import (
-    Intervals,
-    assign_points,
-    nearest_rows,
-)
+from isomatch.correspondence import Intervals, assign_points, nearest_rows
 from isomatch.matching.problem import ShapePair, search_pairs
 from isomatch.shapes import EXACTLY, farthest_rows
 

@@ -10,11 +10,7 @@ import numpy as np
 
 from isomatch._core.arrays import FloatArray, Int, IntArray, SearchRows
 from isomatch._core.threads import parallel_map
-from isomatch.correspondence import (
-    Alignment,
-    closest_point_images,
-    iterative_closest_points,
-)
+from isomatch.correspondence import Alignment, closest_point_images, iterative_closest_points
 from isomatch.matching.maps import Candidate, Hypothesis
 from isomatch.matching.problem import ShapePair
 from isomatch.matching.selection import distinct

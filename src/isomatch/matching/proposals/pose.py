@@ -6,14 +6,9 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from isomatch._core.arrays import BodyVertices, Float, FloatArray, Int, SearchRows
-from isomatch._core.errors import (
-    SettingError,
-)
+from isomatch._core.errors import SettingError
 from isomatch._core.threads import parallel_map
-from isomatch.correspondence import (
-    poses_between,
-    with_normals,
-)
+from isomatch.correspondence import poses_between, with_normals
 from isomatch.matching.problem import ShapePair, search_pairs
 from isomatch.shapes import PreparedShape
 from isomatch.surfaces import Graph, Surface

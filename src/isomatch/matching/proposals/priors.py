@@ -20,12 +20,7 @@ from isomatch._core.arrays import (
     array_of,
     numbers_of,
 )
-from isomatch._core.errors import (
-    DescriptorError,
-    LandmarkError,
-    MapError,
-    some,
-)
+from isomatch._core.errors import DescriptorError, LandmarkError, MapError, some
 from isomatch._core.threads import parallel_map
 from isomatch.correspondence import (
     UNMATCHED,

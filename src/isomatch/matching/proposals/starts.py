@@ -8,9 +8,7 @@ from typing import TypeAlias
 import numpy as np
 
 from isomatch._core.arrays import BodyVertices, Int, IntArray
-from isomatch._core.errors import (
-    SettingError,
-)
+from isomatch._core.errors import SettingError
 from isomatch.matching.problem import ShapePair, search_pairs
 from isomatch.matching.proposals.anchors import starts_from_anchors
 from isomatch.matching.proposals.pose import starts_from_poses

@@ -5,10 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from isomatch._core.arrays import Int, SearchRows
-from isomatch.correspondence import (
-    Alignment,
-    iterative_closest_points,
-)
+from isomatch.correspondence import Alignment, iterative_closest_points
 from isomatch.matching.maps import Hypothesis
 from isomatch.matching.problem import ShapePair
 from isomatch.matching.proposals.flips import distinct_maps
