@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Generic, Self, TypeVar
+from typing import Generic, Self, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -41,6 +41,9 @@ LEAST_REGION = 0.01  # share of the vertices, below which a region says nothing;
 
 T = TypeVar("T")
 V = TypeVar("V", bound=IntArray)  # images, in any index space
+Distances: TypeAlias = Callable[
+    [V, Sequence[V]], FloatArray
+]  # mean ones, between the images of a map and of others
 R = TypeVar("R", bound=Fit)
 H = TypeVar("H", Candidate, Fit)
 
@@ -48,9 +51,7 @@ H = TypeVar("H", Candidate, Fit)
 def distinct(
     maps: Iterable[T],
     image: Callable[[T], V],
-    distances: Callable[
-        [I, Sequence[V]], FloatArray
-    ],  # between the images of a map, and those of each of others
+    distances: Distances[V],
     apart: float,
     most: int | None = None,
     before: Sequence[V] = (),
@@ -68,9 +69,7 @@ def distinct(
     return kept
 
 
-def distances_between(
-    images: Sequence[V], distances: Callable[[V, Sequence[V]], FloatArray]
-) -> Float[FloatArray, "q q"]:
+def distances_between(images: Sequence[V], distances: Distances[V]) -> Float[FloatArray, "q q"]:
     """Mean distance between the images of each two maps."""
     apart = np.zeros((len(images),) * 2)
     for i, own in enumerate(images):
