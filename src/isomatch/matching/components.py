@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import chain, permutations, product
 from typing import Self, cast
@@ -62,7 +61,8 @@ def match_components(pair: ShapePair, user_priors: UserPriors, stages: Stages, t
     timer.start("components")
     matches += components.carried_ones(matches)
     timer.start("quality")
-    return composed(pair, matches, tied, priors)
+    solution = composed(pair, matches, tied, priors)
+    return replace(solution, notes=(*solution.notes, *components.failed))
 
 
 class _Components:
@@ -71,6 +71,7 @@ class _Components:
     def __init__(self, pair: ShapePair, priors: ComponentPriors, stages: Stages, timer: StageTimer) -> None:
         self.pair, self.priors, self.stages, self.timer = pair, priors, stages, timer
         self.sources, self.targets = priors.sides
+        self.failed: list[str] = []  # which two components have no map, and why
 
     def large_ones(self) -> tuple[list[ComponentMatch], bool]:
         """Match the largest components, and similar ones; returns also whether another assignment fits as well."""
@@ -85,8 +86,8 @@ class _Components:
         tried = unlike <= unlike.min() + SAME_SPECTRUM
         matched: dict[tuple[int, int], ComponentMatch] = {}
         for i, j in np.argwhere(tried).tolist():
-            with suppress(NotConvergedError):
-                matched[i, j] = self._matched(i, j)
+            if match := self._tried(i, j):
+                matched[i, j] = match
         if not matched:
             return [self._matched(0, 0)], False
         assigned = ([matched[ij] for ij in pairs if ij in matched] for pairs in _assignments(*unlike.shape))
@@ -108,12 +109,10 @@ class _Components:
             return []
         centres = {i: carrier.moved(self.sources[i]).mean(axis=0) for i in rows}
         cost = np.array([[self._cost(carrier, centres[i], i, j) for j in columns] for i in rows])
-        more = []
-        for a, b in zip(*linear_sum_assignment(cost)):
-            if cost[a, b] < FAR_APART:
-                with suppress(NotConvergedError):
-                    more.append(self._matched(rows[a], columns[b], carrier))
-        return more
+        partners = [
+            (rows[a], columns[b]) for a, b in zip(*linear_sum_assignment(cost)) if cost[a, b] < FAR_APART
+        ]
+        return [match for i, j in partners if (match := self._tried(i, j, carrier))]
 
     def _cost(self, carrier: Carrier, centre: FloatArray, i: int, j: int) -> float:
         """Return the cost of taking two components for partners: place, size, spectrum; negative if priors join them."""
@@ -132,6 +131,15 @@ class _Components:
         spectra = [shape.laplace.values[1:] for shape in (self.sources[i], self.targets[j])]
         n = min(SPECTRUM_FUNCTIONS, *map(len, spectra))
         return float(np.abs(np.log(spectra[0][:n] / spectra[1][:n])).mean())
+
+    def _tried(self, i: int, j: int, carrier: Carrier | None = None) -> ComponentMatch | None:
+        """Match two components as `_matched` does; None, and a note, if no map is found."""
+        try:
+            return self._matched(i, j, carrier)
+        except NotConvergedError as error:
+            source, target = _named(self.sources[i]), _named(self.targets[j])
+            self.failed.append(f"{source} was not matched to {target} of the target: {error}")
+            return None
 
     def _matched(self, i: int, j: int, carrier: Carrier | None = None) -> ComponentMatch:
         """Match two components: by themselves, or starting from where they are carried to."""

@@ -161,7 +161,7 @@ def on_bodies(pair: ShapePair, vertices: Int[UserVertices, "n_source"]) -> Int[B
 
 @cached_method
 def verifier_of(pair: ShapePair) -> Verifier:
-    """Return what verifies maps of a pair."""
+    """Return what verifies maps of a pair, one for each pair, and kept with it."""
     return Verifier(pair)
 
 

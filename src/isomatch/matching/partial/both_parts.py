@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, cast
@@ -65,8 +64,11 @@ class BothParts(Relation):
 
     way = "two parts"
 
+    left_out: list[str]  # why regions were not refined
+
     def match(self) -> list[RefinedRegion]:
         """Search and refine regions in common: those refined to the end, the best first, then those on the way."""
+        self.left_out = []
         regions = self._refined(self._first_regions(), roughly=True)
         if not regions:
             raise NotConvergedError(
@@ -80,12 +82,15 @@ class BothParts(Relation):
         return [*regions, *_ranked(others)]
 
     def _refined(self, regions: list[CommonRegion], roughly: bool) -> list[RefinedRegion]:
-        def refined(region: CommonRegion) -> RefinedRegion | None:
-            with suppress(MeshError):  # too small to be prepared
+        def refined(region: CommonRegion) -> RefinedRegion | str:
+            try:
                 return self._refined_region(region, roughly)
-            return None
+            except MeshError as error:  # as of one that is too small to be prepared
+                return str(error)
 
-        return _ranked([region for region in parallel_map(refined, regions) if region])
+        tried = parallel_map(refined, regions)
+        self.left_out += [region for region in tried if isinstance(region, str)]
+        return _ranked([region for region in tried if not isinstance(region, str)])
 
     def _refined_region(self, region: CommonRegion, roughly: bool) -> RefinedRegion:
         """Refine the samples of a region, and what lies around them, as a part of the target."""
@@ -200,6 +205,8 @@ class BothParts(Relation):
             f"both shapes were matched as parts of one body: {share:.0%} of the source and "
             f"{measured.quality.coverage:.0%} of the target are in common"
         ]
+        if self.left_out:
+            notes.append(f"{len(self.left_out)} regions in common were left out: {self.left_out[0]}")
         evidence = (contradiction(self, measured),)
         return measured.solution(pair, priors, errors, evidence, notes).doubted(doubt)
 

@@ -63,6 +63,8 @@ class _Smooth(NamedTuple):
 class WholeCoordinates:
     """Coordinates of a whole in which images are sought: the same under all maps."""
 
+    # It keeps coordinates for each number of functions in the settings, and features for each unit of a part: at most one
+    # for each start, fewer as units lie on a grid (`PartPair.restricted`). They go when the relation goes.
     def __init__(
         self,
         whole: PreparedShape,
@@ -352,6 +354,7 @@ class PartFit(Fit):
 class PartFits:
     """The two refinements of a start, rough and fine, with what they share for all starts in the same unit."""
 
+    # It keeps two refinements for each unit, as many as `WholeCoordinates` keeps features.
     def __init__(
         self,
         pair: PartPair,
