@@ -46,7 +46,7 @@ class Fit:
 
     Parameters
     ----------
-    image : array of int
+    image : (r,) array of int
         Vertex of the target's body for each of ``relation.vertices``.
     spectral_residual : float
         Mean distance of these vertices from their images in the coordinates of the relation.

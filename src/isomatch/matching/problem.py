@@ -86,7 +86,7 @@ class ShapePair(SmoothPair):
     config : Config
         The settings of the match.
     functions : Embedding, optional
-        Known functions, of mean 0 and variance 1: values at the user's vertices of source and target.
+        Known functions, of mean 0 and variance 1: values at the user's vertices, (n_source, q) and (n_target, q).
     """
 
     source: PreparedShape

@@ -114,12 +114,12 @@ class DoubtfulRegion:
 
     Parameters
     ----------
-    vertices : array of int
+    vertices : (m,) array of int
         Source vertices of the region, the most doubtful first.
     area : float
         Share of the source's area.
     reason : str
-    runner_up : array of int, optional
+    runner_up : (m,) array of int, optional
         Target vertices to which another map sends them, if one is the reason.
     """
 

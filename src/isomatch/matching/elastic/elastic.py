@@ -95,8 +95,8 @@ class Elastic(Relation):
     ----------
     ordinary : Fit, optional
         A map found otherwise, of the vertices of the relation, which an elastic one must beat.
-    others : sequence of (array of int, str)
-        Further first maps, as pairs of vertices of source and target, and where each came from.
+    others : sequence of ((q, 2) array of int, str)
+        Further first maps, as vertices of source and target, and where each came from.
     ordinary_fits : bool
         Whether the ordinary map fits as maps between isometric shapes do.
     rivals : sequence of Fit

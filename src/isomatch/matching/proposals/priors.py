@@ -49,15 +49,15 @@ class Priors:
 
     Parameters
     ----------
-    landmarks : array of int
+    landmarks : (m, 2) array of int
         Landmarks on both bodies: source vertex, target vertex.
-    initial_pairs : array of int
+    initial_pairs : (q, 2) array of int
         Source vertices and their images in the initial map.
-    functions : two arrays of float
+    functions : (n_s, k) and (n_t, k) arrays of float
         Functions on source and target that should correspond.
     notes : tuple of str
         Which priors were left out.
-    user_landmarks : array of int
+    user_landmarks : (m, 2) array of int
         The landmarks in the users' vertices.
     """
 
