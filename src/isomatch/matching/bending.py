@@ -169,14 +169,9 @@ def bent_onto(
 class ElasticBending(Bending):
     """Bends one shape of a pair onto the other one."""
 
-    # back: whether it is the target that is bent onto the source; landmarks: vertices of source and target
+    # back: whether it is the target that is bent onto the source; landmarks: pairs of vertices of source and target
     def __init__(
-        self,
-        shape: PreparedShape,
-        onto: PreparedShape,
-        n_vertices: int,
-        back: bool,
-        landmarks: Int[BodyVertices, "l 2"],
+        self, shape: PreparedShape, onto: PreparedShape, n_vertices: int, back: bool, landmarks: BodyVertices
     ) -> None:
         super().__init__(_of_area_1(shape), n_vertices)
         self._onto = Surroundings(_of_area_1(onto), onto.index)

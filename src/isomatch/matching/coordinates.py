@@ -90,7 +90,7 @@ def joint_coordinates(
     k: int,
     side: float,
     source_vertex: Int[IntArray, "q"],
-    onto_vertex: Int[IntArray, "_"] | slice = EVERYWHERE,
+    onto_vertex: IntArray | slice = EVERYWHERE,
 ) -> Embedding:
     """Coordinates of some vertices of both bodies under a map of the refinement vertices; images are nearest.
 

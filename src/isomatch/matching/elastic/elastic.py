@@ -268,9 +268,7 @@ class Elastic(Relation):
         image = BodyVertices(self.target.index.vertices(target, source[self.vertices]))
         return replace(fit, image=image, spectral_residual=np.inf, score=np.nan)
 
-    def _drawn(
-        self, by: ElasticFit, step: Step, pairs: Int[BodyVertices, "q 2"], origin: str
-    ) -> StretchedFit:
+    def _drawn(self, by: ElasticFit, step: Step, pairs: BodyVertices, origin: str) -> StretchedFit:
         """Draw a map by the functions of a step."""
         coefficients = by.from_pairs(pairs, step)
         return StretchedFit(BodyVertices(pairs[:0, 0]), origin=origin, coefficients=coefficients)
@@ -337,9 +335,7 @@ class Elastic(Relation):
         image, _ = refined_images(pair, image, 1.0, *pair.config.refining.last_step)
         return self._beside(image, lying)
 
-    def _known_before(
-        self, fit: StretchedFit, image: Int[BodyVertices, "r"]
-    ) -> Int[BodyVertices, "r"] | None:
+    def _known_before(self, fit: StretchedFit, image: BodyVertices) -> Int[BodyVertices, "r"] | None:
         """Return images of the initial map, or an ordinary one that fits, if a map is the same in the large."""
         if len(self.priors.initial_pairs) and fit.prior_error < SAME_MAP:
             return BodyVertices(np.where(self._users >= 0, self._users, image))

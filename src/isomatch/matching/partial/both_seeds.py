@@ -70,10 +70,7 @@ ORIENTED = 0.2  # mean sign of triangles, below which a region is taken for a mi
 
 @dataclass(frozen=True, eq=False)
 class BothSide:
-    """One of two parts.
-
-    In shapes of arrays, ``s`` are its samples, ``s_s`` and ``s_t`` those of source and target.
-    """
+    """One of two parts, with ``s`` samples; ``s_s`` and ``s_t`` are those of source and target."""
 
     shape: PreparedShape
     unit: float  # what √area of the part is worth in the unit of both
@@ -309,7 +306,7 @@ class CommonRegions:
         return distinct(map(SampleRows, regions), lambda region: region, apart, SAME_REGION, N_SCREENED)
 
     def _extended_from(
-        self, start: tuple[Int[SampleRows, "q"], Int[SampleRows, "q"]], n: int, rounds: int
+        self, start: tuple[SampleRows, SampleRows], n: int, rounds: int
     ) -> CommonRegion | None:
         """Trilaterate the first n samples from some, with images among those of the target; None if few agree."""
         source, target, (rows, columns) = self.source, self.target, start

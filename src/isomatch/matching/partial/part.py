@@ -255,7 +255,7 @@ class Part(Relation):
         signatures = self.fits.coordinates.signatures
         return parallel_map(self.fits.rough, PartStarts(self.fits.pair, signatures, self._onto_itself)())
 
-    def _first_maps(self) -> list[tuple[PartPair, Int[BodyVertices, "_"], str]]:
+    def _first_maps(self) -> list[tuple[PartPair, BodyVertices, str]]:
         """Map the rough vertices, each time in its unit: by a map found otherwise, priors and starts; with origins."""
         images: list[tuple[BodyVertices, str]] = []
         if self.led:

@@ -42,10 +42,7 @@ REACH, CURVATURE_REACH = 4.0, 3.0
 
 @dataclass(frozen=True)
 class PartPair:
-    """A part and a whole; lengths are in √area of the whole. Two are equal if their shapes and units are.
-
-    In shapes of arrays, ``m`` are the anchors of the part, ``l`` the landmarks, which are the first of them.
-    """
+    """A part with ``m`` anchors and a whole; lengths are in √area of the whole. Equal if their shapes and units are."""
 
     part: PreparedShape
     whole: PreparedShape

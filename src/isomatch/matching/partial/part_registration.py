@@ -167,9 +167,7 @@ class PartRefinement:
 
         return iterated(image, sizes, embedded, nearest)
 
-    def extended(
-        self, image: Int[BodyVertices, "_"], k: int, vertices: Int[PartVertices, "_"] | None = None
-    ) -> Int[BodyVertices, "_"]:
+    def extended(self, image: BodyVertices, k: int, vertices: PartVertices | None = None) -> BodyVertices:
         """Map vertices, by default those of this refinement, by a map of the first samples, through k functions."""
         vertices = self.vertices if vertices is None else vertices
         basis = self._pair.part.sampled_basis(len(image))
@@ -196,11 +194,7 @@ class PartRefinement:
         return float(np.einsum("ij,ij->i", normals[self.vertices], smooth.normals[image]).mean())
 
     def embedding(
-        self,
-        image: Int[BodyVertices, "r"],
-        size: int,
-        vertices: Int[PartVertices, "q"],
-        with_positions: bool = True,
+        self, image: BodyVertices, size: int, vertices: PartVertices, with_positions: bool = True
     ) -> Embedding:
         """Coordinates of some vertices of the part, and of all of the whole, under a map."""
         pair, settings = self._pair, self._pair.config.refining
@@ -256,11 +250,7 @@ class PartBending(Bending):
     # boundary, where a map by functions crowds its images: functions of the part are free there (Neumann), and those of
     # the whole are not. This is what makes the bent part a better place to read images from than the map that bent it.
     def laid(
-        self,
-        pair: PartPair,
-        refinement: PartRefinement,
-        image: Int[BodyVertices, "r"],
-        lengths: tuple[float, ...],
+        self, pair: PartPair, refinement: PartRefinement, image: BodyVertices, lengths: tuple[float, ...]
     ) -> BentPart:
         """Lay the part on the whole by a map of the vertices of a refinement, and bend it coarsely."""
         onto = Surroundings(pair.meshes[1], pair.whole.index, pair.unit)
@@ -391,7 +381,7 @@ class PartFits:
         anchors = refinement.extended(image, ROUGH_SIZES[-1], pair.anchors)
         return self._fit(refinement, pair, image, spectral_residual, anchors, N_ROUGH_FUNCTIONS, origin)
 
-    def begun(self, pair: PartPair, image: Int[BodyVertices, "_"], origin: str) -> PartFit:
+    def begun(self, pair: PartPair, image: BodyVertices, origin: str) -> PartFit:
         """Extend a map of the vertices of a rough one to those of a fine one, in the unit that it measures."""
         pair = pair.with_unit(self._refinement(pair, N_ROUGH_VERTICES).local_unit(image))
         refinement = self._refinement(pair, self._config.n_refine)
@@ -429,12 +419,7 @@ class PartFits:
         return self._finely(pair, image, spectral_residual, self._config.parts.bending, origin)
 
     def _finely(
-        self,
-        pair: PartPair,
-        image: Int[BodyVertices, "r"],
-        residual: float,
-        lengths: tuple[float, ...],
-        origin: str,
+        self, pair: PartPair, image: BodyVertices, residual: float, lengths: tuple[float, ...], origin: str
     ) -> PartFit:
         refinement = self._refinement(pair, self._config.n_refine)
         k = min(N_ANCHOR_FUNCTIONS, len(pair.whole.laplace.values))

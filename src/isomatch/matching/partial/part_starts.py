@@ -103,9 +103,7 @@ def composed(
 class PartStarts:
     """The search of images of the anchors in several units, also composed with maps of the whole onto itself."""
 
-    def __init__(
-        self, pair: PartPair, signatures: WholeSignatures, onto_itself: list[Int[SearchRows, "m_t"]]
-    ) -> None:
+    def __init__(self, pair: PartPair, signatures: WholeSignatures, onto_itself: list[SearchRows]) -> None:
         self._pair, self._signatures, self._onto_itself = pair, signatures, onto_itself
         whole = pair.whole
         samples = whole.sample_vertices[:N_CANDIDATES]
@@ -181,7 +179,7 @@ class PartStarts:
         costs = costs / (placed * (placed - 1) / 2) + self._against(unit)
         return [PartStart(pair, BodyVertices(candidates[row]), float(cost)) for row, cost in zip(rows, costs)]
 
-    def _start(self, pair: PartPair, images: Int[BodyVertices, "_"], rounds: int) -> PartStart:
+    def _start(self, pair: PartPair, images: BodyVertices, rounds: int) -> PartStart:
         """Complete images of the first anchors, −1 for none, and again in the unit that they ask for."""
         images = completed(pair, images, rounds, self._distances_to_samples)
         scaled = self._at(pair.unit_of(images))

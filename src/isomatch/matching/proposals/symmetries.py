@@ -19,9 +19,7 @@ def symmetric_variants(pair: ShapePair, target_row: Int[SearchRows, "m_s"]) -> l
     return _moved(pair, starts, "symmetry")
 
 
-def near_symmetric_variants(
-    pair: ShapePair, target_row: Int[SearchRows, "m_s"], most: float
-) -> list[Hypothesis]:
+def near_symmetric_variants(pair: ShapePair, target_row: SearchRows, most: float) -> list[Hypothesis]:
     """Compose a map with near-symmetries of either shape, of residuals up to the ``most``."""
 
     # σ ∘ f distorts distances at most as f and σ do together: so may the truth, if σ distorts less than f. Closest
