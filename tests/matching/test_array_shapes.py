@@ -44,9 +44,9 @@ def complete():
     match(*(animal.mesh for animal in example_pair()))
 
 
-def creatures(n=1200):
+def creatures():
     """Two poses of an animal, and the true image of each vertex."""
-    first, second = (creature(n, triangulation=i, pose=i) for i in (1, 2))
+    first, second = (creature(1500, triangulation=i, pose=i) for i in (1, 2))
     target, new = relabelled(second.mesh, 0)
     return first.mesh, target, new[ground_truth(first, second).vertices]
 
@@ -75,18 +75,18 @@ def two_parts():
 
 
 def stretched():
-    first, second = (creature(1200, triangulation=i, symmetric=True) for i in (1, 2))
+    first, second = (creature(1500, triangulation=i, symmetric=True) for i in (1, 2))
     truth = ground_truth(first, second).vertices
     match(first.mesh, other_species(second))
     match(first.mesh, other_species(second), initial_map=truth, relation=Elastic())
 
 
 def components():
-    match(*(Dressed.of(creature(1000, triangulation=i, pose=i), "left", "hat", seed=i).mesh for i in (1, 2)))
+    match(*(Dressed.of(creature(1500, triangulation=i, pose=i), "left", "hat", seed=i).mesh for i in (1, 2)))
 
 
 def clouds():
-    match(*(PointCloud(creature(1000, pose=i).mesh.vertices) for i in (1, 2)))
+    match(*(PointCloud(creature(1500, pose=i).mesh.vertices) for i in (1, 2)))
 
 
 @pytest.mark.long
