@@ -1,6 +1,14 @@
-"""Names of the array types in signatures, whose shapes the docstrings give; arrays of what a user gave."""
+"""Names of the array types in signatures, with shapes and index spaces; arrays of what a user gave.
 
-from typing import Any
+``Int[SearchRows, "m_s"]`` is an array of integers of shape (m_s,) that are search rows, ``Float[FloatArray, "n 3"]`` one
+of floating-point numbers. A letter is one length within a signature, ``_`` any. mypy tells the index spaces apart; tests
+check the shapes by jaxtyping, which reads the same annotations.
+"""
+
+from typing import Annotated as Bool
+from typing import Annotated as Float
+from typing import Annotated as Int
+from typing import Any, NewType
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,6 +18,20 @@ Float32Array = NDArray[np.float32]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 AnyArray = NDArray[Any]
+
+# Index spaces: what an array of integers counts. An index or a sum is an `IntArray` again, until it is named anew.
+UserVertices = NewType("UserVertices", IntArray)
+"""Vertices of a surface as the user gave it, in the numbers of the file."""
+BodyVertices = NewType("BodyVertices", IntArray)
+"""Vertices of a body, which is what is matched of a surface, or of a variant of it."""
+PartVertices = NewType("PartVertices", IntArray)
+"""Vertices of a shape that is matched as a part of another one, whose vertices are those of a body."""
+SearchRows = NewType("SearchRows", IntArray)
+"""Numbers of search vertices, the first samples of a body: ``pair.target_vertices[rows]`` are its vertices."""
+SampleRows = NewType("SampleRows", IntArray)
+"""Numbers of other samples: refinement vertices, anchors, samples of two parts."""
+SoughtRows = NewType("SoughtRows", IntArray)
+"""Numbers of the vertices among which an elastic fit seeks images."""
 
 
 def array_of(values: ArrayLike, name: str, error: type[Exception]) -> AnyArray:
@@ -39,3 +61,25 @@ def numbers_of(values: ArrayLike, name: str, error: type[Exception]) -> FloatArr
 def single(values: FloatArray) -> Float32Array:
     """Round to single precision: twice as fast in products and searches, where six digits are enough."""
     return np.asarray(values, dtype=np.float32)
+
+
+__all__ = [
+    "AnyArray",
+    "BodyVertices",
+    "Bool",
+    "BoolArray",
+    "Float",
+    "Float32Array",
+    "FloatArray",
+    "Int",
+    "IntArray",
+    "PartVertices",
+    "SampleRows",
+    "SearchRows",
+    "SoughtRows",
+    "UserVertices",
+    "array_of",
+    "numbers_of",
+    "read_only",
+    "single",
+]

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from scipy.sparse import csr_array
 
-from isomatch._core.arrays import FloatArray, IntArray
+from isomatch._core.arrays import BodyVertices, Float, FloatArray, Int, IntArray
 from isomatch._core.cached import cached_property
 from isomatch.correspondence import (
     Embedding,
@@ -24,8 +25,8 @@ from isomatch.surfaces import Mesh
 
 SHORTEST = 1e-9  # edge, in √area, so that logarithms are finite
 
-HardLandmarks = tuple[IntArray, FloatArray]
-"""Vertices (l,) of the shape that is bent, and positions (l, 3) to which they are drawn."""
+HardLandmarks: TypeAlias = tuple[Int[IntArray, "l"], Float[FloatArray, "l 3"]]
+"""Vertices of the shape that is bent, and positions to which they are drawn."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,10 +52,10 @@ class Bent:
         return nearest_with_normals(self.mesh, self.onto.mesh, self.onto.index)
 
     @property
-    def images(self) -> IntArray:
-        """Vertex of the surface (n,) nearest to each vertex of the shape, of the triangle that it lies on."""
+    def images(self) -> Int[BodyVertices, "n"]:
+        """Vertex of the surface nearest to each vertex of the shape, of the triangle that it lies on."""
         nearest = self.points.barycentric.argmax(axis=1)
-        return np.asarray(self.points.corners[np.arange(len(nearest)), nearest])
+        return BodyVertices(self.points.corners[np.arange(len(nearest)), nearest])
 
     # How badly the shape can be bent by a map is told by two measures, over edges e and vertices i:
     #     s = mean_e |log(|e| bent / |e| at rest)|     stretch: of a right map between poses, only that of the joints
@@ -114,14 +115,14 @@ class Bending:
         self._in_full = RigidRegistration(shape)
 
     @property
-    def vertices(self) -> IntArray:
-        """Vertex of the shape (n_coarse,) at each vertex of the lower resolution."""
+    def vertices(self) -> Int[IntArray, "n_coarse"]:
+        """Vertex of the shape at each vertex of the lower resolution."""
         return self._coarse.nearest_members
 
     def coarsely(
         self,
         onto: Surroundings,
-        start: FloatArray,  # (n_coarse, 3), where a map puts the vertices
+        start: Float[FloatArray, "n_coarse 3"],  # where a map puts the vertices
         lengths: tuple[float, ...],  # ℓ, in √area of the surface
         landmarks: HardLandmarks,
         most_scaled: float = 1.0,  # c
@@ -138,27 +139,27 @@ class Bending:
         start = self._coarse.on_coarse.interpolated(bent.mesh.vertices)
         return bent_onto(self._in_full, bent.onto, start, lengths, landmarks, most_scaled)
 
-    def images(self, bent: Bent, vertices: IntArray) -> IntArray:
-        """Vertices of the surface nearest to some vertices (r,) of the shape that is bent at the lower resolution."""
+    def images(self, bent: Bent, vertices: Int[IntArray, "q"]) -> Int[BodyVertices, "q"]:
+        """Vertices of the surface nearest to some of the shape that is bent at the lower resolution."""
         corners, weights = self._coarse.on_coarse
         places = PrecisePoints(corners[vertices], weights[vertices])
         there, here = with_normals(bent.onto.mesh), places.interpolated(with_normals(bent.mesh))
-        return bent.onto.index.vertices(there, here)
+        return BodyVertices(bent.onto.index.vertices(there, here))
 
-    def spread(self, values: FloatArray) -> FloatArray:
-        """Interpolate values (n_coarse,) at the lower resolution on the vertices of the shape."""
+    def spread(self, values: Float[FloatArray, "n_coarse"]) -> Float[FloatArray, "n"]:
+        """Interpolate values at the lower resolution on the vertices of the shape."""
         return np.asarray(self._coarse.on_coarse.interpolated(values[:, None])[:, 0])
 
 
 def bent_onto(
     registration: RigidRegistration,
     onto: Surroundings,
-    start: FloatArray,
+    start: Float[FloatArray, "n 3"],
     lengths: tuple[float, ...],
     landmarks: HardLandmarks | None = None,
     most_scaled: float = 1.0,
 ) -> Bent:
-    """Bend a shape onto a surface, from where a map puts its vertices (n, 3)."""
+    """Bend a shape onto a surface, from where a map puts its vertices."""
     moved = registration(
         onto.mesh, onto.index, start, lengths, onto.unit, held=landmarks, most_scaled=most_scaled
     )
@@ -168,9 +169,9 @@ def bent_onto(
 class ElasticBending(Bending):
     """Bends one shape of a pair onto the other one."""
 
-    # back: whether it is the target that is bent onto the source; landmarks (l, 2): vertices of source and target
+    # back: whether it is the target that is bent onto the source; landmarks: pairs of vertices of source and target
     def __init__(
-        self, shape: PreparedShape, onto: PreparedShape, n_vertices: int, back: bool, landmarks: IntArray
+        self, shape: PreparedShape, onto: PreparedShape, n_vertices: int, back: bool, landmarks: BodyVertices
     ) -> None:
         super().__init__(_of_area_1(shape), n_vertices)
         self._onto = Surroundings(_of_area_1(onto), onto.index)
@@ -181,10 +182,10 @@ class ElasticBending(Bending):
         self,
         coordinates: Embedding,
         lengths: tuple[float, ...],
-        held: IntArray | None = None,
+        held: Int[BodyVertices, "q 2"] | None = None,
         most_scaled: float = 1.0,
     ) -> Bent:
-        """Bend the shape coarsely, from nearest images in coordinates; ``held`` pairs (q, 2) hold as landmarks do."""
+        """Bend the shape coarsely, from nearest images in coordinates; ``held`` pairs hold as landmarks do."""
         here, there = coordinates[::-1] if self._back else coordinates
         start = self._onto.mesh.vertices[self._onto.index.vertices(there, here[self.vertices])]
         pairs = self._landmarks if held is None else np.concatenate([self._landmarks, held])
@@ -198,12 +199,12 @@ class ElasticBending(Bending):
         """Bend the shape in full, from where it lies at the lower resolution."""
         return self.in_full(bent, lengths, self._hard(self._landmarks), most_scaled)
 
-    def pairs(self, bent: Bent) -> IntArray:
-        """All vertices of the bent shape and their images: (n, 2) vertices of source and target."""
+    def pairs(self, bent: Bent) -> Int[BodyVertices, "n 2"]:
+        """All vertices of the bent shape and their images: vertices of source and target."""
         both = np.column_stack([self._all_vertices, self.images(bent, self._all_vertices)])
-        return both[:, ::-1] if self._back else both
+        return BodyVertices(both[:, ::-1] if self._back else both)
 
-    def _hard(self, pairs: IntArray) -> HardLandmarks:
+    def _hard(self, pairs: Int[IntArray, "q 2"]) -> HardLandmarks:
         own, other = (pairs[:, ::-1] if self._back else pairs).T
         return own, self._onto.mesh.vertices[other]
 

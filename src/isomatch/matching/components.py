@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import chain, permutations, product
 from typing import Self, cast
@@ -11,7 +10,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial import cKDTree
 
-from isomatch._core.arrays import FloatArray, IntArray
+from isomatch._core.arrays import Float, FloatArray, Int, UserVertices
 from isomatch._core.errors import NotConvergedError
 from isomatch._core.stage_timer import StageTimer
 from isomatch._core.threads import parallel_map
@@ -23,7 +22,7 @@ from isomatch.matching.pipeline import Stages
 from isomatch.matching.problem import ShapePair
 from isomatch.matching.proposals.priors import (
     FEWEST_POINTS,
-    NO_LANDMARKS,
+    NO_USER_LANDMARKS,
     Priors,
     UserPriors,
     checked_descriptors,
@@ -62,7 +61,8 @@ def match_components(pair: ShapePair, user_priors: UserPriors, stages: Stages, t
     timer.start("components")
     matches += components.carried_ones(matches)
     timer.start("quality")
-    return composed(pair, matches, tied, priors)
+    solution = composed(pair, matches, tied, priors)
+    return replace(solution, notes=(*solution.notes, *components.failed))
 
 
 class _Components:
@@ -71,6 +71,7 @@ class _Components:
     def __init__(self, pair: ShapePair, priors: ComponentPriors, stages: Stages, timer: StageTimer) -> None:
         self.pair, self.priors, self.stages, self.timer = pair, priors, stages, timer
         self.sources, self.targets = priors.sides
+        self.failed: list[str] = []  # which two components have no map, and why
 
     def large_ones(self) -> tuple[list[ComponentMatch], bool]:
         """Match the largest components, and similar ones; returns also whether another assignment fits as well."""
@@ -85,8 +86,8 @@ class _Components:
         tried = unlike <= unlike.min() + SAME_SPECTRUM
         matched: dict[tuple[int, int], ComponentMatch] = {}
         for i, j in np.argwhere(tried).tolist():
-            with suppress(NotConvergedError):
-                matched[i, j] = self._matched(i, j)
+            if match := self._tried(i, j):
+                matched[i, j] = match
         if not matched:
             return [self._matched(0, 0)], False
         assigned = ([matched[ij] for ij in pairs if ij in matched] for pairs in _assignments(*unlike.shape))
@@ -108,12 +109,10 @@ class _Components:
             return []
         centres = {i: carrier.moved(self.sources[i]).mean(axis=0) for i in rows}
         cost = np.array([[self._cost(carrier, centres[i], i, j) for j in columns] for i in rows])
-        more = []
-        for a, b in zip(*linear_sum_assignment(cost)):
-            if cost[a, b] < FAR_APART:
-                with suppress(NotConvergedError):
-                    more.append(self._matched(rows[a], columns[b], carrier))
-        return more
+        partners = [
+            (rows[a], columns[b]) for a, b in zip(*linear_sum_assignment(cost)) if cost[a, b] < FAR_APART
+        ]
+        return [match for i, j in partners if (match := self._tried(i, j, carrier))]
 
     def _cost(self, carrier: Carrier, centre: FloatArray, i: int, j: int) -> float:
         """Return the cost of taking two components for partners: place, size, spectrum; negative if priors join them."""
@@ -132,6 +131,15 @@ class _Components:
         spectra = [shape.laplace.values[1:] for shape in (self.sources[i], self.targets[j])]
         n = min(SPECTRUM_FUNCTIONS, *map(len, spectra))
         return float(np.abs(np.log(spectra[0][:n] / spectra[1][:n])).mean())
+
+    def _tried(self, i: int, j: int, carrier: Carrier | None = None) -> ComponentMatch | None:
+        """Match two components as `_matched` does; None, and a note, if no map is found."""
+        try:
+            return self._matched(i, j, carrier)
+        except NotConvergedError as error:
+            source, target = _named(self.sources[i]), _named(self.targets[j])
+            self.failed.append(f"{source} was not matched to {target} of the target: {error}")
+            return None
 
     def _matched(self, i: int, j: int, carrier: Carrier | None = None) -> ComponentMatch:
         """Match two components: by themselves, or starting from where they are carried to."""
@@ -302,13 +310,14 @@ class ComponentPriors:
         self.pair = pair
         landmarks, initial_map, descriptors = user_priors
         sizes = pair.source.surface.n_vertices, pair.target.surface.n_vertices
-        self.landmarks = NO_LANDMARKS if landmarks is None else checked_landmarks(landmarks, *sizes)
-        self.image = np.full(sizes[0], UNMATCHED)
+        self.landmarks = NO_USER_LANDMARKS if landmarks is None else checked_landmarks(landmarks, *sizes)
+        self.image = UserVertices(np.full(sizes[0], UNMATCHED))
         if initial_map is not None:
             self.image = checked_initial_map(initial_map, *sizes)
         self.functions = None if descriptors is None else checked_descriptors(descriptors, *sizes)
         rows = np.flatnonzero(self.image != UNMATCHED)
-        self.joins = np.concatenate([self.landmarks, np.column_stack([rows, self.image[rows]])])
+        pairs = np.column_stack([rows, self.image[rows]])
+        self.joins = UserVertices(np.concatenate([self.landmarks, pairs]))
         joined = [self._inside(ShapePair(*sides, pair.config), self.joins) for sides in product(*self.sides)]
         self.joined = np.reshape([len(rows) for rows in joined], [len(side) for side in self.sides])
         if len(self.joins) and self.joined.max() < FEWEST_POINTS:
@@ -319,16 +328,16 @@ class ComponentPriors:
         """Components of source and target."""
         return components_of(self.pair.source), components_of(self.pair.target)
 
-    def _inside(self, pair: ShapePair, joins: IntArray) -> IntArray:
-        """Those pairs of the users' vertices that lie on two components."""
+    def _inside(self, pair: ShapePair, joins: Int[UserVertices, "_ 2"]) -> Int[UserVertices, "q 2"]:
+        """Keep the pairs that lie on two components."""
         here = pair.source.body_vertex[joins[:, 0]] >= 0
-        return joins[here & (pair.target.body_vertex[joins[:, 1]] >= 0)]
+        return UserVertices(joins[here & (pair.target.body_vertex[joins[:, 1]] >= 0)])
 
     def on(self, pair: ShapePair) -> Priors:
         """Priors on two components; none where too little is known of them."""
         landmarks = self.landmarks_on(pair)
-        initial_pairs = self._inside(pair, np.column_stack([np.arange(len(self.image)), self.image]))
-        initial_pairs = initial_pairs[initial_pairs[:, 1] != UNMATCHED]
+        everything = np.column_stack([np.arange(len(self.image)), self.image])
+        initial_pairs = self._inside(pair, UserVertices(everything[self.image != UNMATCHED]))
         image = np.full(len(self.image), UNMATCHED)
         image[initial_pairs[:, 0]] = initial_pairs[:, 1]
         functions = self.functions
@@ -339,18 +348,18 @@ class ComponentPriors:
         initial_map = image if len(initial_pairs) >= FEWEST_POINTS else None
         return Priors.of(pair, landmarks if len(landmarks) else None, initial_map, functions)
 
-    def landmarks_on(self, pair: ShapePair) -> IntArray:
+    def landmarks_on(self, pair: ShapePair) -> Int[UserVertices, "q 2"]:
         """Landmarks on two components, if they are enough to be used."""
         landmarks = self._inside(pair, self.landmarks)
-        return landmarks if len(landmarks) >= FEWEST_POINTS else landmarks[:0]
+        return landmarks if len(landmarks) >= FEWEST_POINTS else NO_USER_LANDMARKS
 
 
 @dataclass(frozen=True, eq=False)
 class Carrier:
     """A motion of space that follows a map: rigid around each point, as the points nearest on the surface say."""
 
-    here: FloatArray  # (m, 3) points of the source, in units of its shape
-    there: FloatArray  # (m, 3) their images, in units of the target
+    here: Float[FloatArray, "m 3"]  # points of the source, in units of its shape
+    there: Float[FloatArray, "m 3"]  # their images, in units of the target
     units: tuple[float, float]  # what lengths of 1 are worth in the users' units
     scale: float  # change of lengths
     side: float  # −1 if the map mirrors, else 1
@@ -371,8 +380,8 @@ class Carrier:
         side = -1.0 if maps[0].quality.orientation < 0 else 1.0
         return cls(here, there, units, float(np.median(after / np.maximum(before, TINY))), side)
 
-    def moved(self, source: PreparedShape) -> FloatArray:
-        """Carry the (r, 3) samples of a component along."""
+    def moved(self, source: PreparedShape) -> Float[FloatArray, "q 3"]:
+        """Carry the samples of a component along."""
         points = _positions(source, self.units[0])
         return carried_along(points, self.here, self.there, scale=self.scale, mirrored=self.side < 0)
 
@@ -386,8 +395,8 @@ class Carrier:
         apart = centre - _positions(target, self.units[1]).mean(axis=0)
         return float(np.linalg.norm(apart) / ((1 + self.gap(target)) * target.scale / self.units[1]))
 
-    def turned(self, source: PreparedShape) -> FloatArray:
-        """Carry the body of a component along as one rigid thing: (n, 3), its centre at 0 and its area 1 as before."""
+    def turned(self, source: PreparedShape) -> Float[FloatArray, "n 3"]:
+        """Carry the body of a component along as one rigid thing, its centre at 0 and its area 1 as before."""
         body, moved = cast(Mesh, source.body).vertices, self.moved(source)
         covariance = body[source.sample_vertices].T @ (moved - moved.mean(axis=0))
         return np.asarray(body @ nearest_rotation(covariance, self.side < 0))
@@ -396,23 +405,23 @@ class Carrier:
         """√area of one component when it is carried along, over that of another."""
         return self.scale * source.scale / self.units[0] / (target.scale / self.units[1])
 
-    def image(self, source: PreparedShape, target: PreparedShape) -> IntArray:
-        """Map samples of a component to the nearest of its partner when carried there: users' vertices, else −1."""
+    def image(self, source: PreparedShape, target: PreparedShape) -> Int[UserVertices, "n_source"]:
+        """Map samples of a component to the nearest of its partner when carried there, the other vertices to −1."""
         moved, there = self.moved(source), _positions(target, self.units[1])
         nearest = cKDTree(there - there.mean(axis=0)).query(moved - moved.mean(axis=0))[1]
         image = np.full(source.surface.n_vertices, UNMATCHED)
         rows = source.user_vertex[source.sample_vertices]
         image[rows] = target.user_vertex[target.sample_vertices[nearest]]
-        return image
+        return UserVertices(image)
 
 
-def _positions(shape: PreparedShape, unit: float) -> FloatArray:
-    """Give the samples of a component, (r, 3), in a unit of its shape."""
+def _positions(shape: PreparedShape, unit: float) -> Float[FloatArray, "q 3"]:
+    """Give the samples of a component in a unit of its shape."""
     return cast(Mesh, shape.surface).vertices[shape.user_vertex[shape.sample_vertices]] / unit
 
 
-def _images(solution: Solution, unit: float) -> FloatArray:
-    """Images of the samples of the source, (r, 3), nan where there is none."""
+def _images(solution: Solution, unit: float) -> Float[FloatArray, "q 3"]:
+    """Images of the samples of the source, nan where there is none."""
     source = solution.pair.source
     images = solution.map.pull_back(cast(Mesh, solution.pair.target.surface).vertices / unit)
     return images[source.user_vertex[source.sample_vertices]]

@@ -7,7 +7,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from isomatch._core.arrays import FloatArray, IntArray, single
+from isomatch._core.arrays import BodyVertices, FloatArray, Int, IntArray, single
 from isomatch._core.threads import parallel_map, row_product
 from isomatch.correspondence import Embedding, nearest_of_few, register_nonrigid
 from isomatch.matching.problem import SmoothPair
@@ -37,9 +37,9 @@ def iterated(
 
 
 def refined_images(
-    pair: SmoothPair, image: IntArray, side: float, sizes: tuple[int, ...], with_positions: bool
-) -> tuple[IntArray, float]:
-    """Refine the images (n_refine,) of the refinement vertices in joint coordinates of more and more functions."""
+    pair: SmoothPair, image: Int[BodyVertices, "r"], side: float, sizes: tuple[int, ...], with_positions: bool
+) -> tuple[Int[BodyVertices, "r"], float]:
+    """Refine the images of the refinement vertices in joint coordinates of more and more functions."""
     # Without positions, all but the last images are vertices among n_refine samples of the target. With them, images are
     # points of its triangles. Such points follow the coordinates continuously, where nearest vertices jump: where
     # coordinates are disturbed by 1e-9, fewer final images move (docs/lab/design_notes.md, rounding).
@@ -65,11 +65,11 @@ def refined_images(
         return row, PrecisePoints.at_vertices(image)
 
     points, spectral_residual = iterated(PrecisePoints.at_vertices(image), steps, coordinates, nearest)
-    return points.corners[:, 0], spectral_residual
+    return BodyVertices(points.corners[:, 0]), spectral_residual
 
 
-def registered(pair: SmoothPair, image: IntArray, side: float, smooth: bool) -> Embedding:
-    """Coordinates of all vertices of both bodies under a map (n_refine,), with all functions, after registration."""
+def registered(pair: SmoothPair, image: Int[BodyVertices, "r"], side: float, smooth: bool) -> Embedding:
+    """Coordinates of all vertices of both bodies under a map, with all functions, after registration."""
     settings, k = pair.config.refining, pair.n_functions
     everywhere = np.arange(pair.source.body.n_vertices)
     embedding = joint_coordinates(pair, PrecisePoints.at_vertices(image), k, side, everywhere)
@@ -89,7 +89,7 @@ def joint_coordinates(
     image: PrecisePoints,
     k: int,
     side: float,
-    source_vertex: IntArray,
+    source_vertex: Int[IntArray, "q"],
     onto_vertex: IntArray | slice = EVERYWHERE,
 ) -> Embedding:
     """Coordinates of some vertices of both bodies under a map of the refinement vertices; images are nearest.

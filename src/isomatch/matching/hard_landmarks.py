@@ -8,7 +8,7 @@ from itertools import product
 import numpy as np
 from scipy.spatial import cKDTree
 
-from isomatch._core.arrays import BoolArray, FloatArray, IntArray
+from isomatch._core.arrays import Bool, BoolArray, Float, FloatArray, Int, IntArray, UserVertices
 from isomatch._core.errors import some
 from isomatch.correspondence import Correspondence, nearest_points
 from isomatch.matching.assessment.evidence import Solution, held_evidence
@@ -26,18 +26,20 @@ FUNCTION_WEIGHT = 0.3  # of the functions beside positions, in √area
 N_FUNCTIONS = 20  # they tell apart sheets that are near in space
 
 
-def pinned(pair: ShapePair, solution: Solution, landmarks: IntArray, tolerance: float) -> Solution:
-    """Bend a map so that landmarks (m, 2) of the user hold, but for a tolerance in √area of the target."""
+def pinned(
+    pair: ShapePair, solution: Solution, landmarks: Int[UserVertices, "m 2"], tolerance: float
+) -> Solution:
+    """Bend a map so that landmarks of the user hold, but for a tolerance in √area of the target."""
     bent_map, target = solution.map, pair.target
     moved, alone = np.zeros(len(landmarks)), np.ones(len(landmarks), dtype=bool)
     for source_part, target_part in product(components_of(pair.source), components_of(target)):
         bending = _Bending(source_part, target_part, bent_map)
         on_both = bending.holds(landmarks)
         if on_both.any():
-            bent_map, moved[on_both] = bending.bent(landmarks[on_both], tolerance)
+            bent_map, moved[on_both] = bending.bent(UserVertices(landmarks[on_both]), tolerance)
             alone &= ~on_both
     rows, images = landmarks[alone].T
-    bent_map = _with_images(bent_map, rows, PrecisePoints.at_vertices(images))
+    bent_map = _with_images(bent_map, UserVertices(rows), PrecisePoints.at_vertices(images))
     notes = [f"{len(landmarks)} landmarks are held, {(moved > tolerance).sum()} of them by bending the map"]
     if moved.max() > tolerance:
         notes[0] += f" by up to {moved.max():.3f} √area"
@@ -71,12 +73,14 @@ class _Bending:
         self._mapped = (self._source_vertex >= 0) & map_.matched & (corners >= 0).all(axis=1)
         self._images = PrecisePoints(corners, map_.barycentric)
 
-    def holds(self, landmarks: IntArray) -> BoolArray:
+    def holds(self, landmarks: Int[UserVertices, "m 2"]) -> Bool[BoolArray, "m"]:
         """Tell which landmarks have an image on the target's body, and should."""
         return np.asarray(self._mapped[landmarks[:, 0]] & (self._target_vertex[landmarks[:, 1]] >= 0))
 
-    def bent(self, landmarks: IntArray, tolerance: float) -> tuple[Correspondence, FloatArray]:
-        """Return the map that moves the images of landmarks to their targets, and how far they were (m,), in √area."""
+    def bent(
+        self, landmarks: Int[UserVertices, "m 2"], tolerance: float
+    ) -> tuple[Correspondence, Float[FloatArray, "m"]]:
+        """Return the map that moves the images of landmarks to their targets, and how far they were, in √area."""
         body, coordinates = _in_full(self._target), _coordinates(self._target)
         axes = slice(None if isinstance(body, Graph) else 3)
         rows, wanted = landmarks[:, 0], self._target_vertex[landmarks[:, 1]]
@@ -99,11 +103,11 @@ class _Bending:
         points.corners[at[held]] = wanted[held, None]
         user_vertex = (self._target.detail or self._target).user_vertex
         images = PrecisePoints(user_vertex[points.corners], points.barycentric)
-        return _with_images(self._map, touched, images), gap
+        return _with_images(self._map, UserVertices(touched), images), gap
 
 
-def _with_images(map_: Correspondence, rows: IntArray, images: PrecisePoints) -> Correspondence:
-    """Give some source vertices (m,) other images."""
+def _with_images(map_: Correspondence, rows: Int[UserVertices, "m"], images: PrecisePoints) -> Correspondence:
+    """Give some source vertices other images."""
     vertices, faces, weights = map_.vertices.copy(), map_.faces.copy(), map_.barycentric.copy()
     vertices[rows], faces[rows], weights[rows] = images.corners[:, 0], images.corners, images.barycentric
     return replace(map_, vertices=vertices, faces=faces, barycentric=weights)
@@ -118,12 +122,12 @@ def _in_full(shape: PreparedShape) -> Surface:
     return shape.detail.transfer.fine if shape.detail else shape.body
 
 
-def _carried(shape: PreparedShape, values: FloatArray) -> FloatArray:
-    """Carry values (n_body, q) to the body in full."""
+def _carried(shape: PreparedShape, values: Float[FloatArray, "n_body q"]) -> Float[FloatArray, "n_full q"]:
+    """Carry values to the body in full."""
     return shape.detail.transfer.on_coarse.interpolated(values) if shape.detail else values
 
 
-def _coordinates(shape: PreparedShape) -> FloatArray:
+def _coordinates(shape: PreparedShape) -> Float[FloatArray, "n_full q"]:
     """Coordinates of the vertices of the body in full: positions if there are any, and functions of unit gradient."""
     body = _in_full(shape)
     n = len(shape.laplace.values) if isinstance(body, Graph) else N_FUNCTIONS
@@ -131,8 +135,8 @@ def _coordinates(shape: PreparedShape) -> FloatArray:
     return smooth if isinstance(body, Graph) else np.hstack([body.vertices, FUNCTION_WEIGHT * smooth])
 
 
-def _weights(shape: PreparedShape, at: IntArray, gap: float) -> FloatArray:
-    """Weights (n_full, m) with which vertices follow landmarks: 1 at one, 0 at the others, and far away."""
+def _weights(shape: PreparedShape, at: Int[IntArray, "m"], gap: float) -> Float[FloatArray, "n_full m"]:
+    """Weights with which vertices follow landmarks: 1 at one, 0 at the others, and far away."""
     # Shifts are interpolated by heat kernels of the source, of width w: h(i, l) = Σ_j e^{−λ_j w² / 2} φ_j(i) φ_j(l),
     # each column over its peak: W = h H⁺ with H the kernel among the landmarks, so W is 1 at one and 0 at the others.
     # Then W ≥ 0 and Σ W ≤ 1 are forced: no vertex moves farther than a landmark. The bump is so wide that a gap is

@@ -7,7 +7,7 @@ from typing import Self
 
 import numpy as np
 
-from isomatch._core.arrays import IntArray
+from isomatch._core.arrays import BodyVertices, Int, SearchRows
 from isomatch.correspondence import Alignment
 
 
@@ -21,9 +21,9 @@ class Hypothesis:
     origin: str
 
     @property
-    def target_row(self) -> IntArray:
-        """(m_s,) target row of each source row."""
-        return self.alignment.target_row
+    def target_row(self) -> Int[SearchRows, "m_s"]:
+        """Target row of each source row."""
+        return SearchRows(self.alignment.target_row)
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +31,7 @@ class Candidate:
     """A hypothesis after upsampling, and its measures."""
 
     hypothesis: Hypothesis
-    target_row: IntArray  # (m_s,) upsampled map of the search vertices
+    target_row: Int[SearchRows, "m_s"]  # upsampled map of the search vertices
     energy: float  # descriptor residual × curvature difference², with the descriptor columns of the search
     orientation: float  # mean cosine between normals: 1 true map, −1 mirror image; 0 without normals
     landmark_error: float  # mean distance of images of landmarks from their targets, in √area; 0 without
@@ -60,7 +60,7 @@ class Fit:
         The candidate that it came from.
     """
 
-    image: IntArray
+    image: Int[BodyVertices, "r"]
     spectral_residual: float = np.inf
     score: float = np.nan
     orientation: float = 1.0

@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from isomatch._core.arrays import FloatArray, IntArray
+from isomatch._core.arrays import BodyVertices, Float, FloatArray, Int, IntArray
 from isomatch._core.cached import cached_property
 from isomatch._core.errors import DescriptorError, SettingError
 from isomatch._core.stage_timer import StageTimer
@@ -52,7 +52,7 @@ class Refinement(ABC):
 
     @abstractmethod
     def __call__(self, relation: Relation, fit: Fit) -> Fit:
-        """Refine one map: ``fit.image`` (r,), vertices of the target's body for ``relation.vertices``.
+        """Refine one map: ``fit.image``, vertices of the target's body for ``relation.vertices``.
 
         Return ``relation.measured(fit, image)``.
         """
@@ -125,8 +125,8 @@ class Relation(ABC):
         return self.pair.target
 
     @property
-    def vertices(self) -> IntArray:
-        """(r,) vertices of the source's body that a fit maps."""
+    def vertices(self) -> Int[BodyVertices, "r"]:
+        """Vertices of the source's body that a fit maps."""
         return self.pair.refinement_vertices
 
     @property
@@ -218,8 +218,8 @@ class Relation(ABC):
             return True
         return not only_given and (starts is None or starts_from_anchors in starts)
 
-    def first_maps_handed_in(self) -> list[tuple[IntArray, str]]:
-        """Collect the first maps (q, 2) of a user's starts, for a part or an elastic map; none if only priors may win."""
+    def first_maps_handed_in(self) -> list[tuple[Int[BodyVertices, "_ 2"], str]]:
+        """Collect the first maps of a user's starts, for a part or an elastic map; none if only priors may win."""
         starts = () if self.pair.config.hypotheses == "given" else self.stages.starts or ()
         return first_maps_of([start for start in starts if start not in default_starts], self.pair)
 
@@ -228,8 +228,8 @@ class Relation(ABC):
         agrees = winner.prior_error <= self.pair.config.outcome.contradiction
         return "initial map" if len(self.priors.initial_pairs) and agrees else winner.origin
 
-    def descriptor_distance(self, fit: Fit) -> FloatArray:
-        """Descriptor distance in space of the vertices (r,) and their images, see `BallSignature`; nan where unknown."""
+    def descriptor_distance(self, fit: Fit) -> Float[FloatArray, "r"]:
+        """Descriptor distance in space of the vertices and their images, see `BallSignature`; nan where unknown."""
         here, there = self.source.balls, self.target.balls
         if here is None or there is None:
             return np.full(len(self.vertices), np.nan)
@@ -261,8 +261,8 @@ class Relation(ABC):
         return self.refined([fit])[0]
 
     @abstractmethod
-    def measured(self, fit: Fit, image: IntArray) -> Fit:
-        """Measure the map that a fit has become: spectral residual and score of the images (r,)."""
+    def measured(self, fit: Fit, image: Int[IntArray, "r"]) -> Fit:
+        """Measure the map that a fit has become: spectral residual and score of the images."""
 
     @abstractmethod
     def embedding(self, fit: Fit) -> Embedding:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from isomatch._core.arrays import FloatArray, IntArray, single
+from isomatch._core.arrays import BodyVertices, Float, FloatArray, Int, SearchRows, single
 from isomatch._core.cached import cached_property
 from isomatch._core.errors import MemoryBudgetError, MeshError, NotConvergedError
 from isomatch._core.stage_timer import MATCHING, Progress, StageTimer
@@ -29,16 +29,16 @@ class SmoothPair:
     source: SmoothShape
     target: SmoothShape
     config: Config
-    functions: Embedding | None = None  # weighted values at the users' vertices: (n_source, q), (n_target, q)
+    functions: Embedding | None = None  # weighted values at the users' vertices
 
     @cached_property
-    def refinement_vertices(self) -> IntArray:
-        """(n_refine,) source vertices on which refinements iterate."""
-        return self.source.sample_vertices[: self.source.config.n_refine]
+    def refinement_vertices(self) -> Int[BodyVertices, "r"]:
+        """Source vertices on which refinements iterate."""
+        return BodyVertices(self.source.sample_vertices[: self.source.config.n_refine])
 
     @cached_property
     def signatures(self) -> Embedding:
-        """Point signatures that both shapes have, and known functions: of the source (n_s, q) and the target (n_t, q)."""
+        """Point signatures that both shapes have, and known functions."""
         of_source, of_target = self.source.signatures, self.target.signatures
         common = min(of_source.shape[1], of_target.shape[1])
         sides = zip((of_source, of_target), self.known)
@@ -46,7 +46,7 @@ class SmoothPair:
 
     @cached_property
     def known(self) -> Embedding:
-        """The known functions on the bodies: (n_s, q) and (n_t, q), with q = 0 if none is."""
+        """The known functions on the bodies, without columns if none is."""
         if self.functions is None:
             return Embedding(*(np.zeros((shape.body.n_vertices, 0)) for shape in (self.source, self.target)))
         source, target = self.functions
@@ -76,7 +76,9 @@ class SmoothPair:
 class ShapePair(SmoothPair):
     """Source and target, with what matching needs of both.
 
-    A *row* counts the search vertices of a shape, a *vertex* those of its body.
+    A *row* counts the search vertices of a shape, a *vertex* those of its body. In shapes of arrays, ``m_s`` and ``m_t``
+    are the search vertices of source and target, ``n_s`` and ``n_t`` the vertices of their bodies, ``n_source`` and
+    ``n_target`` the user's, and ``r`` those that a refinement maps.
 
     Parameters
     ----------
@@ -108,14 +110,14 @@ class ShapePair(SmoothPair):
         return SmoothPair(source, target, self.config, self.functions)
 
     @cached_property
-    def source_vertices(self) -> IntArray:
-        """(m_s,) search vertices of the source."""
-        return self.source.sample_vertices[: self.source.config.n_search]
+    def source_vertices(self) -> Int[BodyVertices, "m_s"]:
+        """Search vertices of the source."""
+        return BodyVertices(self.source.sample_vertices[: self.source.config.n_search])
 
     @cached_property
-    def target_vertices(self) -> IntArray:
-        """(m_t,) search vertices of the target."""
-        return self.target.sample_vertices[: self.target.config.n_search]
+    def target_vertices(self) -> Int[BodyVertices, "m_t"]:
+        """Search vertices of the target."""
+        return BodyVertices(self.target.sample_vertices[: self.target.config.n_search])
 
     @cached_property
     def search_points(self) -> tuple[SignedPoints, SignedPoints]:
@@ -125,7 +127,7 @@ class ShapePair(SmoothPair):
 
     @cached_property
     def search_signatures(self) -> Embedding:
-        """The signatures at the search vertices: (m_s, q) and (m_t, q)."""
+        """The signatures at the search vertices."""
         source, target = self.signatures
         return Embedding(source[self.source_vertices], target[self.target_vertices])
 
@@ -142,7 +144,7 @@ class ShapePair(SmoothPair):
         return min(self.source.longest_boundary, self.target.longest_boundary) > least
 
     @cached_property
-    def extremity_assignments(self) -> list[IntArray]:
+    def extremity_assignments(self) -> list[Int[BodyVertices, "q 2"]]:
         """Extremal points assigned to extremal points, see `extremity_assignments`."""
         return extremity_assignments(self.source, self.target, self.config.search)
 
@@ -173,28 +175,32 @@ class ShapePair(SmoothPair):
         return max(self.source.left_out, self.target.left_out)
 
     @cached_property
-    def _target_row_distances(self) -> FloatArray:
-        """Geodesic distances between the target's search vertices, in √area, (m_t, m_t)."""
+    def _target_row_distances(self) -> Float[FloatArray, "m_t m_t"]:
+        """Geodesic distances between the target's search vertices, in √area."""
         return self.target.distances_between(self.target_vertices)
 
-    def distances_between_maps(self, target_row: IntArray, others: Sequence[IntArray]) -> FloatArray:
-        """Mean geodesic distance between the images of a map (m_s,) and of each of q others: (q,), in √area."""
+    def distances_between_maps(
+        self, target_row: Int[SearchRows, "m_s"], others: Sequence[Int[SearchRows, "m_s"]]
+    ) -> Float[FloatArray, "q"]:
+        """Mean geodesic distance between the images of a map and of each of others, in √area."""
         if not others:
             return np.zeros(0)
         return np.asarray(self._target_row_distances[np.array(others), target_row].mean(axis=1))
 
-    def inverted(self, target_row: IntArray) -> IntArray:
-        """Invert a map (m_s,): for each search vertex of the target the row whose image is nearest, (m_t,)."""
-        return np.asarray(self._target_row_distances[:, target_row].argmin(axis=1))
+    def inverted(self, target_row: Int[SearchRows, "m_s"]) -> Int[SearchRows, "m_t"]:
+        """Invert a map: for each search vertex of the target the row whose image is nearest."""
+        return SearchRows(self._target_row_distances[:, target_row].argmin(axis=1))
 
-    def differs(self, target_row: IntArray, others: Sequence[IntArray], least: float) -> bool:
-        """Tell whether a map (m_s,) differs from each of q others by more than a mean distance, in √area."""
+    def differs(
+        self, target_row: Int[SearchRows, "m_s"], others: Sequence[Int[SearchRows, "m_s"]], least: float
+    ) -> bool:
+        """Tell whether a map differs from each of others by more than a mean distance, in √area."""
         return bool((self.distances_between_maps(target_row, others) > least).all())
 
 
-def search_pairs(pair: ShapePair, target_row: IntArray) -> IntArray:
-    """Search vertices and their images under a map (m_s,) of them: pairs (m_s, 2)."""
-    return np.column_stack([pair.source_vertices, pair.target_vertices[target_row]])
+def search_pairs(pair: ShapePair, target_row: Int[SearchRows, "m_s"]) -> Int[BodyVertices, "m_s 2"]:
+    """Pair search vertices with their images under a map of them."""
+    return BodyVertices(np.column_stack([pair.source_vertices, pair.target_vertices[target_row]]))
 
 
 def prepare_pair(

@@ -14,7 +14,7 @@ from scipy.linalg import polar
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-from isomatch._core.arrays import FloatArray, IntArray
+from isomatch._core.arrays import BodyVertices, FloatArray, Int, IntArray, SearchRows
 from isomatch._core.errors import SettingError
 from isomatch._core.threads import parallel_map, serial_blas
 from isomatch.correspondence import Embedding, signed_procrustes
@@ -65,19 +65,20 @@ class LaplaceIcp(Descriptors):
         return laplace_icp_embedding(relation.pair, super().everywhere(relation, fit))
 
 
-def descriptor_embedding(pair: ShapePair, target_row: IntArray) -> Embedding:
+def descriptor_embedding(pair: ShapePair, target_row: Int[SearchRows, "m_s"]) -> Embedding:
     """Align distance descriptors on the refinement vertices, then twice on all: the paper's plain method."""
     # Shamai & Kimmel 2017: min over P, C of ‖X_s − P X_t C‖, C orthogonal within blocks of equal sign, by iterative
-    # closest points; target_row (m_s,) is a map of the search vertices
+    # closest points; target_row is a map of the search vertices
     source, target = pair.source.points, pair.target.points
 
-    def turned(source_vertex: IntArray, target_vertex: IntArray) -> FloatArray:
+    def turned(source_vertex: BodyVertices, target_vertex: BodyVertices) -> FloatArray:
         return target.coordinates @ signed_procrustes(source.at(source_vertex), target.at(target_vertex))
 
-    points = turned(pair.source_vertices, pair.target_vertices[target_row])
-    everywhere = np.arange(len(source.coordinates))
+    points = turned(pair.source_vertices, BodyVertices(pair.target_vertices[target_row]))
+    everywhere = BodyVertices(np.arange(len(source.coordinates)))
     for vertices in (*[pair.refinement_vertices] * DISTANCE_STEPS, everywhere, everywhere):
-        points = turned(vertices, pair.target.index.vertices(points, source.coordinates[vertices]))
+        images = pair.target.index.vertices(points, source.coordinates[vertices])
+        points = turned(vertices, BodyVertices(images))
     return Embedding(source.coordinates, points)
 
 
@@ -96,7 +97,7 @@ def laplace_icp_embedding(pair: ShapePair, start: Embedding) -> Embedding:
         return spectra.embedding(spectra.orthogonal_icp(first, most, settings.laplace_steps_at_once, weights))
     middle = min(LAPLACE_CHOICE, most)
 
-    def side(target_vertex: IntArray) -> float:
+    def side(target_vertex: BodyVertices) -> float:
         return float(np.sign(orientation_of(pair.source, spectra.source, pair.target, target_vertex, middle)))
 
     def sizes(first: int, last: int) -> tuple[int, ...]:
@@ -104,10 +105,10 @@ def laplace_icp_embedding(pair: ShapePair, start: Embedding) -> Embedding:
 
     def grown(first: int) -> tuple[bool, float, FloatArray]:
         functional_map = spectra.upsampled(spectra.functional_map(rows, first), sizes(first, middle))
-        image = spectra.image(functional_map)
+        image = BodyVertices(spectra.image(functional_map))
         return side(image) != kept, energy_of(pair, vertices, image), functional_map
 
-    kept = side(rows)
+    kept = side(BodyVertices(rows))
     trials = parallel_map(grown, sorted({min(first, middle) for first in LAPLACE_FIRST}))
     *_, functional_map = min(trials, key=itemgetter(0, 1))
     functional_map = spectra.upsampled(functional_map, sizes(middle, most))
@@ -212,19 +213,19 @@ class _Trial:
         candidates, _ = self.relation.candidates(*self.relation.hypotheses())
         self._fit = self.relation.begun(candidates)[0]
 
-    def moved(self, random: np.random.Generator) -> IntArray:
-        """Draw vertices of the source near those that are mapped, as images (r,) of a rough map."""
+    def moved(self, random: np.random.Generator) -> Int[BodyVertices, "r"]:
+        """Draw vertices of the source near those that are mapped, as images of a rough map."""
         apart = self.relation.source.distances.row(self.relation.vertices)
-        return np.array([random.choice(np.flatnonzero(row <= MOVED)) for row in apart])
+        return BodyVertices(np.array([random.choice(np.flatnonzero(row <= MOVED)) for row in apart]))
 
-    def refined(self, images: Sequence[IntArray]) -> list[Fit]:
-        """Refine maps (r,) onto vertices of the source, with their own numbers in the copy."""
-        fits = [replace(self._fit, image=self.number[image]) for image in images]
+    def refined(self, images: Sequence[Int[BodyVertices, "r"]]) -> list[Fit]:
+        """Refine maps onto vertices of the source, with their own numbers in the copy."""
+        fits = [replace(self._fit, image=BodyVertices(self.number[image])) for image in images]
         return self.relation.refine_and_select(fits)
 
 
-def _check_repeatable(trial: _Trial, rough: IntArray) -> None:
-    def refined(threads: int) -> list[IntArray]:
+def _check_repeatable(trial: _Trial, rough: Int[BodyVertices, "r"]) -> None:
+    def refined(threads: int) -> list[BodyVertices]:
         with _threads(threads):
             return [fit.image for fit in trial.refined([trial.relation.vertices, rough])]
 
@@ -243,7 +244,7 @@ def _check_repeatable(trial: _Trial, rough: IntArray) -> None:
         raise _broken(trial, "repeatable", f"{what}, it gives {how}", remedy)
 
 
-def _check_relabelling(trial: _Trial, renumbered: _Trial, rough: IntArray) -> None:
+def _check_relabelling(trial: _Trial, renumbered: _Trial, rough: Int[BodyVertices, "r"]) -> None:
     first, second = trial.refined([rough])[0], renumbered.refined([rough])[0]
     other = renumbered.number[np.argsort(trial.number)][first.image]
     changed = float((other != second.image).mean())

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Generic, Self, TypeVar
+from typing import Generic, Self, TypeAlias, TypeVar
 
 import numpy as np
 
-from isomatch._core.arrays import FloatArray, IntArray
+from isomatch._core.arrays import BodyVertices, Float, FloatArray, Int, IntArray
 from isomatch.matching.maps import Candidate, Fit
 from isomatch.settings import Orientation, OutcomeSettings, SelectionSettings
 
@@ -39,20 +39,22 @@ ELSEWHERE = 0.08
 
 LEAST_REGION = 0.01  # share of the vertices, below which a region says nothing; chosen: ten of 1000
 
-# mean distances (q,) between the images of a map (r,) and those of each of q others
-Distances = Callable[[IntArray, Sequence[IntArray]], FloatArray]
 T = TypeVar("T")
+V = TypeVar("V", bound=IntArray)  # images, in any index space
+Distances: TypeAlias = Callable[
+    [V, Sequence[V]], FloatArray
+]  # mean ones, between the images of a map and of others
 R = TypeVar("R", bound=Fit)
 H = TypeVar("H", Candidate, Fit)
 
 
 def distinct(
     maps: Iterable[T],
-    image: Callable[[T], IntArray],
-    distances: Distances,
+    image: Callable[[T], V],
+    distances: Distances[V],
     apart: float,
     most: int | None = None,
-    before: Sequence[IntArray] = (),
+    before: Sequence[V] = (),
 ) -> list[T]:
     """Keep the first maps, at most so many, that are farther ``apart`` from those kept and from the images ``before``."""
     kept: list[T] = []
@@ -67,8 +69,8 @@ def distinct(
     return kept
 
 
-def distances_between(images: Sequence[IntArray], distances: Distances) -> FloatArray:
-    """Mean distance between the images of each two maps: (q, q)."""
+def distances_between(images: Sequence[V], distances: Distances[V]) -> Float[FloatArray, "q q"]:
+    """Mean distance between the images of each two maps."""
     apart = np.zeros((len(images),) * 2)
     for i, own in enumerate(images):
         apart[i, :i] = apart[:i, i] = distances(own, images[:i]) if i else []
@@ -161,16 +163,15 @@ def survivors(
 
 def weighed(
     costs: Sequence[float],
-    images: Sequence[IntArray],
-    descriptor_distances: Sequence[FloatArray],
-    distance: Callable[[IntArray, IntArray], FloatArray],
+    images: Sequence[Int[BodyVertices, "r"]],
+    descriptor_distances: Sequence[Float[FloatArray, "r"]],
+    distance: Callable[[BodyVertices, BodyVertices], FloatArray],
     eligible: Sequence[bool],
     weight: float,
 ) -> list[float]:
-    """Multiply the costs of q maps by the descriptor distance of their images where they differ from the best map."""
+    """Multiply the costs of maps by the descriptor distance of their images where they differ from the best map."""
     # Two maps i, j that differ in a region R (where their images are > ELSEWHERE apart) are compared by
-    #   c_i / c_j · exp(w (m̄_i − m̄_j)),   m̄ the mean over R of the descriptor distance, a standardised descriptor
-    # distance (r,):
+    #   c_i / c_j · exp(w (m̄_i − m̄_j)),   m̄ the mean over R of the descriptor distance:
     # the exponential makes the comparison of j with i the inverse of that of i with j. docs/lab/design_notes.md
     n = len(costs)
     lead = np.zeros((n, n))  # w (m̄_i − m̄_j), antisymmetric
@@ -242,16 +243,15 @@ class Selection(Generic[R]):
 
 def select(
     fits: Sequence[R],
-    apart: FloatArray,
+    apart: Float[FloatArray, "q q"],  # mean distances of images
     rules: Rules,
     *,
     scores: Sequence[float] | None = None,
     eligible: Sequence[bool] | None = None,
-    elsewhere: FloatArray | None = None,
+    elsewhere: Float[FloatArray, "q q"] | None = None,  # shares of vertices that two maps send far apart
     n_tried: int = 2,
 ) -> Selection[R]:
     """Select the eligible map of least score; of those that tie with it, the one nearest to the priors."""
-    # apart: (q, q) mean distances of images; elsewhere: (q, q) shares of vertices that two maps send far apart
     costs = [fit.score for fit in fits] if scores is None else list(scores)
     noisy = [max(cost, rules.score_noise) for cost in costs]
     may_win = [i for i in range(len(fits)) if eligible is None or eligible[i]]

@@ -9,6 +9,7 @@ from typing import Literal, TypeAlias, cast
 
 import numpy as np
 
+from isomatch._core.arrays import UserVertices
 from isomatch._core.cached import cached_property
 from isomatch._core.errors import MeshError, NotConvergedError
 from isomatch._core.stage_timer import StageTimer
@@ -343,7 +344,7 @@ def _verified_best(case: Case) -> Solution:
     """Take the map that verifies best, of those that tie the surest; it is no surer than its lead lets it be."""
     case.timer.start("quality")
     solutions, target = case.solutions, case.pair.target
-    images = [on_bodies(case.pair, solution.map.vertices) for solution in solutions]
+    images = [on_bodies(case.pair, UserVertices(solution.map.vertices)) for solution in solutions]
     costs = [verifier_of(case.pair)(image).cost for image in images]
     tied = [i for i, cost in enumerate(costs) if cost <= case.pair.config.outcome.tie * min(costs)]
 
@@ -380,7 +381,7 @@ def _mirror_image_fits(case: Case, cost: float) -> bool:
         return False
     image = replace(match, embedding=relation.everywhere(best)).image_of(side)
     part = Part(side).on(pair, case.priors, case.stages).led_by(image, best.origin, np.inf)
-    mirrored = on_bodies(pair, part.solution(case.timer).map.vertices)
+    mirrored = on_bodies(pair, UserVertices(part.solution(case.timer).map.vertices))
     return verifier_of(pair)(mirrored).cost < case.pair.config.outcome.mirror_image * cost
 
 
@@ -404,7 +405,8 @@ def solve(pair: ShapePair, priors: Priors, stages: Stages, timer: StageTimer) ->
         try:
             with timer.within(f"faces {how}"):
                 solution = solved(Case(wound, priors, stages, timer))
-                cost = verifier_of(wound)(on_bodies(wound, solution.map.vertices)).cost
+                image = on_bodies(wound, UserVertices(solution.map.vertices))
+                cost = verifier_of(wound)(image).cost
             contending.append((cost, how, solution))
         except NotConvergedError as error:
             failed.append(f"with the faces {how} no map was found: {error}")

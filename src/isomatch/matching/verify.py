@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch._core.arrays import BoolArray, FloatArray, IntArray
+from isomatch._core.arrays import BodyVertices, Bool, BoolArray, Float, FloatArray, Int, UserVertices
 from isomatch._core.cached import cached_method, cached_property
 from isomatch._core.errors import MeshError
 from isomatch._core.first_use import Shown
@@ -153,15 +153,15 @@ def verify(
     return in_background(verified)
 
 
-def on_bodies(pair: ShapePair, vertices: IntArray) -> IntArray:
-    """Turn a map (n_source,) of the users' vertices into one of the bodies: target vertex of each body vertex, or −1."""
+def on_bodies(pair: ShapePair, vertices: Int[UserVertices, "n_source"]) -> Int[BodyVertices, "n_s"]:
+    """Turn a map of the users' vertices into one of the bodies: target vertex of each body vertex, or −1."""
     image = vertices[pair.source.user_vertex]
-    return np.where(image >= 0, pair.target.body_vertex[image], UNMATCHED)
+    return BodyVertices(np.where(image >= 0, pair.target.body_vertex[image], UNMATCHED))
 
 
 @cached_method
 def verifier_of(pair: ShapePair) -> Verifier:
-    """Return what verifies maps of a pair."""
+    """Return what verifies maps of a pair, one for each pair, and kept with it."""
     return Verifier(pair)
 
 
@@ -176,7 +176,7 @@ class Verifier:
         told = not self.are_whole and 1 / MOST_UNLIKE <= ratio <= MOST_UNLIKE
         self.unit = ratio if told else 1.0
 
-    def __call__(self, image: IntArray) -> Verification:
+    def __call__(self, image: Int[BodyVertices, "n_s"]) -> Verification:
         """Verify a map: vertex of the target's body for each of the source's, −1 where it has none."""
         started = time.perf_counter()
         source, target = self.shapes
@@ -186,7 +186,7 @@ class Verifier:
             return Verification(0.0, np.nan, np.nan, np.nan, np.nan, self.unit, seconds)
         back, gap = _inverse(target, image)
         covered = gap <= COVERED
-        back = np.where(covered, back, UNMATCHED)
+        back = BodyVertices(np.where(covered, back, UNMATCHED))
         unit = self.unit_of(image)
         ways = ((0, image, unit), (1, back, 1 / unit))
         (there, turned), (onto_source, turned_back) = parallel_map(lambda way: self._bent(*way), ways)
@@ -204,13 +204,13 @@ class Verifier:
         source, target = (_balls(shape, length / max(lengths)) for shape, length in zip(self.shapes, lengths))
         return (source, target), deviation_of(source, target)
 
-    def _apart(self, way: int, image: IntArray) -> FloatArray:
+    def _apart(self, way: int, image: Int[BodyVertices, "n"]) -> Float[FloatArray, "n"]:
         """Descriptor distance of the vertices of one shape and their images; nan where unknown."""
         balls, deviation = self._balls
         distance = balls[way].descriptor_distance(balls[1 - way].at(image), deviation)
         return np.where(image >= 0, distance, np.nan)
 
-    def unit_of(self, image: IntArray) -> float:
+    def unit_of(self, image: Int[BodyVertices, "n_s"]) -> float:
         """Measure the unit: the median ratio of distances of images and of near samples."""
         source, target = self.shapes
         if self.are_whole:
@@ -236,7 +236,7 @@ class Verifier:
     def _registration(self, way: int) -> RigidRegistration:
         return RigidRegistration(self._coarse(way).coarse.mesh, keeps=True)
 
-    def _bent(self, way: int, image: IntArray, unit: float) -> tuple[float, float]:
+    def _bent(self, way: int, image: Int[BodyVertices, "n"], unit: float) -> tuple[float, float]:
         """Bending and turning of the largest piece of one shape that has images; nan if it is too small."""
         coarse, mesh = self._coarse(way), self._coarse(way).coarse.mesh
         onto = Surroundings(self._meshes[1 - way], self.shapes[1 - way].index, unit)
@@ -261,24 +261,26 @@ def _balls(shape: PreparedShape, length: float) -> BallSignature:
     return ball_signature(shape.mesh_body, RADII, unit=1 / length, samples=samples, weld=False)
 
 
-def _inverse(target: PreparedShape, image: IntArray) -> tuple[IntArray, FloatArray]:
-    """Vertex of the source (n_target,) whose image is nearest to each of the target's, and how far that is, in √area."""
+def _inverse(
+    target: PreparedShape, image: Int[BodyVertices, "n_s"]
+) -> tuple[Int[BodyVertices, "n_t"], Float[FloatArray, "n_t"]]:
+    """Vertex of the source whose image is nearest to each of the target's, and how far that is, in √area."""
     known = np.flatnonzero(image >= 0)[::-1]
     of = np.zeros(target.body.n_vertices, dtype=np.int64)
     of[image[known]] = known
     gap, nearest = distance_along_edges_to_nearest(target.body, np.unique(image[known]))
-    return of[nearest], gap
+    return BodyVertices(of[nearest]), gap
 
 
 def _share(shape: PreparedShape, inside: BoolArray) -> float:
     return float(np.average(inside, weights=shape.body.vertex_areas))
 
 
-def largest_piece(mesh: Mesh, inside: BoolArray) -> IntArray:
+def largest_piece(mesh: Mesh, inside: Bool[BoolArray, "n"]) -> Int[BodyVertices, "q"]:
     """Vertices of the largest connected piece of some of a mesh."""
     faces = mesh.faces[inside[mesh.faces].all(axis=1)]
     used = np.zeros(mesh.n_vertices, dtype=bool)
     used[faces] = True
     _, label = linked(mesh.n_vertices, (faces[:, 0], faces[:, 1]), (faces[:, 1], faces[:, 2]))
     areas = np.bincount(label, mesh.vertex_areas * used)
-    return np.flatnonzero(used & (label == areas.argmax()))
+    return BodyVertices(np.flatnonzero(used & (label == areas.argmax())))

@@ -9,6 +9,7 @@ from typing import TypeAlias
 
 import numpy as np
 
+from isomatch._core.arrays import UserVertices
 from isomatch._core.errors import MeshError, SettingError
 from isomatch.correspondence import Correspondence
 from isomatch.io import SurfaceLike
@@ -65,7 +66,7 @@ def _along(
     image, errors = legs[0].map, legs[0].expected_error
     for leg in legs[1:]:
         # independent errors, the first in √area of the shape in between, which is worth ``unit`` beyond it
-        unit = verifier_of(leg.pair).unit_of(on_bodies(leg.pair, leg.map.vertices))
+        unit = verifier_of(leg.pair).unit_of(on_bodies(leg.pair, UserVertices(leg.map.vertices)))
         at_rim = np.nanmax(leg.expected_error, initial=0.0)  # next to vertices without an image
         own = image.pull_back(leg.expected_error)
         errors = np.hypot(unit * errors, np.where(np.isnan(own), at_rim, own))
@@ -93,14 +94,14 @@ def _along(
 
 
 def _verified(pair: ShapePair, image: Correspondence) -> Verification:
-    return verifier_of(pair)(on_bodies(pair, image.vertices))
+    return verifier_of(pair)(on_bodies(pair, UserVertices(image.vertices)))
 
 
 def _quality(
     pair: ShapePair, legs: Sequence[Solution], image: Correspondence, found: Verification
 ) -> Quality:
     """Measure a composed map; what only the way that found a map could tell is unknown."""
-    bodies = on_bodies(pair, image.vertices)
+    bodies = on_bodies(pair, UserVertices(image.vertices))
     names = (each.name for each in fields(Quality))
     return Quality(
         **{

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from isomatch._core.arrays import FloatArray, IntArray, single
+from isomatch._core.arrays import BodyVertices, Float, FloatArray, Int, IntArray, SampleRows, single
 from isomatch._core.compiled import compiled
 from isomatch._core.errors import InputError
 from isomatch._core.threads import row_product
@@ -26,13 +26,13 @@ TINY = 1e-12
 
 
 def expected_errors(
-    pair: SmoothPair, points: PrecisePoints, doubt: FloatArray | None = None, unit: float = 1.0
-) -> FloatArray:
-    """Estimate the geodesic error of a map of bodies at each vertex: (n_s,), in √area of the source. O(n K²).
+    pair: SmoothPair, points: PrecisePoints, doubt: Float[FloatArray, "n_s"] | None = None, unit: float = 1.0
+) -> Float[FloatArray, "n_s"]:
+    """Estimate the geodesic error of a map of bodies at each vertex, in √area of the source. O(n K²).
 
-    To it comes ``doubt`` (n_s,), the error to be expected because another map may be right. ``unit`` is what √area of the
-    source is worth in √area of the target: 1 but for parts. Of a map that is wrong as a whole, such as one that exchanges
-    left and right, the estimate sees only what does not fit.
+    To it comes ``doubt``, the error to be expected because another map may be right. ``unit`` is what √area of the source
+    is worth in √area of the target: 1 but for parts. Of a map that is wrong as a whole, such as one that exchanges left
+    and right, the estimate sees only what does not fit.
     """
     # Φ_t ∘ f maps the source into the space of the K functions, and its fit Φ_s F is the part that is smooth there.
     # Of an isometry both are the same, and F is orthogonal. A displaced image leaves r = Φ_t(f(i)) − Φ_s(i) F, and to
@@ -53,23 +53,27 @@ def expected_errors(
     return diffused(source, local if doubt is None else local + doubt, ERROR_RADIUS)
 
 
-def doubt_of(pair: ShapePair, image: IntArray, runner_up: IntArray, ratio: float) -> FloatArray:
-    """Expect the distance between two maps (n_refine,), times the chance that the other is right: (n_s,), in √area."""
+def doubt_of(
+    pair: ShapePair, image: Int[BodyVertices, "r"], runner_up: Int[BodyVertices, "r"], ratio: float
+) -> Float[FloatArray, "n_s"]:
+    """Expect the distance between two maps, times the chance that the other is right, in √area."""
     # with P(map) ∝ score^−10, the other has chance 1 / (1 + (its score / score)^10); ½ at a tie
     chance = 1 / (1 + ratio**RUNNER_UP_EXPONENT)
     rows = nearest_of(pair.source, pair.refinement_vertices)
     return np.asarray(chance * pair.target.distance(image, runner_up)[rows])
 
 
-def nearest_of(shape: SmoothShape, vertices: IntArray) -> IntArray:
-    """Find which of some vertices (m,) of a body is nearest to each, along edges: its number, (n_body,)."""
+def nearest_of(shape: SmoothShape, vertices: Int[IntArray, "m"]) -> Int[SampleRows, "n_body"]:
+    """Find which of some vertices of a body is nearest to each, along edges: its number among them."""
     number = np.zeros(shape.body.n_vertices, dtype=np.int64)
     number[vertices] = np.arange(len(vertices))
-    return np.asarray(number[distance_along_edges_to_nearest(shape.body, vertices)[1]])
+    return SampleRows(number[distance_along_edges_to_nearest(shape.body, vertices)[1]])
 
 
-def _gradient_energy(x: FloatArray, edges: IntArray, lengths: FloatArray) -> FloatArray:
-    """Squared slopes of all functions (n, K) along an edge, averaged over the edges at each vertex: (n,)."""
+def _gradient_energy(
+    x: Float[FloatArray, "n k"], edges: Int[IntArray, "e 2"], lengths: Float[FloatArray, "e"]
+) -> Float[FloatArray, "n"]:
+    """Squared slopes of all functions along an edge, averaged over the edges at each vertex."""
     squared = np.zeros(len(edges))
     _fill_squared(x, edges, squared)
     at = edges.ravel()
@@ -87,8 +91,8 @@ def _fill_squared(x: FloatArray, edges: IntArray, squared: FloatArray) -> None:
             squared[e] += step * step
 
 
-def diffused(shape: SmoothShape, values: FloatArray, radius: float) -> FloatArray:
-    """Spread values (n,) by heat diffusion over a radius; nowhere less than half the least of them."""
+def diffused(shape: SmoothShape, values: Float[FloatArray, "n"], radius: float) -> Float[FloatArray, "n"]:
+    """Spread values by heat diffusion over a radius; nowhere less than half the least of them."""
     # u_t = Σ_j e^{−t λ_j} ⟨φ_j, u⟩ φ_j solves the heat equation; its kernel in the plane has mean square distance 4 t
     laplace, time = shape.laplace, radius**2 / 4
     coefficients = np.exp(-time * laplace.values) * laplace.coefficients(values[:, None])[:, 0]
@@ -119,10 +123,10 @@ class DoubtfulRegion:
         Target vertices to which another map sends them, if one is the reason.
     """
 
-    vertices: IntArray
+    vertices: Int[IntArray, "m"]
     area: float
     reason: str
-    runner_up: IntArray | None = None
+    runner_up: Int[IntArray, "m"] | None = None
 
     def __repr__(self) -> str:
         return f"DoubtfulRegion({self})"
@@ -150,13 +154,12 @@ class DoubtfulRegion:
 
 def regions_of_doubt(
     pair: ShapePair,
-    descriptor_distance: FloatArray | None = None,
-    runners_up: tuple[IntArray, IntArray] | None = None,
+    descriptor_distance: Float[FloatArray, "n_s"] | None = None,  # of each vertex and its image
+    runners_up: tuple[Int[BodyVertices, "r"], Int[BodyVertices, "r"]] | None = None,  # images under both maps
 ) -> tuple[DoubtfulRegion, ...]:
     """Find the connected regions of the source's body where a map is doubtful, the largest first."""
-    # descriptor distance: (n_s,) of each vertex and its image; runners-up: images (n_refine,) under both maps
     source, target, bounds = pair.source, pair.target, pair.config.outcome
-    doubts, runner_up = {}, None  # (n_s,) for each reason; 1 is its bound
+    doubts, runner_up = {}, None  # at each vertex, by reason; 1 is the bound
     if runners_up is not None:
         own, runner_up = (image[nearest_of(source, pair.refinement_vertices)] for image in runners_up)
         doubts[ANOTHER_MAP] = target.distance(own, runner_up) / pair.config.selection.runner_up_distance
@@ -182,8 +185,8 @@ def regions_of_doubt(
     return tuple(regions)
 
 
-def around(shape: PreparedShape, values: FloatArray) -> FloatArray:
-    """Mean of values in the neighbourhood of each vertex of a body: (n_s,), nan where most are not known."""
+def around(shape: PreparedShape, values: Float[FloatArray, "n"]) -> Float[FloatArray, "n"]:
+    """Mean of values in the neighbourhood of each vertex of a body, nan where most are not known."""
     finite = np.isfinite(values)
     total = diffused(shape, np.where(finite, values, 0.0), ERROR_RADIUS)
     weight = diffused(shape, finite.astype(float), ERROR_RADIUS)
@@ -208,8 +211,8 @@ def lifted(
     return tuple(carried)
 
 
-def doubt_in(regions: Sequence[DoubtfulRegion], n_vertices: int) -> FloatArray:
-    """Error to be expected at the vertices of a body (n_s,) that look unlike their images."""
+def doubt_in(regions: Sequence[DoubtfulRegion], n_vertices: int) -> Float[FloatArray, "n"]:
+    """Error to be expected at the vertices of a body that look unlike their images."""
     doubt = np.zeros(n_vertices)
     for region in regions:
         if UNLIKE_ITS_IMAGE in region.reason:

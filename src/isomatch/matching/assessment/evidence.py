@@ -8,7 +8,7 @@ from typing import Self
 
 import numpy as np
 
-from isomatch._core.arrays import FloatArray
+from isomatch._core.arrays import Float, FloatArray
 from isomatch._core.stage_timer import StageTimer
 from isomatch.correspondence import Correspondence
 from isomatch.matching.assessment.confidence import ANOTHER_MAP, UNLIKE_ITS_IMAGE, DoubtfulRegion
@@ -122,8 +122,8 @@ def contradicts(quality: Quality, bound: float) -> bool:
     return quality.landmark_error > bound or quality.initial_map_error > bound
 
 
-def part_contradicts(landmark_errors: FloatArray, initial_map_error: float, bound: float) -> bool:
-    """Whether the map of a part is farther than a bound from most of its landmarks (m,), or from the initial map."""
+def part_contradicts(landmark_errors: Float[FloatArray, "m"], initial_map_error: float, bound: float) -> bool:
+    """Whether the map of a part is farther than a bound from most of its landmarks, or from the initial map."""
     # single landmarks may be off in a right map: where limbs touch, a vertex of the whole may be nearest to the other one
     most_are_off = len(landmark_errors) and np.median(landmark_errors) > bound
     return bool(initial_map_error > bound or most_are_off)

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from isomatch._core.arrays import BoolArray, FloatArray, IntArray
+from isomatch._core.arrays import BodyVertices, Bool, BoolArray, Float, FloatArray, Int, IntArray
 from isomatch.correspondence import PrecisePoints, alignment_residual, signed_procrustes
 from isomatch.descriptors import BallSignature, deviation_of
 from isomatch.geodesics import distance_along_edges_to_nearest
@@ -27,7 +27,7 @@ def measure_quality(
 ) -> Quality:
     """Measure a map of bodies: ``points``, the image of each source vertex, as it was selected if it was."""
     source, target, settings = pair.source, pair.target, pair.config.outcome
-    image = points.corners[:, 0]
+    image = BodyVertices(points.corners[:, 0])
     vertices = pair.refinement_vertices
     unit = 1.0
     if any(isinstance(shape.body, Graph) for shape in (source, target)):  # no area to measure lengths by
@@ -59,24 +59,27 @@ def measure_quality(
 
 
 def descriptor_distance_of(
-    here: BallSignature | None, there: BallSignature | None, image: IntArray, matched: BoolArray | None = None
-) -> FloatArray | None:
-    """Descriptor distance in space of each vertex and its image: (n_s,), nan where unknown; None without triangles."""
+    here: BallSignature | None,
+    there: BallSignature | None,
+    image: Int[IntArray, "n_s"],
+    matched: Bool[BoolArray, "n_s"] | None = None,
+) -> Float[FloatArray, "n_s"] | None:
+    """Descriptor distance in space of each vertex and its image, nan where unknown; None without triangles."""
     if here is None or there is None:
         return None
     descriptor_distance = here.descriptor_distance(there.at(image), deviation_of(here, there))
     return descriptor_distance if matched is None else np.where(matched, descriptor_distance, np.nan)
 
 
-def mean_known(values: FloatArray | None, areas: FloatArray) -> float:
+def mean_known(values: Float[FloatArray, "q"] | None, areas: Float[FloatArray, "q"]) -> float:
     """Mean over the area of what is known of the values of vertices; nan if nothing is."""
     if values is None or not (finite := np.isfinite(values)).any():
         return np.nan
     return float(np.average(values[finite], weights=areas[finite]))
 
 
-def covered_share(surface: Surface, images: IntArray, radius: float = COVERAGE_RADIUS) -> float:
-    """Coverage: share of the area of a surface within a radius, in √area along edges, of images (q,)."""
+def covered_share(surface: Surface, images: Int[IntArray, "q"], radius: float = COVERAGE_RADIUS) -> float:
+    """Coverage: share of the area of a surface within a radius, in √area along edges, of images."""
     if not len(images):
         return 0.0
     gap, _ = distance_along_edges_to_nearest(surface, np.unique(images))
@@ -95,8 +98,10 @@ def _coverage(pair: ShapePair, points: PrecisePoints) -> float:
     return covered_share(target.original.body, points.corners[near, 0], radius)
 
 
-def image_positions(source: Surface, target: Surface, points: PrecisePoints) -> FloatArray | None:
-    """(n_s, 3) where the images of the source's vertices lie in space; None unless both surfaces have coordinates."""
+def image_positions(
+    source: Surface, target: Surface, points: PrecisePoints
+) -> Float[FloatArray, "n_s 3"] | None:
+    """Where the images of the source's vertices lie in space; None unless both surfaces have coordinates."""
     if isinstance(source, Graph) or isinstance(target, Graph):
         return None
     return np.asarray(points.interpolation(target.n_vertices) @ target.vertices)
@@ -104,12 +109,12 @@ def image_positions(source: Surface, target: Surface, points: PrecisePoints) -> 
 
 def edge_stretch(
     source: Surface,
-    images: FloatArray | None,
+    images: Float[FloatArray, "n_s 3"] | None,
     torn: float,
     unit: float = 1.0,
-    matched: BoolArray | None = None,
+    matched: Bool[BoolArray, "n_s"] | None = None,
 ) -> float:
-    """Dirichlet energy of the map on edges: squared lengths of their images (n_s, 3) over their own; nan without."""
+    """Dirichlet energy of the map on edges: squared lengths of their images over their own; nan without."""
     # Σ_e min(|f(e)|², torn |e|²) / Σ_e |e|² over edges e between matched vertices; unit: worth of the source's lengths
     if isinstance(source, Graph) or images is None:
         return np.nan
@@ -132,13 +137,18 @@ def torn_off_share(source: Surface, target_area: float, images: FloatArray | Non
     return float(shares[1]) if len(shares) > 1 else 0.0
 
 
-def distances_to_priors(pair: ShapePair, target_vertex: IntArray, pairs: IntArray) -> FloatArray:
-    """Distance between the images under a map (n_s,) and the second vertices of pairs (q, 2): (q,), in √area."""
+def distances_to_priors(
+    pair: ShapePair, target_vertex: Int[BodyVertices, "n_s"], pairs: Int[BodyVertices, "q 2"]
+) -> Float[FloatArray, "q"]:
+    """Distance between the images under a map and the second vertices of pairs, in √area."""
     return pair.target.distance(target_vertex[pairs[:, 0]], pairs[:, 1])
 
 
 def prior_errors(
-    pair: ShapePair, target_vertex: IntArray, landmarks: IntArray, initial_pairs: IntArray
+    pair: ShapePair,
+    target_vertex: Int[BodyVertices, "n_s"],
+    landmarks: Int[BodyVertices, "m 2"],
+    initial_pairs: Int[BodyVertices, "q 2"],
 ) -> tuple[float, float]:
     """Mean and median of these distances for landmarks and for an initial map; nan without."""
     off = distances_to_priors(pair, target_vertex, landmarks)
@@ -149,7 +159,7 @@ def prior_errors(
 
 def contradicted_landmarks(pair: ShapePair, points: PrecisePoints, priors: Priors) -> list[str]:
     """Name the landmarks that a map of bodies contradicts, in the users' vertices; no note if it contradicts none."""
-    apart = distances_to_priors(pair, points.corners[:, 0], priors.landmarks)
+    apart = distances_to_priors(pair, BodyVertices(points.corners[:, 0]), priors.landmarks)
     against = np.flatnonzero(apart > pair.config.outcome.contradiction)
     if not len(against):
         return []

@@ -10,7 +10,7 @@ from typing import cast
 
 import numpy as np
 
-from isomatch._core.arrays import IntArray
+from isomatch._core.arrays import BodyVertices, Int, IntArray
 from isomatch._core.cached import cached_property
 from isomatch._core.errors import NotConvergedError
 from isomatch._core.stage_timer import StageTimer
@@ -127,12 +127,12 @@ class Elastic(Relation):
     def __init__(
         self,
         ordinary: Fit | None = None,
-        others: Sequence[tuple[IntArray, str]] = (),
+        others: Sequence[tuple[Int[IntArray, "_ 2"], str]] = (),
         ordinary_fits: bool = False,
         rivals: Sequence[Fit] = (),
     ) -> None:
-        self.ordinary, self.others, self.ordinary_fits = ordinary, others, ordinary_fits
-        self.rivals = rivals
+        self.ordinary, self.ordinary_fits, self.rivals = ordinary, ordinary_fits, rivals
+        self.others = [(BodyVertices(pairs), origin) for pairs, origin in others]
 
     def match(self, timer: StageTimer | None = None) -> tuple[Selection[StretchedFit], str]:
         """Fit first maps coarsely, bend the shapes by the best, and select among these and the maps known before.
@@ -180,7 +180,7 @@ class Elastic(Relation):
         return replace(selection, runner_up=min(selection.runner_up, ratio)), reason
 
     def _verified(self, fit: StretchedFit) -> Verification:
-        everywhere = np.arange(self.source.body.n_vertices)
+        everywhere = BodyVertices(np.arange(self.source.body.n_vertices))
         return verifier_of(self.pair)(self._bendings[0].images(fit.bent[0], everywhere))
 
     @property
@@ -195,22 +195,24 @@ class Elastic(Relation):
         most = FITS_ISOMETRIC if self.ordinary_fits else NEARLY_ISOMETRIC
         return winner.is_ordinary and winner.stretch < most
 
-    def _pairs(self, fit: Fit) -> IntArray:
-        """Vertices of source and target (r, 2)."""
-        return np.column_stack([self.vertices, fit.image])
+    def _pairs(self, fit: Fit) -> Int[BodyVertices, "r 2"]:
+        """Vertices of source and target."""
+        return BodyVertices(np.column_stack([self.vertices, fit.image]))
 
     def _drawn_ordinary(self, fit: Fit) -> StretchedFit:
         return replace(self._drawn(self._fine, LAST_STEP, self._pairs(fit), fit.origin), is_ordinary=True)
 
-    def _starts(self) -> list[tuple[IntArray, str]]:
-        """First maps (q, 2), and where each comes from; those of an ordinary map have made use of priors before."""
+    def _starts(self) -> list[tuple[Int[BodyVertices, "_ 2"], str]]:
+        """First maps, and where each comes from; those of an ordinary map have made use of priors before."""
         pair, landmarks = self.pair, self.priors.landmarks
-        first_maps: list[tuple[IntArray, str]] = []
+        first_maps: list[tuple[BodyVertices, str]] = []
         if self.searches_by_anchors:
             source, target = self._shapes
-            back = anchor_starts(pair.turned, landmarks[:, ::-1], (target, source))
-            pairs = [*anchor_starts(pair, landmarks, (source, target)), *(start[:, ::-1] for start in back)]
-            first_maps = [(start, "landmarks" if len(landmarks) else "anchors") for start in pairs]
+            back = anchor_starts(pair.turned, BodyVertices(landmarks[:, ::-1]), (target, source))
+            turned = (BodyVertices(start[:, ::-1]) for start in back)
+            origin = "landmarks" if len(landmarks) else "anchors"
+            starts = [*anchor_starts(pair, landmarks, (source, target)), *turned]
+            first_maps = [(start, origin) for start in starts]
         if self.ordinary is not None:
             first_maps.append((self._pairs(self.ordinary), self.ordinary.origin))
         else:
@@ -256,26 +258,27 @@ class Elastic(Relation):
         # spectral residual × (unit + asymmetry)^exponent: of two fits that are as good, the one that exchanges mirror
         # images is right; below the unit, asymmetry is that of the shapes themselves
         penalty = (ASYMMETRY_UNIT + coarse.asymmetry(images)) ** ASYMMETRY_EXPONENT
-        image, residual = coarse.target.targets[images.forth], images.spectral_residual
+        image, residual = BodyVertices(coarse.target.targets[images.forth]), images.spectral_residual
         moved = replace(fit, image=image, coefficients=coefficients, images=images)
         return replace(moved, spectral_residual=residual, score=residual * penalty)
 
     def _begun(self, fit: StretchedFit) -> StretchedFit:
         """Extend a rough fit to the vertices of the relation."""
         source, target = self._fine.embedding(fit.coefficients)
-        image = self.target.index.vertices(target, source[self.vertices])
+        image = BodyVertices(self.target.index.vertices(target, source[self.vertices]))
         return replace(fit, image=image, spectral_residual=np.inf, score=np.nan)
 
-    def _drawn(self, by: ElasticFit, step: Step, pairs: IntArray, origin: str) -> StretchedFit:
-        """Draw a map (q, 2) by the functions of a step."""
-        return StretchedFit(pairs[:0, 0], origin=origin, coefficients=by.from_pairs(pairs, step))
+    def _drawn(self, by: ElasticFit, step: Step, pairs: BodyVertices, origin: str) -> StretchedFit:
+        """Draw a map by the functions of a step."""
+        coefficients = by.from_pairs(pairs, step)
+        return StretchedFit(BodyVertices(pairs[:0, 0]), origin=origin, coefficients=coefficients)
 
     @cached_property
-    def _users(self) -> IntArray:
-        """(r,) images of the vertices of the relation under the initial map, −1 where it has none."""
+    def _users(self) -> Int[BodyVertices, "r"]:
+        """Images of the vertices of the relation under the initial map, −1 where it has none."""
         image = np.full(self.source.body.n_vertices, -1)
         image[self.priors.initial_pairs[:, 0]] = self.priors.initial_pairs[:, 1]
-        return image[self.vertices]
+        return BodyVertices(image[self.vertices])
 
     def refined(self, fits: Sequence[Fit]) -> list[Fit]:
         """Bend both shapes onto each other by each map, at a low resolution; images are read off there."""
@@ -307,12 +310,12 @@ class Elastic(Relation):
         error = self.target.mean_distance(image[rows], self._users[rows]) if len(rows) else 0.0
         return replace(fit, image=image, spectral_residual=score, score=score, bent=bent, prior_error=error)
 
-    def measured(self, fit: Fit, image: IntArray) -> StretchedFit:
+    def measured(self, fit: Fit, image: Int[IntArray, "r"]) -> StretchedFit:
         """Draw a map by all functions, and bend the shapes by it."""
         self.require_images(image)
         was_ordinary = isinstance(fit, StretchedFit) and fit.is_ordinary
         pairs = np.column_stack([self.vertices, image])
-        drawn = self._drawn(self._fine, LAST_STEP, pairs, fit.origin)
+        drawn = self._drawn(self._fine, LAST_STEP, BodyVertices(pairs), fit.origin)
         return replace(self._bent(drawn), is_ordinary=was_ordinary)
 
     def embedding(self, fit: Fit) -> Embedding:
@@ -332,10 +335,10 @@ class Elastic(Relation):
         image, _ = refined_images(pair, image, 1.0, *pair.config.refining.last_step)
         return self._beside(image, lying)
 
-    def _known_before(self, fit: StretchedFit, image: IntArray) -> IntArray | None:
-        """Return images (r,) of the initial map, or an ordinary one that fits, if a map is the same in the large."""
+    def _known_before(self, fit: StretchedFit, image: BodyVertices) -> Int[BodyVertices, "r"] | None:
+        """Return images of the initial map, or an ordinary one that fits, if a map is the same in the large."""
         if len(self.priors.initial_pairs) and fit.prior_error < SAME_MAP:
-            return np.where(self._users >= 0, self._users, image)
+            return BodyVertices(np.where(self._users >= 0, self._users, image))
         if self.ordinary is None or not self.ordinary_fits:
             return None
         alike = self.target.mean_distance(fit.image, self.ordinary.image) < SAME_MAP
@@ -345,16 +348,16 @@ class Elastic(Relation):
         """Bend the source onto the target in full, from where the two bent shapes lie at the low resolution."""
         settings, (there, _) = self.pair.config.elastic, self._bendings
         pairs = np.concatenate([bending.pairs(bent) for bending, bent in zip(self._bendings, fit.bent)])
-        coefficients, _ = self._fine.run(self._fine.from_pairs(pairs, LAST_STEP), (LAST_STEP,))
+        coefficients, _ = self._fine.run(self._fine.from_pairs(BodyVertices(pairs), LAST_STEP), (LAST_STEP,))
         drawn = self._fine.embedding(coefficients)
         coarse = there.laid(drawn, settings.bending[SKIPPED:], most_scaled=settings.most_scaled)
         return there.laid_in_full(coarse, FULL_LENGTHS, settings.most_scaled)
 
-    def _read(self, embedding: Embedding) -> IntArray:
+    def _read(self, embedding: Embedding) -> Int[BodyVertices, "r"]:
         """Images of the vertices of the relation."""
-        return self.target.index.vertices(embedding.target, embedding.source[self.vertices])
+        return BodyVertices(self.target.index.vertices(embedding.target, embedding.source[self.vertices]))
 
-    def _beside(self, image: IntArray, lying: Embedding) -> Embedding:
+    def _beside(self, image: Int[BodyVertices, "r"], lying: Embedding) -> Embedding:
         """Joint coordinates under a map, and coordinates in which bent shapes lie on each other."""
         joint = registered(self.pair, image, 1.0, self.refinement.smooth)
         return Embedding(*(np.hstack([x, LYING_WEIGHT * y]) for x, y in zip(joint, lying)))

@@ -9,7 +9,17 @@ import numpy as np
 from numpy.linalg import LinAlgError
 from scipy.linalg.lapack import dposv
 
-from isomatch._core.arrays import Float32Array, FloatArray, IntArray, single
+from isomatch._core.arrays import (
+    BodyVertices,
+    Float,
+    Float32Array,
+    FloatArray,
+    Int,
+    IntArray,
+    SampleRows,
+    SoughtRows,
+    single,
+)
 from isomatch._core.cached import cached_property
 from isomatch._core.threads import parallel_map
 from isomatch.correspondence import Embedding, IntervalCost, Intervals, assign_points, nearest_rows, pin_first
@@ -50,8 +60,8 @@ class ElasticShape:
 
     prepared: PreparedShape  # its body is a mesh of n vertices
     settings: ElasticSettings
-    # (n, d + 3) ``values`` at the mirror image of each vertex, smoothed, if there is one
-    mirrored: FloatArray | None = None
+    # ``values`` at the mirror image of each vertex, smoothed, if there is one
+    mirrored: Float[FloatArray, "n values"] | None = None
 
     @property
     def mesh(self) -> Mesh:
@@ -59,8 +69,8 @@ class ElasticShape:
         return self.prepared.mesh_body
 
     @cached_property
-    def canonical(self) -> FloatArray:
-        """(n, d) canonical coordinates: classical scaling of the farthest points, extended to all vertices."""
+    def canonical(self) -> Float[FloatArray, "n d"]:
+        """Canonical coordinates: classical scaling of the farthest points, extended to all vertices."""
         # De Silva & Tenenbaum, Sparse multidimensional scaling using landmark points, 2004. Of the squared distances D²
         # among p points let −½ J D² J = V Λ Vᵀ, J = 1 − 1/p. The points have coordinates V Λ^½, and a vertex of squared
         # distances δ to them, whose mean over the points is δ̄,
@@ -77,13 +87,13 @@ class ElasticShape:
         return np.asarray(-0.5 * (squares - mean[:, None]).T @ axes)
 
     @cached_property
-    def values(self) -> FloatArray:
-        """(n, d + 3) what a map to this shape pulls back: canonical coordinates, and positions in space."""
+    def values(self) -> Float[FloatArray, "n values"]:
+        """What a map to this shape pulls back: canonical coordinates, and positions in space."""
         return np.hstack([self.canonical, self.mesh.vertices])
 
     @cached_property
-    def aside(self) -> FloatArray:
-        """(n,) distance of each vertex from its mirror image, in canonical coordinates; 0 without mirror images."""
+    def aside(self) -> Float[FloatArray, "n"]:
+        """Distance of each vertex from its mirror image, in canonical coordinates; 0 without mirror images."""
         if self.mirrored is None:
             return np.zeros(self.mesh.n_vertices)
         d = self.canonical.shape[1]
@@ -91,7 +101,7 @@ class ElasticShape:
 
     def sampled(self, count: int, everywhere: bool) -> Samples:
         """Take ``count`` samples; their images are sought among samples, or everywhere."""
-        vertices, mesh = self.prepared.sample_vertices[:count], self.mesh
+        vertices, mesh = BodyVertices(self.prepared.sample_vertices[:count]), self.mesh
         if everywhere:
             ring, sought, faces = np.arange(mesh.n_vertices), np.arange(mesh.n_vertices), mesh.faces
         else:
@@ -103,13 +113,13 @@ class ElasticShape:
         mirror_row = None
         if self.mirrored is not None:
             d = self.canonical.shape[1]
-            mirror_row = nearest_rows(self.canonical[vertices], self.mirrored[vertices, :d])
-        targets, functions = ring[sought], self.prepared.laplace.vectors[ring]
+            mirror_row = SampleRows(nearest_rows(self.canonical[vertices], self.mirrored[vertices, :d]))
+        targets, functions = BodyVertices(ring[sought]), self.prepared.laplace.vectors[ring]
         return Samples(
             self,
             everywhere,
             vertices,
-            row=vertices if everywhere else np.arange(len(vertices)),
+            row=SoughtRows(vertices if everywhere else np.arange(len(vertices))),
             sought=sought,
             faces=faces,
             mirror_row=mirror_row,
@@ -127,23 +137,25 @@ class Samples:
 
     shape: ElasticShape
     everywhere: bool  # whether images are sought among all vertices, and not among the samples
-    vertices: IntArray  # (m,) the samples
-    row: IntArray  # (m,) their rows among the c vertices sought
-    sought: IntArray  # (c,) rows of the vertices sought in the ring, the r vertices of all faces around them
-    faces: IntArray  # (f, 3) those faces, by rows of the ring
-    mirror_row: IntArray | None  # (m,) sample nearest to the mirror image of each sample
-    targets: IntArray  # (c,) vertices sought
-    functions: FloatArray  # (r, K) Laplace–Beltrami functions on the ring
-    functions_sought: FloatArray  # (c, K) the same on the vertices sought
-    canonical: FloatArray  # (c, d) canonical coordinates of the vertices sought
-    normals: FloatArray  # (c, 3) their normals
+    vertices: Int[BodyVertices, "m"]  # the samples
+    row: Int[SoughtRows, "m"]  # their rows among the vertices sought
+    sought: Int[
+        IntArray, "c"
+    ]  # rows of the vertices sought in the ring, the vertices of all faces around them
+    faces: Int[IntArray, "f 3"]  # those faces, by rows of the ring
+    mirror_row: Int[SampleRows, "m"] | None  # sample nearest to the mirror image of each sample
+    targets: Int[BodyVertices, "c"]  # vertices sought
+    functions: Float[FloatArray, "ring k"]  # Laplace–Beltrami functions on the ring
+    functions_sought: Float[FloatArray, "c k"]  # the same on the vertices sought
+    canonical: Float[FloatArray, "c d"]  # canonical coordinates of the vertices sought
+    normals: Float[FloatArray, "c 3"]  # their normals
 
 
 class Coefficients(NamedTuple):
     """Smooth maps both ways, by the first functions of either shape."""
 
-    source: FloatArray  # A (k_s, d_t + 3)
-    target: FloatArray  # B (k_t, d_s + 3)
+    source: Float[FloatArray, "k_s values_t"]  # A
+    target: Float[FloatArray, "k_t values_s"]  # B
 
 
 class Step(NamedTuple):
@@ -163,8 +175,8 @@ COARSE_STEPS = Step(20, 0.01, 2, True), Step(20, 0.01, 2, True), Step(30, 0.007,
 class Images(NamedTuple):
     """Images of the samples both ways, as rows of the vertices sought."""
 
-    forth: IntArray  # (m_s,)
-    back: IntArray  # (m_t,)
+    forth: Int[SoughtRows, "samples_s"]
+    back: Int[SoughtRows, "samples_t"]
     spectral_residual: float  # their mean distance
     # mean cosine between normals of either shape and of its copy on the other, of the wanted side
     orientation: float
@@ -173,8 +185,8 @@ class Images(NamedTuple):
 class _Copy(NamedTuple):
     """A shape copied to the vertices sought of another by a smooth map."""
 
-    canonical: FloatArray  # (c, d)
-    normals: FloatArray  # (c, 3)
+    canonical: Float[FloatArray, "c d"]
+    normals: Float[FloatArray, "c 3"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,12 +210,12 @@ class ElasticFit:
     source: Samples
     target: Samples
     signatures: Embedding  # of all vertices of both
-    landmarks: IntArray  # (l, 2) vertices of source and target that correspond
+    landmarks: Int[BodyVertices, "l 2"]  # vertices of source and target that correspond
     side: float = 1.0  # 1 for maps that preserve the orientation of the faces, −1 for those that reverse it
     normal_weight: float = NORMAL_WEIGHT  # beside canonical coordinates
 
-    def from_pairs(self, pairs: IntArray, step: Step) -> Coefficients:
-        """Fit smooth maps to pairs (q, 2) of vertices alone."""
+    def from_pairs(self, pairs: Int[BodyVertices, "q 2"], step: Step) -> Coefficients:
+        """Fit smooth maps to pairs of vertices alone."""
         source, target, ones = self.source.shape, self.target.shape, np.ones(len(pairs))
         return Coefficients(
             _smooth(source, pairs[:, 0], target.values[pairs[:, 1]], ones, step),
@@ -225,7 +237,9 @@ class ElasticFit:
         source, target = self.source, self.target
         symmetric = step.symmetric and source.mirror_row is not None and target.mirror_row is not None
 
-        def one(onto: Samples, other: Samples, forth: IntArray, back: IntArray, held: IntArray) -> FloatArray:
+        def one(
+            onto: Samples, other: Samples, forth: SoughtRows, back: SoughtRows, held: IntArray
+        ) -> FloatArray:
             # X at x should be c(T x); at S y, c(y); at landmarks, what is known
             here = [onto.vertices, onto.targets[back], held[:, 0]]
             there = [other.targets[forth], other.vertices, held[:, 1]]
@@ -280,22 +294,22 @@ class ElasticFit:
         return Embedding(np.hstack([*canonical[0], *here]), np.hstack([*canonical[1], *there]))
 
     @cached_property
-    def _unlike(self) -> Float32Array:
-        """(m_s, m_t) squared distances of the weighted signatures of the samples of both."""
+    def _unlike(self) -> Float[Float32Array, "samples_s samples_t"]:
+        """Squared distances of the weighted signatures of the samples of both."""
         both = zip(self.signatures, (self.source, self.target))
         a, b = (SIGNATURE_WEIGHT * values[samples.vertices] for values, samples in both)
         return single(np.stack([((row - b) ** 2).sum(axis=1) for row in a]))
 
-    def _nearest_anywhere(self, copies: tuple[_Copy, _Copy]) -> tuple[IntArray, IntArray, float]:
-        """Find the images (m_s,) and (m_t,) of the samples both ways, and the sum of both mean distances."""
+    def _nearest_anywhere(self, copies: tuple[_Copy, _Copy]) -> tuple[SoughtRows, SoughtRows, float]:
+        """Find the images of the samples both ways, and the sum of both mean distances."""
         source, target, (a, b) = self.source, self.target, self._embedding(copies)
         from_source, from_target = a[source.row], b[target.row]
-        forth = target.shape.prepared.index.vertices(b, from_source)
-        back = source.shape.prepared.index.vertices(a, from_target)
+        forth = SoughtRows(target.shape.prepared.index.vertices(b, from_source))
+        back = SoughtRows(source.shape.prepared.index.vertices(a, from_target))
         spectral_residual = np.linalg.norm(from_source - b[forth], axis=1).mean()
         return forth, back, float(spectral_residual + np.linalg.norm(from_target - a[back], axis=1).mean())
 
-    def _nearest_samples(self, copies: tuple[_Copy, _Copy]) -> tuple[IntArray, IntArray, float]:
+    def _nearest_samples(self, copies: tuple[_Copy, _Copy]) -> tuple[SoughtRows, SoughtRows, float]:
         """Do the same among the samples, by one product for both ways."""
         # |a − b|² = |a|² − 2 a·b + |b|², and the part of the signatures, which is the same for all maps
         a, b = self._moving(copies)
@@ -303,7 +317,7 @@ class ElasticFit:
         squared += self._unlike
         squared += single(np.einsum("ij,ij->i", b, b))
         squared += single(np.einsum("ij,ij->i", a, a))[:, None]
-        forth, back = squared.argmin(axis=1), squared.argmin(axis=0)
+        forth, back = SoughtRows(squared.argmin(axis=1)), SoughtRows(squared.argmin(axis=0))
         nearest = squared[np.arange(len(a)), forth], squared[back, np.arange(len(b))]
         spectral_residual = sum(np.sqrt(np.maximum(each, 0.0)).mean(dtype=np.float64) for each in nearest)
         return forth, back, float(spectral_residual)
@@ -330,9 +344,13 @@ def _copied(onto: Samples, coefficients: FloatArray) -> _Copy:
 
 
 def _smooth(
-    shape: ElasticShape, vertices: IntArray, values: FloatArray, weights: FloatArray, step: Step
-) -> FloatArray:
-    """Coefficients (k, q) that minimise the mean weighted squared error from values (m, q) + μ × Dirichlet energy."""
+    shape: ElasticShape,
+    vertices: Int[IntArray, "q"],
+    values: Float[FloatArray, "q v"],
+    weights: Float[FloatArray, "q"],
+    step: Step,
+) -> Float[FloatArray, "k v"]:
+    """Coefficients that minimise the mean weighted squared error from values + μ × Dirichlet energy."""
     # ∇ of Σ_i w_i |Φ_i A − v_i|² / Σ w + μ tr Aᵀ Λ A is 0 where (Φᵀ W Φ + μ Λ) A = Φᵀ W V, W = diag(w / Σ w)
     laplace, k = shape.prepared.laplace, step.n_functions
     functions = laplace.vectors[vertices, :k]
@@ -346,9 +364,11 @@ def _smooth(
 
 
 def anchor_starts(
-    pair: ShapePair, landmarks: IntArray, shapes: tuple[ElasticShape, ElasticShape] | None = None
-) -> list[IntArray]:
-    """Assign anchors of the source to points of the target: arrays (m, 2) of vertices."""
+    pair: ShapePair,
+    landmarks: Int[BodyVertices, "l 2"],
+    shapes: tuple[ElasticShape, ElasticShape] | None = None,
+) -> list[Int[BodyVertices, "_ 2"]]:
+    """Assign anchors of the source to points of the target."""
     # A distance d that should be u costs (`IntervalCost`, lower = upper = u, in units of the average distance)
     #     min(max(|d − u| − forgiven u, 0) + inside |d − u|, most) / (soft + u):
     # nothing much up to a factor, as limbs stretch, and never more than a bound, for a tail that is twice as long must
@@ -356,7 +376,7 @@ def anchor_starts(
     # area, and, where both shapes are symmetric, how far aside: heads and tails lie in the plane of symmetry, legs do
     # not. Some starts do without, as mirror images may be wrong in places.
     source, target, settings = pair.source, pair.target, pair.config.elastic
-    anchors, between = _anchors(source, landmarks[:, 0], N_ANCHORS)
+    anchors, between = _anchors(source, BodyVertices(landmarks[:, 0]), N_ANCHORS)
     samples = target.sample_vertices[:N_CANDIDATES]
     candidates = np.unique(np.concatenate([landmarks[:, 1], target.extremities, samples]))
     of_source, of_target = pair.signatures
@@ -373,26 +393,28 @@ def anchor_starts(
     among = target.distances_between(candidates) / target.intrinsic_scale
     sides = Intervals(between, between), Intervals(among, among)
     cost = IntervalCost(settings.forgiven, settings.inside, MOST_COST, SOFT)
-    starts: list[IntArray] = []
+    starts: list[BodyVertices] = []
     for unary, count in kinds:
         pin_first(unary, np.searchsorted(candidates, landmarks[:, 1]))
         rows, _ = assign_points(*sides, unary, cost, BEAM, APART)
-        starts += [np.column_stack([anchors, candidates[row]]) for row in rows[:count]]
+        starts += [BodyVertices(np.column_stack([anchors, candidates[row]])) for row in rows[:count]]
     return starts
 
 
-def _anchors(shape: PreparedShape, first: IntArray, count: int) -> tuple[IntArray, FloatArray]:
+def _anchors(
+    shape: PreparedShape, first: Int[BodyVertices, "l"], count: int
+) -> tuple[Int[BodyVertices, "m"], Float[FloatArray, "m m"]]:
     """Vertices far from each other, and their distances in units of the average."""
     wanted = np.concatenate([first, shape.extremities, shape.column_vertices])
     wanted = wanted[np.sort(np.unique(wanted, return_index=True)[1])]
     distances = shape.distances_between(wanted)
     n_first = min(len(np.union1d(first, shape.extremities)), max(count, len(first)))
     kept = farthest_rows(distances, count, range(n_first))
-    return wanted[kept], distances[np.ix_(kept, kept)] / shape.intrinsic_scale
+    return BodyVertices(wanted[kept]), distances[np.ix_(kept, kept)] / shape.intrinsic_scale
 
 
-def _remoteness(shape: PreparedShape) -> FloatArray:
-    """(n,) share of the area that is less remote than each vertex: it does not depend on how long limbs are."""
+def _remoteness(shape: PreparedShape) -> Float[FloatArray, "n"]:
+    """Share of the area that is less remote than each vertex: it does not depend on how long limbs are."""
     order = np.argsort(shape.average_distance, kind="stable")
     share = np.zeros(len(order))
     share[order] = np.cumsum(shape.body.vertex_areas[order]) / shape.body.area
@@ -408,14 +430,14 @@ def with_mirror(prepared: PreparedShape, config: Config) -> ElasticShape:
     signatures = Embedding(prepared.signatures, prepared.signatures)
     fit = ElasticFit(samples, samples, signatures, NO_LANDMARKS, side=-1.0)
 
-    def first(start: IntArray) -> tuple[Coefficients, Images] | None:
+    def first(start: BodyVertices) -> tuple[Coefficients, Images] | None:
         coefficients = fit.from_pairs(start, COARSE_STEPS[0])
         images = fit.images(coefficients)
         return None if images.orientation < 0 else (coefficients, images)
 
     few = replace(config, elastic=replace(settings, forgiven=MIRROR_FORGIVEN, n_starts=MIRROR_STARTS))
     rows = prepared.sample_vertices[: prepared.config.n_search]
-    symmetries = [np.column_stack([rows, rows[each.image_row]]) for each in prepared.symmetries]
+    symmetries = [BodyVertices(np.column_stack([rows, rows[each.image_row]])) for each in prepared.symmetries]
     starts = [*anchor_starts(ShapePair(prepared, prepared, few), NO_LANDMARKS), *symmetries]
     maps = [each for each in parallel_map(first, starts) if each]
     for step, most in zip(COARSE_STEPS, N_FOLLOWED):

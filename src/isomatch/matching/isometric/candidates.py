@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from isomatch._core.arrays import IntArray
+from isomatch._core.arrays import BodyVertices, Int, IntArray, SearchRows
 from isomatch._core.threads import parallel_map
 from isomatch.correspondence import alignment_residual, signed_procrustes, spectral_embedding
 from isomatch.matching.assessment.quality import mean_known
@@ -31,7 +31,7 @@ class Screening:
     def __init__(self, pair: ShapePair, priors: Priors) -> None:
         self._pair = pair
         self._landmarks = priors.landmarks
-        self._with_priors_rows: list[IntArray] = []
+        self._with_priors_rows: list[SearchRows] = []
         if len(priors.initial_pairs):
             self._with_priors_rows = [start_from_pairs(pair, priors.initial_pairs)]
         elif pair.config.start == "pose" and not len(priors.landmarks):
@@ -48,27 +48,31 @@ class Screening:
     def _candidate(self, hypothesis: Hypothesis) -> Candidate:
         pair, settings = self._pair, self._pair.config.selection
         spectra = pair.search_spectra
-        target_row = spectra.image(spectra.grown(hypothesis.target_row, SIZES))
-        target_vertex = pair.target_vertices[target_row]
+        target_row = SearchRows(spectra.image(spectra.grown(hypothesis.target_row, SIZES)))
+        target_vertex = BodyVertices(pair.target_vertices[target_row])
         energy = energy_of(pair, pair.source_vertices, target_vertex, pair.config.search.rank)
         basis, n = spectra.source, settings.normal_functions
         orientation = orientation_of(pair.source, basis, pair.target, target_vertex, n)
         return Candidate(hypothesis, target_row, energy, orientation, *self._errors(target_row))
 
-    def _errors(self, target_row: IntArray) -> tuple[float, float]:
+    def _errors(self, target_row: Int[SearchRows, "m_s"]) -> tuple[float, float]:
         """Mean error at the landmarks, and ``prior_error``."""
         pair, landmarks = self._pair, self._landmarks
         mean, worst = 0.0, min(pair.distances_between_maps(target_row, self._with_priors_rows), default=0.0)
         if len(landmarks):
-            apart = pair.target.distance(extended(pair, target_row, landmarks[:, 0]), landmarks[:, 1])
+            marks = BodyVertices(landmarks[:, 0])
+            apart = pair.target.distance(extended(pair, target_row, marks), landmarks[:, 1])
             mean, worst = float(apart.mean()), max(worst, apart.max())
         return mean, float(worst)
 
 
 def energy_of(
-    pair: ShapePair, source_vertex: IntArray, target_vertex: IntArray, rank: int | None = None
+    pair: ShapePair,
+    source_vertex: Int[BodyVertices, "q"],
+    target_vertex: Int[BodyVertices, "q"],
+    rank: int | None = None,
 ) -> float:
-    """Energy of a map (m,) of body vertices: descriptor residual × curvature difference²."""
+    """Energy of a map of body vertices: descriptor residual × curvature difference²."""
     # E = R · M²: the residual R = min_C ‖X_s − X_t(f) C‖ of the distance descriptors sees all but near-symmetries, of
     # which distances are the same (Shamai & Kimmel 2017, eq. of the alignment); these are seen by
     #   M = mean |H_t(f(i)) − H_s(i)| + mean ‖known_t(f(i)) − known_s(i)‖₁ / weight,
@@ -86,32 +90,38 @@ def energy_of(
 
 
 def residual_of(
-    pair: ShapePair, source_vertex: IntArray, target_vertex: IntArray, rank: int | None = None
+    pair: ShapePair,
+    source_vertex: Int[BodyVertices, "q"],
+    target_vertex: Int[BodyVertices, "q"],
+    rank: int | None = None,
 ) -> float:
-    """Descriptor residual of a map (m,) of body vertices: how well it keeps distances."""
+    """Descriptor residual of a map of body vertices: how well it keeps distances."""
     points = pair.source.points.at(source_vertex, rank), pair.target.points.at(target_vertex, rank)
     return alignment_residual(*points, signed_procrustes(*points))
 
 
-def extended(pair: ShapePair, target_row: IntArray, source_vertex: IntArray) -> IntArray:
-    """Extend a map of the search vertices (m_s,), through some functions, to source vertices (q,): target vertices."""
+def extended(
+    pair: ShapePair, target_row: Int[SearchRows, "m_s"], source_vertex: Int[BodyVertices, "q"]
+) -> Int[BodyVertices, "q"]:
+    """Extend a map of the search vertices, through some functions, to source vertices: target vertices."""
     # F = Φ_s⁺ Φ_t(f) (k, k) from the search vertices; the image of i is the nearest row of Φ_t Fᵀ to Φ_s(i)
     k = min(pair.config.selection.extension_functions, pair.n_functions)
     functional_map = pair.search_spectra.functional_map(target_row, k)
     of_source, of_target = spectral_embedding(
         functional_map, pair.source.laplace.vectors[source_vertex], pair.target.laplace.vectors
     )
-    return pair.target.index.vertices(of_target, of_source)
+    return BodyVertices(pair.target.index.vertices(of_target, of_source))
 
 
 def first_map(
-    pair: ShapePair, priors: Priors, source_vertex: IntArray, orientation: Orientation
-) -> tuple[IntArray, str]:
-    """Map source vertices (q,) by the best hypothesis, from priors if there are any: target vertices (q,), its origin."""
+    pair: ShapePair, priors: Priors, source_vertex: Int[IntArray, "q"], orientation: Orientation
+) -> tuple[Int[BodyVertices, "q"], str]:
+    """Map source vertices by the best hypothesis, from priors if there are any: target vertices, its origin."""
     hypotheses = hypotheses_from_priors(pair, priors) if priors.any else search(pair, [])
     candidates, led = Screening(pair, priors)(hypotheses), bool(len(priors.landmarks))
     order = ranked(candidates, orientation, pair.config.selection, led)
-    return extended(pair, order[0].target_row, source_vertex), order[0].hypothesis.origin
+    image = extended(pair, order[0].target_row, BodyVertices(source_vertex))
+    return image, order[0].hypothesis.origin
 
 
 def is_sure(relation: Relation, selection: Selection[Fit]) -> bool:

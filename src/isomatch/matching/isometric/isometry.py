@@ -9,7 +9,7 @@ from operator import attrgetter
 
 import numpy as np
 
-from isomatch._core.arrays import BoolArray, FloatArray, IntArray
+from isomatch._core.arrays import BodyVertices, Bool, BoolArray, Float, FloatArray, Int, IntArray, SearchRows
 from isomatch._core.cached import cached_property
 from isomatch._core.errors import SettingError
 from isomatch._core.stage_timer import StageTimer
@@ -83,11 +83,11 @@ class Measured:
 
     points: PrecisePoints  # images of the vertices
     quality: Quality
-    descriptor_distance: FloatArray | None  # (n_s,) see `descriptor_distance_of`
+    descriptor_distance: Float[FloatArray, "n_s"] | None  # see `descriptor_distance_of`
     reason: str = ""  # how the map was chosen, in a sentence
     origin: str = ""  # where it came from
-    matched: BoolArray | None = None  # (n_s,) which vertices have an image, if not all
-    doubt: FloatArray | None = None  # (n_s,) error to be expected because another map may be right
+    matched: Bool[BoolArray, "n_s"] | None = None  # which vertices have an image, if not all
+    doubt: Float[FloatArray, "n_s"] | None = None  # error to be expected because another map may be right
     fit: Fit | None = None  # the refined map that polishing begins with; none of a map that stretches
 
     def evidence(self, pair: ShapePair, priors: Priors, far: bool) -> Evidence:
@@ -102,7 +102,7 @@ class Measured:
         self,
         pair: ShapePair,
         priors: Priors,
-        errors: FloatArray,  # (n_s,) that are expected
+        errors: Float[FloatArray, "n_s"],  # that are expected
         evidence: tuple[Evidence, ...],
         notes: Sequence[str],
         level: SmoothPair | None = None,  # between which the points are, if not between the pair's shapes
@@ -142,16 +142,16 @@ class IsometricMatch:
         """The map, measured."""
         return self.relation.measure(self)
 
-    def image_of(self, side: str) -> IntArray:
+    def image_of(self, side: str) -> BodyVertices:
         """Vertex of the other shape for each of one, the source or the target; of variants, between their originals."""
         sides = zip((self.relation.source, self.relation.target), self.embedding)
         (part, of_part), (whole, of_whole) = sides if side == "source" else reversed([*sides])
         n = (part.original or part).body.n_vertices
         image = whole.index.vertices(of_whole, of_part[:n])
-        return image if whole.original is None else whole.original_vertex[image]
+        return BodyVertices(image if whole.original is None else whole.original_vertex[image])
 
-    def torn(self, side: int, apart: float) -> BoolArray:
-        """Which vertices of a body that was cut, (n_original,), have copies whose images are so far apart, in √area."""
+    def torn(self, side: int, apart: float) -> Bool[BoolArray, "n_original"]:
+        """Which vertices of a body that was cut have copies whose images are so far apart, in √area."""
         way = 1 if side == 0 else -1
         here, there = (self.relation.source, self.relation.target)[::way]
         at, to = self.embedding[::way]
@@ -287,12 +287,12 @@ class Isometry(Relation):
         image, spectral_residual = refined_images(self.pair, fit.image, fit.side, sizes, with_positions)
         return replace(fit, image=image, spectral_residual=spectral_residual)
 
-    def measured(self, fit: Fit, image: IntArray) -> Fit:
+    def measured(self, fit: Fit, image: Int[IntArray, "r"]) -> Fit:
         """Measure a map: the spectral residual is that after the last step of the joint refinement, from there."""
         self.require_images(image)
-        step = self.pair.config.refining.last_step
-        _, spectral_residual = refined_images(self.pair, image, fit.side, *step)
-        fit = replace(fit, image=image, spectral_residual=spectral_residual)
+        images, step = BodyVertices(image), self.pair.config.refining.last_step
+        _, spectral_residual = refined_images(self.pair, images, fit.side, *step)
+        fit = replace(fit, image=images, spectral_residual=spectral_residual)
         return replace(fit, score=self.score(fit))
 
     def score(self, fit: Fit) -> float:
@@ -370,9 +370,9 @@ class Isometry(Relation):
         rest = tuple(fit for fit in fits if fit is not best)
         return replace(selection, winner=best, runners_up=rest, runner_up=ratio, against=against)
 
-    def _image(self, fit: Fit) -> IntArray:
+    def _image(self, fit: Fit) -> Int[BodyVertices, "n_s"]:
         embedding = self.everywhere(fit)
-        return self.target.index.vertices(embedding.target, embedding.source)
+        return BodyVertices(self.target.index.vertices(embedding.target, embedding.source))
 
     def _against_mirror_image(self, selection: Selection[Fit], candidates: list[Candidate]) -> Selection[Fit]:
         """Compare the winner with the best map of the orientation that is not allowed, if that seems to fit better."""
@@ -402,8 +402,8 @@ class Isometry(Relation):
     def _apart(self, fits: list[Fit]) -> FloatArray:
         return distances_between([fit.image for fit in fits], self.target.mean_distances)
 
-    def _shares_elsewhere(self, fits: list[Fit]) -> FloatArray:
-        """Share of vertices that each two refined maps send to places far apart, (q, q)."""
+    def _shares_elsewhere(self, fits: list[Fit]) -> Float[FloatArray, "q q"]:
+        """Share of vertices that each two refined maps send to places far apart."""
         far, distance = ELSEWHERE_DISTANCE, self.target.distance
         shares = np.zeros((len(fits),) * 2)
         for i, fit in enumerate(fits):
@@ -481,8 +481,8 @@ class Isometry(Relation):
         searches = self.refinement.searches_further and self.stages.starts is None
         if config.hypotheses != "all" or self.priors.any or not (pair.oriented and searches):
             return []
-        image, bounds = map_.points.corners[pair.source_vertices, 0], config.outcome
-        rows = self.target.distances.between(pair.target_vertices, image).argmin(axis=0)
+        image, bounds = BodyVertices(map_.points.corners[pair.source_vertices, 0]), config.outcome
+        rows = SearchRows(self.target.distances.between(pair.target_vertices, image).argmin(axis=0))
         residual = residual_of(pair, pair.source_vertices, image, config.search.start_columns)
         variants = near_symmetric_variants(pair, rows, bounds.tie * residual)
         itself = Hypothesis(Alignment(rows, np.eye(1), 0.0), map_.origin)
@@ -508,7 +508,7 @@ class Isometry(Relation):
     def _polished(self, finer: SmoothPair, fit: Fit) -> PrecisePoints:
         """Polish a refined map at the finer levels of its shapes: image of each source vertex there."""
         between = self.target.refining
-        image = fit.image if between is None else between.nearest_members[fit.image]
+        image = fit.image if between is None else BodyVertices(between.nearest_members[fit.image])
         image, _ = refined_images(finer, image, fit.side, self.pair.config.refining.polished_sizes, True)
         embedding = registered(finer, image, fit.side, self.refinement.smooth)
         return finer.target.index.points(embedding.target, embedding.source)
@@ -541,8 +541,8 @@ class Isometry(Relation):
         )
 
 
-def _extended_map(pair: ShapePair, target_row: IntArray) -> Correspondence:
+def _extended_map(pair: ShapePair, target_row: Int[SearchRows, "m_s"]) -> Correspondence:
     """Extend a map of the search vertices to all."""
     with serial_blas():
-        image = extended(pair, target_row, np.arange(pair.source.body.n_vertices))
+        image = extended(pair, target_row, BodyVertices(np.arange(pair.source.body.n_vertices)))
         return pair.source.correspondence(pair.target, image)

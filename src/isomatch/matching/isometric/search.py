@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from isomatch.correspondence import (
-    iterative_closest_points,
-)
+from isomatch.correspondence import iterative_closest_points
 from isomatch.matching.maps import Hypothesis
 from isomatch.matching.problem import ShapePair
 from isomatch.matching.proposals.anchors import starts_from_anchors

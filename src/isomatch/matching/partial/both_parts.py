@@ -3,14 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, cast
 
 import numpy as np
 
-from isomatch._core.arrays import BoolArray, FloatArray, IntArray
+from isomatch._core.arrays import (
+    BodyVertices,
+    Bool,
+    BoolArray,
+    Float,
+    FloatArray,
+    Int,
+    IntArray,
+    PartVertices,
+    SampleRows,
+)
 from isomatch._core.cached import cached_method, cached_property
 from isomatch._core.errors import MeshError, NotConvergedError
 from isomatch._core.stage_timer import StageTimer
@@ -55,8 +64,11 @@ class BothParts(Relation):
 
     way = "two parts"
 
+    left_out: list[str]  # why regions were not refined
+
     def match(self) -> list[RefinedRegion]:
         """Search and refine regions in common: those refined to the end, the best first, then those on the way."""
+        self.left_out = []
         regions = self._refined(self._first_regions(), roughly=True)
         if not regions:
             raise NotConvergedError(
@@ -70,12 +82,15 @@ class BothParts(Relation):
         return [*regions, *_ranked(others)]
 
     def _refined(self, regions: list[CommonRegion], roughly: bool) -> list[RefinedRegion]:
-        def refined(region: CommonRegion) -> RefinedRegion | None:
-            with suppress(MeshError):  # too small to be prepared
+        def refined(region: CommonRegion) -> RefinedRegion | str:
+            try:
                 return self._refined_region(region, roughly)
-            return None
+            except MeshError as error:  # as of one that is too small to be prepared
+                return str(error)
 
-        return _ranked([region for region in parallel_map(refined, regions) if region])
+        tried = parallel_map(refined, regions)
+        self.left_out += [region for region in tried if isinstance(region, str)]
+        return _ranked([region for region in tried if not isinstance(region, str)])
 
     def _refined_region(self, region: CommonRegion, roughly: bool) -> RefinedRegion:
         """Refine the samples of a region, and what lies around them, as a part of the target."""
@@ -94,21 +109,23 @@ class BothParts(Relation):
         part = replace(part, scale=length * target.shape.scale)
         images, number = np.full(n, -1), np.full(n, -1)
         images[source.vertices], number[vertices] = region.images, np.arange(len(vertices))
-        landmarks = np.column_stack([number[landmarks[:, 0]], landmarks[:, 1]])[number[landmarks[:, 0]] >= 0]
+        kept = number[landmarks[:, 0]] >= 0
+        landmarks = BodyVertices(np.column_stack([number[landmarks[:, 0]], landmarks[:, 1]])[kept])
         nothing = np.zeros((len(vertices), 0)), np.zeros((target.shape.body.n_vertices, 0))
         functions = pair.functions and Embedding(pair.known.source[vertices], pair.functions.target)
         own_pair = ShapePair(part, target.shape, config, functions)
         relation = Part().on(own_pair, Priors(landmarks, NO_LANDMARKS, nothing), self.stages)
         relation.coordinates = self._coordinates(tuple(landmarks[:, 1].tolist()))
         first = images[owner[vertices[part.sample_vertices[:N_ROUGH_VERTICES]]]]
-        begun = relation.fits.begun(relation.fits.pair, first, region.origin)
+        begun = relation.fits.begun(relation.fits.pair, BodyVertices(first), region.origin)
         return RefinedRegion(regions, vertices, cast(PartFit, relation.refine_and_select([begun])[0]))
 
     @cached_method
     def _coordinates(self, landmarks: tuple[int, ...]) -> WholeCoordinates:
         """Give the coordinates of the target that regions share which hold the same landmarks."""
         functions = self.pair.known.target
-        return WholeCoordinates(self.target, self.pair.config, np.array(landmarks, dtype=np.int64), functions)
+        marks = BodyVertices(np.array(landmarks, dtype=np.int64))
+        return WholeCoordinates(self.target, self.pair.config, marks, functions)
 
     @cached_property
     def _regions(self) -> CommonRegions:
@@ -121,9 +138,9 @@ class BothParts(Relation):
         regions = self._regions.best(count) if self.searches_by_anchors else []
         first_maps = [(pairs, "initial map")] if len(pairs) else []
         if self.pair.config.start == "pose":
-            everything = np.arange(self.source.body.n_vertices)
+            everything = BodyVertices(np.arange(self.source.body.n_vertices))
             images = nearest_in_pose(self.pair.source, self.pair.target, everything)
-            first_maps.append((np.column_stack([everything, images]), "pose"))
+            first_maps.append((BodyVertices(np.column_stack([everything, images])), "pose"))
         for pairs, origin in (*first_maps, *self.first_maps_handed_in()):
             image, gap = filled(self.source, pairs)
             near = self._regions.source.unit * gap <= AROUND
@@ -188,6 +205,8 @@ class BothParts(Relation):
             f"both shapes were matched as parts of one body: {share:.0%} of the source and "
             f"{measured.quality.coverage:.0%} of the target are in common"
         ]
+        if self.left_out:
+            notes.append(f"{len(self.left_out)} regions in common were left out: {self.left_out[0]}")
         evidence = (contradiction(self, measured),)
         return measured.solution(pair, priors, errors, evidence, notes).doubted(doubt)
 
@@ -200,7 +219,7 @@ class BothParts(Relation):
         """Refine maps of regions, each as that of a part."""
         return [refined for fit in fits for refined in self._part(fit).refined([fit])]
 
-    def measured(self, fit: Fit, image: IntArray) -> Fit:
+    def measured(self, fit: Fit, image: Int[IntArray, "r"]) -> Fit:
         """Measure the map of a region."""
         return self._part(fit).measured(fit, image)
 
@@ -219,19 +238,20 @@ class RefinedRegion:
     """A region of the source refined as a part of the target."""
 
     regions: CommonRegions
-    vertices: IntArray  # (m,) vertices of the source's body that the region consists of
+    vertices: Int[BodyVertices, "m"]  # of the source that the region consists of
     fit: PartFit
 
     @cached_property
-    def image(self) -> IntArray:
-        """(n_source,) vertex of the target for each vertex of the source; −1 outside the region."""
+    def image(self) -> Int[BodyVertices, "n_s"]:
+        """Vertex of the target for each vertex of the source; −1 outside the region."""
         image = np.full(self.regions.source.shape.body.n_vertices, UNMATCHED)
-        image[self.vertices] = self.fit.bending.images(self.fit.bent, np.arange(len(self.vertices)))
-        return image
+        of_part = PartVertices(np.arange(len(self.vertices)))
+        image[self.vertices] = self.fit.bending.images(self.fit.bent, of_part)
+        return BodyVertices(image)
 
     @cached_property
-    def matched(self) -> BoolArray:
-        """(n_source,) which of its vertices lie near the target, bent at the lower resolution."""
+    def matched(self) -> Bool[BoolArray, "n_s"]:
+        """Which vertices of the source lie near the target, bent at the lower resolution."""
         # beyond the boundary of the target a region keeps its lengths when it is bent, and so lies off it
         near = self.fit.bending.spread(overlaps(self.fit.bent).astype(np.float64)) > 0.5
         matched = np.zeros(len(self.image), dtype=bool)
@@ -239,18 +259,18 @@ class RefinedRegion:
         return matched
 
     @cached_property
-    def rows(self) -> IntArray:
-        """(q,) samples of the source that are matched."""
-        return np.flatnonzero(self.matched[self.regions.source.vertices])
+    def rows(self) -> Int[SampleRows, "q"]:
+        """Samples of the source that are matched."""
+        return SampleRows(np.flatnonzero(self.matched[self.regions.source.vertices]))
 
     @cached_property
-    def descriptor_distances(self) -> FloatArray:
-        """(q,) descriptor distance around them, see `CommonRegions.descriptor_distances`."""
+    def descriptor_distances(self) -> Float[FloatArray, "q"]:
+        """Descriptor distance around them, see `CommonRegions.descriptor_distances`."""
         return self.regions.descriptor_distances(self.rows, self._images)
 
     @property
-    def _images(self) -> IntArray:
-        return self.image[self.regions.source.vertices[self.rows]]
+    def _images(self) -> Int[BodyVertices, "q"]:
+        return BodyVertices(self.image[self.regions.source.vertices[self.rows]])
 
     @cached_property
     def worth(self) -> float:
@@ -281,14 +301,14 @@ class RefinedRegion:
         alike = self.rows[self.descriptor_distances < TOO_UNLIKE]
         at_samples[alike] = self.image[source.vertices[alike]]
         at_samples[: len(source.landmarks)] = target.landmarks
-        rows = np.flatnonzero(at_samples != UNMATCHED)[:NEXT_ANCHORS]
-        columns = target.nearest_sample[at_samples[rows]]
+        rows = SampleRows(np.flatnonzero(at_samples != UNMATCHED)[:NEXT_ANCHORS])
+        columns = SampleRows(target.nearest_sample[at_samples[rows]])
         placed, accepted = self.regions.placed(rows, columns, len(source.vertices), most)
-        images = np.where(at_samples != UNMATCHED, at_samples, target.vertices[placed])
+        images = BodyVertices(np.where(at_samples != UNMATCHED, at_samples, target.vertices[placed]))
         return replace(self.regions.region(images, accepted), origin=self.fit.origin)
 
 
-def overlaps(bent: BentPart) -> BoolArray:
+def overlaps(bent: BentPart) -> Bool[BoolArray, "n"]:
     """Which vertices of a bent part lie on the target, where that is not just its boundary."""
     onto, points = bent.onto.mesh, bent.points
     gap = np.linalg.norm(points.interpolated(onto.vertices) - bent.mesh.vertices, axis=1)

@@ -8,16 +8,10 @@ from functools import partial
 
 import numpy as np
 
-from isomatch._core.arrays import BoolArray, FloatArray, IntArray
+from isomatch._core.arrays import BodyVertices, Bool, BoolArray, Float, FloatArray, Int, IntArray, SampleRows
 from isomatch._core.cached import cached_property
 from isomatch._core.threads import parallel_map
-from isomatch.correspondence import (
-    IntervalCost,
-    Intervals,
-    grow_regions,
-    pin_first,
-    trilaterate,
-)
+from isomatch.correspondence import IntervalCost, Intervals, grow_regions, pin_first, trilaterate
 from isomatch.descriptors import BallSignature, ball_signature, deviation_of
 from isomatch.geodesics import MissingRegion, distance_engine
 from isomatch.matching.assessment.confidence import nearest_of
@@ -76,17 +70,18 @@ ORIENTED = 0.2  # mean sign of triangles, below which a region is taken for a mi
 
 @dataclass(frozen=True, eq=False)
 class BothSide:
-    """One of two parts."""
+    """One of two parts, with ``s`` samples; ``s_s`` and ``s_t`` are those of source and target."""
 
     shape: PreparedShape
     unit: float  # what √area of the part is worth in the unit of both
-    landmarks: IntArray  # (l,) vertices whose counterparts on the other part are known
+    landmarks: Int[BodyVertices, "l"]  # whose counterparts on the other part are known
 
     @cached_property
-    def vertices(self) -> IntArray:
-        """(r,) its samples: the landmarks, then vertices evenly spread."""
+    def vertices(self) -> Int[BodyVertices, "s"]:
+        """Its samples: the landmarks, then vertices evenly spread."""
         spread = self.shape.sample_vertices
-        return np.concatenate([self.landmarks, spread[~np.isin(spread, self.landmarks)]])[:N_SAMPLES]
+        others = spread[~np.isin(spread, self.landmarks)]
+        return BodyVertices(np.concatenate([self.landmarks, others])[:N_SAMPLES])
 
     @cached_property
     def _missing(self) -> MissingRegion:
@@ -94,13 +89,13 @@ class BothSide:
         return MissingRegion.of(mesh, distance_engine(mesh, self.shape.config.engine, weld=False), N_POSTS)
 
     @cached_property
-    def to_boundary(self) -> FloatArray:
-        """(n,) distance of each vertex to the boundary."""
+    def to_boundary(self) -> Float[FloatArray, "n"]:
+        """Distance of each vertex to the boundary."""
         return self.unit * self._missing.to_boundary
 
     @cached_property
     def intervals(self) -> Intervals:
-        """Of distances on the body between the samples, (r, r)."""
+        """Of distances on the body between the samples."""
         # As of a part and a whole (see `PartPair.of`), the distance on the body lies between the shortest way through
         # what is missing and the way along the part. Here both sides show only parts, so both know intervals, and images
         # of two samples are possible if the intervals meet.
@@ -111,8 +106,8 @@ class BothSide:
         return Intervals(self.unit * lower, self.unit * along)
 
     @cached_property
-    def areas(self) -> FloatArray:
-        """(r,) area around each sample."""
+    def areas(self) -> Float[FloatArray, "s"]:
+        """Area around each sample."""
         return self.unit**2 * areas_of_samples(self.shape, self.vertices)
 
     @cached_property
@@ -123,32 +118,38 @@ class BothSide:
         )
 
     @cached_property
-    def ball_areas(self) -> tuple[FloatArray, BoolArray]:
-        """Logarithms of the areas of balls around the samples, (r, q), and which of them no boundary cuts."""
+    def ball_areas(self) -> tuple[Float[FloatArray, "s radii"], Bool[BoolArray, "s radii"]]:
+        """Logarithms of the areas of balls around the samples, and which of them no boundary cuts."""
         radii, along = np.array(AREA_RADII), self.intervals.upper
         areas = np.stack([(along < radius) @ self.areas for radius in radii], axis=1)
         whole = radii <= self.to_boundary[self.vertices, None] + OVERHANG
         return np.log(np.maximum(areas, self.areas[:, None])), whole
 
     @cached_property
-    def nearest_sample(self) -> IntArray:
-        """(n,) number of the sample nearest to each vertex."""
+    def nearest_sample(self) -> Int[SampleRows, "n"]:
+        """Number of the sample nearest to each vertex."""
         return nearest_of(self.shape, self.vertices)
 
 
 def two_sides(
-    source: PreparedShape, target: PreparedShape, same_area: bool, landmarks: IntArray = NO_LANDMARKS
+    source: PreparedShape,
+    target: PreparedShape,
+    same_area: bool,
+    landmarks: Int[BodyVertices, "m 2"] = NO_LANDMARKS,
 ) -> tuple[BothSide, BothSide]:
     """Both parts in one unit: that of the files, unless these are too unlike or areas are to be the same."""
     lengths = np.array([source.scale, target.scale])
     if same_area or lengths.max() > MOST_UNLIKE * lengths.min():
         lengths[:] = 1.0
-    first = landmarks[:MOST_LANDMARKS]
     units = lengths / (BODY * np.sqrt((lengths**2).mean()))
-    return BothSide(source, float(units[0]), first[:, 0]), BothSide(target, float(units[1]), first[:, 1])
+    first = map(BodyVertices, landmarks[:MOST_LANDMARKS].T)
+    here, there = (BothSide(*side) for side in zip((source, target), units.tolist(), first))
+    return here, there
 
 
-def signed_triangles(source: BothSide, rows: IntArray, target: BothSide, images: IntArray) -> float:
+def signed_triangles(
+    source: BothSide, rows: Int[SampleRows, "q"], target: BothSide, images: Int[BodyVertices, "q"]
+) -> float:
     """Mean sign of the small triangles of samples: 1 if their images are wound alike, −1 if they are mirrored."""
     if len(rows) <= N_AROUND:
         return 0.0
@@ -184,8 +185,8 @@ def _drawn_to(total: FloatArray, count: IntArray, neutral: float, prior: float) 
 class CommonRegion:
     """A region of the source with its images."""
 
-    images: IntArray  # (r,) vertex of the target's body for each sample
-    accepted: BoolArray  # (r,) which samples are in the region
+    images: Int[BodyVertices, "s"]  # vertex of the target for each sample
+    accepted: Bool[BoolArray, "s"]  # which samples are in the region
     # see `CommonRegions.worth`; while only some samples are placed, without what counts against it
     worth: float
     orientation: float  # mean sign of its small triangles
@@ -203,12 +204,14 @@ class CommonRegions:
         return deviation_of(self.source.moments, self.target.moments)
 
     @cached_property
-    def _around(self) -> FloatArray:
-        """(r, r) how much each sample of the source counts around each."""
+    def _around(self) -> Float[FloatArray, "s_s s_s"]:
+        """How much each sample of the source counts around each."""
         return np.asarray(np.exp(-((self.source.intervals.upper / AROUND) ** 2)) * self.source.areas)
 
-    def descriptor_distances(self, rows: IntArray, images: IntArray) -> FloatArray:
-        """Descriptor distance (q,) around some samples of the source and their images, vertices of the target."""
+    def descriptor_distances(
+        self, rows: Int[SampleRows, "q"], images: Int[BodyVertices, "q"]
+    ) -> Float[FloatArray, "q"]:
+        """Descriptor distance around some samples of the source and their images."""
         # means over near samples of the region, drawn to a neutral value where little is known
         here, there = self.source.moments.at(self.source.vertices[rows]), self.target.moments.at(images)
         count = (here.known & there.known).sum(axis=1)
@@ -217,19 +220,19 @@ class CommonRegions:
         return np.asarray((around @ (total + NEUTRAL * PRIOR)) / (around @ (count + PRIOR)))
 
     @cached_property
-    def _unlike(self) -> FloatArray:
-        """(r, c) descriptor distance of each sample of the source and each of the target by themselves."""
+    def _unlike(self) -> Float[FloatArray, "s_s s_t"]:
+        """Descriptor distance of each sample of the source and each of the target by themselves."""
         here, there = (side.moments.at(side.vertices) for side in (self.source, self.target))
         return _drawn_to(*_summed(here, there, self._deviation), USUAL, PRIOR_RADII)
 
     @cached_property
-    def _surprise(self) -> FloatArray:
-        """(r, c) how unlikely it is that a sample of the target looks as alike as this one: −log of its rank, 0…1."""
+    def _surprise(self) -> Float[FloatArray, "s_s s_t"]:
+        """How unlikely it is that a sample of the target looks as alike as this one: −log of its rank, 0…1."""
         apart = self._unlike
         rank = apart.argsort(axis=1, kind="stable").argsort(axis=1, kind="stable")
         return np.asarray(-np.log((rank + N_ALIKE) / apart.shape[1]))
 
-    def evidence(self, rows: IntArray, images: IntArray) -> float:
+    def evidence(self, rows: Int[SampleRows, "q"], images: Int[BodyVertices, "q"]) -> float:
         """Sum area × how much better images look than at random, over the samples of a region where that is above 0."""
         # Let u be the rank of the image of a sample x among all samples of the target, by descriptor distance, from 0 to
         # 1. At random it is uniform, so −log u has mean 1 (as in Fisher's sum of log p-values). With the mean over
@@ -243,7 +246,7 @@ class CommonRegions:
         mean = around @ surprise / around.sum(axis=1)
         return float(self.source.areas[rows] @ np.maximum(mean - BY_CHANCE, 0.0))
 
-    def worth(self, rows: IntArray, images: IntArray) -> float:
+    def worth(self, rows: Int[SampleRows, "q"], images: Int[BodyVertices, "q"]) -> float:
         """Return the evidence for a region, less what speaks against it."""
         # Two parts of one body show the same wherever both reach. Let x be in the region, with image T(x) at the distance
         # b(T x) from the boundary of the target. The target shows the ball of that radius around T(x) whole; so a sample
@@ -261,19 +264,19 @@ class CommonRegions:
         left_out += target.areas[showing & (from_images.min(axis=1) > UNCOVERED)].sum()
         return self.evidence(rows, images) - LEFT_OUT_COST * float(left_out)
 
-    def alike(self, rows: IntArray, columns: IntArray) -> FloatArray:
-        """Cost (m, c) of each candidate for each anchor by itself, by moments and areas of balls."""
+    def alike(self, rows: Int[SampleRows, "m"], columns: Int[SampleRows, "c"]) -> Float[FloatArray, "m c"]:
+        """Cost of each candidate for each anchor by itself, by moments and areas of balls."""
         (of_source, whole_here), (of_target, whole_there) = self.source.ball_areas, self.target.ball_areas
         both = whole_here[rows][:, None] & whole_there[columns][None]
         apart = np.minimum(np.abs(of_source[rows][:, None] - of_target[columns][None]), MOST_AREA)
         areas = _drawn_to((apart * both).sum(axis=2), both.sum(axis=2), USUAL_AREA, PRIOR_AREAS)
         return MOMENTS_WEIGHT * self._unlike[np.ix_(rows, columns)] + AREAS_WEIGHT * areas
 
-    def grown(self) -> list[IntArray]:
-        """Grow regions: for each that differs from those before, the candidates (m,) of the anchors, −1 for none."""
+    def grown(self) -> list[Int[SampleRows, "m"]]:
+        """Grow regions: for each that differs from those before, the candidates of the anchors, −1 for none."""
         source, target = self.source, self.target
-        rows = np.arange(min(N_ANCHORS, len(source.vertices)))
-        columns = np.arange(min(N_CANDIDATES, len(target.vertices)))
+        rows = SampleRows(np.arange(min(N_ANCHORS, len(source.vertices))))
+        columns = SampleRows(np.arange(min(N_CANDIDATES, len(target.vertices))))
         alone = self.alike(rows, columns)
         roots = np.argsort(-source.to_boundary[source.vertices[rows]], kind="stable")[:N_ROOTS]
         likely = np.argsort(alone[roots], axis=1, kind="stable")[:, :N_LIKELY]
@@ -290,19 +293,21 @@ class CommonRegions:
             ranked.append(regions[np.argsort(-gains, kind="stable")])
         return self._distinct(np.stack(ranked, axis=1).reshape(-1, len(rows)))
 
-    def _distinct(self, regions: IntArray) -> list[IntArray]:
+    def _distinct(self, regions: Int[IntArray, "h m"]) -> list[Int[SampleRows, "m"]]:
         """Keep the first regions that differ."""
 
-        def apart(region: IntArray, kept: Sequence[IntArray]) -> FloatArray:
+        def apart(region: SampleRows, kept: Sequence[SampleRows]) -> FloatArray:
             others = np.array(kept)
             both = (region >= 0) & (others >= 0)
             total = np.where(both, self.target.intervals.upper[region, others], 0.0).sum(axis=1)
             common = both.sum(axis=1)
             return np.where(common >= FEWEST_COMMON, total / np.maximum(common, 1), np.inf)
 
-        return distinct(regions, lambda region: region, apart, SAME_REGION, N_SCREENED)
+        return distinct(map(SampleRows, regions), lambda region: region, apart, SAME_REGION, N_SCREENED)
 
-    def _extended_from(self, start: tuple[IntArray, IntArray], n: int, rounds: int) -> CommonRegion | None:
+    def _extended_from(
+        self, start: tuple[SampleRows, SampleRows], n: int, rounds: int
+    ) -> CommonRegion | None:
         """Trilaterate the first n samples from some, with images among those of the target; None if few agree."""
         source, target, (rows, columns) = self.source, self.target, start
         most = LED_ACCEPTED if len(source.landmarks) else ACCEPTED
@@ -310,12 +315,15 @@ class CommonRegions:
             placed, accepted = self.placed(rows, columns, n, most)
             if accepted.sum() < FEWEST_ACCEPTED:
                 return None
-            rows = np.flatnonzero(accepted)[: FIRST_ANCHORS if n < len(source.vertices) else NEXT_ANCHORS]
-            columns = placed[rows]
-        return self.region(target.vertices[placed], accepted)
+            most_anchors = FIRST_ANCHORS if n < len(source.vertices) else NEXT_ANCHORS
+            rows = SampleRows(np.flatnonzero(accepted)[:most_anchors])
+            columns = SampleRows(placed[rows])
+        return self.region(BodyVertices(target.vertices[placed]), accepted)
 
-    def placed(self, rows: IntArray, columns: IntArray, n: int, most: float) -> tuple[IntArray, BoolArray]:
-        """Trilaterate the first n samples from some: samples (n,) of the target, and which of these agree and return."""
+    def placed(
+        self, rows: Int[SampleRows, "q"], columns: Int[SampleRows, "q"], n: int, most: float
+    ) -> tuple[Int[SampleRows, "n"], Bool[BoolArray, "n"]]:
+        """Trilaterate the first n samples from some: samples of the target, and which of these agree and return."""
         source, target = self.source, self.target
         everything, there = np.arange(min(n, len(source.vertices))), np.arange(min(n, len(target.vertices)))
         of_source, of_target = source.intervals.at(rows, everything), target.intervals.at(columns, there)
@@ -327,21 +335,24 @@ class CommonRegions:
         accepted[accepted] = source.intervals.upper[everything[accepted], back[of_image]] < ROUND_TRIP
         marks = np.arange(len(source.landmarks))
         placed[marks], accepted[marks] = marks, True
-        return placed, accepted
+        return SampleRows(placed), accepted
 
-    def region(self, images: IntArray, accepted: BoolArray) -> CommonRegion:
-        """Measure a region of the first samples (n,), by the images of all of them."""
-        inside = np.flatnonzero(accepted)
-        everywhere = len(accepted) == len(self.source.vertices)
-        worth = (self.worth if everywhere else self.evidence)(inside, images[inside])
-        orientation = signed_triangles(self.source, inside, self.target, images[inside])
+    def region(self, images: Int[BodyVertices, "n"], accepted: Bool[BoolArray, "n"]) -> CommonRegion:
+        """Measure a region of the first samples, by the images of all of them."""
+        inside = SampleRows(np.flatnonzero(accepted))
+        at, everywhere = BodyVertices(images[inside]), len(accepted) == len(self.source.vertices)
+        worth = (self.worth if everywhere else self.evidence)(inside, at)
+        orientation = signed_triangles(self.source, inside, self.target, at)
         origin = "landmarks" if len(self.source.landmarks) else "anchors"
         return CommonRegion(images, accepted, worth, orientation, origin)
 
     def best(self, count: int) -> list[CommonRegion]:
         """Return the regions that are worth most, extended to all samples: a few samples tell which may be."""
-        starts = [(rows := np.flatnonzero(region >= 0), region[rows]) for region in self.grown()]
-        marks = np.arange(len(self.source.landmarks))
+        starts = [
+            (rows := SampleRows(np.flatnonzero(region >= 0)), SampleRows(region[rows]))
+            for region in self.grown()
+        ]
+        marks = SampleRows(np.arange(len(self.source.landmarks)))
         if len(marks):
             starts.insert(0, (marks, marks))
         regions: list[CommonRegion] = []
@@ -358,7 +369,8 @@ class CommonRegions:
         large = [region for region in regions if region.accepted.sum() >= FEWEST_SAMPLES]
         if len(marks) and not large:  # all that can be said is where the landmarks lead
             placed, _ = self.placed(marks, marks, len(self.source.vertices), ACCEPTED)
-            large = [self.region(self.target.vertices[placed], np.ones(len(placed), dtype=bool))]
+            images = BodyVertices(self.target.vertices[placed])
+            large = [self.region(images, np.ones(len(placed), dtype=bool))]
         return self._apart(large)[:count]
 
     def _apart(self, regions: list[CommonRegion]) -> list[CommonRegion]:
@@ -374,7 +386,9 @@ class CommonRegions:
                 kept.append(region)
         return kept
 
-    def around(self, image: IntArray, near: BoolArray, origin: str) -> CommonRegion:
-        """Take the region of some vertices of the source (n,), by their images (n,)."""
+    def around(
+        self, image: Int[BodyVertices, "n_s"], near: Bool[BoolArray, "n_s"], origin: str
+    ) -> CommonRegion:
+        """Take the region of some vertices of the source, by the images of all."""
         vertices = self.source.vertices
-        return replace(self.region(image[vertices], near[vertices]), origin=origin)
+        return replace(self.region(BodyVertices(image[vertices]), near[vertices]), origin=origin)

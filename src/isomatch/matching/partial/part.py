@@ -12,7 +12,17 @@ from typing import Literal, Self, cast
 
 import numpy as np
 
-from isomatch._core.arrays import BoolArray, FloatArray, IntArray
+from isomatch._core.arrays import (
+    BodyVertices,
+    Bool,
+    BoolArray,
+    Float,
+    FloatArray,
+    Int,
+    IntArray,
+    PartVertices,
+    SearchRows,
+)
 from isomatch._core.cached import cached_property
 from isomatch._core.errors import NotConvergedError, SettingError
 from isomatch._core.stage_timer import StageTimer
@@ -100,7 +110,7 @@ class Part(Relation):
         self.side = side
         # a map found otherwise, which is refined without a search: image of each vertex of the part, where it came from,
         # and the ratio by which the other search preferred it to others
-        self.led: tuple[IntArray, str, float] | None = None
+        self.led: tuple[BodyVertices, str, float] | None = None
         self.coordinates: WholeCoordinates | None = None  # of the whole, if other parts of it share them
 
     @property
@@ -114,9 +124,9 @@ class Part(Relation):
         return self.pair.target if self.side == "source" else self.pair.source
 
     @property
-    def vertices(self) -> IntArray:
-        """(r,) vertices of the part that a fit maps."""
-        return self.source.sample_vertices[: self.pair.config.n_refine]
+    def vertices(self) -> Int[BodyVertices, "r"]:
+        """Vertices of the part that a fit maps."""
+        return BodyVertices(self.source.sample_vertices[: self.pair.config.n_refine])
 
     @cached_property
     def spectra(self) -> SpectralPair:
@@ -132,15 +142,16 @@ class Part(Relation):
         """Take the last steps of the refinement again."""
         return self.fits.refined_again(cast(PartFit, fit))
 
-    def measured(self, fit: Fit, image: IntArray) -> PartFit:
+    def measured(self, fit: Fit, image: Int[IntArray, "r"]) -> PartFit:
         """Measure a map: where it is verified, the part is bent by it, too."""
         self.require_images(image)
-        return self.fits.measured(cast(PartFit, fit).pair, image, fit.origin)
+        return self.fits.measured(cast(PartFit, fit).pair, BodyVertices(image), fit.origin)
 
     def embedding(self, fit: Fit) -> Embedding:
         """Coordinates of all vertices of part and whole, with all functions."""
         refinement = cast(PartFit, fit).refinement
-        return refinement.embedding(fit.image, ALL_FUNCTIONS, np.arange(self.source.body.n_vertices))
+        everywhere = PartVertices(np.arange(self.source.body.n_vertices))
+        return refinement.embedding(fit.image, ALL_FUNCTIONS, everywhere)
 
     @property
     def little_is_missing(self) -> bool:
@@ -150,7 +161,7 @@ class Part(Relation):
         least = settings.little_missing if trusted else settings.most_there
         return bool(pair.knows_unit and pair.share >= least)
 
-    def led_by(self, image: IntArray, origin: str, runner_up: float) -> Self:
+    def led_by(self, image: Int[BodyVertices, "n_part"], origin: str, runner_up: float) -> Self:
         """Refine a map found otherwise, without a search of others; what this match of the part has found stays known."""
         led = copy(self)
         led.led = image, origin, runner_up
@@ -189,8 +200,8 @@ class Part(Relation):
             return replace(selection, runner_up=min(selection.runner_up, self.led[2]))
         return selection
 
-    def descriptor_distance(self, fit: Fit) -> FloatArray:
-        """Descriptor distance (r,) of the vertices and their images, by balls."""
+    def descriptor_distance(self, fit: Fit) -> Float[FloatArray, "r"]:
+        """Descriptor distance of the vertices and their images, by balls."""
         return cast(PartFit, fit).descriptor_distances
 
     @property
@@ -216,7 +227,7 @@ class Part(Relation):
     def _distinct(self, fits: list[PartFit], count: int) -> list[PartFit]:
         return distinct(fits, lambda fit: fit.image, self.target.mean_distances, APART, count)
 
-    def _rough_fits(self, first_maps: list[tuple[PartPair, IntArray, str]]) -> list[PartFit]:
+    def _rough_fits(self, first_maps: list[tuple[PartPair, BodyVertices, str]]) -> list[PartFit]:
         """Refine starts and given maps roughly, and vary the best by maps of the whole onto itself; the best first."""
         promise, fits_of = attrgetter("promise"), self.fits
         fits = [
@@ -231,7 +242,7 @@ class Part(Relation):
         return sorted([*rough, *(fit for fit in varied if fit)], key=promise)
 
     @cached_property
-    def _onto_itself(self) -> list[IntArray]:
+    def _onto_itself(self) -> list[Int[SearchRows, "m_t"]]:
         """Maps of the whole nearly onto itself; none with landmarks, which tell the sides."""
         pair = self.fits.pair
         return [] if len(pair.landmarks) else self_maps(pair.whole, pair.config)
@@ -244,9 +255,9 @@ class Part(Relation):
         signatures = self.fits.coordinates.signatures
         return parallel_map(self.fits.rough, PartStarts(self.fits.pair, signatures, self._onto_itself)())
 
-    def _first_maps(self) -> list[tuple[PartPair, IntArray, str]]:
+    def _first_maps(self) -> list[tuple[PartPair, BodyVertices, str]]:
         """Map the rough vertices, each time in its unit: by a map found otherwise, priors and starts; with origins."""
-        images: list[tuple[IntArray, str]] = []
+        images: list[tuple[BodyVertices, str]] = []
         if self.led:
             images.append(self.led[:2])
         if self._with_priors_image is not None:
@@ -255,10 +266,11 @@ class Part(Relation):
         handed_in = self.first_maps_handed_in()
         images += [(filled(self.source, self._towards_whole(pairs))[0], name) for pairs, name in handed_in]
         rough = self.source.sample_vertices[:N_ROUGH_VERTICES]
-        return [(self.fits.pair.in_unit_of(image), image[rough], origin) for image, origin in images]
+        pair = self.fits.pair
+        return [(pair.in_unit_of(image), BodyVertices(image[rough]), origin) for image, origin in images]
 
-    def _towards_whole(self, pairs: IntArray) -> IntArray:
-        """Turn pairs (q, 2) of vertices of source and target into such of part and whole."""
+    def _towards_whole(self, pairs: Int[BodyVertices, "q 2"]) -> Int[IntArray, "q 2"]:
+        """Turn pairs of vertices of source and target into such of part and whole."""
         return pairs if self.side == "source" else pairs[:, ::-1]
 
     @cached_property
@@ -270,12 +282,13 @@ class Part(Relation):
         return PartFits(pair, self._with_priors_image, self.coordinates)
 
     @cached_property
-    def _with_priors_image(self) -> IntArray | None:
-        """(n_part,) images by the initial map, or by the pose."""
+    def _with_priors_image(self) -> Int[BodyVertices, "n_part"] | None:
+        """Images by the initial map, or by the pose."""
         pairs, pair = self.priors.initial_pairs, self.pair
         if not len(pairs) and pair.config.start == "pose":
-            vertices = np.arange(pair.source.body.n_vertices)
-            pairs = np.column_stack([vertices, nearest_in_pose(pair.source, pair.target, vertices)])
+            vertices = BodyVertices(np.arange(pair.source.body.n_vertices))
+            images = nearest_in_pose(pair.source, pair.target, vertices)
+            pairs = BodyVertices(np.column_stack([vertices, images]))
         return filled(self.source, self._towards_whole(pairs))[0] if len(pairs) else None
 
     def solution(self, timer: StageTimer) -> Solution:
@@ -319,7 +332,7 @@ class Part(Relation):
             points, matched, _ = self._directed(fit, self.bent(fit))
             return self.pair.source.correspondence(self.pair.target, points, matched)
 
-    def _directed(self, fit: PartFit, bent: BentPart) -> tuple[PrecisePoints, BoolArray, float]:
+    def _directed(self, fit: PartFit, bent: BentPart) -> tuple[PrecisePoints, Bool[BoolArray, "n_s"], float]:
         """Return the map by a bent part in the direction asked for, which vertices have an image, and its unit."""
         if self.side == "target":
             return *bent.onto_part(), 1 / fit.pair.unit
@@ -358,15 +371,15 @@ def measured_part(
     bent: BentPart,
     unit: float,  # what √area of the source is worth in √area of the target
     points: PrecisePoints,  # images of the vertices of the source's body
-    matched: BoolArray,  # (n_s,) which of them there are
-    descriptor_distance: FloatArray | None,  # (n_s,)
+    matched: Bool[BoolArray, "n_s"],  # which of them there are
+    descriptor_distance: Float[FloatArray, "n_s"] | None,
     reason: str,
 ) -> Measured:
     """Measure a map in which a part takes part."""
     pair, priors = relation.pair, relation.priors
     source, target = pair.source, pair.target
-    image = points.corners[:, 0]
-    initial_pairs = priors.initial_pairs[matched[priors.initial_pairs[:, 0]]]
+    image = BodyVertices(points.corners[:, 0])
+    initial_pairs = BodyVertices(priors.initial_pairs[matched[priors.initial_pairs[:, 0]]])
     landmark_error, initial_map_error = prior_errors(pair, image, priors.landmarks, initial_pairs)
     positions, bounds = image_positions(source.body, target.body, points), pair.config.outcome
     quality = Quality(
@@ -391,20 +404,22 @@ def measured_part(
 def contradiction(relation: Relation, measured: Measured) -> Evidence:
     """Compare the map of a part with its priors."""
     pair, priors = relation.pair, relation.priors
-    errors = distances_to_priors(pair, measured.points.corners[:, 0], priors.landmarks)
+    errors = distances_to_priors(pair, BodyVertices(measured.points.corners[:, 0]), priors.landmarks)
     bound = pair.config.outcome.contradiction
     return Evidence(contradicted=part_contradicts(errors, measured.quality.initial_map_error, bound))
 
 
-def filled(part: PreparedShape, pairs: IntArray) -> tuple[IntArray, FloatArray]:
-    """Image (n_part,) of each vertex under a map of some, pairs (q, 2), or of the nearest of these, and how far it is."""
+def filled(
+    part: PreparedShape, pairs: Int[IntArray, "q 2"]
+) -> tuple[Int[BodyVertices, "n_part"], Float[FloatArray, "n_part"]]:
+    """Image of each vertex under a map of some, or of the nearest of these, and how far it is."""
     gap, nearest = distance_along_edges_to_nearest(part.body, np.unique(pairs[:, 0]))
     image = np.zeros(part.body.n_vertices, dtype=np.int64)
     image[pairs[::-1, 0]] = pairs[::-1, 1]
-    return image[nearest], gap
+    return BodyVertices(image[nearest]), gap
 
 
-def expected_errors_of_part(pair: PartPair, points: PrecisePoints) -> FloatArray:
-    """Estimate the errors (n_part,) of the images of the part, in √area of the whole."""
+def expected_errors_of_part(pair: PartPair, points: PrecisePoints) -> Float[FloatArray, "n_part"]:
+    """Estimate the errors of the images of the part, in √area of the whole."""
     smooth = SmoothPair(pair.part, pair.whole, pair.config)
     return pair.unit * expected_errors(smooth, points, unit=pair.unit)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from isomatch._core.arrays import FloatArray, IntArray
+from isomatch._core.arrays import BodyVertices, Float, FloatArray, Int, IntArray, PartVertices
 from isomatch._core.cached import cached_method, cached_property
 from isomatch.correspondence import Embedding, IntervalCost
 from isomatch.descriptors import RADII, BallSignature, ball_signature, mean_curvature
@@ -42,20 +42,20 @@ REACH, CURVATURE_REACH = 4.0, 3.0
 
 @dataclass(frozen=True)
 class PartPair:
-    """A part and a whole; lengths are in √area of the whole. Two are equal if their shapes and units are."""
+    """A part with ``m`` anchors and a whole; lengths are in √area of the whole. Equal if their shapes and units are."""
 
     part: PreparedShape
     whole: PreparedShape
     unit: float  # what √area of the part is worth in √area of the whole
     config: Config  # of the match
     missing: MissingRegion = field(compare=False)  # beyond the part's boundary, in units of the part
-    anchors: IntArray = field(compare=False)  # (m,) vertices of the part: landmarks, then farthest points
-    # (m, n_part) bounds of distances on the whole, in units of the part
-    lower: FloatArray = field(compare=False)
-    along: FloatArray = field(compare=False)  # (m, n_part) distances along the part, in its units
-    landmarks: IntArray = field(compare=False)  # (l,) vertices of the whole that the first anchors go to
+    anchors: Int[PartVertices, "m"] = field(compare=False)  # landmarks, then farthest points
+    # bounds of distances on the whole, in units of the part
+    lower: Float[FloatArray, "m n_part"] = field(compare=False)
+    along: Float[FloatArray, "m n_part"] = field(compare=False)  # distances along the part, in its units
+    landmarks: Int[BodyVertices, "l"] = field(compare=False)  # of the whole, where the first anchors go
     radii: tuple[float, ...] = field(compare=False)  # of its balls, in units of the part
-    functions: Embedding = field(compare=False)  # known functions: (n_part, q) and (n_whole, q)
+    functions: Embedding = field(compare=False)  # known functions
 
     @classmethod
     def of(
@@ -63,14 +63,14 @@ class PartPair:
         part: PreparedShape,
         whole: PreparedShape,
         config: Config,
-        landmarks: IntArray = NO_LANDMARKS,
+        landmarks: Int[IntArray, "l 2"] = NO_LANDMARKS,
         functions: Embedding | None = None,
     ) -> PartPair:
-        """Assume that both shapes came in the same units; landmarks (l, 2) are vertices of part and whole."""
+        """Assume that both shapes came in the same units; landmarks are vertices of part and whole."""
         mesh, n = part.mesh_body, N_ANCHORS
         engine = distance_engine(mesh, part.config.engine, weld=False)
         missing = MissingRegion.of(mesh, engine, N_POSTS)
-        anchors = np.concatenate([landmarks[:, 0], part.column_vertices[:n]])
+        anchors = PartVertices(np.concatenate([landmarks[:, 0], part.column_vertices[:n]]))
         # The distance D of two points of the part on the whole is not known, but bounded on both sides. From above, for
         # a path along the part is a path on the whole:
         #     D(x, y) ≤ d(x, y)
@@ -91,7 +91,7 @@ class PartPair:
             fused = distance_engine(mesh, part.config.engine)
             lower = np.minimum(fused.distances_from(anchors), along)
         functions = functions or SmoothPair(part, whole, config).known
-        bounds, known_images = (lower, along), landmarks[:, 1]
+        bounds, known_images = (lower, along), BodyVertices(landmarks[:, 1])
         pair = cls(part, whole, unit, config, missing, anchors, *bounds, known_images, (), functions)
         # A ball of radius r in units of the whole has radius r / unit in those of the part. Balls of the part are
         # integrated once, for radii from the least r over the largest unit to the largest r over the least unit, in
@@ -123,12 +123,14 @@ class PartPair:
         """Area of the part over that of the whole."""
         return self.unit**2
 
-    def intervals(self, vertices: IntArray) -> tuple[FloatArray, FloatArray]:
-        """Lower and upper bounds (m, r) of distances on the whole between the anchors and r vertices of the part."""
+    def intervals(
+        self, vertices: Int[PartVertices, "q"]
+    ) -> tuple[Float[FloatArray, "m q"], Float[FloatArray, "m q"]]:
+        """Lower and upper bounds of distances on the whole between the anchors and some vertices."""
         return self.lower[:, vertices] * self.unit, self.along[:, vertices] * self.unit
 
     @cached_property
-    def anchor_intervals(self) -> tuple[FloatArray, FloatArray]:
+    def anchor_intervals(self) -> tuple[Float[FloatArray, "m m"], Float[FloatArray, "m m"]]:
         """The same between anchors, symmetric."""
         lower, upper = self.intervals(self.anchors)
         return np.minimum(lower, lower.T), 0.5 * (upper + upper.T)
@@ -145,8 +147,8 @@ class PartPair:
         return self.trusted < LEAST_TRUSTED
 
     @cached_property
-    def to_boundary(self) -> FloatArray:
-        """(n_part,) distance of each vertex of the part to its boundary."""
+    def to_boundary(self) -> Float[FloatArray, "n_part"]:
+        """Distance of each vertex of the part to its boundary."""
         return self.missing.to_boundary * self.unit
 
     @cached_property
@@ -154,8 +156,8 @@ class PartPair:
         """The ball signature of the part, in units of the whole."""
         return _balls(self.part, self.radii).scaled(self.unit, RADII)
 
-    def stress(self, images: IntArray) -> float:
-        """Mean cost of the images (m,) of the anchors."""
+    def stress(self, images: Int[BodyVertices, "m"]) -> float:
+        """Mean cost of the images of the anchors."""
         lower, upper = self.anchor_intervals
         distances = np.maximum(self.whole.distances.between(images, images), 0.0)
         return float(self.cost(distances, lower, upper)[~np.eye(len(images), dtype=bool)].mean())
@@ -189,8 +191,8 @@ class PartPair:
         count = 1 + max(round(np.log(last / first) / np.log(UNIT_STEP)), 0)
         return tuple(float(unit) for unit in np.geomspace(first, last, count))
 
-    def unit_of(self, images: IntArray) -> float:
-        """Measure the unit by images (m,) of the anchors whose distances on the whole are known, where it may change."""
+    def unit_of(self, images: Int[BodyVertices, "m"]) -> float:
+        """Measure the unit by images of the anchors whose distances on the whole are known, where it may change."""
         # Where the interval of a distance is a point, D = d: its ratio to the distance of the images is the error of the
         # unit. The median withstands up to half of the images being wrong. Short distances are mostly noise.
         lower, upper = self.anchor_intervals
@@ -200,10 +202,10 @@ class PartPair:
         distances = self.whole.distances.between(images, images)
         return self.restricted(self.unit * float(np.median(distances[exact] / upper[exact])))
 
-    def in_unit_of(self, image: IntArray) -> PartPair:
-        """Return the pair in the unit that a map (n_part,) measures, within those to search in."""
-        units = self.units
-        return self.with_unit(float(np.clip(self.unit_of(image[self.anchors]), units[0], units[-1])))
+    def in_unit_of(self, image: Int[BodyVertices, "n_part"]) -> PartPair:
+        """Return the pair in the unit that a map measures, within those to search in."""
+        units, unit = self.units, self.unit_of(BodyVertices(image[self.anchors]))
+        return self.with_unit(float(np.clip(unit, units[0], units[-1])))
 
     def restricted(self, unit: float) -> float:
         """Return the nearest unit that is allowed: one on a grid around that of the pair, and not much above 1."""
@@ -220,17 +222,17 @@ def _balls(part: PreparedShape, radii: tuple[float, ...]) -> BallSignature:
     return ball_signature(part.mesh_body, radii, unit=1.0, samples=part.sample_vertices[:N_BALLS], weld=False)
 
 
-def areas_of_samples(shape: PreparedShape, samples: IntArray) -> FloatArray:
-    """Area (r,) of the vertices nearest to each of r samples."""
+def areas_of_samples(shape: PreparedShape, samples: Int[IntArray, "q"]) -> Float[FloatArray, "q"]:
+    """Area of the vertices nearest to each of some samples."""
     areas = np.bincount(nearest_of(shape, samples), shape.body.vertex_areas, len(samples))
     return np.asarray(areas, dtype=np.float64)
 
 
 class PartSignatures(NamedTuple):
-    """Signatures of a part, and weights between 0 (at the boundary) and 1 (far from it): both (n_part, 23 + q)."""
+    """Signatures of a part, and weights between 0 (at the boundary) and 1 (far from it)."""
 
-    values: FloatArray
-    weights: FloatArray
+    values: Float[FloatArray, "n k"]
+    weights: Float[FloatArray, "n k"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -238,7 +240,7 @@ class WholeSignatures:
     """Signatures of a whole, and those of its parts in comparable numbers."""
 
     whole: PreparedShape  # a mesh of area 1
-    functions: FloatArray  # (n_whole, q) the known ones, which have no boundary to fear
+    functions: Float[FloatArray, "n_whole q"]  # the known ones, which have no boundary to fear
 
     @cached_property
     def _energies(self) -> FloatArray:
@@ -248,8 +250,10 @@ class WholeSignatures:
     # The wave kernel signature of Aubry, Schlickewei & Cremers (ICCV Workshops 2011) is
     #     Σ_k φ_k(x)² f_e(λ_k) / Σ_k f_e(λ_k),   f_e(λ) = exp(−(e − log λ)² / 2σ²).
     # The denominator, a sum over the spectrum, differs between a part and the whole, so it is left out here.
-    def _waves(self, vectors: FloatArray, values: FloatArray) -> FloatArray:
-        """Logarithms of wave signatures (n, 20) of eigenpairs in units of the whole."""
+    def _waves(
+        self, vectors: Float[FloatArray, "n k"], values: Float[FloatArray, "k"]
+    ) -> Float[FloatArray, "n 20"]:
+        """Logarithms of wave signatures of eigenpairs in units of the whole."""
         width = 1.4 * (self._energies[1] - self._energies[0])
         filters = np.exp(-0.5 * ((self._energies - np.log(values[:, None])) / width) ** 2)
         return np.asarray(np.log(vectors**2 @ filters + 1e-3))
@@ -269,8 +273,8 @@ class WholeSignatures:
         return WAVE_WEIGHT / np.sqrt(N_ENERGIES), CURVATURE_WEIGHT / np.sqrt(n_curvatures)
 
     @cached_property
-    def values(self) -> FloatArray:
-        """(n_whole, 23 + q) signatures."""
+    def values(self) -> Float[FloatArray, "n_whole k"]:
+        """Signatures, of which the last are the known functions."""
         weighted = [weight * _standardised(raw, raw) for weight, raw in zip(self._weights, self._raw)]
         return np.hstack([*weighted, self.functions])
 
@@ -281,14 +285,14 @@ class WholeSignatures:
     @cached_method
     def of_part(self, pair: PartPair) -> PartSignatures:
         """Signatures of a part in the unit of a pair."""
-        return self._of_part(pair, np.arange(len(pair.to_boundary)))
+        return self._of_part(pair, PartVertices(np.arange(len(pair.to_boundary))))
 
     @cached_method
     def of_anchors(self, pair: PartPair) -> PartSignatures:
-        """Those of its anchors alone, (m, 23 + q)."""
+        """Those of its anchors alone."""
         return self._of_part(pair, pair.anchors)
 
-    def _of_part(self, pair: PartPair, vertices: IntArray) -> PartSignatures:
+    def _of_part(self, pair: PartPair, vertices: Int[PartVertices, "n"]) -> PartSignatures:
         part, sizes = pair.part, pair.config.preparation.curvature_functions
         whole_values, distance = self.whole.laplace.values[1:], pair.to_boundary[vertices, None]
         waves, curvatures = self._raw

@@ -8,7 +8,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from isomatch._core.arrays import BoolArray, FloatArray, IntArray
+from isomatch._core.arrays import (
+    BodyVertices,
+    Bool,
+    BoolArray,
+    Float,
+    FloatArray,
+    Int,
+    PartVertices,
+    SearchRows,
+)
 from isomatch._core.cached import cached_method, cached_property
 from isomatch.correspondence import Boundary, Embedding, PrecisePoints, nearest_with_normals
 from isomatch.descriptors import deviation_of
@@ -47,24 +56,28 @@ LEAST_SCORE = 1e-12  # so that scores have a ratio where a part is copied onto i
 class _Smooth(NamedTuple):
     """The whole through its first functions."""
 
-    vertices: FloatArray  # (n, 3)
-    normals: FloatArray  # (n, 3)
+    vertices: Float[FloatArray, "n 3"]
+    normals: Float[FloatArray, "n 3"]
 
 
 class WholeCoordinates:
     """Coordinates of a whole in which images are sought: the same under all maps."""
 
-    # config: of the match, as the whole may have been prepared with another; landmarks (l,): vertices of the whole whose
-    # counterparts on the part are known; functions (n_whole, q): known ones
+    # It keeps coordinates for each number of functions in the settings, and features for each unit of a part: at most one
+    # for each start, fewer as units lie on a grid (`PartPair.restricted`). They go when the relation goes.
     def __init__(
-        self, whole: PreparedShape, config: Config, landmarks: IntArray, functions: FloatArray
+        self,
+        whole: PreparedShape,
+        config: Config,  # of the match, as the whole may have been prepared with another
+        landmarks: Int[BodyVertices, "l"],  # whose counterparts on the part are known
+        functions: Float[FloatArray, "n_whole q"],  # known ones
     ) -> None:
         self._whole, self._settings, self._landmarks = whole, config.refining, landmarks
         self.signatures = WholeSignatures(whole, functions)
 
     @cached_property
-    def features(self) -> FloatArray:
-        """Signatures, and distances from the landmarks: (n, 23 + q + l)."""
+    def features(self) -> Float[FloatArray, "n_whole k"]:
+        """Signatures, and distances from the landmarks."""
         everywhere = np.arange(self._whole.body.n_vertices)
         # up to a reach beyond which a twisted limb or an unknown detour would spoil them
         distances = self._whole.distances.between(everywhere, self._landmarks)
@@ -89,8 +102,8 @@ class WholeCoordinates:
         return _Smooth(vertices, vertex_normals(vertices, mesh.faces))
 
     @cached_method
-    def at(self, k: int, with_positions: bool) -> FloatArray:
-        """Give the coordinates (n, m) with k functions."""
+    def at(self, k: int, with_positions: bool) -> Float[FloatArray, "n_whole d"]:
+        """Give the coordinates with k functions."""
         settings = self._settings
         columns = [self._whole.laplace.vectors[:, :k] / np.sqrt(k), self.features]
         if with_positions:
@@ -106,8 +119,8 @@ class NearPairs:
     pair: PartPair  # in any unit
 
     @cached_property
-    def measures(self) -> tuple[BoolArray, BoolArray, FloatArray]:
-        """Which pairs (q, q) are near, which of these have a known distance on the whole, and those along the part."""
+    def measures(self) -> tuple[Bool[BoolArray, "q q"], Bool[BoolArray, "near"], Float[FloatArray, "near"]]:
+        """Which pairs are near, which of these have a known distance on the whole, and those along the part."""
         pair, config = self.pair, self.pair.config
         vertices = pair.part.sample_vertices[: min(config.n_search, config.n_refine, N_ROUGH_VERTICES)]
         along = np.maximum(pair.part.distances.between(vertices, vertices), 0.0)
@@ -127,7 +140,7 @@ class PartRefinement:
     def __init__(self, pair: PartPair, coordinates: WholeCoordinates, near: NearPairs, n_rows: int) -> None:
         self._pair, self._whole, self._near = pair, coordinates, near
         self._features = coordinates.features_of_part(pair)
-        self.vertices = pair.part.sample_vertices[:n_rows]
+        self.vertices = PartVertices(pair.part.sample_vertices[:n_rows])
         self._basis = pair.part.sampled_basis(n_rows)
 
     def n_functions(self, k: int) -> int:
@@ -141,49 +154,49 @@ class PartRefinement:
         return int(np.clip(np.searchsorted(part.values / self._pair.share, top) + EXTRA_FUNCTIONS, 6, most))
 
     def refined(
-        self, image: IntArray, sizes: Iterable[int], with_positions: bool = True
-    ) -> tuple[IntArray, float]:
-        """Refine the images (r,) of the vertices; returns them, and their mean distance in the last coordinates."""
+        self, image: Int[BodyVertices, "r"], sizes: Iterable[int], with_positions: bool = True
+    ) -> tuple[Int[BodyVertices, "r"], float]:
+        """Refine the images of the vertices; returns them, and their mean distance in the last coordinates."""
 
-        def nearest(embedding: Embedding, _: int) -> tuple[IntArray, IntArray]:
-            row = self._pair.whole.index.vertices(embedding.target, embedding.source)
+        def nearest(embedding: Embedding, _: int) -> tuple[BodyVertices, BodyVertices]:
+            row = BodyVertices(self._pair.whole.index.vertices(embedding.target, embedding.source))
             return row, row
 
-        def embedded(image: IntArray, size: int) -> Embedding:
+        def embedded(image: BodyVertices, size: int) -> Embedding:
             return self.embedding(image, size, self.vertices, with_positions)
 
         return iterated(image, sizes, embedded, nearest)
 
-    def extended(self, image: IntArray, k: int, vertices: IntArray | None = None) -> IntArray:
-        """Map vertices (q,), by default those of this refinement, by a map (r,) of samples, through k functions."""
+    def extended(self, image: BodyVertices, k: int, vertices: PartVertices | None = None) -> BodyVertices:
+        """Map vertices, by default those of this refinement, by a map of the first samples, through k functions."""
         vertices = self.vertices if vertices is None else vertices
         basis = self._pair.part.sampled_basis(len(image))
         functions = self._pair.whole.laplace.vectors[:, :k]
         k_part = min(self.n_functions(k), len(basis.vertices) // 3)
         pulled_back = basis.functions[vertices, :k_part] @ basis.fit(functions[image], k_part)
-        return self._pair.whole.index.vertices(functions, pulled_back)
+        return BodyVertices(self._pair.whole.index.vertices(functions, pulled_back))
 
-    def local_unit(self, image: IntArray) -> float:
-        """Measure the unit by images (r,): the median ratio of known distances between near ones and along the part."""
+    def local_unit(self, image: Int[BodyVertices, "r"]) -> float:
+        """Measure the unit by images: the median ratio of known distances between near ones and along the part."""
         if self._pair.keeps_unit:
             return self._pair.unit
         near, exact, along = self._near.measures
         if exact.sum() < FEWEST_KNOWN:
             return self._pair.unit
-        image = image[: len(near)]
-        there = self._pair.whole.distances.between(image, image)[near]
+        images = image[: len(near)]
+        there = self._pair.whole.distances.between(images, images)[near]
         return self._pair.restricted(float(np.median((np.maximum(there, 1e-3) / along)[exact])))
 
-    def orientation(self, image: IntArray, k: int) -> float:
+    def orientation(self, image: Int[BodyVertices, "r"], k: int) -> float:
         """Mean cosine of the normals of the whole and of its copy pulled back to the part."""
         smooth = self._whole.smooth(k)
         normals = self._pulled_back(smooth.vertices[image], self.n_functions(k))[1]
         return float(np.einsum("ij,ij->i", normals[self.vertices], smooth.normals[image]).mean())
 
     def embedding(
-        self, image: IntArray, size: int, vertices: IntArray, with_positions: bool = True
+        self, image: BodyVertices, size: int, vertices: PartVertices, with_positions: bool = True
     ) -> Embedding:
-        """Coordinates of some vertices of the part, and of all of the whole, under a map (r,)."""
+        """Coordinates of some vertices of the part, and of all of the whole, under a map."""
         pair, settings = self._pair, self._pair.config.refining
         k = min(size, len(pair.whole.laplace.values))
         k_part = self.n_functions(k)
@@ -204,8 +217,10 @@ class PartRefinement:
             columns += [positions, settings.normal_weight * normals[vertices]]
         return Embedding(np.hstack(columns), self._whole.at(k, with_positions))
 
-    def _pulled_back(self, positions: FloatArray, k_part: int) -> tuple[FloatArray, FloatArray]:
-        """Pull the whole back to the part by the positions of the images (r, 3): vertices and normals (n_part, 3)."""
+    def _pulled_back(
+        self, positions: Float[FloatArray, "r 3"], k_part: int
+    ) -> tuple[Float[FloatArray, "n_part 3"], Float[FloatArray, "n_part 3"]]:
+        """Pull the whole back to the part by the positions of the images: vertices and normals."""
         vertices = self._basis.functions[:, :k_part] @ self._basis.fit(positions, k_part)
         return vertices, vertex_normals(vertices, self._pair.meshes[0].faces)
 
@@ -216,7 +231,7 @@ class BentPart(Bent):
 
     pair: PartPair  # the shapes, in the unit of the map
 
-    def onto_part(self) -> tuple[PrecisePoints, BoolArray]:
+    def onto_part(self) -> tuple[PrecisePoints, Bool[BoolArray, "n_whole"]]:
         """Points of the part for the vertices of the whole, and which of these the part covers."""
         bent, whole, settings = self.mesh, self.onto.mesh, self.pair.config.parts
         points = nearest_with_normals(whole, bent, self.pair.part.index)
@@ -235,11 +250,11 @@ class PartBending(Bending):
     # boundary, where a map by functions crowds its images: functions of the part are free there (Neumann), and those of
     # the whole are not. This is what makes the bent part a better place to read images from than the map that bent it.
     def laid(
-        self, pair: PartPair, refinement: PartRefinement, image: IntArray, lengths: tuple[float, ...]
+        self, pair: PartPair, refinement: PartRefinement, image: BodyVertices, lengths: tuple[float, ...]
     ) -> BentPart:
-        """Lay the part on the whole by a map (r,) of the vertices of a refinement, and bend it coarsely."""
+        """Lay the part on the whole by a map of the vertices of a refinement, and bend it coarsely."""
         onto = Surroundings(pair.meshes[1], pair.whole.index, pair.unit)
-        of_part, of_whole = refinement.embedding(image, ALL_FUNCTIONS, self.vertices)
+        of_part, of_whole = refinement.embedding(image, ALL_FUNCTIONS, PartVertices(self.vertices))
         start = onto.index.points(of_whole, of_part).interpolated(onto.mesh.vertices)
         bent = self.coarsely(onto, start, lengths, _hard_landmarks(pair))
         return BentPart(bent.rest, bent.mesh, onto, pair)
@@ -266,8 +281,8 @@ class PartFit(Fit):
     lengths: tuple[float, ...] = ()
 
     @cached_property
-    def descriptor_distances(self) -> FloatArray:
-        """(r,) descriptor distance of each vertex and its image, by balls; nan where nothing is known."""
+    def descriptor_distances(self) -> Float[FloatArray, "r"]:
+        """Descriptor distance of each vertex and its image, by balls; nan where nothing is known."""
         here, there = self.pair.signature, self.pair.whole.balls
         if there is None:
             return np.full(len(self.image), np.nan)
@@ -329,9 +344,12 @@ class PartFit(Fit):
 class PartFits:
     """The two refinements of a start, rough and fine, with what they share for all starts in the same unit."""
 
-    # given with priors (n_part,): images under a map that is given; coordinates: of the whole, if they are known
+    # It keeps two refinements for each unit, as many as `WholeCoordinates` keeps features.
     def __init__(
-        self, pair: PartPair, with_priors: IntArray | None = None, coordinates: WholeCoordinates | None = None
+        self,
+        pair: PartPair,
+        with_priors: Int[BodyVertices, "n_part"] | None = None,  # images under a map that is given
+        coordinates: WholeCoordinates | None = None,  # of the whole, if they are known
     ) -> None:
         config = pair.config
         self.pair, self._config, self._with_priors, self._near = pair, config, with_priors, NearPairs(pair)
@@ -346,15 +364,15 @@ class PartFits:
     def rough(self, start: PartStart) -> PartFit | None:
         """Refine some vertices a little; None for a mirror image."""
         refinement = self._refinement(start.pair, N_ROUGH_VERTICES)
-        vertices = refinement.vertices[: self._config.n_search]
+        vertices = PartVertices(refinement.vertices[: self._config.n_search])
         origin = "landmarks" if len(self.pair.landmarks) else "anchors"
         return self.roughly(start.pair, refinement.extended(start.dense(vertices), N_ROUGH_FUNCTIONS), origin)
 
-    def varied(self, fit: PartFit, image_row: IntArray) -> PartFit | None:
+    def varied(self, fit: PartFit, image_row: Int[SearchRows, "m_t"]) -> PartFit | None:
         """Compose a roughly refined map with a map of the whole onto itself, and refine it again."""
         return self.roughly(fit.pair, composed(fit.pair.whole, fit.image, image_row), fit.origin)
 
-    def roughly(self, pair: PartPair, image: IntArray, origin: str) -> PartFit | None:
+    def roughly(self, pair: PartPair, image: Int[BodyVertices, "r"], origin: str) -> PartFit | None:
         """Refine a map of the vertices of a rough one a little; None for a mirror image."""
         refinement = self._refinement(pair, N_ROUGH_VERTICES)
         if refinement.orientation(image, N_ROUGH_FUNCTIONS) < 0:
@@ -363,7 +381,7 @@ class PartFits:
         anchors = refinement.extended(image, ROUGH_SIZES[-1], pair.anchors)
         return self._fit(refinement, pair, image, spectral_residual, anchors, N_ROUGH_FUNCTIONS, origin)
 
-    def begun(self, pair: PartPair, image: IntArray, origin: str) -> PartFit:
+    def begun(self, pair: PartPair, image: BodyVertices, origin: str) -> PartFit:
         """Extend a map of the vertices of a rough one to those of a fine one, in the unit that it measures."""
         pair = pair.with_unit(self._refinement(pair, N_ROUGH_VERTICES).local_unit(image))
         refinement = self._refinement(pair, self._config.n_refine)
@@ -394,14 +412,14 @@ class PartFits:
         image, spectral_residual = fit.refinement.refined(fit.image, *steps)
         return self._finely(fit.pair, image, spectral_residual, self._config.parts.bending, fit.origin)
 
-    def measured(self, pair: PartPair, image: IntArray, origin: str = "") -> PartFit:
+    def measured(self, pair: PartPair, image: Int[BodyVertices, "r"], origin: str = "") -> PartFit:
         """Measure a map of the vertices of a fine one that was found otherwise, as if it were refined."""
         refinement = self._refinement(pair, self._config.n_refine)
         _, spectral_residual = refinement.refined(image, *self._config.refining.last_step)
         return self._finely(pair, image, spectral_residual, self._config.parts.bending, origin)
 
     def _finely(
-        self, pair: PartPair, image: IntArray, residual: float, lengths: tuple[float, ...], origin: str
+        self, pair: PartPair, image: BodyVertices, residual: float, lengths: tuple[float, ...], origin: str
     ) -> PartFit:
         refinement = self._refinement(pair, self._config.n_refine)
         k = min(N_ANCHOR_FUNCTIONS, len(pair.whole.laplace.values))
@@ -416,13 +434,13 @@ class PartFits:
         self,
         refinement: PartRefinement,
         pair: PartPair,
-        image: IntArray,
+        image: Int[BodyVertices, "r"],
         spectral_residual: float,
-        anchors: IntArray,
+        anchors: Int[BodyVertices, "m"],
         k: int,
         origin: str,
     ) -> PartFit:
-        """Measure a map, and the images (m,) that it gives the anchors."""
+        """Measure a map, and the images that it gives the anchors."""
         return PartFit(
             image,
             spectral_residual,

@@ -8,7 +8,16 @@ from functools import lru_cache, partial
 
 import numpy as np
 
-from isomatch._core.arrays import FloatArray, IntArray, single
+from isomatch._core.arrays import (
+    BodyVertices,
+    Float,
+    FloatArray,
+    Int,
+    IntArray,
+    PartVertices,
+    SearchRows,
+    single,
+)
 from isomatch._core.cached import cached_method
 from isomatch._core.threads import parallel_map
 from isomatch.correspondence import Alignment, Intervals, assign_points, grow_regions, pin_first, trilaterate
@@ -49,45 +58,52 @@ class PartStart:
     """Images of the anchors of a part, in the unit that fits them."""
 
     pair: PartPair
-    images: IntArray  # (m,) vertices of the whole
+    images: Int[BodyVertices, "m"]
     cost: float  # of distances, areas of balls and signatures
 
-    def dense(self, vertices: IntArray) -> IntArray:
-        """Trilaterate vertices (r,) of the part from the images of all anchors: vertices of the whole."""
+    def dense(self, vertices: Int[PartVertices, "q"]) -> Int[BodyVertices, "q"]:
+        """Trilaterate vertices of the part from the images of all anchors: vertices of the whole."""
         whole = self.pair.whole
         to_samples = whole.distances.between(self.images, whole.sample_vertices)
         return _placed(self.pair, Intervals(*self.pair.intervals(vertices)), to_samples)
 
 
-def _placed(pair: PartPair, points: Intervals, to_samples: FloatArray) -> IntArray:
+def _placed(pair: PartPair, points: Intervals, to_samples: FloatArray) -> BodyVertices:
     """Trilaterate points from anchors whose images are so far from the samples: vertices of the whole."""
     there = np.maximum(to_samples, 0.0)
-    return pair.whole.sample_vertices[trilaterate(points, Intervals(there, there), pair.cost)[0]]
+    rows, _ = trilaterate(points, Intervals(there, there), pair.cost)
+    return BodyVertices(pair.whole.sample_vertices[rows])
 
 
 def completed(
-    pair: PartPair, images: IntArray, rounds: int, to_samples: Callable[[IntArray], FloatArray] | None = None
-) -> IntArray:
-    """Trilaterate all anchors, several times, at first from the images (q,) of the first ones, −1 for none: (m,)."""
+    pair: PartPair,
+    images: Int[BodyVertices, "q"],
+    rounds: int,
+    to_samples: Callable[[BodyVertices], FloatArray] | None = None,
+) -> Int[BodyVertices, "m"]:
+    """Trilaterate all anchors, several times, at first from the images of the first ones, −1 for none."""
     to_samples = to_samples or partial(pair.whole.distances.between, columns=pair.whole.sample_vertices)
     for _ in range(rounds):
         rows = np.flatnonzero(images >= 0)
         points = Intervals(*pair.anchor_intervals).at(rows, np.arange(len(pair.anchors)))
-        images = _placed(pair, points, to_samples(images[rows]))
+        images = _placed(pair, points, to_samples(BodyVertices(images[rows])))
         images[: len(pair.landmarks)] = pair.landmarks
     return images
 
 
-def composed(whole: PreparedShape, images: IntArray, image_row: IntArray) -> IntArray:
-    """Compose images (q,) with a map of the whole nearly onto itself, which exchanges its sides, or front and back."""
-    rows = whole.sample_vertices[: whole.config.n_search]
-    return np.asarray(rows[image_row[whole.distances.between(images, rows).argmin(axis=1)]])
+def composed(
+    whole: PreparedShape, images: Int[BodyVertices, "q"], image_row: Int[SearchRows, "m_t"]
+) -> Int[BodyVertices, "q"]:
+    """Compose images with a map of the whole nearly onto itself, which exchanges its sides, or front and back."""
+    vertices = whole.sample_vertices[: whole.config.n_search]
+    rows = whole.distances.between(images, vertices).argmin(axis=1)
+    return BodyVertices(vertices[image_row[rows]])
 
 
 class PartStarts:
     """The search of images of the anchors in several units, also composed with maps of the whole onto itself."""
 
-    def __init__(self, pair: PartPair, signatures: WholeSignatures, onto_itself: list[IntArray]) -> None:
+    def __init__(self, pair: PartPair, signatures: WholeSignatures, onto_itself: list[SearchRows]) -> None:
         self._pair, self._signatures, self._onto_itself = pair, signatures, onto_itself
         whole = pair.whole
         samples = whole.sample_vertices[:N_CANDIDATES]
@@ -96,7 +112,7 @@ class PartStarts:
         self._places = np.union1d(whole.sample_vertices, self._candidates)
         self._to_samples = single(whole.distances.between(self._places, whole.sample_vertices))
         areas = areas_of_samples(whole, whole.sample_vertices)
-        # areas (p, q) of the balls of all radii around all places
+        # areas of the balls around all places, a column for each radius
         self._balls = np.stack([(self._to_samples < r) @ areas for r in RADII], axis=1)
         self._areas = areas_of_samples(pair.part, pair.part.sample_vertices)
         self._at = lru_cache(pair.with_unit)
@@ -131,7 +147,7 @@ class PartStarts:
         unary = DESCRIPTOR_GAIN * (descriptor_distance - NEUTRAL_DESCRIPTOR_DISTANCE)
         regions, gains = grow_regions(*self._sides(pair), unary, seeds, pair.cost, NEAR, DEAREST)
         best = regions[np.argsort(-gains, kind="stable")[:MOST_GROWN]]
-        images = np.where(best >= 0, candidates[best], -1)
+        images = BodyVertices(np.where(best >= 0, candidates[best], -1))
         starts = parallel_map(lambda row: self._start(pair, row, 2), images)
         return distinct(starts, lambda start: start.images, whole.mean_distances, self._apart, N_GROWN)
 
@@ -140,8 +156,10 @@ class PartStarts:
         between = self._pair.whole.distances_between(self._candidates)
         return Intervals(*pair.anchor_intervals), Intervals(between, between)
 
-    def _descriptor_distances(self, pair: PartPair, of_whole: BallSignature) -> FloatArray:
-        """Descriptor distance (m, c) of each anchor and candidate, drawn to a neutral value where little is known."""
+    def _descriptor_distances(
+        self, pair: PartPair, of_whole: BallSignature
+    ) -> Float[FloatArray, "m candidates"]:
+        """Descriptor distance of each anchor and candidate, drawn to a neutral value where little is known."""
         here, there = pair.signature.at(pair.anchors), of_whole.at(self._candidates)
         n_radii = (here.known[:, None] & there.known[None]).sum(axis=2)
         a, b = np.indices((len(here.values), len(there.values))).reshape(2, -1)
@@ -159,9 +177,9 @@ class PartStarts:
         # Σ_a unary_a + Σ_{a<b} c_ab over the number of pairs m (m − 1) / 2: the mean of c, and 2 / (m − 1) × the mean of
         # the unary costs. `_start` weighs both alike, of however many anchors.
         costs = costs / (placed * (placed - 1) / 2) + self._against(unit)
-        return [PartStart(pair, candidates[row], float(cost)) for row, cost in zip(rows, costs)]
+        return [PartStart(pair, BodyVertices(candidates[row]), float(cost)) for row, cost in zip(rows, costs)]
 
-    def _start(self, pair: PartPair, images: IntArray, rounds: int) -> PartStart:
+    def _start(self, pair: PartPair, images: BodyVertices, rounds: int) -> PartStart:
         """Complete images of the first anchors, −1 for none, and again in the unit that they ask for."""
         images = completed(pair, images, rounds, self._distances_to_samples)
         scaled = self._at(pair.unit_of(images))
@@ -183,12 +201,12 @@ class PartStarts:
         whole = self._pair.whole
         return distinct(order, lambda start: start.images, whole.mean_distances, self._apart, most)
 
-    def _distances_to_samples(self, places: IntArray) -> FloatArray:
-        """Distances (q, r) of places, which are vertices, to the samples of the whole."""
+    def _distances_to_samples(self, places: Int[BodyVertices, "q"]) -> Float[FloatArray, "q samples"]:
+        """Distances of places, which are vertices, to the samples of the whole."""
         return self._to_samples[np.searchsorted(self._places, places)]
 
     def _unary(self, pair: PartPair, anchors: IntArray, places: IntArray) -> FloatArray:
-        """Cost of images, by their number, of anchors, by theirs: areas of balls, and signatures."""
+        """Cost of images, by the number of their place, of anchors, by theirs: areas of balls, and signatures."""
         least, most = self._balls_of_part(pair)
         # violation of the interval of areas, over the mean area of such balls; and the distance of signatures, over twice
         # their mean size, as far as the boundary lets them be trusted
@@ -203,11 +221,11 @@ class PartStarts:
         return cost
 
     @cached_method
-    def _balls_of_part(self, pair: PartPair) -> tuple[FloatArray, FloatArray]:
-        """Least and greatest areas (m, q) of the balls of all radii around the anchors."""
+    def _balls_of_part(self, pair: PartPair) -> tuple[Float[FloatArray, "m q"], Float[FloatArray, "m q"]]:
+        """Least and greatest areas of the balls of all radii around the anchors."""
         # The ball of radius r around x on the whole has all y with D(x, y) < r. As lower ≤ D ≤ upper,
         #     area{upper < r} ≤ area of the ball ≤ area{lower < r} + what is missing, if the boundary is nearer than r.
-        radii, samples = np.array(RADII), pair.part.sample_vertices
+        radii, samples = np.array(RADII), PartVertices(pair.part.sample_vertices)
         areas = self._areas * pair.share
         lower, upper = pair.intervals(samples)
         least = np.stack([(upper < r) @ areas for r in radii], axis=1)
@@ -216,11 +234,11 @@ class PartStarts:
         return least, most
 
 
-def self_maps(whole: PreparedShape, config: Config) -> list[IntArray]:
-    """Symmetries of the whole and flips of its identity: rows (r,) that its search vertices go to."""
+def self_maps(whole: PreparedShape, config: Config) -> list[Int[SearchRows, "m_t"]]:
+    """Symmetries of the whole and flips of its identity: where its search vertices go."""
     pair = ShapePair(whole, whole, config)
     rows = np.arange(len(pair.source_vertices))
     identity = Hypothesis(Alignment(rows, np.eye(1), 0.0), "identity")
-    image_rows = [symmetry.image_row for symmetry in whole.symmetries]
+    image_rows = [SearchRows(symmetry.image_row) for symmetry in whole.symmetries]
     image_rows += [flip.target_row for flip in flips(pair, identity, [identity])]
     return distinct(image_rows, lambda image_row: image_row, pair.distances_between_maps, SAME_SYMMETRY)

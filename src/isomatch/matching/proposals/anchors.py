@@ -4,13 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from isomatch._core.arrays import IntArray
+from isomatch._core.arrays import BodyVertices, Int, SearchRows
 from isomatch._core.threads import parallel_map
-from isomatch.correspondence import (
-    Intervals,
-    assign_points,
-    nearest_rows,
-)
+from isomatch.correspondence import Intervals, assign_points, nearest_rows
 from isomatch.matching.problem import ShapePair, search_pairs
 from isomatch.shapes import EXACTLY, farthest_rows
 
@@ -25,7 +21,7 @@ SLIDE_FUNCTIONS = 20  # functions by which signatures move a first map; the firs
 SLIDE_STEPS = 10  # docs/lab/robustness.md, shapes without limbs
 
 
-def starts_from_anchors(pair: ShapePair) -> list[IntArray]:
+def starts_from_anchors(pair: ShapePair) -> list[Int[BodyVertices, "m_s 2"]]:
     """First maps of a pair of which a shape has no limbs: from points far from each other."""
     # Assign anchors a_1 … a_6, one after the other, to points b_1 … b_6 of the target by a beam search. The cost is that
     # of violated distances d(b_p, b_q) = d(a_p, a_q), see `IntervalCost`, plus for each point p
@@ -45,20 +41,19 @@ def starts_from_anchors(pair: ShapePair) -> list[IntArray]:
     unlike = np.linalg.norm(signatures.target[:n] - signatures.source[anchors, None], axis=2)
     unary = pair.config.search.eccentricity_weight * remoteness + SIGNATURE_WEIGHT * unlike
     assigned, _ = assign_points(*sides, unary, EXACTLY, BEAM, APART)
-    starts = [nearest_rows(there[:, images], here[:, anchors]) for images in assigned[:N_STARTS]]
+    starts = [SearchRows(nearest_rows(there[:, x], here[:, anchors])) for x in assigned[:N_STARTS]]
     return [search_pairs(pair, start) for start in parallel_map(lambda start: slid(pair, start), starts)]
 
 
-def slid(pair: ShapePair, target_row: IntArray) -> IntArray:
-    """Let the signatures move a map (m_s,) of the search vertices."""
+def slid(pair: ShapePair, target_row: Int[SearchRows, "m_s"]) -> Int[SearchRows, "m_s"]:
+    """Let the signatures move a map of the search vertices."""
     # Of a round shape, many maps keep distances, and iterative closest points stop at any of them. Few functions leave
     # a map free to move along these directions: images are nearest neighbours in (Φ_t Fᵀ / √k, σ_t) of (Φ_s / √k, σ_s).
     spectra, signatures = pair.search_spectra, pair.search_signatures
     k = min(SLIDE_FUNCTIONS, pair.n_functions)
     for _ in range(SLIDE_STEPS):
         carried = spectra.target[:, :k] @ spectra.functional_map(target_row, k).T
-        target_row = nearest_rows(
-            np.hstack([carried / np.sqrt(k), signatures.target]),
-            np.hstack([spectra.source.at_samples[:, :k] / np.sqrt(k), signatures.source]),
-        )
+        of_target = np.hstack([carried / np.sqrt(k), signatures.target])
+        of_source = np.hstack([spectra.source.at_samples[:, :k] / np.sqrt(k), signatures.source])
+        target_row = SearchRows(nearest_rows(of_target, of_source))
     return target_row

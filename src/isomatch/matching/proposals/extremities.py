@@ -8,15 +8,15 @@ from itertools import permutations
 
 import numpy as np
 
-from isomatch._core.arrays import IntArray
+from isomatch._core.arrays import BodyVertices, Int, IntArray
 from isomatch.settings import SearchSettings
 from isomatch.shapes import PreparedShape
 
 
 def extremity_assignments(
     source: PreparedShape, target: PreparedShape, settings: SearchSettings
-) -> list[IntArray]:
-    """Assign extremal points so that their distances agree: (count, 2) source and target vertices, the best first."""
+) -> list[Int[BodyVertices, "q 2"]]:
+    """Assign extremal points of the source to those of the target so that their distances agree, the best first."""
     # the best of every count of points and both directions, repetitions removed
     assignments: dict[tuple[tuple[int, int], ...], None] = {}
     for count in settings.extremity_counts:
@@ -25,12 +25,12 @@ def extremity_assignments(
             for few, among in _consistent_assignments(a, b, count, settings):
                 pairs = zip(few, among) if forward else zip(among, few)
                 assignments.setdefault(tuple(sorted((int(i), int(j)) for i, j in pairs)))
-    return [np.array(pairs) for pairs in assignments]
+    return [BodyVertices(np.array(pairs)) for pairs in assignments]
 
 
 def _consistent_assignments(
     a: PreparedShape, b: PreparedShape, count: int, settings: SearchSettings
-) -> Iterable[tuple[IntArray, IntArray]]:
+) -> Iterable[tuple[Int[IntArray, "count"], Int[IntArray, "count"]]]:
     """Extremities of a, the most remote first, and those of b that they are assigned to."""
     few, among = a.extremities[:count], b.extremities[: settings.n_candidate_extremities]
     if len(few) < count or len(among) < count:
@@ -52,6 +52,6 @@ def _consistent_assignments(
 
 
 @lru_cache
-def _choices(n: int, count: int) -> IntArray:
-    """Every choice of some of n in order, (count, c)."""
+def _choices(n: int, count: int) -> Int[IntArray, "count c"]:
+    """Every choice of some of n in order."""
     return np.array(list(permutations(range(n), count))).T.copy()

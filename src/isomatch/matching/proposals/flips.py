@@ -8,13 +8,9 @@ from typing import TypeVar
 
 import numpy as np
 
-from isomatch._core.arrays import FloatArray, IntArray
+from isomatch._core.arrays import FloatArray, Int, IntArray, SearchRows
 from isomatch._core.threads import parallel_map
-from isomatch.correspondence import (
-    Alignment,
-    closest_point_images,
-    iterative_closest_points,
-)
+from isomatch.correspondence import Alignment, closest_point_images, iterative_closest_points
 from isomatch.matching.maps import Candidate, Hypothesis
 from isomatch.matching.problem import ShapePair
 from isomatch.matching.selection import distinct
@@ -35,11 +31,12 @@ def flips(pair: ShapePair, hypothesis: Hypothesis, others: list[Hypothesis]) -> 
 
 
 def distinct_maps(
-    pair: ShapePair, maps: Iterable[M], most: int | None = None, before: Sequence[IntArray] = ()
+    pair: ShapePair, maps: Iterable[M], most: int | None = None, before: Sequence[SearchRows] = ()
 ) -> list[M]:
     """Keep the first maps of the search vertices that differ, see `distinct`."""
     least = pair.config.search.same_map
-    return distinct(maps, lambda map_: map_.target_row, pair.distances_between_maps, least, most, before)
+    apart = pair.distances_between_maps
+    return distinct(maps, lambda map_: SearchRows(map_.target_row), apart, least, most, before)
 
 
 class Pool:
@@ -56,7 +53,7 @@ class Pool:
         order = sorted([*self.hypotheses, *new], key=attrgetter("alignment.residual"))
         self.hypotheses = distinct_maps(self.pair, order, self._most)
 
-    def add(self, starts: list[IntArray], steps: int, origin: str) -> None:
+    def add(self, starts: list[Int[SearchRows, "m_s"]], steps: int, origin: str) -> None:
         """Run iterative closest points from first maps and merge what comes of them."""
         self.merge([Hypothesis(alignment, origin) for alignment in self.converged(starts, steps)])
 
@@ -72,10 +69,10 @@ class Pool:
         starts = parallel_map(lambda flip: _flipped(pair, *flip), flips)
         self.add(starts, self._settings.flip_steps, origin)
 
-    def converged(self, starts: list[IntArray], steps: int) -> list[Alignment]:
+    def converged(self, starts: list[Int[SearchRows, "m_s"]], steps: int) -> list[Alignment]:
         """Run iterative closest points from many first maps; one that meets another, or a known map, is dropped."""
         settings, points = self._settings, self.pair.search_points
-        before, settled = [h.target_row for h in self.hypotheses], list[IntArray]()
+        before, settled = [h.target_row for h in self.hypotheses], list[SearchRows]()
         # most starts lead to few maps: comparing them every other iteration saves most of the work, as does leaving
         # those that have settled
         for _ in range(0, steps, settings.compare_every):
@@ -91,17 +88,17 @@ class Pool:
         return _in_groups(lambda maps: iterative_closest_points(*points, maps, 0), [*settled, *starts])
 
 
-def _in_groups(move: Callable[[IntArray], Iterable[T]], maps: list[IntArray]) -> list[T]:
-    """Apply a function of several maps (h, m_s) to many, on all threads."""
+def _in_groups(move: Callable[[Int[IntArray, "h m_s"]], Iterable[T]], maps: list[SearchRows]) -> list[T]:
+    """Apply a function of several maps to many, on all threads."""
     groups = [np.array(maps[i : i + AT_ONCE]) for i in range(0, len(maps), AT_ONCE)]
     return [each for group in parallel_map(move, groups) for each in group]
 
 
-def _flipped(pair: ShapePair, functional_map: FloatArray, function: int) -> IntArray:
+def _flipped(pair: ShapePair, functional_map: FloatArray, function: int) -> Int[SearchRows, "m_s"]:
     """Turn one function of the leading block, and grow the map again to the size it had, two functions at a time."""
     # spectral upsampling: the j × j block of F, its map to points, and from these the (j + 2) × (j + 2) block (ZoomOut)
     size, spectra = max(function + 1, 4), pair.search_spectra
     flipped = functional_map[:size, :size].copy()
     flipped[function] *= -1
     sizes = range(size, len(functional_map) + 1, 2)
-    return spectra.image(spectra.upsampled(flipped, sizes))
+    return SearchRows(spectra.image(spectra.upsampled(flipped, sizes)))

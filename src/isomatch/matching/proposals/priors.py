@@ -10,13 +10,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
-from isomatch._core.arrays import FloatArray, IntArray, array_of, numbers_of
-from isomatch._core.errors import (
-    DescriptorError,
-    LandmarkError,
-    MapError,
-    some,
+from isomatch._core.arrays import (
+    BodyVertices,
+    Float,
+    FloatArray,
+    Int,
+    SearchRows,
+    UserVertices,
+    array_of,
+    numbers_of,
 )
+from isomatch._core.errors import DescriptorError, LandmarkError, MapError, some
 from isomatch._core.threads import parallel_map
 from isomatch.correspondence import (
     UNMATCHED,
@@ -34,7 +38,8 @@ from isomatch.surfaces import Surface
 # landmarks, initial map and initial descriptors, as they were given to `match`
 UserPriors = tuple[ArrayLike | None, ArrayLike | None, tuple[ArrayLike, ArrayLike] | None]
 
-NO_LANDMARKS = np.zeros((0, 2), dtype=np.int64)
+_NOTHING = np.zeros((0, 2), dtype=np.int64)
+NO_LANDMARKS, NO_USER_LANDMARKS = BodyVertices(_NOTHING), UserVertices(_NOTHING)
 FEWEST_POINTS = 3  # corresponding points determine three columns of an alignment, and fewer no map
 
 
@@ -48,7 +53,7 @@ class Priors:
         Landmarks on both bodies: source vertex, target vertex.
     initial_pairs : (q, 2) array of int
         Source vertices and their images in the initial map.
-    functions : (n_s, r) and (n_t, r) arrays of float
+    functions : (n_s, k) and (n_t, k) arrays of float
         Functions on source and target that should correspond.
     notes : tuple of str
         Which priors were left out.
@@ -56,11 +61,11 @@ class Priors:
         The landmarks in the users' vertices.
     """
 
-    landmarks: IntArray
-    initial_pairs: IntArray
-    functions: tuple[FloatArray, FloatArray]
+    landmarks: Int[BodyVertices, "m 2"]
+    initial_pairs: Int[BodyVertices, "q 2"]
+    functions: tuple[Float[FloatArray, "n_s k"], Float[FloatArray, "n_t k"]]
     notes: tuple[str, ...] = ()
-    user_landmarks: IntArray = field(default_factory=lambda: NO_LANDMARKS)
+    user_landmarks: Int[UserVertices, "_ 2"] = field(default_factory=lambda: NO_USER_LANDMARKS)
 
     @classmethod
     def of(
@@ -79,7 +84,7 @@ class Priors:
         """
         source, target = pair.source, pair.target
         sizes = source.surface.n_vertices, target.surface.n_vertices
-        points = user_landmarks = initial_pairs = NO_LANDMARKS
+        points, user_landmarks, initial_pairs = NO_LANDMARKS, NO_USER_LANDMARKS, NO_LANDMARKS
         notes: list[str] = []
         if landmarks is not None:
             pairs = checked_landmarks(landmarks, *sizes)
@@ -94,7 +99,7 @@ class Priors:
                     f"{len(pairs) - len(points)} of {len(pairs)} landmarks lie off the main components and are left out"
                 )
             first = np.sort(np.unique(points, axis=0, return_index=True)[1])
-            points, user_landmarks = points[first], user_landmarks[first]
+            points, user_landmarks = BodyVertices(points[first]), UserVertices(user_landmarks[first])
             if len(points) < FEWEST_POINTS:
                 raise LandmarkError(
                     f"the landmarks fall on {len(points)} vertices of the resolution that is matched, at least "
@@ -102,12 +107,12 @@ class Priors:
                 )
         if initial_map is not None:
             image = checked_initial_map(initial_map, *sizes)
-            pairs = np.column_stack([np.arange(sizes[0]), image])
-            pairs = pairs[image != UNMATCHED]
+            pairs = UserVertices(np.column_stack([np.arange(sizes[0]), image])[image != UNMATCHED])
             # of several vertices merged into one of a coarser body, the one nearest to it, or else the first
             farther = source.user_vertex[source.body_vertex[pairs[:, 0]]] != pairs[:, 0]
-            _, initial_pairs = _on_bodies(source, target, pairs[np.argsort(farther, kind="stable")])
-            initial_pairs = initial_pairs[np.unique(initial_pairs[:, 0], return_index=True)[1]]
+            order = np.argsort(farther, kind="stable")
+            _, joined = _on_bodies(source, target, UserVertices(pairs[order]))
+            initial_pairs = BodyVertices(joined[np.unique(joined[:, 0], return_index=True)[1]])
             if len(initial_pairs) < FEWEST_POINTS:
                 raise MapError(
                     f"the initial map joins only {len(initial_pairs)} vertices of the main components of both shapes; at "
@@ -136,15 +141,17 @@ class Priors:
         return bool(len(self.landmarks) or len(self.initial_pairs) or self.functions[0].shape[1])
 
 
-def _on_bodies(source: PreparedShape, target: PreparedShape, pairs: IntArray) -> tuple[IntArray, IntArray]:
-    """Pairs of the users' vertices that lie on both bodies, and the same as body vertices."""
+def _on_bodies(
+    source: PreparedShape, target: PreparedShape, pairs: Int[UserVertices, "_ 2"]
+) -> tuple[Int[UserVertices, "m 2"], Int[BodyVertices, "m 2"]]:
+    """Keep the pairs that lie on both bodies; returns them, and the same as vertices of the bodies."""
     on_bodies = np.column_stack([source.body_vertex[pairs[:, 0]], target.body_vertex[pairs[:, 1]]])
     kept = (on_bodies >= 0).all(axis=1)
-    return pairs[kept], on_bodies[kept]
+    return UserVertices(pairs[kept]), BodyVertices(on_bodies[kept])
 
 
-def checked_landmarks(landmarks: ArrayLike, n_source: int, n_target: int) -> IntArray:
-    """Return landmarks as an (m, 2) integer array after checking type, shape, range and repetition."""
+def checked_landmarks(landmarks: ArrayLike, n_source: int, n_target: int) -> Int[UserVertices, "m 2"]:
+    """Return landmarks as an integer array after checking type, shape, range and repetition."""
     pairs = array_of(landmarks, "landmarks", LandmarkError)
     if pairs.ndim != 2 or pairs.shape[1] != 2 or pairs.dtype.kind not in "iu":
         raise LandmarkError(
@@ -165,11 +172,13 @@ def checked_landmarks(landmarks: ArrayLike, n_source: int, n_target: int) -> Int
         values, counts = np.unique(pairs[:, column], return_counts=True)
         if (counts > 1).any():
             raise LandmarkError(f"landmarks use {side} vertices {some(values[counts > 1])} more than once")
-    return pairs.astype(np.int64)
+    return UserVertices(pairs.astype(np.int64))
 
 
-def checked_initial_map(initial_map: ArrayLike, n_source: int, n_target: int) -> IntArray:
-    """Return an initial map as an (n_source,) integer array after checking type, length and range."""
+def checked_initial_map(
+    initial_map: ArrayLike, n_source: int, n_target: int
+) -> Int[UserVertices, "n_source"]:
+    """Return an initial map as an integer array after checking type, length and range."""
     image = array_of(getattr(initial_map, "vertices", initial_map), "the rows of the initial map", MapError)
     if getattr(initial_map, "n_target", n_target) != n_target:
         raise MapError(
@@ -186,13 +195,13 @@ def checked_initial_map(initial_map: ArrayLike, n_source: int, n_target: int) ->
             f"initial map sends source vertices {some(bad)} outside the target's vertices 0…{n_target - 1}; is it "
             "the map of the other direction?"
         )
-    return image.astype(np.int64)
+    return UserVertices(image.astype(np.int64))
 
 
 def checked_descriptors(
     descriptors: Sequence[ArrayLike], n_source: int, n_target: int, what: str = "initial descriptors"
-) -> tuple[FloatArray, FloatArray]:
-    """Return descriptors as (n_source, q) and (n_target, q) arrays after checking them."""
+) -> tuple[Float[FloatArray, "n_source q"], Float[FloatArray, "n_target q"]]:
+    """Return descriptors as arrays of numbers after checking them."""
     if len(descriptors) != 2:
         raise DescriptorError(f"{what} are {len(descriptors)} arrays; expected two, of source and target")
     source, target = (numbers_of(values, what, DescriptorError) for values in descriptors)
@@ -231,8 +240,8 @@ def with_functions(pair: ShapePair, functions: tuple[ArrayLike, ArrayLike] | Non
     return replace(pair, functions=Embedding(*map(_filled, ((x - mean) * unit for x in values), surfaces)))
 
 
-def _filled(values: FloatArray, surface: Surface) -> FloatArray:
-    """Take unknown values (n, q) from the nearest vertices along edges that have one; 0 where none is reached."""
+def _filled(values: Float[FloatArray, "n q"], surface: Surface) -> Float[FloatArray, "n q"]:
+    """Take unknown values from the nearest vertices along edges that have one; 0 where none is reached."""
     filled = values.copy()
     for column in filled.T:
         unknown = np.isnan(column)
@@ -244,12 +253,12 @@ def _filled(values: FloatArray, surface: Surface) -> FloatArray:
     return filled
 
 
-def starts_from_priors(pair: ShapePair, priors: Priors) -> Iterator[tuple[IntArray, str]]:
-    """First maps from what the user knows: target rows (m_s,) of the search vertices, and where each comes from."""
+def starts_from_priors(pair: ShapePair, priors: Priors) -> Iterator[tuple[Int[SearchRows, "m_s"], str]]:
+    """First maps of the search vertices from what the user knows, and where each comes from."""
     settings = pair.config.search
     if len(priors.landmarks):
         for penalty in settings.off_diagonal:
-            yield first_maps_from_points(pair, priors.landmarks[None], penalty)[0], "landmarks"
+            yield first_maps_from_points(pair, BodyVertices(priors.landmarks[None]), penalty)[0], "landmarks"
     if len(priors.initial_pairs):
         yield start_from_pairs(pair, priors.initial_pairs), "initial map"
     if priors.functions[0].shape[1]:
@@ -259,8 +268,8 @@ def starts_from_priors(pair: ShapePair, priors: Priors) -> Iterator[tuple[IntArr
             yield start, "pose"
 
 
-def start_from_pairs(pair: ShapePair, pairs: IntArray) -> IntArray:
-    """First map from a map that is known at some vertices, pairs (q, 2): target rows (m_s,) of the search vertices."""
+def start_from_pairs(pair: ShapePair, pairs: Int[BodyVertices, "_ 2"]) -> Int[SearchRows, "m_s"]:
+    """First map of the search vertices from a map that is known at some vertices."""
     # search vertices without an image take that of the one that has an image and is nearest in descriptors; and an
     # image between the target's search vertices goes to the nearest of them
     source, target = pair.search_points
@@ -270,30 +279,34 @@ def start_from_pairs(pair: ShapePair, pairs: IntArray) -> IntArray:
     target_vertex = image[pair.source_vertices]
     held = np.flatnonzero(target_vertex >= 0)
     if len(held) == len(target_vertex) and (row[target_vertex] >= 0).all():
-        return np.asarray(row[target_vertex])
+        return SearchRows(row[target_vertex])
     if len(held) < FEWEST_POINTS:  # the nearest known vertices stand in
         held = np.arange(len(target_vertex))
         points = pair.source.points.at(pairs[:, 0], len(source.signs)).coordinates
         target_vertex = pairs[cKDTree(points).query(source.coordinates)[1], 1]
     stand_in = held[cKDTree(source.coordinates[held]).query(source.coordinates)[1]]
     images = pair.target.points.at(target_vertex[stand_in], len(target.signs)).coordinates
-    return np.asarray(cKDTree(target.coordinates).query(images)[1], dtype=np.int64)
+    return SearchRows(np.asarray(cKDTree(target.coordinates).query(images)[1], dtype=np.int64))
 
 
-def start_from_functions(pair: ShapePair, of_source: FloatArray, of_target: FloatArray) -> IntArray:
-    """First map from functions on the bodies that should correspond, (n_s, q) and (n_t, q)."""
+def start_from_functions(
+    pair: ShapePair, of_source: Float[FloatArray, "n_s q"], of_target: Float[FloatArray, "n_t q"]
+) -> Int[SearchRows, "m_s"]:
+    """First map from functions on the bodies that should correspond."""
     settings = pair.config.search
     weights = pair.source.body.vertex_areas, pair.target.body.vertex_areas
     sides = pair.source.points, pair.target.points, of_source, of_target, *weights
     rotation = alignment_from_functions(
         *sides, n_columns=settings.start_columns, off_diagonal=settings.off_diagonal[0], ridge=settings.ridge
     )
-    return nearest_under_rotation(*pair.search_points, rotation)
+    return SearchRows(nearest_under_rotation(*pair.search_points, rotation))
 
 
-def first_maps_from_points(pair: ShapePair, points: IntArray, off_diagonal: float) -> list[IntArray]:
-    """First maps from corresponding vertices (h, m, 2), source and target."""
+def first_maps_from_points(
+    pair: ShapePair, points: Int[BodyVertices, "h m 2"], off_diagonal: float
+) -> list[Int[SearchRows, "m_s"]]:
+    """First maps from corresponding vertices, source and target."""
     settings = pair.config.search
     sides = pair.source.points, pair.target.points, points[..., 0], points[..., 1]
     rotations = alignments_from_points(*sides, settings.start_columns, off_diagonal, settings.ridge)
-    return parallel_map(lambda rotation: nearest_under_rotation(*pair.search_points, rotation), rotations)
+    return parallel_map(lambda x: SearchRows(nearest_under_rotation(*pair.search_points, x)), rotations)

@@ -7,10 +7,8 @@ from typing import TypeAlias
 
 import numpy as np
 
-from isomatch._core.arrays import IntArray
-from isomatch._core.errors import (
-    SettingError,
-)
+from isomatch._core.arrays import BodyVertices, Int, IntArray
+from isomatch._core.errors import SettingError
 from isomatch.matching.problem import ShapePair, search_pairs
 from isomatch.matching.proposals.anchors import starts_from_anchors
 from isomatch.matching.proposals.pose import starts_from_poses
@@ -20,13 +18,13 @@ Start: TypeAlias = Callable[[ShapePair], Iterable[IntArray]]
 """Makes first maps of a pair: arrays (q, 2) of vertices of both bodies that may correspond, a few or all."""
 
 
-def starts_from_extremities(pair: ShapePair) -> Iterator[IntArray]:
+def starts_from_extremities(pair: ShapePair) -> Iterator[Int[BodyVertices, "m_s 2"]]:
     """First maps from every assignment of extremal points."""
     settings = pair.config.search
     for count in settings.extremity_counts:
         group = [points for points in pair.extremity_assignments if len(points) == count]
         if group:
-            starts = first_maps_from_points(pair, np.array(group), settings.off_diagonal[0])
+            starts = first_maps_from_points(pair, BodyVertices(np.array(group)), settings.off_diagonal[0])
             yield from (search_pairs(pair, start) for start in starts)
 
 
@@ -39,8 +37,8 @@ def name_of(start: Start) -> str:
     return str(getattr(start, "__name__", type(start).__name__)).removeprefix("starts_from_")
 
 
-def first_maps_of(starts: Iterable[Start], pair: ShapePair) -> list[tuple[IntArray, str]]:
-    """Collect the first maps (q, 2) of some starts, checked, with the name of each start."""
+def first_maps_of(starts: Iterable[Start], pair: ShapePair) -> list[tuple[Int[BodyVertices, "_ 2"], str]]:
+    """Collect the first maps of some starts, checked, with the name of each start."""
     first_maps = []
     sizes = pair.source.body.n_vertices, pair.target.body.n_vertices
     for start in starts:
@@ -57,5 +55,5 @@ def first_maps_of(starts: Iterable[Start], pair: ShapePair) -> list[tuple[IntArr
                     f"the start {name_of(start)} gave an array of shape {pairs.shape} and type {pairs.dtype}; expected "
                     f"at least three rows (source vertex, target vertex) of bodies of {sizes[0]} and {sizes[1]} vertices"
                 )
-            first_maps.append((pairs, name_of(start)))
+            first_maps.append((BodyVertices(pairs), name_of(start)))
     return first_maps

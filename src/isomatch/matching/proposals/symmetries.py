@@ -4,32 +4,29 @@ from __future__ import annotations
 
 import numpy as np
 
-from isomatch._core.arrays import IntArray
-from isomatch.correspondence import (
-    Alignment,
-    iterative_closest_points,
-)
+from isomatch._core.arrays import Int, SearchRows
+from isomatch.correspondence import Alignment, iterative_closest_points
 from isomatch.matching.maps import Hypothesis
 from isomatch.matching.problem import ShapePair
 from isomatch.matching.proposals.flips import distinct_maps
 from isomatch.shapes import Symmetry
 
 
-def symmetric_variants(pair: ShapePair, target_row: IntArray) -> list[Hypothesis]:
-    """Compose a map of the search vertices (m_s,) with the symmetries of the target."""
+def symmetric_variants(pair: ShapePair, target_row: Int[SearchRows, "m_s"]) -> list[Hypothesis]:
+    """Compose a map of the search vertices with the symmetries of the target."""
     # σ ∘ f keeps distances as f does, if σ is a self-isometry; mirror images only if either orientation is allowed
-    starts = [each.image_row[target_row] for each in pair.target.symmetries if _allowed(pair, each)]
+    starts = [_composed(each, target_row) for each in pair.target.symmetries if _allowed(pair, each)]
     return _moved(pair, starts, "symmetry")
 
 
-def near_symmetric_variants(pair: ShapePair, target_row: IntArray, most: float) -> list[Hypothesis]:
-    """Compose a map (m_s,) with near-symmetries of either shape, of residuals up to the ``most``."""
+def near_symmetric_variants(pair: ShapePair, target_row: SearchRows, most: float) -> list[Hypothesis]:
+    """Compose a map with near-symmetries of either shape, of residuals up to the ``most``."""
 
     # σ ∘ f distorts distances at most as f and σ do together: so may the truth, if σ distorts less than f. Closest
     # points repair σ better on the side of the target, so symmetries of the source are composed with the inverse.
-    def moved(between: ShapePair, rows: IntArray) -> list[Hypothesis]:
+    def moved(between: ShapePair, rows: SearchRows) -> list[Hypothesis]:
         near = [s for s in between.target.near_symmetries if s.residual <= most and _allowed(pair, s)]
-        return _moved(between, [s.image_row[rows] for s in near], "symmetry")
+        return _moved(between, [_composed(s, rows) for s in near], "symmetry")
 
     turned = pair.turned
     back = [turned.inverted(each.target_row) for each in moved(turned, pair.inverted(target_row))]
@@ -41,8 +38,12 @@ def _allowed(pair: ShapePair, symmetry: Symmetry) -> bool:
     return symmetry.orientation >= 0 or pair.config.orientation == "any"
 
 
-def _moved(pair: ShapePair, starts: list[IntArray], origin: str) -> list[Hypothesis]:
-    """Let closest points move maps of the search vertices (m_s,) that are nearly right."""
+def _composed(symmetry: Symmetry, target_row: SearchRows) -> SearchRows:
+    return SearchRows(symmetry.image_row[target_row])
+
+
+def _moved(pair: ShapePair, starts: list[SearchRows], origin: str) -> list[Hypothesis]:
+    """Let closest points move maps of the search vertices that are nearly right."""
     settings = pair.config.search
     steps = settings.flip_steps, settings.unchanged
     moved = iterative_closest_points(*pair.search_points, np.array(starts), *steps) if starts else []

@@ -1,0 +1,38 @@
+"""What mypy must refuse: an ``ignore`` that nothing asks for is an error of mypy, so each of these lines is one."""
+
+from isomatch._core import arrays
+from isomatch._core.arrays import BodyVertices, SearchRows
+from isomatch.matching import ShapePair
+from isomatch.matching.isometric.candidates import energy_of, extended
+from isomatch.matching.partial.both_seeds import CommonRegions
+from isomatch.matching.partial.part_pair import PartPair
+from isomatch.matching.verify import on_bodies
+
+
+def refused(pair: ShapePair, rows: SearchRows, vertices: BodyVertices, users: arrays.UserVertices) -> None:
+    """Mix rows, vertices of bodies, and those of the user."""
+    energy_of(pair, pair.source_vertices, rows)  # type: ignore[arg-type]
+    energy_of(pair, users, vertices)  # type: ignore[arg-type]
+    extended(pair, vertices, vertices)  # type: ignore[arg-type]
+    on_bodies(pair, vertices)  # type: ignore[arg-type]
+    energy_of(pair, vertices, vertices[rows])  # type: ignore[arg-type]  # an index is of no space until it is named
+
+
+def refused_of_parts(
+    pair: PartPair,
+    regions: CommonRegions,
+    part: arrays.PartVertices,
+    whole: BodyVertices,
+    rows: arrays.SampleRows,
+) -> None:
+    """Mix a part with its whole, and samples with vertices."""
+    pair.intervals(whole)  # type: ignore[arg-type]
+    pair.stress(part)  # type: ignore[arg-type]
+    regions.worth(whole, whole)  # type: ignore[arg-type]
+    regions.worth(rows, rows)  # type: ignore[arg-type]
+
+
+def allowed(pair: ShapePair, rows: SearchRows) -> arrays.IntArray:
+    """Name the index space of an index; any is an array of integers."""
+    energy_of(pair, pair.source_vertices, BodyVertices(pair.target_vertices[rows]))
+    return rows
