@@ -12,7 +12,11 @@ from docutils.nodes import literal
 import isomatch
 
 PACKAGE = Path(isomatch.__file__).parent
-SUBPACKAGES = sorted(stub.parent.name for stub in PACKAGE.glob("*/__init__.pyi"))
+# such as cohort.shape_statistics, which comes before the subpackage that it is in
+SUBPACKAGES = sorted(
+    (".".join(stub.parent.relative_to(PACKAGE).parts) for stub in PACKAGE.glob("*/**/__init__.pyi")),
+    reverse=True,
+)
 
 
 def homes():
@@ -21,13 +25,14 @@ def homes():
     for subpackage in sorted(SUBPACKAGES, key=_is_borrowed_by):
         module = importlib.import_module(f"isomatch.{subpackage}")
         for name in module.__all__:
-            found.setdefault(name, module.__name__)
+            if not inspect.ismodule(getattr(module, name)):
+                found.setdefault(name, module.__name__)
     return found
 
 
 def _is_borrowed_by(subpackage):
     """Sort subpackages so that one comes before those that pass its names on."""
-    stub = (PACKAGE / subpackage / "__init__.pyi").read_text(encoding="utf-8")
+    stub = PACKAGE.joinpath(*subpackage.split("."), "__init__.pyi").read_text(encoding="utf-8")
     return sum(f"from isomatch.{other}" in stub for other in SUBPACKAGES if other != subpackage)
 
 
@@ -61,10 +66,11 @@ def page(subpackage, home):
     """Write the page of a subpackage in reStructuredText."""
     module = importlib.import_module(f"isomatch.{subpackage}")
     title = f"isomatch.{subpackage}"
-    own = [name for name in module.__all__ if home[name] == title]
+    described_in = {name: home[name] for name in module.__all__ if name in home}
+    own = [name for name, place in described_in.items() if place == title]
     plain = [name for name in own if is_plain(getattr(module, name))]
     listed = [name for name in own if name not in plain]
-    borrowed = [name for name in module.__all__ if home[name] != title]
+    borrowed = [name for name, place in described_in.items() if place != title]
     lines = [title, "=" * len(title), "", f".. module:: {title}", "", inspect.getdoc(module) or "", ""]
     if listed:
         lines += [".. autosummary::", "   :toctree: names", "   :nosignatures:", ""]

@@ -17,8 +17,8 @@ import pytest
 
 import isomatch
 from isomatch.cli import main
-from isomatch.collections import Collection, changed_files
-from isomatch.collections import ledger as ledger_module
+from isomatch.cohort import Collection, changed_files
+from isomatch.cohort import ledger as ledger_module
 from isomatch.io import Asset, Attribute, write_asset
 from later import some_later
 from small_collections import QUICK, arrays_of
@@ -104,7 +104,7 @@ def prepared(finished, tmp_path_factory):
     shutil.copytree(finished, folder / "all")
     collection = Collection.open(folder / "all")
     with ThreadPoolExecutor(1) as executor:
-        list(isomatch.collections.finish(collection, executor, 1))
+        list(isomatch.cohort.finish(collection, executor, 1))
     maps = collection.maps("s0", "s1")
     maps.there.save(folder / "map.npz")
     (folder / "quick.toml").write_text(QUICK)

@@ -14,7 +14,7 @@ from isomatch import Correspondence, DistanceBasis, UnwritableFileError, read_me
 from isomatch._core.array_file import write_arrays
 from isomatch._core.texts import write_csv
 from isomatch.cli import main
-from isomatch.collections import Collection
+from isomatch.cohort import Collection
 from isomatch.geodesics import Sampling
 from isomatch_lab.evaluation.ledger import appending, read_rows
 from shapes import icosphere

@@ -272,7 +272,7 @@ class IsomatchModuleLogic(ScriptedLoadableModuleLogic):
             How many ``shapes`` and ``pairs`` are done, the ``failed`` with their errors, and names with ``landmarks``.
         """
         from isomatch import Collection, Landmarks, write_landmarks
-        from isomatch.collections import collected_landmarks, finish
+        from isomatch.cohort import collected_landmarks, finish
 
         if marks is not None and template is None:
             raise Refused("landmarks are those of a template; choose which shape it is")

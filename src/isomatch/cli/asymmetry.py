@@ -10,7 +10,6 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 import isomatch
-import isomatch.statistics as shape_statistics
 from isomatch import Correspondence
 from isomatch._core.arrays import FloatArray
 from isomatch._core.errors import FormatError, MeshError, NotConvergedError, SettingError
@@ -19,10 +18,10 @@ from isomatch.cli.inputs import ConfigFile, Force, Output, Seed, read_config
 from isomatch.cli.statistics import Scale, read_cohort
 from isomatch.cli.statistics_files import SCALES, StatisticsFolder, listed, tabulated
 from isomatch.cli.terminal import TALK, Talk, Tell, complain, part, say, say_rows
-from isomatch.collections import Collection, Layout, surface_as_written
+from isomatch.cohort import Collection, Layout, shape_statistics, surface_as_written
+from isomatch.cohort.shape_statistics import Asymmetry, CorrespondedShapes, draw_values
 from isomatch.correspondence import UNMATCHED
 from isomatch.landmarks import nearest_on_surface
-from isomatch.statistics import Asymmetry, CorrespondedShapes, draw_values
 from isomatch.surfaces import Mesh
 
 MOST_DRAWN = 3  # the most asymmetric shapes, which have pictures of their own

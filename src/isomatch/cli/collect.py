@@ -15,7 +15,7 @@ import numpy as np
 from cyclopts import App, Parameter
 
 import isomatch
-from isomatch import collections, visualization
+from isomatch import cohort, visualization
 from isomatch._core.errors import InputError, MemoryBudgetError
 from isomatch._core.files import claimed
 from isomatch._core.texts import read_csv, text_lines
@@ -25,8 +25,8 @@ from isomatch.cli.outputs import require_writable
 from isomatch.cli.scored import LAST, new_shapes, say_scored, write_scored
 from isomatch.cli.statistics_files import StatisticsFolder
 from isomatch.cli.terminal import TALK, Talk, Tell, complain, say, say_rows
+from isomatch.cohort.shape_statistics import ScoredShape, ShapeModel
 from isomatch.matching import Outcome
-from isomatch.statistics import ScoredShape, ShapeModel
 
 Reports = Annotated[
     int | Literal["doubtful", "all", "none"],
@@ -111,16 +111,16 @@ def run(
     marks: dict[str, Path] = {}
     if semilandmarks and landmarks is None:
         raise InputError("semilandmarks come with landmarks of a shape; give these (--landmarks)")
-    if subjects := collections.structures_of(shapes):
+    if subjects := cohort.structures_of(shapes):
         if landmarks is not None:
             raise InputError(
                 f"--landmarks: give those of a structure to isomatch collect landmarks {output}/NAME"
             )
-        for doubt in collections.subject_doubts(subjects, settings["reflect"], settings["units"] or ()):
+        for doubt in cohort.subject_doubts(subjects, settings["reflect"], settings["units"] or ()):
             complain(f"{' and '.join(doubt.names)} {doubt.reason}")
-        structures = collections.subject_collections(output, subjects, **settings)
+        structures = cohort.subject_collections(output, subjects, **settings)
     else:
-        collection = collections.Collection.create(output, shapes, **settings)
+        collection = cohort.Collection.create(output, shapes, **settings)
         structures = {"": collection}
         marks = {} if landmarks is None else landmark_files(landmarks, collection, collection.template)
         for name, path in marks.items():  # what is wrong with them is told before anything is done
@@ -128,7 +128,7 @@ def run(
     carried: dict[str, Any] = {}
     gaps: list[dict[str, Any]] = []
     end = None if time_limit is None else time.monotonic() + time_limit
-    with collections.workers_of(executor, jobs) as workers, talk.progress() as tell:
+    with cohort.workers_of(executor, jobs) as workers, talk.progress() as tell:
         for structure, collection in structures.items():
             tell(structure, 0.0)
             for where in collection.rows().damaged:
@@ -138,7 +138,7 @@ def run(
             if wanted and part[1] == 1 and "todo" not in status_of(collection)["pairs"]:
                 tell("comparing maps with compositions of others", 1.0)
                 try:
-                    for event in collections.agree(collection, workers, time_limit=_until(end)):
+                    for event in cohort.agree(collection, workers, time_limit=_until(end)):
                         tell(*told(event))
                 except MemoryBudgetError as error:  # the maps are there all the same
                     complain(f"maps were not compared: {error}")
@@ -149,7 +149,7 @@ def run(
                     carried = write_all(collection, marks, to, tell, semilandmarks)
         if subjects and part[1] == 1:
             tell("bringing structures together", 1.0)
-            gaps = collections.finish_subjects(output, structures, keep_contacts=keep_contacts)
+            gaps = cohort.finish_subjects(output, structures, keep_contacts=keep_contacts)
     if subjects:
         _tell_subjects(output, structures, gaps, talk)
         return
@@ -160,7 +160,7 @@ def run(
 
 def _tell_subjects(
     folder: Path,
-    structures: dict[str, collections.Collection],
+    structures: dict[str, cohort.Collection],
     gaps: list[dict[str, Any]],
     talk: Talk,
     *,
@@ -195,14 +195,14 @@ def status(folder: Path, /, *, talk: Talk = TALK) -> None:
     Args:
         folder: The folder of the collection, or of the collections of all structures.
     """
-    plan = collections.Layout(folder).plan
+    plan = cohort.Layout(folder).plan
     folders = [
         path.parent for path in sorted(folder.glob(f"*/{plan.name}"))
     ]  # of structures, or what was added
-    inner = {each.name: collections.Collection.open(each) for each in folders}
-    own = [] if inner and not plan.exists() else [collections.Collection.open(folder)]
+    inner = {each.name: cohort.Collection.open(each) for each in folders}
+    own = [] if inner and not plan.exists() else [cohort.Collection.open(folder)]
     for each in (*own, *inner.values()):
-        collections.write_table(each.rows(), each.layout.table)
+        cohort.write_table(each.rows(), each.layout.table)
     if own:
         tell_status(own[0], talk, inner=inner, is_answer=True)
     else:
@@ -217,7 +217,7 @@ def retry(which: Literal["failed", "low"], folder: Path, /, *, talk: Talk = TALK
         which: failed, or low: with another seed, and the surer map is kept, unless others contradict it.
         folder: The folder of the collection.
     """
-    again = collections.Collection.open(folder).retry(which)
+    again = cohort.Collection.open(folder).retry(which)
     told = f"{len(again)} pairs will be matched again; run isomatch collect as before"
     talk.result({"pairs": [list(pair) for pair in again]}, lambda: say(told))
 
@@ -246,11 +246,11 @@ def export(
     meshes = None if format == "none" else f".{format.removeprefix('.')}"
     if meshes:
         require_writable(Path(f"mesh{meshes}"))
-    collection = collections.Collection.open(folder)
-    left_out = sorted({*collection.names} - {*collections.surfaces_written(collection)}) if meshes else []
+    collection = cohort.Collection.open(folder)
+    left_out = sorted({*collection.names} - {*cohort.surfaces_written(collection)}) if meshes else []
     written, lost, suffix = Counter[str](), Counter[str](), None if maps == "none" else f".{maps}"
     with talk.progress() as tell:
-        for path, left in collections.export(collection, to, meshes, suffix, force, rounded):
+        for path, left in cohort.export(collection, to, meshes, suffix, force, rounded):
             written[path.parent.name] += 1
             lost.update(left)
             tell(f"written: {path.name}", 1.0)
@@ -289,13 +289,13 @@ def agree(
     Args:
         folder: The folder of a collection whose pairs make triangles, as all do; also of one matched in shards.
     """
-    collection = collections.Collection.open(folder)
+    collection = cohort.Collection.open(folder)
     end = None if time_limit is None else time.monotonic() + time_limit
-    with collections.workers_of(executor, jobs) as workers, talk.progress() as tell:
-        for event in collections.agree(collection, workers, time_limit=time_limit):
+    with cohort.workers_of(executor, jobs) as workers, talk.progress() as tell:
+        for event in cohort.agree(collection, workers, time_limit=time_limit):
             tell(*told(event))
         _write(collection, reports, workers, end, tell)
-    if not collections.agreement_of(collection.rows()).compared and time_limit is None:
+    if not cohort.agreement_of(collection.rows()).compared and time_limit is None:
         raise InputError(
             f"{folder}: no three shapes are all matched with one another, so there is nothing to compare maps with; "
             "match with --pairs all"
@@ -331,7 +331,7 @@ def add(
         units: Units of new subjects, such as scan7=mm. Where that of the collection is not known, it comes first:
             m,scan7=mm. A size whose unit is given is not questioned.
     """
-    collection = collections.Collection.open(folder)
+    collection = cohort.Collection.open(folder)
     file = model or folder / "statistics" / "model.npz"
     if not file.exists():
         raise InputError(
@@ -342,15 +342,15 @@ def add(
     with (
         talk.progress() as tell,
         claimed(collection.layout.ledger()),
-        collections.workers_of(executor, jobs) as workers,
+        cohort.workers_of(executor, jobs) as workers,
     ):
-        more = collections.added(
+        more = cohort.added(
             collection, new_shapes(new), model=prior, reflect=_names_of(reflect), units=_units_of(units)
         )
         there = more.of(name for name in more.names if more.paths[name].exists())  # others stay as they are
         _follow(there.run(workers), tell)
         _write(more, reports, workers, None, tell)
-        rows, written = more.rows(), collections.surfaces_written(more)
+        rows, written = more.rows(), cohort.surfaces_written(more)
         subjects = [name for name in more.names if name != more.template]
         scored = {
             name: prior.score_file(more.layout.corresponded(name)) for name in subjects if name in written
@@ -380,7 +380,7 @@ def add(
 
 
 def _nearest_landmarks(
-    collection: collections.Collection, more: collections.Collection, scored: Mapping[str, ScoredShape]
+    collection: cohort.Collection, more: cohort.Collection, scored: Mapping[str, ScoredShape]
 ) -> dict[str, str]:
     """Name the landmark of the template nearest to the vertex where each new shape is farthest off, if it has any."""
     template = more.template or ""
@@ -396,7 +396,7 @@ def _nearest_landmarks(
     return {name: marks.names[placed[each.argmin()]] for name, each in apart.items()}
 
 
-def _follow(events: Iterable[collections.Event], tell: Tell) -> None:
+def _follow(events: Iterable[cohort.Event], tell: Tell) -> None:
     """Tell of the steps of a run, and complain of what does not fit, and of what is done again."""
     again = Counter[tuple[str, str]]()
     for event in events:
@@ -432,18 +432,18 @@ def _until(end: float | None) -> float | None:
 
 
 def _write(
-    collection: collections.Collection,
+    collection: cohort.Collection,
     reports: Reports,
-    workers: collections.Workers,
+    workers: cohort.Workers,
     end: float | None,
     tell: Tell,
 ) -> None:
     """Write reports, and the shapes in the topology of the template."""
     if reports != "none":
-        for pair, row in collections.write_reports(collection, reports, workers, time_limit=_until(end)):
+        for pair, row in cohort.write_reports(collection, reports, workers, time_limit=_until(end)):
             failed = f", failed: {row['error']}" if row["state"] == "failed" else ""
             tell(f"report of {' and '.join(pair)}{failed}", 1.0)
-    for line in collections.finish(collection, workers, time_limit=_until(end)):
+    for line in cohort.finish(collection, workers, time_limit=_until(end)):
         again = f"; again, because {line['again']}" if "again" in line else ""
         tell(f"written in the topology of the template: {line['name']}{again}", 1.0)
         if again:
@@ -456,16 +456,16 @@ OUTCOMES = 26  # columns of a number of pairs with their outcome
 
 
 def tell_status(
-    collection: collections.Collection,
+    collection: cohort.Collection,
     talk: Talk,
     landmarks: Mapping[str, Any] | None = None,
     *,
-    inner: Mapping[str, collections.Collection] | None = None,
+    inner: Mapping[str, cohort.Collection] | None = None,
     is_answer: bool = False,
 ) -> None:
     """Tell how far a collection is, in words or as JSON, with the landmarks that were carried, and what was added."""
     # as an answer, with all files that were damaged; a run has just compared most of them
-    status = status_of(collection, collections.KEPT if is_answer else ("landmarks",))
+    status = status_of(collection, cohort.KEPT if is_answer else ("landmarks",))
     if landmarks:
         status["landmarks"] = landmarks
     inner = inner or {}
@@ -480,36 +480,36 @@ def tell_status(
     talk.result(status, summary, is_answer=is_answer)
 
 
-def status_of(collection: collections.Collection, folders: Iterable[str] = ()) -> dict[str, Any]:
+def status_of(collection: cohort.Collection, folders: Iterable[str] = ()) -> dict[str, Any]:
     """Sum up how far a collection is, from the ledgers of all shards, with the damaged files of some folders."""
     rows = collection.rows()
     pairs = collection.wanted_pairs(rows)
     own = [rows.pairs.get(pair, {"state": "todo"}) for pair in pairs]
     outcomes = Counter(row["there"]["outcome"] for row in own if row["state"] == "done")
-    changed = collections.changed_files(collection.layout, rows, folders)
+    changed = cohort.changed_files(collection.layout, rows, folders)
     damaged = {str(path.relative_to(collection.folder)): what for path, what in changed.items()}
     damaged |= dict.fromkeys(rows.damaged, "is no row of a collection, and was ignored")
     every = [*rows.shapes.items(), *((" and ".join(pair), row) for pair, row in rows.pairs.items())]
     failures = {name: row["error"] for name, row in every if row["state"] == "failed"}
-    turned = collections.mirror_images(collection, rows)
+    turned = cohort.mirror_images(collection, rows)
     prepared = sum(row["state"] == "done" for row in rows.shapes.values())
     return {
         "folder": str(collection.folder),
         "shapes": {"all": len(collection.shapes), "prepared": prepared},
         "template": collection.chosen_template(rows),
-        "pairs": {"all": len(pairs), **Counter(map(collections.state_of, own))},
+        "pairs": {"all": len(pairs), **Counter(map(cohort.state_of, own))},
         "outcomes": dict(outcomes),
         "reflected": rows.reflected(collection.names),
         "mirror_images": {n: rows.pairs[pair].get("not_reflected", {}).get(n) for n, pair in turned.items()},
-        "outliers": [outlier._asdict() for outlier in collections.outliers(collection, rows)],
-        "agreement": collections.agreement_of(rows)._asdict(),
+        "outliers": [outlier._asdict() for outlier in cohort.outliers(collection, rows)],
+        "agreement": cohort.agreement_of(rows)._asdict(),
         "loop": _loop_of(collection, rows) if collection.pairs == "ring" else None,
         "damaged": damaged,
         "failures": failures,
     }
 
 
-def _loop_of(collection: collections.Collection, rows: collections.Rows) -> dict[str, Any]:
+def _loop_of(collection: cohort.Collection, rows: cohort.Rows) -> dict[str, Any]:
     """Tell how far the template is from itself once around a ring, in √area, and where the ring is open."""
     names, table = collection.names, collection.layout.shapes_table
     legs = pairwise([*names, names[0]])
@@ -519,7 +519,7 @@ def _loop_of(collection: collections.Collection, rows: collections.Rows) -> dict
     return {"open": unsure, **found}
 
 
-def _say_status(status: dict[str, Any], layout: collections.Layout) -> None:
+def _say_status(status: dict[str, Any], layout: cohort.Layout) -> None:
     shapes, pairs, agreement = status["shapes"], status["pairs"], status["agreement"]
     done = pairs.get("done", 0) + pairs.get("low", 0)
     failed = f", {pairs['failed']} failed" if pairs.get("failed") else ""
@@ -566,7 +566,7 @@ def _say_sides(status: dict[str, Any]) -> None:
             say(f"seems to be a mirror image, but not reflected: {name}: {reason}", "bold red")
 
 
-def told(event: collections.Event) -> tuple[str, float]:
+def told(event: cohort.Event) -> tuple[str, float]:
     """Describe a step of a run, with the share of its steps that are done."""
     name = event.name if isinstance(event.name, str) else " and ".join(event.name)
     reasons = reasons_of(event)
@@ -575,7 +575,7 @@ def told(event: collections.Event) -> tuple[str, float]:
     return f"{step}: {name}, {_ending(event.record)}{again}", event.done / event.of
 
 
-def reasons_of(event: collections.Event) -> list[str]:
+def reasons_of(event: cohort.Event) -> list[str]:
     """Return why a shape or a pair was done again, if it was."""
     return event.record.get("again", []) if event.what in ("shape", "pair") else []
 

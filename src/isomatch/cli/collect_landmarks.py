@@ -14,13 +14,13 @@ from cyclopts import Parameter
 
 import isomatch
 import isomatch.landmarks as shape_landmarks
-from isomatch import collections
+from isomatch import cohort
 from isomatch._core.errors import InputError
 from isomatch._core.files import claimed, legible, made_folder
 from isomatch._core.texts import write_csv
 from isomatch.cli.inputs import Force
 from isomatch.cli.terminal import TALK, Talk, Tell, say
-from isomatch.statistics import slid_semilandmarks
+from isomatch.cohort.shape_statistics import slid_semilandmarks
 from isomatch.surfaces import reflected
 
 
@@ -75,14 +75,14 @@ def landmarks(
     """
     suffix = f".{format.removeprefix('.')}"
     shape_landmarks.writer_of(Path(f"landmarks{suffix}"))
-    collection = collections.Collection.open(folder)
+    collection = cohort.Collection.open(folder)
     files = landmark_files(marks, collection, collection.chosen_template(collection.rows()))
     with talk.progress() as tell:
         record = write_all(collection, files, to, tell, semilandmarks, suffix, force)
     talk.result(record, lambda: say_landmarks(record))
 
 
-def landmark_files(marks: Path, collection: collections.Collection, template: str | None) -> dict[str, Path]:
+def landmark_files(marks: Path, collection: cohort.Collection, template: str | None) -> dict[str, Path]:
     """Find the file of landmarks of each shape that has one, in the order of the shapes; `InputError` for none."""
     names = collection.names
     present = {legible(path.name): path for path in (marks.iterdir() if marks.is_dir() else [marks])}
@@ -102,7 +102,7 @@ def landmark_files(marks: Path, collection: collections.Collection, template: st
 
 
 def write_all(
-    collection: collections.Collection,
+    collection: cohort.Collection,
     files: dict[str, Path],
     to: Path,
     tell: Tell,
@@ -122,7 +122,7 @@ def write_all(
     tables = [to / "landmarks.csv", last]
     earlier = [*tables, *(to / f"{name}{suffix}" for name in collection.names)]
     with made_folder(to), claimed(last, [] if force else earlier):
-        found = collections.collected_landmarks(collection, *given, patches, more.surface_points)
+        found = cohort.collected_landmarks(collection, *given, patches, more.surface_points)
         for name, carried in found:
             points[name] = carried
             tell(f"landmarks of {name}", len(points) / len(collection.names))
@@ -132,21 +132,21 @@ def write_all(
             write_csv(to / "landmarks_slid.csv", slid, SLID)
         for name, carried in points.items():
             lost |= {*isomatch.write_landmarks(to / f"{name}{suffix}", carried)}
-        left_out = {x.name: x for x in collections.landmarks_left_out(collection, *given)}
+        left_out = {x.name: x for x in cohort.landmarks_left_out(collection, *given)}
         write_csv(to / "landmarks_errors.csv", _errors(points, left_out), ERRORS)
         first = next(iter(points.values()))
-        scales = collections.scales_of(collection.units, rows)
+        scales = cohort.scales_of(collection.units, rows)
         axes = next((each.axes for each in points.values() if each.axes), None)
         alike = {
             name: _in_table(each.turned(axes), scales.get(name, 1.0), name in turned)
             for name, each in points.items()
             if (each.names, each.curves) == (first.names, first.curves)
         }
-        collections.draw_landmarks(to / "landmarks.png", collection, points)
+        cohort.draw_landmarks(to / "landmarks.png", collection, points)
         for table in tables:
             shape_landmarks.write_specimens(table, alike)
         if to.resolve() == collection.layout.landmarks.resolve():
-            collections.keep_files(collection.layout, (path for path in earlier if path.exists()))
+            cohort.keep_files(collection.layout, (path for path in earlier if path.exists()))
     spread = {name: each.spread for name, each in points.items() if np.isfinite(each.spread).any()}
     errors = {name: each.expected_error for name, each in points.items()}
     return {
@@ -217,7 +217,7 @@ def say_landmarks(record: dict[str, Any]) -> None:
 
 
 def _slid(
-    collection: collections.Collection, points: dict[str, isomatch.Landmarks], turned: list[str]
+    collection: cohort.Collection, points: dict[str, isomatch.Landmarks], turned: list[str]
 ) -> list[dict[str, Any]]:
     """Slide the landmarks of shapes that have those of the first, at least half with a place; tell how far they slid."""
     first = next(iter(points.values()))
@@ -241,7 +241,7 @@ def _in_table(landmarks: isomatch.Landmarks, scale: float, reflected: bool) -> i
 
 
 def _errors(
-    points: dict[str, isomatch.Landmarks], left_out: dict[str, collections.LeftOut]
+    points: dict[str, isomatch.Landmarks], left_out: dict[str, cohort.LeftOut]
 ) -> Iterator[dict[str, object]]:
     """Make a line for each landmark of each shape; of those marked by hand, of what the others give."""
     for name, own in points.items():
@@ -253,7 +253,7 @@ def _errors(
             yield dict(zip(ERRORS, (name, landmark, *cells)))
 
 
-def _described(left_out: collections.LeftOut) -> dict[str, Any]:
+def _described(left_out: cohort.LeftOut) -> dict[str, Any]:
     """Sum up the errors of a shape that was left out; of none, if nothing has a place."""
     errors = left_out.error[np.isfinite(left_out.error)]
     if not len(errors):

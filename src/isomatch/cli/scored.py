@@ -9,19 +9,19 @@ from typing import Any
 import numpy as np
 
 import isomatch
-from isomatch import collections
+from isomatch import cohort
 from isomatch.cli.statistics_files import StatisticsFolder
 from isomatch.cli.terminal import say, say_rows
-from isomatch.statistics import ScoredShape, ShapeModel, leave_one_out
+from isomatch.cohort.shape_statistics import ScoredShape, ShapeModel, leave_one_out
 
 LAST = "scored.json"  # of the files about new shapes
 LABEL = 16  # columns of a label
 
 
-def new_shapes(files: Sequence[Path]) -> tuple[collections.Entry, ...]:
+def new_shapes(files: Sequence[Path]) -> tuple[cohort.Entry, ...]:
     """List new shapes, from files or from one folder or list; their names are those of the files."""
     alone = len(files) == 1 and (files[0].is_dir() or files[0].suffix.lower() == ".csv")
-    return collections.entries_of(files[0] if alone else files)
+    return cohort.entries_of(files[0] if alone else files)
 
 
 def write_scored(

@@ -13,8 +13,7 @@ import numpy as np
 from cyclopts import App, Parameter
 
 import isomatch
-import isomatch.statistics as shape_statistics
-from isomatch import collections
+from isomatch import cohort
 from isomatch._core.arrays import FloatArray
 from isomatch._core.errors import FormatError, InputError, IsomatchError
 from isomatch._core.files import opened, write_text
@@ -25,8 +24,9 @@ from isomatch.cli.scored import LAST, new_shapes, say_scored, write_scored
 from isomatch.cli.statistics_files import StatisticsFolder
 from isomatch.cli.statistics_time import over_time
 from isomatch.cli.terminal import INDENT, TALK, Talk, complain, json_text, part, say, say_rows, say_table
+from isomatch.cohort import shape_statistics
+from isomatch.cohort.shape_statistics import CorrespondedShapes, GroupTest, ShapeModel, ShapeRegression
 from isomatch.io import FORMATS, Asset, Attribute
-from isomatch.statistics import CorrespondedShapes, GroupTest, ShapeModel, ShapeRegression
 
 Scale = Literal["keep", "remove"]
 Weights = Literal["area", "uniform"]
@@ -158,7 +158,7 @@ def read_cohort(
     folder: Path, groups: Path | None
 ) -> tuple[CorrespondedShapes, dict[str, str], list[shape_statistics.Doubt], list[str]]:
     """Read shapes of a folder, or one, their groups, which of them seem wrong, and notes."""
-    collections.require_unchanged(collections.Layout(folder), ["corresponded"])
+    cohort.require_unchanged(cohort.Layout(folder), ["corresponded"])
     shapes = shape_statistics.read_shapes([folder] if folder.is_file() else folder)
     labels = read_groups(groups, shapes.names, shapes.left_out) if groups else {}
     doubts = shape_statistics.doubtful_shapes(shapes)

@@ -16,15 +16,15 @@ from urllib.parse import quote
 
 import numpy as np
 
-import isomatch.statistics as shape_statistics
 from isomatch import visualization
 from isomatch._core.arrays import FloatArray
 from isomatch._core.errors import MissingDependencyError
 from isomatch._core.files import claimed, made_folder, staged, write_text
 from isomatch._core.texts import write_csv
 from isomatch.cli.terminal import json_text
+from isomatch.cohort import shape_statistics
+from isomatch.cohort.shape_statistics import CorrespondedShapes, GroupTest, ShapeModel, ShapeRegression
 from isomatch.io import Asset, Attribute, write_asset, write_mesh
-from isomatch.statistics import CorrespondedShapes, GroupTest, ShapeModel, ShapeRegression
 from isomatch.surfaces import Mesh
 
 DEVIATIONS = 2

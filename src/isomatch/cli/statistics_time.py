@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 
 import isomatch
-import isomatch.statistics as shape_statistics
-from isomatch import collections
+from isomatch import cohort
 from isomatch._core.errors import InputError
 from isomatch.cli.inputs import Force, Output
 from isomatch.cli.statistics_files import StatisticsFolder
 from isomatch.cli.terminal import TALK, Talk, complain, say, say_rows
+from isomatch.cohort import shape_statistics
+from isomatch.cohort.shape_statistics import MEASURED
 from isomatch.io import Asset, Attribute, holds_values, read_asset, read_attributes, write_asset
-from isomatch.statistics import MEASURED
 from isomatch.surfaces import Mesh
 
 
@@ -38,11 +38,11 @@ def over_time(
     """
     into = StatisticsFolder(output, last="time.json")
     with talk.progress() as tell, into.claimed(force) as new:
-        collections.require_unchanged(collections.Layout(folder), ["corresponded"])
+        cohort.require_unchanged(cohort.Layout(folder), ["corresponded"])
         shapes = shape_statistics.read_shapes(folder)
         meshes = {name: shapes.mesh(i) for i, name in enumerate(shapes.names)}
-        is_collection = collections.Layout(folder).plan.exists()
-        order = collections.Collection.open(folder).names if is_collection else shapes.names
+        is_collection = cohort.Layout(folder).plan.exists()
+        order = cohort.Collection.open(folder).names if is_collection else shapes.names
         names = [name for name in order if name in meshes]
         notes = [f"left out: {reason}" for reason in shapes.left_out]
         notes += [f"missing: {name}; see shapes.csv" for name in order if name not in meshes]

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from isomatch import Mesh, PreparedShape, match, match_both, write_mesh
-from isomatch.collections import CONTRADICTED, Collection, PairMaps, agree, agreement_of, inconsistency
+from isomatch.cohort import CONTRADICTED, Collection, PairMaps, agree, agreement_of, inconsistency
 from isomatch.datasets import Creature, ground_truth
 from isomatch_lab.procedural import creature
 from isomatch_lab.sets import BenchmarkPair, relabelled, remeshed, scape
