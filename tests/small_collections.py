@@ -39,7 +39,7 @@ def finished(small, tmp_path_factory):
     """Folder of a collection of which all pairs are matched; not to be changed."""
     folder = tmp_path_factory.mktemp("finished") / "all"
     events = run(Collection.create(folder, small.shapes, pairs="all", config=small.config))
-    assert [event.record["state"] for event in events] == ["done"] * 10
+    assert [event.state for event in events] == ["done"] * 10
     return folder
 
 

@@ -22,6 +22,7 @@ from isomatch._core.errors import InputError, SettingError
 from isomatch.cli import main
 from isomatch.cohort import KEPT, Collection, added, finish
 from isomatch.cohort.ledger import writing_ledger
+from isomatch.cohort.rows import PairRow
 from isomatch.cohort.shape_statistics import ShapeModel, read_shapes
 from isomatch.decimation import decimate
 from isomatch_lab.procedural import creature
@@ -89,7 +90,7 @@ def test_new_subjects_are_as_if_they_had_been_there_and_nothing_else_changes(coh
         scored = model.score(isomatch.read_mesh(whole.layout.corresponded(name)))
         assert [float(row[f"mode_{i}"]) for i in range(1, 4)] == scored.scores.tolist()
         assert float(row["mahalanobis"]) == scored.mahalanobis
-        assert row["outcome"] == whole.rows().pairs["b0", name]["there"]["outcome"]
+        assert row["outcome"] == whole.rows().pairs["b0", name].there.outcome.name
         assert int(row["farthest_vertex"]) == scored.vertex_errors.argmax()
     assert {*table(cohort.folder)} == {*NEW}
     assert read_shapes(cohort.folder).names == OLD  # statistics of the collection are of the old ones
@@ -217,7 +218,7 @@ def unfinished(made, folder, new, steps):
         assert [event.what for event in events] == ["shape"] * 3 + ["pair"] * 2
     if steps == 1:
         with writing_ledger(collection.layout.ledger()) as ledger:
-            ledger.put_pair(("b0", "b2"), {"state": "todo", "time": 0.0, "attempt": 0})
+            ledger.put_pair(("b0", "b2"), PairRow(state="todo"))
     with pytest.raises(InputError) as caught:
         added(collection, [new])
     return str(caught.value)

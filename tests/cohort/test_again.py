@@ -17,9 +17,9 @@ from small_collections import run
 
 def reasons(collection):
     """Of each pair that is matched, what its event and its row say."""
-    found = {event.name: event.record.get("again") for event in run(collection) if event.what == "pair"}
+    found = {event.name: event.row.again for event in run(collection) if event.what == "pair"}
     rows = collection.rows().pairs
-    assert found == {pair: rows[pair].get("again") for pair in found}
+    assert found == {pair: rows[pair].again for pair in found}
     return found
 
 
@@ -39,7 +39,7 @@ def test_contents(small, copied, tmp_path, caplog):
     with caplog.at_level(logging.INFO, "isomatch"):
         found = reasons(collection)
     assert found == {(f"s{i}", f"s{j}"): ["the contents of s2 changed"] for i, j in ((0, 2), (1, 2), (2, 3))}
-    assert collection.rows().shapes["s2"]["again"] == ["the contents of s2 changed"]
+    assert collection.rows().shapes["s2"].again == ("the contents of s2 changed",)
     assert "s0 and s2: again, because the contents of s2 changed" in caplog.text
     shutil.copy(small.shapes / "s0.ply", shapes[0])  # written, but as it was
     assert reasons(collection) == {}
@@ -59,7 +59,7 @@ def test_settings_and_seed_by_name(copied):
     other = replace(copied, config=replace(copied.config, n_search=120, search=search), seed=1)
     found = reasons(other)
     assert {*map(tuple, found.values())} == {("n_search 100 → 120", "search.flipped 1 → 2", "seed 0 → 1")}
-    assert other.rows().shapes["s0"]["again"] == ["n_search 100 → 120", "search.flipped 1 → 2", "seed 0 → 1"]
+    assert other.rows().shapes["s0"].again == ("n_search 100 → 120", "search.flipped 1 → 2", "seed 0 → 1")
 
 
 @pytest.mark.long

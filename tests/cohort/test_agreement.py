@@ -16,8 +16,9 @@ from isomatch.cli.collect import collect
 from isomatch.cohort import Collection, PairMaps, Rows, agree, agreement_of
 from isomatch.cohort import combine as combine_module
 from isomatch.cohort.combine import CONTRADICTED, CycleJob
-from isomatch.cohort.ledger import state_of, writing_ledger
+from isomatch.cohort.ledger import writing_ledger
 from isomatch.cohort.map_file import digest_of
+from isomatch.cohort.rows import MapSummary, PairAgreement, PairRow, ShapeRow
 from isomatch.datasets import ground_truth
 from isomatch.matching import match_both
 from isomatch.shapes import PreparedShape
@@ -52,13 +53,10 @@ def right(creatures, tmp_path_factory):
 def mirrored(right):
     """The best maps of a pair that reverse the orientation, called right by the match that was asked for them."""
     rows = right.rows()
-    shapes = [PreparedShape.load(right.layout.prepared(rows.shapes[name]["key"])) for name in WRONG]
+    shapes = [PreparedShape.load(right.layout.prepared(rows.shapes[name].key)) for name in WRONG]
     found = match_both(*shapes, config=replace(right.config, orientation="reverse"))
-    record = {
-        **right.maps(*WRONG).record,
-        "there": found.there.to_dict(),
-        "back": found.back.to_dict(),
-    }
+    there, back = (MapSummary.of(each, settings=True) for each in found)
+    record = replace(right.maps(*WRONG).record, there=there, back=back)
     return PairMaps(found.there.map, found.back.map, record)
 
 
@@ -94,10 +92,8 @@ def test_right_maps_stay(right, tmp_path):
     rows = copy.rows()
     assert agreement_of(rows) == (6, [], [], [])
     for pair, row in rows.pairs.items():
-        assert row["agreement"]["inconsistency"] < CONTRADICTED
-        assert {**before.pairs[pair], "time": 0} == {
-            name: 0 if name == "time" else row[name] for name in before.pairs[pair]
-        }
+        assert row.agreement.inconsistency < CONTRADICTED
+        assert replace(before.pairs[pair], agreement=row.agreement, time=row.time) == row
 
 
 @pytest.mark.long
@@ -108,9 +104,9 @@ def test_the_wrong_map_is_replaced(spoilt, right, creatures):
     rows = spoilt.rows()
     row = rows.pairs[WRONG]
     assert agreement_of(rows) == (6, [], [WRONG], [])
-    assert row["replaced_by"] in (["w", "x", "y"], ["w", "z", "y"])
-    assert row["agreement"]["before"] > CONTRADICTED > row["agreement"]["inconsistency"]
-    assert "contradict" in row["there"]["notes"][0]
+    assert row.replaced_by in (("w", "x", "y"), ("w", "z", "y"))
+    assert row.agreement.before > CONTRADICTED > row.agreement.inconsistency
+    assert "contradict" in row.there.notes[0]
     assert error(creatures, spoilt, WRONG) < 1.2 * error(creatures, right, WRONG) + 0.005
     assert error(creatures, spoilt, WRONG[::-1]) < 1.2 * error(creatures, right, WRONG[::-1]) + 0.005
     assert agreed(spoilt) == []
@@ -124,14 +120,14 @@ def test_without_prepared_shapes_nothing_is_compared(tmp_path):
         (tmp_path / f"{name}.ply").write_text("no shape")
     broken = Collection.create(tmp_path / "all", tmp_path, pairs="all")
     with ThreadPoolExecutor(1) as executor:
-        assert [event.record["state"] for event in broken.run(executor)] == ["failed"] * 3
+        assert [event.state for event in broken.run(executor)] == ["failed"] * 3
     assert agreed(broken) == []
 
 
 @pytest.mark.long
 def test_a_shape_whose_row_was_forgotten_is_left_out(spoilt):
     with writing_ledger(spoilt.layout.ledger()) as ledger:
-        ledger.put_shape("y", {"state": "failed", "error": "gone", "time": 0.0})
+        ledger.put_shape("y", ShapeRow(state="failed", error="gone"))
         ledger.forget_failed_shapes()
     assert agreed(spoilt) == []
 
@@ -149,9 +145,9 @@ def test_low_confidence_is_tried_again_where_a_shard_has_the_row_too(spoilt, mon
     shutil.copy(spoilt.layout.ledger(), spoilt.layout.ledger((0, 2)))
     monkeypatch.setattr(combine_module, "MOST_PATHS", 0)
     agreed(spoilt)
-    assert state_of(spoilt.rows().pairs[WRONG]) == "low"
+    assert spoilt.rows().pairs[WRONG].verdict == "low"
     assert spoilt.retry("low") == [WRONG]
-    assert spoilt.rows().pairs[WRONG]["state"] == "todo"
+    assert spoilt.rows().pairs[WRONG].state == "todo"
     assert spoilt.retry("low") == []
 
 
@@ -165,8 +161,8 @@ def test_killed_before_the_row_was_written(spoilt):
     assert agreed(spoilt) == []
     row = spoilt.rows().pairs[WRONG]
     assert spoilt.layout.maps(WRONG).stat().st_mtime_ns == stamp
-    assert row["replaced_by"] == replaced["replaced_by"]
-    assert row["there"] == replaced["there"]
+    assert row.replaced_by == replaced.replaced_by
+    assert row.there == replaced.there
 
 
 @pytest.mark.long
@@ -175,7 +171,8 @@ def test_killed_before_the_row_of_a_newer_version_was_written(spoilt):
     agreed(spoilt)
     with writing_ledger(spoilt.layout.ledger()) as ledger:
         ledger.put_pair(
-            WRONG, {**ledger.rows.pairs[WRONG], "key": "of an older version", "replaced_by": ["w", "x", "y"]}
+            WRONG,
+            replace(ledger.rows.pairs[WRONG], key="of an older version", replaced_by=("w", "x", "y")),
         )
     assert agreed(spoilt) == []
     with ThreadPoolExecutor(1) as executor:
@@ -184,27 +181,29 @@ def test_killed_before_the_row_of_a_newer_version_was_written(spoilt):
 
 @pytest.mark.long
 def test_what_stays_contradicted_has_low_confidence(spoilt, monkeypatch):
-    own = spoilt.rows().pairs[WRONG]["there"]["outcome"]
+    own = spoilt.rows().pairs[WRONG].ending
     assert own != "LOW_CONFIDENCE"
     with monkeypatch.context() as patched:
         patched.setattr(combine_module, "MOST_PATHS", 0)
         assert agreed(spoilt) == []
     rows = spoilt.rows()
     assert agreement_of(rows).contradicted == [WRONG]
-    assert rows.pairs[WRONG]["there"]["outcome"] == "LOW_CONFIDENCE"
-    assert rows.pairs[WRONG]["agreement"]["outcomes"][0] == own
+    assert rows.pairs[WRONG].ending == "LOW_CONFIDENCE"
+    assert rows.pairs[WRONG].agreement.outcomes[0] == own
     agreed(spoilt)
-    assert spoilt.rows().pairs[WRONG]["there"]["outcome"] != "LOW_CONFIDENCE"
+    assert spoilt.rows().pairs[WRONG].ending != "LOW_CONFIDENCE"
 
 
 @pytest.mark.long
 def test_a_contradicted_map_gives_way_when_it_is_tried_again(spoilt, mirrored, monkeypatch, creatures):
-    sure = {**mirrored.record, "there": {**mirrored.record["there"], "outcome": "CONVERGED"}}
-    sure["there"]["quality"] = {**sure["there"]["quality"], "spectral_residual": 0.0}
+    values = mirrored.record.there.values
+    measures = {**values["quality"], "spectral_residual": 0.0}
+    there = MapSummary({**values, "outcome": "CONVERGED", "quality": measures})
+    sure = replace(mirrored.record, there=there)
     file = spoilt.layout.maps(WRONG)
     replace(mirrored, record=sure).save(file)
     with writing_ledger(spoilt.layout.ledger()) as ledger:
-        ledger.put_pair(WRONG, {**ledger.rows.pairs[WRONG], "file": digest_of(file)})
+        ledger.put_pair(WRONG, replace(ledger.rows.pairs[WRONG], file=digest_of(file)))
     monkeypatch.setattr(combine_module, "MOST_PATHS", 0)
     agreed(spoilt)
     assert agreement_of(spoilt.rows()).contradicted == [WRONG]
@@ -260,9 +259,9 @@ def test_too_many_triangles_are_refused_and_the_command_goes_on(
 def test_only_shapes_in_triangles_are_compared():
     names = "abcdef"
     rows = Rows(
-        {name: {"key": name} for name in names},
-        {tuple(pair): {"state": "done"} for pair in ("ab", "bc", "ca", "cd", "de")}
-        | {("e", "c"): {"state": "failed"}},
+        {name: ShapeRow(state="done", key=name) for name in names},
+        {tuple(pair): PairRow(state="done") for pair in ("ab", "bc", "ca", "cd", "de")}
+        | {("e", "c"): PairRow(state="failed")},
     )
     assert combine_module._in_triangles(rows) == ["a", "b", "c"]
 
@@ -270,7 +269,8 @@ def test_only_shapes_in_triangles_are_compared():
 def test_shapes_that_are_mirrored_together_are_named():
     def row(pair):
         side = -0.9 if "m" in pair else 0.9
-        return {"there": {"quality": {"orientation": side}}, "agreement": {"inconsistency": 0.02}}
+        there, agreement = MapSummary({"quality": {"orientation": side}}), PairAgreement(inconsistency=0.02)
+        return PairRow(state="done", there=there, agreement=agreement)
 
     names = ("a", "b", "m", "n")
     rows = Rows(pairs={(a, b): row((a, b)) for i, a in enumerate(names) for b in names[i + 1 :]})
@@ -280,11 +280,11 @@ def test_shapes_that_are_mirrored_together_are_named():
 
 @pytest.mark.long
 def test_jobs_travel_to_processes(right):
-    job = CycleJob(right, {name: row["key"] for name, row in right.rows().shapes.items()})
+    job = CycleJob(right, {name: row.key for name, row in right.rows().shapes.items()})
     here = job.images(WRONG)
     with worker_processes(1) as executor:
         there = executor.submit(job.images, WRONG).result()
-    np.testing.assert_array_equal(here["images"], there["images"])
+    np.testing.assert_array_equal(here[0], there[0])
 
 
 def command_line(*words):
@@ -325,6 +325,6 @@ def test_maps_of_a_shape_that_was_lost_are_left_out(right, tmp_path):
     copy = Collection.create(tmp_path / "all", shapes, pairs="all")
     with ThreadPoolExecutor(1) as executor:
         list(copy.run(executor))
-    assert copy.rows().shapes["w"]["state"] == "failed"
+    assert copy.rows().shapes["w"].state == "failed"
     agreed(copy)
     assert agreement_of(copy.rows()).compared == 3

@@ -8,7 +8,7 @@ import pytest
 import isomatch
 from isomatch._core.texts import natural_order
 from isomatch.cohort import Collection, finish
-from isomatch.cohort.ledger import Rows
+from isomatch.cohort.rows import MapSummary, PairRow, Rows, ShapeRow
 from small_collections import N
 
 
@@ -54,14 +54,13 @@ def test_shapes_are_in_order_and_each_gets_a_surface(chain):
 def rows(*pairs, doubtful=()):
     """Rows of current pairs with their outcomes."""
     names = {name for pair in pairs for name in pair}
-    sides = ("there", "back")
-    outcome = {True: "LOW_CONFIDENCE", False: "CONVERGED"}
-    of = {
-        pair: {"source_hash": pair[0], "target_hash": pair[1], "state": "done"}
-        | {side: {"outcome": outcome[pair in doubtful]} for side in sides}
-        for pair in pairs
-    }
-    return Rows(shapes={name: {"hash": name} for name in names}, pairs=of)
+    sure, unsure = (MapSummary({"outcome": outcome}) for outcome in ("CONVERGED", "LOW_CONFIDENCE"))
+    of = {}
+    for source, target in pairs:
+        there = unsure if (source, target) in doubtful else sure
+        hashes = {"source_hash": source, "target_hash": target}
+        of[source, target] = PairRow(state="done", **hashes, there=there, back=there)
+    return Rows(shapes={name: ShapeRow(state="done", hash=name) for name in names}, pairs=of)
 
 
 def test_a_path_is_the_shortest_of_sure_maps():

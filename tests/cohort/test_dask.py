@@ -36,7 +36,7 @@ def test_a_worker_that_dies_is_replaced_and_the_maps_are_those_of_local_workers(
         if event.what == "shape" and event.done == event.of:
             victim = next(iter(cluster.workers.values()))
             os.kill(victim.process.process.pid, signal.SIGKILL)
-    assert {row["state"] for row in collection.rows().pairs.values()} == {"done"}
+    assert {row.state for row in collection.rows().pairs.values()} == {"done"}
     assert arrays_of(tmp_path) == arrays_of(finished)
     limit = time.monotonic() + 10
     while threading.active_count() > before + 1 and time.monotonic() < limit:
@@ -84,9 +84,9 @@ def test_workers_that_die_at_random_during_a_whole_run(cluster, small, finished,
     assert deaths.killed >= 1
     rows = collection.rows()
     for row in (*rows.shapes.values(), *rows.pairs.values()):
-        assert row["state"] == "done" or "worker" in row["error"]
+        assert row.state == "done" or "worker" in row.error
     run(collection)
-    assert {row["state"] for row in collection.rows().pairs.values()} == {"done"}
+    assert {row.state for row in collection.rows().pairs.values()} == {"done"}
     assert arrays_of(tmp_path) == arrays_of(finished)
 
 

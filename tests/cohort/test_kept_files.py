@@ -8,26 +8,29 @@ import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
+from dataclasses import replace
 from threading import Event
 
 import numpy as np
 import pytest
 
-from isomatch import Correspondence, FormatError, UnwritableFileError
+from isomatch import Correspondence, FormatError, Outcome, UnwritableFileError
 from isomatch._core.files import claimed
 from isomatch.cohort import PairMaps
 from isomatch.cohort import ledger as ledger_module
 from isomatch.cohort.jobs import loaded_shape
-from isomatch.cohort.ledger import Rows, read_ledgers, writing_ledger
+from isomatch.cohort.ledger import read_ledgers, writing_ledger
 from isomatch.cohort.plan import OLD, Layout, key_of, medoid
+from isomatch.cohort.rows import MapRecord, PairRow, Rows, ShapeRow
 from isomatch.settings import Config
 
 RESULT = {"outcome": "CONVERGED", "quality": {"spectral_residual": 0.1, "orientation": 1.0, "mirrored": None}}
 OF_SHAPE = {"key": "k", "hash": "h", "bytes": 1, "area": 1.0, "features": [0.5] * 50, "notes": []}
 OF_PAIR = {"key": "k", "attempt": 0, "source_hash": "a", "target_hash": "b", "there": RESULT, "back": RESULT}
 DONE, FAILED = (
-    {"state": state, "time": 1.0, "error": "", **OF_SHAPE, **OF_PAIR} for state in ("done", "failed")
+    ShapeRow.from_json({"state": state, "time": 1.0, "error": "", **OF_SHAPE}) for state in ("done", "failed")
 )
+PAIR = PairRow.from_json({"state": "done", "time": 1.0, **OF_PAIR})
 
 
 def test_maps_come_back_to_single_precision(tmp_path):
@@ -38,7 +41,7 @@ def test_maps_come_back_to_single_precision(tmp_path):
     vertices[7], faces[7], weights[7] = -1, -1, 0
     there = Correspondence(vertices, 40, faces, weights, "a", "b")
     back = Correspondence(rng.integers(50, size=40), 50, source_hash="b", target_hash="a")
-    PairMaps(there, back, {"source_hash": "a", "target_hash": "b"}).save(tmp_path / "m.npz")
+    PairMaps(there, back, MapRecord(source_hash="a", target_hash="b")).save(tmp_path / "m.npz")
     read = PairMaps.load(tmp_path / "m.npz")
     for one, other in ((read.there, there), (read.back, back)):
         assert np.array_equal(one.vertices, other.vertices)
@@ -72,7 +75,7 @@ def test_a_key_tells_contents_settings_and_seed():
 
 
 def test_of_rows_in_several_ledgers_what_is_done_counts_and_then_the_later():
-    late = {**FAILED, "time": 2.0}
+    late = replace(FAILED, time=2.0)
     rows = Rows({"a": FAILED, "b": DONE, "c": FAILED})
     rows.merge(Rows({"a": DONE, "b": late, "c": late, "d": FAILED}))
     assert rows.shapes == {"a": DONE, "b": DONE, "c": late, "d": FAILED}
@@ -80,8 +83,8 @@ def test_of_rows_in_several_ledgers_what_is_done_counts_and_then_the_later():
 
 def test_of_rows_of_a_file_that_changed_the_later_counts():
     before, after = (
-        {**DONE, "size": 1, "changed": 1},
-        {**FAILED, "time": DONE["time"] + 1, "size": 2, "changed": 2},
+        replace(DONE, size=1, changed=1),
+        replace(FAILED, time=DONE.time + 1, size=2, changed=2),
     )
     for first, second in ((before, after), (after, before)):
         rows = Rows({"a": first})
@@ -89,12 +92,31 @@ def test_of_rows_of_a_file_that_changed_the_later_counts():
         assert rows.shapes == {"a": after}
 
 
+def test_a_row_is_written_as_it_was_read():
+    """In its order, with the values of other versions; what is new comes last."""
+    record = {
+        "time": 1.0,
+        "of_a_later_version": [1],
+        "state": "done",
+        **OF_PAIR,
+        "reflected": [],
+        "memory": None,
+    }
+    record["agreement"] = {"later": 1, "inconsistency": 0.0}
+    row = PairRow.from_json(record)
+    assert json.dumps(row.to_json()) == json.dumps(record)
+    new = replace(row, time=2.0, again=("asked for",), there=row.there.with_outcome(Outcome.PARTIAL))
+    there = {**RESULT, "outcome": "PARTIAL", "advice": Outcome.PARTIAL.advice}
+    expected = {**record, "time": 2.0, "there": there, "again": ["asked for"]}
+    assert json.dumps(new.to_json()) == json.dumps(expected)
+
+
 @pytest.mark.parametrize("one_host", [True, False])
 def test_a_ledger_is_read_while_it_is_written_and_one_file_when_it_is_not(one_host, tmp_path):
     path = tmp_path / "ledger.sqlite"
     for turn in range(2):
         with writing_ledger(path, one_host=one_host) as ledger:
-            ledger.put_pair(("a", str(turn)), DONE)
+            ledger.put_pair(("a", str(turn)), PAIR)
             assert len(read_ledgers([path]).pairs) == turn + 1
             with (
                 pytest.raises(UnwritableFileError, match="written"),
@@ -107,20 +129,21 @@ def test_a_ledger_is_read_while_it_is_written_and_one_file_when_it_is_not(one_ho
 def test_a_reader_does_not_keep_a_run_from_its_end(tmp_path):
     path = tmp_path / "ledger.sqlite"
     with writing_ledger(path) as ledger:
-        ledger.put_pair(("a", "b"), DONE)
+        ledger.put_pair(("a", "b"), PAIR)
         reader = sqlite3.connect(path)
         assert len(reader.execute("SELECT * FROM pairs").fetchone()) == 3
     reader.close()
-    assert read_ledgers([path]).pairs == {("a", "b"): DONE}
+    assert read_ledgers([path]).pairs == {("a", "b"): PAIR}
 
 
 KILLED = """
 import os, sys
 from pathlib import Path
 from isomatch.cohort.ledger import writing_ledger
+from isomatch.cohort.rows import PairRow
 with writing_ledger(Path(sys.argv[1]), one_host=sys.argv[2] == "True") as ledger:
     for i in range(50):
-        ledger.put_pair((str(i), "x"), {"state": "todo", "time": 1.0, "attempt": 0})
+        ledger.put_pair((str(i), "x"), PairRow(state="todo", time=1.0))
     if sys.argv[2] == "False":  # a transaction that has begun to change the file
         ledger._connection.execute("PRAGMA cache_size = 1")
         ledger._connection.execute("BEGIN")
@@ -220,7 +243,7 @@ def test_a_full_disk_is_named(tmp_path):
         ledger.put_shape("a", DONE)
         ledger._connection.execute("PRAGMA max_page_count = 1")
         with pytest.raises(UnwritableFileError, match="database"):
-            ledger.put_shape("b", {**DONE, "text": "x" * 100_000})
+            ledger.put_shape("b", replace(DONE, more={"text": "x" * 100_000}))
     assert set(read_ledgers([path]).shapes) == {"a"}
 
 

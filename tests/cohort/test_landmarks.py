@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from isomatch import InputError, Landmarks, read_asset, read_mesh, write_asset, write_landmarks
+from isomatch import InputError, Landmarks, Outcome, read_asset, read_mesh, write_asset, write_landmarks
 from isomatch.cli import main
 from isomatch.cohort import (
     Collection,
@@ -83,13 +83,13 @@ def changed(collection, name, **values):
     with writing_ledger(collection.layout.ledger()) as ledger:
         for pair, row in list(ledger.rows.pairs.items()):
             if name in pair:
-                ledger.put_pair(pair, {**row, **values})
+                ledger.put_pair(pair, replace(row, **values))
 
 
 @pytest.mark.long
 def test_doubtful_maps_and_those_of_earlier_files_are_not_used(copied, marks, tmp_path, capsys):
     row = copied.rows().pairs["s0", "s1"]
-    changed(copied, "s1", back={**row["back"], "outcome": "MIRROR_IMAGE"})
+    changed(copied, "s1", back=row.back.with_outcome(Outcome.MIRROR_IMAGE))
     changed(copied, "s3", source_hash="of an earlier file")
     argv = ["collect", "landmarks", str(copied.folder), str(marks), str(tmp_path / "out")]
     assert main([*argv, "--json"]) == 0
@@ -106,8 +106,8 @@ def test_doubtful_maps_and_those_of_earlier_files_are_not_used(copied, marks, tm
 @pytest.mark.long
 def test_reflected_shapes_are_reflected_in_the_tables(copied, marks, tmp_path, capsys):
     with writing_ledger(copied.layout.ledger()) as ledger:
-        ledger.put_shape("s0", {**ledger.rows.shapes["s0"], "reflected": True})
-    changed(copied, "s0", reflected=["s0"])
+        ledger.put_shape("s0", replace(ledger.rows.shapes["s0"], reflected=True))
+    changed(copied, "s0", reflected=("s0",))
     out = tmp_path / "out"
     argv = ["collect", "landmarks", str(copied.folder), str(marks), str(out), "--format", "csv"]
     assert main([*argv, "--json"]) == 0
@@ -199,7 +199,7 @@ def test_maps_of_earlier_versions_have_no_expected_errors(copied, marks):
         file = copied.layout.maps(pair)
         replace(maps, there_error=None, back_error=None).save(file)
         with writing_ledger(copied.layout.ledger()) as ledger:
-            ledger.put_pair(pair, {**ledger.rows.pairs[pair], "file": digest_of(file)})
+            ledger.put_pair(pair, replace(ledger.rows.pairs[pair], file=digest_of(file)))
     assert copied.maps("s0", "s1").there_error is None
     found = dict(collected_landmarks(copied, {"s0": marks / "s0.mrk.json"}))
     assert found["s1"].placed.all()

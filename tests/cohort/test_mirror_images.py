@@ -16,8 +16,9 @@ from isomatch._core.errors import MeshError
 from isomatch.cli import main
 from isomatch.cohort import Collection, export, finish, mirror_images, write_reports
 from isomatch.cohort import jobs as jobs_module
-from isomatch.cohort.ledger import Ledger, Rows
+from isomatch.cohort.ledger import Ledger
 from isomatch.cohort.outliers import two_groups
+from isomatch.cohort.rows import MapSummary, PairRow, Rows, ShapeRow
 from isomatch.matching import match_both
 from isomatch.surfaces import Graph, PointCloud, reflected
 from isomatch_lab.procedural import creature
@@ -95,7 +96,7 @@ def finished(collection):
 
 
 def outcomes(collection):
-    return {pair: row["there"]["outcome"] for pair, row in collection.rows().pairs.items()}
+    return {pair: row.ending for pair, row in collection.rows().pairs.items()}
 
 
 def lines_of(path):
@@ -147,8 +148,8 @@ def test_reflected_shapes_are_remembered_in_every_row(auto, capsys):
     assert mirror_images(collection, rows) == {}
     for pair, row in rows.pairs.items():
         expected = [name for name in pair if name in LEFT]
-        assert row["reflected"] == collection.maps(*pair).record["reflected"] == expected
-        notes = [note for note in row["there"]["notes"] if note.startswith("target: reflected")]
+        assert row.reflected == collection.maps(*pair).record.reflected == tuple(expected)
+        notes = [note for note in row.there.notes if note.startswith("target: reflected")]
         assert len(notes) == len(expected)
     reflected_in = {line["target"]: line["reflected"] for line in lines_of(auto / "pairs.csv")}
     assert reflected_in == {"l0": "l0", "l1": "l1", "r1": "", "r2": ""}
@@ -202,8 +203,8 @@ def test_statistics_know_what_was_reflected(auto, tmp_path, capsys):
 def test_a_report_shows_the_reflected_shape(auto, tmp_path):
     collection = Collection.open(shutil.copytree(auto, tmp_path / "out"))
     with ThreadPoolExecutor(1) as executor:
-        states = {row["state"] for _, row in write_reports(collection, "all", executor, 1)}
-    assert states == {"done"}
+        errors = {error for _, error in write_reports(collection, "all", executor, 1)}
+    assert errors == {""}
     assert "--orientation any -o DIR" in collection.layout.report(("r0", "l0")).read_text()
     assert "--orientation" not in collection.layout.report(("r0", "r1")).read_text()
 
@@ -274,7 +275,7 @@ def test_a_reflection_that_the_match_does_not_bear_out_is_not_kept(
 def test_a_match_that_fails_is_no_reflection(blobs, plain, tmp_path, monkeypatch):
     collection = star(blobs, shutil.copytree(plain, tmp_path / "out"), "auto")
     monkeypatch.setattr(jobs_module, "match_both", lambda *_, **__: 1 / 0)
-    assert {"division" in event.record["not_reflected"][event.name] for event in run(collection)} == {True}
+    assert {"division" in event.row.not_reflected[event.name] for event in run(collection)} == {True}
     assert collection.rows().reflected(NAMES) == []
 
 
@@ -318,7 +319,7 @@ def test_the_surer_map_of_the_reflected_shape_is_not_kept_for_the_shape_itself(b
     back = star(blobs, folder, [])
     run(back)
     assert outcomes(back)["r0", "l0"] == "MIRROR_IMAGE"
-    assert back.maps("r0", "l0").record["reflected"] == []
+    assert back.maps("r0", "l0").record.reflected == ()
 
 
 @pytest.mark.long
@@ -347,24 +348,23 @@ def test_the_side_of_a_template_that_is_named_stays(blobs, tmp_path):
 
 def matched(outcome, mirrored=None, turned=()):
     result = {"outcome": outcome, "quality": {"mirrored": mirrored}}
-    same = {"state": "done", "source_hash": "", "target_hash": "", "reflected": list(turned)}
-    return {**same, "there": result, "back": result}
+    return PairRow(state="done", reflected=turned, there=MapSummary(result), back=MapSummary(result))
 
 
 def test_groups_of_shapes_by_their_pairs(blobs, tmp_path):
     """The pair that shows it best; then the group of which more are reflected stays, although it is smaller."""
     pairs = star(blobs, tmp_path, pairs="all", template=None)
-    rows = Rows({name: {"state": "done", "hash": "", "features": [0.0]} for name in NAMES})
+    rows = Rows({name: ShapeRow(state="done", features=(0.0,)) for name in NAMES})
     for a, b in combinations(NAMES, 2):
         rows.pairs[a, b] = matched("MIRROR_IMAGE", 0.5) if a[0] != b[0] else matched("PARTIAL")
     rows.pairs["l1", "r1"] = matched("MIRROR_IMAGE", 0.2)
     rows.pairs["l0", "r2"] = matched("LOW_CONFIDENCE")
     assert mirror_images(pairs, rows) == {"l0": ("l0", "r0"), "l1": ("l1", "r1")}
-    rows.shapes["l0"]["reflected"] = True
+    rows.shapes["l0"] = replace(rows.shapes["l0"], reflected=True)
     for pair, row in rows.pairs.items():
-        row["reflected"] = [name for name in pair if name == "l0"]
+        rows.pairs[pair] = replace(row, reflected=tuple(name for name in pair if name == "l0"))
     assert set(mirror_images(pairs, rows)) == {"r0", "r1", "r2"}
-    rows.shapes["l1"]["hash"] = "another file"
+    rows.shapes["l1"] = replace(rows.shapes["l1"], hash="another file")
     assert set(mirror_images(pairs, rows)) == {"r0", "r1"}
 
 

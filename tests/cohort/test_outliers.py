@@ -12,7 +12,7 @@ import pytest
 
 from isomatch import Correspondence, InputError, Mesh, read_asset, read_mesh, write_mesh
 from isomatch.cli import main
-from isomatch.cohort import Collection, Rows, export, finish, outliers, scales_of
+from isomatch.cohort import Collection, Rows, ShapeRow, export, finish, outliers, scales_of
 from isomatch.cohort.map_file import keep_files
 from isomatch.cohort.outliers import alike_shapes, likeness_of
 from isomatch.cohort.shape_statistics import ShapeModel, read_shapes
@@ -114,7 +114,7 @@ def test_what_can_be_told_is_told_before_anything_is_matched(troubled):
     assert what == ["shape"] * what.count("shape") + ["outlier"] * what.count("outlier") + [
         "pair"
     ] * what.count("pair")
-    told = {event.name: event.record["reason"] for event in troubled.events if event.what == "outlier"}
+    told = {event.name: event.row.reason for event in troubled.events if event.what == "outlier"}
     assert set(told) == {"twin", "same", "hole", "millimetres", "reflection"}
     assert re.fullmatch(
         r"is \d+ times as large as the others: in mm, if they are in m\? \(--units millimetres=mm\)",
@@ -210,7 +210,7 @@ def test_units_that_are_given_mend_it(troubled, small, tmp_path, capsys):
 
 def rows(**sizes):
     return Rows(
-        {name: {"state": "done", "area": size**2, "features": [size]} for name, size in sizes.items()}
+        {name: ShapeRow(state="done", area=size**2, features=(size,)) for name, size in sizes.items()}
     )
 
 
@@ -281,7 +281,10 @@ def test_a_symmetric_shape_is_its_own_mirror_image():
 
 def alike(**surfaces):
     return alike_shapes(
-        {name: {"hash": mesh.content_hash, **likeness_of(mesh)} for name, mesh in surfaces.items()}
+        {
+            name: ShapeRow(state="done", hash=mesh.content_hash, **likeness_of(mesh))
+            for name, mesh in surfaces.items()
+        }
     )
 
 

@@ -4,17 +4,19 @@ import csv
 import json
 import shutil
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from itertools import combinations
 
 import pytest
 
 import isomatch
-from isomatch import SettingError
+from isomatch import Outcome, SettingError
 from isomatch._core.errors import InputError
 from isomatch.cli import main
 from isomatch.cohort import Collection, plan, write_table
 from isomatch.cohort import jobs as jobs_module
-from isomatch.cohort.ledger import Rows, writing_ledger
+from isomatch.cohort.ledger import writing_ledger
+from isomatch.cohort.rows import PairRow, Rows, ShapeRow
 from isomatch.datasets import example_pair
 from isomatch.decimation import decimate
 from small_collections import N, arrays_of, run
@@ -54,10 +56,9 @@ def test_a_run_matches_all_pairs_and_the_next_one_nothing(copied):
     turned = copied.maps("s1", "s0")
     assert (turned.there.shape, turned.record) == ((N[1], N[0]), maps.record)
     row = rows.pairs["s0", "s1"]
-    assert {"key", "seconds", "memory", "there", "back", "source_hash", "target_hash", "attempt"} <= set(row)
-    assert (
-        row["there"]["quality"]["spectral_residual"] == maps.record["there"]["quality"]["spectral_residual"]
-    )
+    keys = {"key", "seconds", "memory", "there", "back", "source_hash", "target_hash", "attempt"}
+    assert keys <= set(row.to_json())
+    assert row.there.measures["spectral_residual"] == maps.record.there.measures["spectral_residual"]
 
 
 def test_what_is_whole_on_disk_is_recorded_without_being_done_again(copied):
@@ -67,7 +68,7 @@ def test_what_is_whole_on_disk_is_recorded_without_being_done_again(copied):
     assert work.done() == NOTHING
     after = copied.rows()
     for pair, row in before.pairs.items():
-        assert {**after.pairs[pair], "time": 0} == {**row, "time": 0}
+        assert replace(after.pairs[pair], time=row.time) == row
 
 
 @pytest.mark.long
@@ -137,8 +138,8 @@ def test_the_template_of_many_shapes_is_found_without_comparing_all_with_all(tmp
         (tmp_path / f"{name}.off").touch()
     star = Collection.create(tmp_path / "out", [tmp_path / f"{name}.off" for name in names])
     rows = Rows(
-        shapes={name: {"state": "done"} for name in names},
-        pairs={(Name("s250"), name): {"state": "done"} for name in names if name != "s250"},
+        shapes={name: ShapeRow(state="done") for name in names},
+        pairs={(Name("s250"), name): PairRow(state="done") for name in names if name != "s250"},
     )
     compared.clear()
     assert star.chosen_template(rows) == "s250"
@@ -158,9 +159,9 @@ def test_a_failure_is_a_row_with_its_reason_and_can_be_tried_again(small, tmp_pa
         patch.setattr(jobs_module, "match_both", broken)
         run(collection)
     rows = collection.rows()
-    assert rows.pairs["s0", "s1"]["error"] == "RuntimeError: no luck"
-    assert "at least 50 are needed" in rows.shapes["bad"]["error"]
-    assert "no such file" in rows.shapes["gone"]["error"]
+    assert rows.pairs["s0", "s1"].error == "RuntimeError: no luck"
+    assert "at least 50 are needed" in rows.shapes["bad"].error
+    assert "no such file" in rows.shapes["gone"].error
     assert [event.name for event in run(collection)] == ["gone"]  # it may have come meanwhile
     isomatch.write_mesh(shapes[2], isomatch.read_mesh(small.shapes / "s2.ply"))
     assert collection.retry("failed") == [("s0", "s1")]
@@ -171,7 +172,7 @@ def test_a_failure_is_a_row_with_its_reason_and_can_be_tried_again(small, tmp_pa
         ("s0", "bad"),
         ("s1", "bad"),
     }
-    assert {row["state"] for row in collection.rows().pairs.values()} == {"done"}
+    assert {row.state for row in collection.rows().pairs.values()} == {"done"}
 
 
 @pytest.mark.long
@@ -180,16 +181,15 @@ def test_low_confidence_is_tried_with_another_seed_and_the_surer_map_is_kept(cop
     low = copied.maps(*pair)
     with writing_ledger(copied.layout.ledger()) as ledger:
         row = ledger.rows.pairs[pair]
-        row["there"]["outcome"] = "LOW_CONFIDENCE"
-        ledger.put_pair(pair, row)
+        ledger.put_pair(pair, replace(row, there=row.there.with_outcome(Outcome.LOW_CONFIDENCE)))
     before = arrays_of(copied.folder)
     assert copied.retry("low") == [pair]
     assert [event.name for event in run(copied)] == [pair]
-    assert copied.rows().pairs[pair]["attempt"] == 1
-    assert low.record["there"]["outcome"] == "CONVERGED"  # so that the map on disk is at least as sure
+    assert copied.rows().pairs[pair].attempt == 1
+    assert low.record.there.outcome is Outcome.CONVERGED  # so that the map on disk is at least as sure
     assert (
-        copied.rows().pairs[pair]["there"]["quality"]["spectral_residual"]
-        <= row["there"]["quality"]["spectral_residual"]
+        copied.rows().pairs[pair].there.measures["spectral_residual"]
+        <= row.there.measures["spectral_residual"]
     )
     assert set(arrays_of(copied.folder)) == set(before)
     assert run(copied) == []
@@ -202,12 +202,12 @@ def test_the_map_of_a_shape_as_it_was_is_not_kept(small, copied, tmp_path):
     collection = Collection.create(copied.folder, shapes, pairs="all", config=small.config)
     with writing_ledger(copied.layout.ledger()) as ledger:
         for pair, row in list(ledger.rows.pairs.items()):
-            ledger.put_pair(pair, {**row, "attempt": 1, "key": "of the second attempt"})
+            ledger.put_pair(pair, replace(row, attempt=1, key="of the second attempt"))
     isomatch.write_mesh(shapes[0], decimate(example_pair()[0].mesh, 150).mesh)
     run(collection)
     there = collection.maps("s0", "s1").there
     assert there.shape == (150, N[1])
-    assert collection.rows().pairs["s0", "s1"]["source_hash"] == collection.rows().shapes["s0"]["hash"]
+    assert collection.rows().pairs["s0", "s1"].source_hash == collection.rows().shapes["s0"].hash
 
 
 def test_shapes_in_another_order_are_the_same_pairs(small, copied):
@@ -230,7 +230,7 @@ def test_a_collection_stays_where_it_is_when_the_working_directory_changes(small
     monkeypatch.chdir(small.folder)
     made = Collection.create("relative", "shapes/*.ply", pairs="chain", config=small.config)
     monkeypatch.chdir(tmp_path)
-    assert {event.record["state"] for event in run(made)} == {"done"}
+    assert {event.state for event in run(made)} == {"done"}
     assert made.folder == small.folder / "relative"
     monkeypatch.chdir(small.folder)
     opened = Collection.open("relative")
@@ -268,9 +268,7 @@ def test_a_damaged_plan_is_refused(copied, name, value):
 
 def test_failed_pairs_are_not_said_to_be_done(copied, capsys):
     with writing_ledger(copied.layout.ledger()) as ledger:
-        ledger.put_pair(
-            ("s1", "s3"), {**ledger.rows.pairs["s1", "s3"], "state": "failed", "error": "no luck"}
-        )
+        ledger.put_pair(("s1", "s3"), replace(ledger.rows.pairs["s1", "s3"], state="failed", error="no luck"))
     assert main(["collect", "status", str(copied.folder)]) == 0
     assert f"{len(PAIRS) - 1} of {len(PAIRS)} pairs matched, 1 failed" in capsys.readouterr().out
 
@@ -333,9 +331,7 @@ def test_two_shards_at_once(small, finished, tmp_path, capsys):
 
 def test_the_table_has_a_line_for_each_pair_worst_first(copied):
     with writing_ledger(copied.layout.ledger()) as ledger:
-        ledger.put_pair(
-            ("s1", "s3"), {**ledger.rows.pairs["s1", "s3"], "state": "failed", "error": "no luck"}
-        )
+        ledger.put_pair(("s1", "s3"), replace(ledger.rows.pairs["s1", "s3"], state="failed", error="no luck"))
     write_table(copied.rows(), copied.layout.table)
     with copied.layout.table.open(newline="") as file:
         first, *others = csv.DictReader(file)

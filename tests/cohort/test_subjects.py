@@ -171,7 +171,7 @@ def test_what_lies_on_another_starts_from_its_map(tmp_path):
     assert sheet.leader == Collection.open(sheet.folder).leader == bone
     assert (bone.leader, sheet.chosen_template(sheet.rows())) == (None, bone.chosen_template(bone.rows()))
     for pair, row in sheet.rows().pairs.items():
-        assert row["led_by"] == bone.rows().pairs[pair]["key"]
+        assert row.led_by == bone.rows().pairs[pair].key
         mesh, there = isomatch.read_mesh(found["sheet"][pair[1]]), sheet.maps(*pair).there
         apart = np.linalg.norm(there.pull_back(mesh.vertices) - mesh.vertices, axis=1)
         assert np.median(apart) < 0.05 * np.sqrt(mesh.area)
@@ -181,8 +181,8 @@ def test_what_lies_on_another_starts_from_its_map(tmp_path):
     mesh = isomatch.read_mesh(found["bone"][other])
     isomatch.write_mesh(found["bone"][other], mesh.moved(mesh.vertices * 1.001))
     _, events = matched("out")
-    (again,) = (event.record for event in events["sheet"] if event.what == "pair")
-    assert again["again"] == ["the map that it starts from changed"]
+    (again,) = (event.row for event in events["sheet"] if event.what == "pair")
+    assert again.again == ("the map that it starts from changed",)
     # without a map that can be relied on, it is matched by itself
     alone = Collection.create(
         tmp_path / "alone", sheet.shapes, template=sheet.names[0], config=config, leader=bone
@@ -242,12 +242,12 @@ def sheets(shift):
 
 def test_points_that_touch_are_kept_together():
     shapes, (first, second) = contacts_kept(sheets(0.6))
-    assert (first["slip_before"], second["note"], second["without"]) == (0, "", 0)
-    assert second["slip_after"] < 0.02 < 0.3 < second["slip_before"]
-    assert second["gap_after"] == pytest.approx(0.3, abs=1e-6)  # still on the sheet
+    assert (first.slip_before, second.note, second.without) == (0, "", 0)
+    assert second.slip_after < 0.02 < 0.3 < second.slip_before
+    assert second.gap_after == pytest.approx(0.3, abs=1e-6)  # still on the sheet
     np.testing.assert_allclose(shapes.vertices[1, 400:], shapes.vertices[0, 400:], atol=0.1)
     _, gaps = contacts_kept(sheets(0.6), move=False)
-    assert gaps[1]["slip_after"] == gaps[1]["slip_before"]
+    assert gaps[1].slip_after == gaps[1].slip_before
 
 
 def test_points_beyond_the_edge_have_no_counterpart():
@@ -255,9 +255,9 @@ def test_points_beyond_the_edge_have_no_counterpart():
     vertices = shapes.vertices.copy()
     vertices[1, 400:, 0] = 5 + (vertices[1, 400:, 0] - 5) * 0.8  # a sheet that ends before
     kept, (_, second) = contacts_kept(shapes.moved(vertices))
-    assert second["without"] == pytest.approx(0.2, abs=0.06)
+    assert second.without == pytest.approx(0.2, abs=0.06)
     np.testing.assert_allclose(kept.vertices[1, 400:], shapes.vertices[0, 400:], atol=0.2)
     vertices[1, 400:, 0] = 5 + (vertices[1, 400:, 0] - 5) * 0.3
     kept, (_, second) = contacts_kept(shapes.moved(vertices))
-    assert "left as matched" in second["note"]
+    assert "left as matched" in second.note
     np.testing.assert_array_equal(kept.vertices, vertices)

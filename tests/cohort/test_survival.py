@@ -88,7 +88,7 @@ def test_killed_at_any_moment_a_run_is_continued_and_repeats_nothing(small, fini
     assert process.returncode == 0, said
     assert before.items() <= whole(tmp_path).items()
     assert arrays_of(tmp_path) == arrays_of(finished)
-    assert {row["state"] for row in Collection.open(tmp_path).rows().pairs.values()} == {"done"}
+    assert {row.state for row in Collection.open(tmp_path).rows().pairs.values()} == {"done"}
     assert not list(tmp_path.glob("**/.*"))
 
 

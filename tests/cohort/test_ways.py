@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from isomatch import Correspondence, read_mesh, wrap, write_mesh
+from isomatch import Correspondence, Outcome, read_mesh, wrap, write_mesh
 from isomatch.cohort import Collection, PairMaps, finish, surfaces_written
 from isomatch.cohort.ledger import writing_ledger
 from small_collections import lopsided_blob, run
@@ -30,10 +30,11 @@ def cohort(small, tmp_path_factory):
     meshes = {name: read_mesh(path) for name, path in collection.paths.items()}
     with writing_ledger(collection.layout.ledger()) as ledger:
         for pair, row in ledger.rows.pairs.items():
-            sure = {side: {**row[side], "outcome": "CONVERGED"} for side in ("there", "back")}
-            ledger.put_pair(pair, {**row, **sure})
+            there, back = (side.with_outcome(Outcome.CONVERGED) for side in row.sides)
+            ledger.put_pair(pair, replace(row, there=there, back=back))
+            record = collection.maps(*pair).record
             maps = [slid(meshes[source], meshes[target], rng) for source, target in (pair, pair[::-1])]
-            PairMaps(*maps, row).save(collection.layout.maps(pair))
+            PairMaps(*maps, record).save(collection.layout.maps(pair))
     finished(collection)
     return collection
 
@@ -55,7 +56,7 @@ def slid(source, target, rng):
 
 def finished(collection):
     with ThreadPoolExecutor(1) as executor:
-        return sorted(line["name"] for line in finish(collection, executor, 1))
+        return sorted(line.name for line in finish(collection, executor, 1))
 
 
 def written(collection, name):
@@ -141,6 +142,6 @@ def test_doubtful_maps_are_no_ways(copied):
     with writing_ledger(copied.layout.ledger()) as ledger:
         for pair in (("a", "b"), ("c", "d")):
             row = ledger.rows.pairs[pair]
-            ledger.put_pair(pair, {**row, "there": {**row["there"], "outcome": "LOW_CONFIDENCE"}})
+            ledger.put_pair(pair, replace(row, there=row.there.with_outcome(Outcome.LOW_CONFIDENCE)))
     finished(copied)
     assert ways(copied) == {"a": "1", "b": "4", "c": "3", "d": "3", "e": "4", "f": "4"}

@@ -221,14 +221,14 @@ def test_collect(kind, growth, prepared, small, in_threads, faults, tmp_path, ca
         shutil.copytree(prepared / "all", tmp_path / "all")
         collection = Collection.open(tmp_path / "all")
         layout = collection.layout
-        layout.prepared(collection.rows().shapes["s0"]["key"]).unlink()
+        layout.prepared(collection.rows().shapes["s0"].key).unlink()
         layout.maps(("s1", "s2")).unlink()
         layout.corresponded("s1").unlink()
         failed, reached, _ = fails(faults, kind, n, [*argv.split(), "--reports", "none"], capsys)
         rows = collection.rows()
         assert not rows.damaged
         if kind != "allocation":
-            assert {row["state"] for row in (*rows.shapes.values(), *rows.pairs.values())} == {"done"}
+            assert {row.state for row in (*rows.shapes.values(), *rows.pairs.values())} == {"done"}
         if (failed and n % 4 == 0) or not reached:
             assert main([*argv.split(), "--reports", "none"]) == 0
             capsys.readouterr()

@@ -126,7 +126,7 @@ def run(
         for name, path in marks.items():  # what is wrong with them is told before anything is done
             isomatch.Landmarks.read(path, collection.paths[name])
     carried: dict[str, Any] = {}
-    gaps: list[dict[str, Any]] = []
+    gaps: list[cohort.Gap] = []
     end = None if time_limit is None else time.monotonic() + time_limit
     with cohort.workers_of(executor, jobs) as workers, talk.progress() as tell:
         for structure, collection in structures.items():
@@ -161,7 +161,7 @@ def run(
 def _tell_subjects(
     folder: Path,
     structures: dict[str, cohort.Collection],
-    gaps: list[dict[str, Any]],
+    gaps: list[cohort.Gap],
     talk: Talk,
     *,
     is_answer: bool = False,
@@ -169,10 +169,11 @@ def _tell_subjects(
     """Tell how far the collections of all structures are, and how structures lie on each other, on average."""
     every = {name: status_of(each, ("landmarks",)) for name, each in structures.items()}
     status: dict[str, Any] = {"folder": str(folder), "structures": every, "contacts": {}}
-    for pair in dict.fromkeys((gap["structure"], gap["other"]) for gap in gaps):
-        own = [gap for gap in gaps if (gap["structure"], gap["other"]) == pair]
-        means = {name: float(np.nanmean([gap[name] for gap in own])) for name in [*own[0]][3:-1]}
-        notes = {gap["subject"]: gap["note"] for gap in own if gap["note"]}
+    for pair in dict.fromkeys(gap[1:3] for gap in gaps):
+        own = [gap for gap in gaps if gap[1:3] == pair]
+        names = cohort.Gap._fields[3:-1]
+        means = {name: float(np.nanmean([getattr(gap, name) for gap in own])) for name in names}
+        notes = {gap.subject: gap.note for gap in own if gap.note}
         status["contacts"][" on ".join(pair)] = {**means, "notes": notes}
 
     def summary() -> None:
@@ -355,7 +356,7 @@ def add(
         scored = {
             name: prior.score_file(more.layout.corresponded(name)) for name in subjects if name in written
         }
-        outcomes = {name: rows.pairs[more.template or "", name]["there"]["outcome"] for name in scored}
+        outcomes = {name: rows.pairs[more.template or "", name].there.outcome.name for name in scored}
         landmarks = _nearest_landmarks(collection, more, scored)
         own = {name: {"outcome": outcomes[name], "landmark": landmarks.get(name, "")} for name in scored}
         about = {"folder": str(more.folder), "status": status_of(more)}
@@ -402,8 +403,8 @@ def _follow(events: Iterable[cohort.Event], tell: Tell) -> None:
     for event in events:
         tell(*told(event))
         again.update((event.what, reason) for reason in reasons_of(event))
-        if event.what == "outlier":
-            complain(f"{event.name} {event.record['reason']}")
+        if isinstance(event.row, cohort.Outlier):
+            complain(f"{event.name} {event.row.reason}")
     for (what, reason), count in again.items():
         complain(f"{count} {what}{'s' * (count > 1)} done again, because {reason}")
 
@@ -440,14 +441,14 @@ def _write(
 ) -> None:
     """Write reports, and the shapes in the topology of the template."""
     if reports != "none":
-        for pair, row in cohort.write_reports(collection, reports, workers, time_limit=_until(end)):
-            failed = f", failed: {row['error']}" if row["state"] == "failed" else ""
+        for pair, error in cohort.write_reports(collection, reports, workers, time_limit=_until(end)):
+            failed = f", failed: {error}" if error else ""
             tell(f"report of {' and '.join(pair)}{failed}", 1.0)
     for line in cohort.finish(collection, workers, time_limit=_until(end)):
-        again = f"; again, because {line['again']}" if "again" in line else ""
-        tell(f"written in the topology of the template: {line['name']}{again}", 1.0)
+        again = f"; again, because {line.again}" if line.again else ""
+        tell(f"written in the topology of the template: {line.name}{again}", 1.0)
         if again:
-            complain(f"the surface of {line['name']} done again, because {line['again']}")
+            complain(f"the surface of {line.name} done again, because {line.again}")
 
 
 _DONE = {"shape": "prepared", "outlier": "looked at", "pair": "matched"}
@@ -484,23 +485,23 @@ def status_of(collection: cohort.Collection, folders: Iterable[str] = ()) -> dic
     """Sum up how far a collection is, from the ledgers of all shards, with the damaged files of some folders."""
     rows = collection.rows()
     pairs = collection.wanted_pairs(rows)
-    own = [rows.pairs.get(pair, {"state": "todo"}) for pair in pairs]
-    outcomes = Counter(row["there"]["outcome"] for row in own if row["state"] == "done")
+    own = [rows.pairs.get(pair, cohort.PairRow(state="todo")) for pair in pairs]
+    outcomes = Counter(row.ending for row in own if row.state == "done")
     changed = cohort.changed_files(collection.layout, rows, folders)
     damaged = {str(path.relative_to(collection.folder)): what for path, what in changed.items()}
     damaged |= dict.fromkeys(rows.damaged, "is no row of a collection, and was ignored")
-    every = [*rows.shapes.items(), *((" and ".join(pair), row) for pair, row in rows.pairs.items())]
-    failures = {name: row["error"] for name, row in every if row["state"] == "failed"}
+    failures = {name: row.error for name, row in rows.shapes.items() if row.state == "failed"}
+    failures |= {" and ".join(pair): row.error for pair, row in rows.pairs.items() if row.state == "failed"}
     turned = cohort.mirror_images(collection, rows)
-    prepared = sum(row["state"] == "done" for row in rows.shapes.values())
+    prepared = sum(map(rows.is_prepared, rows.shapes))
     return {
         "folder": str(collection.folder),
         "shapes": {"all": len(collection.shapes), "prepared": prepared},
         "template": collection.chosen_template(rows),
-        "pairs": {"all": len(pairs), **Counter(map(cohort.state_of, own))},
+        "pairs": {"all": len(pairs), **Counter(row.verdict for row in own)},
         "outcomes": dict(outcomes),
         "reflected": rows.reflected(collection.names),
-        "mirror_images": {n: rows.pairs[pair].get("not_reflected", {}).get(n) for n, pair in turned.items()},
+        "mirror_images": {n: rows.pairs[pair].not_reflected.get(n) for n, pair in turned.items()},
         "outliers": [outlier._asdict() for outlier in cohort.outliers(collection, rows)],
         "agreement": cohort.agreement_of(rows)._asdict(),
         "loop": _loop_of(collection, rows) if collection.pairs == "ring" else None,
@@ -572,23 +573,27 @@ def told(event: cohort.Event) -> tuple[str, float]:
     reasons = reasons_of(event)
     again = f"; again, because {'; '.join(reasons)}" if reasons else ""
     step = f"{_DONE[event.what]} {event.done} of {event.of}"
-    return f"{step}: {name}, {_ending(event.record)}{again}", event.done / event.of
+    return f"{step}: {name}, {_ending(event.row)}{again}", event.done / event.of
 
 
-def reasons_of(event: cohort.Event) -> list[str]:
+def reasons_of(event: cohort.Event) -> tuple[str, ...]:
     """Return why a shape or a pair was done again, if it was."""
-    return event.record.get("again", []) if event.what in ("shape", "pair") else []
+    if isinstance(event.row, cohort.Outlier) or event.what not in ("shape", "pair"):
+        return ()
+    return event.row.again
 
 
-def _ending(record: dict[str, Any]) -> str:
-    if "reason" in record:
-        return str(record["reason"])
-    if record["state"] == "failed":
-        return f"failed: {record['error']}"
-    if "not_reflected" in record:
-        return f"not kept: {', '.join(record['not_reflected'].values())}"
-    if "refused" in record.get("agreement", {}):
-        return f"contradicted, but not replaced: {record['agreement']['refused']}"
-    if "replaced_by" in record:
-        return f"replaced by the composition over {record['replaced_by'][1]}"
-    return str(record["there"]["outcome"]).lower().replace("_", " ") if "there" in record else "done"
+def _ending(row: cohort.ShapeRow | cohort.PairRow | cohort.Outlier) -> str:
+    if isinstance(row, cohort.Outlier):
+        return row.reason
+    if row.state == "failed":
+        return f"failed: {row.error}"
+    if isinstance(row, cohort.ShapeRow):
+        return "done"
+    if row.not_reflected:
+        return f"not kept: {', '.join(row.not_reflected.values())}"
+    if row.agreement and row.agreement.refused:
+        return f"contradicted, but not replaced: {row.agreement.refused}"
+    if row.replaced_by:
+        return f"replaced by the composition over {row.replaced_by[1]}"
+    return row.ending.lower().replace("_", " ") if row.there.values else "done"

@@ -2,16 +2,25 @@ from isomatch.cohort import shape_statistics as shape_statistics
 from isomatch.cohort.add import added
 from isomatch.cohort.collection import Collection
 from isomatch.cohort.combine import Agreement, agree, agreement_of, inconsistency
-from isomatch.cohort.contacts import contacts_kept
+from isomatch.cohort.contacts import Gap, contacts_kept
 from isomatch.cohort.entries import Entry, entries_of
 from isomatch.cohort.finish import export, finish, surface_as_written, surfaces_written
 from isomatch.cohort.jobs import Event
 from isomatch.cohort.landmarks import LeftOut, collected_landmarks, draw_landmarks, landmarks_left_out
-from isomatch.cohort.ledger import CONTRADICTED, Rows, state_of
 from isomatch.cohort.map_file import KEPT, PairMaps, changed_files, keep_files, require_unchanged
 from isomatch.cohort.outliers import Outlier, mirror_images, outliers, scales_of
 from isomatch.cohort.plan import Layout
 from isomatch.cohort.report import write_reports, write_table
+from isomatch.cohort.rows import (
+    CONTRADICTED,
+    MapRecord,
+    MapSummary,
+    PairAgreement,
+    PairRow,
+    Rows,
+    ShapeRow,
+    SurfaceRow,
+)
 from isomatch.cohort.subjects import (
     finish_subjects,
     structures_of,
@@ -27,11 +36,18 @@ __all__ = [
     "Collection",
     "Entry",
     "Event",
+    "Gap",
     "Layout",
     "LeftOut",
+    "MapRecord",
+    "MapSummary",
     "Outlier",
+    "PairAgreement",
     "PairMaps",
+    "PairRow",
     "Rows",
+    "ShapeRow",
+    "SurfaceRow",
     "Workers",
     "added",
     "agree",
@@ -52,7 +68,6 @@ __all__ = [
     "require_unchanged",
     "scales_of",
     "shape_statistics",
-    "state_of",
     "structures_of",
     "subject_collections",
     "subject_doubts",

@@ -11,9 +11,9 @@ from isomatch._core.errors import InputError, IsomatchError, MeshError, SettingE
 from isomatch.cohort.collection import Collection
 from isomatch.cohort.entries import Entry, entries_of
 from isomatch.cohort.finish import surfaces_written
-from isomatch.cohort.ledger import Record, Rows
 from isomatch.cohort.outliers import OTHERS, checked_units, common_unit, scales_of, told_unit
 from isomatch.cohort.plan import Layout
+from isomatch.cohort.rows import PairRow, Rows, ShapeRow
 from isomatch.cohort.shape_statistics import ShapeModel, size_factors
 from isomatch.io import mesh_from
 
@@ -122,14 +122,14 @@ def _template_of(collection: Collection, rows: Rows) -> str:
     """Return the template of a finished collection."""
     template = collection.chosen_template(rows)
     todo = sum(
-        rows.pairs.get(pair, {"state": "todo"})["state"] == "todo" for pair in collection.wanted_pairs(rows)
+        rows.pairs.get(pair, PairRow(state="todo")).state == "todo" for pair in collection.wanted_pairs(rows)
     )
     untried = [name for name in collection.names if name not in rows.shapes]
     if template is None or template not in surfaces_written(collection) or todo or untried:
         why = f"{todo} pairs are not matched" if todo else "its template is not written in its own topology"
         why = f"{len(untried)} shapes are not prepared" if untried else why
         raise InputError(f"{collection.folder}: is not finished: {why}; run isomatch collect to its end")
-    if mesh_from(collection.paths[template]).content_hash != rows.shapes[template]["hash"]:
+    if mesh_from(collection.paths[template]).content_hash != rows.shapes[template].hash:
         raise InputError(
             f"{collection.paths[template]}: the template was changed after the collection was made; put the file back"
         )
@@ -157,7 +157,7 @@ def _require_model_of(collection: Collection, template: str, model: ShapeModel) 
 def _stay(earlier: Collection, others: set[str]) -> list[Entry]:
     """List what was added before, without subjects that could not be prepared."""
     rows = earlier.rows().shapes
-    broken = {name for name, row in rows.items() if row["state"] == "failed"}
+    broken = {name for name, row in rows.items() if row.state == "failed"}
     return [entry for entry in earlier.shapes if entry.name not in others | broken]
 
 
@@ -198,7 +198,7 @@ def _of_others(
     if common is None and not known:
         return {}
     if common is None:
-        new: dict[str, Record] = {name: {"area": area} for name, area in areas.items()}
+        new = {name: ShapeRow(state="todo", area=area) for name, area in areas.items()}
         common = common_unit(known, Rows({**rows.shapes, **new}))
         if common is None:
             raise InputError(
@@ -213,9 +213,7 @@ def _in_other_units(
 ) -> list[str]:
     """Name new subjects whose sizes suggest other units, unless these are given."""
     scales = scales_of(collection.units, rows)
-    sizes = [
-        row["area"] ** 0.5 * scales.get(name, 1.0) for name, row in rows.shapes.items() if row.get("area")
-    ]
+    sizes = [row.area**0.5 * scales.get(name, 1.0) for name, row in rows.shapes.items() if row.area]
     problems = []
     for name, area in areas.items():
         factor = float(size_factors(np.array([*sizes, area**0.5]))[-1])

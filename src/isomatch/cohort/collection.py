@@ -24,10 +24,11 @@ from isomatch.cohort.entries import (
     unusable_names,
 )
 from isomatch.cohort.jobs import Event, Run
-from isomatch.cohort.ledger import state_of, was_contradicted, writing_ledger
+from isomatch.cohort.ledger import writing_ledger
 from isomatch.cohort.map_file import PairMaps, maps_of_pair
 from isomatch.cohort.outliers import OTHERS, checked_units
 from isomatch.cohort.plan import Layout, Plan
+from isomatch.cohort.rows import PairRow
 from isomatch.cohort.workers import Workers
 from isomatch.settings import Config
 
@@ -236,16 +237,17 @@ class Collection(Plan):
         that others contradict gives way to the new one. With "failed", shapes that could not be prepared are tried again.
         """
         again = {
-            pair: {
-                **{name: record[name] for name in STAYS if name in record},
-                "state": "todo",
-                "time": time.time(),
-                "attempt": record["attempt"] + (which == "low"),
-                "contradicted": was_contradicted(record),
-                "again": [f"it was asked for by retry {which}"],
-            }
-            for pair, record in self.rows().pairs.items()
-            if state_of(record) == which
+            pair: PairRow(
+                **{name: getattr(row, name) for name in STAYS},
+                state="todo",
+                time=time.time(),
+                attempt=row.attempt + (which == "low"),
+                contradicted=row.was_contradicted,
+                again=(f"it was asked for by retry {which}",),
+                order=(*STAYS, "state", "time"),
+            )
+            for pair, row in self.rows().pairs.items()
+            if row.verdict == which
         }
         for path in self.layout.ledgers():
             with writing_ledger(path) as ledger:

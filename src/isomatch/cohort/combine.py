@@ -19,19 +19,11 @@ from isomatch._core.files import claimed
 from isomatch._core.memory import peak_memory, require_memory
 from isomatch.cohort.collection import Collection
 from isomatch.cohort.entries import Pair, tiles_of
-from isomatch.cohort.jobs import Event, loaded_shape, row_of
-from isomatch.cohort.ledger import (
-    CONTRADICTED,
-    SIDES,
-    Ledger,
-    Record,
-    Rows,
-    is_contradicted,
-    read_ledgers,
-    writing_ledger,
-)
+from isomatch.cohort.jobs import Event, loaded_shape
+from isomatch.cohort.ledger import Ledger, read_ledgers, writing_ledger
 from isomatch.cohort.map_file import PairMaps, digest_of
-from isomatch.cohort.workers import Task, Workers, late_after, workers_of
+from isomatch.cohort.rows import CONTRADICTED, MapRecord, MapSummary, PairAgreement, PairRow, Rows
+from isomatch.cohort.workers import Attempt, Task, Workers, attempted, late_after, workers_of
 from isomatch.correspondence import UNMATCHED
 from isomatch.matching import Evidence, Outcome, lowered, match_both, outcome_of
 from isomatch.settings import Config
@@ -100,7 +92,7 @@ def agree(
         what = f"the comparison of the maps of {len(names)} shapes"
         remedy = "match all pairs of fewer shapes, or leave the maps as they are (--no-agree)"
         require_memory(BYTES * len(names) ** 3, what, remedy)
-        job = CycleJob(collection.of(names), {name: ledger.rows.shapes[name]["key"] for name in names})
+        job = CycleJob(collection.of(names), {name: ledger.rows.shapes[name].key for name in names})
         for _ in range(MOST_ROUNDS):
             inconsistencies = _measured(job, ledger, workers, late)
             if late():
@@ -108,10 +100,10 @@ def agree(
             _write(ledger, job, inconsistencies)
             repairs = _repairs(ledger.rows, job, inconsistencies)
             n_replaced = 0
-            tasks = [Task((repair,), partial(row_of, job.repaired)) for repair in repairs]
-            for count, (repair, result) in enumerate(workers.completed(tasks, late), 1):
-                row = _after(ledger.rows.pairs[repair.pair], result, len(job.prepared))
-                n_replaced += not isinstance(result, Exception) and "replaced_by" in result
+            tasks = [Task((repair,), partial(attempted, job.repaired)) for repair in repairs]
+            for count, (repair, attempt) in enumerate(workers.completed(tasks, late), 1):
+                row = _after(ledger.rows.pairs[repair.pair], attempt, len(job.prepared))
+                n_replaced += not isinstance(attempt, Exception) and isinstance(attempt.result, Replacement)
                 ledger.put_pair(repair.pair, row)
                 yield Event("agreement", repair.pair, row, count, len(repairs))
             if not n_replaced:
@@ -123,24 +115,24 @@ def agree(
 
 def agreement_of(rows: Rows) -> Agreement:
     """Sum up the rows of a collection."""
-    compared = [pair for pair, row in rows.pairs.items() if "agreement" in row]
+    compared = [pair for pair, row in rows.pairs.items() if row.agreement is not None]
     names = sorted({name for pair in compared for name in pair})
     number = {name: i for i, name in enumerate(names)}
     orientations = np.full((len(names), len(names)), np.nan)
     for pair in compared:
         i, j = (number[name] for name in pair)
-        orientation = rows.pairs[pair]["there"]["quality"]["orientation"]
+        orientation = rows.pairs[pair].there.measures["orientation"]
         orientations[i, j] = orientations[j, i] = np.nan if orientation is None else orientation
-    contradicted = [pair for pair in compared if is_contradicted(rows.pairs[pair])]
-    replaced = [pair for pair in compared if "replaced_by" in rows.pairs[pair]]
+    contradicted = [pair for pair in compared if rows.pairs[pair].is_contradicted]
+    replaced = [pair for pair in compared if rows.pairs[pair].replaced_by]
     turned = [names[i] for i in turned_shapes(orientations)] if names else []
     return Agreement(len(compared), contradicted, replaced, turned)
 
 
 def _in_triangles(rows: Rows) -> list[str]:
     """Names of the prepared shapes that are in triangles of matched pairs."""
-    prepared = {name for name, row in rows.shapes.items() if "key" in row}
-    done = [pair for pair, row in rows.pairs.items() if row["state"] == "done" and prepared.issuperset(pair)]
+    prepared = {name for name, row in rows.shapes.items() if row.key}
+    done = [pair for pair, row in rows.pairs.items() if row.state == "done" and prepared.issuperset(pair)]
     near: dict[str, set[str]] = {name: set() for name in prepared}
     for a, b in done:
         near[a].add(b)
@@ -156,26 +148,28 @@ def _measured(job: CycleJob, ledger: Ledger, workers: Workers, late: Callable[[]
     done = [pair for pair in rows.pairs if number.keys() >= set(pair) and rows.is_current(pair)]
     images = np.full((len(names), len(names), N_SAMPLES), UNMATCHED)
     tiles = tiles_of(done, names, TILE, max(1, len(done) // workers.count()))
-    tasks = [Task(tuple(tile), partial(row_of, job.images)) for tile in tiles]
-    for pair, result in workers.completed(tasks, late):
-        if isinstance(result, Exception) or "images" not in result:
+    tasks = [Task(tuple(tile), partial(attempted, job.images)) for tile in tiles]
+    for pair, attempt in workers.completed(tasks, late):
+        if isinstance(attempt, Exception) or attempt.result is None:
             continue  # the next run matches it again
-        if result["record"]["key"] != rows.pairs[pair]["key"]:
+        both, (record, file) = attempt.result
+        row = rows.pairs[pair]
+        if record.key != row.key:
             continue  # by a run that was killed before it wrote the row, as the next one does
-        saved = {"time": time.time(), **result["record"]}
-        if saved["file"] != rows.pairs[pair].get("file", saved["file"]):
-            if saved.get("replaced_by") in (None, rows.pairs[pair].get("replaced_by")):
+        if file != (row.file or file):
+            if record.replaced_by in ((), row.replaced_by):
                 continue  # it was changed after it was written; the next run matches it again
-            ledger.put_pair(pair, _after(rows.pairs[pair], saved, len(names)))  # likewise
+            likewise = Attempt(attempt.result[1], "", time.time())
+            ledger.put_pair(pair, _after(row, likewise, len(names)))
         a, b = (number[name] for name in pair)
-        images[a, b], images[b, a] = result["images"]
+        images[a, b], images[b, a] = both
     readings = np.full((len(names),) * 3, np.nan)
     side = max(1, -(-len(names) // workers.count()))  # the images travel with each task
-    compared = partial(row_of, partial(job.readings, images))
+    compared = partial(attempted, partial(job.readings, images))
     tasks = [Task(tuple(names[i : i + side]), compared) for i in range(0, len(names), side)]
-    for name, result in workers.completed(tasks, late):
-        if not isinstance(result, Exception) and "readings" in result:
-            readings[:, :, number[name]] = result["readings"]
+    for name, attempt in workers.completed(tasks, late):
+        if not isinstance(attempt, Exception) and attempt.result is not None:
+            readings[:, :, number[name]] = attempt.result
     prior = np.ones(readings.shape[:2])
     for pair in done:
         a, b = (number[name] for name in pair)
@@ -183,13 +177,18 @@ def _measured(job: CycleJob, ledger: Ledger, workers: Workers, late: Callable[[]
     return inconsistency(readings, prior)
 
 
-def _prior(row: Record, config: Config) -> float:
+def _prior(row: PairRow, config: Config) -> float:
     """Weight of a map by its own evidence: less if it has low confidence, or not the orientation that is wanted."""
-    outcomes = row.get("agreement", {}).get("outcomes") or [row[side]["outcome"] for side in SIDES]
     wanted = ORIENTATIONS[config.orientation]
-    turned = any(wanted * (row[side]["quality"]["orientation"] or 0.0) < 0 for side in SIDES)
-    unsure = any(Outcome[outcome].is_doubtful for outcome in outcomes)
+    turned = any(wanted * (side.measures["orientation"] or 0.0) < 0 for side in row.sides)
+    unsure = any(outcome.is_doubtful for outcome in _own_outcomes(row))
     return UNSURE if turned or unsure else 1.0
+
+
+def _own_outcomes(row: PairRow) -> list[Outcome]:
+    """Return how the match of a pair itself ended, in both directions."""
+    kept = row.agreement.outcomes if row.agreement else ()
+    return [Outcome[name] for name in kept] or [side.outcome for side in row.sides]
 
 
 def _write(ledger: Ledger, job: CycleJob, inconsistencies: FloatArray) -> None:
@@ -199,14 +198,19 @@ def _write(ledger: Ledger, job: CycleJob, inconsistencies: FloatArray) -> None:
         value = round(float(inconsistencies[i, j]), 4)
         pair = _as_matched(ledger.rows, names[i], names[j])
         row = ledger.rows.pairs[pair]
-        earlier = {"before": value, **row.get("agreement", {})}
-        own = earlier.get("outcomes") or [row[side]["outcome"] for side in SIDES]
-        new = {**row, "agreement": {**earlier, "inconsistency": value, "outcomes": own}}
-        for side, outcome in zip(SIDES, own):
-            held = lowered(Outcome[outcome], Evidence(poor=value > CONTRADICTED))
-            new[side] = {**row[side], "outcome": held.name, "advice": held.advice}
+        agreement, own = row.agreement or PairAgreement(), _own_outcomes(row)
+        agreement = replace(
+            agreement,
+            before=value if agreement.before is None else agreement.before,
+            inconsistency=value,
+            outcomes=tuple(outcome.name for outcome in own),
+            order=("before", *agreement.order),
+        )
+        poor = Evidence(poor=value > CONTRADICTED)
+        there, back = (side.with_outcome(lowered(x, poor)) for side, x in zip(row.sides, own))
+        new = replace(row, agreement=agreement, there=there, back=back)
         if new != row:
-            ledger.put_pair(pair, {**new, "time": time.time()})
+            ledger.put_pair(pair, replace(new, time=time.time()))
 
 
 def _as_matched(rows: Rows, a: str, b: str) -> Pair:
@@ -222,10 +226,11 @@ def _repairs(rows: Rows, job: CycleJob, inconsistencies: FloatArray) -> Sequence
         pair = _as_matched(rows, names[a], names[c])
         paths = trusted[a] * trusted[c]
         middles = [int(b) for b in np.argsort(-paths)[:MOST_PATHS] if paths[b] > 0]
-        if not middles or rows.pairs[pair]["agreement"].get("tried_with") == len(names):
+        agreement = rows.pairs[pair].agreement
+        if not middles or (agreement and agreement.tried_with == len(names)):
             continue
         outcomes = [_least_sure(rows, pair, names[b]) for b in middles]
-        seed = job.collection.seed + rows.pairs[pair]["attempt"]
+        seed = job.collection.seed + rows.pairs[pair].attempt
         over = tuple(names[b] for b in middles)
         repairs.append(Repair(pair, over, tuple(paths[middles]), tuple(outcomes), seed))
     return repairs
@@ -233,21 +238,29 @@ def _repairs(rows: Rows, job: CycleJob, inconsistencies: FloatArray) -> Sequence
 
 def _least_sure(rows: Rows, pair: Pair, middle: str) -> str:
     legs = [rows.pairs.get((end, middle)) or rows.pairs[middle, end] for end in pair]
-    outcomes = [Outcome[leg[side]["outcome"]] for leg in legs for side in SIDES]
+    outcomes = [side.outcome for leg in legs for side in leg.sides]
     return outcome_of(map(Evidence.of, outcomes)).name
 
 
-def _after(row: Record, result: Any, n_shapes: int) -> Record:
+def _after(row: PairRow, attempt: Attempt[Any] | Exception, n_shapes: int) -> PairRow:
     """Row of a pair after an attempt to replace its map."""
-    agreement = {**row.get("agreement", {}), "tried_with": n_shapes}
-    if isinstance(result, Exception):
-        result = {"refused": f"the worker died ({result})"}
-    if "replaced_by" in result:
-        for told_before in ("outcomes", "refused"):
-            agreement.pop(told_before, None)
-        return {**row, **result, "agreement": agreement}
-    reason = result.get("refused") or result["error"]
-    return {**row, "agreement": {**agreement, "refused": reason}, "time": time.time()}
+    agreement = replace(row.agreement or PairAgreement(), tried_with=n_shapes)
+    if isinstance(attempt, Exception):
+        attempt = Attempt(f"the worker died ({attempt})", "", time.time())
+    if isinstance(attempt.result, Replacement):
+        agreement = replace(agreement, outcomes=(), refused="")
+        record, more = attempt.result.record, {**row.more, **attempt.result.record.more}
+        row = replace(row, state="done", time=attempt.time, agreement=agreement, more=more)
+        return replace(row, **record.given(), file=attempt.result.file)
+    agreement = replace(agreement, refused=attempt.result or attempt.error)
+    return replace(row, agreement=agreement, time=time.time())
+
+
+class Replacement(NamedTuple):
+    """What the file of a pair says once a composition took the place of its map, and the digest of that."""
+
+    record: MapRecord
+    file: str
 
 
 class Repair(NamedTuple):
@@ -267,15 +280,14 @@ class CycleJob:
     collection: Collection
     prepared: dict[str, str]  # key of each prepared shape, by name
 
-    def images(self, pair: Pair) -> Record:
-        """Map the samples of the shapes of a pair, there and back: ``images``; with the ``record`` of the file."""
+    def images(self, pair: Pair) -> tuple[list[IntArray], Replacement]:
+        """Map the samples of the shapes of a pair, there and back; with what the file says, and its digest."""
         maps = self.collection.maps(*pair)
         images = [maps.there.vertices[self._samples(pair[0])], maps.back.vertices[self._samples(pair[1])]]
-        record = {**maps.record, "file": digest_of(self.collection.layout.maps(pair))}
-        return {"images": images, "record": record}
+        return images, Replacement(maps.record, digest_of(self.collection.layout.maps(pair)))
 
-    def readings(self, images: IntArray, target: str) -> Record:
-        """Compare all maps to a shape with all compositions of two maps that end there: ``readings``."""
+    def readings(self, images: IntArray, target: str) -> FloatArray:
+        """Compare all maps to a shape with all compositions of two maps that end there."""
         # images (n, n, m): vertex of the second shape that each sample of the first is mapped to, −1 if not known
         names = list(self.prepared)
         shape, column = self._shape(target), names.index(target)
@@ -283,10 +295,10 @@ class CycleJob:
         for b in np.flatnonzero((images[:, column] >= 0).any(axis=1)):
             onwards = self._mapped(names[b], target, images[:, b])
             readings[:, b] = _mean_distances(shape, onwards, images[:, column])
-        return {"readings": readings}
+        return readings
 
-    def repaired(self, repair: Repair) -> Record:
-        """Return the row of a pair with a map that agrees better and fits as well, or why it was ``refused``."""
+    def repaired(self, repair: Repair) -> Replacement | str:
+        """Write a map for a pair that agrees better and fits as well, or tell why there is none."""
         pair, turned = repair.pair, repair.pair[::-1]
         old = self.collection.maps(*pair)
         paths, paths_back = (self._paths(ends, repair.middles) for ends in (pair, turned))
@@ -321,22 +333,19 @@ class CycleJob:
         elif (worst := np.nanmax([0.0, *(1 / x.quality.runner_up for x in rematched)])) > config.outcome.tie:
             refused = f"fits worse than another map, by a factor {worst:.2f}"
         if refused:
-            return {"refused": f"the composition over {over} {refused}"}
+            return f"the composition over {over} {refused}"
         note = (
             f"other maps contradict the map that was matched, by {before:.2f} √area; this one is their composition over "
             f"{over}, refined, and its outcome is at most as sure as theirs"
         )
         least = Evidence.of(Outcome[repair.outcomes[best]])
         results = [replace(x, outcome=lowered(x.outcome, least), notes=(note, *x.notes)) for x in rematched]
-        record = {
-            **old.record,
-            **{side: result.to_dict() for side, result in zip(SIDES, results)},
-            "memory": peak_memory(),
-            "replaced_by": [pair[0], over, pair[1]],
-        }
+        there, back = (MapSummary.of(result, settings=True) for result in results)
+        by = pair[0], over, pair[1]
+        record = replace(old.record, there=there, back=back, memory=peak_memory(), replaced_by=by)
         file = self.collection.layout.maps(pair)
         PairMaps.of(results[0], results[1], record).save(file)
-        return {**record, "file": digest_of(file)}
+        return Replacement(record, digest_of(file))
 
     def _mapped(self, first: str, last: str, vertices: IntArray) -> IntArray:
         """Images of vertices of one shape on another one, of which −1 have none."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse import coo_array, csc_array
@@ -23,6 +23,22 @@ REACH = 0.1  # √area: how far beyond the contact points are still moved
 ROUNDS = 4  # the slip of knee cartilage hardly falls in further ones
 SLIPPED = 0.5  # √area of a vertex: a point that still slips by more has no counterpart
 MOST_WITHOUT = 0.5  # share of the points that touch: with more, a structure stays as it was matched
+
+
+class Gap(NamedTuple):
+    """How two structures of a subject lie on each other; the lengths are nan where nothing is measured."""
+
+    subject: str
+    structure: str
+    other: str
+    gap_before: float
+    overlap_before: float
+    slip_before: float
+    gap_after: float
+    overlap_after: float
+    slip_after: float
+    without: float  # share of the points that touch which have no counterpart
+    note: str  # why nothing was moved
 
 
 class _Contact(NamedTuple):
@@ -54,7 +70,7 @@ def beneath(meshes: Mapping[str, Mesh]) -> dict[str, str]:
 
 def contacts_kept(
     shapes: CorrespondedShapes, of: str | None = None, *, move: bool = True
-) -> tuple[CorrespondedShapes, list[dict[str, Any]]]:
+) -> tuple[CorrespondedShapes, list[Gap]]:
     """Keep points together that lie on each other in one subject, and measure gap and overlap in all.
 
     Parameters
@@ -71,7 +87,7 @@ def contacts_kept(
     shapes : CorrespondedShapes
         A structure, such as cartilage, that touches a larger one by 0.6 of its area or more follows that: its points are
         moved along its own surface. Those beyond its edge have no counterpart: they continue it, and are not measured.
-    gaps : list of dict
+    gaps : list of Gap
         For each subject and two structures that touch, by a fifth of the area of the smaller one: ``gap``, ``overlap``
         and ``slip`` before and after, the share ``without`` counterpart, and a ``note`` why nothing was moved, if so. Of
         points that touch in the template, these are the largest distances outside and inside the larger structure, and
@@ -90,14 +106,14 @@ def contacts_kept(
     >>> below, above = (CorrespondedShapes(["s"], [flat + [0, 0, z]], [[0, 1, 2], [0, 2, 3]]) for z in (0, 0.01))
     >>> from isomatch.cohort.shape_statistics import stacked
     >>> _, (found,) = contacts_kept(stacked({"below": below, "above": above}))
-    >>> found["structure"], found["other"], round(found["gap_after"], 6), found["slip_after"]
+    >>> found.structure, found.other, round(found.gap_after, 6), found.slip_after
     ('above', 'below', 0.01, 0.0)
     """
     parts, vertices, measured = slices_of(shapes.structures), shapes.vertices.copy(), shapes.seen.copy()
     has = {name: np.asarray(measured[:, part].any(axis=1)) for name, part in parts.items()}
     at = int(np.sum([*has.values()], axis=0).argmax()) if of not in shapes.names else shapes.names.index(of)
     meshes = {name: structure_of(shapes.mesh(at), part) for name, part in parts.items() if has[name][at]}
-    gaps = list[dict[str, Any]]()
+    gaps = list[Gap]()
 
     def mesh_of(places: FloatArray, i: int, name: str) -> Mesh:
         return meshes[name].moved(places[i, parts[name]])
@@ -118,12 +134,12 @@ def contacts_kept(
             for each in touching:
                 if has[each.other][i]:
                     counted = each.touches & measured[i, parts[name]]
-                    states = {"before": (shapes.vertices, each.touches), "after": (vertices, counted)}
-                    gaps.append({"subject": shapes.names[i], "structure": name, "other": each.other})
-                    for when, (places, rows) in states.items():
-                        lies = _lies(each, mesh_of(places, i, name), mesh_of(places, i, each.other), rows)
-                        gaps[-1] |= {f"{what}_{when}": value for what, value in lies.items()}
-                    gaps[-1] |= {"without": float(1 - counted.sum() / each.touches.sum()), "note": note}
+                    before, after = (
+                        _lies(each, mesh_of(places, i, name), mesh_of(places, i, each.other), rows)
+                        for places, rows in ((shapes.vertices, each.touches), (vertices, counted))
+                    )
+                    without = float(1 - counted.sum() / each.touches.sum())
+                    gaps.append(Gap(shapes.names[i], name, each.other, *before, *after, without, note))
     return replace(shapes, vertices=vertices, measured=measured), gaps
 
 
@@ -164,10 +180,10 @@ def _nearest(mesh: Mesh, positions: FloatArray) -> FloatArray:
     return nearest_on_surface(mesh, positions).interpolated(mesh.vertices)
 
 
-def _lies(contact: _Contact, own: Mesh, other: Mesh, rows: BoolArray) -> dict[str, float]:
+def _lies(contact: _Contact, own: Mesh, other: Mesh, rows: BoolArray) -> tuple[float, float, float]:
     """Largest gap and overlap, and mean slip, of some points of a contact; nan of none."""
     if not rows.any():
-        return dict.fromkeys(("gap", "overlap", "slip"), np.nan)
+        return np.nan, np.nan, np.nan
     here = own.vertices[rows]
     nearest = nearest_on_surface(other, here)
     away = here - nearest.interpolated(other.vertices)
@@ -175,4 +191,4 @@ def _lies(contact: _Contact, own: Mesh, other: Mesh, rows: BoolArray) -> dict[st
     apart = np.linalg.norm(away, axis=1)
     slip = np.linalg.norm(contact.points.interpolated(other.vertices)[rows] - (here - away), axis=1)
     gap, overlap = (float(apart[side].max(initial=0.0)) for side in (outside, ~outside))
-    return {"gap": gap, "overlap": overlap, "slip": float(slip.mean())}
+    return gap, overlap, float(slip.mean())

@@ -6,22 +6,21 @@ import time
 from collections.abc import Container, Iterable, Iterator
 from concurrent.futures import Executor
 from contextlib import suppress
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import lru_cache, partial
 from hashlib import blake2b
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from matplotlib.image import imsave
 
 from isomatch._core.errors import FormatError, InputError, IsomatchError, UnwritableFileError
 from isomatch._core.files import claimed, is_of_one_file, made_folder, replaced, staged, writing
-from isomatch._core.texts import read_csv, write_csv
 from isomatch.cohort.collection import Collection
 from isomatch.cohort.entries import BETWEEN, Entry, Pair
-from isomatch.cohort.ledger import CONTRADICTED, Ledger, Record, Rows, read_ledgers, writing_ledger
+from isomatch.cohort.ledger import Ledger, read_ledgers, writing_ledger
 from isomatch.cohort.map_file import (
     as_matched,
     changed_files,
@@ -33,6 +32,7 @@ from isomatch.cohort.map_file import (
 from isomatch.cohort.outliers import NOT_UNLIKE, mirror_images, scales_of
 from isomatch.cohort.plan import Layout, identity_of_map
 from isomatch.cohort.report import write_page, write_table
+from isomatch.cohort.rows import CONTRADICTED, Rows, ShapeRow, SurfaceRow
 from isomatch.cohort.shape_statistics import MEASURED, doubtful_positions
 from isomatch.cohort.workers import Task, Workers, late_after, workers_of
 from isomatch.correspondence import Correspondence, WrapQuality, median_map, wrap
@@ -40,9 +40,6 @@ from isomatch.io import Asset, Attribute, Frame, Polygons, mesh_from, read_asset
 from isomatch.surfaces import Mesh, reflected
 from isomatch.visualization import camera_of, position_colours, surface_image, to_screen, turn_to_target
 
-OWN = ("name", "key", "turned", "stretch", "distance", "extended", "error")  # columns of the work itself
-LOOP = ("loop_error", "greatest_loop_error")  # of the template, once around a ring, in √area
-COLUMNS = (*OWN, "expected_error", "ways", "scale", "reflected", "mirror_image", "unlike", *LOOP)
 AT_ONCE = 4  # surfaces of a task
 N_COMPARED = 1000  # vertices of a shape by which outliers are found
 MOST_COMPARED = 2000  # shapes that are compared; of more, every so many-th
@@ -56,7 +53,7 @@ def finish(
     executor: str | Executor | Workers = "local",
     jobs: int | None = None,
     time_limit: float | None = None,
-) -> Iterator[dict[str, Any]]:
+) -> Iterator[SurfaceRow]:
     """Write the shapes in the topology of the template, ``shapes.csv``, ``pairs.csv`` and ``index.html``.
 
     A shape is written if it is matched with the template, in either direction, and only if its maps are others than
@@ -78,14 +75,14 @@ def finish(
 
     Yields
     ------
-    dict
+    SurfaceRow
         For each surface that is written: its name, the key of the map, and the measures of `WrapQuality`; or the error
         that prevented it. ``again``: what was wrong with the file that was there.
     """
     late = late_after(time_limit)
     layout, rows = collection.layout, collection.rows()
     template = collection.chosen_template(rows)
-    lines = _lines_of_table(collection)
+    lines = SurfaceRow.read(layout.shapes_table)
     plans = [] if template is None else _planned(collection, rows, template)
     kept = collection.names if template is None else [plan.entry.name for plan in plans]
     with claimed(layout.shapes_table), writing_ledger(layout.ledger()) as ledger:
@@ -101,22 +98,23 @@ def finish(
             tasks = [Task(tuple(todo[i : i + AT_ONCE]), wrapped) for i in range(0, len(todo), AT_ONCE)]
             saved = time.monotonic()
             with workers_of(executor, jobs) as workers:
-                for plan, line in workers.completed(tasks, late):
+                for plan, found in workers.completed(tasks, late):
                     name, file = plan.entry.name, layout.corresponded(plan.entry.name)
-                    lines[name] = line if isinstance(line, dict) else {"name": name, "error": str(line)}
-                    if digest := lines[name].pop("file", None):
+                    died = SurfaceRow(name=name, error=str(found)), ""
+                    lines[name], digest = died if isinstance(found, Exception) else found
+                    if digest:
                         put_files(ledger, layout, {file: digest})
                         whole.add(name)
                     if time.monotonic() > saved + SAVED:
-                        write_csv(layout.shapes_table, lines.values(), COLUMNS)
+                        SurfaceRow.write(layout.shapes_table, lines.values())
                         saved = time.monotonic()
-                    again = {"again": f"its file {changed[file]}"} if file in changed else {}
-                    yield {**lines[name], **again}
+                    again = f"its file {changed[file]}" if file in changed else ""
+                    yield replace(lines[name], again=again)
             _tell_sides(collection, rows, lines)
             _tell_unreached(collection, rows, template, set(kept), lines)
             written = [plan.entry.name for plan in plans if _is_written(plan, lines, whole)]
             _tell_unlike(layout, written, lines)
-            write_csv(layout.shapes_table, lines.values(), COLUMNS)
+            SurfaceRow.write(layout.shapes_table, lines.values())
     write_table(rows, layout.table)
     write_page(collection, rows, template, lines)
 
@@ -134,8 +132,9 @@ def surfaces_written(collection: Collection) -> list[str]:
     template = collection.chosen_template(rows)
     if template is None:
         return []
-    plans, lines = _planned(collection, rows, template), _lines_of_table(collection)
-    whole = _whole(collection.layout, rows, changed_files(collection.layout, rows, ["corresponded"]))
+    layout, plans = collection.layout, _planned(collection, rows, template)
+    lines = SurfaceRow.read(layout.shapes_table)
+    whole = _whole(layout, rows, changed_files(layout, rows, ["corresponded"]))
     return [plan.entry.name for plan in plans if _is_written(plan, lines, whole)]
 
 
@@ -145,7 +144,7 @@ def _planned(collection: Collection, rows: Rows, template: str) -> list[PlannedS
     keys = {ends: identity_of_map(row) for ends, row in current.items()}
     sure = {frozenset(pair) for pair in rows.pairs if frozenset(pair) in keys and not rows.is_doubtful(pair)}
     linked = [name for name in collection.names if {template, name} in sure]
-    own = rows.shapes.get(template, {}).get("key", "")
+    own = rows.shapes.get(template, ShapeRow(state="todo")).key
     plans = [PlannedSurface(_entry(collection, rows, template), None, own)]
     start = collection.names.index(template) if collection.pairs == "ring" else 0
     ring = [*collection.names[start:], *collection.names[:start]]
@@ -198,12 +197,12 @@ def _whole(layout: Layout, rows: Rows, changed: Container[Path]) -> set[str]:
     return {file.stem for file in files if file.parent.name == "corresponded" and file not in changed}
 
 
-def _is_written(plan: PlannedSurface, lines: dict[str, Any], whole: Container[str]) -> bool:
-    line = lines.get(plan.entry.name, {})
-    return line.get("key") == plan.key and not line.get("error") and plan.entry.name in whole
+def _is_written(plan: PlannedSurface, lines: dict[str, SurfaceRow], whole: Container[str]) -> bool:
+    line = lines.get(plan.entry.name)
+    return line is not None and line.key == plan.key and not line.error and plan.entry.name in whole
 
 
-def _remove(collection: Collection, kept: set[str], lines: dict[str, Any], ledger: Ledger) -> None:
+def _remove(collection: Collection, kept: set[str], lines: dict[str, SurfaceRow], ledger: Ledger) -> None:
     """Remove the files and lines of shapes that are not written any more, and reports of pairs that are no more."""
     layout, everything = collection.layout, read_ledgers(collection.layout.ledgers())
     gone = {*lines, *everything.shapes} - kept
@@ -213,16 +212,15 @@ def _remove(collection: Collection, kept: set[str], lines: dict[str, Any], ledge
             file.unlink(missing_ok=True)
             ledger.forget_file(file.relative_to(layout.folder).as_posix())
         if lines.pop(name, None):  # the others are compared again, without it
-            for line in lines.values():
-                line.pop("unlike", None)
+            lines |= {other: replace(line, unlike="") for other, line in lines.items()}
     for pair in everything.pairs:
         if not set(pair) <= set(collection.names):
             layout.report(pair).unlink(missing_ok=True)
 
 
-def _tell_unlike(layout: Layout, names: list[str], lines: dict[str, Any]) -> None:
+def _tell_unlike(layout: Layout, names: list[str], lines: dict[str, SurfaceRow]) -> None:
     """Add to the lines of shapes why they are far from all others, if they are; unless all have been compared."""
-    if all(lines[name].get("unlike") for name in names):
+    if all(lines[name].unlike for name in names):
         return
     compared = names[:: len(names) // MOST_COMPARED + 1]
     sampled = []
@@ -232,11 +230,11 @@ def _tell_unlike(layout: Layout, names: list[str], lines: dict[str, Any]) -> Non
     doubts = doubtful_positions(compared, np.array(sampled)) if sampled else []
     unlike = {name: doubt.reason for doubt in doubts if doubt.kind == "unlike" for name in doubt.names}
     for name in names:
-        lines[name]["unlike"] = unlike.get(name, NOT_UNLIKE)
+        lines[name] = replace(lines[name], unlike=unlike.get(name, NOT_UNLIKE))
 
 
 def _tell_unreached(
-    collection: Collection, rows: Rows, template: str, kept: set[str], lines: dict[str, Any]
+    collection: Collection, rows: Rows, template: str, kept: set[str], lines: dict[str, SurfaceRow]
 ) -> None:
     """Add lines of shapes that no path of sure maps leads to, with the maps at which the paths end."""
     broken = [pair for pair in rows.pairs if rows.is_doubtful(pair) and len(kept & {*pair}) == 1]
@@ -244,22 +242,16 @@ def _tell_unreached(
     for name in collection.names:
         if name not in kept and name in rows.shapes:
             reason = f"no sure maps lead to it from the template {template}{where}"
-            lines[name] = {"name": name, **lines.get(name, {}), "error": reason}
+            lines[name] = replace(lines.get(name, SurfaceRow(name=name)), error=reason)
 
 
-def _tell_sides(collection: Collection, rows: Rows, lines: dict[str, Any]) -> None:
+def _tell_sides(collection: Collection, rows: Rows, lines: dict[str, SurfaceRow]) -> None:
     """Add to the lines of shapes whether they were reflected, and whether they seem to be mirror images."""
-    sides = {"reflected": rows.reflected(collection.names), "mirror_image": mirror_images(collection, rows)}
+    turned, mirrored = rows.reflected(collection.names), mirror_images(collection, rows)
     for name in collection.names:
-        told = {column: "yes" for column, names in sides.items() if name in names}
-        if told or name in lines:
-            lines[name] = {"name": name, **lines.get(name, {}), **dict.fromkeys(sides, ""), **told}
-
-
-def _lines_of_table(collection: Collection) -> dict[str, Any]:
-    path = collection.layout.shapes_table
-    lines = read_csv(path) if path.exists() else []
-    return {line["name"]: line for line in lines if set(OWN) <= set(line)}  # others were not written by us
+        if name in lines or name in turned or name in mirrored:
+            told = {"reflected": "yes" * (name in turned), "mirror_image": "yes" * (name in mirrored)}
+            lines[name] = replace(lines.get(name, SurfaceRow(name=name)), **told)
 
 
 Ways: TypeAlias = tuple[tuple[Entry, ...], ...]
@@ -277,39 +269,41 @@ class PlannedSurface(NamedTuple):
     ways: Ways = ((),)
 
 
-def _wrapped(layout: Layout, of: Entry, plan: PlannedSurface) -> Record:
-    """Write a shape with the vertices of the template, and its picture; return a line about it."""
-    name = plan.entry.name
-    line: Record = {"name": name, "key": plan.key, **asdict(WrapQuality(0.0, 1.0, 0.0, 0))}
-    line |= {"scale": plan.scale if plan.scale != 1 else "", "ways": len(plan.ways)}
+def _wrapped(layout: Layout, of: Entry, plan: PlannedSurface) -> tuple[SurfaceRow, str]:
+    """Write a shape with the vertices of the template, and its picture; return a line about it, and the digest."""
+    name, digest = plan.entry.name, ""
+    line = SurfaceRow(name=name, key=plan.key, **asdict(WrapQuality(0.0, 1.0, 0.0, 0)), ways=len(plan.ways))
+    line = replace(line, scale=plan.scale if plan.scale != 1 else "")
     try:
         template, mesh = map(_mesh, (of, plan.entry))
         marks: list[Attribute] = []
         if plan.ways[0] and plan.pair is None:
             images = _map(layout, of, plan, mesh)[0].pull_back(mesh.vertices)
             apart = np.linalg.norm(images - mesh.vertices, axis=1) / np.sqrt(mesh.area)
-            line |= zip(LOOP, (float(np.nanmean(apart)), float(np.nanmax(apart))))
+            mean, most = float(np.nanmean(apart)), float(np.nanmax(apart))
+            line = replace(line, loop_error=mean, greatest_loop_error=most)
         if plan.pair is None:
             template = mesh = reflected(mesh) if plan.entry.reflected else mesh
         else:
             turned = of.reflected, plan.entry.reflected
-            there, line["expected_error"], line["ways"] = _map(layout, of, plan, mesh)
+            there, error, n_ways = _map(layout, of, plan, mesh)
+            line = replace(line, expected_error=error, ways=n_ways)
             there, template, mesh = as_matched(there, template, mesh, turned)
             wrapped = wrap(there, template, mesh)
             mesh = wrapped.mesh
-            line |= asdict(wrapped.quality)
+            line = replace(line, **asdict(wrapped.quality))
             if wrapped.extended.any():
                 marks = [Attribute(MEASURED, "point", "label", (~wrapped.extended).astype(np.uint8))]
         mesh = mesh.moved(plan.scale * mesh.vertices)
         asset = Asset(mesh.vertices, _polygons(of, mesh), tuple(marks), frame=_frame(plan.entry, plan.scale))
         write_asset(layout.corresponded(name), asset)
-        line["file"] = digest_of(layout.corresponded(name))
+        digest = digest_of(layout.corresponded(name))
         _draw(template, mesh, layout.thumbnail(name))
     except (IsomatchError, OSError, ValueError, ArithmeticError) as error:
         if isinstance(error, UnwritableFileError) and not is_of_one_file(error):
             raise  # as on a full disk: the shape is not to blame
-        line["error"] = f"{type(error).__name__}: {error}"
-    return line
+        line = replace(line, error=f"{type(error).__name__}: {error}")
+    return line, digest
 
 
 def _map(layout: Layout, of: Entry, plan: PlannedSurface, mesh: Mesh) -> tuple[Correspondence, float, int]:

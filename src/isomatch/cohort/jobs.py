@@ -12,21 +12,21 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from threading import Lock
-from typing import Literal, NamedTuple, TypeVar, cast
+from typing import Any, Literal, NamedTuple, TypeVar, cast
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from isomatch._core.arrays import IntArray
 from isomatch._core.cached import cached_property
-from isomatch._core.errors import FormatError, MissingFileError, UnwritableFileError
-from isomatch._core.files import is_of_one_file, legible, writing
+from isomatch._core.errors import FormatError, MissingFileError
+from isomatch._core.files import writing
 from isomatch._core.memory import peak_memory
 from isomatch._core.settings import generator
 from isomatch.cohort.entries import SIDE, Entry, Pair, pairs_of, tiles_of
-from isomatch.cohort.ledger import SIDES, Ledger, Record, Rows, read_ledgers, writing_ledger
+from isomatch.cohort.ledger import Ledger, read_ledgers, writing_ledger
 from isomatch.cohort.map_file import PairMaps, as_matched, changed_files, digest_of, maps_of_pair
-from isomatch.cohort.outliers import OF_SHAPES, holes_of, likeness_of, mirror_images, outliers
+from isomatch.cohort.outliers import OF_SHAPES, Outlier, holes_of, likeness_of, mirror_images, outliers
 from isomatch.cohort.plan import (
     Layout,
     Plan,
@@ -37,10 +37,11 @@ from isomatch.cohort.plan import (
     made_with,
     why_again,
 )
-from isomatch.cohort.workers import Task, Workers, workers_of
+from isomatch.cohort.rows import MapRecord, MapSummary, PairRow, Rows, ShapeRow, State
+from isomatch.cohort.workers import Attempt, Task, Workers, attempted, workers_of
 from isomatch.correspondence import carried_along
 from isomatch.io import mesh_from, surface_from
-from isomatch.matching import MatchResult, Outcome, match_both
+from isomatch.matching import match_both
 from isomatch.settings import Config
 from isomatch.shapes import PreparedShape, prepare
 from isomatch.surfaces import Graph, Mesh, reflected
@@ -48,25 +49,44 @@ from isomatch.surfaces import Graph, Mesh, reflected
 MOST_PAIRS = 64  # of a tile, whose rows come when all of it is done
 TILES_PER_WORKER = 4  # so that the last ones end at about the same time
 LOADED = 256 * 2**20  # bytes of files of prepared shapes that a worker keeps; a match itself needs more
-HASHES = ("source_hash", "target_hash")  # in rows of pairs
+# names in the JSON of a pair that is matched to see if a shape is to be reflected, which others follow
+OF_REFLECTION = (
+    *(
+        "source_hash",
+        "target_hash",
+        "reflected",
+        "attempt",
+        "led_by",
+        "state",
+        "time",
+        "key",
+        "there",
+        "back",
+    ),
+)
 CARRIERS = 1500  # points of the leader that carry others along
 REFLECTED = "reflected before it was prepared, x → −x; vertices and faces keep their numbers"
 logger = logging.getLogger(__name__)
 T = TypeVar("T")
+R = TypeVar("R", ShapeRow, PairRow)
 
 
 class Event(NamedTuple):
     """A step of a run: its kind, the shape or pair, its row, and how many of how many steps are done.
 
-    The row of a reflection is that of the pair by which the shape was judged, that of an outlier has its ``kind`` and
-    ``reason``, see `outliers`.
+    The row of a reflection is that of the pair by which the shape was judged, that of an outlier an `Outlier`.
     """
 
     what: Literal["shape", "outlier", "pair", "reflection", "agreement"]
     name: str | Pair
-    record: Record
+    row: ShapeRow | PairRow | Outlier
     done: int
     of: int
+
+    @property
+    def state(self) -> State:
+        """State of the row."""
+        return "done" if isinstance(self.row, Outlier) else self.row.state
 
 
 @dataclass(frozen=True)
@@ -110,40 +130,38 @@ class Run:
         wrong = self._removed_if_changed("prepared", ledger.rows)
         todo = [entry for entry in self._entries(ledger.rows) if not self._is_prepared(entry, ledger.rows)]
         tasks = [Task((entry,), job.prepare_shape) for entry in todo]
-        for count, (entry, record) in enumerate(workers.completed(tasks, job.is_late), 1):
+        for count, (entry, found) in enumerate(workers.completed(tasks, job.is_late), 1):
             old = ledger.rows.shapes.get(entry.name)
-            why = wrong.get(self.collection.layout.prepared(old.get("key", ""))) if old else None
-            row = self._explained(_row_of(record), old, {"hash": entry.name}, why, ledger.rows)
+            why = wrong.get(self.collection.layout.prepared(old.key)) if old else None
+            new = found if isinstance(found, ShapeRow) else _failed_shape(_died(found))
+            row = self._explained(new, old, (entry.name,), why, ledger.rows)
             ledger.put_shape(entry.name, row)
             yield Event("shape", entry.name, row, count, len(todo))
 
     def _outliers(self, rows: Rows) -> Iterator[Event]:
         """Tell what the shapes alone tell; of those that are broken it was told."""
         odd = [each for each in outliers(self.collection, Rows(rows.shapes)) if each.kind in OF_SHAPES]
-        for count, (kind, name, reason) in enumerate(odd, 1):
-            yield Event("outlier", name, {"state": "done", "kind": kind, "reason": reason}, count, len(odd))
+        for count, outlier in enumerate(odd, 1):
+            yield Event("outlier", outlier.name, outlier, count, len(odd))
 
     def _matched_pairs(self, job: Job, workers: Workers, ledger: Ledger) -> Iterator[Event]:
         """Match the pairs that are not matched yet, in tiles, as far as their shapes could be prepared."""
         rows = ledger.rows
-        usable = {name for name, record in rows.shapes.items() if record["state"] == "done"}
-        pairs = [pair for pair in self.pairs_of_shard(rows) if usable.issuperset(pair)]
+        pairs = [pair for pair in self.pairs_of_shard(rows) if all(map(rows.is_prepared, pair))]
         plans = [self._planned(pair, rows) for pair in pairs]
         own = {pair: rows.pairs[pair] for pair in pairs if pair in rows.pairs}
         wrong = self._removed_if_changed("maps", replace(rows, pairs=own))
         files = {path.name for path in (self.collection.layout.folder / "maps").iterdir()}
         todo = [plan for plan in plans if not self._is_matched(plan, rows.pairs.get(plan.pair), files)]
         missing = {plan.pair: plan for plan in todo}
-        largest = max((rows.shapes[name]["bytes"] for pair in missing for name in pair), default=1)
+        largest = max((rows.shapes[name].bytes for pair in missing for name in pair), default=1)
         most = min(max(1, len(missing) // (TILES_PER_WORKER * workers.count())), MOST_PAIRS)
         tiles = tiles_of(list(missing), self.collection.names, max(1, LOADED // (2 * largest)), most)
         tasks = [Task(tuple(missing[pair] for pair in tile), job.match_pair) for tile in tiles]
-        for count, (plan, record) in enumerate(workers.completed(tasks, job.is_late), 1):
-            row = {**_of_plan(plan), **_row_of(record), "key": plan.key}
-            if row["state"] == "failed":  # the map that was there before is judged as before
-                row["contradicted"] = plan.contradicted
-            why, contents = wrong.get(self.collection.layout.maps(plan.pair)), dict(zip(HASHES, plan.pair))
-            row = self._explained(row, rows.pairs.get(plan.pair), contents, why, rows)
+        for count, (plan, found) in enumerate(workers.completed(tasks, job.is_late), 1):
+            new = found if isinstance(found, PairRow) else plan.row(_died(found))
+            why = wrong.get(self.collection.layout.maps(plan.pair))
+            row = self._explained(new, rows.pairs.get(plan.pair), plan.pair, why, rows)
             ledger.put_pair(plan.pair, row)
             yield Event("pair", plan.pair, row, count, len(missing))
 
@@ -151,17 +169,20 @@ class Run:
         self, job: Job, workers: Workers, ledger: Ledger, reflections: Sequence[Reflection]
     ) -> Iterator[Event]:
         """Turn shapes the other way round, as far as the pair of each bears it out."""
-        tasks = [Task((reflection,), partial(row_of, job.reflect_shape)) for reflection in reflections]
-        for count, ((entry, plan), result) in enumerate(workers.completed(tasks, job.is_late), 1):
+        tasks = [Task((reflection,), partial(attempted, job.reflect_shape)) for reflection in reflections]
+        for count, ((entry, plan), attempt) in enumerate(workers.completed(tasks, job.is_late), 1):
             rows = ledger.rows
-            old, row, contents = rows.pairs[plan.pair], _row_of(result), dict(zip(HASHES, plan.pair))
-            if "pair" in row:  # the shape first: it says whether a pair is still to be matched
-                of_shape, own = rows.shapes[entry.name], {"hash": entry.name}
-                ledger.put_shape(entry.name, self._explained(row["shape"], of_shape, own, None, rows))
-                row = self._explained({**_of_plan(plan), **row["pair"]}, old, contents, None, rows)
+            old, (result, error, *_) = rows.pairs[plan.pair], _died(attempt)
+            if isinstance(
+                result, Reflected
+            ):  # the shape first: it says whether a pair is still to be matched
+                of_shape = rows.shapes[entry.name]
+                ledger.put_shape(
+                    entry.name, self._explained(result.shape, of_shape, (entry.name,), None, rows)
+                )
+                row = self._explained(result.pair, old, plan.pair, None, rows)
             else:
-                refused = {entry.name: row.get("refused") or row["error"]}
-                row = {**old, "not_reflected": refused, "time": time.time()}
+                row = replace(old, not_reflected={entry.name: result or error}, time=time.time())
             ledger.put_pair(plan.pair, row)
             yield Event("reflection", entry.name, row, count, len(reflections))
 
@@ -173,14 +194,14 @@ class Run:
         return [
             self._reflection(name, pair, rows)
             for name, pair in mirror_images(self.collection, rows).items()
-            if pair in own and name not in tried and name not in rows.pairs[pair].get("not_reflected", ())
+            if pair in own and name not in tried and name not in rows.pairs[pair].not_reflected
         ]
 
     def _reflection(self, name: str, pair: Pair, rows: Rows) -> Reflection:
         turned = not rows.reflected([name])
-        key = self._key(identity_of(rows.shapes[name]["hash"], turned))
+        key = self._key(identity_of(rows.shapes[name].hash, turned))
         as_if = Rows({each: rows.shapes[each] for each in pair}, {pair: rows.pairs[pair]})
-        as_if.shapes[name] = {**rows.shapes[name], "reflected": turned, "key": key}
+        as_if.shapes[name] = replace(rows.shapes[name], reflected=turned, key=key)
         return Reflection(Entry(name, self.collection.paths[name], turned), self._planned(pair, as_if))
 
     def pairs_of_shard(self, rows: Rows) -> list[Pair]:
@@ -205,34 +226,33 @@ class Run:
         return [self.collection.entry(name, rows) for name in names]
 
     def _is_prepared(self, entry: Entry, rows: Rows) -> bool:
-        record = rows.shapes.get(entry.name)
-        if record is None or not entry.path.exists():
+        row = rows.shapes.get(entry.name)
+        if row is None or not entry.path.exists():
             return False
         stat = entry.path.stat()
-        is_same = (record.get("size"), record.get("changed")) == (stat.st_size, stat.st_mtime_ns)
-        if not is_same or record["state"] == "failed":
+        is_same = (row.size, row.changed) == (stat.st_size, stat.st_mtime_ns)
+        if not is_same or row.state == "failed":
             return is_same
-        if "file" not in record:  # of an earlier version; the file is looked at, and taken if it is whole
+        if not row.file:  # of an earlier version; the file is looked at, and taken if it is whole
             return False
-        key = self._key(identity_of(record["hash"], entry.reflected))
-        return bool(record["key"] == key) and self.collection.layout.prepared(key).exists()
+        key = self._key(identity_of(row.hash, entry.reflected))
+        return row.key == key and self.collection.layout.prepared(key).exists()
 
     def _planned(self, pair: Pair, rows: Rows) -> PlannedPair:
         source, target = (rows.shapes[name] for name in pair)
-        row = rows.pairs.get(pair, {})
-        attempt, turned = row.get("attempt", 0), tuple(rows.reflected(pair))
-        keys, hashes = (source["key"], target["key"]), dict(zip(HASHES, (source["hash"], target["hash"])))
-        surfaces = [identity_of(content, name in turned) for name, content in zip(pair, hashes.values())]
-        led_by = self._led_by(pair, turned)
-        key = self._key(*surfaces, *filter(None, [led_by]), attempt=attempt)
-        return PlannedPair(pair, key, keys, hashes, turned, attempt, row.get("contradicted", False), led_by)
+        row = rows.pairs.get(pair, PairRow(state="todo"))
+        turned, led_by = tuple(rows.reflected(pair)), self._led_by(pair, tuple(rows.reflected(pair)))
+        keys, hashes = (source.key, target.key), (source.hash, target.hash)
+        surfaces = [identity_of(content, name in turned) for name, content in zip(pair, hashes)]
+        key = self._key(*surfaces, *filter(None, [led_by]), attempt=row.attempt)
+        return PlannedPair(pair, key, keys, hashes, turned, row.attempt, bool(row.contradicted), led_by)
 
     def _led_by(self, pair: Pair, turned: tuple[str, ...]) -> str:
         """Identify the map of the leader that a pair starts from; empty if there is none that can be relied on."""
         for ends in (pair, pair[::-1]):
             if self._leading.is_current(ends) and not self._leading.is_doubtful(ends):
                 row = self._leading.pairs[ends]
-                return identity_of_map(row) if set(row["reflected"]) == set(turned) else ""
+                return identity_of_map(row) if set(row.reflected) == set(turned) else ""
         return ""
 
     @cached_property
@@ -247,38 +267,36 @@ class Run:
                 path.unlink(missing_ok=True)
         return changed
 
-    def _explained(
-        self, row: Record, old: Record | None, contents: dict[str, str], wrong: str | None, rows: Rows
-    ) -> Record:
-        """Return a new row that tells what it was made with and, if it is not the first, ``again``: why it was made."""
-        row["made_with"] = made_with(self.collection.config, self.collection.seed)[0]
+    def _explained(self, row: R, old: R | None, names: Sequence[str], wrong: str | None, rows: Rows) -> R:
+        """Return a new row that tells what it was made with and, if it is not the first, why it was made again."""
+        row = replace(row, made_with=made_with(self.collection.config, self.collection.seed)[0])
         of_file = [f"its file {wrong}"] if wrong else []
-        if old and (reasons := of_file + why_again(old, row, contents, rows.origins)):
-            row["again"] = reasons
-            logger.info("%s: again, because %s", " and ".join(contents.values()), "; ".join(reasons))
+        if old and (reasons := of_file + why_again(old, row, names, rows.origins)):
+            row = replace(row, again=tuple(reasons))
+            logger.info("%s: again, because %s", " and ".join(names), "; ".join(reasons))
         return row
 
     def _key(self, *surfaces: str, attempt: int = 0) -> str:
         return key_of(self.collection.config, self.collection.seed + attempt, *surfaces)
 
-    def _is_matched(self, plan: PlannedPair, row: Record | None, files: Container[str]) -> bool:
-        if row is None or row["state"] == "todo" or row["key"] != plan.key:
+    def _is_matched(self, plan: PlannedPair, row: PairRow | None, files: Container[str]) -> bool:
+        if row is None or row.state == "todo" or row.key != plan.key:
             return False
-        has_file = "file" in row and self.collection.layout.maps(plan.pair).name in files
-        return row["state"] == "failed" or has_file
+        return row.state == "failed" or (
+            bool(row.file) and self.collection.layout.maps(plan.pair).name in files
+        )
 
 
-def _of_plan(plan: PlannedPair) -> Record:
-    """Return what is known of a pair before it is matched."""
-    return {**plan.hashes, "reflected": list(plan.reflected), "attempt": plan.attempt, **plan.lead}
+def _died(found: Any) -> Attempt[Any]:
+    """Return an attempt, or that of a job whose worker died."""
+    if not isinstance(found, Exception):
+        return cast("Attempt[Any]", found)
+    reason = f"three workers died of it, killed or out of memory ({type(found).__name__}: {found})"
+    return Attempt(None, reason, time.time())
 
 
-def _row_of(record: Record | Exception) -> Record:
-    """Return the row of a job, or one with the error if its worker died."""
-    if not isinstance(record, Exception):
-        return record
-    reason = f"three workers died of it, killed or out of memory ({type(record).__name__}: {record})"
-    return {"state": "failed", "time": time.time(), "error": reason}
+def _failed_shape(attempt: Attempt[Any]) -> ShapeRow:
+    return ShapeRow(state="failed", time=attempt.time, error=attempt.error, seconds=attempt.seconds)
 
 
 class PlannedPair(NamedTuple):
@@ -287,16 +305,27 @@ class PlannedPair(NamedTuple):
     pair: Pair
     key: str  # of the match
     shapes: tuple[str, str]  # keys of the prepared shapes
-    hashes: dict[str, str]  # content_hash of the surfaces in the files
+    hashes: tuple[str, str]  # content_hash of the surfaces in the files
     reflected: tuple[str, ...]  # which of the shapes are matched as their mirror images
     attempt: int  # added to the seed
     contradicted: bool = False  # whether others contradict the earlier map, so that any new one replaces it
     led_by: str = ""  # identifies the map of the leader that it starts from
 
     @property
-    def lead(self) -> dict[str, str]:
-        """What the row of the pair says of it."""
-        return {"led_by": self.led_by} if self.led_by else {}
+    def known(self) -> dict[str, Any]:
+        """What rows and files say of the pair before it is matched."""
+        hashes = dict(zip(("source_hash", "target_hash"), self.hashes))
+        return {**hashes, "reflected": self.reflected, "led_by": self.led_by}
+
+    def row(self, found: Attempt[tuple[MapRecord, str]]) -> PairRow:
+        """Return the row of the pair; it has what the file of its maps says, and the digest of that."""
+        ended: dict[str, Any] = {"attempt": self.attempt, "state": found.state, "time": found.time}
+        if found.result is None:  # the map that was there before is judged as before
+            ended |= {"error": found.error, "seconds": found.seconds, "contradicted": self.contradicted}
+            return PairRow(**self.known, **ended, key=self.key)
+        record, file = found.result
+        values = {**self.known, "seconds": found.seconds, **record.given(), **ended, "key": self.key}
+        return PairRow(**values, file=file, more=record.more)
 
 
 class Reflection(NamedTuple):
@@ -304,6 +333,13 @@ class Reflection(NamedTuple):
 
     entry: Entry
     plan: PlannedPair
+
+
+class Reflected(NamedTuple):
+    """Rows of a shape that was turned, and of the pair that bears it out."""
+
+    shape: ShapeRow
+    pair: PairRow
 
 
 @dataclass(frozen=True)
@@ -320,19 +356,19 @@ class Job:
         """Whether nothing new is to be begun."""
         return time.time() > self.end
 
-    def match_pair(self, plan: PlannedPair) -> Record | None:
+    def match_pair(self, plan: PlannedPair) -> PairRow | None:
         """Match a pair that is not matched yet, if it is not too late, and return its row."""
-        return None if self.is_late() else row_of(self._matched, plan)
+        return None if self.is_late() else plan.row(attempted(self._matched, plan))
 
-    def prepare_shape(self, entry: Entry) -> Record:
+    def prepare_shape(self, entry: Entry) -> ShapeRow:
         """Read and prepare a shape that is not prepared yet, and return its row."""
-        stat: Record = {}
-        if entry.path.exists():
-            file = entry.path.stat()
-            stat = {"size": file.st_size, "changed": file.st_mtime_ns}
-        return stat | row_of(self._prepared, entry)
+        file = entry.path.stat() if entry.path.exists() else None
+        size, changed = (file.st_size, file.st_mtime_ns) if file else (None, None)
+        attempt = attempted(self._prepared, entry)
+        row = attempt.result or _failed_shape(attempt)
+        return replace(row, size=size, changed=changed, time=attempt.time, seconds=attempt.seconds)
 
-    def _prepared(self, entry: Entry) -> Record:
+    def _prepared(self, entry: Entry) -> ShapeRow:
         surface = surface_from(entry.path)
         key = key_of(self.config, self.seed, identity_of(surface.content_hash, entry.reflected))
         file = self.layout.prepared(key)
@@ -342,50 +378,51 @@ class Job:
             if entry.reflected:
                 shape = replace(shape, notes=(REFLECTED, *shape.notes))
             shape.save(file)
-        return {
-            "key": key,
-            "hash": surface.content_hash,
-            "reflected": entry.reflected,
-            "bytes": file.stat().st_size,
-            "file": digest_of(file),
-            "n_vertices": surface.n_vertices,
-            "area": float(surface.vertex_areas.sum()),
-            "features": features_of(shape),
+        return ShapeRow(
+            state="done",
+            key=key,
+            hash=surface.content_hash,
+            reflected=entry.reflected,
+            bytes=file.stat().st_size,
+            file=digest_of(file),
+            n_vertices=surface.n_vertices,
+            area=float(surface.vertex_areas.sum()),
+            features=features_of(shape),
             **({} if isinstance(surface, Graph) else likeness_of(surface)),
-            "holes": holes_of(surface) if isinstance(surface, Mesh) else None,
-            "notes": list(shape.notes),
-        }
+            holes=holes_of(surface) if isinstance(surface, Mesh) else None,
+            notes=shape.notes,
+        )
 
-    def _matched(self, plan: PlannedPair) -> Record:
+    def _matched(self, plan: PlannedPair) -> tuple[MapRecord, str]:
         file = self.layout.maps(plan.pair)
         earlier = _if_whole(lambda: PairMaps.load(file))
-        if earlier and earlier.record["key"] == plan.key:
-            return {**earlier.record, "file": digest_of(file)}
+        if earlier and earlier.record.key == plan.key:
+            return earlier.record, digest_of(file)
         maps = self._new_maps(plan)
         if earlier and plan.attempt and not plan.contradicted:
             old, new = earlier.record, maps.record
             if _surfaces_of(old) == _surfaces_of(new) and _unsureness(old) <= _unsureness(new):
-                maps = replace(earlier, record={**old, "key": plan.key})
+                maps = replace(earlier, record=replace(old, key=plan.key))
         maps.save(file)
-        return {**maps.record, "file": digest_of(file)}
+        return maps.record, digest_of(file)
 
-    def reflect_shape(self, reflection: Reflection) -> Record:
-        """Turn a shape, if a match bears it out; rows of the ``shape`` and the ``pair``, or why it was ``refused``."""
+    def reflect_shape(self, reflection: Reflection) -> Reflected | str:
+        """Turn a shape, if a match bears it out; or tell why not."""
         entry, plan = reflection
         shape = self.prepare_shape(entry)
-        if shape["state"] == "failed":
-            return {"refused": shape["error"]}
+        if shape.state == "failed":
+            return shape.error
         file = self.layout.maps(plan.pair)
         maps = _if_whole(lambda: PairMaps.load(file))
-        if maps is None or maps.record["key"] != plan.key:  # else a run saved it, and was killed
+        if maps is None or maps.record.key != plan.key:  # else a run saved it, and was killed
             maps = self._new_maps(plan)
-            outcomes = [Outcome[maps.record[side]["outcome"]] for side in SIDES]
+            outcomes = [side.outcome for side in maps.record.sides]
             if any(outcome.is_doubtful for outcome in outcomes):
                 doubts = min(outcomes, key=lambda outcome: outcome.sureness)
-                return {"refused": f"the other way round, the match ends with {doubts.value}"}
+                return f"the other way round, the match ends with {doubts.value}"
             maps.save(file)
-        pair = {"state": "done", "time": time.time(), **maps.record, "file": digest_of(file)}
-        return {"shape": shape, "pair": pair}
+        pair = plan.row(Attempt((maps.record, digest_of(file)), "", time.time()))
+        return Reflected(shape, replace(pair, order=OF_REFLECTION))
 
     def _new_maps(self, plan: PlannedPair) -> PairMaps:
         start = time.perf_counter()
@@ -395,15 +432,11 @@ class Job:
             lead = _carried(self.leader, plan, source, target)
             config = replace(config, hypotheses="given", start="auto", part="none")
         matches = match_both(source, target, initial_map=lead, config=config, seed=self.seed + plan.attempt)
-        record = {
-            "key": plan.key,
-            **plan.hashes,
-            "reflected": list(plan.reflected),
-            **plan.lead,
-            **{side: _summary(result) for side, result in zip(SIDES, matches)},
-            "seconds": time.perf_counter() - start,
-            "memory": peak_memory(),
-        }
+        there, back = map(MapSummary.of, matches)
+        seconds = time.perf_counter() - start
+        record = MapRecord(
+            key=plan.key, **plan.known, there=there, back=back, seconds=seconds, memory=peak_memory()
+        )
         return PairMaps.of(*matches, record)
 
 
@@ -417,7 +450,7 @@ def _carried(leader: Plan, plan: PlannedPair, source: PreparedShape, target: Pre
     images = image.pull_back(there.vertices)
     rows = np.flatnonzero(np.isfinite(images).all(axis=1))
     rows = generator(0).permutation(rows)[:CARRIERS]
-    mirrored = maps.record["there"]["quality"]["orientation"] < 0
+    mirrored = (maps.record.there.measures["orientation"] or 0.0) < 0
     scale = float(np.sqrt(there.area / here.area))
     points, own = cast(Mesh, source.surface).vertices, cast(Mesh, target.surface).vertices
     moved = carried_along(points, here.vertices[rows], images[rows], scale=scale, mirrored=mirrored)
@@ -425,32 +458,12 @@ def _carried(leader: Plan, plan: PlannedPair, source: PreparedShape, target: Pre
     return np.asarray(cKDTree(own - own.mean(axis=0)).query(moved - moved.mean(axis=0))[1])
 
 
-def _summary(result: MatchResult) -> Record:
-    """Describe a result, without the settings, which are those of the collection."""
-    return {name: value for name, value in result.to_dict().items() if name != "config"}
+def _surfaces_of(record: MapRecord) -> tuple[object, ...]:
+    return *record.hashes, record.reflected
 
 
-def _surfaces_of(record: Record) -> tuple[str, str, list[str]]:
-    return record["source_hash"], record["target_hash"], record.get("reflected", [])
-
-
-def _unsureness(record: Record) -> tuple[int, float]:
-    there = record["there"]
-    return -Outcome[there["outcome"]].sureness, there["quality"]["spectral_residual"] or 0.0
-
-
-def row_of(work: Callable[[T], Record], item: T) -> Record:
-    """Run a job for an item and return its row, with the time; a failure is one with its reason, but for a full disk."""
-    start = time.perf_counter()
-    try:
-        record = work(item)
-        return {"state": "done", "time": time.time(), "seconds": time.perf_counter() - start, **record}
-    except Exception as error:  # whatever else it is becomes a row with its reason; nothing ends a run
-        if isinstance(error, UnwritableFileError) and not is_of_one_file(error):
-            raise
-        reason = legible(f"{type(error).__name__}: {error}")  # it may name a file
-        seconds = time.perf_counter() - start
-        return {"state": "failed", "time": time.time(), "error": reason, "seconds": seconds}
+def _unsureness(record: MapRecord) -> tuple[int, float]:
+    return -record.there.outcome.sureness, record.there.measures["spectral_residual"] or 0.0
 
 
 def _if_whole(load: Callable[[], T]) -> T | None:

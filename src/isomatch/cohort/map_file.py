@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
@@ -22,13 +21,15 @@ from isomatch._core.errors import FormatError, MapError
 from isomatch._core.files import opened
 from isomatch._core.threads import n_threads
 from isomatch.cohort.entries import Pair
-from isomatch.cohort.ledger import SIDES, Ledger, Record, Rows, read_ledgers, writing_ledger
+from isomatch.cohort.ledger import Ledger, read_ledgers, writing_ledger
 from isomatch.cohort.plan import Layout
+from isomatch.cohort.rows import FileRow, MapRecord, PairRow, Rows, ShapeRow
 from isomatch.correspondence import Correspondence
 from isomatch.matching import MatchResult
 from isomatch.surfaces import Mesh, reflected
 
 UNKNOWN = -1.0  # in a file, an error that is not known
+SIDES = ("there", "back")
 _ENDS = tuple(zip(SIDES, ("n_source", "n_target")))
 FORMAT = ArrayFormat(
     what="the maps of a pair",
@@ -50,7 +51,7 @@ MOST_NAMED = 5  # files in an error
 
 @dataclass(frozen=True, eq=False)
 class PairMaps:
-    """The maps between two shapes, source → target and target → source, with the row of the pair in the ledger.
+    """The maps between two shapes, source → target and target → source, with what is known of them.
 
     The errors are the ``expected_error`` of both, for each vertex where they start, in √area of where they end; nan where
     it is not known, and None in files of earlier versions.
@@ -58,12 +59,12 @@ class PairMaps:
 
     there: Correspondence
     back: Correspondence
-    record: Record
+    record: MapRecord
     there_error: FloatArray | None = None
     back_error: FloatArray | None = None
 
     @classmethod
-    def of(cls, there: MatchResult, back: MatchResult, record: Record) -> PairMaps:
+    def of(cls, there: MatchResult, back: MatchResult, record: MapRecord) -> PairMaps:
         """Take the maps of two results, with their expected errors."""
         return cls(there.map, back.map, record, there.expected_error, back.expected_error)
 
@@ -74,7 +75,7 @@ class PairMaps:
 
     def save(self, path: Path) -> None:
         """Write an ``.npz`` file; indices take 4 bytes and barycentric coordinates too."""
-        arrays: dict[str, object] = {"record": np.array(json.dumps(self.record))}
+        arrays: dict[str, object] = {"record": np.array(json.dumps(self.record.to_json()))}
         for side in SIDES:
             correspondence: Correspondence = getattr(self, side)
             arrays[f"{side}_vertices"] = correspondence.vertices.astype(np.int32)
@@ -90,8 +91,8 @@ class PairMaps:
         """Read what `save` wrote; `FormatError` if it is missing (`MissingFileError`) or damaged."""
         arrays = FORMAT.read(path)
         try:
-            record = json.loads(arrays["record"])
-            hashes = record["source_hash"], record["target_hash"]
+            told = json.loads(arrays["record"])
+            hashes, record = (told["source_hash"], told["target_hash"]), MapRecord.from_json(told)
             there = _map(arrays, "there", len(arrays["back_vertices"]), *hashes)
             back = _map(arrays, "back", len(arrays["there_vertices"]), *hashes[::-1])
         except (ValueError, KeyError, TypeError, MapError) as error:
@@ -137,8 +138,7 @@ def digest_of(path: Path) -> str:
 def put_files(ledger: Ledger, layout: Layout, digests: dict[Path, str]) -> None:
     """Write rows of files in the folder of a collection."""
     for path, digest in digests.items():
-        name = path.relative_to(layout.folder).as_posix()
-        ledger.put_file(name, {"state": "done", "time": time.time(), "file": digest})
+        ledger.put_file(path.relative_to(layout.folder).as_posix(), digest)
 
 
 def keep_files(layout: Layout, paths: Iterable[Path]) -> None:
@@ -170,34 +170,33 @@ def require_unchanged(layout: Layout, folders: Iterable[str]) -> None:
 
 
 # a file, the row that has its digest, and the pair whose maps it holds
-_Kept = tuple[Path, Record, Pair | None]
+_Kept = tuple[Path, ShapeRow | PairRow | FileRow, Pair | None]
 
 
 def _kept(layout: Layout, rows: Rows) -> Iterator[_Kept]:
-    for row in rows.shapes.values():
-        if "file" in row:
-            yield layout.prepared(row["key"]), row, None
+    for shape in rows.shapes.values():
+        if shape.file:
+            yield layout.prepared(shape.key), shape, None
     for pair, row in rows.pairs.items():
-        if "file" in row and rows.is_current(pair):
+        if row.file and rows.is_current(pair):
             yield layout.maps(pair), row, pair
-    for name, row in rows.files.items():
-        yield layout.folder / name, row, None
+    for name, file in rows.files.items():
+        yield layout.folder / name, file, None
 
 
 def _wrong(kept: _Kept) -> str:
     # all bytes are read, since neither time nor size of a file tells that a disk lost some
-    path, row, pair = kept
+    path, row, _ = kept
     with suppress(FormatError, OSError):  # the second: the disk does not give it
-        if digest_of(path) == row["file"] or (pair and _was_just_replaced(path, row)):
+        if digest_of(path) == row.file or (isinstance(row, PairRow) and _was_just_replaced(path, row)):
             return ""
     return CHANGED if path.exists() else MISSING
 
 
-def _was_just_replaced(path: Path, row: Record) -> bool:
+def _was_just_replaced(path: Path, row: PairRow) -> bool:
     """Whether a comparison of maps replaced those of a pair, and was killed before it wrote the row."""
     record = PairMaps.load(path).record
-    is_new = record.get("replaced_by") not in (None, row.get("replaced_by"))
-    return bool(record.get("key") == row["key"] and is_new)
+    return record.key == row.key and record.replaced_by not in ((), row.replaced_by)
 
 
 def maps_along(

@@ -5,15 +5,14 @@ from __future__ import annotations
 import math
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
 from isomatch._core.errors import InputError
-from isomatch._core.texts import read_csv
 from isomatch.cohort.entries import Pair
-from isomatch.cohort.ledger import N_RANKS, Record, Rows, is_mirrored
 from isomatch.cohort.plan import Plan
+from isomatch.cohort.rows import N_RANKS, PairRow, Rows, ShapeRow, SurfaceRow
 from isomatch.cohort.shape_statistics import METRES, likely_units, size_factors, told_factor
 from isomatch.matching import Outcome
 from isomatch.repair import check, without_seams
@@ -67,8 +66,8 @@ def outliers(collection: Plan, rows: Rows) -> list[Outlier]:
           `doubtful_shapes`.
     """
     own = {name: rows.shapes[name] for name in collection.names if name in rows.shapes}
-    done = {name: row for name, row in own.items() if row["state"] == "done"}
-    failed = {name: row["error"] for name, row in own.items() if row["state"] == "failed"}
+    done = {name: row for name, row in own.items() if row.state == "done"}
+    failed = {name: row.error for name, row in own.items() if row.state == "failed"}
     odd = [Outlier("broken", name, f"cannot be used: {error}") for name, error in failed.items()]
     odd += _in_other_units(collection, Rows(done))
     mirrored = dict(_mirrored(collection, rows))
@@ -87,7 +86,7 @@ def outliers(collection: Plan, rows: Rows) -> list[Outlier]:
 
 def _in_other_units(collection: Plan, rows: Rows) -> Iterator[Outlier]:
     scales = scales_of(collection.units, rows)
-    areas = {name: row["area"] for name, row in rows.shapes.items() if 0 < row["area"] < np.inf}
+    areas = {name: row.area for name, row in rows.shapes.items() if 0 < row.area < np.inf}
     sizes = {name: area**0.5 * scales.get(name, 1.0) for name, area in areas.items()}
     named = {name for name in collection.units if name in sizes}
     is_unclear = bool(named) and common_unit(collection.units, rows) is None
@@ -109,13 +108,13 @@ def told_unit(name: str, factor: float) -> str:
 
 def _mirrored(collection: Plan, rows: Rows) -> Iterator[tuple[str, str]]:
     for name, pair in mirror_images(collection, rows).items():
-        why_not = rows.pairs[pair].get("not_reflected", {}).get(name)
+        why_not = rows.pairs[pair].not_reflected.get(name)
         remedy = f"but is not reflected: {why_not}" if why_not else "run again with --reflect auto"
         yield name, f"is mirrored against the others, by its maps; {remedy}"
 
 
 def _with_holes(rows: Rows) -> Iterator[Outlier]:
-    holes = {name: row["holes"] for name, row in rows.shapes.items() if row.get("holes")}
+    holes = {name: row.holes for name, row in rows.shapes.items() if row.holes}
     is_open = {name: length > WIDEST_SEAM for name, (_, length) in holes.items()}
     if not 0 < sum(is_open.values()) < len(is_open) / 2:
         return
@@ -126,10 +125,9 @@ def _with_holes(rows: Rows) -> Iterator[Outlier]:
 
 
 def _unlike(collection: Plan) -> Iterator[tuple[str, str]]:
-    table = collection.layout.shapes_table
-    for line in read_csv(table) if table.exists() else []:
-        if line.get("name") and line.get("unlike", "") not in ("", NOT_UNLIKE):
-            yield line["name"], line["unlike"]
+    for name, line in SurfaceRow.read(collection.layout.shapes_table).items():
+        if name and line.unlike not in ("", NOT_UNLIKE):
+            yield name, line.unlike
 
 
 def mirror_images(collection: Plan, rows: Rows) -> dict[str, Pair]:
@@ -139,7 +137,7 @@ def mirror_images(collection: Plan, rows: Rows) -> dict[str, Pair]:
     without the template, if one was named, or of which fewer are reflected already, or the smaller one.
     """
     pairs = [pair for pair in collection.wanted_pairs(rows) if rows.is_current(pair)]
-    shown = [pair for pair in pairs if is_mirrored(rows.pairs[pair])]
+    shown = [pair for pair in pairs if rows.pairs[pair].is_mirrored]
     if not shown:
         return {}
     if collection.pairs == "star":
@@ -147,8 +145,8 @@ def mirror_images(collection: Plan, rows: Rows) -> dict[str, Pair]:
     else:
         turned = set(_turned(collection, rows, pairs))
     clearest: dict[str, Pair] = {}
-    scores = {pair: rows.pairs[pair]["there"]["quality"]["mirrored"] for pair in shown}  # lower is clearer
-    for pair in sorted(shown, key=lambda pair: math.inf if scores[pair] is None else float(scores[pair])):
+    scores = {pair: rows.pairs[pair].there.measures["mirrored"] for pair in shown}  # lower is clearer
+    for pair in sorted(shown, key=lambda pair: math.inf if (x := scores[pair]) is None else x):
         for name, other in (pair, pair[::-1]):
             if name in turned and other not in turned:
                 clearest.setdefault(name, pair)
@@ -192,11 +190,9 @@ def _asked_for(links: dict[str, int], group: dict[str, int]) -> int:
     return -1 if sum(link * group.get(other, 0) for other, link in links.items()) < 0 else 1
 
 
-def _link(record: Record) -> int:
+def _link(row: PairRow) -> int:
     """Return −1 for mirror images, 1 for two shapes of one side, 0 where the match does not tell."""
-    if is_mirrored(record):
-        return -1
-    return int(Outcome[record["there"]["outcome"]].sureness >= Outcome.PARTIAL.sureness)
+    return -1 if row.is_mirrored else int(row.there.outcome.sureness >= Outcome.PARTIAL.sureness)
 
 
 def checked_units(units: Mapping[str, str], names: Iterable[str]) -> dict[str, str]:
@@ -213,7 +209,7 @@ def common_unit(units: Mapping[str, str], rows: Rows) -> str | None:
     named = {name: unit for name, unit in units.items() if name != OTHERS}
     if OTHERS in units or not named:
         return units.get(OTHERS)
-    sizes = {name: row["area"] ** 0.5 for name, row in rows.shapes.items() if row.get("area")}
+    sizes = {name: row.area**0.5 for name, row in rows.shapes.items() if row.area}
     others = [size for name, size in sizes.items() if name not in named]
     in_metres = [sizes[name] * METRES[unit] for name, unit in named.items() if name in sizes]
     if not others:
@@ -244,7 +240,7 @@ class Alike(NamedTuple):
     is_equal: bool  # whether their vertices and faces are equal, also in their order
 
 
-def likeness_of(surface: Mesh | PointCloud) -> Record:
+def likeness_of(surface: Mesh | PointCloud) -> dict[str, Any]:
     """Sum up where the vertices of a surface are, for the row of a shape, by numbers that no motion changes."""
     used = np.isfinite(surface.vertices).all(axis=1)
     if isinstance(surface, Mesh):
@@ -265,27 +261,27 @@ def likeness_of(surface: Mesh | PointCloud) -> Record:
     return {
         "n_points": len(points),
         "spread": spread,  # root mean square distance from the centroid
-        "ranks": np.round(distances[ranks] / spread, 8).tolist(),
+        "ranks": tuple(np.round(distances[ranks] / spread, 8).tolist()),
         "handedness": float(skewness.prod()),  # along the principal axes; its sign turns in the mirror image
     }
 
 
-def alike_shapes(shapes: dict[str, Record]) -> list[Alike]:
+def alike_shapes(shapes: dict[str, ShapeRow]) -> list[Alike]:
     """Find shapes that are one and the same, from their rows, each with the first that it is like."""
     groups: dict[int, list[str]] = {}
     for name, row in shapes.items():
-        if row.get("ranks"):
-            groups.setdefault(row["n_points"], []).append(name)
+        if row.ranks:
+            groups.setdefault(row.n_points, []).append(name)
     alike = []
     for names in groups.values():
-        ranks = np.array([shapes[name]["ranks"] for name in names])
+        ranks = np.array([shapes[name].ranks for name in names])
         for i, name in enumerate(names[1:], 1):
             near = np.flatnonzero(np.abs(ranks[:i] - ranks[i]).max(axis=1) <= SAME)
             if len(near):
                 other = names[near[0]]
                 one, two = shapes[name], shapes[other]
-                hands = one["handedness"], two["handedness"]
+                hands = one.handedness, two.handedness
                 is_turned = abs(sum(hands)) < abs(hands[0] - hands[1]) > SYMMETRIC
-                factor, is_equal = one["spread"] / two["spread"], one["hash"] == two["hash"]
+                factor, is_equal = one.spread / two.spread, one.hash == two.hash
                 alike.append(Alike(name, other, "mirror image" if is_turned else "copy", factor, is_equal))
     return alike

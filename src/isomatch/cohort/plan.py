@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from hashlib import blake2b
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 from scipy.spatial.distance import cdist
@@ -19,12 +19,14 @@ from isomatch._core.arrays import FloatArray
 from isomatch._core.cached import cached_property
 from isomatch._core.files import UNFINISHED, remove_unfinished
 from isomatch.cohort.entries import BETWEEN, Entry, Pair, pairs_of
-from isomatch.cohort.ledger import N_EIGENVALUES, N_QUANTILES, Record, Rows, read_ledgers
+from isomatch.cohort.ledger import read_ledgers
+from isomatch.cohort.rows import N_EIGENVALUES, N_QUANTILES, OriginRow, PairRow, Rows, ShapeRow
 from isomatch.settings import Config
 from isomatch.shapes import PreparedShape
 
 OLD = 3600.0  # seconds; files are written in a few
 UNTOLD = "—"  # a setting that there was not
+R = TypeVar("R", ShapeRow, PairRow)
 N_OTHERS = 1000  # shapes with which each is compared, to find the medoid
 
 
@@ -87,9 +89,9 @@ def identity_of(content_hash: str, reflected: bool) -> str:
     return f"{content_hash} reflected" if reflected else content_hash
 
 
-def identity_of_map(row: Record) -> str:
+def identity_of_map(row: PairRow) -> str:
     """Identify the map of a matched pair, also where a composition of others took its place."""
-    return " > ".join((row["key"], *row.get("replaced_by", ())))
+    return " > ".join((row.key, *row.replaced_by))
 
 
 @lru_cache
@@ -97,30 +99,27 @@ def _settings(config: Config) -> str:
     return json.dumps([version("isomatch"), config.to_dict()], sort_keys=True)
 
 
-def made_with(config: Config, seed: int) -> tuple[str, Record]:
+def made_with(config: Config, seed: int) -> tuple[str, dict[str, Any]]:
     """Return what a key depends on beside the surfaces, as plain values, with their digest, by which rows name it."""
     text = json.dumps({"isomatch": version("isomatch"), "seed": seed, **config.to_dict()}, sort_keys=True)
     return blake2b(text.encode(), digest_size=8).hexdigest(), json.loads(text)
 
 
-def why_again(
-    old: Record, new: Record, contents: Mapping[str, str], origins: Mapping[str, Record]
-) -> list[str]:
-    """Say what differs between two rows; contents name the shape whose hash is in a field, such as ``source_hash``."""
-    reasons = list(old.get("again", [])) if old["state"] == "todo" else []
-    for key, name in contents.items():
-        if key in old and key in new and old[key] != new[key]:
+def why_again(old: R, new: R, names: Sequence[str], origins: Mapping[str, OriginRow]) -> list[str]:
+    """Say what differs between two rows of a shape or of a pair, whose names are given."""
+    reasons = list(old.again) if old.state == "todo" else []
+    for name, was, now in zip(names, old.hashes, new.hashes):
+        if was and now and was != now:
             reasons.append(f"the contents of {name} changed")
-    sides = (row.get("reflected") or () for row in (old, new))
-    before, now = (set(contents.values() if side is True else side) for side in sides)
-    reasons += [f"{name} is matched as its mirror image" for name in sorted(now - before)]
-    reasons += [f"{name} is not matched as its mirror image any more" for name in sorted(before - now)]
-    if old.get("led_by", "") != new.get("led_by", ""):
+    before, after = (row.reflected_of(names) for row in (old, new))
+    reasons += [f"{name} is matched as its mirror image" for name in sorted(after - before)]
+    reasons += [f"{name} is not matched as its mirror image any more" for name in sorted(before - after)]
+    if isinstance(old, PairRow) and isinstance(new, PairRow) and old.led_by != new.led_by:
         reasons.append("the map that it starts from changed")
-    ways = [origins.get(row.get("made_with", "")) for row in (old, new)]
-    if None not in ways:
-        a, b = (dict(_flat(way["made_with"])) for way in ways if way)
-        pairs = {name: (a.get(name, UNTOLD), b.get(name, UNTOLD)) for name in (*a, *b)}
+    if old.made_with in origins and new.made_with in origins:
+        first: dict[str, Any] = dict(_flat(origins[old.made_with].made_with))
+        second: dict[str, Any] = dict(_flat(origins[new.made_with].made_with))
+        pairs = {x: (first.get(x, UNTOLD), second.get(x, UNTOLD)) for x in (*first, *second)}
         reasons += [f"{name} {was} → {now}" for name, (was, now) in pairs.items() if was != now]
     return reasons
 
@@ -134,7 +133,7 @@ def _flat(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, An
             yield f"{prefix}{name}", value
 
 
-def features_of(shape: PreparedShape) -> list[float]:
+def features_of(shape: PreparedShape) -> tuple[float, ...]:
     """Describe a shape by its spectrum and the distribution of its distances, whatever its size and pose."""
     n = N_EIGENVALUES + 1
     values = np.full(n, np.nan)
@@ -145,7 +144,7 @@ def features_of(shape: PreparedShape) -> list[float]:
     apart = shape.distances_between(vertices)  # in √area
     levels = (np.arange(N_QUANTILES) + 0.5) / N_QUANTILES
     quantiles = np.quantile(apart[np.triu_indices(len(vertices), 1)], levels)
-    return [float(x) for x in np.concatenate([spectrum, quantiles])]
+    return tuple(float(x) for x in np.concatenate([spectrum, quantiles]))
 
 
 def medoid(features: FloatArray) -> int:
@@ -204,7 +203,7 @@ class Plan:
         if self.template is not None:
             return self.template
         tried = [name for name in self.names if name in rows.shapes]
-        usable = [name for name in tried if rows.shapes[name]["state"] == "done"]
+        usable = [name for name in tried if rows.is_prepared(name)]
         possible = set(usable)
         centres = Counter(source for source, _ in rows.pairs if source in possible)
         if self.pairs == "star" and centres:
@@ -214,10 +213,9 @@ class Plan:
             return led
         if not usable or len(tried) < len(self.names):
             return None
-        return usable[medoid(np.array([rows.shapes[name]["features"] for name in usable]))]
+        return usable[medoid(np.array([rows.shapes[name].features for name in usable]))]
 
     def wanted_pairs(self, rows: Rows) -> list[Pair]:
         """List the pairs to match, as far as their shapes could be prepared."""
-        usable = {name for name, record in rows.shapes.items() if record["state"] == "done"}
         pairs = pairs_of(self.names, self.pairs, self.chosen_template(rows))
-        return [pair for pair in pairs if usable.issuperset(pair)]
+        return [pair for pair in pairs if all(map(rows.is_prepared, pair))]

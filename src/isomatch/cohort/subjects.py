@@ -15,7 +15,7 @@ from isomatch._core.errors import InputError, IsomatchError
 from isomatch._core.files import legible, made_folder, staged
 from isomatch._core.texts import natural_order, read_csv, write_csv
 from isomatch.cohort.collection import Collection
-from isomatch.cohort.contacts import beneath, contacts_kept
+from isomatch.cohort.contacts import Gap, beneath, contacts_kept
 from isomatch.cohort.entries import Entry
 from isomatch.cohort.finish import surfaces_written
 from isomatch.cohort.outliers import OTHERS
@@ -111,7 +111,7 @@ def subject_collections(
 
 def finish_subjects(
     folder: str | Path, collections: Mapping[str, Collection], *, keep_contacts: bool = True
-) -> list[dict[str, Any]]:
+) -> list[Gap]:
     """Write each subject as one surface, in the topology of all templates, to ``corresponded`` in a folder.
 
     Its structures are stacked, see `stacked`, and their contacts kept, see `contacts_kept`, which
@@ -134,7 +134,8 @@ def finish_subjects(
             write_asset(new / f"{name}.ply", Asset.of_mesh(shapes.mesh(i), [mark]))
         rows = [{"structure": name, "vertices": n} for name, n in shapes.structures.items()]
         write_csv(new / STRUCTURES, rows, ("structure", "vertices"))
-    write_csv(Path(folder) / "contacts.csv", gaps, list(gaps[0]) if gaps else ("subject",))
+    columns = Gap._fields if gaps else Gap._fields[:1]
+    write_csv(Path(folder) / "contacts.csv", (gap._asdict() for gap in gaps), columns)
     return gaps
 
 

@@ -13,15 +13,18 @@ from contextlib import AbstractContextManager, ExitStack, contextmanager, nullco
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from itertools import takewhile
-from typing import Any
+from typing import Any, Generic, Literal, NamedTuple, TypeVar
 
 from isomatch._core.errors import InputError, UnwritableFileError
+from isomatch._core.files import is_of_one_file, legible
 from isomatch._core.first_use import package
 from isomatch._core.threads import n_threads
 from isomatch._core.workers import begin_worker, worker_processes
 
 QUEUED = 2  # tasks sent for each worker: the next one is there when the last one ends
 ASKED = 2.0  # seconds until the number of workers of a cluster is asked for again
+S = TypeVar("S")
+T = TypeVar("T")
 LOST = "the workers gave their tasks up, as when the scheduler of a cluster ends; run again to continue"
 
 
@@ -32,6 +35,32 @@ class Task:
     items: tuple[Any, ...]
     function: Callable[[Any], Any]  # makes the row of an item, None if it is too late for it
     lost: int = 0  # how often a worker died while this task was running, on it or on another worker
+
+
+class Attempt(NamedTuple, Generic[T]):
+    """What became of a job for an item: its result, or the error; when, and after how many seconds."""
+
+    result: T | None
+    error: str
+    time: float
+    seconds: float | None = None
+
+    @property
+    def state(self) -> Literal["done", "failed"]:
+        """How it ended."""
+        return "failed" if self.error else "done"
+
+
+def attempted(work: Callable[[S], T], item: S) -> Attempt[T]:
+    """Do a job for an item; a failure is an attempt with its reason, unless the disk is full."""
+    start = time.perf_counter()
+    try:
+        return Attempt(work(item), "", time.time(), time.perf_counter() - start)
+    except Exception as error:  # whatever else it is becomes a row with its reason; nothing ends a run
+        if isinstance(error, UnwritableFileError) and not is_of_one_file(error):
+            raise
+        reason = legible(f"{type(error).__name__}: {error}")  # it may name a file
+        return Attempt(None, reason, time.time(), time.perf_counter() - start)
 
 
 def late_after(time_limit: float | None) -> Callable[[], bool]:
