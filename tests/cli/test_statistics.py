@@ -10,7 +10,7 @@ import pytest
 import isomatch
 from corresponded import ellipsoids, moved, random_shapes
 from isomatch.cli import main
-from isomatch.cli.statistics import read_groups
+from isomatch.cohort import read_groups
 from isomatch.cohort.shape_statistics import ShapeModel, leave_one_out, read_shapes
 from shapes import icosphere
 

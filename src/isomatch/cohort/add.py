@@ -2,22 +2,143 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from isomatch._core.errors import InputError, IsomatchError, MeshError, SettingError
+from isomatch._core.files import claimed
+from isomatch._core.stage_timer import Progress
 from isomatch.cohort.collection import Collection
 from isomatch.cohort.entries import Entry, entries_of
 from isomatch.cohort.finish import surfaces_written
+from isomatch.cohort.listener import Listener, Warn
 from isomatch.cohort.outliers import OTHERS, checked_units, common_unit, scales_of, told_unit
 from isomatch.cohort.plan import Layout
 from isomatch.cohort.rows import PairRow, Rows, ShapeRow
-from isomatch.cohort.shape_statistics import ShapeModel, size_factors
-from isomatch.io import mesh_from
+from isomatch.cohort.run import Reports, follow, write_results
+from isomatch.cohort.scoring import LAST, new_shapes, write_scored
+from isomatch.cohort.shape_statistics import ScoredShape, ShapeModel, size_factors
+from isomatch.cohort.statistics_folder import Results, StatisticsFolder
+from isomatch.cohort.status import status_of
+from isomatch.cohort.workers import Workers, workers_of
+from isomatch.io import mesh_from, read_mesh
+from isomatch.landmarks import Landmarks
 
 SAME_SURFACE = 1e-4  # of the size: how far the template may be from where the model has it; files are of single precision
+
+
+@dataclass(frozen=True)
+class Added(Results):
+    """What `add` has written.
+
+    Parameters
+    ----------
+    page : Path, optional
+        The page of the maps.
+    folder, files, record, told
+        See `Results`.
+    """
+
+    page: Path | None = None
+
+
+def add(
+    folder: str | Path,
+    files: Sequence[str | Path],
+    *,
+    model: Path | None = None,
+    reflect: str | Iterable[str] | None = None,
+    units: Mapping[str, str] | None = None,
+    reports: Reports = "doubtful",
+    executor: str | Executor | Workers = "local",
+    jobs: int | None = None,
+    progress: Progress | None = None,
+    warn: Warn | None = None,
+) -> Added:
+    """Match new subjects with the template of a finished collection, and score them in its shape model.
+
+    All files that are there stay as they are: new ones are in the folder ``added``, and nothing is fitted again. What was
+    done before is not done again, and more can be added.
+
+    Parameters
+    ----------
+    folder : path_like
+        The folder of the collection.
+    files : sequence of path_like
+        Meshes, or one folder or list of them.
+    model : Path, optional
+        File of its `ShapeModel`; by default that of `statistics` in its folder ``statistics``.
+    reflect, units
+        See `added`.
+    reports, executor, jobs, progress, warn
+        See `run`.
+
+    Returns
+    -------
+    Added
+        A line for each subject that is scored in ``record["shapes"]``.
+
+    Raises
+    ------
+    InputError
+        If there is no model, or see `added`.
+    UnwritableFileError
+        If another process does the same, or the folder cannot be written.
+    """
+    collection, to = Collection.open(folder), Listener.of(progress, warn)
+    file = model or Path(folder) / "statistics" / "model.npz"
+    if not file.exists():
+        raise InputError(
+            f"{file}: no model; run isomatch statistics {folder} -o {file.parent}, or give it by --model"
+        )
+    prior = ShapeModel.load(file)
+    # no run of the collection may clear up there meanwhile
+    with claimed(collection.layout.ledger()), workers_of(executor, jobs) as workers:
+        more = added(collection, new_shapes(files), model=prior, reflect=reflect, units=units)
+        present = more.of(name for name in more.names if more.paths[name].exists())  # others stay as they are
+        follow(present.run(workers), to)
+        write_results(more, reports, workers, lambda: None, to)
+        rows, written = more.rows(), surfaces_written(more)
+        subjects = [name for name in more.names if name != more.template]
+        scored = {
+            name: prior.score_file(more.layout.corresponded(name)) for name in subjects if name in written
+        }
+        outcomes = {name: rows.pairs[more.template or "", name].there.outcome for name in scored}
+        landmarks = _nearest_landmarks(collection, more, scored)
+        own = {n: {"outcome": outcomes[n].name, "landmark": landmarks.get(n, "")} for n in scored}
+        about = {"folder": str(more.folder), "status": status_of(more).to_json()}
+        into = StatisticsFolder(more.folder, last=LAST)
+        with into.claimed(force=True) as inner:
+            record = write_scored(inner, file, prior, scored, own, about)
+    for name in subjects:
+        if name not in scored:
+            to.warn(
+                f"{name} is not scored, as it is not in the topology of the template; see {more.layout.page}"
+            )
+        elif outcomes[name].is_doubtful:
+            to.warn(f"{name} may be matched wrongly ({outcomes[name].value}); see {more.layout.page}")
+    return Added(more.folder, into.written, record, page=more.layout.page)
+
+
+def _nearest_landmarks(
+    collection: Collection, more: Collection, scored: Mapping[str, ScoredShape]
+) -> dict[str, str]:
+    """Name the landmark of the template nearest to the vertex where each new shape is farthest off, if it has any."""
+    template = more.template or ""
+    marks_file, mesh = collection.layout.landmarks / f"{template}.mrk.json", collection.paths[template]
+    if not marks_file.exists():
+        return {}
+    marks, vertices = Landmarks.read(marks_file, mesh), read_mesh(mesh).vertices
+    placed = np.flatnonzero(marks.placed)
+    if not len(placed):
+        return {}
+    worst = {name: vertices[np.nanargmax(each.vertex_errors)] for name, each in scored.items()}
+    apart = {name: np.linalg.norm(marks.positions[placed] - at, axis=1) for name, at in worst.items()}
+    return {name: marks.names[placed[each.argmin()]] for name, each in apart.items()}
 
 
 def added(

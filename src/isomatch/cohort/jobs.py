@@ -88,6 +88,41 @@ class Event(NamedTuple):
         """State of the row."""
         return "done" if isinstance(self.row, Outlier) else self.row.state
 
+    @property
+    def again(self) -> tuple[str, ...]:
+        """Why a shape or a pair was done again, if it was."""
+        is_step = self.what in ("shape", "pair") and not isinstance(self.row, Outlier)
+        return cast("ShapeRow | PairRow", self.row).again if is_step else ()
+
+    @property
+    def told(self) -> tuple[str, float]:
+        """The step in words, with the share of its steps that are done."""
+        name = self.name if isinstance(self.name, str) else " and ".join(self.name)
+        again = f"; again, because {'; '.join(self.again)}" if self.again else ""
+        step = f"{_DONE[self.what]} {self.done} of {self.of}"
+        return f"{step}: {name}, {_ending(self.row)}{again}", self.done / self.of
+
+
+_DONE = {"shape": "prepared", "outlier": "looked at", "pair": "matched"}
+_DONE |= {"reflection": "reflected", "agreement": "compared"}
+
+
+def _ending(row: ShapeRow | PairRow | Outlier) -> str:
+    """Say how a step ended."""
+    if isinstance(row, Outlier):
+        return row.reason
+    if row.state == "failed":
+        return f"failed: {row.error}"
+    if isinstance(row, ShapeRow):
+        return "done"
+    if row.not_reflected:
+        return f"not kept: {', '.join(row.not_reflected.values())}"
+    if row.agreement and row.agreement.refused:
+        return f"contradicted, but not replaced: {row.agreement.refused}"
+    if row.replaced_by:
+        return f"replaced by the composition over {row.replaced_by[1]}"
+    return row.ending.lower().replace("_", " ") if row.there.values else "done"
+
 
 @dataclass(frozen=True)
 class Run:

@@ -1,4 +1,4 @@
-"""What the commands write and tell of new shapes that an old shape model describes."""
+"""New shapes that an old shape model describes: how unusual they are, and where."""
 
 from __future__ import annotations
 
@@ -8,20 +8,64 @@ from typing import Any
 
 import numpy as np
 
-import isomatch
-from isomatch import cohort
-from isomatch.cli.statistics_files import StatisticsFolder
-from isomatch.cli.terminal import say, say_rows
+from isomatch._core.stage_timer import Progress
+from isomatch.cohort.entries import Entry, entries_of
+from isomatch.cohort.listener import Listener
 from isomatch.cohort.shape_statistics import ScoredShape, ShapeModel, leave_one_out
+from isomatch.cohort.statistics_folder import VERSION, Results, StatisticsFolder
 
 LAST = "scored.json"  # of the files about new shapes
-LABEL = 16  # columns of a label
 
 
-def new_shapes(files: Sequence[Path]) -> tuple[cohort.Entry, ...]:
+def project(
+    model: str | Path,
+    shapes: Sequence[str | Path],
+    output: str | Path,
+    *,
+    force: bool = False,
+    progress: Progress | None = None,
+) -> Results:
+    """Score new shapes in an old model: how far each is from the mean, how well the modes describe it, and where not.
+
+    Parameters
+    ----------
+    model : path_like
+        File of a `ShapeModel`, which stays as it is.
+    shapes : sequence of path_like
+        Meshes in its topology, or one folder or list of them.
+    output : path_like
+        Folder for ``scored.csv``, ``scored.json``, and ``scored/NAME.ply``.
+    force : bool
+        Whether to replace an earlier result.
+    progress : callable, optional
+        Called with each step, and the share that is done.
+
+    Returns
+    -------
+    Results
+        A line for each shape in ``record["shapes"]``.
+
+    Raises
+    ------
+    FormatError, MeshError
+        If a file cannot be read, or has another topology.
+    UnwritableFileError
+        If there is a result, and it is not to be replaced.
+    """
+    into, listener = StatisticsFolder(Path(output), last=LAST), Listener.of(progress, None)
+    with into.claimed(force) as new:
+        listener.tell("reading", 0.0)
+        prior = ShapeModel.load(model)
+        scored = {entry.name: prior.score_file(entry.path) for entry in new_shapes(shapes)}
+        record = write_scored(new, Path(model), prior, scored)
+    return Results(into.folder, into.written, record)
+
+
+def new_shapes(files: Sequence[str | Path]) -> tuple[Entry, ...]:
     """List new shapes, from files or from one folder or list; their names are those of the files."""
-    alone = len(files) == 1 and (files[0].is_dir() or files[0].suffix.lower() == ".csv")
-    return cohort.entries_of(files[0] if alone else files)
+    first = Path(files[0]) if len(files) == 1 else None
+    alone = first and (first.is_dir() or first.suffix.lower() == ".csv")
+    return entries_of(first if first and alone else files)
 
 
 def write_scored(
@@ -52,7 +96,7 @@ def write_scored(
     into.scored(model, scored, lines)
     numbers = {name: (each.scores.tolist(), each.deviations.tolist()) for name, each in scored.items()}
     record = {
-        "isomatch": isomatch.__version__,
+        "isomatch": VERSION,
         "model": str(file),
         "n_left_out": len(usual.errors),
         "n_modes": model.n_modes,
@@ -61,30 +105,8 @@ def write_scored(
         "shapes": [{**line, **dict(zip(("scores", "deviations"), numbers[line["name"]]))} for line in lines],
     }
     into.finish(record)
-    return {**record, "files": into.written}
+    return record
 
 
 def _median(values: np.ndarray[Any, Any]) -> float | None:
     return float(np.median(values)) if len(values) else None
-
-
-def say_scored(record: Mapping[str, Any], folder: Path) -> None:
-    """Print how unusual new shapes are."""
-    usual, m, k = record["usual"], record["n_left_out"], record["n_modes"]
-    for line in record["shapes"]:
-        say(line["name"], "bold")
-        far = f"{line['mahalanobis']:.3g} standard deviations from the mean, p = {line['p_value']:.2g} (χ², {k} modes)"
-        off = f"{line['error']:.4g} from what the modes describe (root mean square)"
-        where = f"at most {line['farthest_error']:.4g}, at vertex {line['farthest_vertex']}"
-        if m:
-            far += f"; {line['as_far']} of {m} shapes, each left out, are as far, their median is "
-            far += f"{usual['mahalanobis']:.3g}"
-            off += f"; {line['as_badly_described']} of {m} are as badly described, their median is {usual['errors']:.4g}"
-        if line.get("landmark"):
-            where += f", nearest to the landmark {line['landmark']}"
-        say_rows([("in the model", far), ("off the model", off), ("where", where)], LABEL)
-        if line["measured"] < 1:
-            say_rows(
-                [("measured", f"{line['measured']:.0%} of its vertices; the others tell nothing")], LABEL
-            )
-    say(f"the table is {folder / 'scored.csv'}; where: {folder / 'scored'}, residual of each vertex")

@@ -1,4 +1,4 @@
-"""The files of ``isomatch statistics``: meshes, tables, pictures, files of other tools, and a page."""
+"""The folder of a study of shapes: meshes, tables, pictures, files of other tools, and a page."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from html import escape
+from importlib.metadata import version
 from importlib.resources import files
 from itertools import accumulate
 from pathlib import Path
@@ -20,13 +21,13 @@ from isomatch import visualization
 from isomatch._core.arrays import FloatArray
 from isomatch._core.errors import MissingDependencyError
 from isomatch._core.files import claimed, made_folder, staged, write_text
-from isomatch._core.texts import write_csv
-from isomatch.cli.terminal import json_text
+from isomatch._core.texts import json_text, write_csv
 from isomatch.cohort import shape_statistics
 from isomatch.cohort.shape_statistics import CorrespondedShapes, GroupTest, ShapeModel, ShapeRegression
 from isomatch.io import Asset, Attribute, write_asset, write_mesh
 from isomatch.surfaces import Mesh
 
+VERSION = version("isomatch")
 DEVIATIONS = 2
 GREY = 0.6  # of vertices without a value
 GEODESIC = "difference of geodesic distances, in √area"
@@ -260,7 +261,7 @@ class StatisticsFolder:
         ending = f".{self.pictures}"
         drawn = [name.removesuffix(ending) for name in self.written if name.endswith(ending)]
         tables = [name for name in self.written if name.endswith((".csv", ".npz")) and "/" not in name]
-        template = Template((files("isomatch.cli") / "statistics_page.html").read_text(encoding="utf-8"))
+        template = Template((files("isomatch.cohort") / "statistics_folder.html").read_text(encoding="utf-8"))
         text = template.substitute(
             title=escape(title),
             folder=escape(folder),
@@ -274,6 +275,32 @@ class StatisticsFolder:
     def finish(self, record: Mapping[str, object]) -> None:
         """Write the record last: where it exists, the other files are complete."""
         write_text(self.folder / self.last, json_text({**record, "files": self.written}))
+
+
+@dataclass(frozen=True)
+class Results:
+    """What a study has written.
+
+    Parameters
+    ----------
+    folder : Path
+        The folder.
+    files : list of str
+        Names of its files.
+    record : mapping of str to Any
+        Settings and results in plain values, as in the file that is written last.
+    told : list of str
+        What was found, one sentence each.
+    """
+
+    folder: Path
+    files: list[str]
+    record: Mapping[str, Any]
+    told: list[str] = field(default_factory=list)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the record with where it is."""
+        return {**self.record, "output": str(self.folder), "files": self.files}
 
 
 def _by_mode(scores: FloatArray) -> dict[str, list[float]]:
