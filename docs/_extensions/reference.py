@@ -30,6 +30,12 @@ def homes():
     return found
 
 
+def home_of(module, name, home):
+    """Where a name of a subpackage is documented: there, if that of the same name elsewhere is another thing."""
+    same = getattr(importlib.import_module(home[name]), name) is getattr(module, name)
+    return home[name] if same else module.__name__
+
+
 def _is_borrowed_by(subpackage):
     """Sort subpackages so that one comes before those that pass its names on."""
     stub = PACKAGE.joinpath(*subpackage.split("."), "__init__.pyi").read_text(encoding="utf-8")
@@ -66,7 +72,7 @@ def page(subpackage, home):
     """Write the page of a subpackage in reStructuredText."""
     module = importlib.import_module(f"isomatch.{subpackage}")
     title = f"isomatch.{subpackage}"
-    described_in = {name: home[name] for name in module.__all__ if name in home}
+    described_in = {name: home_of(module, name, home) for name in module.__all__ if name in home}
     own = [name for name, place in described_in.items() if place == title]
     plain = [name for name in own if is_plain(getattr(module, name))]
     listed = [name for name in own if name not in plain]
@@ -80,7 +86,7 @@ def page(subpackage, home):
         lines += [f".. py:data:: {name}", f"   :value: {value if len(value) < 100 else '…'}", ""]
         lines += [indent(described(module, name), "   "), ""]
     if borrowed:
-        links = ", ".join(f":py:obj:`~{home[name]}.{name}`" for name in borrowed)
+        links = ", ".join(f":py:obj:`~{described_in[name]}.{name}`" for name in borrowed)
         lines += [f"Also here, and described elsewhere: {links}.", ""]
     return "\n".join(lines)
 
@@ -94,7 +100,11 @@ def write_subpackages(app, config):
         path, text = folder / f"{subpackage}.rst", page(subpackage, home)
         if not path.exists() or path.read_text(encoding="utf-8") != text:
             path.write_text(text, encoding="utf-8")
-    current = {f"{place}.{name}" for name, place in home.items()}
+    modules = [importlib.import_module(f"isomatch.{subpackage}") for subpackage in SUBPACKAGES]
+    current = {
+        f"{home_of(each, name, home)}.{name}" for each in modules for name in each.__all__ if name in home
+    }
+    current |= {f"isomatch.{name}" for name in isomatch.__all__}
     for stale in Path(app.srcdir, "reference").rglob("names/*.rst"):
         if stale.stem not in current:
             stale.unlink()

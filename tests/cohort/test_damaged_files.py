@@ -12,8 +12,8 @@ import pytest
 import isomatch
 from isomatch import FormatError
 from isomatch.cli import main
-from isomatch.cohort import Collection, changed_files, export, finish
-from isomatch.cohort.map_file import CHANGED, MISSING
+from isomatch.cohort import Collection, export, finish
+from isomatch.cohort.map_file import CHANGED, MISSING, changed_files
 from later import some_later
 from small_collections import arrays_of, run
 

@@ -12,14 +12,8 @@ from matplotlib.image import imread
 
 from isomatch import InputError, Landmarks, Outcome, read_asset, read_mesh, write_asset, write_landmarks
 from isomatch.cli import main
-from isomatch.cohort import (
-    Collection,
-    collected_landmarks,
-    draw_landmarks,
-    export,
-    finish,
-    landmarks_left_out,
-)
+from isomatch.cohort import Collection, collected_landmarks, draw_landmarks, export, finish
+from isomatch.cohort.landmarks import landmarks_left_out
 from isomatch.cohort.ledger import writing_ledger
 from isomatch.cohort.map_file import digest_of
 from isomatch.io import Frame

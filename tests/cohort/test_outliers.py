@@ -12,9 +12,9 @@ import pytest
 
 from isomatch import Correspondence, InputError, Mesh, read_asset, read_mesh, write_mesh
 from isomatch.cli import main
-from isomatch.cohort import Collection, Rows, ShapeRow, export, finish, outliers, scales_of
+from isomatch.cohort import Collection, Rows, ShapeRow, export, finish, outliers
 from isomatch.cohort.map_file import keep_files
-from isomatch.cohort.outliers import alike_shapes, likeness_of
+from isomatch.cohort.outliers import alike_shapes, likeness_of, scales_of
 from isomatch.cohort.shape_statistics import ShapeModel, read_shapes
 from isomatch.correspondence import UNMATCHED
 from isomatch.surfaces import reflected

@@ -17,8 +17,9 @@ import pytest
 
 import isomatch
 from isomatch.cli import main
-from isomatch.cohort import Collection, changed_files
+from isomatch.cohort import Collection
 from isomatch.cohort import ledger as ledger_module
+from isomatch.cohort.map_file import changed_files
 from isomatch.io import Asset, Attribute, write_asset
 from later import some_later
 from small_collections import QUICK, arrays_of

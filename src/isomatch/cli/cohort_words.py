@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from isomatch.cli.terminal import Talk, say, say_rows, say_table
-from isomatch.cohort import Cohort, LandmarkTables, Layout, ShapeStudy, Status
+from isomatch.cohort import Cohort, LandmarkTables, Layout, Results, Status
 from isomatch.matching import Outcome
 from isomatch.visualization import HEADLINES
 
@@ -142,9 +142,11 @@ def say_scored(record: Mapping[str, Any], folder: Path) -> None:
     say(f"the table is {folder / 'scored.csv'}; where: {folder / 'scored'}, residual of each vertex")
 
 
-def say_statistics(found: ShapeStudy) -> None:
+def say_statistics(found: Results) -> None:
     """Print how shapes vary, and what else was found."""
     model = found.model
+    if model is None:
+        return
     size = f"{len(model.names)} shapes of {len(model.mean):,} vertices"
     say(f"{size} vary in {model.n_modes} mode{'s' * (model.n_modes != 1)}", "bold")
     shares = found.record["shares"]

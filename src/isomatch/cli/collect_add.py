@@ -46,6 +46,6 @@ def add(
 
     def summary() -> None:
         say_scored(found.record, found.folder)
-        say(f"the maps: {found.page}; {folder} is as it was, but for {found.folder.name}")
+        say(f"the maps: {found.folder / 'index.html'}; {folder} is as it was, but for {found.folder.name}")
 
     talk.result({**found.record, "files": found.files}, summary)

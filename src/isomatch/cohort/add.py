@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -31,21 +30,6 @@ from isomatch.landmarks import Landmarks
 SAME_SURFACE = 1e-4  # of the size: how far the template may be from where the model has it; files are of single precision
 
 
-@dataclass(frozen=True)
-class Added(Results):
-    """What `add` has written.
-
-    Parameters
-    ----------
-    page : Path, optional
-        The page of the maps.
-    folder, files, record, told
-        See `Results`.
-    """
-
-    page: Path | None = None
-
-
 def add(
     folder: str | Path,
     files: Sequence[str | Path],
@@ -58,7 +42,7 @@ def add(
     jobs: int | None = None,
     progress: Progress | None = None,
     warn: Warn | None = None,
-) -> Added:
+) -> Results:
     """Match new subjects with the template of a finished collection, and score them in its shape model.
 
     All files that are there stay as they are: new ones are in the folder ``added``, and nothing is fitted again. What was
@@ -72,22 +56,24 @@ def add(
         Meshes, or one folder or list of them.
     model : Path, optional
         File of its `ShapeModel`; by default that of `statistics` in its folder ``statistics``.
-    reflect, units
-        See `added`.
+    reflect : "auto", str or iterable of str, optional
+        New subjects to match as mirror images; by default "auto" if the collection has it, and otherwise none.
+    units : mapping of str to str, optional
+        Units of new subjects, by name; where those of the collection are not known, ``"*"`` is their unit. The size of a
+        subject whose unit is given is not questioned.
     reports, executor, jobs, progress, warn
         See `run`.
 
     Returns
     -------
-    Added
+    Results
         A line for each subject that is scored in ``record["shapes"]``.
 
     Raises
     ------
     InputError
-        If there is no model, or see `added`.
-    UnwritableFileError
-        If another process does the same, or the folder cannot be written.
+        If the collection is not finished; the model is missing, or of another template; or, naming all of them, if new
+        subjects have names of old ones, are no meshes, or have sizes that suggest other units.
     """
     collection, to = Collection.open(folder), Listener.of(progress, warn)
     file = model or Path(folder) / "statistics" / "model.npz"
@@ -121,7 +107,7 @@ def add(
             )
         elif outcomes[name].is_doubtful:
             to.warn(f"{name} may be matched wrongly ({outcomes[name].value}); see {more.layout.page}")
-    return Added(more.folder, into.written, record, page=more.layout.page)
+    return Results(more.folder, into.written, record)
 
 
 def _nearest_landmarks(
@@ -149,58 +135,9 @@ def added(
     units: Mapping[str, str] | None = None,
     reflect: str | Iterable[str] | None = None,
 ) -> Collection:
-    """Plan the matches of new subjects with the template of a finished collection, which stays as it is.
-
-    They are a collection of their own, in the subfolder ``added``: a star around the same template, with the same
-    settings and seed, so its maps and surfaces are those that the subjects would have had in the collection, if that is a
-    star. `Collection.run` and `finish` do the work, and continue it; `ShapeModel.score_file` describes the surfaces.
-    Subjects that were added before stay. Nothing is matched here.
-
-    Parameters
-    ----------
-    collection : Collection
-        A collection that is finished: all pairs are matched, and the template is written.
-    files : path_like or iterable of path_like
-        New subjects, as in `Collection.create`.
-    model : ShapeModel, optional
-        The model that is to describe them; refused if it is not of this template.
-    units : mapping of str to str, optional
-        Units of new subjects, by name, as in `Collection.create`; where those of the collection are not known, ``"*"`` is
-        their unit. The size of a subject whose unit is given is not questioned.
-    reflect : "auto", str or iterable of str, optional
-        New subjects to match as mirror images; by default "auto" if the collection has it, and otherwise none.
-
-    Returns
-    -------
-    Collection
-        In the folder ``added``, with the template first.
-
-    Raises
-    ------
-    InputError
-        If the collection is not finished; the model is of another template; or, naming all of them, if new subjects have
-        names of old ones, are no meshes, or have sizes that suggest other units.
-
-    Notes
-    -----
-    Every new file is read once, O(n) time. Where files of earlier subjects are gone, run ``of`` those that are there:
-    a shape without its file counts as failed.
-
-    Examples
-    --------
-    >>> from tempfile import TemporaryDirectory
-    >>> from isomatch import Mesh, write_mesh
-    >>> triangle = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
-    >>> with TemporaryDirectory() as folder:
-    ...     for name in "abc":
-    ...         write_mesh(f"{folder}/{name}.off", triangle)
-    ...     collection = Collection.create(f"{folder}/out", [f"{folder}/a.off", f"{folder}/b.off"], template="a")
-    ...     try:
-    ...         added(collection, [f"{folder}/c.off"])
-    ...     except InputError as error:
-    ...         print(str(error).partition(": ")[2])
-    is not finished: 2 shapes are not prepared; run isomatch collect to its end
-    """
+    """Plan the matches of new subjects with the template of a finished collection, which stays as it is."""
+    # a collection of their own, in the subfolder ``added``: a star around the same template, with the same settings and
+    # seed, so its maps and surfaces are those that the subjects would have had in the collection, if that is a star
     rows = collection.rows()
     template = _template_of(collection, rows)
     if model is not None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -43,21 +43,6 @@ ALIKE = (
 REMEDY = "Give landmarks of both sides (--landmarks); a single bone has no mirror half: give left and right (--pairs)."
 
 
-@dataclass(frozen=True)
-class AsymmetryStudy(Results):
-    """What `asymmetry` has written.
-
-    Parameters
-    ----------
-    unsure : str
-        Which maps from left to right are not sure, and what to do; empty if all are.
-    folder, files, record, told
-        See `Results`.
-    """
-
-    unsure: str = ""
-
-
 def asymmetry(
     shapes: str | Path,
     output: str | Path,
@@ -72,7 +57,7 @@ def asymmetry(
     force: bool = False,
     progress: Progress | None = None,
     warn: Warn | None = None,
-) -> AsymmetryStudy:
+) -> Results:
     """Measure how far shapes are from their mirror images, where, and what of it all shapes have in common.
 
     Parameters
@@ -80,40 +65,21 @@ def asymmetry(
     shapes : path_like
         A mesh; or a folder of meshes in one topology, or that of a collection.
     output : path_like
-        Folder for tables, pictures, shapes/NAME.ply with the asymmetry at each vertex, and left_right/NAME.npz with the
-        map from left to right.
-    pairs : Path, optional
-        Table with the columns left and right, names of organs that are compared; without it, each shape is compared
-        with its own mirror image.
-    left_right : Path, optional
-        The folder left_right of an earlier result, or a file with the vertex on the other side of each vertex of all
-        shapes; by default each shape is matched with its mirror image.
-    landmarks : Path, optional
-        Three or more pairs of vertices or positions of the first shape, a point and its counterpart.
-    individuals : Path, optional
-        Table with the columns name and group: shapes of one group are repeated measurements of one individual.
-    scale : "remove" or "keep"
-        Whether all are brought to one size.
-    config, seed : Config, int
-        Settings of the matches, and the seed.
-    force : bool
-        Whether to replace an earlier result.
-    progress : callable, optional
-        Called with each step, and the share that is done.
-    warn : callable, optional
-        Called with shapes to look at first; by default they are logged.
+        Folder for tables, pictures, shapes/NAME.ply with the asymmetry at each vertex, and left_right/NAME.npz.
+    pairs, left_right, landmarks, individuals, scale, config, seed, force
+        As the options of ``isomatch asymmetry``.
+    progress, warn : callable, optional
+        Called with each step and the share that is done; and with shapes to look at first, which by default are logged.
 
     Returns
     -------
-    AsymmetryStudy
+    Results
         The record of all numbers, and which maps are not sure.
 
     Raises
     ------
     FormatError, MeshError, SettingError
         If files cannot be read, shapes are not in one topology, or both maps and landmarks are given.
-    UnwritableFileError
-        If there is a result, and it is not to be replaced.
     """
     if left_right and landmarks:
         raise SettingError("--left-right gives the map, and --landmarks help to find it; give one of them")
@@ -182,7 +148,7 @@ def asymmetry(
         new.page(title, into.folder.resolve().name, used, sections, words)
         new.finish(record)
         to.tell("done", 1.0)
-    return AsymmetryStudy(into.folder, into.written, record, told, unsure)
+    return Results(into.folder, into.written, record, told, unsure=unsure)
 
 
 def _matched(

@@ -38,15 +38,12 @@ def complete_file(
     ----------
     model : path_like
         File of a `ShapeModel`.
-    shape, landmarks, noise, config, seed
+    shape : path_like
         What is known, see `read_observations`.
     output : path_like
-        Surface file for the completed shape; of subjects, a folder for a file of each structure. Next to it is written
-        NAME.json.
-    pose : "fitted" or "given"
-        See `shape_statistics.complete`.
-    force : bool
-        Whether to replace files.
+        Surface file for the completed shape; of subjects, a folder for a file of each structure. NAME.json is beside it.
+    landmarks, noise, pose, config, seed, force
+        As the options of ``isomatch statistics complete``.
     progress : callable, optional
         Called with each step, and the share that is done.
 
@@ -59,8 +56,6 @@ def complete_file(
     ------
     FormatError, MeshError, LandmarkError
         If a file cannot be read, or has nothing that the model knows.
-    UnwritableFileError
-        If there are files, and they are not to be replaced.
     """
     shape, output, to = Path(shape), Path(output), Listener.of(progress, None)
     about = output.with_suffix(".json")

@@ -71,44 +71,15 @@ def beneath(meshes: Mapping[str, Mesh]) -> dict[str, str]:
 def contacts_kept(
     shapes: CorrespondedShapes, of: str | None = None, *, move: bool = True
 ) -> tuple[CorrespondedShapes, list[Gap]]:
-    """Keep points together that lie on each other in one subject, and measure gap and overlap in all.
-
-    Parameters
-    ----------
-    shapes : CorrespondedShapes
-        Subjects, see `stacked`, each of whose structures was matched by itself.
-    of : str, optional
-        The subject that tells where structures touch; by default the first of those with most structures.
-    move : bool
-        Whether points are moved, or only measured.
-
-    Returns
-    -------
-    shapes : CorrespondedShapes
-        A structure, such as cartilage, that touches a larger one by 0.6 of its area or more follows that: its points are
-        moved along its own surface. Those beyond its edge have no counterpart: they continue it, and are not measured.
-    gaps : list of Gap
-        For each subject and two structures that touch, by a fifth of the area of the smaller one: ``gap``, ``overlap``
-        and ``slip`` before and after, the share ``without`` counterpart, and a ``note`` why nothing was moved, if so. Of
-        points that touch in the template, these are the largest distances outside and inside the larger structure, and
-        the mean distance of its nearest point from the corresponding one.
-
-    Notes
-    -----
-    Points touch that are nearer than 0.1 √area. A vertex b was nearest to the point p of the larger structure; in each
-    subject it moves by p − q, where q is now nearest to it, then back to its surface, four times. Movements u are smooth:
-    they minimise Σ w ‖u − (p − q)‖² + Σ ‖u_i − u_j‖² + μ Σ ‖u‖², with weights w that fall to 0 at twice the distance, and
-    μ so that u falls off within 0.1 √area.
-
-    Examples
-    --------
-    >>> flat = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]])
-    >>> below, above = (CorrespondedShapes(["s"], [flat + [0, 0, z]], [[0, 1, 2], [0, 2, 3]]) for z in (0, 0.01))
-    >>> from isomatch.cohort.shape_statistics import stacked
-    >>> _, (found,) = contacts_kept(stacked({"below": below, "above": above}))
-    >>> found.structure, found.other, round(found.gap_after, 6), found.slip_after
-    ('above', 'below', 0.01, 0.0)
-    """
+    """Keep points of structures together that lie on each other in a subject, and measure gap and overlap in all."""
+    # that subject is ``of``, by default the first of those with most structures. A structure, such as cartilage, that
+    # touches a larger one by 0.6 of its area or more follows that; points beyond its edge have no counterpart: they
+    # continue it, and are not measured. A vertex b was nearest to the point p of the larger structure; in each subject
+    # it moves by p − q, where q is now nearest to it, then back to its surface, four times. Movements u are smooth: they
+    # minimise Σ w ‖u − (p − q)‖² + Σ ‖u_i − u_j‖² + μ Σ ‖u‖², with weights w that fall to 0 at twice the distance that
+    # counts as touching, and μ so that u falls off within 0.1 √area. Gaps are of two structures that touch by a fifth of
+    # the area of the smaller one: of its points that touch in the template, the largest distances outside and inside the
+    # larger one, and the mean distance of its nearest point from the corresponding one.
     parts, vertices, measured = slices_of(shapes.structures), shapes.vertices.copy(), shapes.seen.copy()
     has = {name: np.asarray(measured[:, part].any(axis=1)) for name, part in parts.items()}
     at = int(np.sum([*has.values()], axis=0).argmax()) if of not in shapes.names else shapes.names.index(of)

@@ -74,58 +74,26 @@ class LeftOutError(NamedTuple):
 
 @dataclass(frozen=True)
 class LandmarkTables:
-    """What `write_landmark_tables` has written; errors are in the units of the files.
-
-    Parameters
-    ----------
-    folder : Path
-        The folder.
-    format : str
-        Suffix of the files.
-    templates, shapes : list of str
-        Shapes whose landmarks are known, and those that have a file.
-    expected_error, check_first : dict of str to float
-        Median of each shape, and of the three landmarks that are least sure.
-    mean_spread : dict of str to float
-        Of each shape, over the templates.
-    largest_spread : dict of str to str
-        The landmark where that is largest.
-    left_out_errors : dict of str to LeftOutError
-        Of each template, how far off the others carry its landmarks.
-    not_written : list of str
-        What the format has no place for.
-    other_landmarks, reflected : list of str
-        Shapes with other landmarks, which are not in the tables, and those that are reflected there.
-    axes : str or None
-        The space of the tables.
-    half_turned : list of str
-        Shapes that were brought into it.
-    doubtful : list of pair of str
-        Doubtful maps, which are not used.
-    slid : list of Slid
-        How far the landmarks of each shape slid.
-    not_slid, left_out : list of str
-        Shapes that have other landmarks or few with a place, and those that failed or that no sure map leads to.
-    """
+    """What `write_landmark_tables` has written; errors are in the units of the files."""
 
     folder: Path
-    format: str
-    templates: list[str]
-    shapes: list[str]
-    expected_error: dict[str, float]
-    check_first: dict[str, float]
-    mean_spread: dict[str, float]
-    largest_spread: dict[str, str]
-    left_out_errors: dict[str, LeftOutError]
-    not_written: list[str]
-    other_landmarks: list[str]
-    reflected: list[str]
-    axes: str | None
-    half_turned: list[str]
-    doubtful: list[tuple[str, str]]
+    format: str  # suffix of the files
+    templates: list[str]  # shapes whose landmarks are known
+    shapes: list[str]  # those that have a file
+    expected_error: dict[str, float]  # median of each shape
+    check_first: dict[str, float]  # of the landmarks that are least sure
+    mean_spread: dict[str, float]  # of each shape, over the templates
+    largest_spread: dict[str, str]  # landmark where that is largest
+    left_out_errors: dict[str, LeftOutError]  # of each template
+    not_written: list[str]  # what the format has no place for
+    other_landmarks: list[str]  # shapes that have others, and so are not in the tables
+    reflected: list[str]  # those that are reflected in the tables
+    axes: str | None  # the space of the tables
+    half_turned: list[str]  # shapes that were brought into it
+    doubtful: list[tuple[str, str]]  # maps that are not used
     slid: list[Slid]
-    not_slid: list[str]
-    left_out: list[str]
+    not_slid: list[str]  # shapes that have other landmarks, or few with a place
+    left_out: list[str]  # those that failed, or that no sure map leads to
 
     def to_json(self) -> dict[str, Any]:
         """Return plain values."""
@@ -151,18 +119,12 @@ def write_landmark_tables(
     folder : path_like
         The folder of the collection.
     landmarks : path_like
-        Folder of the landmarks of some of its shapes, named like them, or one such file; a file of another name is that
-        of the template.
+        Folder of the landmarks of some of its shapes, named like them, or one such file; another name is that of the
+        template.
     to : path_like
-        Folder for a file of each shape, ``landmarks.csv`` and ``landmarks.tps`` with a row for each, in the unit of the
-        collection and reflected where a shape was matched so, ``landmarks_errors.csv``, ``landmarks_slid.csv`` and
-        ``landmarks.png``.
-    semilandmarks : Semilandmarks, optional
-        What is carried beside them.
-    format : str
-        Suffix of the files of shapes.
-    force : bool
-        Whether to replace files.
+        Folder for a file of each shape, landmarks.csv, landmarks.tps, tables of errors, and landmarks.png.
+    semilandmarks, format, force
+        As the options of ``isomatch collect landmarks``.
     progress : callable, optional
         Called with each step, and the share that is done.
 
@@ -177,8 +139,6 @@ def write_landmark_tables(
         If there are no landmarks of a shape of the collection.
     FormatError, LandmarkError
         If a file cannot be read or written, or its landmarks are not on the shape.
-    UnwritableFileError
-        If there are files, and they are not to be replaced.
     """
     suffix = f".{format.removeprefix('.')}"
     writer_of(Path(f"landmarks{suffix}"))

@@ -99,11 +99,7 @@ def collected_landmarks(
 def landmarks_left_out(
     collection: Collection, files: Mapping[str, str | Path], curve_points: int | None = None
 ) -> Iterator[LeftOut]:
-    """Carry to each template what all others give for it, and compare it with its own landmarks.
-
-    Yields each template that the others lead to; none if there is only one. So the errors are those to be expected of a
-    shape of which nothing was marked, from one template less. Arguments and errors are those of `collected_landmarks`.
-    """
+    """Carry to each template what all others give for it, and compare: errors to be expected of unmarked shapes."""
     templates = _Templates(collection, files, curve_points)
     for name in files:
         carried = templates.carried(name, [other for other in files if other != name])

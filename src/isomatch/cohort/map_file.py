@@ -148,10 +148,7 @@ def keep_files(layout: Layout, paths: Iterable[Path]) -> None:
 
 
 def changed_files(layout: Layout, rows: Rows, folders: Iterable[str] = KEPT) -> dict[Path, str]:
-    """Find the files in some of the `KEPT` folders that are missing, or not as they were written, and say which it is.
-
-    Maps of pairs that are to be matched again are not looked at.
-    """
+    """Find the files in some of the `KEPT` folders that are missing, or not as they were written, and say which it is."""
     wanted = set(folders)
     kept = [each for each in _kept(layout, rows) if each[0].parent.name in wanted]
     with ThreadPoolExecutor(n_threads()) as threads:

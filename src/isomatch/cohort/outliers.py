@@ -280,7 +280,7 @@ def alike_shapes(shapes: dict[str, ShapeRow]) -> list[Alike]:
             if len(near):
                 other = names[near[0]]
                 one, two = shapes[name], shapes[other]
-                hands = one.handedness, two.handedness
+                hands = one.handedness or 0.0, two.handedness or 0.0
                 is_turned = abs(sum(hands)) < abs(hands[0] - hands[1]) > SYMMETRIC
                 factor, is_equal = one.spread / two.spread, one.hash == two.hash
                 alike.append(Alike(name, other, "mirror image" if is_turned else "copy", factor, is_equal))

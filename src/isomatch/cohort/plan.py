@@ -10,7 +10,7 @@ from functools import lru_cache
 from hashlib import blake2b
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal, TypeVar, cast
 
 import numpy as np
 from scipy.spatial.distance import cdist
@@ -111,7 +111,8 @@ def why_again(old: R, new: R, names: Sequence[str], origins: Mapping[str, Origin
     for name, was, now in zip(names, old.hashes, new.hashes):
         if was and now and was != now:
             reasons.append(f"the contents of {name} changed")
-    before, after = (row.reflected_of(names) for row in (old, new))
+    sides = (cast(Any, row).reflected for row in (old, new))
+    before, after = (set(names if side is True else side or ()) for side in sides)
     reasons += [f"{name} is matched as its mirror image" for name in sorted(after - before)]
     reasons += [f"{name} is not matched as its mirror image any more" for name in sorted(before - after)]
     if isinstance(old, PairRow) and isinstance(new, PairRow) and old.led_by != new.led_by:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import MISSING, dataclass, field, fields, replace
 from pathlib import Path
 from types import UnionType
-from typing import Any, Literal, Self
+from typing import Any, ClassVar, Literal, Self
 
 from isomatch._core.texts import read_csv, write_csv
 from isomatch.cohort.entries import Pair
@@ -67,6 +67,8 @@ class MapSummary:
 class Row:
     """Values that are written as one JSON object; their names are in the order in which a new one is written."""
 
+    always: ClassVar[tuple[str, ...]] = ("state", "time")  # what is written also where it is the default
+    of_done: ClassVar[tuple[str, ...]] = ()  # likewise, where the state is "done"
     # of the object that they were read from: the order of its names, and values whose names are not known here
     order: tuple[str, ...] = field(default=(), compare=False, repr=False)
     more: Mapping[str, Any] = field(default_factory=dict, repr=False)
@@ -88,7 +90,8 @@ class Row:
     def given(self) -> dict[str, Any]:
         """Return the values that are written, by the names of their fields."""
         values = ((name, getattr(self, name), default) for name, default in self.defaults().items())
-        needed = self.needed
+        done = self.of_done if getattr(self, "state", "") == "done" else ()
+        needed = {*self.always, *done}
         return {name: value for name, value, default in values if name in needed or value != default}
 
     @classmethod
@@ -96,11 +99,6 @@ class Row:
         """Return the default of each value."""
         own = [each for each in fields(cls) if each.name not in ("order", "more")]
         return {x.name: x.default if x.default_factory is MISSING else x.default_factory() for x in own}
-
-    @property
-    def needed(self) -> tuple[str, ...]:
-        """Names of values that are written also where they are the default."""
-        return ()
 
 
 def _plain(value: Any) -> Any:
@@ -121,6 +119,7 @@ def _written(value: Any) -> Any:
 class ShapeRow(Row):
     """What is known of a shape."""
 
+    of_done = ("reflected", "bytes", "n_vertices", "area", "features", "holes", "notes")
     size: int | None = None  # bytes and time of its file, in ns since the epoch
     changed: int | None = None
     state: State
@@ -138,31 +137,16 @@ class ShapeRow(Row):
     n_points: int = 0  # this and the next three see `likeness_of`
     spread: float = 0.0
     ranks: tuple[float, ...] = ()
-    handedness: float = 0.0
+    handedness: float | None = None
     holes: tuple[int, float] | None = None  # number of boundaries, and their length in √area
     notes: tuple[str, ...] = ()
     made_with: str = ""  # name of the version and settings
     again: tuple[str, ...] = ()  # why it was prepared again
 
     @property
-    def needed(self) -> tuple[str, ...]:
-        """Those of a shape that is prepared."""
-        likeness = ("n_points", "spread", "ranks", "handedness") if self.n_points else ()
-        done = ("reflected", "bytes", "n_vertices", "area", "features", *likeness, "holes", "notes")
-        return ("time", *(done if self.state == "done" else ()))
-
-    @property
     def hashes(self) -> tuple[str, ...]:
         """Hash of what is in its file."""
         return (self.hash,)
-
-    def is_of_another_file(self, other: ShapeRow) -> bool:
-        """Whether the file was changed between two rows."""
-        return (self.size, self.changed) != (other.size, other.changed)
-
-    def reflected_of(self, names: Iterable[str]) -> set[str]:
-        """Return its name, given alone, if it is reflected."""
-        return set(names) if self.reflected else set()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -197,6 +181,7 @@ class _Matched(Row):
 class MapRecord(_Matched):
     """What the file of the maps of a pair says of them."""
 
+    always = ("reflected", "memory")
     key: str = ""  # identifies the match
     source_hash: str = ""  # of the surfaces in their files
     target_hash: str = ""
@@ -208,16 +193,13 @@ class MapRecord(_Matched):
     memory: float | None = None  # largest of the process, in bytes
     replaced_by: tuple[str, ...] = ()  # shapes of the composition that took its place
 
-    @property
-    def needed(self) -> tuple[str, ...]:
-        """Those of a match."""
-        return "reflected", "memory"
-
 
 @dataclass(frozen=True, kw_only=True)
 class PairRow(_Matched):
     """What is known of a pair; names that `MapRecord` has too mean the same."""
 
+    always = ("state", "time", "reflected", "attempt")
+    of_done = ("memory",)
     source_hash: str = ""
     target_hash: str = ""
     reflected: tuple[str, ...] = ()
@@ -238,15 +220,6 @@ class PairRow(_Matched):
     again: tuple[str, ...] = ()  # why it was matched again
     not_reflected: Mapping[str, str] = field(default_factory=dict)  # shapes that are not reflected, and why
     agreement: PairAgreement | None = None  # None where it was not compared
-
-    @property
-    def needed(self) -> tuple[str, ...]:
-        """Those of its state."""
-        return "time", "reflected", "attempt", *(("memory",) if self.state == "done" else ())
-
-    def reflected_of(self, names: Iterable[str]) -> set[str]:
-        """Return those of its names that are reflected."""
-        return set(self.reflected)
 
     @property
     def verdict(self) -> Literal["todo", "failed", "low", "done"]:
@@ -287,11 +260,6 @@ class FileRow(Row):
     time: float
     file: str
 
-    @property
-    def needed(self) -> tuple[str, ...]:
-        """All."""
-        return "state", "time"
-
 
 @dataclass(frozen=True, kw_only=True)
 class OriginRow(Row):
@@ -300,11 +268,6 @@ class OriginRow(Row):
     state: State = "done"
     time: float
     made_with: Mapping[str, Any]
-
-    @property
-    def needed(self) -> tuple[str, ...]:
-        """All."""
-        return "state", "time"
 
 
 Cell = str | float  # of a table; a text if it was read
@@ -421,7 +384,8 @@ class Rows:
 
 
 def _counts_more(one: ShapeRow | PairRow | FileRow, other: ShapeRow | PairRow | FileRow) -> bool:
-    if isinstance(one, ShapeRow) and isinstance(other, ShapeRow) and one.is_of_another_file(other):
+    of_file = [(row.size, row.changed) for row in (one, other) if isinstance(row, ShapeRow)]
+    if of_file and of_file[0] != of_file[1]:
         return one.time > other.time
     return (one.state == "done", one.time) > (other.state == "done", other.time)
 

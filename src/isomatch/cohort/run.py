@@ -130,13 +130,12 @@ def run(
     folder : path_like
         Where prepared shapes, maps, tables and surfaces are kept.
     shapes : path_like
-        Shapes, see `Collection.create`; or subjects of several surfaces, see `structures_of`.
+        Shapes, see `Collection.create`; or subjects of several surfaces: a folder with a folder for each, whose files are
+        named like the structures, or a table with the columns ``subject``, ``structure`` and ``file``.
     pairs, template, config, seed, reflect, units
         See `Collection.create`.
-    landmarks : Path, optional
+    landmarks, semilandmarks
         Landmarks of the template, or a folder of those of several shapes, see `write_landmark_tables`.
-    semilandmarks : Semilandmarks, optional
-        What is carried beside them.
     agree : bool, optional
         Whether maps that the others contradict are replaced, once all pairs are matched; by default if all pairs are.
     keep_contacts : bool
@@ -145,10 +144,9 @@ def run(
         See `write_reports`.
     executor, jobs, shard, time_limit
         See `Collection.run`; of a shard, only maps are made.
-    progress : callable, optional
-        Called with each step, and the share that is done.
-    warn : callable, optional
-        Called with what is wrong with shapes and maps, and with what is done again; by default it is logged.
+    progress, warn : callable, optional
+        Called with each step and the share that is done; and with what is wrong with shapes and maps, and what is done
+        again, which by default is logged.
 
     Returns
     -------
@@ -161,8 +159,6 @@ def run(
         If shapes, pairs, names, units or landmarks are not usable.
     SettingError
         If the folder holds a collection with other settings.
-    UnwritableFileError
-        If another process does the same, or the folder cannot be written.
     """
     if semilandmarks and landmarks is None:
         raise InputError("semilandmarks come with landmarks of a shape; give these (--landmarks)")
@@ -243,8 +239,6 @@ def reconcile(
     ------
     InputError
         If no three shapes are all matched with one another.
-    UnwritableFileError
-        If a run of the collection goes on, or the folder cannot be written.
     """
     collection, to, left = Collection.open(folder), Listener.of(progress, warn), _seconds_left(time_limit)
     with workers_of(executor, jobs) as workers:

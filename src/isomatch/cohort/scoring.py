@@ -49,8 +49,6 @@ def project(
     ------
     FormatError, MeshError
         If a file cannot be read, or has another topology.
-    UnwritableFileError
-        If there is a result, and it is not to be replaced.
     """
     into, listener = StatisticsFolder(Path(output), last=LAST), Listener.of(progress, None)
     with into.claimed(force) as new:

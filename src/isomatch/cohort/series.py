@@ -37,16 +37,10 @@ def series(
         Folder of meshes with the same faces, frame2 before frame10; or of a collection.
     output : path_like
         Folder for time.csv, time.png, and strain/NAME.vtp, each shape with the measures of its faces.
-    regions : Path, optional
-        Labels of the vertices: a table, .npy, .annot, .label.gii, or the template's file, if it has one label.
-    reference : str, optional
-        Name of the shape that is not strained; by default the first one.
-    force : bool
-        Whether to replace an earlier result.
-    progress : callable, optional
-        Called with each step, and the share that is done.
-    warn : callable, optional
-        Called with shapes that are left out; by default they are logged.
+    regions, reference, force
+        As the options of ``isomatch statistics time``.
+    progress, warn : callable, optional
+        Called with each step and the share that is done; and with shapes that are left out, which by default are logged.
 
     Returns
     -------
@@ -57,8 +51,6 @@ def series(
     ------
     InputError
         If there are fewer than two shapes in one topology, or the reference is none of them.
-    UnwritableFileError
-        If there is a result, and it is not to be replaced.
     """
     folder, to = Path(folder), Listener.of(progress, warn)
     into = StatisticsFolder(Path(output), last="time.json")

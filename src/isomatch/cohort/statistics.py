@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -29,21 +29,6 @@ Weights = Literal["area", "uniform"]
 Method = Literal["permutation", "parametric"]
 
 
-@dataclass(frozen=True, kw_only=True)
-class ShapeStudy(Results):
-    """What `statistics` has written, with the ``model``.
-
-    Parameters
-    ----------
-    model : ShapeModel
-        Mean and modes of variation.
-    folder, files, record, told
-        See `Results`.
-    """
-
-    model: ShapeModel
-
-
 def statistics(
     folder: str | Path,
     output: str | Path,
@@ -61,53 +46,29 @@ def statistics(
     force: bool = False,
     progress: Progress | None = None,
     warn: Warn | None = None,
-) -> ShapeStudy:
+) -> Results:
     """Compute the mean, the modes of variation and the distances of shapes in one topology, and write them to a folder.
 
     Parameters
     ----------
     folder : path_like
-        Folder of meshes with the same faces, or of a collection. Meshes with other faces are left out.
+        Folder of meshes with the same faces, or of a collection.
     output : path_like
         Folder for mean, modes, model.npz, scores, variances, distances, pictures, and files for other tools.
-    scale : "keep" or "remove"
-        Whether size is part of the shape.
-    weights : "area" or "uniform"
-        Whether a vertex counts by its share of the area, or all alike.
-    modes : int
-        Number of modes that are drawn and written as meshes. The model has all.
-    groups : Path, optional
-        Table with the columns name and group: test at every vertex where two groups differ.
-    test : "permutation" or "parametric"
-        Where p-values are from, see `group_test`.
-    mirror : str, optional
-        Add the mirror image of every shape: "auto", or a file with the vertex on the other side of each vertex, as a map.
-    align : "subject" or "structure"
-        Of subjects of several surfaces, whether the poses of structures are part of the shape.
-    hide : str, optional
-        Structures, separated by commas, to hide in each subject in turn and complete by a model of the others.
-    pictures : "png", "pdf" or "svg"
-        Format of the pictures.
-    seed : int
-        Seed of permutations and random shapes.
-    force : bool
-        Whether to replace an earlier result.
-    progress : callable, optional
-        Called with each step, and the share that is done.
-    warn : callable, optional
-        Called with shapes to look at first; by default they are logged.
+    scale, weights, modes, groups, test, mirror, align, hide, pictures, seed, force
+        As the options of ``isomatch statistics``.
+    progress, warn : callable, optional
+        Called with each step and the share that is done; and with shapes to look at first, which by default are logged.
 
     Returns
     -------
-    ShapeStudy
+    Results
         The model, and the record of all numbers.
 
     Raises
     ------
     FormatError, MeshError, InputError
         If shapes or groups cannot be read, do not correspond, or are too few.
-    UnwritableFileError
-        If there is a result, and it is not to be replaced.
     """
     folder, to = Path(folder), Listener.of(progress, warn)
     into = StatisticsFolder(Path(output), pictures)
@@ -182,7 +143,7 @@ def statistics(
         new.model_page(into.folder.resolve().name, record, told)
         new.finish(record)
         to.tell("done", 1.0)
-    return ShapeStudy(into.folder, into.written, record, told, model=model)
+    return Results(into.folder, into.written, record, told, model=model)
 
 
 def _mirrored(

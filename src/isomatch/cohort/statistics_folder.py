@@ -291,12 +291,18 @@ class Results:
         Settings and results in plain values, as in the file that is written last.
     told : list of str
         What was found, one sentence each.
+    model : ShapeModel, optional
+        Mean and modes of variation, of `statistics`.
+    unsure : str
+        Which maps from left to right are not sure, and what to do, of `asymmetry`; empty if all are.
     """
 
     folder: Path
     files: list[str]
     record: Mapping[str, Any]
     told: list[str] = field(default_factory=list)
+    model: ShapeModel | None = None
+    unsure: str = ""
 
     def to_json(self) -> dict[str, Any]:
         """Return the record with where it is."""

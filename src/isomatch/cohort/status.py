@@ -18,46 +18,22 @@ from isomatch.cohort.rows import PairRow, Rows, SurfaceRow
 
 @dataclass(frozen=True)
 class Status:
-    """How far a collection is.
-
-    Parameters
-    ----------
-    folder : Path
-        The folder of the collection.
-    shapes, pairs : dict of str to int
-        How many there are, ``all``, and how many are ``prepared``; of pairs by their `PairRow.verdict`.
-    template : str or None
-        Name of the template, if it is chosen.
-    outcomes : dict of str to int
-        How many matched pairs ended as each `Outcome`, by its name.
-    reflected : list of str
-        Shapes that are matched as their mirror images.
-    mirror_images : dict of str to (str or None)
-        Shapes that seem to be mirror images of the others, with the reason why they are not reflected, if it was tried.
-    outliers : list of Outlier
-        Shapes that do not fit as they are.
-    agreement : Agreement
-        How the maps agree with each other.
-    loop : dict or None
-        Of a ring, its ``open`` legs and, if it is closed, the errors once around it, in √area.
-    damaged : dict of str to str
-        Files and rows that are not as they were written, with what is wrong.
-    failures : dict of str to str
-        Shapes and pairs that failed, with the reasons.
-    """
+    """How far a collection is."""
 
     folder: Path
-    shapes: dict[str, int]
+    shapes: dict[str, int]  # how many there are, ``all``, and how many are ``prepared``
     template: str | None
-    pairs: dict[str, int]
-    outcomes: dict[str, int]
-    reflected: list[str]
-    mirror_images: dict[str, str | None]
+    pairs: dict[str, int]  # how many there are, ``all``, and of each `PairRow.verdict`
+    outcomes: dict[str, int]  # how many pairs ended as each `Outcome`, by its name
+    reflected: list[str]  # shapes that are matched as their mirror images
+    mirror_images: dict[
+        str, str | None
+    ]  # shapes that seem to be some, and why they are not reflected, if it was tried
     outliers: list[Outlier]
     agreement: Agreement
-    loop: dict[str, Any] | None
-    damaged: dict[str, str]
-    failures: dict[str, str]
+    loop: dict[str, Any] | None  # of a ring: its ``open`` legs, and the errors once around it, in √area
+    damaged: dict[str, str]  # files and rows that are not as they were written, with what is wrong
+    failures: dict[str, str]  # shapes and pairs that failed, with the reasons
 
     def to_json(self) -> dict[str, Any]:
         """Return plain values."""

@@ -35,12 +35,7 @@ Structures = Mapping[str, Mapping[str, Path]]  # the file of each subject, by st
 
 
 def structures_of(source: str | Path) -> dict[str, dict[str, Path]]:
-    """List the files of subjects by structure; none of what is one surface each.
-
-    A folder has a folder for each subject, whose files are named like the structures; a table has the columns
-    ``subject``, ``structure`` and ``file``, relative to its folder. A subject may lack structures. `InputError` if names
-    do not tell what is what.
-    """
+    """List the files of subjects by structure, see `run`; none of what is one surface each."""
     path = Path(source)
     listed = list[tuple[str, str, Path]]()
     if path.suffix.lower() == ".csv" and path.is_file():
@@ -77,12 +72,7 @@ def subject_collections(
     units: Mapping[str, str] | None = None,
     **options: Any,
 ) -> dict[str, Collection]:
-    """Make a collection for each structure, in a folder named like it, or continue them.
-
-    ``template``, ``reflect`` and ``units`` are of subjects, with all their structures, otherwise, like the ``options``,
-    as for `Collection.create`. A structure that the template lacks has that in the middle of all. One that lies on a
-    larger one, as cartilage on bone, is led by that, and comes after it.
-    """
+    """Make a collection for each structure, or continue them; one that lies on a larger one is led by that."""
     names = {name for files in found.values() for name in files}
     named = [] if reflect in (None, "auto") else list(reflect or ())
     if strangers := {*named, *(units or ()), template} - names - {OTHERS, None}:
@@ -142,11 +132,7 @@ def finish_subjects(
 def subject_doubts(
     found: Structures, reflect: Names[str] | None = None, units: Names[str] = ()
 ) -> list[Doubt]:
-    """Find subjects whose layout hardly belongs to the others, from the files of their structures alone.
-
-    They are in other units, unless these are known, there twice, or laid out as in a mirror, unless they are to be
-    reflected, see `doubtful_positions`. Compared are points that move, turn and reflect with each structure.
-    """
+    """Find subjects whose layout hardly belongs to the others, by points that move with each structure."""
     turned = () if reflect in (None, "auto") else tuple(reflect or ())
     marks, faces = dict[str, CorrespondedShapes](), np.array([[0, 1, 2]])  # of no surface
     for structure, files in found.items():

@@ -167,10 +167,7 @@ def _here() -> tuple[str, int]:
 
 @contextmanager
 def workers_of(executor: str | Executor | Workers = "local", jobs: int | None = None) -> Iterator[Workers]:
-    """Find the workers that are asked for, see `Collection.run`, for a block; those of a block around it stay.
-
-    So several calls in one block share processes, of which each takes some seconds to begin.
-    """
+    """Find the workers that are asked for, see `Collection.run`, for a block; those of a block around it stay."""
     if isinstance(executor, Workers):
         yield executor
         return
