@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from isomatch import cohort
 from isomatch._core.errors import NotConvergedError
 from isomatch.cli.inputs import ConfigFile, Force, Output, Seed, read_config
-from isomatch.cli.statistics import Scale
 from isomatch.cli.terminal import TALK, Talk, complain, say, say_rows
 
 
@@ -21,7 +20,7 @@ def asymmetry(
     left_right: Path | None = None,
     landmarks: Path | None = None,
     individuals: Path | None = None,
-    scale: Scale = "remove",
+    scale: Literal["keep", "remove"] = "remove",
     config: ConfigFile = None,
     seed: Seed = 0,
     force: Force = False,

@@ -9,37 +9,35 @@ from typing import Any
 
 import numpy as np
 
+from isomatch import Outcome, cohort, visualization
 from isomatch.cli.terminal import Talk, say, say_rows, say_table
-from isomatch.cohort import Cohort, LandmarkTables, Layout, Results, Status
-from isomatch.matching import Outcome
-from isomatch.visualization import HEADLINES
 
 OUTCOMES = 26  # columns of a number of pairs with their outcome
 LABEL = 16  # columns of a label
 
 
-def say_cohort(cohort: Cohort, talk: Talk, *, is_answer: bool = False) -> None:
+def say_cohort(found: cohort.Cohort, talk: Talk, *, is_answer: bool = False) -> None:
     """Tell how far collections are, in words or as JSON; as an answer, with all files that were damaged."""
-    status = cohort.status(thorough=is_answer)
+    status = found.status(thorough=is_answer)
 
     def summary() -> None:
-        for name, each in cohort.collections.items():
+        for name, each in found.collections.items():
             if name:
                 say(name, "bold")
             _say_status(status[name], each.layout)
         if "" in status:
             return
-        for pair, own in cohort.contacts.items():
+        for pair, own in found.contacts.items():
             say(f"{pair}: slip {own['slip_before']:.3g}, {own['slip_after']:.3g} after; see contacts.csv")
             for subject, note in own["notes"].items():
                 say(f"{subject} is {note}", "bold red")
-        folder = cohort.folder
+        folder = found.folder
         say(f"subjects of all structures: {folder / 'corresponded'}; go on with isomatch statistics {folder}")
 
-    talk.result(cohort.to_json(status), summary, is_answer=is_answer)
+    talk.result(found.to_json(status), summary, is_answer=is_answer)
 
 
-def _say_status(status: Status, layout: Layout) -> None:
+def _say_status(status: cohort.Status, layout: cohort.Layout) -> None:
     shapes, pairs, agreement = status.shapes, status.pairs, status.agreement
     done = pairs.get("done", 0) + pairs.get("low", 0)
     failed = f", {pairs['failed']} failed" if pairs.get("failed") else ""
@@ -47,7 +45,7 @@ def _say_status(status: Status, layout: Layout) -> None:
     say(f"{done} of {pairs['all']} pairs matched{failed}; {prepared}", "bold")
     for outcome in Outcome:
         if count := status.outcomes.get(outcome.name):
-            say_rows([(f"{count} {outcome.value}", HEADLINES[outcome])], indent=OUTCOMES)
+            say_rows([(f"{count} {outcome.value}", visualization.HEADLINES[outcome])], indent=OUTCOMES)
     say(f"template {status.template or 'not yet chosen'}")
     if agreement.compared:
         say(
@@ -73,7 +71,7 @@ def _say_status(status: Status, layout: Layout) -> None:
     say(f"open first: {layout.page}; the table is {layout.table.name}")
 
 
-def _say_sides(status: Status) -> None:
+def _say_sides(status: cohort.Status) -> None:
     """Name the shapes that were reflected, and those that seem to be mirror images of the others."""
     if status.reflected:
         say(f"reflected before they were matched: {', '.join(status.reflected)}")
@@ -86,7 +84,7 @@ def _say_sides(status: Status) -> None:
             say(f"seems to be a mirror image, but not reflected: {name}: {reason}", "bold red")
 
 
-def say_landmarks(tables: LandmarkTables) -> None:
+def say_landmarks(tables: cohort.LandmarkTables) -> None:
     """Print what was written about landmarks."""
     n = len(tables.templates)
     start = f"wrote the landmarks of {len(tables.shapes)} shapes to {tables.folder}"
@@ -142,7 +140,7 @@ def say_scored(record: Mapping[str, Any], folder: Path) -> None:
     say(f"the table is {folder / 'scored.csv'}; where: {folder / 'scored'}, residual of each vertex")
 
 
-def say_statistics(found: Results) -> None:
+def say_statistics(found: cohort.Results) -> None:
     """Print how shapes vary, and what else was found."""
     model = found.model
     if model is None:

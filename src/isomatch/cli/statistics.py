@@ -16,10 +16,6 @@ from isomatch.cli.statistics_project import project
 from isomatch.cli.statistics_time import over_time
 from isomatch.cli.terminal import TALK, Talk, complain
 
-Scale = Literal["keep", "remove"]
-Weights = Literal["area", "uniform"]
-TestMethod = Literal["permutation", "parametric"]
-
 statistics = App(name="statistics", default_parameter=Parameter(negative=()))
 statistics.command(project)
 statistics.command(over_time, name="time")
@@ -32,11 +28,11 @@ def run(
     /,
     *,
     output: Output,
-    scale: Scale = "keep",
-    weights: Weights = "area",
+    scale: Literal["keep", "remove"] = "keep",
+    weights: Literal["area", "uniform"] = "area",
     modes: int = 3,
     groups: Path | None = None,
-    test: TestMethod = "permutation",
+    test: Literal["permutation", "parametric"] = "permutation",
     mirror: str | None = None,
     align: Literal["subject", "structure"] = "subject",
     hide: str | None = None,

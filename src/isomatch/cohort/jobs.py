@@ -51,18 +51,8 @@ TILES_PER_WORKER = 4  # so that the last ones end at about the same time
 LOADED = 256 * 2**20  # bytes of files of prepared shapes that a worker keeps; a match itself needs more
 # names in the JSON of a pair that is matched to see if a shape is to be reflected, which others follow
 OF_REFLECTION = (
-    *(
-        "source_hash",
-        "target_hash",
-        "reflected",
-        "attempt",
-        "led_by",
-        "state",
-        "time",
-        "key",
-        "there",
-        "back",
-    ),
+    *("source_hash", "target_hash", "reflected", "attempt", "led_by"),
+    *("state", "time", "key", "there", "back"),
 )
 CARRIERS = 1500  # points of the leader that carry others along
 REFLECTED = "reflected before it was prepared, x → −x; vertices and faces keep their numbers"

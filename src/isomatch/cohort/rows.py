@@ -58,6 +58,10 @@ class MapSummary:
         is_unclear = not self.values or (self.outcome.is_doubtful and not areas)
         return None if is_unclear else float(sum(areas))
 
+    def to_json(self) -> Mapping[str, Any]:
+        """Return plain values."""
+        return self.values
+
     def with_outcome(self, outcome: Outcome) -> MapSummary:
         """Return the same with another outcome."""
         return MapSummary({**self.values, "outcome": outcome.name, "advice": outcome.advice})
@@ -106,13 +110,7 @@ def _plain(value: Any) -> Any:
 
 
 def _written(value: Any) -> Any:
-    return (
-        value.to_json()
-        if isinstance(value, Row)
-        else value.values
-        if isinstance(value, MapSummary)
-        else value
-    )
+    return value.to_json() if isinstance(value, Row | MapSummary) else value
 
 
 @dataclass(frozen=True, kw_only=True)
