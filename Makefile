@@ -88,7 +88,7 @@ lowest: $(UV)
 	$(UV) venv --quiet --clear --python 3.11 $(LOWEST)
 	$(UV) pip install --quiet --python $(LOWEST) --resolution lowest-direct -e '.[test]'
 	NUMBA_CACHE_DIR=$(CURDIR)/$(LOWEST)/loops $(LOWEST)/bin/python -m pytest $(WORKERS) \
-		$(addprefix tests/,surfaces io repair decimation geodesics spectral descriptors correspondence matching statistics lab/baselines visualization cli)
+		$(addprefix tests/,surfaces io repair decimation geodesics spectral descriptors correspondence matching cohort/shape_statistics lab/baselines visualization cli)
 
 release: $(UV)  # all that is published, in dist
 	PATH="$(CURDIR)/$(VENV)/uv/bin:$$PATH" $(PYTHON) release/build.py

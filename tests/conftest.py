@@ -10,19 +10,19 @@ import pytest
 from hypothesis import settings
 from threadpoolctl import threadpool_limits
 
-import isomatch.statistics
 import isomatch.visualization.report
 from data import real_file
 from isomatch import Mesh, PointCloud, prepare
 from isomatch._core.machine import kernels, processor, versions
 from isomatch._core.threads import n_threads
+from isomatch.cohort import shape_statistics
 from isomatch.datasets import example_pair, ground_truth
 from isomatch.matching import problem
 from isomatch.visualization import draw_map
 from small_collections import copied, finished, in_threads, small  # noqa: F401 - fixtures
 
 LONGEST = (  # files in the order in which they are handed to workers, before all others
-    "collections/test_dask.py",
+    "cohort/test_dask.py",
     "faults/test_every_step.py",
     "faults/test_other_systems.py",
     "zoo/test_every_command.py",
@@ -31,9 +31,9 @@ LONGEST = (  # files in the order in which they are handed to workers, before al
     "matching/test_match.py",
     "matching/test_levels.py",
     "spectral/test_large_distance_basis.py",
-    "collections/test_survival.py",
+    "cohort/test_survival.py",
     "lab/baselines/test_baselines.py",
-    "collections/test_agreement.py",
+    "cohort/test_agreement.py",
     "fuzz/test_growth.py",
     "test_gallery.py",
     "transfer/test_wrap.py",
@@ -42,7 +42,7 @@ LONGEST = (  # files in the order in which they are handed to workers, before al
     "matching/test_hard_landmarks.py",
     "matching/test_components.py",
     "lab/evaluation/test_benchmark.py",
-    "collections/test_runs.py",
+    "cohort/test_runs.py",
     "lab/damage/test_damage.py",
     "faults/test_killed.py",
     "matching/test_match_invariance.py",
@@ -130,9 +130,9 @@ def prepared_once():
 
 @pytest.fixture
 def coarse_pictures(monkeypatch):
-    """The pictures of statistics with a fifth of the dots in print: what is in them is tested in ``statistics``."""
-    for name in filter(re.compile("draw_").match, isomatch.statistics.__all__):
-        monkeypatch.setattr(isomatch.statistics, name, partial(getattr(isomatch.statistics, name), dpi=60))
+    """The pictures of statistics with a fifth of the dots in print: what is in them is tested in ``shape_statistics``."""
+    for name in filter(re.compile("draw_").match, shape_statistics.__all__):
+        monkeypatch.setattr(shape_statistics, name, partial(getattr(shape_statistics, name), dpi=60))
 
 
 @pytest.fixture

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from isomatch import Mesh, Wrapped, WrapQuality
-from isomatch.statistics import CorrespondedShapes
+from isomatch.cohort.shape_statistics import CorrespondedShapes
 from shapes import icosphere
 
 

@@ -1,4 +1,4 @@
-"""Small collections: fixtures of the tests in ``collections``, how these run them and compare their maps."""
+"""Small collections: fixtures of the tests in ``cohort``, how these run them and compare their maps."""
 
 import shutil
 from concurrent.futures import ThreadPoolExecutor
@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import isomatch
-from isomatch.collections import Collection, PairMaps, workers
+from isomatch.cohort import Collection, PairMaps, workers
 from isomatch.datasets import example_pair
 from isomatch.decimation import decimate
 from shapes import icosphere
@@ -39,7 +39,7 @@ def finished(small, tmp_path_factory):
     """Folder of a collection of which all pairs are matched; not to be changed."""
     folder = tmp_path_factory.mktemp("finished") / "all"
     events = run(Collection.create(folder, small.shapes, pairs="all", config=small.config))
-    assert [event.record["state"] for event in events] == ["done"] * 10
+    assert [event.state for event in events] == ["done"] * 10
     return folder
 
 

@@ -41,7 +41,10 @@ EXTENDED = {  # what a stranger implements, or registers in, by subpackage
     "isomatch_lab.damage": ("DAMAGES", "Damage"),
     "isomatch_lab.evaluation": ("METHODS", "Method"),
 }
-SUBPACKAGES = sorted(stub.parent.name for stub in Path(isomatch.__file__).parent.glob("*/__init__.pyi"))
+PACKAGE = Path(isomatch.__file__).parent
+SUBPACKAGES = sorted(
+    ".".join(stub.parent.relative_to(PACKAGE).parts) for stub in PACKAGE.glob("*/**/__init__.pyi")
+)
 WITHOUT_EXAMPLE = {  # shrinks to nothing: an entry that has an example is refused
     "BothDirections",
     "MatchResult",

@@ -12,7 +12,11 @@ from docutils.nodes import literal
 import isomatch
 
 PACKAGE = Path(isomatch.__file__).parent
-SUBPACKAGES = sorted(stub.parent.name for stub in PACKAGE.glob("*/__init__.pyi"))
+# such as cohort.shape_statistics, which comes before the subpackage that it is in
+SUBPACKAGES = sorted(
+    (".".join(stub.parent.relative_to(PACKAGE).parts) for stub in PACKAGE.glob("*/**/__init__.pyi")),
+    reverse=True,
+)
 
 
 def homes():
@@ -21,13 +25,20 @@ def homes():
     for subpackage in sorted(SUBPACKAGES, key=_is_borrowed_by):
         module = importlib.import_module(f"isomatch.{subpackage}")
         for name in module.__all__:
-            found.setdefault(name, module.__name__)
+            if not inspect.ismodule(getattr(module, name)):
+                found.setdefault(name, module.__name__)
     return found
+
+
+def home_of(module, name, home):
+    """Where a name of a subpackage is documented: there, if that of the same name elsewhere is another thing."""
+    same = getattr(importlib.import_module(home[name]), name) is getattr(module, name)
+    return home[name] if same else module.__name__
 
 
 def _is_borrowed_by(subpackage):
     """Sort subpackages so that one comes before those that pass its names on."""
-    stub = (PACKAGE / subpackage / "__init__.pyi").read_text(encoding="utf-8")
+    stub = PACKAGE.joinpath(*subpackage.split("."), "__init__.pyi").read_text(encoding="utf-8")
     return sum(f"from isomatch.{other}" in stub for other in SUBPACKAGES if other != subpackage)
 
 
@@ -61,10 +72,11 @@ def page(subpackage, home):
     """Write the page of a subpackage in reStructuredText."""
     module = importlib.import_module(f"isomatch.{subpackage}")
     title = f"isomatch.{subpackage}"
-    own = [name for name in module.__all__ if home[name] == title]
+    described_in = {name: home_of(module, name, home) for name in module.__all__ if name in home}
+    own = [name for name, place in described_in.items() if place == title]
     plain = [name for name in own if is_plain(getattr(module, name))]
     listed = [name for name in own if name not in plain]
-    borrowed = [name for name in module.__all__ if home[name] != title]
+    borrowed = [name for name, place in described_in.items() if place != title]
     lines = [title, "=" * len(title), "", f".. module:: {title}", "", inspect.getdoc(module) or "", ""]
     if listed:
         lines += [".. autosummary::", "   :toctree: names", "   :nosignatures:", ""]
@@ -74,7 +86,7 @@ def page(subpackage, home):
         lines += [f".. py:data:: {name}", f"   :value: {value if len(value) < 100 else '…'}", ""]
         lines += [indent(described(module, name), "   "), ""]
     if borrowed:
-        links = ", ".join(f":py:obj:`~{home[name]}.{name}`" for name in borrowed)
+        links = ", ".join(f":py:obj:`~{described_in[name]}.{name}`" for name in borrowed)
         lines += [f"Also here, and described elsewhere: {links}.", ""]
     return "\n".join(lines)
 
@@ -88,7 +100,11 @@ def write_subpackages(app, config):
         path, text = folder / f"{subpackage}.rst", page(subpackage, home)
         if not path.exists() or path.read_text(encoding="utf-8") != text:
             path.write_text(text, encoding="utf-8")
-    current = {f"{place}.{name}" for name, place in home.items()}
+    modules = [importlib.import_module(f"isomatch.{subpackage}") for subpackage in SUBPACKAGES]
+    current = {
+        f"{home_of(each, name, home)}.{name}" for each in modules for name in each.__all__ if name in home
+    }
+    current |= {f"isomatch.{name}" for name in isomatch.__all__}
     for stale in Path(app.srcdir, "reference").rglob("names/*.rst"):
         if stale.stem not in current:
             stale.unlink()

@@ -11,10 +11,10 @@ from matplotlib import colormaps
 from PIL import Image
 
 from isomatch import Landmarks, Mesh, distance_basis, geodesic_distances, match, write_landmarks, write_mesh
-from isomatch.collections import Collection, collected_landmarks, draw_landmarks, finish
+from isomatch.cohort import Collection, collected_landmarks, draw_landmarks, finish
+from isomatch.cohort.shape_statistics import ShapeModel, read_shapes
 from isomatch.datasets import example_pair
 from isomatch.geodesics import distance_engine, farthest_point_sampling
-from isomatch.statistics import ShapeModel, read_shapes
 from isomatch.visualization import arranged_panels, camera_of, position_colours, surface_image
 from isomatch_lab.procedural import creature, organ
 

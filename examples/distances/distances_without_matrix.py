@@ -8,8 +8,8 @@ Geodesic distances between any two vertices, from 50 numbers a vertex in place o
 import numpy as np
 
 from isomatch import distance_basis, geodesic_distances
+from isomatch.cohort.shape_statistics import draw_values
 from isomatch.datasets import example_pair
-from isomatch.statistics import draw_values
 
 mesh = example_pair()[0].mesh
 basis = distance_basis(mesh, k=50, p=100)

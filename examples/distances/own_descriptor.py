@@ -9,7 +9,7 @@ for each vertex, for either shape. Here, noisy features tell the two ends of a s
 import numpy as np
 
 from isomatch import Config, match
-from isomatch.statistics import draw_values
+from isomatch.cohort.shape_statistics import draw_values
 from isomatch_lab.procedural import organ, organ_truth
 
 source = organ("liver", 2500, symmetry="turn", pose=1)

@@ -12,9 +12,9 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from isomatch import distance_basis, geodesic_distances, prepare
+from isomatch.cohort.shape_statistics import draw_values
 from isomatch.datasets import example_pair
 from isomatch.geodesics import ColumnEngine
-from isomatch.statistics import draw_values
 
 mesh = example_pair()[0].mesh
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from tempfile import mkdtemp
 
 from isomatch import match, prepare, write_mesh
-from isomatch.statistics import CorrespondedShapes, ShapeModel, draw_modes
+from isomatch.cohort.shape_statistics import CorrespondedShapes, ShapeModel, draw_modes
 from isomatch_lab.procedural import organ
 
 folder = Path(mkdtemp())

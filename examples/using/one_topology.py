@@ -25,7 +25,7 @@ print(wrapped.quality)
 # Now vertices can be interpolated. The source is moved onto the target first, so that the shapes between do not
 # shrink.
 
-from isomatch.statistics import CorrespondedShapes, generalised_procrustes
+from isomatch.cohort.shape_statistics import CorrespondedShapes, generalised_procrustes
 
 pair = CorrespondedShapes.of_meshes({"source": source, "target": shared})
 aligned = generalised_procrustes(pair.vertices).aligned

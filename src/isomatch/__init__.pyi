@@ -14,7 +14,7 @@ from isomatch._core.errors import (
     UnwritableFileError,
 )
 from isomatch._core.stage_timer import show_progress
-from isomatch.collections import Collection
+from isomatch.cohort import Collection
 from isomatch.correspondence import Correspondence, Wrapped, WrapQuality, wrap
 from isomatch.descriptors import (
     GeodesicDistanceDescriptor,

@@ -10,7 +10,7 @@ import isomatch
 from corresponded import moved
 from data import real_file
 from isomatch.cli import main
-from isomatch.statistics import CorrespondedShapes
+from isomatch.cohort.shape_statistics import CorrespondedShapes
 from isomatch_lab.procedural import creature
 from shapes import icosphere
 

@@ -17,8 +17,9 @@ import pytest
 
 import isomatch
 from isomatch.cli import main
-from isomatch.collections import Collection, changed_files
-from isomatch.collections import ledger as ledger_module
+from isomatch.cohort import Collection
+from isomatch.cohort import ledger as ledger_module
+from isomatch.cohort.map_file import changed_files
 from isomatch.io import Asset, Attribute, write_asset
 from later import some_later
 from small_collections import QUICK, arrays_of
@@ -104,7 +105,7 @@ def prepared(finished, tmp_path_factory):
     shutil.copytree(finished, folder / "all")
     collection = Collection.open(folder / "all")
     with ThreadPoolExecutor(1) as executor:
-        list(isomatch.collections.finish(collection, executor, 1))
+        list(isomatch.cohort.finish(collection, executor, 1))
     maps = collection.maps("s0", "s1")
     maps.there.save(folder / "map.npz")
     (folder / "quick.toml").write_text(QUICK)
@@ -221,14 +222,14 @@ def test_collect(kind, growth, prepared, small, in_threads, faults, tmp_path, ca
         shutil.copytree(prepared / "all", tmp_path / "all")
         collection = Collection.open(tmp_path / "all")
         layout = collection.layout
-        layout.prepared(collection.rows().shapes["s0"]["key"]).unlink()
+        layout.prepared(collection.rows().shapes["s0"].key).unlink()
         layout.maps(("s1", "s2")).unlink()
         layout.corresponded("s1").unlink()
         failed, reached, _ = fails(faults, kind, n, [*argv.split(), "--reports", "none"], capsys)
         rows = collection.rows()
         assert not rows.damaged
         if kind != "allocation":
-            assert {row["state"] for row in (*rows.shapes.values(), *rows.pairs.values())} == {"done"}
+            assert {row.state for row in (*rows.shapes.values(), *rows.pairs.values())} == {"done"}
         if (failed and n % 4 == 0) or not reached:
             assert main([*argv.split(), "--reports", "none"]) == 0
             capsys.readouterr()

@@ -14,7 +14,7 @@ from isomatch import Correspondence, DistanceBasis, UnwritableFileError, read_me
 from isomatch._core.array_file import write_arrays
 from isomatch._core.texts import write_csv
 from isomatch.cli import main
-from isomatch.collections import Collection
+from isomatch.cohort import Collection
 from isomatch.geodesics import Sampling
 from isomatch_lab.evaluation.ledger import appending, read_rows
 from shapes import icosphere
@@ -122,7 +122,7 @@ def test_a_full_disk_is_no_failure_of_a_shape(small, finished, in_threads, disk,
         assert f"cannot be written ({os.strerror(disk.number)}); " in said
         assert said.endswith("with free space\n"), "the remedy"
         rows = Collection.open(tmp_path).rows()
-        assert {row["state"] for row in (*rows.shapes.values(), *rows.pairs.values())} <= {"done"}
+        assert {row.state for row in (*rows.shapes.values(), *rows.pairs.values())} <= {"done"}
     assert (tmp_path / "maps" / "s0__s1.npz").exists()
     disk.room = 10**9
     assert main(argv.split()) == 0

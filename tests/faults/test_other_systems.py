@@ -10,7 +10,7 @@ import pytest
 import isomatch
 from isomatch._core import files
 from isomatch.cli import main
-from isomatch.collections import Collection
+from isomatch.cohort import Collection
 from small_collections import arrays_of
 
 LIKE_WINDOWS = Path(__file__).parent / "like_windows"

@@ -13,9 +13,9 @@ from mutations import fuzzed, mutated
 
 from isomatch import Config, Correspondence, DistanceBasis, MatchResult, Outcome, Quality
 from isomatch._core.errors import FormatError, IsomatchError
+from isomatch.cohort.shape_statistics import CorrespondedShapes, ShapeModel
 from isomatch.geodesics import Sampling
 from isomatch.matching import Alternative
-from isomatch.statistics import CorrespondedShapes, ShapeModel
 from isomatch_lab.evaluation import read_published_curves
 from isomatch_lab.sets import tosca
 from isomatch_lab.sets.shape_files import arrays, read_landmarks

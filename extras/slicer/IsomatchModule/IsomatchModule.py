@@ -272,7 +272,7 @@ class IsomatchModuleLogic(ScriptedLoadableModuleLogic):
             How many ``shapes`` and ``pairs`` are done, the ``failed`` with their errors, and names with ``landmarks``.
         """
         from isomatch import Collection, Landmarks, write_landmarks
-        from isomatch.collections import collected_landmarks, finish
+        from isomatch.cohort import collected_landmarks, finish
 
         if marks is not None and template is None:
             raise Refused("landmarks are those of a template; choose which shape it is")
@@ -281,7 +281,7 @@ class IsomatchModuleLogic(ScriptedLoadableModuleLogic):
             for event in collection.run(one, jobs=1):
                 progress(f"{event.what} {event.name}", 0.8 * event.done / max(event.of, 1))
             for line in finish(collection, one, jobs=1):
-                progress(f"surface of {line['name']}", 0.9)
+                progress(f"surface of {line.name}", 0.9)
         rows = collection.rows()
         carried = []
         if marks is not None:
@@ -294,11 +294,9 @@ class IsomatchModuleLogic(ScriptedLoadableModuleLogic):
                 progress(f"landmarks of {name}", 0.95)
         every = {**rows.shapes, **rows.pairs}
         return {
-            "shapes": sum(row["state"] == "done" for row in rows.shapes.values()),
-            "pairs": sum(row["state"] == "done" for row in rows.pairs.values()),
-            "failed": {
-                str(name): row.get("error", "") for name, row in every.items() if row["state"] == "failed"
-            },
+            "shapes": sum(row.state == "done" for row in rows.shapes.values()),
+            "pairs": sum(row.state == "done" for row in rows.pairs.values()),
+            "failed": {str(name): row.error for name, row in every.items() if row.state == "failed"},
             "landmarks": carried,
         }
 

@@ -21,6 +21,8 @@ class _Package(ModuleType):
     def __getattr__(self, name: str) -> Any:
         homes, full = vars(self)["_homes"], f"{self.__name__}.{name}"
         if name in homes:
+            if homes[name] == self.__name__:  # a package within this one, which has names of its own
+                return import_module(full)
             public = getattr(import_module(homes[name]), name)
             super().__setattr__(name, public)
             return public

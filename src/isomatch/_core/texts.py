@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import csv
+import json
+import math
 import re
 from array import array
 from collections import Counter
@@ -10,7 +12,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import suppress
 from io import StringIO
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import numpy as np
 
@@ -139,3 +141,19 @@ def write_csv(path: Path, rows: Iterable[Mapping[str, object]], columns: Collect
     """Write a table with a line of names, see `replaced`; values of other columns are left out."""
     cells = ([row.get(column, "") for column in columns] for row in rows)
     write_text(path, joined([columns, *cells], line_end="\r\n"))
+
+
+def json_text(value: Any, *, ascii_only: bool = False) -> str:
+    """Format plain values as JSON. Numbers that are not finite become null, because JSON does not have them."""
+    return json.dumps(finite(value), indent=2, ensure_ascii=ascii_only, allow_nan=False) + "\n"
+
+
+def finite(value: Any) -> Any:
+    """Return plain values with None for numbers that are not finite."""
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, dict):
+        return {key: finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [finite(item) for item in value]
+    return value

@@ -14,6 +14,7 @@ import isomatch
 from isomatch import datasets, evaluation, matching
 from isomatch._core.errors import InputError, LandmarkError, MapError, MeshError, NotConvergedError
 from isomatch._core.files import write_text
+from isomatch._core.texts import json_text
 from isomatch.cli.inputs import (
     ConfigFile,
     Details,
@@ -40,7 +41,7 @@ from isomatch.cli.results import (
     say_files,
     say_result,
 )
-from isomatch.cli.terminal import TALK, Talk, json_text, part, say, say_rows
+from isomatch.cli.terminal import TALK, Talk, part, say, say_rows
 from isomatch.io import files_beside
 from isomatch.settings import Hypotheses, Orientation, RefinementName, Resolution, Start
 

@@ -18,9 +18,10 @@ from cyclopts import Parameter
 import isomatch
 from isomatch import visualization
 from isomatch._core.errors import SettingError
+from isomatch._core.texts import json_text
 from isomatch.cli.inputs import ConfigFile, Force, Surface, read_config, read_landmarks, read_surface
 from isomatch.cli.results import BACK_REMOVED, Back, Earlier, Inputs, ResultFolder, match_again
-from isomatch.cli.terminal import json_text, say
+from isomatch.cli.terminal import say
 from isomatch.server import PageServer, Pairs, Session, require_server
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import logging
-import math
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
@@ -19,6 +18,8 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 from rich.text import Text
+
+from isomatch._core.texts import finite, json_text
 
 Tell: TypeAlias = Callable[[str, float], None]
 
@@ -78,19 +79,6 @@ def say_json(value: Any) -> None:
     sys.stdout.write(json_text(value, ascii_only=True))
 
 
-def json_text(value: Any, *, ascii_only: bool = False) -> str:
-    """Format plain values as JSON. Numbers that are not finite become null, because JSON does not have them."""
-    return json.dumps(_finite(value), indent=2, ensure_ascii=ascii_only, allow_nan=False) + "\n"
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if isinstance(value, dict):
-        return {key: _finite(item) for key, item in value.items()}
-    return [_finite(item) for item in value] if isinstance(value, list | tuple) else value
-
-
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Talk:
@@ -141,7 +129,7 @@ class Talk:
 
 
 def _say_line(value: dict[str, Any]) -> None:
-    sys.stdout.write(json.dumps(_finite(value), allow_nan=False) + "\n")
+    sys.stdout.write(json.dumps(finite(value), allow_nan=False) + "\n")
     sys.stdout.flush()
 
 

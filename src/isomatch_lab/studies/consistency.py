@@ -19,8 +19,18 @@ from typing import Any
 
 import numpy as np
 
-from isomatch import Mesh, PreparedShape, match, match_both, write_mesh
-from isomatch.collections import CONTRADICTED, Collection, PairMaps, agree, agreement_of, inconsistency
+from isomatch import Mesh, Outcome, PreparedShape, match, match_both, write_mesh
+from isomatch.cohort import (
+    CONTRADICTED,
+    Collection,
+    MapSummary,
+    PairAgreement,
+    PairMaps,
+    PairRow,
+    agree,
+    agreement_of,
+    inconsistency,
+)
 from isomatch.datasets import Creature, ground_truth
 from isomatch_lab.procedural import creature
 from isomatch_lab.sets import BenchmarkPair, relabelled, remeshed, scape
@@ -106,7 +116,7 @@ def matched(study: Study, folder: Path) -> Collection:
 
 def prepared(collection: Collection, name: str) -> PreparedShape:
     """Read a prepared shape."""
-    return PreparedShape.load(collection.layout.prepared(collection.rows().shapes[name]["key"]))
+    return PreparedShape.load(collection.layout.prepared(collection.rows().shapes[name].key))
 
 
 def wrong_maps(collection: Collection, pair: Pair, kind: str, file: Path) -> PairMaps:
@@ -125,7 +135,8 @@ def wrong_maps(collection: Collection, pair: Pair, kind: str, file: Path) -> Pai
         config = replace(collection.config, hypotheses="given")
     kind = "mirrored" if image is None else "turned"
     results = match_both(source, target, initial_map=image, config=config)
-    record = {**right.record, "there": results.there.to_dict(), "back": results.back.to_dict(), "kind": kind}
+    there, back = (MapSummary.of(result, settings=True) for result in results)
+    record = replace(right.record, there=there, back=back, more={"kind": kind})
     maps = PairMaps(results.there.map, results.back.map, record)
     file.parent.mkdir(exist_ok=True)
     maps.save(file)
@@ -150,8 +161,8 @@ def with_wrong_maps(base: Collection, share: float, folder: Path) -> tuple[Colle
         file = base.folder.parent / "wrong" / base.layout.maps(pair).name
         maps = wrong_maps(base, pair, ("mirrored", "turned")[i % 2], file)
         maps.save(copy.layout.maps(pair))
-        kinds[pair] = maps.record["kind"]
-        print(folder.name, pair, maps.record["kind"], maps.record["there"]["outcome"], flush=True)
+        kinds[pair] = maps.record.more["kind"]
+        print(folder.name, pair, kinds[pair], maps.record.there.outcome.name, flush=True)
     list(copy.run(jobs=1))  # makes the ledger from the maps
     return copy, kinds
 
@@ -177,17 +188,17 @@ def measured(name: str, study: Study, folder: Path, share: float, errors: dict[s
     copy, kinds = with_wrong_maps(base, share, folder / f"wrong_{share}")
     before, rows_before = errors_of(study, copy, errors), copy.rows().pairs
     for event in agree(copy, jobs=1):
-        tried = event.record
-        print(name, share, event.name, tried["agreement"], tried.get("replaced_by"), flush=True)
+        print(name, share, event.name, event.row, flush=True)
     rows = copy.rows()
     after, pairs = errors_of(study, copy, errors), list(before)
-    first = {pair: rows.pairs[pair]["agreement"]["before"] for pair in pairs}
-    flagged = {pair for pair in pairs if "tried_with" in rows.pairs[pair]["agreement"]}
+    agreements = {pair: rows.pairs[pair].agreement or PairAgreement() for pair in pairs}
+    first = {pair: agreement.before or 0.0 for pair, agreement in agreements.items()}
+    flagged = {pair for pair, agreement in agreements.items() if agreement.tried_with is not None}
     flagged |= set(agreement_of(rows).contradicted)
     wrong = {pair for pair in pairs if before[pair] > FAILURE}
 
-    def sure(rows: dict[Pair, Any], pair: Pair) -> bool:
-        return rows[pair]["there"]["outcome"] in ("CONVERGED", "PARTIAL")
+    def sure(rows: dict[Pair, PairRow], pair: Pair) -> bool:
+        return rows[pair].there.outcome in (Outcome.CONVERGED, Outcome.PARTIAL)
 
     row = {
         "set": name,

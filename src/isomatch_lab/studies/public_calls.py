@@ -11,10 +11,20 @@ from typing import Any
 
 import numpy as np
 
-import isomatch.collections
 import isomatch.matching
-import isomatch.statistics
-from isomatch import Asset, Attribute, Config, Correspondence, Graph, Landmarks, Mesh, PointCloud, match
+from isomatch import (
+    Asset,
+    Attribute,
+    Config,
+    Correspondence,
+    Graph,
+    Landmarks,
+    Mesh,
+    PointCloud,
+    cohort,
+    match,
+)
+from isomatch.cohort import shape_statistics
 from isomatch.datasets import example_pair, ground_truth
 from isomatch.decimation import decimate
 from isomatch_lab.procedural import creature, organ
@@ -353,39 +363,52 @@ def _landmarks(at: Folders) -> Any:
 
 @call("all", "star")
 def _collection(at: Folders, variant: str) -> Any:
-    folder, room, rooms = at.scratch / variant, isomatch.statistics, isomatch.collections
+    folder = at.scratch / variant
     (folder / "shapes").mkdir(parents=True)
     for i, mesh in enumerate(bodies(1500, *range(8 if variant == "star" else 4))):
         isomatch.write_mesh(folder / f"shapes/s{i}.ply", mesh)
     collection = isomatch.Collection.create(folder, folder / "shapes", pairs=variant)
-    for step in (isomatch.Collection.run, rooms.agree, rooms.finish):
+    for step in (isomatch.Collection.run, cohort.agree, cohort.finish):
         with ThreadPoolExecutor(1) as executor:
             list(step(collection, executor, 1))
     maps = [collection.maps(*pair) for pair in sorted(collection.rows().pairs)]
-    shapes = room.read_shapes(folder / "corresponded")
-    model, x, mesh = room.ShapeModel.fit(shapes), shapes.vertices, shapes.mesh(3)
-    apart, observed = room.procrustes_distances(x), np.arange(len(x[0])) % 5 == 0
+    shapes = shape_statistics.read_shapes(folder / "corresponded")
+    model, x, mesh = shape_statistics.ShapeModel.fit(shapes), shapes.vertices, shapes.mesh(3)
+    apart, observed = shape_statistics.procrustes_distances(x), np.arange(len(x[0])) % 5 == 0
     return {
         "maps": [(pair.there, pair.back, pair.there_error, pair.back_error) for pair in maps],
-        "shapes": (shapes, room.doubtful_shapes(shapes), room.geodesic_distortions(shapes, n_samples=30)),
-        "models": (model, room.ShapeModel.fit(shapes, scale="remove"), room.compactness(model)),
+        "shapes": (
+            shapes,
+            shape_statistics.doubtful_shapes(shapes),
+            shape_statistics.geodesic_distortions(shapes, n_samples=30),
+        ),
+        "models": (
+            model,
+            shape_statistics.ShapeModel.fit(shapes, scale="remove"),
+            shape_statistics.compactness(model),
+        ),
         "scores": (model.score(mesh), model.mode_mesh(1, 2.0)),
-        "completed": room.complete(model, room.observed_vertices(model, mesh, observed)),
-        "quality": (room.generalisation(model), room.specificity(model, n_samples=50)),
-        "procrustes": (room.generalised_procrustes(x), apart, room.shape_tree(apart)),
-        "groups": room.group_test(model.aligned, ["a", "b"] * (len(x) // 2), n_permutations=99),
-        "regression": room.shape_regression(model.aligned, np.arange(len(x)), n_permutations=99),
+        "completed": shape_statistics.complete(
+            model, shape_statistics.observed_vertices(model, mesh, observed)
+        ),
+        "quality": (
+            shape_statistics.generalisation(model),
+            shape_statistics.specificity(model, n_samples=50),
+        ),
+        "procrustes": (shape_statistics.generalised_procrustes(x), apart, shape_statistics.shape_tree(apart)),
+        "groups": shape_statistics.group_test(model.aligned, ["a", "b"] * (len(x) // 2), n_permutations=99),
+        "regression": shape_statistics.shape_regression(model.aligned, np.arange(len(x)), n_permutations=99),
     }
 
 
 @call()
 def _asymmetry(at: Folders) -> Any:
-    room, made, rng = isomatch.statistics, creature(1500, symmetric=True), np.random.default_rng(0)
+    made, rng = creature(1500, symmetric=True), np.random.default_rng(0)
     meshes = {f"s{i}": made.mesh.moved(made.rest * (1 + 0.05 * rng.normal(size=3))) for i in range(4)}
-    shapes = room.CorrespondedShapes.of_meshes(meshes)
-    sides, note = room.left_right_of_shapes(shapes, made.rest_mesh)
-    aligned = room.align_sides(shapes.mirrored([sides] * 4), left_right=[sides] * 4)
-    return sides, note, room.asymmetry(*aligned, n_permutations=99)
+    shapes = shape_statistics.CorrespondedShapes.of_meshes(meshes)
+    sides, note = shape_statistics.left_right_of_shapes(shapes, made.rest_mesh)
+    aligned = shape_statistics.align_sides(shapes.mirrored([sides] * 4), left_right=[sides] * 4)
+    return sides, note, shape_statistics.asymmetry(*aligned, n_permutations=99)
 
 
 @call()

@@ -1,0 +1,47 @@
+"""Options that several commands of ``isomatch collect`` have."""
+
+from __future__ import annotations
+
+from os.path import isfile
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
+
+from isomatch._core.texts import text_lines
+from isomatch.cohort import Semilandmarks
+
+Reports = Annotated[
+    int | Literal["doubtful", "all", "none"],
+    Parameter(
+        help="How many of the worst pairs get a report; all; none; or doubtful (default): those on the page that did not "
+        "converge, and three others."
+    ),
+]
+Jobs = Annotated[int | None, Parameter(help="Pairs at a time; by default one for each processor.")]
+Executor = Annotated[
+    str,
+    Parameter(
+        help="local (default), or dask:ADDRESS, the scheduler of a Dask cluster whose workers see the same files."
+    ),
+]
+TimeLimit = Annotated[float | None, Parameter(help="Seconds after which nothing new is begun.")]
+Marked = Annotated[Semilandmarks | None, Parameter(name="*")]
+
+
+def names_of(reflect: str | None) -> str | list[str] | None:
+    """Read what ``--reflect`` says."""
+    if reflect is None or reflect == "auto":
+        return reflect
+    if reflect == "none":
+        return []
+    names = [line for _, line in text_lines(Path(reflect))] if isfile(reflect) else reflect.split(",")
+    return [name for each in names if (name := each.strip())]
+
+
+def units_of(units: str | None) -> dict[str, str] | None:
+    """Read what ``--units`` says."""
+    if units is None or units == "none":
+        return None if units is None else {}
+    pairs = [each.strip().rpartition("=") for each in units.split(",")]
+    return {name.strip() or "*": unit.strip() for name, _, unit in pairs}

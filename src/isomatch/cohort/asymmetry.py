@@ -1,0 +1,278 @@
+"""How far shapes are from their mirror images, where, and whether all in the same way, with files that tell of it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from isomatch._core.arrays import FloatArray
+from isomatch._core.errors import FormatError, MeshError, SettingError
+from isomatch._core.stage_timer import Progress
+from isomatch._core.texts import read_csv
+from isomatch.cohort import shape_statistics
+from isomatch.cohort.collection import Collection
+from isomatch.cohort.finish import surface_as_written
+from isomatch.cohort.listener import Listener, Warn
+from isomatch.cohort.plan import Layout
+from isomatch.cohort.shape_statistics import Asymmetry, CorrespondedShapes, draw_values
+from isomatch.cohort.specimens import read_specimens
+from isomatch.cohort.statistics import Scale
+from isomatch.cohort.statistics_folder import SCALES, VERSION, Results, StatisticsFolder, listed, tabulated
+from isomatch.correspondence import UNMATCHED, Correspondence
+from isomatch.landmarks import read_landmarks
+from isomatch.matching import Outcome
+from isomatch.settings import Config
+from isomatch.surfaces import Mesh, nearest_on_surface
+
+MOST_DRAWN = 3  # the most asymmetric shapes, which have pictures of their own
+WRONG = "; where they have one colour, the map between them is wrong"
+HEADS = ("variation", "sum of squares", "share", "degrees of freedom", "mean square", "F")
+HALF = "half of the difference of the sides, along the normal; red: stands out, blue: lies deeper"
+MEASURED = (
+    "Each shape is reflected and laid onto itself, or a left one onto the right one; the middle of both is symmetric. "
+    "The asymmetry at a point is its way from there: where it stands out 2 farther than opposite, it is +1."
+)
+ALIKE = (
+    "shapes were compared in one topology, where maps go wrong alike in all: asymmetry near their errors may look "
+    "directional at a small p; give the folder of isomatch collect"
+)
+REMEDY = "Give landmarks of both sides (--landmarks); a single bone has no mirror half: give left and right (--pairs)."
+
+
+def asymmetry(
+    shapes: str | Path,
+    output: str | Path,
+    *,
+    pairs: Path | None = None,
+    left_right: Path | None = None,
+    landmarks: Path | None = None,
+    individuals: Path | None = None,
+    scale: Scale = "remove",
+    config: Config | None = None,
+    seed: int = 0,
+    force: bool = False,
+    progress: Progress | None = None,
+    warn: Warn | None = None,
+) -> Results:
+    """Measure how far shapes are from their mirror images, where, and what of it all shapes have in common.
+
+    Parameters
+    ----------
+    shapes : path_like
+        A mesh; or a folder of meshes in one topology, or that of a collection.
+    output : path_like
+        Folder for tables, pictures, shapes/NAME.ply with the asymmetry at each vertex, and left_right/NAME.npz.
+    pairs, left_right, landmarks, individuals, scale, config, seed, force
+        As the options of ``isomatch asymmetry``.
+    progress, warn : callable, optional
+        Called with each step and the share that is done; and with shapes to look at first, which by default are logged.
+
+    Returns
+    -------
+    Results
+        The record of all numbers, and which maps are not sure.
+
+    Raises
+    ------
+    FormatError, MeshError, SettingError
+        If files cannot be read, shapes are not in one topology, or both maps and landmarks are given.
+    """
+    if left_right and landmarks:
+        raise SettingError("--left-right gives the map, and --landmarks help to find it; give one of them")
+    source, to = Path(shapes), Listener.of(progress, warn)
+    into = StatisticsFolder(Path(output), last="asymmetry.json")
+    with into.claimed(force) as new:
+        to.tell("reading", 0.0)
+        specimens = read_specimens(source, individuals)
+        cohort, labels, doubts, notes = specimens
+        if len(cohort) == 1 and cohort.left_out:
+            raise MeshError(f"{source}: no two meshes are in one topology; run isomatch collect first")
+        doubts = [doubt for doubt in doubts if not (pairs and doubt.kind == "mirrored")]
+        first = specimens._replace(doubts=doubts).warnings
+        for line in first:
+            to.warn(line)
+        maps, about, unsure = list[Correspondence](), [dict[str, Any]()] * len(cohort), ""
+        scans = Collection.open(source) if Layout(source).plan.exists() else None
+        if pairs:
+            named = [(row.get("left") or "", row.get("right") or "") for row in read_csv(pairs)]
+            both = shape_statistics.paired_sides(cohort, named)
+            notes += [f"{name} has no partner" for name in cohort.names if name not in {*sum(named, ())}]
+        elif left_right:
+            n, inner = cohort.n_vertices, left_right.is_dir()
+            files = [left_right / f"{name}.npz" if inner else left_right for name in cohort.names]
+            maps = [Correspondence.load(file, n, n) for file in files]
+        else:
+            hints = landmarks and read_landmarks(landmarks, cohort.mesh(0), cohort.mesh(0))
+            how = {"landmarks": hints, "config": config, "seed": seed}
+            maps, about, unsure = _matched(cohort, scans, how, notes, to.part(0.1, 0.8))
+        both = both if pairs else cohort.mirrored(maps)
+        to.tell("comparing", 0.8)
+        of = [labels.get(name, name) for name in both.names[: len(both) // 2]]
+        found, lines, words = _measured(new, both, maps, scale, of, seed)
+        record = {
+            "isomatch": VERSION,
+            "of": str(source),
+            "symmetry": "matching" if pairs else "object",
+            "n_individuals": len(set(of)),
+            "in_one_topology": not pairs and not scans,
+            "scale": scale,
+            "seed": seed,
+            "shapes": [line | more for line, more in zip(lines, about)],
+            "anova": [row._asdict() for row in found.anova] if len(of) > 1 else [],
+            **{name: getattr(found, name) for name in ("share", "p_value", "n_permutations")},
+            "doubts": [unsure, *first] if unsure else first,
+            "notes": notes,
+        }
+        for name, each in zip(cohort.names, maps):
+            each.save(new.path(f"left_right/{name}.npz"))
+        told, lines, rows = _told(record), record["shapes"], record["anova"]
+        for file, table in (("asymmetry.csv", lines), ("anova.csv", rows)):
+            if table:
+                new.table(file, **{key: [row[key] for row in table] for key in table[0]})
+        columns = [name for name in lines[0] if not name.startswith("plane")]
+        sections = {
+            "To look at first": listed(record["doubts"]),
+            "What was measured": f"<p>{MEASURED}</p>",
+            "What was found": listed(told),
+            "Where the variation lies": tabulated(HEADS, (row.values() for row in rows)) if rows else "",
+            "How asymmetric each is": tabulated(
+                columns, ([line[name] for name in columns] for line in lines)
+            ),
+        }
+        title = f"Asymmetry of {lines[0]['name'] if len(of) == 1 else f'{len(of)} shapes'}"
+        used = f"{SCALES[scale]}. Lengths are in the units of the files. Seed {seed}, isomatch {VERSION}."
+        new.page(title, into.folder.resolve().name, used, sections, words)
+        new.finish(record)
+        to.tell("done", 1.0)
+    return Results(into.folder, into.written, record, told, unsure=unsure)
+
+
+def _matched(
+    cohort: CorrespondedShapes, scans: Collection | None, how: dict[str, Any], notes: list[str], to: Listener
+) -> tuple[list[Correspondence], list[dict[str, Any]], str]:
+    """Match each shape with its mirror image: maps, what is known of them, and which are not sure, with the remedy.
+
+    The surface in its file is matched, where there is one: in one topology, maps go wrong alike in all.
+    """
+    maps, about, unsure = list[Correspondence](), list[dict[str, Any]](), list[str]()
+    whole, rows = shape_statistics.filled(cohort, cohort.area_weights, "remove"), scans and scans.rows()
+    for i, name in enumerate(cohort.names):
+        mesh = scan = whole.mesh(i)
+        if scans and rows and cohort.seen[i].all():
+            try:
+                scan = surface_as_written(scans, rows, name)
+            except FormatError as error:
+                notes.append(f"{name} is matched in the topology of all, where maps go wrong alike: {error}")
+        progress = to.part(i / len(cohort), (i + 1) / len(cohort)).tell
+        marks = how["landmarks"]
+        if marks is not None and scan is not mesh:
+            marks = cKDTree(scan.vertices).query(mesh.vertices[marks])[1]
+        result = shape_statistics.left_right_map(scan, progress=progress, **how | {"landmarks": marks})
+        there, expected = result.map, result.expected_error
+        if scan is not mesh:
+            places = nearest_on_surface(scan, mesh.vertices)
+            there = _onto(mesh, places.interpolated(there.pull_back(scan.vertices)))
+            expected = places.interpolated(expected[:, None])[:, 0]
+        maps.append(there)
+        # half of an error reaches the middle of both sides
+        of_both = float(np.sqrt(np.nansum(mesh.vertex_areas * (expected / 2) ** 2)))
+        about.append({"outcome": result.outcome.value, "map_error": of_both})
+        notes += [f"{name}: {note}" for note in result.notes if note.endswith("are left unmatched")]
+        if result.outcome.sureness < Outcome.PARTIAL.sureness:
+            unsure.append(f"{name} ({result.outcome.value})")
+    return maps, about, f"Left and right are not sure: {', '.join(unsure)}. {REMEDY}" if unsure else ""
+
+
+def _onto(mesh: Mesh, images: FloatArray) -> Correspondence:
+    """Map rows to the nearest points of a mesh; those that are nan are unmatched."""
+    held = np.asarray(np.isfinite(images).all(axis=1))
+    there = Correspondence.of_points(
+        nearest_on_surface(mesh, np.where(held[:, None], images, 0.0)), mesh.n_vertices
+    )
+    return replace(there, vertices=np.where(held, there.vertices, UNMATCHED))
+
+
+def _measured(
+    new: StatisticsFolder,
+    both: CorrespondedShapes,
+    maps: list[Correspondence],
+    scale: Scale,
+    individuals: list[str],
+    seed: int,
+) -> tuple[Asymmetry, list[dict[str, Any]], dict[str, str]]:
+    """Measure and draw asymmetry: all of it, values of each shape, and the words beside each picture."""
+    m, lines, words = len(both) // 2, list[dict[str, Any]](), dict[str, str]()
+    known = both.seen[:m] & both.seen[m:]
+    share = both.area_weights * known.mean(axis=0) / (both.area_weights @ known.mean(axis=0))
+    aligned = shape_statistics.align_sides(both, share, scale, maps)
+    found = shape_statistics.asymmetry(*aligned, share, individuals=individuals, seed=seed)
+    mean = both.mesh(0).moved(found.symmetric)
+    size = float(shape_statistics.centroid_sizes(mean.vertices[None], share)[0]) / np.sqrt(len(share))
+    normals = mean.vertex_normals * (1.0 if mean.volume >= 0 else -1.0)  # smoother than those of a shape
+    outward = np.where(known, np.einsum("mij,ij->mi", found.components, normals), np.nan)
+    planes = [shape_statistics.symmetry_plane(*each, share) for each in zip(both.vertices, maps)]
+    axes = ["xyz"[int(np.abs(normal).argmax())] for normal, _ in planes]
+    views = [{f"the +{axis} side": to, f"the −{axis} side": -to} for axis, (to, _) in zip(axes, planes)]
+    views = views or [{}] * m
+    if m > 1:
+        held = np.where(known.any(axis=0), np.nan_to_num(outward), np.nan)
+        common, own = held.mean(axis=0), held.std(axis=0)
+        new.mesh("mean.ply", mean, {"directional": common, "fluctuating": own}, common)
+        draw_values(new.picture("directional"), mean, common, HALF, views=views[0])
+        label = "standard deviation, along the normal"
+        draw_values(new.picture("fluctuating"), mean, own, label, views=views[0])
+        words["directional"] = "Directional asymmetry: what all have in common."
+        words["fluctuating"] = "Fluctuating asymmetry: how far single ones differ from that."
+    for i in np.argsort(-found.amounts, kind="stable")[:MOST_DRAWN].tolist():
+        name = f"shapes/{both.names[i]}"
+        draw_values(new.picture(name), both.mesh(i), outward[i], HALF, views=views[i])
+        words[name] = f"{both.names[i]}: where its sides differ{WRONG if planes else ''}."
+    for i, signed in enumerate(outward):
+        mesh, most = both.mesh(i), int(np.nanargmax(np.abs(signed)))
+        length = np.where(known[i], np.linalg.norm(found.components[i], axis=1), np.nan)
+        new.mesh(f"shapes/{both.names[i]}.ply", mesh, {"asymmetry": length, "along_normal": signed}, signed)
+        line = {
+            "name": both.names[i],
+            "asymmetry": float(found.amounts[i]),
+            "over_size": float(found.amounts[i]) / size,
+            "along_normal": float(np.sqrt(share @ np.nan_to_num(signed) ** 2)),
+            "fluctuating": float(found.fluctuating[i]),
+            "most": float(signed[most]),
+            "most_vertex": most,
+        }
+        if planes:
+            normal, offset = planes[i]
+            line["most_side"] = list(views[i])[0 if mesh.vertices[most] @ normal > offset else 1]
+            line |= dict(zip(("plane_x", "plane_y", "plane_z", "plane_offset"), (*normal.tolist(), offset)))
+        lines.append(line if planes else line | {"left": both.names[m + i]})
+    return found, lines, words
+
+
+def _told(record: dict[str, Any]) -> list[str]:
+    """Say what was found, one sentence each."""
+    rows, n, told = record["anova"], record["n_individuals"], list[str]()
+    if rows:
+        between, common, own = (f"{row['share']:.1%}" for row in rows[:3])
+        told = [
+            f"{n} individuals: {between} of all variation is between them and symmetric, {common} is directional "
+            f"asymmetry, the same in all, and {own} fluctuating, each in its own way",
+            f"fluctuating asymmetry has {rows[2]['f']:.3g} times the mean square of the error of measurement"
+            if len(rows) > 3
+            else "nothing was measured twice: errors of measurement and of maps are part of the fluctuating asymmetry",
+            *([ALIKE] if record["in_one_topology"] else []),
+            f"{record['share']:.1%} of the asymmetry is directional, p = {record['p_value']:.4g} "
+            f"({record['n_permutations']} ways to mirror some of the individuals; no p is below {2.0 ** (1 - n):.2g})",
+        ]
+    most = max(record["shapes"], key=lambda line: line["asymmetry"])
+    outward = "stands out" if most["most"] > 0 else "lies deeper"
+    where = f"on {most['most_side']}, which" if "most_side" in most else f"where {most['name']}"
+    told += [
+        f"{most['name']}{', the most asymmetric,' if rows else ''} is {most['asymmetry']:.4g} away from a symmetric "
+        f"shape (root mean square), {most['over_size']:.2%} of its size, and {most['along_normal']:.4g} along the "
+        f"normal, most at vertex {most['most_vertex']}, {where} {outward} by {abs(most['most']):.4g}"
+    ]
+    return [*told, *(f"note: {note}" for note in record["notes"])]

@@ -1,0 +1,280 @@
+"""`Collection`: many shapes in correspondence, in a folder that survives every interruption."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+from isomatch._core.errors import FormatError, InputError, SettingError
+from isomatch._core.files import write_text
+from isomatch._core.settings import generator
+from isomatch.cohort.entries import (
+    PATTERNS,
+    Entry,
+    Pair,
+    entries_of,
+    pairs_of,
+    require_files_of_their_own,
+    unusable_names,
+)
+from isomatch.cohort.jobs import Event, Run
+from isomatch.cohort.ledger import writing_ledger
+from isomatch.cohort.map_file import PairMaps, maps_of_pair
+from isomatch.cohort.outliers import OTHERS, checked_units
+from isomatch.cohort.plan import Layout, Plan
+from isomatch.cohort.rows import PairRow
+from isomatch.cohort.workers import Workers
+from isomatch.settings import Config
+
+STAYS = ("source_hash", "target_hash", "reflected", "made_with")  # of a pair that is to be matched again
+
+
+@dataclass(frozen=True)
+class Collection(Plan):
+    """Shapes in a folder with their maps; ``create`` and ``open`` make one.
+
+    Parameters
+    ----------
+    folder : path_like
+        The folder.
+    shapes : tuple of Entry
+        Names and files of the shapes.
+    template : str, optional
+        Name of the template; None for that in the middle of all, which is found once all are prepared.
+    pairs, config, seed, reflect, units, leader
+        See `Collection.create`.
+
+    Examples
+    --------
+    >>> from tempfile import TemporaryDirectory
+    >>> from isomatch import Mesh, write_mesh
+    >>> triangle = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+    >>> with TemporaryDirectory() as folder:
+    ...     for name in "abc":
+    ...         write_mesh(f"{folder}/{name}.off", triangle)
+    ...     collection = Collection.create(f"{folder}/maps", folder, template="b")
+    ...     Collection.open(f"{folder}/maps").wanted_pairs(collection.rows())
+    []
+    >>> collection.names, collection.pairs, collection.template
+    (['a', 'b', 'c'], 'star', 'b')
+    """
+
+    @classmethod
+    def create(
+        cls,
+        folder: str | Path,
+        shapes: str | Path | Iterable[str | Path | Entry],
+        *,
+        pairs: str = "star",
+        template: str | None = None,
+        config: Config | None = None,
+        seed: int = 0,
+        reflect: str | Iterable[str] | None = None,
+        units: Mapping[str, str] | None = None,
+        leader: Collection | None = None,
+    ) -> Collection:
+        """Make a collection, or continue one with the same settings.
+
+        Shapes may be added and taken out, and ``reflect``, ``units`` and ``leader`` may change; by default they are as
+        before.
+
+        Parameters
+        ----------
+        folder : path_like
+            Where prepared shapes, maps and tables are kept.
+        shapes : path_like or iterable of path_like or Entry
+            A folder, all files of which that can be read are taken; a pattern such as ``'scans/*.vtp'``; a CSV file
+            with a column ``path``, relative to its folder, and perhaps ``name``; or the files, an `Entry` with a name.
+        pairs : str
+            "star": the template with each other shape; "all"; "chain", each with the next; "ring", also the last with
+            the first; or a CSV file with columns ``source`` and ``target``. Each pair is matched in both directions.
+        template : str, optional
+            Name of a shape, or its file; by default the one in the middle of all, by spectra and distances.
+        config, seed : Config, int
+            Settings of the matches, and their seed.
+        reflect : "auto", str or iterable of str, optional
+            Names of shapes that are matched as their mirror images, such as left ones among right ones. "auto": those of
+            which the pairs end as ``MIRROR_IMAGE``, if then they end without doubt; of a star, the mirror images of the
+            template, and otherwise the smaller of two groups.
+        units : mapping of str to str, optional
+            Units of shapes whose files are in others than most, by name: "um", "mm", "cm", "m" or "in". In the topology
+            of the template they are in the unit of all others; that is found by their sizes, or given for ``"*"``.
+        leader : Collection, optional
+            A collection of surfaces beside these, with the same names, such as the bones of cartilages, which is run
+            first. By default its template is that of this one. A map starts from that of its pair there, carried along
+            (`isomatch.correspondence.carried_along`), unless that is doubtful; nothing else is searched.
+
+        Raises
+        ------
+        InputError
+            If the shapes, pairs, template, names or units are not usable.
+        SettingError
+            If the folder holds a collection with other settings, or either orientation is allowed, which does not tell
+            mirror images.
+        """
+        # workers may be in another folder
+        entries = tuple(Entry(entry.name, entry.path.resolve()) for entry in entries_of(shapes))
+        layout = Layout(Path(folder).absolute())
+        names = [entry.name for entry in entries]
+        require_files_of_their_own(names, layout.folder)
+        if template is not None and template not in names:
+            by_file = {entry.path: entry.name for entry in entries}
+            if Path(template).resolve() not in by_file:
+                raise InputError(f"template {template!r} is no shape of this collection; give name or file")
+            template = by_file[Path(template).resolve()]
+        if pairs not in PATTERNS:
+            pairs = str(Path(pairs).resolve())
+        if pairs not in ("star", "all"):
+            pairs_of(names, pairs, template)
+        turned, units_of = _checked(reflect, names), checked_units(units or {}, names)
+        new = cls(layout.folder, entries, pairs, template, config or Config(), seed, turned, units_of, leader)
+        if layout.plan.exists():
+            old = cls.open(folder)
+            new._require_same(old)
+            if pairs == "all":  # of two shapes, the same one stays the source
+                place = {name: i for i, name in enumerate(old.names)}
+                entries = tuple(sorted(entries, key=lambda entry: place.get(entry.name, len(place))))
+            turned = old.reflect if reflect is None else turned
+            if units is None:
+                units_of = {name: unit for name, unit in old.units.items() if name in {OTHERS, *names}}
+            new = replace(new, shapes=entries, reflect=turned, units=units_of, leader=leader or old.leader)
+        if new.reflect == "auto" and new.config.orientation == "any":
+            raise SettingError(
+                "reflect = 'auto' finds mirror images by maps that must keep the orientation, and orientation = 'any' "
+                "allows both; leave the orientation at 'preserve', or name the shapes"
+            )
+        layout.folder.mkdir(parents=True, exist_ok=True)
+        files = {entry.name: str(entry.path) for entry in entries}
+        plan: dict[str, object] = {"shapes": files, "pairs": pairs, "template": template}
+        plan |= {"config": new.config.to_dict(), "seed": seed, "reflect": new.reflect, "units": new.units}
+        plan["leader"] = new.leader and os.path.relpath(new.leader.folder, layout.folder)
+        text = json.dumps(plan, indent=2) + "\n"
+        if not layout.plan.exists() or layout.plan.read_text(encoding="utf-8") != text:
+            write_text(layout.plan, text)
+        return new
+
+    @classmethod
+    def open(cls, folder: str | Path) -> Collection:
+        """Open the collection in a folder; `FormatError` if it holds none, or its plan is damaged."""
+        folder = Path(folder).absolute()
+        path = Layout(folder).plan
+        try:
+            plan = json.loads(path.read_text(encoding="utf-8"))
+            shapes = tuple(Entry(name, Path(file)) for name, file in plan["shapes"].items())
+            config = Config.from_dict(plan["config"])
+            generator(plan["seed"])
+            if bad := unusable_names(plan["shapes"]):
+                raise ValueError(f"{', '.join(bad)} cannot be names of shapes")
+            turned = plan.get("reflect", ())
+            turned = turned if turned == "auto" else tuple(map(str, turned))
+            units = checked_units(plan.get("units", {}), plan["shapes"])
+            leader = plan.get("leader") and cls.open(os.path.normpath(folder / plan["leader"]))
+            return cls(
+                folder, shapes, plan["pairs"], plan["template"], config, plan["seed"], turned, units, leader
+            )
+        except FileNotFoundError:
+            raise FormatError(f"{folder}: holds no collection; make one with isomatch collect") from None
+        except (ValueError, KeyError, TypeError, AttributeError, SettingError) as error:
+            raise FormatError(f"{path}: not the plan of a collection ({error}); make it again") from None
+
+    def of(self, names: Iterable[str]) -> Collection:
+        """Return the same with some of its shapes, to travel with a task that needs no others."""
+        return replace(self, shapes=tuple(Entry(name, self.paths[name]) for name in names))
+
+    def maps(self, source: str, target: str) -> PairMaps:
+        """Read the maps of a pair; ``there`` leads from source to target, in whichever order they were matched.
+
+        They are those of the surfaces in the files, also where these were reflected, which keeps the numbers of vertices.
+        `FormatError` if the pair is not matched.
+        """
+        return maps_of_pair(self.layout, source, target)
+
+    def run(
+        self,
+        executor: str | Executor | Workers = "local",
+        jobs: int | None = None,
+        shard: tuple[int, int] = (0, 1),
+        time_limit: float | None = None,
+    ) -> Iterator[Event]:
+        """Prepare the shapes and match the pairs that are not done, and yield each as soon as it is.
+
+        What was done before is not done again, also where the last run was killed. A failure is a row with its reason.
+
+        Parameters
+        ----------
+        executor : str, Executor or Workers
+            "local": processes of this machine; "dask:ADDRESS": those of a Dask cluster, which see the same files; any
+            executor of ``concurrent.futures``; or the workers of a block, see `workers_of`.
+        jobs : int, optional
+            How many run at once; by default one for each processor.
+        shard : (int, int)
+            Which part of the pairs: index from 0, and their number. Several runs, on one machine or on many that see
+            the same folder, each do one. Each prepares the shapes it needs.
+        time_limit : float, optional
+            Seconds after which nothing new is begun.
+
+        Raises
+        ------
+        InputError
+            If the executor is not known, the cluster does not answer, or there is no such shard.
+        UnwritableFileError
+            If another run does the same shard, or the folder cannot be written.
+        """
+        if not 0 <= shard[0] < shard[1]:
+            raise InputError(f"shard {shard} is not its index, from 0, and the number of all, such as (0, 8)")
+        return Run(self, shard).events(executor, jobs, time_limit)
+
+    def retry(self, which: Literal["failed", "low"]) -> list[Pair]:
+        """Let the next run match pairs again, and return them: those that failed, or those with low confidence.
+
+        The same input gives the same map, so the latter are matched with another seed, and the surer map is kept; a map
+        that others contradict gives way to the new one. With "failed", shapes that could not be prepared are tried again.
+        """
+        again = {
+            pair: PairRow(
+                **{name: getattr(row, name) for name in STAYS},
+                state="todo",
+                time=time.time(),
+                attempt=row.attempt + (which == "low"),
+                contradicted=row.was_contradicted,
+                again=(f"it was asked for by retry {which}",),
+                order=(*STAYS, "state", "time"),
+            )
+            for pair, row in self.rows().pairs.items()
+            if row.verdict == which
+        }
+        for path in self.layout.ledgers():
+            with writing_ledger(path) as ledger:
+                if which == "failed":
+                    ledger.forget_failed_shapes()
+                for pair in again.keys() & ledger.rows.pairs.keys():
+                    ledger.put_pair(pair, again[pair])
+        return list(again)
+
+    def _require_same(self, old: Collection) -> None:
+        """Raise `SettingError` unless another collection has the same settings."""
+        mine, theirs = self.config.changed(), old.config.changed()
+        different = [name for name in {**mine, **theirs} if mine.get(name) != theirs.get(name)]
+        plain = ("pairs", "template", "seed")
+        different += [name for name in plain if getattr(self, name) != getattr(old, name)]
+        if different:
+            raise SettingError(
+                f"{self.folder}: holds a collection with other {', '.join(different)}; continue it with the same, or "
+                "give another folder"
+            )
+
+
+def _checked(reflect: str | Iterable[str] | None, names: Sequence[str]) -> Literal["auto"] | tuple[str, ...]:
+    """Return the names of the shapes to reflect, in order; `InputError` for others."""
+    if reflect == "auto":
+        return "auto"
+    wanted = {reflect} if isinstance(reflect, str) else set(reflect or ())
+    if strangers := ", ".join(sorted(wanted - set(names))):
+        raise InputError(f"{strangers} cannot be reflected: no shapes of this collection; give their names")
+    return tuple(name for name in names if name in wanted)

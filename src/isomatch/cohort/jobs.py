@@ -1,0 +1,519 @@
+"""A run of a collection: open jobs are planned, done by worker processes, and their rows written to the ledger."""
+
+from __future__ import annotations
+
+import logging
+import math
+import time
+from collections import OrderedDict
+from collections.abc import Callable, Container, Iterator, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from threading import Lock
+from typing import Any, Literal, NamedTuple, TypeVar, cast
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from isomatch._core.arrays import IntArray
+from isomatch._core.cached import cached_property
+from isomatch._core.errors import FormatError, MissingFileError
+from isomatch._core.files import writing
+from isomatch._core.memory import peak_memory
+from isomatch._core.settings import generator
+from isomatch.cohort.entries import SIDE, Entry, Pair, pairs_of, tiles_of
+from isomatch.cohort.ledger import Ledger, read_ledgers, writing_ledger
+from isomatch.cohort.map_file import PairMaps, as_matched, changed_files, digest_of, maps_of_pair
+from isomatch.cohort.outliers import OF_SHAPES, Outlier, holes_of, likeness_of, mirror_images, outliers
+from isomatch.cohort.plan import (
+    Layout,
+    Plan,
+    features_of,
+    identity_of,
+    identity_of_map,
+    key_of,
+    made_with,
+    why_again,
+)
+from isomatch.cohort.rows import MapRecord, MapSummary, PairRow, Rows, ShapeRow, State
+from isomatch.cohort.workers import Attempt, Task, Workers, attempted, workers_of
+from isomatch.correspondence import carried_along
+from isomatch.io import mesh_from, surface_from
+from isomatch.matching import match_both
+from isomatch.settings import Config
+from isomatch.shapes import PreparedShape, prepare
+from isomatch.surfaces import Graph, Mesh, reflected
+
+MOST_PAIRS = 64  # of a tile, whose rows come when all of it is done
+TILES_PER_WORKER = 4  # so that the last ones end at about the same time
+LOADED = 256 * 2**20  # bytes of files of prepared shapes that a worker keeps; a match itself needs more
+# names in the JSON of a pair that is matched to see if a shape is to be reflected, which others follow
+OF_REFLECTION = (
+    *("source_hash", "target_hash", "reflected", "attempt", "led_by"),
+    *("state", "time", "key", "there", "back"),
+)
+CARRIERS = 1500  # points of the leader that carry others along
+REFLECTED = "reflected before it was prepared, x → −x; vertices and faces keep their numbers"
+logger = logging.getLogger(__name__)
+T = TypeVar("T")
+R = TypeVar("R", ShapeRow, PairRow)
+
+
+class Event(NamedTuple):
+    """A step of a run: its kind, the shape or pair, its row, and how many of how many steps are done.
+
+    The row of a reflection is that of the pair by which the shape was judged, that of an outlier an `Outlier`.
+    """
+
+    what: Literal["shape", "outlier", "pair", "reflection", "agreement"]
+    name: str | Pair
+    row: ShapeRow | PairRow | Outlier
+    done: int
+    of: int
+
+    @property
+    def state(self) -> State:
+        """State of the row."""
+        return "done" if isinstance(self.row, Outlier) else self.row.state
+
+    @property
+    def again(self) -> tuple[str, ...]:
+        """Why a shape or a pair was done again, if it was."""
+        is_step = self.what in ("shape", "pair") and not isinstance(self.row, Outlier)
+        return cast("ShapeRow | PairRow", self.row).again if is_step else ()
+
+    @property
+    def told(self) -> tuple[str, float]:
+        """The step in words, with the share of its steps that are done."""
+        name = self.name if isinstance(self.name, str) else " and ".join(self.name)
+        again = f"; again, because {'; '.join(self.again)}" if self.again else ""
+        step = f"{_DONE[self.what]} {self.done} of {self.of}"
+        return f"{step}: {name}, {_ending(self.row)}{again}", self.done / self.of
+
+
+_DONE = {"shape": "prepared", "outlier": "looked at", "pair": "matched"}
+_DONE |= {"reflection": "reflected", "agreement": "compared"}
+
+
+def _ending(row: ShapeRow | PairRow | Outlier) -> str:
+    """Say how a step ended."""
+    if isinstance(row, Outlier):
+        return row.reason
+    if row.state == "failed":
+        return f"failed: {row.error}"
+    if isinstance(row, ShapeRow):
+        return "done"
+    if row.not_reflected:
+        return f"not kept: {', '.join(row.not_reflected.values())}"
+    if row.agreement and row.agreement.refused:
+        return f"contradicted, but not replaced: {row.agreement.refused}"
+    if row.replaced_by:
+        return f"replaced by the composition over {row.replaced_by[1]}"
+    return row.ending.lower().replace("_", " ") if row.there.values else "done"
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run of one shard of a collection: its index from 0, and the number of shards."""
+
+    collection: Plan
+    shard: tuple[int, int]
+
+    def events(
+        self, executor: str | Executor | Workers, jobs: int | None, time_limit: float | None
+    ) -> Iterator[Event]:
+        """Prepare and match all that is still open, and yield each step; see `Collection.run`."""
+        end = math.inf if time_limit is None else time.time() + time_limit
+        layout = self.collection.layout
+        job = Job(layout, self.collection.config, self.collection.seed, end, self.collection.leader)
+        for folder in ("prepared", "maps"):
+            with writing(layout.folder / folder):
+                (layout.folder / folder).mkdir(parents=True, exist_ok=True)
+        with (
+            workers_of(executor, jobs) as workers,
+            writing_ledger(layout.ledger(self.shard), one_host=self.shard[1] == 1) as ledger,
+        ):
+            layout.remove_unfinished(self.shard)
+            own = layout.ledger(self.shard)
+            ledger.rows.merge(read_ledgers(path for path in layout.ledgers() if path != own))
+            ledger.put_origin(*made_with(self.collection.config, self.collection.seed))
+            yield from self._prepared_shapes(job, workers, ledger)
+            yield from self._outliers(ledger.rows)
+            tried: set[str] = set()
+            while not job.is_late():
+                yield from self._matched_pairs(job, workers, ledger)
+                reflections = [] if job.is_late() else self._reflections(ledger.rows, tried)
+                if not reflections:
+                    break
+                tried |= {reflection.entry.name for reflection in reflections}
+                yield from self._reflected_shapes(job, workers, ledger, reflections)
+
+    def _prepared_shapes(self, job: Job, workers: Workers, ledger: Ledger) -> Iterator[Event]:
+        """Prepare the shapes that are not prepared yet."""
+        wrong = self._removed_if_changed("prepared", ledger.rows)
+        todo = [entry for entry in self._entries(ledger.rows) if not self._is_prepared(entry, ledger.rows)]
+        tasks = [Task((entry,), job.prepare_shape) for entry in todo]
+        for count, (entry, found) in enumerate(workers.completed(tasks, job.is_late), 1):
+            old = ledger.rows.shapes.get(entry.name)
+            why = wrong.get(self.collection.layout.prepared(old.key)) if old else None
+            new = found if isinstance(found, ShapeRow) else _failed_shape(_died(found))
+            row = self._explained(new, old, (entry.name,), why, ledger.rows)
+            ledger.put_shape(entry.name, row)
+            yield Event("shape", entry.name, row, count, len(todo))
+
+    def _outliers(self, rows: Rows) -> Iterator[Event]:
+        """Tell what the shapes alone tell; of those that are broken it was told."""
+        odd = [each for each in outliers(self.collection, Rows(rows.shapes)) if each.kind in OF_SHAPES]
+        for count, outlier in enumerate(odd, 1):
+            yield Event("outlier", outlier.name, outlier, count, len(odd))
+
+    def _matched_pairs(self, job: Job, workers: Workers, ledger: Ledger) -> Iterator[Event]:
+        """Match the pairs that are not matched yet, in tiles, as far as their shapes could be prepared."""
+        rows = ledger.rows
+        pairs = [pair for pair in self.pairs_of_shard(rows) if all(map(rows.is_prepared, pair))]
+        plans = [self._planned(pair, rows) for pair in pairs]
+        own = {pair: rows.pairs[pair] for pair in pairs if pair in rows.pairs}
+        wrong = self._removed_if_changed("maps", replace(rows, pairs=own))
+        files = {path.name for path in (self.collection.layout.folder / "maps").iterdir()}
+        todo = [plan for plan in plans if not self._is_matched(plan, rows.pairs.get(plan.pair), files)]
+        missing = {plan.pair: plan for plan in todo}
+        largest = max((rows.shapes[name].bytes for pair in missing for name in pair), default=1)
+        most = min(max(1, len(missing) // (TILES_PER_WORKER * workers.count())), MOST_PAIRS)
+        tiles = tiles_of(list(missing), self.collection.names, max(1, LOADED // (2 * largest)), most)
+        tasks = [Task(tuple(missing[pair] for pair in tile), job.match_pair) for tile in tiles]
+        for count, (plan, found) in enumerate(workers.completed(tasks, job.is_late), 1):
+            new = found if isinstance(found, PairRow) else plan.row(_died(found))
+            why = wrong.get(self.collection.layout.maps(plan.pair))
+            row = self._explained(new, rows.pairs.get(plan.pair), plan.pair, why, rows)
+            ledger.put_pair(plan.pair, row)
+            yield Event("pair", plan.pair, row, count, len(missing))
+
+    def _reflected_shapes(
+        self, job: Job, workers: Workers, ledger: Ledger, reflections: Sequence[Reflection]
+    ) -> Iterator[Event]:
+        """Turn shapes the other way round, as far as the pair of each bears it out."""
+        tasks = [Task((reflection,), partial(attempted, job.reflect_shape)) for reflection in reflections]
+        for count, ((entry, plan), attempt) in enumerate(workers.completed(tasks, job.is_late), 1):
+            rows = ledger.rows
+            old, (result, error, *_) = rows.pairs[plan.pair], _died(attempt)
+            if isinstance(
+                result, Reflected
+            ):  # the shape first: it says whether a pair is still to be matched
+                of_shape = rows.shapes[entry.name]
+                ledger.put_shape(
+                    entry.name, self._explained(result.shape, of_shape, (entry.name,), None, rows)
+                )
+                row = self._explained(result.pair, old, plan.pair, None, rows)
+            else:
+                row = replace(old, not_reflected={entry.name: result or error}, time=time.time())
+            ledger.put_pair(plan.pair, row)
+            yield Event("reflection", entry.name, row, count, len(reflections))
+
+    def _reflections(self, rows: Rows, tried: Container[str]) -> list[Reflection]:
+        """Plan which shapes to turn the other way round; shards know enough for it only of a star."""
+        if self.collection.reflect != "auto" or (self.collection.pairs != "star" and self.shard[1] > 1):
+            return []
+        own = set(self.pairs_of_shard(rows))
+        return [
+            self._reflection(name, pair, rows)
+            for name, pair in mirror_images(self.collection, rows).items()
+            if pair in own and name not in tried and name not in rows.pairs[pair].not_reflected
+        ]
+
+    def _reflection(self, name: str, pair: Pair, rows: Rows) -> Reflection:
+        turned = not rows.reflected([name])
+        key = self._key(identity_of(rows.shapes[name].hash, turned))
+        as_if = Rows({each: rows.shapes[each] for each in pair}, {pair: rows.pairs[pair]})
+        as_if.shapes[name] = replace(rows.shapes[name], reflected=turned, key=key)
+        return Reflection(Entry(name, self.collection.paths[name], turned), self._planned(pair, as_if))
+
+    def pairs_of_shard(self, rows: Rows) -> list[Pair]:
+        """List the pairs of the shard: as many as of any other, and of few different shapes."""
+        names, template = self.collection.names, self.collection.chosen_template(rows)
+        pairs = pairs_of(names, self.collection.pairs, template)
+        index, count = self.shard
+        if count == 1:
+            return pairs
+        in_order = [pair for tile in tiles_of(pairs, names, SIDE, len(pairs)) for pair in tile]
+        return in_order[len(pairs) * index // count : len(pairs) * (index + 1) // count]
+
+    def _entries(self, rows: Rows) -> list[Entry]:
+        """List the shapes of the shard's pairs; all if they decide on the template, each shard beginning elsewhere."""
+        names, (index, count) = self.collection.names, self.shard
+        if self.collection.pairs == "star" and self.collection.template is None:
+            first = len(names) * index // count
+            names = [*names[first:], *names[:first]]
+        elif count > 1:
+            needed = {name for pair in self.pairs_of_shard(rows) for name in pair}
+            names = [name for name in names if name in needed]
+        return [self.collection.entry(name, rows) for name in names]
+
+    def _is_prepared(self, entry: Entry, rows: Rows) -> bool:
+        row = rows.shapes.get(entry.name)
+        if row is None or not entry.path.exists():
+            return False
+        stat = entry.path.stat()
+        is_same = (row.size, row.changed) == (stat.st_size, stat.st_mtime_ns)
+        if not is_same or row.state == "failed":
+            return is_same
+        if not row.file:  # of an earlier version; the file is looked at, and taken if it is whole
+            return False
+        key = self._key(identity_of(row.hash, entry.reflected))
+        return row.key == key and self.collection.layout.prepared(key).exists()
+
+    def _planned(self, pair: Pair, rows: Rows) -> PlannedPair:
+        source, target = (rows.shapes[name] for name in pair)
+        row = rows.pairs.get(pair, PairRow(state="todo"))
+        turned, led_by = tuple(rows.reflected(pair)), self._led_by(pair, tuple(rows.reflected(pair)))
+        keys, hashes = (source.key, target.key), (source.hash, target.hash)
+        surfaces = [identity_of(content, name in turned) for name, content in zip(pair, hashes)]
+        key = self._key(*surfaces, *filter(None, [led_by]), attempt=row.attempt)
+        return PlannedPair(pair, key, keys, hashes, turned, row.attempt, bool(row.contradicted), led_by)
+
+    def _led_by(self, pair: Pair, turned: tuple[str, ...]) -> str:
+        """Identify the map of the leader that a pair starts from; empty if there is none that can be relied on."""
+        for ends in (pair, pair[::-1]):
+            if self._leading.is_current(ends) and not self._leading.is_doubtful(ends):
+                row = self._leading.pairs[ends]
+                return identity_of_map(row) if set(row.reflected) == set(turned) else ""
+        return ""
+
+    @cached_property
+    def _leading(self) -> Rows:
+        return self.collection.leader.rows() if self.collection.leader else Rows()
+
+    def _removed_if_changed(self, folder: str, rows: Rows) -> dict[Path, str]:
+        """Remove files that are not as they were written, so that no job takes them; return what was wrong."""
+        changed = changed_files(self.collection.layout, rows, [folder])
+        for path in changed:
+            with writing(path):
+                path.unlink(missing_ok=True)
+        return changed
+
+    def _explained(self, row: R, old: R | None, names: Sequence[str], wrong: str | None, rows: Rows) -> R:
+        """Return a new row that tells what it was made with and, if it is not the first, why it was made again."""
+        row = replace(row, made_with=made_with(self.collection.config, self.collection.seed)[0])
+        of_file = [f"its file {wrong}"] if wrong else []
+        if old and (reasons := of_file + why_again(old, row, names, rows.origins)):
+            row = replace(row, again=tuple(reasons))
+            logger.info("%s: again, because %s", " and ".join(names), "; ".join(reasons))
+        return row
+
+    def _key(self, *surfaces: str, attempt: int = 0) -> str:
+        return key_of(self.collection.config, self.collection.seed + attempt, *surfaces)
+
+    def _is_matched(self, plan: PlannedPair, row: PairRow | None, files: Container[str]) -> bool:
+        if row is None or row.state == "todo" or row.key != plan.key:
+            return False
+        return row.state == "failed" or (
+            bool(row.file) and self.collection.layout.maps(plan.pair).name in files
+        )
+
+
+def _died(found: Any) -> Attempt[Any]:
+    """Return an attempt, or that of a job whose worker died."""
+    if not isinstance(found, Exception):
+        return cast("Attempt[Any]", found)
+    reason = f"three workers died of it, killed or out of memory ({type(found).__name__}: {found})"
+    return Attempt(None, reason, time.time())
+
+
+def _failed_shape(attempt: Attempt[Any]) -> ShapeRow:
+    return ShapeRow(state="failed", time=attempt.time, error=attempt.error, seconds=attempt.seconds)
+
+
+class PlannedPair(NamedTuple):
+    """A pair to match."""
+
+    pair: Pair
+    key: str  # of the match
+    shapes: tuple[str, str]  # keys of the prepared shapes
+    hashes: tuple[str, str]  # content_hash of the surfaces in the files
+    reflected: tuple[str, ...]  # which of the shapes are matched as their mirror images
+    attempt: int  # added to the seed
+    contradicted: bool = False  # whether others contradict the earlier map, so that any new one replaces it
+    led_by: str = ""  # identifies the map of the leader that it starts from
+
+    @property
+    def known(self) -> dict[str, Any]:
+        """What rows and files say of the pair before it is matched."""
+        hashes = dict(zip(("source_hash", "target_hash"), self.hashes))
+        return {**hashes, "reflected": self.reflected, "led_by": self.led_by}
+
+    def row(self, found: Attempt[tuple[MapRecord, str]]) -> PairRow:
+        """Return the row of the pair; it has what the file of its maps says, and the digest of that."""
+        ended: dict[str, Any] = {"attempt": self.attempt, "state": found.state, "time": found.time}
+        if found.result is None:  # the map that was there before is judged as before
+            ended |= {"error": found.error, "seconds": found.seconds, "contradicted": self.contradicted}
+            return PairRow(**self.known, **ended, key=self.key)
+        record, file = found.result
+        values = {**self.known, "seconds": found.seconds, **record.given(), **ended, "key": self.key}
+        return PairRow(**values, file=file, more=record.more)
+
+
+class Reflection(NamedTuple):
+    """A shape to turn the other way round, as ``entry`` says, and the pair that is matched with it to see if it fits."""
+
+    entry: Entry
+    plan: PlannedPair
+
+
+class Reflected(NamedTuple):
+    """Rows of a shape that was turned, and of the pair that bears it out."""
+
+    shape: ShapeRow
+    pair: PairRow
+
+
+@dataclass(frozen=True)
+class Job:
+    """The jobs of a run, which worker processes do: they read files, write files and return rows for the ledger."""
+
+    layout: Layout
+    config: Config
+    seed: int
+    end: float = math.inf  # time, in seconds since the epoch, after which nothing new is begun
+    leader: Plan | None = None
+
+    def is_late(self) -> bool:
+        """Whether nothing new is to be begun."""
+        return time.time() > self.end
+
+    def match_pair(self, plan: PlannedPair) -> PairRow | None:
+        """Match a pair that is not matched yet, if it is not too late, and return its row."""
+        return None if self.is_late() else plan.row(attempted(self._matched, plan))
+
+    def prepare_shape(self, entry: Entry) -> ShapeRow:
+        """Read and prepare a shape that is not prepared yet, and return its row."""
+        file = entry.path.stat() if entry.path.exists() else None
+        size, changed = (file.st_size, file.st_mtime_ns) if file else (None, None)
+        attempt = attempted(self._prepared, entry)
+        row = attempt.result or _failed_shape(attempt)
+        return replace(row, size=size, changed=changed, time=attempt.time, seconds=attempt.seconds)
+
+    def _prepared(self, entry: Entry) -> ShapeRow:
+        surface = surface_from(entry.path)
+        key = key_of(self.config, self.seed, identity_of(surface.content_hash, entry.reflected))
+        file = self.layout.prepared(key)
+        shape = _if_whole(lambda: PreparedShape.load(file, self.config))
+        if shape is None:
+            shape = prepare(reflected(surface) if entry.reflected else surface, self.config, self.seed)
+            if entry.reflected:
+                shape = replace(shape, notes=(REFLECTED, *shape.notes))
+            shape.save(file)
+        return ShapeRow(
+            state="done",
+            key=key,
+            hash=surface.content_hash,
+            reflected=entry.reflected,
+            bytes=file.stat().st_size,
+            file=digest_of(file),
+            n_vertices=surface.n_vertices,
+            area=float(surface.vertex_areas.sum()),
+            features=features_of(shape),
+            **({} if isinstance(surface, Graph) else likeness_of(surface)),
+            holes=holes_of(surface) if isinstance(surface, Mesh) else None,
+            notes=shape.notes,
+        )
+
+    def _matched(self, plan: PlannedPair) -> tuple[MapRecord, str]:
+        file = self.layout.maps(plan.pair)
+        earlier = _if_whole(lambda: PairMaps.load(file))
+        if earlier and earlier.record.key == plan.key:
+            return earlier.record, digest_of(file)
+        maps = self._new_maps(plan)
+        if earlier and plan.attempt and not plan.contradicted:
+            old, new = earlier.record, maps.record
+            if _surfaces_of(old) == _surfaces_of(new) and _unsureness(old) <= _unsureness(new):
+                maps = replace(earlier, record=replace(old, key=plan.key))
+        maps.save(file)
+        return maps.record, digest_of(file)
+
+    def reflect_shape(self, reflection: Reflection) -> Reflected | str:
+        """Turn a shape, if a match bears it out; or tell why not."""
+        entry, plan = reflection
+        shape = self.prepare_shape(entry)
+        if shape.state == "failed":
+            return shape.error
+        file = self.layout.maps(plan.pair)
+        maps = _if_whole(lambda: PairMaps.load(file))
+        if maps is None or maps.record.key != plan.key:  # else a run saved it, and was killed
+            maps = self._new_maps(plan)
+            outcomes = [side.outcome for side in maps.record.sides]
+            if any(outcome.is_doubtful for outcome in outcomes):
+                doubts = min(outcomes, key=lambda outcome: outcome.sureness)
+                return f"the other way round, the match ends with {doubts.value}"
+            maps.save(file)
+        pair = plan.row(Attempt((maps.record, digest_of(file)), "", time.time()))
+        return Reflected(shape, replace(pair, order=OF_REFLECTION))
+
+    def _new_maps(self, plan: PlannedPair) -> PairMaps:
+        start = time.perf_counter()
+        source, target = (loaded_shape(self.layout.prepared(key), self.config) for key in plan.shapes)
+        lead, config = None, self.config
+        if self.leader and plan.led_by:
+            lead = _carried(self.leader, plan, source, target)
+            config = replace(config, hypotheses="given", start="auto", part="none")
+        matches = match_both(source, target, initial_map=lead, config=config, seed=self.seed + plan.attempt)
+        there, back = map(MapSummary.of, matches)
+        seconds = time.perf_counter() - start
+        record = MapRecord(
+            key=plan.key, **plan.known, there=there, back=back, seconds=seconds, memory=peak_memory()
+        )
+        return PairMaps.of(*matches, record)
+
+
+def _carried(leader: Plan, plan: PlannedPair, source: PreparedShape, target: PreparedShape) -> IntArray:
+    """Carry a surface along with the map of the leader; the vertices of its partner nearest there, (n,)."""
+    maps, (a, b) = maps_of_pair(leader.layout, *plan.pair), plan.pair
+    turned = a in plan.reflected, b in plan.reflected
+    image, here, there = as_matched(
+        maps.there, mesh_from(leader.paths[a]), mesh_from(leader.paths[b]), turned
+    )
+    images = image.pull_back(there.vertices)
+    rows = np.flatnonzero(np.isfinite(images).all(axis=1))
+    rows = generator(0).permutation(rows)[:CARRIERS]
+    mirrored = (maps.record.there.measures["orientation"] or 0.0) < 0
+    scale = float(np.sqrt(there.area / here.area))
+    points, own = cast(Mesh, source.surface).vertices, cast(Mesh, target.surface).vertices
+    moved = carried_along(points, here.vertices[rows], images[rows], scale=scale, mirrored=mirrored)
+    # they end at other places of their leader: sheets are laid onto each other as a whole
+    return np.asarray(cKDTree(own - own.mean(axis=0)).query(moved - moved.mean(axis=0))[1])
+
+
+def _surfaces_of(record: MapRecord) -> tuple[object, ...]:
+    return *record.hashes, record.reflected
+
+
+def _unsureness(record: MapRecord) -> tuple[int, float]:
+    return -record.there.outcome.sureness, record.there.measures["spectral_residual"] or 0.0
+
+
+def _if_whole(load: Callable[[], T]) -> T | None:
+    try:
+        return load()
+    except FormatError:  # there is no file, or one that a full disk cut short
+        return None
+
+
+_shapes = OrderedDict[tuple[Path, int, Config], tuple[PreparedShape, int]]()
+"""Of this process, by file and time; last used last."""
+_taking = Lock()  # a worker of a cluster may have several threads
+
+
+def loaded_shape(file: Path, config: Config, room: int = LOADED) -> PreparedShape:
+    """Read a prepared shape, or take it from memory, from which the least recently used shapes are dropped."""
+    with _taking:
+        if not file.exists():
+            raise MissingFileError(
+                f"{file}: no such prepared shape; run isomatch collect again, which makes it"
+            )
+        stat = file.stat()
+        key = file, stat.st_mtime_ns, config
+        held = _shapes.pop(key, None) or (PreparedShape.load(file, config), stat.st_size)
+        _shapes[key] = held
+        while sum(size for _, size in _shapes.values()) > room and len(_shapes) > 2:
+            _shapes.popitem(last=False)
+    return held[0]

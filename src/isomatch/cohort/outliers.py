@@ -1,0 +1,287 @@
+"""What does not fit in a collection: shapes in other units, twice, mirrored, with holes, broken, unlike all others."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from isomatch._core.errors import InputError
+from isomatch.cohort.entries import Pair
+from isomatch.cohort.plan import Plan
+from isomatch.cohort.rows import N_RANKS, PairRow, Rows, ShapeRow, SurfaceRow
+from isomatch.cohort.shape_statistics import METRES, likely_units, size_factors, told_factor
+from isomatch.matching import Outcome
+from isomatch.repair import check, without_seams
+from isomatch.surfaces import Mesh, PointCloud
+
+RESCALED = 0.01  # factor of the sizes of copies: with less, they are of one size
+WIDEST_SEAM = 0.05  # √area: length of all boundaries, with less of which a surface counts as closed
+Trouble = Literal["broken", "units", "twice", "mirrored", "holes", "unlike"]
+OF_SHAPES: tuple[Trouble, ...] = ("units", "twice", "mirrored", "holes")  # found before anything is matched
+NOT_UNLIKE = "no"  # in the table of shapes, of one that was compared
+FARTHEST = 2.0  # factor between sizes of one kind that a unit leaves unexplained
+OTHERS = "*"  # stands for all shapes whose units are not given
+SAME = 1e-5  # of the size: largest difference of distances from the centroid, in files of single precision
+SYMMETRIC = 1e-6  # handedness: with less, a shape is its own mirror image, but for rounding
+
+
+class Outlier(NamedTuple):
+    """Why a shape does not fit in a collection as it is: the kind, its name, and the reason in words, with the remedy."""
+
+    kind: Trouble
+    name: str
+    reason: str
+
+
+def holes_of(surface: Mesh) -> tuple[int, float]:
+    """Count the boundaries of a surface whose seams are closed, and measure their length, in √area."""
+    lengths = check(without_seams(surface)[0], wall=0.0).boundary_lengths
+    return len(lengths), float(lengths.sum() / np.sqrt(surface.area))
+
+
+def outliers(collection: Plan, rows: Rows) -> list[Outlier]:
+    """Find shapes that do not fit in a collection as they are; look at them before its statistics are believed.
+
+    Parameters
+    ----------
+    collection : Collection
+        The collection.
+    rows : Rows
+        What is known of its shapes. Those that are prepared suffice for all kinds but two.
+
+    Returns
+    -------
+    list of Outlier
+        - *broken*: it cannot be read or prepared.
+        - *units*: its size, the root of its area, is more than twice or less than half the median, and an outlier; see
+          `size_factors`. What was said of its unit is taken into account.
+        - *twice*: it is another one, but for a motion, its size, and the order of vertices and faces.
+        - *mirrored*: it is the mirror image of another one; or, once they are matched, seems to be one of all others.
+        - *holes*: it has a boundary, and most others have none.
+        - *unlike*: in the topology of the template it is far from all others, see
+          `doubtful_shapes`.
+    """
+    own = {name: rows.shapes[name] for name in collection.names if name in rows.shapes}
+    done = {name: row for name, row in own.items() if row.state == "done"}
+    failed = {name: row.error for name, row in own.items() if row.state == "failed"}
+    odd = [Outlier("broken", name, f"cannot be used: {error}") for name, error in failed.items()]
+    odd += _in_other_units(collection, Rows(done))
+    mirrored = dict(_mirrored(collection, rows))
+    for alike in alike_shapes(done):
+        if alike.kind == "mirror image":
+            mirrored[alike.name] = f"is the mirror image of {alike.other}, the same shape reflected"
+            continue
+        how = "the same file as" if alike.is_equal else "the same shape as"
+        larger = f", {alike.factor:.4g} times as large" if abs(np.log(alike.factor)) > RESCALED else ""
+        odd.append(Outlier("twice", alike.name, f"is {how} {alike.other}{larger}; take one of them out"))
+    odd += [Outlier("mirrored", name, reason) for name, reason in mirrored.items()]
+    odd += _with_holes(Rows(done))
+    unlike = {name: reason for name, reason in _unlike(collection) if name in done.keys() - mirrored}
+    return odd + [Outlier("unlike", name, reason) for name, reason in unlike.items()]
+
+
+def _in_other_units(collection: Plan, rows: Rows) -> Iterator[Outlier]:
+    scales = scales_of(collection.units, rows)
+    areas = {name: row.area for name, row in rows.shapes.items() if 0 < row.area < np.inf}
+    sizes = {name: area**0.5 * scales.get(name, 1.0) for name, area in areas.items()}
+    named = {name for name in collection.units if name in sizes}
+    is_unclear = bool(named) and common_unit(collection.units, rows) is None
+    for name, factor in zip(sizes, size_factors(np.array(list(sizes.values()))).tolist()):
+        if is_unclear and name in named:
+            remedy = f"is said to be in {collection.units[name]}, which fits no unit of the others; give theirs, too"
+        elif factor != 1:
+            remedy = told_unit(name, factor)
+        else:
+            continue
+        yield Outlier("units", name, remedy)
+
+
+def told_unit(name: str, factor: float) -> str:
+    """Tell how many times the size of the others a shape has, and what to give if that is its unit."""
+    units = likely_units(factor)
+    return f"{told_factor(factor)} (--units {name}={units[0] if units else 'UNIT'})"
+
+
+def _mirrored(collection: Plan, rows: Rows) -> Iterator[tuple[str, str]]:
+    for name, pair in mirror_images(collection, rows).items():
+        why_not = rows.pairs[pair].not_reflected.get(name)
+        remedy = f"but is not reflected: {why_not}" if why_not else "run again with --reflect auto"
+        yield name, f"is mirrored against the others, by its maps; {remedy}"
+
+
+def _with_holes(rows: Rows) -> Iterator[Outlier]:
+    holes = {name: row.holes for name, row in rows.shapes.items() if row.holes}
+    is_open = {name: length > WIDEST_SEAM for name, (_, length) in holes.items()}
+    if not 0 < sum(is_open.values()) < len(is_open) / 2:
+        return
+    for name, (count, length) in holes.items():
+        if is_open[name]:
+            what = "a hole" if count == 1 else f"{count} holes"
+            yield Outlier("holes", name, f"has {what}, {length:.3g} √area around, and most others are closed")
+
+
+def _unlike(collection: Plan) -> Iterator[tuple[str, str]]:
+    for name, line in SurfaceRow.read(collection.layout.shapes_table).items():
+        if name and line.unlike not in ("", NOT_UNLIKE):
+            yield name, line.unlike
+
+
+def mirror_images(collection: Plan, rows: Rows) -> dict[str, Pair]:
+    """Find the shapes that seem to be mirror images of the others, each with the pair that shows it best.
+
+    In a star, these are the mirror images of the template. Other pairs divide the shapes in two groups; then it is that
+    without the template, if one was named, or of which fewer are reflected already, or the smaller one.
+    """
+    pairs = [pair for pair in collection.wanted_pairs(rows) if rows.is_current(pair)]
+    shown = [pair for pair in pairs if rows.pairs[pair].is_mirrored]
+    if not shown:
+        return {}
+    if collection.pairs == "star":
+        turned = {name for pair in shown for name in pair} - {collection.chosen_template(rows)}
+    else:
+        turned = set(_turned(collection, rows, pairs))
+    clearest: dict[str, Pair] = {}
+    scores = {pair: rows.pairs[pair].there.measures["mirrored"] for pair in shown}  # lower is clearer
+    for pair in sorted(shown, key=lambda pair: math.inf if (x := scores[pair]) is None else x):
+        for name, other in (pair, pair[::-1]):
+            if name in turned and other not in turned:
+                clearest.setdefault(name, pair)
+    return {name: clearest[name] for name in collection.names if name in clearest}
+
+
+def _turned(collection: Plan, rows: Rows, pairs: Iterable[Pair]) -> Iterator[str]:
+    links: dict[str, dict[str, int]] = defaultdict(dict)
+    for a, b in pairs:
+        if link := _link(rows.pairs[a, b]):
+            links[a][b] = links[b][a] = link
+
+    def weight(group: list[str]) -> tuple[bool, int, int]:
+        return collection.template in group, len(rows.reflected(group)), len(group)
+
+    for groups in two_groups(links):
+        yield from min(groups, key=weight)
+
+
+def two_groups(links: dict[str, dict[str, int]]) -> Iterator[tuple[list[str], list[str]]]:
+    """Divide each connected set of shapes in two groups, so that links are 1 within a group, and −1 between them."""
+    # each shape, from the first one outwards, joins the group that most of its links to those before ask for, and then
+    # that which all ask for; the first shape is in the second group
+    group: dict[str, int] = {}
+    for first in links:
+        if first in group:
+            continue
+        members = [first]
+        group[first] = 1
+        for name in members:
+            for other in links[name]:
+                if other not in group:
+                    group[other] = _asked_for(links[other], group)
+                    members.append(other)
+        for name in members[1:]:
+            group[name] = _asked_for(links[name], group)
+        yield [name for name in members if group[name] < 0], [name for name in members if group[name] > 0]
+
+
+def _asked_for(links: dict[str, int], group: dict[str, int]) -> int:
+    return -1 if sum(link * group.get(other, 0) for other, link in links.items()) < 0 else 1
+
+
+def _link(row: PairRow) -> int:
+    """Return −1 for mirror images, 1 for two shapes of one side, 0 where the match does not tell."""
+    return -1 if row.is_mirrored else int(row.there.outcome.sureness >= Outcome.PARTIAL.sureness)
+
+
+def checked_units(units: Mapping[str, str], names: Iterable[str]) -> dict[str, str]:
+    """Return the units of shapes by name; `InputError` if a name or a unit is not known."""
+    if strangers := sorted(set(units) - {OTHERS, *names}):
+        raise InputError(f"{', '.join(strangers)}: units of no shape of this collection; give their names")
+    if unknown := sorted({*units.values()} - set(METRES)):
+        raise InputError(f"{', '.join(unknown)}: unknown units; known are {', '.join(METRES)}")
+    return dict(units)
+
+
+def common_unit(units: Mapping[str, str], rows: Rows) -> str | None:
+    """Return the unit of the shapes whose units are not given: that of ``"*"``, or by sizes, None if none comes near."""
+    named = {name: unit for name, unit in units.items() if name != OTHERS}
+    if OTHERS in units or not named:
+        return units.get(OTHERS)
+    sizes = {name: row.area**0.5 for name, row in rows.shapes.items() if row.area}
+    others = [size for name, size in sizes.items() if name not in named]
+    in_metres = [sizes[name] * METRES[unit] for name, unit in named.items() if name in sizes]
+    if not others:
+        return Counter(named.values()).most_common(1)[0][0]
+    if not in_metres:
+        return None
+    ratio = float(np.median(in_metres)) / float(np.median(others))  # metres in the unit of the others
+    nearest = min(METRES, key=lambda unit: abs(np.log(ratio / METRES[unit])))
+    return nearest if abs(np.log(ratio / METRES[nearest])) < np.log(FARTHEST) else None
+
+
+def scales_of(units: Mapping[str, str], rows: Rows) -> dict[str, float]:
+    """Return what the positions of a shape are multiplied by, for those for which it is not 1."""
+    common = common_unit(units, rows)
+    if common is None:
+        return {}
+    named = {name: unit for name, unit in units.items() if name != OTHERS and unit != common}
+    return {name: METRES[unit] / METRES[common] for name, unit in named.items()}
+
+
+class Alike(NamedTuple):
+    """A shape that is another one, which comes before it, but for a motion, its size, and the order of vertices."""
+
+    name: str
+    other: str
+    kind: Literal["copy", "mirror image"]  # which of both it is of the other
+    factor: float  # how many times as large as the other it is
+    is_equal: bool  # whether their vertices and faces are equal, also in their order
+
+
+def likeness_of(surface: Mesh | PointCloud) -> dict[str, Any]:
+    """Sum up where the vertices of a surface are, for the row of a shape, by numbers that no motion changes."""
+    used = np.isfinite(surface.vertices).all(axis=1)
+    if isinstance(surface, Mesh):
+        is_corner = np.zeros(surface.n_vertices, dtype=bool)
+        is_corner[surface.faces[((surface.faces >= 0) & (surface.faces < len(is_corner))).all(axis=1)]] = True
+        used &= is_corner
+    points = np.unique(surface.vertices[used], axis=0)  # vertices at one position, as at seams, count once
+    if len(points) < 2:
+        return {}
+    centred = points - points.mean(axis=0)
+    distances = np.sort(np.linalg.norm(centred, axis=1))
+    spread = float(np.sqrt((distances**2).mean()))
+    ranks = np.round(np.linspace(0, len(points) - 1, N_RANKS)).astype(int)
+    axes = np.linalg.svd(centred.T @ centred)[0]
+    axes[:, 2] *= np.sign(np.linalg.det(axes))
+    along = centred @ axes / spread
+    skewness = (along**3).mean(axis=0) / np.maximum((along**2).mean(axis=0), SAME**2) ** 1.5
+    return {
+        "n_points": len(points),
+        "spread": spread,  # root mean square distance from the centroid
+        "ranks": tuple(np.round(distances[ranks] / spread, 8).tolist()),
+        "handedness": float(skewness.prod()),  # along the principal axes; its sign turns in the mirror image
+    }
+
+
+def alike_shapes(shapes: dict[str, ShapeRow]) -> list[Alike]:
+    """Find shapes that are one and the same, from their rows, each with the first that it is like."""
+    groups: dict[int, list[str]] = {}
+    for name, row in shapes.items():
+        if row.ranks:
+            groups.setdefault(row.n_points, []).append(name)
+    alike = []
+    for names in groups.values():
+        ranks = np.array([shapes[name].ranks for name in names])
+        for i, name in enumerate(names[1:], 1):
+            near = np.flatnonzero(np.abs(ranks[:i] - ranks[i]).max(axis=1) <= SAME)
+            if len(near):
+                other = names[near[0]]
+                one, two = shapes[name], shapes[other]
+                hands = one.handedness or 0.0, two.handedness or 0.0
+                is_turned = abs(sum(hands)) < abs(hands[0] - hands[1]) > SYMMETRIC
+                factor, is_equal = one.spread / two.spread, one.hash == two.hash
+                alike.append(Alike(name, other, "mirror image" if is_turned else "copy", factor, is_equal))
+    return alike

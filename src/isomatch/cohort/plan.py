@@ -1,0 +1,222 @@
+"""What a collection is to hold: shapes, pairs, settings; where its files are, and the keys that identify them."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from hashlib import blake2b
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Literal, TypeVar, cast
+
+import numpy as np
+from scipy.spatial.distance import cdist
+
+from isomatch._core.arrays import FloatArray
+from isomatch._core.cached import cached_property
+from isomatch._core.files import UNFINISHED, remove_unfinished
+from isomatch.cohort.entries import BETWEEN, Entry, Pair, pairs_of
+from isomatch.cohort.ledger import read_ledgers
+from isomatch.cohort.rows import N_EIGENVALUES, N_QUANTILES, OriginRow, PairRow, Rows, ShapeRow
+from isomatch.settings import Config
+from isomatch.shapes import PreparedShape
+
+OLD = 3600.0  # seconds; files are written in a few
+UNTOLD = "—"  # a setting that there was not
+R = TypeVar("R", ShapeRow, PairRow)
+N_OTHERS = 1000  # shapes with which each is compared, to find the medoid
+
+
+class Layout:
+    """Where each file in the folder of a collection is."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.plan = folder / "collection.json"  # the shapes and the settings
+        self.table = folder / "pairs.csv"  # one line for each pair
+        self.shapes_table = folder / "shapes.csv"  # one for each shape in the topology of the template
+        self.page = folder / "index.html"  # to look at
+        self.landmarks = folder / "landmarks"  # those of all shapes
+
+    def prepared(self, key: str) -> Path:
+        """Return the path of the prepared shape with a key."""
+        return self.folder / "prepared" / f"{key}.npz"
+
+    def maps(self, pair: Pair) -> Path:
+        """Return the path of the maps of a pair, both directions."""
+        return self.folder / "maps" / f"{BETWEEN.join(pair)}.npz"
+
+    def corresponded(self, name: str) -> Path:
+        """Return the path of a shape's surface in the topology of the template."""
+        return self.folder / "corresponded" / f"{name}.ply"
+
+    def report(self, pair: Pair) -> Path:
+        """Return the path of the report of a pair."""
+        return self.folder / "reports" / f"{BETWEEN.join(pair)}.html"
+
+    def thumbnail(self, name: str) -> Path:
+        """Return the path of a small picture of a shape."""
+        return self.folder / "thumbnails" / f"{name}.png"
+
+    def ledger(self, shard: tuple[int, int] = (0, 1)) -> Path:
+        """Return the path of the ledger of a shard (index from 0, count)."""
+        index, count = shard
+        return self.folder / ("ledger.sqlite" if count == 1 else f"ledger_{index + 1}_of_{count}.sqlite")
+
+    def ledgers(self) -> list[Path]:
+        """Find the ledgers of all shards."""
+        return sorted(self.folder.glob("ledger*.sqlite"))
+
+    def remove_unfinished(self, shard: tuple[int, int]) -> None:
+        """Remove unfinished files of killed runs; while other shards may be at work, only files too old to be theirs."""
+        # listed before the ledgers: a run that is writing one of these files has a ledger by then
+        unfinished = list(self.folder.glob(f"**/{UNFINISHED.format('*')}"))
+        alone = shard[1] == 1 and self.ledgers() == [self.ledger(shard)]
+        remove_unfinished(unfinished, 0.0 if alone else OLD)
+
+
+def key_of(config: Config, seed: int, *surfaces: str) -> str:
+    """Return the key of a result: it depends on the surfaces (see `identity_of`), the settings and this version."""
+    text = json.dumps([_settings(config), seed, *surfaces])
+    return blake2b(text.encode(), digest_size=16).hexdigest()
+
+
+def identity_of(content_hash: str, reflected: bool) -> str:
+    """Identify a surface, by the hash of that in the user's file, as it is matched."""
+    return f"{content_hash} reflected" if reflected else content_hash
+
+
+def identity_of_map(row: PairRow) -> str:
+    """Identify the map of a matched pair, also where a composition of others took its place."""
+    return " > ".join((row.key, *row.replaced_by))
+
+
+@lru_cache
+def _settings(config: Config) -> str:
+    return json.dumps([version("isomatch"), config.to_dict()], sort_keys=True)
+
+
+def made_with(config: Config, seed: int) -> tuple[str, dict[str, Any]]:
+    """Return what a key depends on beside the surfaces, as plain values, with their digest, by which rows name it."""
+    text = json.dumps({"isomatch": version("isomatch"), "seed": seed, **config.to_dict()}, sort_keys=True)
+    return blake2b(text.encode(), digest_size=8).hexdigest(), json.loads(text)
+
+
+def why_again(old: R, new: R, names: Sequence[str], origins: Mapping[str, OriginRow]) -> list[str]:
+    """Say what differs between two rows of a shape or of a pair, whose names are given."""
+    reasons = list(old.again) if old.state == "todo" else []
+    for name, was, now in zip(names, old.hashes, new.hashes):
+        if was and now and was != now:
+            reasons.append(f"the contents of {name} changed")
+    sides = (cast(Any, row).reflected for row in (old, new))
+    before, after = (set(names if side is True else side or ()) for side in sides)
+    reasons += [f"{name} is matched as its mirror image" for name in sorted(after - before)]
+    reasons += [f"{name} is not matched as its mirror image any more" for name in sorted(before - after)]
+    if isinstance(old, PairRow) and isinstance(new, PairRow) and old.led_by != new.led_by:
+        reasons.append("the map that it starts from changed")
+    if old.made_with in origins and new.made_with in origins:
+        first: dict[str, Any] = dict(_flat(origins[old.made_with].made_with))
+        second: dict[str, Any] = dict(_flat(origins[new.made_with].made_with))
+        pairs = {x: (first.get(x, UNTOLD), second.get(x, UNTOLD)) for x in (*first, *second)}
+        reasons += [f"{name} {was} → {now}" for name, (was, now) in pairs.items() if was != now]
+    return reasons
+
+
+def _flat(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield settings with those of stages named as in a file of settings: ``search.rank``."""
+    for name, value in values.items():
+        if isinstance(value, dict):
+            yield from _flat(value, f"{prefix}{name}.")
+        else:
+            yield f"{prefix}{name}", value
+
+
+def features_of(shape: PreparedShape) -> tuple[float, ...]:
+    """Describe a shape by its spectrum and the distribution of its distances, whatever its size and pose."""
+    n = N_EIGENVALUES + 1
+    values = np.full(n, np.nan)
+    scaled = shape.laplace.values[:n] * shape.laplace.weights.sum()
+    values[: len(scaled)] = scaled
+    spectrum = values[1:] / (4 * np.pi * np.arange(1, n))  # Weyl's law: λ_i ≈ 4π i / area
+    vertices = shape.sample_vertices[: shape.config.n_search]
+    apart = shape.distances_between(vertices)  # in √area
+    levels = (np.arange(N_QUANTILES) + 0.5) / N_QUANTILES
+    quantiles = np.quantile(apart[np.triu_indices(len(vertices), 1)], levels)
+    return tuple(float(x) for x in np.concatenate([spectrum, quantiles]))
+
+
+def medoid(features: FloatArray) -> int:
+    """Row of the shape with the least mean distance to all others, or to every so many-th of very many."""
+    rows = np.nan_to_num(features)  # (m, q); each is divided by its standard deviation
+    spread = rows.std(axis=0)
+    rows = rows / np.where(spread > 0, spread, 1.0)
+    others = rows[:: len(rows) // N_OTHERS + 1]
+    blocks = (rows[i : i + N_OTHERS] for i in range(0, len(rows), N_OTHERS))
+    return int(np.concatenate([cdist(block, others).mean(axis=1) for block in blocks]).argmin())
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The shapes, pairs and settings of a `Collection`, whose parameters these are."""
+
+    folder: Path
+    shapes: tuple[Entry, ...]
+    pairs: str
+    template: str | None
+    config: Config
+    seed: int
+    reflect: Literal["auto"] | tuple[str, ...] = ()
+    units: Mapping[str, str] = field(default_factory=dict)
+    leader: Plan | None = None
+
+    @property
+    def layout(self) -> Layout:
+        """Where each file is."""
+        return Layout(Path(self.folder))
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the shapes."""
+        return [entry.name for entry in self.shapes]
+
+    @cached_property
+    def paths(self) -> dict[str, Path]:
+        """File of each shape, by name."""
+        return {entry.name: entry.path for entry in self.shapes}
+
+    def entry(self, name: str, rows: Rows) -> Entry:
+        """Return a shape as it is to be matched: where mirror images are found automatically, as it was."""
+        turned = bool(rows.reflected([name])) if self.reflect == "auto" else name in self.reflect
+        return Entry(name, self.paths[name], turned)
+
+    def rows(self) -> Rows:
+        """Return what is known of the shapes so far, from the ledgers of all shards, also while they are written."""
+        return read_ledgers(self.layout.ledgers()).of(self.names)
+
+    def chosen_template(self, rows: Rows) -> str | None:
+        """Return the template asked for, that of the leader, or the medoid; None as long as not all are prepared.
+
+        The medoid stays the template of a star that has been begun, also where shapes are added.
+        """
+        if self.template is not None:
+            return self.template
+        tried = [name for name in self.names if name in rows.shapes]
+        usable = [name for name in tried if rows.is_prepared(name)]
+        possible = set(usable)
+        centres = Counter(source for source, _ in rows.pairs if source in possible)
+        if self.pairs == "star" and centres:
+            return centres.most_common(1)[0][0]
+        led = self.leader and self.leader.chosen_template(self.leader.rows())
+        if led in usable:
+            return led
+        if not usable or len(tried) < len(self.names):
+            return None
+        return usable[medoid(np.array([rows.shapes[name].features for name in usable]))]
+
+    def wanted_pairs(self, rows: Rows) -> list[Pair]:
+        """List the pairs to match, as far as their shapes could be prepared."""
+        pairs = pairs_of(self.names, self.pairs, self.chosen_template(rows))
+        return [pair for pair in pairs if all(map(rows.is_prepared, pair))]

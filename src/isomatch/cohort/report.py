@@ -1,0 +1,227 @@
+"""The page of a collection, its table of pairs, worst first, and the reports of those to look at."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import fields, replace
+from functools import partial
+from html import escape
+from importlib.resources import files
+from pathlib import Path
+from shlex import join
+from string import Template
+from typing import Any, Literal
+from urllib.parse import quote
+
+from isomatch._core.errors import SettingError
+from isomatch._core.files import replaced, write_text, writing
+from isomatch._core.texts import write_csv
+from isomatch.cohort.collection import Collection
+from isomatch.cohort.entries import Pair
+from isomatch.cohort.map_file import as_matched
+from isomatch.cohort.outliers import Outlier, outliers
+from isomatch.cohort.plan import Layout
+from isomatch.cohort.rows import PairAgreement, PairRow, Rows, ShapeRow, SurfaceRow
+from isomatch.cohort.workers import Attempt, Task, Workers, attempted, late_after, workers_of
+from isomatch.io import mesh_from
+from isomatch.matching import MatchResult, Outcome, Quality
+from isomatch.visualization import write_report
+
+SHOWN = {  # columns of the table of pairs on the page, and how their numbers are written
+    "in doubt": "{:.1%}",
+    "distortion_mean": "{:.1%}",
+    "coverage": "{:.0%}",
+    "matched": "{:.0%}",
+    "spectral_residual": "{:.2f}",
+    "runner_up": "{:.2f}",
+    "seconds": "{:.1f}",
+}
+# where they say more than in pairs.csv
+HEADS = {"runner_up": "best alternative", "distortion_mean": "distortion"}
+MOST_TURNED = 0.01  # share of faces that are turned over, which is not worth a word
+MOST_SHOWN = 200  # pairs on the page
+MEASURES = tuple(each.name for each in fields(Quality))
+COLUMNS = (
+    *("source", "target", "state", "outcome", "outcome_back"),
+    *(*MEASURES, *(f"{name}_back" for name in MEASURES)),
+    *("inconsistency", "inconsistency_before", "replaced_by", "reflected", "seconds", "memory", "error"),
+    *("source_hash", "target_hash", "key"),
+)
+ALSO = 3  # the worst of the pairs that are not in doubt
+
+
+def write_page(
+    collection: Collection, rows: Rows, template: str | None, lines: Mapping[str, SurfaceRow]
+) -> None:
+    """Write ``index.html``, with links to the files of the folder; lines tell of the surfaces written, by name."""
+    layout = collection.layout
+    pairs = worst_first(rows)
+    outcomes = Counter(row.ending for _, row in pairs)
+    counts = ", ".join(f"{count} {name.lower().replace('_', ' ')}" for name, count in outcomes.most_common())
+    prepared = sum(map(rows.is_prepared, rows.shapes))
+    page = Template((files("isomatch.cohort") / "report.html").read_text(encoding="utf-8")).substitute(
+        title=escape(f"{len(collection.shapes)} shapes in {layout.folder.resolve().name}"),
+        summary=escape(f"{prepared} shapes prepared. {len(pairs)} pairs: {counts or 'none yet'}."),
+        template=escape(template or "not yet chosen"),
+        first=_first(outliers(collection, rows)),
+        shapes="".join(_figure(collection, name, rows, lines) for name in collection.names),
+        count=f"{min(len(pairs), MOST_SHOWN)} of {len(pairs)}, worst first.",
+        pairs="".join(_shown(collection, *pair) for pair in pairs[:MOST_SHOWN]),
+        columns="".join(f"<th scope=col>{HEADS.get(name, name.replace('_', ' '))}</th>" for name in SHOWN),
+    )
+    write_text(layout.page, page)
+
+
+def _first(odd: Sequence[Outlier]) -> str:
+    """List what does not fit, if anything does not."""
+    item = "<li><b>{1}</b> <small>{0}</small> {2}</li>\n"
+    items = "".join(item.format(*map(escape, outlier)) for outlier in odd)
+    return f"<h2>To look at first</h2>\n<ul class=first>{items}</ul>" if odd else ""
+
+
+def _figure(collection: Collection, name: str, rows: Rows, lines: Mapping[str, SurfaceRow]) -> str:
+    """Show one shape: its picture and its problems."""
+    line, row = lines.get(name, SurfaceRow(name=name)), rows.shapes.get(name, ShapeRow(state="todo"))
+    problems = [each.error for each in (row, line) if each.error]
+    if line.mirror_image:
+        problems.append("seems to be a mirror image")
+    if float(line.turned or 0) > MOST_TURNED:
+        problems.append(f"{float(line.turned):.1%} of the faces are turned over")
+    if int(line.extended or 0):
+        problems.append(f"{line.extended} vertices of the template without counterpart")
+    picture = collection.layout.thumbnail(name)
+    image = f'<img src="{_link(collection, picture)}" alt="" loading=lazy>' if picture.exists() else "<i></i>"
+    problem = f"<small>{escape('; '.join(problems))}</small>" if problems else ""
+    side = "<small class=told>reflected</small>" if rows.reflected([name]) else ""
+    return f"<figure>{image}<figcaption>{escape(name)}{side}{problem}</figcaption></figure>"
+
+
+def _shown(collection: Collection, pair: Pair, row: PairRow) -> str:
+    """Show one pair: names, outcome, measures, and links to its report and maps, as far as they exist."""
+    layout = collection.layout
+    measures = {**row.there.measures, "seconds": row.seconds, "in doubt": row.there.doubtful_area}
+    numbers = {name: measures.get(name) for name in SHOWN}
+    texts = [SHOWN[name].format(n) if isinstance(n, int | float) else "–" for name, n in numbers.items()]
+    cells = "".join(f"<td>{escape(text)}</td>" for text in texts)
+    files = {"report": layout.report(pair)} if has_report(layout, pair, row) else {}
+    files |= {"maps": layout.maps(pair)} if layout.maps(pair).exists() else {}
+    links = [f'<a href="{_link(collection, path)}">{word}</a>' for word, path in files.items()]
+    good = row.ending in ("CONVERGED", "PARTIAL")
+    words = row.ending.lower().replace("_", " ") + (f": {row.error}" if row.error else "")
+    return (
+        f"<tr{'' if good else ' class=bad'}><td class=words>{escape(', '.join(pair))}</td>"
+        f"<td class=words>{escape(words)}</td><td class=words>{' '.join(links)}</td>{cells}</tr>\n"
+    )
+
+
+def _link(collection: Collection, path: Any) -> str:
+    return quote(path.relative_to(collection.layout.folder).as_posix())
+
+
+def worst_first(rows: Rows) -> list[tuple[Pair, PairRow]]:
+    """Order pairs: failed ones first, then by outcome and spectral residual."""
+
+    def goodness(item: tuple[Pair, PairRow]) -> tuple[bool, int, float]:
+        there = item[1].there
+        sureness = there.outcome.sureness if there.values else -1
+        return item[1].state == "done", sureness, -(there.measures.get("spectral_residual") or 0.0)
+
+    return sorted(rows.pairs.items(), key=goodness)
+
+
+def write_table(rows: Rows, path: Path) -> None:
+    """Write a line for each pair as CSV, and beside it as Parquet if the package pyarrow is installed."""
+    lines = [_line(*item) for item in worst_first(rows)]
+    write_csv(path, lines, COLUMNS)
+    try:
+        from pyarrow import Table, parquet
+    except ImportError:
+        return
+    table = Table.from_pylist([{name: line.get(name) for name in COLUMNS} for line in lines])
+    with replaced(path.with_suffix(".parquet")) as file:
+        parquet.write_table(table, file)
+
+
+def _line(pair: Pair, row: PairRow) -> dict[str, object]:
+    line: dict[str, object] = {"source": pair[0], "target": pair[1], **row.to_json()}
+    for result, ending in ((row.there, ""), (row.back, "_back")):
+        if result.values:
+            line[f"outcome{ending}"] = result.outcome.name
+            line |= {f"{name}{ending}": result.measures.get(name) for name in MEASURES}
+    agreement = row.agreement or PairAgreement()
+    line |= {"inconsistency": agreement.inconsistency, "inconsistency_before": agreement.before}
+    if row.replaced_by:
+        line["replaced_by"] = " > ".join(row.replaced_by)
+    return {**line, "reflected": ", ".join(row.reflected)}
+
+
+def write_reports(
+    collection: Collection,
+    which: int | Literal["doubtful", "all"] = "doubtful",
+    executor: str | Executor | Workers = "local",
+    jobs: int | None = None,
+    time_limit: float | None = None,
+) -> Iterator[tuple[Pair, str]]:
+    """Write the reports of pairs that have none of their present map; yield each with the error, or an empty text.
+
+    Of the pairs, these are so many of the worst; the "doubtful" ones on the page, which are not ``CONVERGED``, with the
+    three next; or "all". Other arguments are those of `Collection.run`.
+    """
+    if not isinstance(which, str) and which < 0:
+        raise SettingError(f"{which} reports cannot be written; give a number, or doubtful, all or none")
+    late = late_after(time_limit)
+    rows = collection.rows()
+    chosen = _chosen([item for item in worst_first(rows) if item[1].state == "done"], which)
+    due = [(pair, row) for pair, row in chosen if not has_report(collection.layout, pair, row)]
+    if not due:
+        return
+    folder = collection.layout.folder / "reports"
+    with writing(folder):
+        folder.mkdir(exist_ok=True)
+    tasks = [Task((each,), partial(attempted, partial(_written, collection.of(each[0])))) for each in due]
+    with workers_of(executor, jobs) as workers:
+        for (pair, _), attempt in workers.completed(tasks, late):
+            yield pair, attempt.error if isinstance(attempt, Attempt) else str(attempt)
+
+
+def has_report(layout: Layout, pair: Pair, row: PairRow) -> bool:
+    """Whether there is a report of the map that a pair has now."""
+    path = layout.report(pair)
+    return row.state == "done" and path.exists() and path.stat().st_mtime >= row.time
+
+
+def _chosen(matched: list[tuple[Pair, PairRow]], which: int | str) -> list[tuple[Pair, PairRow]]:
+    """Choose from matched pairs, worst first."""
+    if which == "doubtful":
+        doubtful = sum(row.there.outcome is not Outcome.CONVERGED for _, row in matched)
+        which = min(doubtful + ALSO, MOST_SHOWN)
+    return matched[: None if which == "all" else int(which)]
+
+
+def _written(collection: Collection, item: tuple[Pair, PairRow]) -> None:
+    """Write the report of a pair, source → target."""
+    pair, row = item
+    files = [collection.paths[name] for name in pair]
+    source_turned, target_turned = (name in row.reflected for name in pair)
+    maps = collection.maps(*pair)
+    source, target = map(mesh_from, files)
+    there, source, target = as_matched(maps.there, source, target, (source_turned, target_turned))
+    command = join(["isomatch", "match", *map(str, files)])
+    if source_turned != target_turned:
+        command += " --orientation any"
+    command += " -o DIR --landmarks landmarks.txt"
+    path = collection.layout.report(pair)
+    # the result of a match, restored from its saved parts; notes say what is not in them
+    notes = row.there.notes
+    if row.there.has_alternatives:
+        notes.append("a collection does not keep alternatives; isomatch match finds them again")
+    if row.is_contradicted:
+        notes.insert(0, f"other maps contradict it by {row.inconsistency:.2f} √area")
+    result = replace(
+        MatchResult.from_dict(dict(row.there.values), there, collection.config), notes=tuple(notes)
+    )
+    if maps.there_error is not None:
+        result = replace(result, expected_error=maps.there_error)
+    write_report(path, source, target, result, names=pair, command=command)

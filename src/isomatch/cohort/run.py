@@ -1,0 +1,293 @@
+"""All steps of a study: match, compare maps, write surfaces, reports and landmarks, bring structures together."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from isomatch._core.errors import InputError, MemoryBudgetError
+from isomatch._core.stage_timer import Progress
+from isomatch.cohort import combine
+from isomatch.cohort.collection import Collection
+from isomatch.cohort.contacts import Gap
+from isomatch.cohort.finish import finish
+from isomatch.cohort.jobs import Event
+from isomatch.cohort.landmark_tables import LandmarkTables, Semilandmarks, landmark_files, write_tables
+from isomatch.cohort.listener import Listener, Warn
+from isomatch.cohort.map_file import KEPT
+from isomatch.cohort.outliers import Outlier
+from isomatch.cohort.plan import Layout
+from isomatch.cohort.report import write_reports, write_table
+from isomatch.cohort.rows import PairRow
+from isomatch.cohort.status import Status, status_of
+from isomatch.cohort.subjects import finish_subjects, structures_of, subject_collections, subject_doubts
+from isomatch.cohort.workers import Workers, workers_of
+from isomatch.landmarks import Landmarks
+from isomatch.settings import Config
+
+Reports = int | Literal["doubtful", "all", "none"]
+
+
+@dataclass(frozen=True)
+class Cohort:
+    """Shapes in correspondence in a folder, or subjects of several surfaces; `run` and ``open`` make one.
+
+    Parameters
+    ----------
+    folder : Path
+        The folder.
+    collections : mapping of str to Collection
+        That of each structure; of shapes of one surface each, that of the name "", and what was added to it.
+    gaps : sequence of Gap
+        How structures lie on each other; none if that was not measured now.
+    landmarks : LandmarkTables, optional
+        What was written about landmarks.
+    """
+
+    folder: Path
+    collections: Mapping[str, Collection]
+    gaps: Sequence[Gap] = ()
+    landmarks: LandmarkTables | None = None
+
+    @classmethod
+    def open(cls, folder: str | Path) -> Cohort:
+        """Open what is in a folder, and write its tables of pairs; `FormatError` if it holds no collection."""
+        plan = Layout(Path(folder)).plan
+        inner = {
+            path.parent.name: Collection.open(path.parent)
+            for path in sorted(plan.parent.glob(f"*/{plan.name}"))
+        }
+        own = {} if inner and not plan.exists() else {"": Collection.open(folder)}
+        for each in (own | inner).values():
+            write_table(each.rows(), each.layout.table)
+        return cls(Path(folder), own | inner)
+
+    def status(self, *, thorough: bool = False) -> dict[str, Status]:
+        """Tell how far each collection is, with damaged files of landmarks or, if ``thorough``, of all folders."""
+        has_own = "" in self.collections
+        files = KEPT if thorough and has_own else ("landmarks",)
+        of = self.collections.items()
+        return {name: status_of(each, files if not (has_own and name) else ()) for name, each in of}
+
+    @property
+    def contacts(self) -> dict[str, dict[str, Any]]:
+        """Mean of the gaps of each two structures over the subjects, and ``notes`` on subjects."""
+        found = {}
+        for pair in dict.fromkeys(gap[1:3] for gap in self.gaps):
+            own = [gap for gap in self.gaps if gap[1:3] == pair]
+            names = Gap._fields[3:-1]
+            means = {name: float(np.nanmean([getattr(gap, name) for gap in own])) for name in names}
+            notes = {gap.subject: gap.note for gap in own if gap.note}
+            found[" on ".join(pair)] = {**means, "notes": notes}
+        return found
+
+    def to_json(self, status: Mapping[str, Status]) -> dict[str, Any]:
+        """Return a status with contacts and landmarks in plain values."""
+        plain = {name: each.to_json() for name, each in status.items()}
+        if "" not in plain:
+            return {"folder": str(self.folder), "structures": plain, "contacts": self.contacts}
+        marks = {"landmarks": self.landmarks.to_json()} if self.landmarks else {}
+        return {**plain.pop(""), **marks, **plain}
+
+
+def run(
+    folder: str | Path,
+    shapes: str | Path,
+    *,
+    pairs: str = "star",
+    template: str | None = None,
+    config: Config | None = None,
+    seed: int = 0,
+    reflect: Literal["auto"] | Sequence[str] | None = None,
+    units: Mapping[str, str] | None = None,
+    landmarks: Path | None = None,
+    semilandmarks: Semilandmarks | None = None,
+    agree: bool | None = None,
+    keep_contacts: bool = True,
+    reports: Reports = "doubtful",
+    executor: str | Executor | Workers = "local",
+    jobs: int | None = None,
+    shard: tuple[int, int] = (0, 1),
+    time_limit: float | None = None,
+    progress: Progress | None = None,
+    warn: Warn | None = None,
+) -> Cohort:
+    """Match the shapes of a folder with a template, or with one another, and write all that follows from the maps.
+
+    What was done before is not done again, also where the last run was killed. These are the steps of
+    `Collection.create`, `Collection.run`, `agree`, `write_reports` and `finish`, and then landmarks, or of subjects of
+    several surfaces their structures together.
+
+    Parameters
+    ----------
+    folder : path_like
+        Where prepared shapes, maps, tables and surfaces are kept.
+    shapes : path_like
+        Shapes, see `Collection.create`; or subjects of several surfaces: a folder with a folder for each, whose files are
+        named like the structures, or a table with the columns ``subject``, ``structure`` and ``file``.
+    pairs, template, config, seed, reflect, units
+        See `Collection.create`.
+    landmarks, semilandmarks
+        Landmarks of the template, or a folder of those of several shapes, see `write_landmark_tables`.
+    agree : bool, optional
+        Whether maps that the others contradict are replaced, once all pairs are matched; by default if all pairs are.
+    keep_contacts : bool
+        Of subjects, whether points are kept together that lie on each other in the template.
+    reports : int, "doubtful", "all" or "none"
+        See `write_reports`.
+    executor, jobs, shard, time_limit
+        See `Collection.run`; of a shard, only maps are made.
+    progress, warn : callable, optional
+        Called with each step and the share that is done; and with what is wrong with shapes and maps, and what is done
+        again, which by default is logged.
+
+    Returns
+    -------
+    Cohort
+        The collections, and what was found of contacts and landmarks.
+
+    Raises
+    ------
+    InputError
+        If shapes, pairs, names, units or landmarks are not usable.
+    SettingError
+        If the folder holds a collection with other settings.
+    """
+    if semilandmarks and landmarks is None:
+        raise InputError("semilandmarks come with landmarks of a shape; give these (--landmarks)")
+    to = Listener.of(progress, warn)
+    settings: dict[str, Any] = {
+        "pairs": pairs,
+        "template": template,
+        "config": config or Config(),
+        "seed": seed,
+    }
+    settings |= {"reflect": reflect, "units": units}
+    marks: dict[str, Path] = {}
+    if subjects := structures_of(shapes):
+        if landmarks is not None:
+            raise InputError(
+                f"--landmarks: give those of a structure to isomatch collect landmarks {folder}/NAME"
+            )
+        for doubt in subject_doubts(subjects, reflect, units or ()):
+            to.warn(f"{' and '.join(doubt.names)} {doubt.reason}")
+        structures = subject_collections(folder, subjects, **settings)
+    else:
+        collection = Collection.create(folder, shapes, **settings)
+        structures = {"": collection}
+        marks = {} if landmarks is None else landmark_files(landmarks, collection, collection.template)
+        for name, path in marks.items():  # what is wrong with them is told before anything is done
+            Landmarks.read(path, collection.paths[name])
+    carried, gaps = None, list[Gap]()
+    left = _seconds_left(time_limit)
+    with workers_of(executor, jobs) as workers:
+        for structure, collection in structures.items():
+            to.tell(structure, 0.0)
+            for where in collection.rows().damaged:
+                to.warn(f"{where} is no row of a collection, and is ignored")
+            follow(collection.run(workers, None, shard, left()), to)
+            if shard[1] > 1:
+                continue
+            if (pairs == "all" if agree is None else agree) and _is_matched(collection):
+                to.tell("comparing maps with compositions of others", 1.0)
+                try:
+                    for event in combine.agree(collection, workers, time_limit=left()):
+                        to.tell(*event.told)
+                except MemoryBudgetError as error:  # the maps are there all the same
+                    to.warn(f"maps were not compared: {error}")
+            write_results(collection, reports, workers, left, to)
+            if marks:
+                carried = write_tables(collection, marks, collection.layout.landmarks, semilandmarks, to)
+        if subjects and shard[1] == 1:
+            to.tell("bringing structures together", 1.0)
+            gaps = finish_subjects(folder, structures, keep_contacts=keep_contacts)
+    return Cohort(Path(folder), structures, gaps, carried)
+
+
+def reconcile(
+    folder: str | Path,
+    *,
+    reports: Reports = "doubtful",
+    executor: str | Executor | Workers = "local",
+    jobs: int | None = None,
+    time_limit: float | None = None,
+    progress: Progress | None = None,
+    warn: Warn | None = None,
+) -> Cohort:
+    """Replace maps of a collection that most others contradict, see `agree`, and write all that follows from the maps.
+
+    Parameters
+    ----------
+    folder : path_like
+        The folder of a collection whose pairs make triangles.
+    reports, executor, jobs, time_limit, progress, warn
+        See `run`.
+
+    Returns
+    -------
+    Cohort
+        The collection.
+
+    Raises
+    ------
+    InputError
+        If no three shapes are all matched with one another.
+    """
+    collection, to, left = Collection.open(folder), Listener.of(progress, warn), _seconds_left(time_limit)
+    with workers_of(executor, jobs) as workers:
+        for event in combine.agree(collection, workers, time_limit=time_limit):
+            to.tell(*event.told)
+        write_results(collection, reports, workers, left, to)
+    if not combine.agreement_of(collection.rows()).compared and time_limit is None:
+        raise InputError(
+            f"{folder}: no three shapes are all matched with one another, so there is nothing to compare maps with; "
+            "match with --pairs all"
+        )
+    return Cohort(Path(folder), {"": collection})
+
+
+def follow(events: Iterable[Event], to: Listener) -> None:
+    """Tell of the steps of a run, and warn of what does not fit, and of what is done again."""
+    again = Counter[tuple[str, str]]()
+    for event in events:
+        to.tell(*event.told)
+        again.update((event.what, reason) for reason in event.again)
+        if isinstance(event.row, Outlier):
+            to.warn(f"{event.name} {event.row.reason}")
+    for (what, reason), count in again.items():
+        to.warn(f"{count} {what}{'s' * (count > 1)} done again, because {reason}")
+
+
+def write_results(
+    collection: Collection,
+    reports: Reports,
+    workers: Workers,
+    left: Callable[[], float | None],
+    to: Listener,
+) -> None:
+    """Write reports, and the shapes in the topology of the template, in the seconds that are left."""
+    if reports != "none":
+        for pair, error in write_reports(collection, reports, workers, time_limit=left()):
+            to.tell(f"report of {' and '.join(pair)}{f', failed: {error}' if error else ''}", 1.0)
+    for line in finish(collection, workers, time_limit=left()):
+        again = f"; again, because {line.again}" if line.again else ""
+        to.tell(f"written in the topology of the template: {line.name}{again}", 1.0)
+        if again:
+            to.warn(f"the surface of {line.name} done again, because {line.again}")
+
+
+def _seconds_left(time_limit: float | None) -> Callable[[], float | None]:
+    end = None if time_limit is None else time.monotonic() + time_limit
+    return lambda: None if end is None else max(0.0, end - time.monotonic())
+
+
+def _is_matched(collection: Collection) -> bool:
+    rows, todo = collection.rows(), PairRow(state="todo")
+    return all(rows.pairs.get(pair, todo).state != "todo" for pair in collection.wanted_pairs(rows))

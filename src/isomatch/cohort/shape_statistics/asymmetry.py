@@ -1,0 +1,314 @@
+"""Asymmetry: the left–right map of a shape, how far shapes are from their mirror images, and in which direction."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.stats import permutation_test
+
+from isomatch._core.arrays import FloatArray
+from isomatch._core.errors import InputError, MapError, SettingError
+from isomatch._core.settings import generator
+from isomatch.cohort.shape_statistics.group_test import N_PERMUTATIONS
+from isomatch.cohort.shape_statistics.procrustes import (
+    Scale,
+    aligned_to,
+    generalised_procrustes,
+    procrustes_distances,
+    scalar_products,
+    shares_of,
+)
+from isomatch.cohort.shape_statistics.shapes import MIRRORED, CorrespondedShapes, filled
+from isomatch.correspondence import Correspondence
+from isomatch.matching import MatchResult, Outcome, match
+from isomatch.settings import Config
+from isomatch.surfaces import Mesh, reflected
+
+SOURCES = ("individuals", "sides", "individuals × sides", "error")
+
+
+class SumOfSquares(NamedTuple):
+    """A row of an analysis of variance; ``f`` is a ratio of mean squares, nan if there is no other to compare with."""
+
+    source: str
+    squares: float
+    share: float
+    degrees: int
+    mean_square: float
+    f: float
+
+
+@dataclass(frozen=True, eq=False)
+class Asymmetry:
+    """Asymmetric components of m shapes of n vertices: half of the difference of each shape from its mirror image.
+
+    Parameters
+    ----------
+    symmetric : (n, 3) array of float
+        Mean of all shapes and their mirror images.
+    directional : (n, 3) array of float
+        Mean of the components: what is asymmetric in all shapes alike.
+    components : (m, n, 3) array of float
+    amounts, fluctuating : (m,) array of float
+        Root mean square of each component, and of its difference from the mean one, in the units of the shapes.
+    anova : tuple of SumOfSquares
+        Individuals (symmetric variation), sides (directional asymmetry), individuals × sides (fluctuating asymmetry),
+        and error, if individuals were measured repeatedly.
+    share : float
+        Share of the asymmetry that is directional: squares of the mean component, over those of all.
+    p_value : float
+        Probability of as large a share if left and right are exchangeable, from mirrored individuals; nan of one.
+    n_permutations, seed : int
+        How often some individuals were mirrored, and what drew them.
+    """
+
+    symmetric: FloatArray
+    directional: FloatArray
+    components: FloatArray
+    amounts: FloatArray
+    fluctuating: FloatArray
+    anova: tuple[SumOfSquares, ...]
+    share: float
+    p_value: float
+    n_permutations: int
+    seed: int
+
+
+def asymmetry(
+    aligned: FloatArray,
+    mirrored: FloatArray,
+    weights: FloatArray | None = None,
+    *,
+    individuals: Sequence[str] | None = None,
+    n_permutations: int = N_PERMUTATIONS,
+    seed: int = 0,
+) -> Asymmetry:
+    """Split shapes into symmetric and asymmetric components: Procrustes analysis of variance of individuals and sides.
+
+    Parameters
+    ----------
+    aligned, mirrored : (m, n, 3) array of float
+        Shapes and their mirror images, or right organs and reflected left ones, on their mean, see `align_sides`.
+    weights : (n,) array of float, optional
+        Weight of each vertex; by default all are equal.
+    individuals : sequence of str, optional
+        The individual of each shape, where some were measured repeatedly; by default each is one of its own, and the
+        error of measurement is part of the fluctuating asymmetry.
+    n_permutations, seed : int
+        How often some individuals are mirrored, and what draws them: all 2ᵏ ways, if there are no more than that. No
+        p-value is below 1 / (n_permutations + 1), nor below 2^(1 − k).
+
+    Notes
+    -----
+    Klingenberg, Barluenga & Meyer, *Shape analysis of symmetric structures*, Evolution 2002; of paired organs
+    Klingenberg & McIntyre 1998. With sᵢ and aᵢ half of the sum and of the difference of a shape and its mirror image,
+    the squares 2 Σ ‖sᵢ − s̄‖², 2 m ‖ā‖² and 2 Σ ‖aᵢ − ā‖² add up to all. Degrees of freedom are counted in shapes, as
+    surfaces have about as many symmetric as asymmetric directions; in the F of sides they cancel. O(m² n) time.
+
+    Examples
+    --------
+    >>> shapes = np.zeros((6, 4, 3))
+    >>> shapes[:, 1] = [0.2, 0, 0]
+    >>> found = asymmetry(shapes, -shapes)
+    >>> round(found.share, 6), found.directional[1].round(6).tolist(), found.amounts.round(3).tolist()
+    (1.0, [0.2, 0.0, 0.0], [0.1, 0.1, 0.1, 0.1, 0.1, 0.1])
+    >>> found.p_value, found.n_permutations  # 2 of 2⁶ ways mirror all or none
+    (0.03125, 64)
+    """
+    if aligned.shape != mirrored.shape or aligned.ndim != 3 or not len(aligned):
+        raise InputError(f"{aligned.shape} and {mirrored.shape} are not shapes and as many mirror images")
+    m = len(aligned)
+    if individuals is not None and len(individuals) != m:
+        raise InputError(f"{len(individuals)} individuals for {m} shapes; give one for each")
+    if n_permutations < 1:
+        raise SettingError(f"n_permutations = {n_permutations} is not at least 1")
+    share = shares_of(aligned, weights)
+    _, of, repeats = np.unique(individuals or np.arange(m), return_inverse=True, return_counts=True)
+    k, parts = len(repeats), ((aligned + mirrored) / 2, (aligned - mirrored) / 2)
+
+    def squares(part: FloatArray) -> FloatArray:
+        return np.asarray(np.einsum("i,...ij,...ij->...", share, part, part))
+
+    # of a group of rᵢ shapes with mean x̄ᵢ, in all m: Σ |x|² = m |x̄|² + Σ rᵢ |x̄ᵢ − x̄|² + Σ |x − x̄ᵢ|², for s and for a
+    means = [np.array([part[of == i].mean(axis=0) for i in range(k)]) for part in parts]
+    middles = [part.mean(axis=0) for part in parts]
+    among = [2 * float(repeats @ squares(mean - middle)) for mean, middle in zip(means, middles)]
+    within = sum(2 * float(squares(part - mean[of]).sum()) for part, mean in zip(parts, means))
+    values = np.array([among[0], 2 * m * float(squares(middles[1])), among[1], within])
+    degrees = np.array([k - 1, 1, k - 1, 2 * (m - k)])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        mean_squares = values / degrees
+        ratios = mean_squares / np.append(mean_squares[[2, 2, 3]], np.nan)  # what each is compared with
+    columns = (
+        each.tolist() for each in (values, values / (values.sum() or 1.0), degrees, mean_squares, ratios)
+    )
+    rows = tuple(SumOfSquares(*row) for row in zip(SOURCES, *columns))
+    # a mirrored individual has the component −āᵢ, so that the share is |Σ ± rᵢ āᵢ|² / (m Σ |a|²) = ±ᵀ P ± / (m Σ |a|²)
+    products = scalar_products(repeats[:, None, None] * means[1], share)
+    total = m * float(squares(parts[1]).sum())
+    share_of_mean, p_value, drawn = float(products.sum()) / total if total > 0 else 0.0, np.nan, 0
+    if k > 1:
+        test = permutation_test(
+            (np.ones(k),),  # of one sample, signs are exchanged
+            lambda signs, axis: np.einsum("...i,ij,...j->...", signs, products, signs),
+            permutation_type="samples",
+            vectorized=True,
+            n_resamples=n_permutations,
+            alternative="greater",
+            rng=generator(seed),
+        )
+        p_value, drawn = float(test.pvalue), len(test.null_distribution)
+    amounts, own = np.sqrt(squares(parts[1])), np.sqrt(squares(parts[1] - middles[1]))
+    anova = rows if m > k else rows[:3]
+    return Asymmetry(
+        middles[0], middles[1], parts[1], amounts, own, anova, share_of_mean, p_value, drawn, seed
+    )
+
+
+def align_sides(
+    both: CorrespondedShapes,
+    weights: FloatArray | None = None,
+    scale: Scale = "remove",
+    left_right: Sequence[Correspondence] = (),
+) -> tuple[FloatArray, FloatArray]:
+    """Move shapes and their mirror images, (m, n, 3) each, onto their common mean, for `asymmetry`.
+
+    Parameters
+    ----------
+    both : CorrespondedShapes
+        Shapes followed by as many mirror images, as `CorrespondedShapes.mirrored` and `paired_sides` return. A vertex
+        that was not measured on both sides of a shape lies on the mean in both: it adds no asymmetry.
+    weights, scale
+        As for `generalised_procrustes`. With ``"remove"``, as in the source of `asymmetry`, sides differ in shape alone.
+    left_right : sequence of Correspondence
+        The map by which each shape was mirrored. What components have alike on both sides, where an asymmetry has
+        opposite signs, is then left out: it comes from the corners of triangles, which stand out of their faces.
+    """
+    m = len(both) // 2
+    if both.measured is not None:
+        on_both = both.measured[:m] & both.measured[m:]
+        both = filled(replace(both, measured=np.concatenate([on_both, on_both])), weights, scale)
+    aligned = generalised_procrustes(both.vertices, weights, scale).aligned
+    symmetric, part = (aligned[:m] + aligned[m:]) / 2, (aligned[:m] - aligned[m:]) / 2
+    for shape, component, sides in zip(symmetric, part, left_right):
+        # reflected and seen from the other side, a component a is −a: a ← (a − F P a) / 2, F = 1 − 2 n nᵀ
+        normal, _ = symmetry_plane(shape, sides, weights)
+        there = sides.pull_back(component, fill=0.0)
+        component -= (component + there - 2 * np.outer(there @ normal, normal)) / 2
+    return symmetric + part, symmetric - part
+
+
+def paired_sides(shapes: CorrespondedShapes, pairs: Sequence[tuple[str, str]]) -> CorrespondedShapes:
+    """Take organs as shapes and mirror images, for `align_sides`: the right ones, then the left ones, reflected.
+
+    Pairs are names, (left, right). Left shapes that are nearer to the right ones as they are, as after ``isomatch collect
+    --reflect``, are not reflected; the names of those that are end in ``_mirrored``.
+    """
+    unknown = sorted({name for pair in pairs for name in pair} - set(shapes.names))
+    if unknown or not pairs:
+        raise InputError(f"no pairs of left and right shapes, or none named {', '.join(unknown)}")
+    left, right = ([shapes.names.index(pair[side]) for pair in pairs] for side in (0, 1))
+    m, rows = len(pairs), right + left
+    vertices, names = shapes.vertices[rows], [shapes.names[i] for i in rows]
+    as_they_are, turned = (
+        procrustes_distances(vertices, scale="remove", mirrored=turn)[:m, m:].trace()
+        for turn in (False, True)
+    )
+    if turned < as_they_are:
+        vertices[m:] *= [-1.0, 1.0, 1.0]
+        names[m:] = [name + MIRRORED for name in names[m:]]
+    measured = None if shapes.measured is None else shapes.measured[rows]
+    return replace(shapes, names=tuple(names), vertices=vertices, measured=measured)
+
+
+def symmetry_plane(
+    vertices: FloatArray, left_right: Correspondence, weights: FloatArray | None = None
+) -> tuple[FloatArray, float]:
+    """Find the plane normal · x = offset by which a shape (n, 3) is reflected nearest to itself, by its left–right map.
+
+    Returns the unit normal, whose largest component is positive, and the offset. Reflected points y − 2 n (n · y) are
+    nearest to x, about the centroids, for the eigenvector n of the least eigenvalue of Σ wᵢ (xᵢ yᵢᵀ + yᵢ xᵢᵀ).
+
+    Examples
+    --------
+    >>> points = np.array([[1.0, 0, 0], [3, 0, 0], [1, 0, 2], [3, 0, 2], [2, 5, 1]])
+    >>> symmetry_plane(points, Correspondence([1, 0, 3, 2, 4], n_target=5))
+    (array([1., 0., 0.]), 2.0)
+    """
+    held = left_right.matched
+    x, y = vertices[held], left_right.pull_back(vertices)[held]
+    share = shares_of(x[None], None if weights is None else weights[held])
+    middles = share @ x, share @ y
+    products = ((x - middles[0]) * share[:, None]).T @ (y - middles[1])
+    normal = np.linalg.eigh(products + products.T)[1][:, 0]
+    normal = normal * np.sign(normal[np.abs(normal).argmax()]) + 0.0
+    return normal, float(normal @ (middles[0] + middles[1]) / 2)
+
+
+SAME_SIDE = 0.02  # √area: so far from the plane of symmetry, a point and its counterpart are on either side
+MOST_TRIED = 5  # shapes of which none is certain; further ones hardly are
+
+
+def left_right_map(
+    mesh: Mesh,
+    landmarks: ArrayLike | None = None,
+    *,
+    config: Config | None = None,
+    seed: int = 0,
+    progress: Callable[[str, float], None] | None = None,
+) -> MatchResult:
+    """Find the point on the other side of each vertex, by matching a nearly symmetric shape to its mirror image.
+
+    Landmarks (q, 2) are pairs of vertices: one, and its counterpart on the other side; one in the plane of symmetry is
+    its own. Other arguments are those of `match`. Trust the map if it converged or is partial. What was matched to its
+    own side is left unmatched, with a note; if it is more than `OutcomeSettings.large_component`, the outcome is
+    ``LOW_CONFIDENCE``. It is never ``MIRROR_IMAGE``, as every shape is that of its mirror image.
+    """
+    pairs = None if landmarks is None else np.asarray(landmarks)
+    if pairs is not None:  # both ways, each once
+        pairs = np.unique(np.concatenate([pairs, pairs[:, ::-1]]), axis=0)
+    config = config or Config()
+    config = replace(config, outcome=replace(config.outcome, mirror_image=0.0))
+    result = match(mesh, reflected(mesh), pairs, config=config, seed=seed, progress=progress)
+    # what lies left has its counterpart right; a small component may be matched to its own image, on its own side
+    normal, offset = symmetry_plane(mesh.vertices, result.map, mesh.vertex_areas)
+    side = mesh.vertices @ normal - offset
+    there = result.map.pull_back(side)
+    wrong = (side * there > 0) & (np.minimum(abs(side), abs(there)) > SAME_SIDE * np.sqrt(mesh.area))
+    if not wrong.any():
+        return result
+    share = float(mesh.vertex_areas[wrong].sum() / mesh.area)
+    told = f"{wrong.sum()} vertices ({share:.1%} of the area) had counterparts on their own side, and are left unmatched"
+    least = Outcome.LOW_CONFIDENCE if share > config.outcome.large_component else result.outcome
+    return replace(
+        result,
+        map=replace(result.map, vertices=np.where(wrong, -1, result.map.vertices)),
+        expected_error=np.where(wrong, np.nan, result.expected_error),
+        outcome=min(least, result.outcome, key=lambda each: each.sureness),
+        notes=(*result.notes, told),
+    )
+
+
+def left_right_of_shapes(
+    shapes: CorrespondedShapes, mean: Mesh, *, seed: int = 0
+) -> tuple[Correspondence, str]:
+    """Find one left–right map for shapes in one topology: of their mean, or of one of them if that is not certain.
+
+    Returns also the name of the shape that it is the map of; empty for the mean. Bodies in many poses have a mean with
+    short limbs, which is nearer to its mirror image as it stands than any map from left to right brings it. Of the
+    shapes that are measured everywhere, the five nearest to the mean are tried; `MapError` if none is certain.
+    """
+    uniform, centre = np.full(shapes.n_vertices, 1 / shapes.n_vertices), mean.vertices
+    apart = [np.linalg.norm(aligned_to(centre, shape, uniform) - centre) for shape in shapes.vertices]
+    nearest = [int(i) for i in np.argsort(apart, kind="stable") if shapes.seen[i].all()]
+    outcomes = list[Outcome]()
+    for i in (None, *nearest[:MOST_TRIED]):
+        result = left_right_map(mean if i is None else shapes.mesh(i), seed=seed)
+        if result.outcome.sureness >= Outcome.PARTIAL.sureness:
+            return result.map, "" if i is None else shapes.names[i]
+        outcomes.append(result.outcome)
+    raise MapError(f"the left–right map is not certain; give it as a file. {outcomes[0].advice}")

@@ -1,0 +1,381 @@
+"""Pictures of statistics: charts of scores, quality and likeness, modes and values on the mean."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, get_args
+
+import numpy as np
+
+from isomatch._core.arrays import BoolArray, FloatArray
+from isomatch._core.errors import SettingError
+from isomatch._core.files import replaced
+from isomatch.cohort.shape_statistics.regression import ShapeRegression
+from isomatch.cohort.shape_statistics.shape_distances import shape_tree
+from isomatch.cohort.shape_statistics.shape_model import ModelCurve, ShapeModel
+from isomatch.surfaces import Mesh
+from isomatch.visualization import arranged_panels, camera_of, colour_scale, surface_image
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from matplotlib.transforms import Bbox
+
+PictureFormat = Literal["png", "pdf", "svg"]
+
+BLUE, GREY = "#3f90da", "#717581"  # of Petroff 2021
+COLOURS = (BLUE, "#ffa90e", "#bd1f01", "#94a4a2", "#832db6", "#a96b59", "#e76300", "#b9ac70")
+DPI = 300  # of pictures in print
+SIZE = (5.6, 4.5)  # inches of a scatter plot; all charts are as wide
+MOST_TICKS = 6  # along x, so that their numbers stay apart
+NAMES = 8  # points of the names of shapes
+WIDTH = 6.5  # inches of a picture
+FILLED = 0.9  # of the width of a panel, that the widest surface takes
+TEXT = 9.0  # points
+BAR = 0.7  # inches that a colour bar takes, with its numbers and its label
+LEAST_SHARE = 0.5  # share of the value of a point that is known, from which it is drawn
+DIVERGING, RISING = "RdBu_r", "viridis"  # of displacements, of values from 0
+
+
+def draw_scores(
+    path: str | Path,
+    model: ShapeModel,
+    groups: Sequence[str] | None = None,
+    modes: tuple[int, int] = (0, 1),
+    *,
+    dpi: int = DPI,
+) -> None:
+    """Draw the shapes of a model as points, by their scores along two modes, with the convex hulls of groups.
+
+    Parameters
+    ----------
+    path : path_like
+        PNG file, or ``.pdf`` or ``.svg``; an existing one is replaced.
+    model : ShapeModel
+        Of one with a single mode, that is drawn alone.
+    groups : sequence of str, optional
+        A group of each shape, which gives it its colour; without a group where it is empty.
+    modes : (int, int)
+        Which modes, counted from 0.
+    dpi : int
+        Dots per inch.
+    """
+    across, up = modes if model.n_modes > 1 else (modes[0], None)
+    if not all(0 <= mode < model.n_modes for mode in (across, up) if mode is not None):
+        raise SettingError(f"modes {modes} are not among the {model.n_modes} modes, counted from 0")
+    along_up = np.zeros(len(model.names)) if up is None else model.scores[:, up]
+    points = np.column_stack([model.scores[:, across], along_up])
+    figure, (axes,) = _chart()
+    for draw_axis in (axes.axhline, axes.axvline):
+        draw_axis(0, color=GREY, linewidth=0.5, zorder=0)
+    _draw_hulls(axes, points, groups)
+    _scatter(axes, points, model.names, groups)
+    axes.set_xlabel(_of_mode(model, across))
+    if up is None:
+        axes.set_yticks([])
+    else:
+        axes.set_ylabel(_of_mode(model, up))
+        axes.set_aspect("equal", adjustable="datalim")
+    _save_scatter(figure, path, dpi)
+
+
+def _of_mode(model: ShapeModel, mode: int) -> str:
+    return f"score of mode {mode + 1} ({model.variance_ratios[mode]:.1%} of the variance)"
+
+
+def draw_regression(
+    path: str | Path,
+    regression: ShapeRegression,
+    variable: FloatArray,
+    names: Sequence[str],
+    label: str,
+    groups: Sequence[str] | None = None,
+    *,
+    dpi: int = DPI,
+) -> None:
+    """Draw the scores of a regression on one variable (m,) against the variable, with its line, as `draw_scores`."""
+    figure, (axes,) = _chart()
+    scores = regression.scores[:, 0]
+    ends = np.array([variable.min(), variable.max()])
+    slope, level = np.polyfit(variable, scores, 1)
+    axes.plot(ends, slope * ends + level, color=GREY, linewidth=1, zorder=0)
+    _scatter(axes, np.column_stack([variable, scores]), names, groups)
+    axes.set_xlabel(label)
+    axes.set_ylabel("regression score, in units of the shapes")
+    axes.set_title(
+        f"{regression.r_squared:.1%} of the variance of shape, p = {regression.p_value:.4g} "
+        f"({regression.n_permutations} permutations, seed {regression.seed})",
+        fontsize="medium",
+    )
+    _save_scatter(figure, path, dpi)
+
+
+def draw_quality(
+    path: str | Path, compact: FloatArray, general: ModelCurve, specific: ModelCurve, *, dpi: int = DPI
+) -> None:
+    """Draw `compactness`, `generalisation` and `specificity` against the number of modes, as `draw_scores`."""
+    figure, panels = _chart(3, 6.6)
+    panels[0].plot(np.arange(len(compact)), compact, color=BLUE, marker=".")
+    panels[0].set(title="compactness: share of the variance", ylim=(0, 1.03))
+    titles = "generalisation: error of shapes left out", "specificity: distance of random shapes"
+    for axes, curve, title in zip(panels[1:], (general, specific), titles):
+        modes = np.arange(len(curve.mean))
+        axes.plot(modes, curve.mean, color=BLUE, marker=".")
+        low, high = curve.mean - curve.standard_error, curve.mean + curve.standard_error
+        axes.fill_between(modes, low, high, color=BLUE, alpha=0.25, linewidth=0)
+        axes.set(title=title)
+        axes.set_ylim(bottom=0)
+    for axes in panels:
+        axes.set_xlabel("modes")
+        axes.locator_params(axis="x", integer=True)
+        axes.title.set_fontsize("small")
+    save_figure(figure, path, dpi)
+
+
+def draw_tree(
+    path: str | Path, distances: FloatArray, names: Sequence[str], label: str, *, dpi: int = DPI
+) -> None:
+    """Draw the tree of named shapes, see `shape_tree`, as `draw_scores`; the label says what the distances are."""
+    from scipy.cluster.hierarchy import dendrogram
+
+    tree = dendrogram(shape_tree(distances), no_plot=True)
+    figure, (axes,) = _chart(height=1.0 + 0.2 * len(names))
+    for across, along in zip(tree["icoord"], tree["dcoord"]):
+        axes.plot(along, across, color=GREY, linewidth=1)
+    axes.set_yticks(5 + 10 * np.arange(len(names)))
+    axes.set_yticklabels([names[i] for i in tree["leaves"]], fontsize=NAMES, parse_math=False)
+    axes.set_xlabel(label)
+    axes.set_xlim(left=0)
+    axes.spines[["top", "right", "left"]].set_visible(False)
+    save_figure(figure, path, dpi)
+
+
+def draw_embedding(
+    path: str | Path,
+    points: FloatArray,
+    names: Sequence[str],
+    label: str,
+    groups: Sequence[str] | None = None,
+    *,
+    dpi: int = DPI,
+) -> None:
+    """Draw shapes as points (m, 2) with their names, as `draw_scores`; the label says what distances are."""
+    figure, (axes,) = _chart()
+    _scatter(axes, points, names, groups)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.locator_params(axis="x", nbins=MOST_TICKS)
+    axes.set_title(label, fontsize="medium")
+    _save_scatter(figure, path, dpi)
+
+
+def draw_motion(path: str | Path, rows: Sequence[Mapping[str, Any]], *, dpi: int = DPI) -> None:
+    """Draw how the regions of a series change, a panel for each measure that is known, as `draw_scores`.
+
+    The rows are those of `motion_by_region`, of one shape after the other, with its ``name``.
+    """
+    names, regions = (list(dict.fromkeys(row[key] for row in rows)) for key in ("name", "region"))
+    table = {key: np.reshape([row[key] for row in rows], (len(names), -1)) for key in list(rows[0])[2:]}
+    shown = [key for key, values in table.items() if np.isfinite(values).any()]
+    figure, panels = _chart(len(shown), 1.0 + 1.5 * len(shown))
+    ticks = np.unique(np.linspace(0, len(names) - 1, MOST_TICKS).astype(int))
+    for axes, key in zip(panels, shown):
+        axes.set_prop_cycle(color=["black", *COLOURS])
+        lines = axes.plot(table[key])
+        axes.set_title(key.replace("_", " "), fontsize="small")
+        axes.set_xticks(ticks, [names[i] for i in ticks], rotation=15, size=NAMES, parse_math=False)
+    legend = figure.legend(lines, regions, loc="outside lower center", ncols=5, fontsize=NAMES)
+    for text in legend.get_texts():
+        text.set_parse_math(False)
+    save_figure(figure, path, dpi)
+
+
+def _chart(n_panels: int = 1, height: float = SIZE[1]) -> tuple[Figure, list[Axes]]:
+    """Make a figure with panels one below the other."""
+    from matplotlib.figure import Figure
+
+    figure = Figure((SIZE[0], height), layout="constrained")
+    return figure, list(figure.subplots(n_panels, 1, squeeze=False)[:, 0])
+
+
+def save_figure(figure: Figure, path: str | Path, dpi: int) -> None:
+    """Write a figure as PNG, PDF or SVG, by the suffix, with nothing cut off and no date."""
+    kind = Path(path).suffix.lower().removeprefix(".")
+    if kind not in get_args(PictureFormat):
+        raise SettingError(f"{path}: pictures are written as {', '.join(get_args(PictureFormat))}")
+    from matplotlib import rc_context
+
+    undated = {"pdf": {"CreationDate": None}, "svg": {"Date": None}}.get(kind)
+    with replaced(Path(path)) as file, rc_context({"svg.hashsalt": "isomatch"}):
+        figure.savefig(file, format=kind, dpi=dpi, bbox_inches="tight", pad_inches=0.08, metadata=undated)
+
+
+def _scatter(axes: Axes, points: FloatArray, names: Sequence[str], groups: Sequence[str] | None) -> None:
+    """Draw named points (m, 2) in the colours of their groups."""
+    for group, colour, chosen in _chosen(groups, len(names)):
+        axes.scatter(points[chosen, 0], points[chosen, 1], 18, color=colour, label=group or "no group")
+    if groups:
+        for text in axes.legend(fontsize="small").get_texts():
+            text.set_parse_math(False)
+    axes.margins(0.1)
+    for point, name in zip(points, names):
+        axes.annotate(name, point, (3, 3), textcoords="offset points", fontsize=NAMES, parse_math=False)
+
+
+def _save_scatter(figure: Figure, path: str | Path, dpi: int) -> None:
+    """Write a scatter plot; a name that would cover one before it is left out."""
+    figure.draw_without_rendering()
+    taken: list[Bbox] = []
+    for label in list(figure.axes[0].texts):
+        box = label.get_window_extent()
+        if any(box.overlaps(other) for other in taken):
+            label.remove()
+        else:
+            taken.append(box)
+    save_figure(figure, path, dpi)
+
+
+def _draw_hulls(axes: Axes, points: FloatArray, groups: Sequence[str] | None) -> None:
+    """Draw the convex hull of each group of three points or more that are not on a line."""
+    from scipy.spatial import ConvexHull, QhullError
+
+    for group, colour, chosen in _chosen(groups, len(points)):
+        if not group or chosen.sum() < 3:
+            continue
+        try:
+            hull = ConvexHull(points[chosen])
+        except QhullError:  # they are on a line
+            continue
+        corners = points[chosen][hull.vertices].T
+        axes.fill(*corners, facecolor=colour, edgecolor=colour, alpha=0.15, linewidth=0, zorder=0)
+        axes.fill(*corners, fill=False, edgecolor=colour, linewidth=0.8, zorder=0)
+
+
+def _chosen(groups: Sequence[str] | None, m: int) -> list[tuple[str, str, BoolArray]]:
+    """Name, colour and members (m,) of each group; of none, all are one without a name."""
+    of = np.array(groups or [""] * m, dtype=str)
+    named = [group for group in sorted(set(of.tolist())) if group]
+    colours = {group: COLOURS[i % len(COLOURS)] for i, group in enumerate(named)}
+    rest = [] if groups and (of != "").all() else [("", GREY if groups else BLUE, of == "")]
+    return [*((group, colour, of == group) for group, colour in colours.items()), *rest]
+
+
+def draw_modes(
+    path: str | Path, model: ShapeModel, n_modes: int = 3, deviations: float = 2.0, *, dpi: int = DPI
+) -> None:
+    """Draw the mean, and each mode as the mean moved along it in both directions.
+
+    All shapes are seen from one side and at one scale. The colour is the displacement along the normal of the mean.
+
+    Parameters
+    ----------
+    path, model, dpi
+        As for `draw_scores`.
+    n_modes : int
+        Number of modes, as far as there are.
+    deviations : float
+        How far, in standard deviations.
+    """
+    mean = model.mesh()
+    camera = camera_of(mean)
+    shown = range(min(n_modes, model.n_modes))
+    moved = {(mode, sign): model.mode_mesh(mode, sign * deviations) for mode in shown for sign in (-1, 1)}
+    normals = mean.vertex_normals
+    outward = {at: np.einsum("ij,ij->i", m.vertices - mean.vertices, normals) for at, m in moved.items()}
+    largest = max((float(np.quantile(np.abs(each), 0.995)) for each in outward.values()), default=0.0) or 1.0
+    paint = colour_scale(DIVERGING, -largest, largest)
+
+    density = _density([mean, *moved.values()], camera, dpi, per_row=3)
+
+    def image(mesh: Mesh, values: FloatArray) -> FloatArray:
+        return surface_image(mesh, values, paint, camera, density * np.sqrt(mesh.area))
+
+    middle = image(mean, np.zeros(mean.n_vertices))
+    images, titles = [], []
+    for mode in shown:
+        low, high = (image(moved[mode, sign], outward[mode, sign]) for sign in (-1, 1))
+        images += [low, middle, high]
+        share = f"mode {mode + 1}: {model.variance_ratios[mode]:.1%} of the variance"
+        titles += [f"−{deviations:g} sd", share, f"+{deviations:g} sd"]
+    if not images:
+        images, titles = [middle], ["mean; the shapes do not differ"]
+    figure, axes = arranged_panels(images, titles, min(len(images), 3), WIDTH, TEXT)
+    if shown:
+        _add_bar(figure, axes, DIVERGING, -largest, largest, "displacement along the normal of the mean")
+    save_figure(figure, path, dpi)
+
+
+def draw_values(
+    path: str | Path,
+    mesh: Mesh,
+    values: FloatArray,
+    label: str,
+    *,
+    views: Mapping[str, FloatArray] | None = None,
+    dpi: int = DPI,
+) -> None:
+    """Draw a surface from two sides, coloured by a value at each vertex.
+
+    Parameters
+    ----------
+    path, dpi
+        As for `draw_scores`.
+    mesh : Mesh
+    values : (n,) array of float
+        Nan is drawn grey. If any is below 0, the colours tell signs.
+    label : str
+        What they are, with their unit; without any value, it is all that is said.
+    views : mapping of str to (3,) array of float, optional
+        Directions from which it is seen, by their titles.
+    """
+    has_value = np.isfinite(values)
+    high = (float(np.quantile(np.abs(values[has_value]), 0.995)) if has_value.any() else 0.0) or 1.0
+    name, low = (DIVERGING, -high) if (values < 0).any() else (RISING, 0.0)
+    front = camera_of(mesh)
+    seen = {title: _seen_from(front, direction) for title, direction in (views or {}).items()}
+    cameras = seen or {"": front, " ": front * [[-1], [1], [-1]]}
+    paint = colour_scale(name, low, high)
+    density = min(_density([mesh], each, dpi, per_row=2) for each in cameras.values()) * np.sqrt(mesh.area)
+
+    def paint_known(seen: FloatArray) -> FloatArray:
+        share = np.where(seen[:, 1:] < LEAST_SHARE, np.nan, seen[:, 1:])
+        return paint(seen[:, :1] / share)
+
+    columns = np.column_stack([np.where(has_value, values, 0.0), has_value])
+    images = [surface_image(mesh, columns, paint_known, each, density) for each in cameras.values()]
+    figure, axes = arranged_panels(images, list(cameras), 2, WIDTH, TEXT)
+    if has_value.any():
+        _add_bar(figure, axes, name, low, high, label)
+    else:
+        figure.supxlabel(label, size=TEXT)
+    save_figure(figure, path, dpi)
+
+
+def _seen_from(front: FloatArray, to: FloatArray) -> FloatArray:
+    """Turn a camera, see `camera_of`, so that it looks from another direction, its height kept if possible."""
+    up = front[1] if abs(front[1] @ to) < 0.7 else front[2]
+    right = np.cross(up, to) / np.linalg.norm(np.cross(up, to))
+    return np.array([right, np.cross(to, right), to])
+
+
+def _density(meshes: Sequence[Mesh], camera: FloatArray, dpi: int, per_row: int) -> float:
+    """Pixels per unit of length, with which the widest surface fills a panel, as seen by the camera."""
+    widest = max(float(np.ptp(mesh.vertices[np.unique(mesh.faces)] @ camera[0])) for mesh in meshes)
+    return dpi * FILLED * WIDTH / per_row / (widest or 1.0)
+
+
+def _add_bar(figure: Figure, axes: list[Axes], name: str, low: float, high: float, label: str) -> None:
+    """Add a colour bar below all panels."""
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+    from matplotlib.ticker import MaxNLocator
+
+    scale = ScalarMappable(Normalize(low, high), name)
+    figure.set_figheight(figure.get_figheight() + BAR)
+    beyond = "both" if low else "max"
+    ticks = MaxNLocator(MOST_TICKS)
+    bar = figure.colorbar(
+        scale, ax=axes, location="bottom", shrink=0.6, aspect=40, extend=beyond, ticks=ticks
+    )
+    bar.set_label(label, size=TEXT)
+    bar.ax.tick_params(labelsize=TEXT)

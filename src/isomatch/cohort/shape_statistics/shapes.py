@@ -1,0 +1,382 @@
+"""Shapes in correspondence: the same vertices in every shape, with those that a shape lacks."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from hashlib import blake2b
+from itertools import accumulate
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+
+from isomatch._core.arrays import BoolArray, FloatArray, IntArray, numbers_of
+from isomatch._core.cached import cached_property
+from isomatch._core.errors import FormatError, MeshError, MissingFileError, NotConvergedError, some
+from isomatch._core.files import legible
+from isomatch._core.texts import natural_order, read_csv
+from isomatch.cohort.shape_statistics.procrustes import Scale, aligned_to, generalised_procrustes
+from isomatch.correspondence import Correspondence
+from isomatch.io import FORMATS, Asset, Polygons, meshes_among, read_as_far
+from isomatch.surfaces import Mesh
+
+MIRRORED = "_mirrored"  # appended to the names of shapes that are mirror images
+
+T = TypeVar("T")
+MEASURED = "measured"  # attribute of the points of a file: 1 where the surface is that of the shape, else 0
+LEAST_MEASURED = 0.5  # share of its vertices: a shape with less is left out
+CORRESPONDED = "corresponded"  # subfolder of a collection that holds its shapes in one topology
+STRUCTURES = (
+    "structures.csv"  # beside subjects of several surfaces: how many vertices each structure has, in order
+)
+
+
+def slices_of(structures: Mapping[str, int]) -> dict[str, slice]:
+    """Return where the vertices of each structure are, by their numbers: of 5 and 2, in 0:5 and 5:7."""
+    ends = accumulate(structures.values())
+    return {name: slice(end - n, end) for (name, n), end in zip(structures.items(), ends)}
+
+
+def structure_of(mesh: Mesh, part: slice) -> Mesh:
+    """Return the mesh of the vertices of one structure."""
+    inside = (mesh.faces[:, 0] >= part.start) & (mesh.faces[:, 0] < part.stop)
+    return Mesh(mesh.vertices[part], mesh.faces[inside] - part.start)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class CorrespondedShapes:
+    """Shapes in one topology: vertex i of one corresponds to vertex i of every other.
+
+    Parameters
+    ----------
+    names : sequence of str
+        A name for each of the m shapes; no two are the same.
+    vertices : (m, n, 3) array_like of float
+        Positions of their vertices, in one unit, all finite.
+    faces : (f, 3) array_like of int
+        0-based vertex indices of the triangles that they share.
+    left_out : tuple of str
+        Which shapes were left out, each with the reason.
+    measured : (m, n) array_like of bool, optional
+        Which vertices have a counterpart on the shape, rather than a place that continues those around them; by default
+        all.
+    structures : mapping of str to int
+        Of subjects of several surfaces, see `stacked`: the number of vertices of each structure, in their order. By
+        default a shape is one surface.
+
+    Examples
+    --------
+    >>> triangle = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+    >>> CorrespondedShapes.of_meshes({"small": triangle, "large": triangle.moved(2 * triangle.vertices)})
+    CorrespondedShapes(2 shapes of 3 vertices)
+    """
+
+    names: tuple[str, ...]
+    vertices: FloatArray
+    faces: IntArray
+    left_out: tuple[str, ...] = ()
+    measured: BoolArray | None = None
+    structures: Mapping[str, int] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        vertices = numbers_of(self.vertices, "vertices", MeshError)
+        if vertices.ndim != 3 or vertices.shape[2:] != (3,) or len(vertices) != len(self.names):
+            raise MeshError(
+                f"vertices have shape {vertices.shape}, expected ({len(self.names)}, n, 3): "
+                "a row x, y, z for each vertex of each named shape"
+            )
+        if not len(vertices):
+            raise MeshError("no shapes; give at least one")
+        twice = [name for name, count in Counter(self.names).items() if count > 1]
+        if twice:
+            raise MeshError(f"several shapes are named {', '.join(twice)}; give each its own name")
+        bad = np.flatnonzero(~np.isfinite(vertices).all(axis=(1, 2)))
+        if len(bad):
+            raise MeshError(
+                f"shape {self.names[bad[0]]} has vertices without a position ({len(bad)} such shapes); leave it out, "
+                "as CorrespondedShapes.of_meshes does"
+            )
+        mesh = Mesh(vertices[0], self.faces)
+        if not mesh.n_faces:
+            raise MeshError("the shapes have no faces; give meshes")
+        vertices.flags.writeable = False
+        measured = None if self.measured is None else np.asarray(self.measured, dtype=bool)
+        if measured is not None and measured.shape != vertices.shape[:2]:
+            raise MeshError(
+                f"measured has shape {measured.shape}, expected {vertices.shape[:2]}: a row for each shape"
+            )
+        measured = None if measured is None or measured.all() else measured
+        if self.structures and sum(self.structures.values()) != vertices.shape[1]:
+            raise MeshError(
+                f"{self.structures} are not {vertices.shape[1]} vertices; give those of each structure"
+            )
+        vars(self).update(names=tuple(self.names), vertices=vertices, faces=mesh.sound_faces)
+        vars(self).update(left_out=tuple(self.left_out), measured=measured)
+
+    def __repr__(self) -> str:
+        return f"CorrespondedShapes({len(self)} shapes of {self.n_vertices} vertices)"
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    @classmethod
+    def of_meshes(
+        cls,
+        meshes: Mapping[str, Mesh],
+        measured: Mapping[str, BoolArray] | None = None,
+        polygons: Mapping[str, Polygons] | None = None,
+        structures: Mapping[str, int] | None = None,
+    ) -> CorrespondedShapes:
+        """Collect meshes, by name with numbers in their order; those that are not in correspondence are left out.
+
+        A mesh is left out if its faces, or the ``polygons`` they were cut from, are not those of most meshes, but for
+        their order and that of corners; if it has a vertex without a finite position, which is how unmatched vertices are
+        written; or if less than half of its vertices were ``measured``, an array (n,) for each mesh with vertices that
+        were not, and they have no ``structures``. Polygons are cut as in the first mesh. ``left_out`` says which and why.
+        `MeshError` if none is left.
+        """
+        ordered = {name: meshes[name] for name in sorted(meshes, key=natural_order)}
+        if not ordered:
+            raise MeshError("no shapes; give at least one")
+        outlines = dict(polygons or {n: Polygons.of_triangles(mesh.faces) for n, mesh in ordered.items()})
+        forms = {n: (mesh.n_vertices, _form(outlines[n])) for n, mesh in ordered.items()}
+        common = _most_common(forms.values())
+        masks = dict(measured or {})
+        kept, left_out = {}, []
+        for name, mesh in ordered.items():
+            unplaced = np.flatnonzero(~np.isfinite(mesh.vertices).all(axis=1))
+            if forms[name] != common:
+                left_out.append(f"{name}: other faces than most shapes ({mesh!r})")
+            elif len(unplaced):
+                left_out.append(f"{name}: vertices without a position, {some(unplaced)}")
+            elif name in masks and not structures and masks[name].mean() < LEAST_MEASURED:
+                left_out.append(f"{name}: only {masks[name].mean():.0%} of its vertices were measured")
+            else:
+                kept[name] = mesh
+        if not kept:
+            raise MeshError("; ".join(["no shapes", *left_out, "give at least one"]))
+        positions = np.array([mesh.vertices for mesh in kept.values()])
+        windings = {name: _digest(outlines[name].corners) for name in kept}
+        usual = _most_common(windings.values())
+        faces = next(mesh.faces for name, mesh in kept.items() if windings[name] == usual)
+        everything = np.ones(positions.shape[1], dtype=bool)
+        own = np.array([masks.get(name, everything) for name in kept])
+        return cls(tuple(kept), positions, faces, tuple(left_out), own, dict(structures or {}))
+
+    @property
+    def seen(self) -> BoolArray:
+        """(m, n) which vertices were measured, also if all were."""
+        return np.ones(self.vertices.shape[:2], dtype=bool) if self.measured is None else self.measured
+
+    @property
+    def n_vertices(self) -> int:
+        """Number of vertices of each shape."""
+        return int(self.vertices.shape[1])
+
+    @cached_property
+    def area_weights(self) -> FloatArray:
+        """(n,) share of each vertex in the area, averaged over the shapes; the sum is 1.
+
+        Of several structures, each has the same sum, so that large ones do not drown small ones.
+        """
+        shares = np.zeros(self.n_vertices)
+        parts = slices_of(self.structures or {"": self.n_vertices}).values()
+        for i, name in enumerate(self.names):
+            areas = self.mesh(i).vertex_areas
+            for part in parts:
+                area = areas[part].sum()
+                if not 0 < area < np.inf:
+                    raise MeshError(f"shape {name} has area {area}; leave it out, or use weights='uniform'")
+                shares[part] += areas[part] / area
+        return np.asarray(shares / shares.sum())
+
+    def mesh(self, i: int) -> Mesh:
+        """Return one of the shapes."""
+        return self._topology.moved(self.vertices[i])
+
+    @cached_property
+    def _topology(self) -> Mesh:
+        return Mesh(self.vertices[0], self.faces)
+
+    def moved(self, vertices: FloatArray) -> CorrespondedShapes:
+        """Return the same shapes at other positions, (m, n, 3)."""
+        return replace(self, vertices=vertices)
+
+    def mirrored(self, left_right: Sequence[Correspondence]) -> CorrespondedShapes:
+        """Return the shapes followed by their mirror images, moved onto them.
+
+        The left–right map of each shape, such as `left_right_map` finds, tells the point on the other side that
+        corresponds to each vertex. A vertex without one stays where it is in the mirror image, and is not measured there.
+        """
+        m, n = self.vertices.shape[:2]
+        if len(left_right) != m or not all(
+            each.shape == (n, n) and each.matched.any() for each in left_right
+        ):
+            raise MeshError(f"{left_right!r} are no maps of {m} shapes of {n} vertices onto themselves")
+        images, seen = self.vertices.copy(), self.seen.copy()
+        for shape, image, there, sides in zip(self.vertices, images, seen, left_right):
+            held = sides.matched
+            other = sides.pull_back(shape, fill=0.0) * [-1.0, 1.0, 1.0]
+            image[held] = aligned_to(shape, other, held / held.sum())[held]
+            there[:] = there[sides.vertices] & held
+        names = (*self.names, *(name + MIRRORED for name in self.names))
+        vertices, measured = np.concatenate([self.vertices, images]), np.concatenate([self.seen, seen])
+        return replace(self, names=names, vertices=vertices, measured=measured)
+
+
+def _digest(faces: IntArray) -> bytes:
+    return blake2b(np.ascontiguousarray(faces).tobytes()).digest()
+
+
+def _form(polygons: Polygons) -> bytes:
+    """Digest which points each polygon joins, in whatever order."""
+    starts = np.cumsum(polygons.sizes) - polygons.sizes
+    rows = []
+    for size in np.unique(polygons.sizes).tolist():
+        of_size = np.sort(polygons.corners[starts[polygons.sizes == size, None] + np.arange(size)], axis=1)
+        rows.append(of_size[np.lexsort(of_size.T)].ravel())
+    return _digest(np.concatenate([np.sort(polygons.sizes), *rows]))
+
+
+def _most_common(values: Iterable[T]) -> T:
+    """Return the most frequent value, the first of those that are as frequent."""
+    return Counter(values).most_common(1)[0][0]
+
+
+def read_shapes(source: str | Path | Iterable[str | Path]) -> CorrespondedShapes:
+    """Read meshes in one topology.
+
+    Parameters
+    ----------
+    source : path_like, or iterable of path_like
+        Folder of meshes, folder that ``isomatch collect`` wrote, or the files themselves. A shape has the name of its
+        file without the suffix.
+
+    Returns
+    -------
+    CorrespondedShapes
+        ``left_out`` names files that are not in correspondence with the others. The attribute ``measured`` of PLY files
+        tells which vertices were measured; a table ``structures.csv`` beside them, of which surfaces subjects are made.
+    """
+    files = _files_of(Path(source)) if isinstance(source, str | Path) else [Path(path) for path in source]
+    twice = [name for name, count in Counter(legible(file.stem) for file in files).items() if count > 1]
+    if twice:
+        raise FormatError(f"{source}: several files are named {', '.join(twice)}; keep one of each")
+    assets = {legible(file.stem): read_as_far(file) for file in files}
+    masks = {name: _measured(file, assets[name]) for file in files if (name := legible(file.stem))}
+    measured = {name: own for name, own in masks.items() if own is not None}
+    meshes = {name: Mesh(each.placed_points, each.polygons.triangles) for name, each in assets.items()}
+    polygons = {name: each.polygons for name, each in assets.items()}
+    table = files[0].parent / STRUCTURES if files else Path(STRUCTURES)
+    structures = _structures_in(table) if files and table.exists() else {}
+    return CorrespondedShapes.of_meshes(meshes, measured, polygons, structures)
+
+
+def _structures_in(table: Path) -> dict[str, int]:
+    try:
+        return {line["structure"]: int(line["vertices"]) for line in read_csv(table)}
+    except (KeyError, ValueError):
+        raise FormatError(
+            f"{table}: not the structures of subjects; its columns are structure, vertices"
+        ) from None
+
+
+def read_corresponding(path: str | Path, faces: IntArray) -> tuple[Mesh, BoolArray | None]:
+    """Read a mesh and, of a PLY file, which of its vertices were measured.
+
+    If its polygons are those that triangles (m, 3) were cut from, they are cut as these.
+    """
+    asset = read_as_far(path)
+    triangles = faces if _cut_as(asset.polygons, faces) else asset.polygons.triangles
+    return Mesh(asset.placed_points, triangles), _measured(path, asset)
+
+
+def _cut_as(polygons: Polygons, triangles: IntArray) -> bool:
+    if len(triangles) != (polygons.sizes - 2).sum():
+        return False
+    of = np.repeat(np.arange(len(polygons)), polygons.sizes - 2)  # the polygon of each triangle
+    first = (np.cumsum(polygons.sizes) - polygons.sizes)[of, None]
+    whole = polygons.sizes[of] == 3
+    n = max(int(polygons.corners.max(initial=0)), int(triangles.max(initial=0))) + 1
+    own = np.repeat(np.arange(len(polygons)), polygons.sizes) * n + polygons.corners
+    is_equal = np.array_equal(triangles[whole], polygons.corners[first[whole] + np.arange(3)])
+    return is_equal and bool(np.isin(of[:, None] * n + triangles, own).all())
+
+
+def _measured(file: str | Path, asset: Asset) -> BoolArray | None:
+    if Path(file).suffix.lower() != ".ply":
+        return None
+    own = [each for each in asset.attributes if (each.name, each.domain) == (MEASURED, "point")]
+    return np.asarray(own[0].values != 0) if own and own[0].values.ndim == 1 else None
+
+
+def _files_of(folder: Path) -> list[Path]:
+    inner = folder / CORRESPONDED
+    folder = inner if inner.is_dir() else folder
+    if not folder.is_dir():
+        raise MissingFileError(f"{folder}: no such folder; give a folder of meshes in one topology")
+    files = meshes_among(folder.iterdir())
+    if not files:
+        raise FormatError(f"{folder}: no meshes; give a folder of {', '.join(FORMATS)} files in one topology")
+    return files
+
+
+TOLERANCE = 1e-6  # of the size of the mean: movement of a missing vertex in the last round
+MOST_ROUNDS = 500  # each leaves less of the movement than the largest share of a shape that is missing
+
+
+def filled(
+    shapes: CorrespondedShapes, weights: FloatArray | None = None, scale: Scale = "keep"
+) -> CorrespondedShapes:
+    """Move the vertices that were not measured to where the mean of those that were is, seen from each shape.
+
+    Parameters
+    ----------
+    shapes : CorrespondedShapes
+        The m shapes. They are returned as they are if everything was measured.
+    weights, scale
+        As for `generalised_procrustes`.
+
+    Returns
+    -------
+    CorrespondedShapes
+        So aligned, a missing vertex lies on the mean: it adds no variance, and does not turn or shift its shape. One
+        that no shape measured stays where the surfaces around it were continued.
+
+    Notes
+    -----
+    Alignment and means take turns until nothing moves, which is expectation maximisation for one mean and deviations of
+    one size everywhere. A round takes the time of `generalised_procrustes`.
+    """
+    measured = shapes.measured
+    if measured is None:
+        return shapes
+    stays = measured | ~measured.any(axis=0)  # what no shape measured stays, too
+    count = stays.sum(axis=0)[:, None]
+    vertices = shapes.vertices.copy()
+    for _ in range(MOST_ROUNDS):
+        now = generalised_procrustes(vertices, weights, scale)
+        mean = np.einsum("sn,sni->ni", stays, now.aligned) / count
+        back = (mean - now.translations[:, None]) @ now.rotations / now.scales[:, None, None]
+        apart = np.abs(np.where(stays[:, :, None], 0.0, back - vertices)).max(axis=(1, 2)) * now.scales
+        vertices = np.where(stays[:, :, None], vertices, back)
+        if apart.max() <= TOLERANCE * np.sqrt(((mean - mean.mean(axis=0)) ** 2).sum(axis=1).mean()):
+            return replace(shapes, vertices=vertices)
+    raise NotConvergedError(
+        f"the mean of shapes of which parts are missing still moves after {MOST_ROUNDS} rounds; leave out those of which "
+        "little was measured"
+    )
+
+
+def measured_variances(aligned: FloatArray, shapes: CorrespondedShapes) -> FloatArray:
+    """(n,) variance of each vertex of aligned shapes (m, n, 3), among those that measured it; nan of fewer than two."""
+    measured = shapes.measured
+    if measured is None:
+        return np.asarray(((aligned - aligned.mean(axis=0)) ** 2).sum(axis=(0, 2)) / max(len(aligned) - 1, 1))
+    count = measured.sum(axis=0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean = np.einsum("sn,sni->ni", measured, aligned) / count[:, None]
+        squares = np.where(measured, ((aligned - mean) ** 2).sum(axis=2), 0.0).sum(axis=0)
+        return np.asarray(np.where(count > 1, squares / (count - 1), np.nan))

@@ -1,0 +1,197 @@
+"""Semilandmarks, slid along curves and surfaces so that thin-plate splines from the mean shape bend least."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import cho_solve, cholesky, orth
+from scipy.sparse.linalg import LinearOperator, cg
+from scipy.spatial.distance import cdist
+
+from isomatch._core.arrays import BoolArray, FloatArray, IntArray
+from isomatch._core.errors import LandmarkError
+from isomatch._core.memory import require_memory
+from isomatch._core.threads import parallel_map, row_product, serial_blas
+from isomatch.cohort.shape_statistics.procrustes import centroid_sizes, generalised_procrustes
+from isomatch.cohort.shape_statistics.shapes import CorrespondedShapes, filled
+from isomatch.landmarks import Curve
+from isomatch.surfaces import Mesh, nearest_on_surface, vertex_normals
+
+MOST_ROUNDS, ENOUGH = 4, 0.02  # a round that gains less than this share of the energy is the last
+MOST_ITERATIONS, CLOSE = 30, 0.01  # of conjugate gradients; share of the first residual
+SHARES = 1.0, 0.5, 0.25  # of a step that are tried
+AFFINE = 0.01  # m times the mean distance; with 1, twice as many iterations
+RIDGE = 1e-10  # of the mean distance, so that two curves may end in one point
+
+
+class SlidSemilandmarks(NamedTuple):
+    """Landmarks of s specimens, after semilandmarks have slid."""
+
+    positions: FloatArray  # (s, m, 3); nan where there was no place
+    energy_before: FloatArray  # (s,) bending energy from the mean, of centroid size 1, without the factor 8π
+    energy_after: FloatArray
+
+
+def slid_semilandmarks(
+    positions: FloatArray, surfaces: Sequence[Mesh], curves: Sequence[Curve] = (), patch: Sequence[int] = ()
+) -> SlidSemilandmarks:
+    """Slide semilandmarks along curves and surfaces so that thin-plate splines from the mean shape bend least.
+
+    Parameters
+    ----------
+    positions : (s, m, 3) array of float
+        Corresponding points of s ≥ 2 specimens; nan where one has no place.
+    surfaces : sequence of Mesh
+        That of each specimen.
+    curves : sequence of Curve
+        Their points slide, but for the ends of an open curve and the first point of a closed one.
+    patch : sequence of int
+        Points that slide on the surface. All others are fixed.
+
+    Returns
+    -------
+    SlidSemilandmarks
+        Whatever the order, places, orientations and sizes of the specimens are.
+
+    Notes
+    -----
+    Bookstein, *Landmark methods for forms without landmarks*, 1997; Gunz, Mitteroecker & Bookstein, *Semilandmarks in
+    three dimensions*, 2005. Each of up to four rounds takes the mean of a Procrustes analysis, finds the steps along
+    tangents that minimise the energy, and moves points back to curves and surfaces: by half a step, a quarter or none
+    where a normal would turn by more than a right angle. A specimen that would bend more stays. Points without a place
+    move freely, so that they do not count. 28 m² bytes; of 7,500 points, a round takes 5 s and 1 s for each specimen.
+
+    Examples
+    --------
+    >>> square = Mesh([[0, 0, 0], [4, 0, 0], [4, 4, 0], [0, 4, 0]], [[0, 1, 2], [0, 2, 3]])
+    >>> marks = np.array([[0, 0, 0], [4, 0, 0], [4, 4, 0], [0, 4, 0], [2, 2, 0.0]])
+    >>> other = marks + np.eye(5)[:, 4:] * [1, 0, 0]
+    >>> slid_semilandmarks(np.stack([marks, other]), [square] * 2, patch=[4]).positions[:, 4, 0].round(1).tolist()
+    [2.5, 2.5]
+    """
+    if len(surfaces) != len(positions):
+        raise LandmarkError(f"{len(positions)} specimens, {len(surfaces)} surfaces; give each its own")
+    placed: BoolArray = np.asarray(np.isfinite(positions).all(axis=2))
+    known = np.where(placed[:, :, None], positions, np.nanmean(positions, axis=1, keepdims=True))
+    # what has no place begins where the mean has it, wherever it was put
+    ids, face = tuple(map(str, range(len(known)))), np.array([[0, 1, 2]])  # of no account
+    now = filled(CorrespondedShapes(ids, known, face, measured=placed), scale="remove").vertices
+    sizes, energies = centroid_sizes(now)[:, None, None], list[FloatArray]()
+    rows, given = np.array(patch, dtype=np.int64), list(zip(surfaces, now, placed))
+    specimens = parallel_map(lambda each: _Specimen(*each, curves, rows), given)
+    with serial_blas():
+        for _ in range(MOST_ROUNDS):
+            bending = BendingEnergy(generalised_procrustes(now, scale="remove").mean)
+            steps = sizes * bending.least(now / sizes, np.stack([each.tangents() for each in specimens]))
+            moved = parallel_map(lambda each: each[0].moved(each[1]), list(zip(specimens, steps)))
+            before, after = (bending.of_each(at / sizes) for at in (now, np.stack([at for at, _ in moved])))
+            for each, own, is_better in zip(specimens, moved, after < before):
+                each.positions, each.normals = own if is_better else (each.positions, each.normals)
+            now = np.stack([each.positions for each in specimens])
+            energies += [before, np.minimum(before, after)]
+            if energies[-1].sum() > (1 - ENOUGH) * before.sum():
+                break
+    return SlidSemilandmarks(np.where(placed[:, :, None], now, np.nan), energies[0], energies[-1])
+
+
+class BendingEnergy:
+    """Bending energy of thin-plate splines at points (m, 3), as if their centroid size were 1; a matrix (m, m)."""
+
+    def __init__(self, points: FloatArray) -> None:
+        m = len(points)
+        require_memory(28.0 * m**2, f"the bending energy of {m} points", "use fewer points")
+        centred = points - points.mean(axis=0)
+        centred /= np.linalg.norm(centred)
+        # The spline −Σ wᵢ |x − pᵢ| + affine has Qᵀw = 0 and the energy wᵀKw, K = (−|pᵢ − pⱼ|), where Q spans the affine
+        # functions. With P = I − QQᵀ, w is the pseudoinverse of PKP times the values, so that the energy is of the matrix
+        # B = (PKP)⁺ = P (PKP + a QQᵀ)⁻¹ P. What is inverted is positive definite: K + QWᵀ + WQᵀ with
+        # W = Q (QᵀKQ + a I) / 2 − KQ.
+        kernel = -cdist(centred, centred)
+        mean = -kernel.mean()
+        q = self._affine = orth(np.column_stack([np.ones(m), centred]))
+        w = q @ (q.T @ kernel @ q + AFFINE * m * mean * np.eye(q.shape[1])) / 2 - kernel @ q
+        kernel += np.hstack([q, w]) @ np.hstack([w, q]).T
+        kernel.flat[:: m + 1] += RIDGE * mean
+        self._inverse = kernel.astype(np.float32)
+        self._factor = cholesky(kernel.T, lower=True, overwrite_a=True, check_finite=False), True
+
+    def __matmul__(self, values: FloatArray) -> FloatArray:
+        bent = values - self._affine @ (self._affine.T @ values)
+        bent = cho_solve(self._factor, bent, check_finite=False)
+        return np.asarray(bent - self._affine @ (self._affine.T @ bent))
+
+    def of_each(self, shapes: FloatArray) -> FloatArray:
+        """(s,) energy of the splines to each of the shapes (s, m, 3), summed over the coordinates."""
+        values = shapes.transpose(1, 0, 2).reshape(shapes.shape[1], -1)  # (m, 3 s)
+        return np.asarray((values * (self @ values)).sum(axis=0).reshape(-1, 3).sum(axis=1))
+
+    def least(self, shapes: FloatArray, tangents: FloatArray) -> FloatArray:
+        """Find the steps (s, m, 3), each in the image of a projector (s, m, 3, 3), after which shapes bend least."""
+        values = shapes.transpose(1, 0, 2)  # (m, s, 3)
+
+        def tangential(product: Callable[[FloatArray], FloatArray]) -> LinearOperator:
+            def along(t: FloatArray) -> FloatArray:
+                image = product(t.reshape(len(values), -1)).reshape(values.shape)
+                return np.asarray(np.einsum("smij,msj->msi", tangents, image).ravel())
+
+            return LinearOperator((values.size,) * 2, along, dtype=float)
+
+        # With the projectors U, the step t = Ut minimises (y + t)ᵀ B (y + t), so UBU t = −UBy. UB⁻¹U is a near inverse of
+        # UBU: exact where B and U commute, as they nearly do for what varies faster than the normals.
+        bend = tangential(self.__matmul__)
+        near_inverse = tangential(lambda columns: row_product(self._inverse, columns))
+        step, _ = cg(bend, -(bend @ values.ravel()), rtol=CLOSE, maxiter=MOST_ITERATIONS, M=near_inverse)
+        return np.asarray(step.reshape(values.shape).transpose(1, 0, 2))
+
+
+class _Specimen:
+    """Points (m, 3) on a surface, and the curves through some of them."""
+
+    def __init__(
+        self, surface: Mesh, points: FloatArray, placed: BoolArray, curves: Sequence[Curve], patch: IntArray
+    ) -> None:
+        self._surface, self.positions = surface, points
+        self._free, self._patch = ~placed, patch[placed[patch]]
+        self._vertex_normals = vertex_normals(surface.vertices, surface.faces)
+        self.normals = nearest_on_surface(surface, points[self._patch]).interpolated(self._vertex_normals)
+        self._tracks = []  # of each curve: points that slide, those before and after them, and the polyline as a mesh
+        for _, of, closed in curves:
+            rows, n = np.array(of), len(of) - 1 if closed else len(of) - 2
+            if placed[rows].all() and n > 0:
+                path, step = points[[*rows, rows[0]]], np.arange(n + 1)
+                line = Mesh(path, np.column_stack([step, step + 1, step + 1]))
+                self._tracks.append((rows[1 : n + 1], rows[:n], np.roll(rows, -2)[:n], line))
+
+    def tangents(self) -> FloatArray:
+        """(m, 3, 3) projectors onto the directions in which each point may move."""
+        allowed = np.zeros((len(self.positions), 3, 3))
+        for inner, before, after, _ in self._tracks:
+            allowed[inner] = _projectors(self.positions[after] - self.positions[before])
+        allowed[self._patch] = np.eye(3) - _projectors(self.normals)
+        allowed[self._free] = np.eye(3)
+        return allowed
+
+    def moved(self, steps: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Move points by steps (m, 3) and back to curves and the surface; return their positions and normals."""
+        after, normals, vertices = self.positions.copy(), self.normals.copy(), self._surface.vertices
+        after[self._free] += steps[self._free]
+        for inner, _, _, line in self._tracks:
+            on_curve = nearest_on_surface(line, after[inner] + steps[inner]).interpolated(line.vertices)
+            after[inner] = nearest_on_surface(self._surface, on_curve).interpolated(vertices)
+        left = np.arange(len(self._patch))
+        for share in SHARES:
+            rows = self._patch[left]
+            near = nearest_on_surface(self._surface, self.positions[rows] + share * steps[rows])
+            there = near.interpolated(self._vertex_normals)
+            is_near = (there * normals[left]).sum(axis=1) > 0  # else beyond an edge, or behind a wall
+            after[rows[is_near]] = near.interpolated(vertices)[is_near]
+            normals[left[is_near]], left = there[is_near], left[~is_near]
+        return after, normals
+
+
+def _projectors(vectors: FloatArray) -> FloatArray:
+    """(k, 3, 3) projectors onto the lines along vectors (k, 3)."""
+    shares = 1 / np.maximum((vectors**2).sum(axis=1), 1e-300)
+    return np.asarray(np.einsum("ki,kj,k->kij", vectors, vectors, shares))

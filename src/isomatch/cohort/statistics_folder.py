@@ -1,0 +1,366 @@
+"""The folder of a study of shapes: meshes, tables, pictures, files of other tools, and a page."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from html import escape
+from importlib.metadata import version
+from importlib.resources import files
+from itertools import accumulate
+from pathlib import Path
+from string import Template
+from typing import Any
+from urllib.parse import quote
+
+import numpy as np
+
+from isomatch import visualization
+from isomatch._core.arrays import FloatArray
+from isomatch._core.errors import MissingDependencyError
+from isomatch._core.files import claimed, made_folder, staged, write_text
+from isomatch._core.texts import json_text, write_csv
+from isomatch.cohort import shape_statistics
+from isomatch.cohort.shape_statistics import CorrespondedShapes, GroupTest, ShapeModel, ShapeRegression
+from isomatch.io import Asset, Attribute, write_asset, write_mesh
+from isomatch.surfaces import Mesh
+
+VERSION = version("isomatch")
+DEVIATIONS = 2
+GREY = 0.6  # of vertices without a value
+GEODESIC = "difference of geodesic distances, in √area"
+
+
+@dataclass(frozen=True)
+class StatisticsFolder:
+    """The folder for the statistics of shapes; ``written`` collects the names of its files, which ``last`` lists."""
+
+    folder: Path
+    pictures: shape_statistics.PictureFormat = "png"
+    last: str = "statistics.json"
+    written: list[str] = field(default_factory=list)
+
+    @contextmanager
+    def claimed(self, force: bool) -> Iterator[StatisticsFolder]:
+        """Create and claim the folder; give one whose files replace those of an earlier result when all are written."""
+        record = self.folder / self.last
+        with (
+            made_folder(self.folder),
+            claimed(record, [] if force else [record]),
+            staged(self.folder, self.last, _files_of(record)) as new,
+        ):
+            yield replace(self, folder=new)
+
+    def path(self, name: str) -> Path:
+        """Return the path of a file that is about to be written."""
+        self.written.append(name)
+        path = self.folder / name
+        path.parent.mkdir(exist_ok=True)
+        return path
+
+    def picture(self, name: str) -> Path:
+        """Return the path of a picture that is about to be written."""
+        return self.path(f"{name}.{self.pictures}")
+
+    def table(self, file: str, /, **columns: Iterable[object]) -> None:
+        """Write columns as CSV."""
+        rows = [dict(zip(columns, row)) for row in zip(*columns.values())]
+        write_csv(self.path(file), rows, list(columns))
+
+    def mesh(
+        self, name: str, mesh: Mesh, values: Mapping[str, FloatArray], shown: FloatArray, highest: float = 0.0
+    ) -> None:
+        """Write a mesh with values at its vertices, one of which gives the colours, from 0 or on both sides of it."""
+        high = highest or float(np.nanquantile(np.abs(shown), 0.995)) or 1.0
+        paint = visualization.colour_scale(
+            *(("RdBu_r", -high) if (shown < 0).any() else ("viridis", 0.0)), high
+        )
+        rgb = np.nan_to_num(paint(shown[:, None]), nan=GREY)
+        attributes = [Attribute(measure, "point", "scalar", numbers) for measure, numbers in values.items()]
+        colours = Attribute("color", "point", "colour", np.round(255 * rgb).astype(np.uint8))
+        write_asset(self.path(name), Asset.of_mesh(mesh, [*attributes, colours]), binary=True)
+
+    def model(
+        self, model: ShapeModel, shapes: CorrespondedShapes, n_modes: int, groups: list[str] | None
+    ) -> None:
+        """Write the model: meshes, scores, variances and the picture of the modes."""
+        model.save(self.path("model.npz"))
+        write_mesh(self.path("mean.ply"), model.mesh(), binary=True)
+        for mode in range(min(n_modes, model.n_modes)):
+            for sign, word in ((-1, "minus"), (1, "plus")):
+                moved = model.mode_mesh(mode, sign * DEVIATIONS)
+                write_mesh(self.path(f"mode_{mode + 1}_{word}{DEVIATIONS}sd.ply"), moved, binary=True)
+        shape_statistics.draw_modes(self.picture("modes"), model, n_modes, DEVIATIONS)
+        self.table("scores.csv", name=model.names, **_by_mode(model.scores))
+        ratios = shape_statistics.compactness(model)
+        if model.n_modes:
+            shape_statistics.draw_scores(self.picture("scores"), model, groups)
+            shares = {"share": model.variance_ratios.tolist(), "share_so_far": ratios[1:].tolist()}
+            numbers = range(1, model.n_modes + 1)
+            self.table("variance.csv", mode=numbers, variance=model.variances.tolist(), **shares)
+        variances = shape_statistics.measured_variances(model.aligned, shapes)
+        deviations = np.sqrt(variances)
+        values = {"variance": variances, "standard_deviation": deviations}
+        if shapes.measured is not None:
+            values["measured"] = shapes.measured.sum(axis=0).astype(np.float64)
+        self.mesh("variance.ply", model.mesh(), values, deviations)
+        label = "standard deviation, in units of the shapes"
+        shape_statistics.draw_values(self.picture("variance"), model.mesh(), deviations, label)
+
+    def quality(self, model: ShapeModel, seed: int) -> None:
+        """Write compactness, generalisation and specificity."""
+        compact = shape_statistics.compactness(model)
+        general = shape_statistics.generalisation(model, seed=seed)
+        specific = shape_statistics.specificity(model, seed=seed)
+        columns = {"compactness": compact}
+        for name, curve in {"generalisation": general, "specificity": specific}.items():
+            columns |= {name: curve.mean, f"{name}_standard_error": curve.standard_error}
+        every = range(len(compact))
+        listed = {name: [float(of[j]) if j < len(of) else "" for j in every] for name, of in columns.items()}
+        self.table("quality.csv", modes=every, **listed)
+        shape_statistics.draw_quality(self.picture("quality"), compact, general, specific)
+
+    def sizes(
+        self,
+        shapes: CorrespondedShapes,
+        sizes: FloatArray,
+        allometry: ShapeRegression | None,
+        groups: list[str] | None,
+    ) -> None:
+        """Write the sizes of the shapes, and how shape depends on them."""
+        logarithms = np.log(sizes)
+        self.table(
+            "sizes.csv",
+            name=shapes.names,
+            centroid_size=sizes.tolist(),
+            log_centroid_size=logarithms.tolist(),
+            area=[shapes.mesh(i).area for i in range(len(shapes))],
+            **({"regression_score": allometry.scores[:, 0].tolist()} if allometry else {}),
+        )
+        if allometry is None:
+            return
+        label = "logarithm of the centroid size"
+        path = self.picture("allometry")
+        shape_statistics.draw_regression(path, allometry, logarithms, shapes.names, label, groups)
+        for word, end in (("smallest", logarithms.min()), ("largest", logarithms.max())):
+            moved = allometry.mean + (end - logarithms.mean()) * allometry.coefficients[0]
+            write_mesh(self.path(f"allometry_{word}.ply"), shapes.mesh(0).moved(moved), binary=True)
+
+    def structures(
+        self, model: ShapeModel, poses: shape_statistics.StructurePoses, hidden: list[dict[str, Any]]
+    ) -> list[dict[str, Any]]:
+        """Write the shares, poses and errors of the structures of subjects; return a line for each structure."""
+        lines = []
+        for (name, shares), pose_share in zip(model.structure_shares.items(), poses.shares.tolist()):
+            line = {
+                "structure": name,
+                "share": float(shares @ model.variance_ratios),
+                "pose_share": pose_share,
+            }
+            own = [[each["error"], each["mean_error"]] for each in hidden if each["structure"] == name]
+            errors = np.mean(own, axis=0).tolist() if own else (None, None)
+            lines.append({**line, **dict(zip(("hidden_error", "hidden_mean_error"), errors))})
+        columns = {column: [line[column] for line in lines] for column in lines[0]}
+        self.table("structures.csv", **columns, **_by_mode(np.array([*model.structure_shares.values()])))
+        numbers = np.concatenate([np.degrees(poses.rotations), poses.translations], axis=2).reshape(-1, 6)
+        named = list(zip(*((name, structure) for name in model.names for structure in model.structures)))
+        axes = dict(zip(("degrees_x", "degrees_y", "degrees_z", "x", "y", "z"), numbers.T.tolist()))
+        self.table("poses.csv", name=named[0], structure=named[1], **axes)
+        if hidden:
+            write_csv(self.path("hidden.csv"), hidden, list(hidden[0]))
+        return lines
+
+    def distances(
+        self,
+        shapes: CorrespondedShapes,
+        geodesic: FloatArray,
+        procrustes: FloatArray,
+        groups: list[str] | None,
+    ) -> None:
+        """Write the distances between shapes, their tree and their places."""
+        for name, distances in (("distances.csv", geodesic), ("procrustes_distances.csv", procrustes)):
+            self.table(name, name=shapes.names, **dict(zip(shapes.names, distances.T.tolist())))
+        points = shape_statistics.classical_scaling(geodesic)
+        x, y = points.T.tolist()
+        self.table("embedding.csv", name=shapes.names, x=x, y=y)
+        shape_statistics.draw_embedding(self.picture("embedding"), points, shapes.names, GEODESIC, groups)
+        if len(shapes) > 1:
+            shape_statistics.draw_tree(self.picture("dendrogram"), geodesic, shapes.names, GEODESIC)
+
+    def groups(self, mean: Mesh, test: GroupTest) -> None:
+        """Write the test of two groups."""
+        length = np.linalg.norm(test.difference, axis=1)
+        values = {"p_value": test.p_values, "q_value": test.q_values, "difference": length}
+        shown = np.where(test.significant(), length, np.nan)
+        somewhere = bool(test.significant().any())
+        self.mesh("groups.ply", mean, values, shown, float(np.nanmax(shown)) if somewhere else 1.0)
+        label = "no difference is significant"
+        if somewhere:
+            label = "distance of the group means; grey: not significant"
+        shape_statistics.draw_values(self.picture("groups"), mean, shown, label)
+        columns = np.column_stack([test.t_squared, test.p_values, test.q_values, test.difference]).T.tolist()
+        names = ("t_squared", "p_value", "q_value", "dx", "dy", "dz")
+        self.table("groups.csv", vertex=range(len(length)), **dict(zip(names, columns)))
+
+    def scored(
+        self,
+        model: ShapeModel,
+        scored: Mapping[str, shape_statistics.ScoredShape],
+        lines: Sequence[Mapping[str, Any]],
+    ) -> None:
+        """Write how shapes that are no part of the model differ from it, a line for each, and where."""
+        columns = {column: [line[column] for line in lines] for column in lines[0]} if lines else {}
+        columns |= _by_mode(np.array([each.scores for each in scored.values()]))
+        self.table("scored.csv", **columns)
+        errors = {name: each.vertex_errors for name, each in scored.items()}
+        highest = max((float(np.nanquantile(each, 0.995)) for each in errors.values()), default=0.0)
+        for name, each in scored.items():
+            apart = np.linalg.norm(each.aligned - model.mean, axis=1)
+            values = {"residual": errors[name], "distance_from_mean": apart}
+            self.mesh(f"scored/{name}.ply", model.mesh().moved(each.aligned), values, errors[name], highest)
+
+    def exports(self, shapes: CorrespondedShapes, model: ShapeModel) -> list[str]:
+        """Write aligned meshes and the files of ShapeWorks and Scalismo; return what could not be written, and why."""
+        aligned = model.aligned
+        for name, vertices in zip(model.names, aligned):
+            write_mesh(self.path(f"aligned/{name}.ply"), model.mesh().moved(vertices), binary=True)
+        inner = self.path("shapeworks/project.swproj").parent
+        shape_statistics.write_shapeworks(inner, shapes, aligned)
+        endings = (".ply", "_local.particles", "_world.particles")
+        self.written.extend(f"shapeworks/{name}{ending}" for name in shapes.names for ending in endings)
+        if not model.n_modes:
+            return ["model.h5 is not written: the shapes do not differ"]
+        try:
+            shape_statistics.write_statismo(self.folder / "model.h5", model)
+        except MissingDependencyError as error:
+            return [f"model.h5 for Scalismo is not written: {error}"]
+        self.written.append("model.h5")
+        return []
+
+    def model_page(self, folder: str, record: Mapping[str, Any], told: Sequence[str]) -> None:
+        """Write the page with all pictures of a model, and what the command tells."""
+        doubts = [f"{' and '.join(doubt['names'])} {doubt['reason']}" for doubt in record["doubts"]]
+        n, scale, weights = len(record["shapes"]), SCALES[record["scale"]], WEIGHTS[record["weights"]]
+        counted = f"{n} shapes" if record["mirror"] is None else f"{n // 2} shapes and their mirror images"
+        modes = enumerate(zip(record["shares"][:10], accumulate(record["shares"])), 1)
+        rows = [(str(i), f"{x:.1%}", f"{y:.1%}") for i, (x, y) in modes]
+        settings = f"{scale}; {weights}. Seed {record['seed']}, isomatch {record['isomatch']}."
+        sections = {
+            "To look at first": listed(doubts),
+            "What was found": listed(told),
+            "Modes": tabulated(("mode", "share of the variance", "so far"), rows),
+        }
+        self.page(f"Statistics of {counted}", folder, settings, sections, PICTURES)
+
+    def page(
+        self, title: str, folder: str, settings: str, sections: Mapping[str, str], words: Mapping[str, str]
+    ) -> None:
+        """Write the page: sections of HTML by their headings, but for empty ones, pictures with words, and tables."""
+        ending = f".{self.pictures}"
+        drawn = [name.removesuffix(ending) for name in self.written if name.endswith(ending)]
+        tables = [name for name in self.written if name.endswith((".csv", ".npz")) and "/" not in name]
+        template = Template((files("isomatch.cohort") / "statistics_folder.html").read_text(encoding="utf-8"))
+        text = template.substitute(
+            title=escape(title),
+            folder=escape(folder),
+            settings=escape(settings),
+            sections="".join(f"<h2>{escape(name)}</h2>\n{html}\n" for name, html in sections.items() if html),
+            figures="".join(_figure(name + ending, words[name]) for name in words if name in drawn),
+            tables=", ".join(f'<a href="{quote(name)}">{escape(name)}</a>' for name in tables),
+        )
+        write_text(self.path("index.html"), text)
+
+    def finish(self, record: Mapping[str, object]) -> None:
+        """Write the record last: where it exists, the other files are complete."""
+        write_text(self.folder / self.last, json_text({**record, "files": self.written}))
+
+
+@dataclass(frozen=True)
+class Results:
+    """What a study has written.
+
+    Parameters
+    ----------
+    folder : Path
+        The folder.
+    files : list of str
+        Names of its files.
+    record : mapping of str to Any
+        Settings and results in plain values, as in the file that is written last.
+    told : list of str
+        What was found, one sentence each.
+    model : ShapeModel, optional
+        Mean and modes of variation, of `statistics`.
+    unsure : str
+        Which maps from left to right are not sure, and what to do, of `asymmetry`; empty if all are.
+    """
+
+    folder: Path
+    files: list[str]
+    record: Mapping[str, Any]
+    told: list[str] = field(default_factory=list)
+    model: ShapeModel | None = None
+    unsure: str = ""
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the record with where it is."""
+        return {**self.record, "output": str(self.folder), "files": self.files}
+
+
+def _by_mode(scores: FloatArray) -> dict[str, list[float]]:
+    return {f"mode_{i}": column.tolist() for i, column in enumerate(scores.T, 1)}
+
+
+def _files_of(record: Path) -> list[str]:
+    """Names that an earlier record lists, as far as they are in its folder."""
+    try:
+        listed = json.loads(record.read_text(encoding="utf-8"))["files"]
+        return [each for each in listed if not Path(each).is_absolute() and ".." not in Path(each).parts]
+    except (OSError, ValueError, KeyError, TypeError):
+        return []
+
+
+PICTURES = {
+    "modes": "The mean, and the mean moved along each mode. The colour is the displacement along its normal.",
+    "scores": "The shapes by their scores along the first two modes.",
+    "variance": "How much each vertex varies.",
+    "groups": "Where the means of the groups differ, and how far they are apart there.",
+    "allometry": "Shape without size, in the direction in which it changes with size, against size.",
+    "quality": "By the number of modes: the share described, the error of shapes left out, how near random ones are.",
+    "embedding": "The shapes by the differences of their geodesic distances.",
+    "dendrogram": "The tree of the same.",
+}
+"""What each picture shows, in the order of the page."""
+
+SCALES = {
+    "keep": "Size is part of the shape (scale keep)",
+    "remove": "All shapes are brought to one size (scale remove)",
+}
+WEIGHTS = {
+    "area": "a vertex counts by its share of the area (weights area)",
+    "uniform": "all vertices count alike (weights uniform)",
+}
+
+
+def _figure(file: str, words: str) -> str:
+    image = f'<img src="{quote(file)}" alt="" loading=lazy>'
+    shown = f'<a href="{quote(file)}">{escape(file) if file.endswith(".pdf") else image}</a>'
+    return f"<figure>{shown}<figcaption>{escape(words)}</figcaption></figure>\n"
+
+
+def listed(lines: Sequence[str]) -> str:
+    """Format lines as a list in HTML; nothing if there are none."""
+    return "<ul>" + "".join(f"<li>{escape(line)}</li>" for line in lines) + "</ul>" if lines else ""
+
+
+def tabulated(columns: Sequence[str], rows: Iterable[Iterable[object]]) -> str:
+    """Format rows as a table in HTML, numbers with four digits, nan as nothing."""
+    head = "".join(f"<th scope=col>{escape(name.replace('_', ' '))}</th>" for name in columns)
+    texts = (
+        [f"{cell:.4g}".replace("nan", "") if isinstance(cell, float) else str(cell) for cell in row]
+        for row in rows
+    )
+    body = "".join(f"<tr>{''.join(f'<td>{escape(text)}</td>' for text in row)}</tr>" for row in texts)
+    return f"<div class=wide><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>"

@@ -1,0 +1,224 @@
+"""Workers: any executor of `concurrent.futures`; local processes and Dask's by name. One that dies is replaced."""
+
+from __future__ import annotations
+
+import math
+import os
+import platform
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
+from dataclasses import dataclass, replace
+from functools import lru_cache, partial
+from itertools import takewhile
+from typing import Any, Generic, Literal, NamedTuple, TypeVar
+
+from isomatch._core.errors import InputError, UnwritableFileError
+from isomatch._core.files import is_of_one_file, legible
+from isomatch._core.first_use import package
+from isomatch._core.processes import begin_worker, worker_processes
+from isomatch._core.threads import n_threads
+
+QUEUED = 2  # tasks sent for each worker: the next one is there when the last one ends
+ASKED = 2.0  # seconds until the number of workers of a cluster is asked for again
+S = TypeVar("S")
+T = TypeVar("T")
+LOST = "the workers gave their tasks up, as when the scheduler of a cluster ends; run again to continue"
+
+
+@dataclass(frozen=True)
+class Task:
+    """Something to do for some items of a collection."""
+
+    items: tuple[Any, ...]
+    function: Callable[[Any], Any]  # makes the row of an item, None if it is too late for it
+    lost: int = 0  # how often a worker died while this task was running, on it or on another worker
+
+
+class Attempt(NamedTuple, Generic[T]):
+    """What became of a job for an item: its result, or the error; when, and after how many seconds."""
+
+    result: T | None
+    error: str
+    time: float
+    seconds: float | None = None
+
+    @property
+    def state(self) -> Literal["done", "failed"]:
+        """How it ended."""
+        return "failed" if self.error else "done"
+
+
+def attempted(work: Callable[[S], T], item: S) -> Attempt[T]:
+    """Do a job for an item; a failure is an attempt with its reason, unless the disk is full."""
+    start = time.perf_counter()
+    try:
+        return Attempt(work(item), "", time.time(), time.perf_counter() - start)
+    except Exception as error:  # whatever else it is becomes a row with its reason; nothing ends a run
+        if isinstance(error, UnwritableFileError) and not is_of_one_file(error):
+            raise
+        reason = legible(f"{type(error).__name__}: {error}")  # it may name a file
+        return Attempt(None, reason, time.time(), time.perf_counter() - start)
+
+
+def late_after(time_limit: float | None) -> Callable[[], bool]:
+    """Make a function that tells whether a time limit, in seconds from now, is over; without a limit it never is."""
+    end = math.inf if time_limit is None else time.monotonic() + time_limit
+    return lambda: time.monotonic() > end
+
+
+class Workers:
+    """Workers that tasks are sent to, for a block."""
+
+    def __init__(
+        self, open: Callable[[], AbstractContextManager[Executor]], count: Callable[[], int], threads: int = 1
+    ) -> None:
+        # an executor is opened again where one has broken; workers come and go, each with so many threads if it is a
+        # process of its own
+        self._open, self.count, self._threads = open, count, threads
+        self._opened = ExitStack()
+        self._executor: Executor | None = None
+
+    def __enter__(self) -> Workers:
+        return self
+
+    def __exit__(self, *error: Any) -> None:
+        self._opened.__exit__(*error)
+
+    def completed(
+        self, tasks: Iterable[Task], late: Callable[[], bool] = lambda: False
+    ) -> Iterator[tuple[Any, Any]]:
+        """Yield each item with its row, or with the error that no worker survived; in the order of completion.
+
+        A task whose worker dies is done again item by item. An item beside which a worker dies again is done when
+        nothing else is running; if the worker dies then, it is the item's fault. No task is begun once it is late.
+        """
+        waiting, suspects = deque(tasks), deque[Task]()
+        while (waiting or suspects) and not late():
+            if self._executor is None:
+                self._executor = self._opened.enter_context(self._open())
+            for task, outcome in self._until_broken(self._executor, waiting, suspects, late):
+                if not isinstance(outcome, Exception):
+                    yield from zip(task.items, outcome)
+                    continue
+                for item in task.items:
+                    if task.lost == 2:
+                        yield item, outcome
+                    else:
+                        part = replace(task, items=(item,), lost=task.lost + 1)
+                        (suspects if task.lost else waiting).append(part)
+
+    def _renew(self) -> None:
+        """Replace an executor that has broken."""
+        self._opened.close()
+        self._executor = self._opened.enter_context(self._open())
+        try:
+            self._executor.submit(_here).result()
+        except BrokenExecutor as error:
+            raise InputError(
+                f"workers end as soon as they begin ({error}); in a script, begin under if __name__ == '__main__'; of "
+                "an executor that has broken, give a new one"
+            ) from None
+
+    def _until_broken(
+        self, executor: Executor, waiting: deque[Task], suspects: deque[Task], late: Callable[[], bool]
+    ) -> Iterator[tuple[Task, Any]]:
+        """Yield tasks with their rows or the error of their worker, until all are done or the executor was replaced."""
+        running = dict[Future[Any], Task]()
+        broken = False
+        while True:
+            room = QUEUED * self.count()
+            while not broken and not late():
+                queue = waiting if waiting and len(running) < room else suspects if not running else None
+                if not queue:
+                    break
+                try:
+                    running[executor.submit(_rows, queue[0], self._threads, _here())] = queue[0]
+                except BrokenExecutor:  # a worker died between two tasks, of neither
+                    broken = True
+                else:
+                    queue.popleft()
+            if not running:
+                if broken:
+                    self._renew()
+                return
+            for future in wait(running, return_when=FIRST_COMPLETED).done:
+                try:  # jobs return their own failures, so any other error is the death of a worker
+                    error = future.exception()
+                except CancelledError:
+                    raise InputError(LOST) from None
+                if isinstance(error, UnwritableFileError):
+                    raise error from None
+                broken = broken or isinstance(error, BrokenExecutor)
+                yield running.pop(future), error or future.result()
+
+
+def _rows(task: Task, threads: int, sender: tuple[str, int]) -> list[Any]:
+    if _here() != sender:
+        begin_worker(threads)
+    return list(takewhile(lambda row: row is not None, map(task.function, task.items)))
+
+
+def _here() -> tuple[str, int]:
+    return platform.node(), os.getpid()
+
+
+@contextmanager
+def workers_of(executor: str | Executor | Workers = "local", jobs: int | None = None) -> Iterator[Workers]:
+    """Find the workers that are asked for, see `Collection.run`, for a block; those of a block around it stay."""
+    if isinstance(executor, Workers):
+        yield executor
+        return
+    if jobs is not None and jobs < 1:
+        raise InputError(f"{jobs} jobs cannot run at once; give a number from 1")
+    count = jobs or n_threads()
+    if not isinstance(executor, str):
+        opened = nullcontext(executor)
+        yield Workers(lambda: opened, lambda: count)
+        return
+    kind, _, address = executor.partition(":")
+    if kind == "local" and not address:
+        threads = max(1, n_threads() // count)
+        with Workers(partial(worker_processes, count), lambda: count, threads) as workers:
+            yield workers
+    elif kind == "dask" and address:
+        with _dask_client(address) as client:
+            at_once = (lambda: jobs) if jobs else _n_threads_of(client)
+            with Workers(partial(_dask_executor, client), at_once) as workers:
+                yield workers
+    else:
+        raise InputError(
+            f"executor {executor!r} is not known; give 'local' or 'dask:ADDRESS', such as dask:tcp://host:8786"
+        )
+
+
+def _dask_client(address: str) -> Any:
+    distributed = package("distributed", "cluster", "a Dask cluster")
+    try:
+        return distributed.Client(address, timeout=10, set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise InputError(f"{address}: no Dask scheduler answers ({error}); check the address") from error
+
+
+def _n_threads_of(client: Any) -> Callable[[], int]:
+    """Count the threads of a cluster, to which workers come and go; it is asked now and then."""
+
+    @lru_cache(maxsize=1)
+    def count(_: float) -> int:
+        try:
+            return sum(client.nthreads().values()) or 1  # none have come yet
+        except OSError:
+            raise InputError(LOST) from None
+
+    return lambda: count(time.monotonic() // ASKED)
+
+
+@contextmanager
+def _dask_executor(client: Any) -> Iterator[Executor]:
+    executor = client.get_executor(pure=False)
+    try:
+        yield executor
+    finally:
+        executor.shutdown(wait=False)
