@@ -14,7 +14,7 @@ from typing import Any
 import isomatch
 from isomatch import matching, visualization
 from isomatch._core.errors import FormatError
-from isomatch._core.files import claimed, made_folder, staged, write_text
+from isomatch._core.files import claimed, contents, made_folder, staged, write_text
 from isomatch._core.texts import json_text
 from isomatch.cli.inputs import Surface, read_surface
 from isomatch.cli.outputs import say_notes
