@@ -137,7 +137,7 @@ def test_surfaces_that_were_written_are_known_though_the_rest_was_killed(copied,
     collection = replace(copied, template="s0")
     with ThreadPoolExecutor(1) as executor:
         begun = finish(collection, executor, 1)
-        first = [next(begun)["name"], next(begun)["name"]]
+        first = [next(begun).name, next(begun).name]
         begun.close()
     assert set(surfaces_written(collection)) >= set(first[:1])
     assert not set(finished_lines(collection)) & set(first[:1])

@@ -92,7 +92,7 @@ def star(blobs, folder, reflect=None, **options):
 
 def finished(collection):
     with ThreadPoolExecutor(1) as executor:
-        return [line["name"] for line in finish(collection, executor, 1)]
+        return [line.name for line in finish(collection, executor, 1)]
 
 
 def outcomes(collection):

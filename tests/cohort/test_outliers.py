@@ -69,7 +69,7 @@ def written(folder, names):
 
 def finished(collection):
     with ThreadPoolExecutor(1) as executor:
-        return [line["name"] for line in finish(collection, executor, 1)]
+        return [line.name for line in finish(collection, executor, 1)]
 
 
 def kinds(collection):

@@ -191,7 +191,7 @@ def test_what_lies_on_another_starts_from_its_map(tmp_path):
     )
     bone.layout.ledger().unlink()
     list(alone.run(jobs=1))
-    assert not any("led_by" in row for row in alone.rows().pairs.values())
+    assert not any(row.led_by for row in alone.rows().pairs.values())
 
 
 @pytest.mark.long
