@@ -8,13 +8,13 @@ import pytest
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from isomatch import Config, LandmarkError, Mesh, Outcome, match, prepare
+from isomatch import Config, LandmarkError, Mesh, NotConvergedError, Outcome, match, prepare
 from isomatch.datasets import ground_truth
-from isomatch.matching import ShapePair
+from isomatch.matching import Isometry, ShapePair
 from isomatch.matching.components import Carrier
 from isomatch.shapes import components_of
 from isomatch_lab.procedural import creature
-from shapes import box, disguised, flat_grid, icosphere
+from shapes import box, disguised, flat_grid, icosphere, two_spheres
 
 pytestmark = pytest.mark.usefixtures("prepared_once")
 BALL = icosphere(2)
@@ -284,3 +284,20 @@ def test_a_rigid_motion_is_carried_exactly(creatures):
     hats = components_of(source)[1], components_of(target)[1]
     assert carrier.length_ratio(*hats) == pytest.approx(1, abs=0.01)
     assert carrier.offset(carrier.moved(hats[0]).mean(axis=0), hats[1]) < 0.01
+
+
+class OfLargeOnes(Isometry):
+    """A relation that finds no map of small components."""
+
+    def solution(self, timer):
+        if self.source.share < 0.5:
+            raise NotConvergedError("none was found")
+        return super().solution(timer)
+
+
+@pytest.mark.long
+def test_components_without_a_map_are_noted():
+    ball = two_spheres(2, 0.4)
+    flat = ball.vertices * np.where(ball.components[:, None] == ball.components[-1], [1.0, 1.0, 0.5], 1.0)
+    found = match(ball, Mesh(flat, ball.faces), relation=OfLargeOnes())
+    assert any("was not matched to the component" in n and "none was found" in n for n in found.notes)

@@ -21,6 +21,7 @@ from isomatch import (
 )
 from isomatch.datasets import ground_truth
 from isomatch.matching import Priors, prepare_pair
+from isomatch.repair import for_matching
 from isomatch.shapes import capped_shape, components_of
 from isomatch.shapes.body import body_of
 from isomatch_lab.damage import cut, weld
@@ -625,8 +626,8 @@ def test_a_large_body_lies_in_spatial_order_and_knows_the_users_vertices(defect,
         faces[:100] = faces[:100, ::-1]
     shuffled = Mesh(vertices, faces)
     plain = body_of(shuffled, COARSE.preparation)
-    for module in ("repair.for_matching", "shapes.body"):
-        monkeypatch.setattr(f"isomatch.{module}.LARGE_MESH", 1000)
+    monkeypatch.setattr(for_matching, "LARGE_MESH", 1000)
+    monkeypatch.setattr("isomatch.shapes.body.LARGE_MESH", 1000)
     ordered = body_of(shuffled, COARSE.preparation)
     assert ordered.notes == plain.notes
     assert ordered.scale == pytest.approx(plain.scale, rel=1e-12)
