@@ -45,7 +45,7 @@ Distances: TypeAlias = Callable[
     [V, Sequence[V]], FloatArray
 ]  # mean ones, between the images of a map and of others
 R = TypeVar("R", bound=Fit)
-H = TypeVar("H", Candidate, Fit)
+H = TypeVar("H", bound=Candidate | Fit)
 
 
 def distinct(

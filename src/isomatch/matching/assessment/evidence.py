@@ -12,7 +12,7 @@ from isomatch._core.arrays import Float, FloatArray
 from isomatch._core.stage_timer import StageTimer
 from isomatch.correspondence import Correspondence
 from isomatch.matching.assessment.confidence import ANOTHER_MAP, UNLIKE_ITS_IMAGE, DoubtfulRegion
-from isomatch.matching.problem import ShapePair
+from isomatch.matching.problem import Problem
 from isomatch.matching.result import Alternative, MatchResult, Outcome, Quality
 from isomatch.settings import MatchSettings, Orientation, OutcomeSettings, PartSettings
 from isomatch.shapes import describe_symmetries
@@ -58,7 +58,7 @@ def lowered(outcome: Outcome, *evidence: Evidence) -> Outcome:
 
 
 def measured_evidence(
-    pair: ShapePair, quality: Quality, wanted: Orientation, with_priors: bool = False, far: bool = False
+    pair: Problem, quality: Quality, wanted: Orientation, with_priors: bool = False, far: bool = False
 ) -> Evidence:
     """Compare the measures of a map with the bounds of ``pair.config.outcome``; ``wanted`` is its orientation.
 
@@ -223,7 +223,7 @@ def held_evidence(evidence: tuple[Evidence, ...], quality: Quality, bound: float
 class Solution:
     """A map in the users' vertices with the evidence for it, before its outcome is told; fields as in `MatchResult`."""
 
-    pair: ShapePair
+    pair: Problem
     map: Correspondence
     quality: Quality
     evidence: tuple[Evidence, ...]

@@ -9,7 +9,7 @@ from operator import attrgetter
 
 import numpy as np
 
-from isomatch._core.arrays import BodyVertices, Bool, BoolArray, Float, FloatArray, Int, IntArray, SearchRows
+from isomatch._core.arrays import BodyVertices, Bool, BoolArray, Float, FloatArray, Int, SearchRows
 from isomatch._core.cached import cached_property
 from isomatch._core.errors import SettingError
 from isomatch._core.stage_timer import StageTimer
@@ -41,10 +41,9 @@ from isomatch.matching.isometric.candidates import (
 )
 from isomatch.matching.isometric.search import hypotheses_from_priors, search
 from isomatch.matching.maps import Candidate, Fit, Hypothesis
-from isomatch.matching.pipeline import Relation
-from isomatch.matching.problem import ShapePair, SmoothPair
+from isomatch.matching.model import MatchingModel
+from isomatch.matching.problem import Problem
 from isomatch.matching.proposals.flips import distinct_maps
-from isomatch.matching.proposals.priors import Priors
 from isomatch.matching.proposals.symmetries import near_symmetric_variants, symmetric_variants
 from isomatch.matching.result import Alternative, Outcome, Quality
 from isomatch.matching.selection import (
@@ -60,6 +59,7 @@ from isomatch.matching.selection import (
     select,
     survivors,
 )
+from isomatch.matching.smooth_pair import SmoothPair
 from isomatch.matching.verify import verifier_of
 
 ELSEWHERE_DISTANCE = 0.3  # √area: from one limb to another, twice runner_up_distance
@@ -90,18 +90,19 @@ class Measured:
     doubt: Float[FloatArray, "n_s"] | None = None  # error to be expected because another map may be right
     fit: Fit | None = None  # the refined map that polishing begins with; none of a map that stretches
 
-    def evidence(self, pair: ShapePair, priors: Priors, far: bool) -> Evidence:
+    def evidence(self, pair: Problem, far: bool) -> Evidence:
         """Compare the measures with the bounds, see `measured_evidence`."""
-        return measured_evidence(pair, self._with_distance(pair), pair.config.orientation, priors.any, far)
+        return measured_evidence(
+            pair, self._with_distance(pair), pair.config.orientation, pair.priors.any, far
+        )
 
-    def _with_distance(self, pair: ShapePair) -> Quality:
+    def _with_distance(self, pair: Problem) -> Quality:
         mean = mean_known(self.descriptor_distance, pair.source.body.vertex_areas)
         return replace(self.quality, descriptor_distance=mean)
 
     def solution(
         self,
-        pair: ShapePair,
-        priors: Priors,
+        pair: Problem,
         errors: Float[FloatArray, "n_s"],  # that are expected
         evidence: tuple[Evidence, ...],
         notes: Sequence[str],
@@ -119,7 +120,7 @@ class Measured:
             replace(self._with_distance(pair), matched=float(result.matched.mean())),
             evidence,
             np.where(result.matched, source.lift_smooth(errors), np.nan),
-            notes=(*pair.notes, *priors.notes, *notes, *contradicted_landmarks(pair, self.points, priors)),
+            notes=(*pair.notes, *pair.priors.notes, *notes, *contradicted_landmarks(pair, self.points)),
             origin=self.origin,
             reason=self.reason,
             descriptor_distance=known,
@@ -135,16 +136,16 @@ class IsometricMatch:
     eligible: tuple[Candidate, ...]  # candidates that may win, best first
     runners_up: tuple[Candidate, ...]  # candidates that may not win
     embedding: Embedding  # coordinates of all vertices in which images are nearest points
-    relation: Isometry
+    model: Isometry
 
     @cached_property
     def measured(self) -> Measured:
         """The map, measured."""
-        return self.relation.measure(self)
+        return self.model.measure(self)
 
     def image_of(self, side: str) -> BodyVertices:
         """Vertex of the other shape for each of one, the source or the target; of variants, between their originals."""
-        sides = zip((self.relation.source, self.relation.target), self.embedding)
+        sides = zip((self.model.source, self.model.target), self.embedding)
         (part, of_part), (whole, of_whole) = sides if side == "source" else reversed([*sides])
         n = (part.original or part).body.n_vertices
         image = whole.index.vertices(of_whole, of_part[:n])
@@ -153,7 +154,7 @@ class IsometricMatch:
     def torn(self, side: int, apart: float) -> Bool[BoolArray, "n_original"]:
         """Which vertices of a body that was cut have copies whose images are so far apart, in √area."""
         way = 1 if side == 0 else -1
-        here, there = (self.relation.source, self.relation.target)[::way]
+        here, there = (self.model.source, self.model.target)[::way]
         at, to = self.embedding[::way]
         image = there.index.vertices(to, at)
         torn = np.zeros(len(here.original_vertex), dtype=bool)
@@ -163,7 +164,7 @@ class IsometricMatch:
         return torn
 
 
-class Isometry(Relation):
+class Isometry(MatchingModel[Fit]):
     """Both shapes are complete, and distances along them agree.
 
     Maps are searched on few vertices, as hypotheses and candidates; the best are refined jointly and contend.
@@ -171,13 +172,12 @@ class Isometry(Relation):
     Examples
     --------
     >>> from isomatch.datasets import example_pair
-    >>> from isomatch.matching import Priors, Isometry, prepare_pair
+    >>> from isomatch.matching import Isometry, prepare_pair
     >>> source, target = example_pair()
-    >>> pair = prepare_pair(source.mesh, target.mesh)
-    >>> relation = Isometry().on(pair, Priors.of(pair, None, None, None))
-    >>> candidates, runners_up = relation.candidates(*relation.hypotheses())
-    >>> fits = relation.refined(relation.begun(candidates[:2]))
-    >>> relation.score(fits[0]) < 0.5
+    >>> model = Isometry(prepare_pair(source.mesh, target.mesh))
+    >>> candidates, runners_up = model.candidates(*model.hypotheses())
+    >>> fits = model.refine(model.begun(candidates[:2]))
+    >>> model.score(fits[0]) < 0.5
     True
     """
 
@@ -197,7 +197,7 @@ class Isometry(Relation):
         eligible, runners_up = self.candidates(may_win, only_runners_up)
         timer.start("refinement")
         selection = self._refined_and_selected(eligible, runners_up)
-        if hypotheses is None and self.stages.starts is None:
+        if hypotheses is None and self.problem.starts is None:
             selection = self._with_those_given_up(selection, eligible)
         selection = self._against_mirror_image(self._best_verified(selection), eligible)
         embedding = self.everywhere(selection.winner)
@@ -205,9 +205,9 @@ class Isometry(Relation):
 
     def hypotheses(self) -> tuple[list[Hypothesis], list[Hypothesis]]:
         """Hypotheses that may win, and those that are searched as runners-up only."""
-        pair, config, starts = self.pair, self.pair.config, self.stages.starts
+        pair, config, starts = self.pair, self.pair.config, self.problem.starts
         self.require_priors()
-        from_priors = hypotheses_from_priors(pair, self.priors)
+        from_priors = hypotheses_from_priors(pair)
         if config.hypotheses == "all":
             return search(pair, from_priors, starts), []
         return from_priors, search(pair, from_priors, starts) if self.searches_runners_up else []
@@ -226,7 +226,7 @@ class Isometry(Relation):
             raise SettingError(
                 "the starts gave no first map, and there are no priors; add *default_starts to them"
             )
-        pair, screen = self.pair, Screening(self.pair, self.priors)
+        pair, screen = self.pair, Screening(self.pair)
         eligible = self._ranked(screen(list(may_win)), with_priors=True)
         searched = pair.config.hypotheses == "all" or self.searches_runners_up
         variants = screen(symmetric_variants(pair, eligible[0].target_row)) if searched else []
@@ -256,16 +256,12 @@ class Isometry(Relation):
         functions, and the better map stays. O(n_refine √n (K + q)) a step.
         """
         pair, settings = self.pair, self.pair.config.refining
-        with_them = settings.sizes_with_positions, settings.final_sizes
-        stages = [(settings.sizes_without_positions, False), *((sizes, True) for sizes in with_them)]
-        refined = list(fits)
-        for sizes, with_positions in stages:
-            if sizes and refined:
-                refined = parallel_map(lambda fit: self._stepped(fit, sizes, with_positions), refined)  # noqa: B023
-                apart = self._apart(refined)
-                both_sides = pair.config.orientation == "any"
-                kept = survivors(refined, apart, pair.config.selection, with_positions, both_sides)
-                refined = [refined[i].standing_for(refined[j]) for i, j in kept]
+        refined, both_sides = list(fits), pair.config.orientation == "any"
+        for sizes, with_positions in settings.rounds if fits else ():
+            refined = parallel_map(lambda fit: self._stepped(fit, sizes, with_positions), refined)  # noqa: B023
+            apart = self._apart(refined)
+            kept = survivors(refined, apart, pair.config.selection, with_positions, both_sides)
+            refined = [refined[i].standing_for(refined[j]) for i, j in kept]
         return self._refined_again([replace(fit, score=self.score(fit)) for fit in refined])
 
     def _refined_again(self, fits: Sequence[Fit]) -> list[Fit]:
@@ -287,12 +283,11 @@ class Isometry(Relation):
         image, spectral_residual = refined_images(self.pair, fit.image, fit.side, sizes, with_positions)
         return replace(fit, image=image, spectral_residual=spectral_residual)
 
-    def measured(self, fit: Fit, image: Int[IntArray, "r"]) -> Fit:
+    def measured(self, fit: Fit, image: Int[BodyVertices, "r"]) -> Fit:
         """Measure a map: the spectral residual is that after the last step of the joint refinement, from there."""
-        self.require_images(image)
-        images, step = BodyVertices(image), self.pair.config.refining.last_step
-        _, spectral_residual = refined_images(self.pair, images, fit.side, *step)
-        fit = replace(fit, image=images, spectral_residual=spectral_residual)
+        step = self.pair.config.refining.last_step
+        _, spectral_residual = refined_images(self.pair, image, fit.side, *step)
+        fit = replace(fit, image=image, spectral_residual=spectral_residual)
         return replace(fit, score=self.score(fit))
 
     def score(self, fit: Fit) -> float:
@@ -311,7 +306,7 @@ class Isometry(Relation):
         """Refine the contenders, and runners-up that may not win, and select."""
         config = self.pair.config
         fits, others = (
-            self.refine_and_select(self.begun(contenders(order, config.orientation, config.selection)))
+            self.refine(self.begun(contenders(order, config.orientation, config.selection)))
             for order in (eligible, runners_up)
         )
         may_win = [True] * len(fits) + [False] * len(others)
@@ -340,7 +335,7 @@ class Isometry(Relation):
         known = [first, *selection.runners_up]
         ended = [fit.candidate.target_row for fit in known if fit.candidate]
         others = contenders(candidates, config.orientation, config.selection)
-        fits = self.refine_and_select(self.begun(distinct_maps(self.pair, others, before=ended)))
+        fits = self.refine(self.begun(distinct_maps(self.pair, others, before=ended)))
         known += [fit for fit in fits if is_another(self, fit, first)]
         return self._selected(known, [True] * len(known))
 
@@ -384,7 +379,7 @@ class Isometry(Relation):
         hopeful = [c for c in self.turned(candidates) if c.energy < settings.mirrored_energy * kept]
         if not hopeful:
             return selection
-        fits = [selection.winner, *self.refine_and_select(self.begun(hopeful[:MOST_MIRRORED]))]
+        fits = [selection.winner, *self.refine(self.begun(hopeful[:MOST_MIRRORED]))]
         costs = self.weighed(fits, [fit.score for fit in fits], [fit is selection.winner for fit in fits])
         ratio = max(min(costs[1:]), SCORE_NOISE) / max(costs[0], SCORE_NOISE)
         return replace(selection, mirrored=ratio) if ratio < bounds.mirror_image else selection
@@ -420,7 +415,7 @@ class Isometry(Relation):
         """Take the nearest points, and measure the map."""
         pair, selection = self.pair, isometric.selection
         points = self.target.index.points(isometric.embedding.target, isometric.embedding.source)
-        quality = measure_quality(pair, points, self.priors, selection)
+        quality = measure_quality(pair, points, selection)
         doubt = None
         if selection.against:
             doubt = doubt_of(pair, selection.winner.image, selection.against.image, selection.runner_up)
@@ -442,7 +437,7 @@ class Isometry(Relation):
         self, isometric: IsometricMatch, map_: Measured, timer: StageTimer, note: str | None = None
     ) -> Solution:
         """Polish, carry and sum up a map; one between shapes far from isometric comes with a ``note``."""
-        pair, priors, far = self.pair, self.priors, note is not None
+        pair, far = self.pair, note is not None
         selection, runners_up = isometric.selection, None
         if selection.against and selection.runner_up < pair.config.outcome.tie and not far:
             runners_up = selection.winner.image, selection.against.image
@@ -457,8 +452,8 @@ class Isometry(Relation):
             points = self._polished(level, map_.fit)
         if self.source.detail or self.target.detail:
             timer.start("carry")
-        evidence = [map_.evidence(pair, priors, far)]
-        if pair.round and not priors.any:
+        evidence = [map_.evidence(pair, far)]
+        if pair.round and not pair.priors.any:
             evidence.append(Evidence(ambiguous=True))
         notes = self._notes(selection)
         if level is not pair:
@@ -467,7 +462,7 @@ class Isometry(Relation):
         notes += [note] if note else []
         if any(shape.origin is not None and (shape.origin < 0).any() for shape in (self.source, self.target)):
             notes.append("stretch, residual and distortion are those of the shapes with their holes closed")
-        solution = map_.solution(pair, priors, errors, tuple(evidence), notes, level, points, regions)
+        solution = map_.solution(pair, errors, tuple(evidence), notes, level, points, regions)
         solution = replace(solution, descriptors_count=not far)
         rivals = self._symmetric(map_) if solution.outcome is Outcome.CONVERGED else []
         if rivals:
@@ -478,7 +473,7 @@ class Isometry(Relation):
     def _symmetric(self, map_: Measured) -> list[Candidate]:
         """Compose the map with symmetries that distort hardly more than it does; those that fit about as well."""
         pair, config = self.pair, self.pair.config
-        searches = self.refinement.searches_further and self.stages.starts is None
+        searches = self.refinement.searches_further and self.problem.starts is None
         if config.hypotheses != "all" or self.priors.any or not (pair.oriented and searches):
             return []
         image, bounds = BodyVertices(map_.points.corners[pair.source_vertices, 0]), config.outcome
@@ -486,7 +481,7 @@ class Isometry(Relation):
         residual = residual_of(pair, pair.source_vertices, image, config.search.start_columns)
         variants = near_symmetric_variants(pair, rows, bounds.tie * residual)
         itself = Hypothesis(Alignment(rows, np.eye(1), 0.0), map_.origin)
-        own, *others = Screening(pair, self.priors)([itself, *variants])
+        own, *others = Screening(pair)([itself, *variants])
         limit = config.selection.energy_limit * max(own.energy, ENERGY_NOISE)
         turned = [
             c
@@ -498,8 +493,8 @@ class Isometry(Relation):
         if not turned:
             return []
         # all are refined alike and verified: which way found the map, and how far it was bent, does not count
-        first = map_.fit or self.refine_and_select(self.begun([own]))[0]
-        fits = self.refine_and_select(self.begun(distinct_maps(pair, turned, MOST_TURNED)))
+        first = map_.fit or self.refine(self.begun([own]))[0]
+        fits = self.refine(self.begun(distinct_maps(pair, turned, MOST_TURNED)))
         fits = [fit for fit in fits if fit.score <= bounds.tie * first.score and is_another(self, fit, first)]
         cost, *costs = parallel_map(lambda fit: verifier_of(pair)(self._image(fit)).cost, [first, *fits])
         tied = sorted((c, i) for i, c in enumerate(costs) if c <= AS_WELL * cost)
@@ -541,7 +536,7 @@ class Isometry(Relation):
         )
 
 
-def _extended_map(pair: ShapePair, target_row: Int[SearchRows, "m_s"]) -> Correspondence:
+def _extended_map(pair: Problem, target_row: Int[SearchRows, "m_s"]) -> Correspondence:
     """Extend a map of the search vertices to all."""
     with serial_blas():
         image = extended(pair, target_row, BodyVertices(np.arange(pair.source.body.n_vertices)))

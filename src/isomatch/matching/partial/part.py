@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from copy import copy
 from dataclasses import replace
 from functools import partial
 from itertools import product
 from operator import attrgetter
-from typing import Literal, Self, cast
+from typing import Literal
 
 import numpy as np
 
@@ -23,11 +22,11 @@ from isomatch._core.arrays import (
     PartVertices,
     SearchRows,
 )
-from isomatch._core.cached import cached_property
+from isomatch._core.cached import cached_method, cached_property
 from isomatch._core.errors import NotConvergedError, SettingError
 from isomatch._core.stage_timer import StageTimer
 from isomatch._core.threads import parallel_map, serial_blas
-from isomatch.correspondence import Correspondence, Embedding, PrecisePoints, SpectralPair
+from isomatch.correspondence import Correspondence, Embedding, PrecisePoints
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching.assessment.confidence import expected_errors
 from isomatch.matching.assessment.evidence import Evidence, PartDoubt, Solution, part_contradicts
@@ -40,7 +39,7 @@ from isomatch.matching.assessment.quality import (
     prior_errors,
 )
 from isomatch.matching.isometric.isometry import Measured
-from isomatch.matching.maps import Fit
+from isomatch.matching.model import MatchingModel
 from isomatch.matching.partial.part_pair import PartPair
 from isomatch.matching.partial.part_registration import (
     ALL_FUNCTIONS,
@@ -51,8 +50,7 @@ from isomatch.matching.partial.part_registration import (
     WholeCoordinates,
 )
 from isomatch.matching.partial.part_starts import APART, PartStarts, self_maps
-from isomatch.matching.pipeline import Relation
-from isomatch.matching.problem import SmoothPair
+from isomatch.matching.problem import Problem
 from isomatch.matching.proposals.pose import nearest_in_pose
 from isomatch.matching.result import Alternative, Quality
 from isomatch.matching.selection import (
@@ -64,6 +62,7 @@ from isomatch.matching.selection import (
     nearest_to_priors,
     select,
 )
+from isomatch.matching.smooth_pair import SmoothPair
 from isomatch.matching.verify import verifier_of
 from isomatch.shapes import PreparedShape
 
@@ -76,13 +75,19 @@ N_BENT_IN_FULL = 5
 PartSide = Literal["source", "target"]
 
 
-class Part(Relation):
+class Part(MatchingModel[PartFit]):
     """One shape is a part of the other: its vertices are mapped to the whole, whichever of the two is the source.
 
     Parameters
     ----------
+    problem : Problem
     side : {"source", "target"}
         The shape that is a part.
+    led : tuple, optional
+        A map found otherwise, which is refined without a search: image of each vertex of the part, where it came from,
+        and the ratio by which the other search preferred it to others.
+    coordinates : WholeCoordinates, optional
+        Coordinates of the whole, if other parts of it share them.
 
     Notes
     -----
@@ -94,64 +99,45 @@ class Part(Relation):
     What is mapped is the part, also where it is the target:
 
     >>> from isomatch.datasets import example_pair
-    >>> from isomatch.matching import Priors, Part, prepare_pair
+    >>> from isomatch.matching import Part, prepare_pair
     >>> whole, part = example_pair()
-    >>> pair = prepare_pair(whole.mesh, part.mesh)
-    >>> relation = Part("target").on(pair, Priors.of(pair, None, None, None))
-    >>> relation.source is pair.target
+    >>> problem = prepare_pair(whole.mesh, part.mesh)
+    >>> Part(problem, "target").source is problem.target
     True
     """
 
     way = "part"
 
-    def __init__(self, side: PartSide = "source") -> None:
+    def __init__(
+        self,
+        problem: Problem,
+        side: PartSide = "source",
+        led: tuple[BodyVertices, str, float] | None = None,
+        coordinates: WholeCoordinates | None = None,
+    ) -> None:
         if side not in ("source", "target"):
             raise SettingError(f"side = {side!r}; the part is the 'source' or the 'target'")
-        self.side = side
-        # a map found otherwise, which is refined without a search: image of each vertex of the part, where it came from,
-        # and the ratio by which the other search preferred it to others
-        self.led: tuple[BodyVertices, str, float] | None = None
-        self.coordinates: WholeCoordinates | None = None  # of the whole, if other parts of it share them
+        super().__init__(problem)
+        self.side, self.led = side, led
+        self.pair = problem if side == "source" else problem.turned
+        self._coordinates = coordinates
 
-    @property
-    def source(self) -> PreparedShape:
-        """The part."""
-        return self.pair.source if self.side == "source" else self.pair.target
-
-    @property
-    def target(self) -> PreparedShape:
-        """The whole."""
-        return self.pair.target if self.side == "source" else self.pair.source
-
-    @property
-    def vertices(self) -> Int[BodyVertices, "r"]:
-        """Vertices of the part that a fit maps."""
-        return BodyVertices(self.source.sample_vertices[: self.pair.config.n_refine])
-
-    @cached_property
-    def spectra(self) -> SpectralPair:
-        """The Laplace–Beltrami bases, for maps from these vertices of the part to all vertices of the whole."""
-        basis = self.source.sampled_basis(self.pair.config.n_refine)
-        return SpectralPair(basis, self.target.laplace.vectors, self.target.index.vertices)
-
-    def refined(self, fits: Sequence[Fit]) -> list[Fit]:
+    def refined(self, fits: Sequence[PartFit]) -> list[PartFit]:
         """Refine maps of a part by functions of the whole that are pulled back to it."""
-        return parallel_map(lambda fit: self.fits.refined(cast(PartFit, fit)), fits)
+        return parallel_map(self.fits.refined, fits)
 
-    def refined_again(self, fit: Fit) -> PartFit:
+    def refined_again(self, fit: PartFit) -> PartFit:
         """Take the last steps of the refinement again."""
-        return self.fits.refined_again(cast(PartFit, fit))
+        return self.fits.refined_again(fit)
 
-    def measured(self, fit: Fit, image: Int[IntArray, "r"]) -> PartFit:
+    def measured(self, fit: PartFit, image: Int[BodyVertices, "r"]) -> PartFit:
         """Measure a map: where it is verified, the part is bent by it, too."""
-        self.require_images(image)
-        return self.fits.measured(cast(PartFit, fit).pair, BodyVertices(image), fit.origin)
+        return self.fits.measured(fit.pair, image, fit.origin)
 
-    def embedding(self, fit: Fit) -> Embedding:
+    def embedding(self, fit: PartFit) -> Embedding:
         """Coordinates of all vertices of part and whole, with all functions."""
-        refinement = cast(PartFit, fit).refinement
         everywhere = PartVertices(np.arange(self.source.body.n_vertices))
-        return refinement.embedding(fit.image, ALL_FUNCTIONS, everywhere)
+        return fit.refinement.embedding(fit.image, ALL_FUNCTIONS, everywhere)
 
     @property
     def little_is_missing(self) -> bool:
@@ -160,12 +146,6 @@ class Part(Relation):
         trusted = pair.trusted >= settings.little_trusted
         least = settings.little_missing if trusted else settings.most_there
         return bool(pair.knows_unit and pair.share >= least)
-
-    def led_by(self, image: Int[BodyVertices, "n_part"], origin: str, runner_up: float) -> Self:
-        """Refine a map found otherwise, without a search of others; what this match of the part has found stays known."""
-        led = copy(self)
-        led.led = image, origin, runner_up
-        return led
 
     def match(self, timer: StageTimer | None = None) -> Selection[PartFit]:
         """Search, refine, settle the best and select."""
@@ -186,10 +166,10 @@ class Part(Relation):
             )
         timer.start("refinement")
         begun = parallel_map(lambda contender: fits_of.begun(*contender), contenders)
-        fits, costs = self._by_cost(cast(list[PartFit], self.refine_and_select(begun)))
+        fits, costs = self._by_cost(self.refine(begun))
         timer.start("settling")
         n_settled = sum(cost <= settings.hopeless * costs[0] for cost in costs[: settings.n_settled])
-        fits[:n_settled] = parallel_map(lambda fit: fits_of.settled(fit, self._again), fits[:n_settled])
+        fits[:n_settled] = parallel_map(lambda fit: fits_of.settled(fit, self.refine_again), fits[:n_settled])
         fits, costs = self._by_cost(fits)
         apart = distances_between([fit.image for fit in fits], self.target.mean_distances)
         rules = Rules(
@@ -200,9 +180,9 @@ class Part(Relation):
             return replace(selection, runner_up=min(selection.runner_up, self.led[2]))
         return selection
 
-    def descriptor_distance(self, fit: Fit) -> Float[FloatArray, "r"]:
+    def descriptor_distance(self, fit: PartFit) -> Float[FloatArray, "r"]:
         """Descriptor distance of the vertices and their images, by balls."""
-        return cast(PartFit, fit).descriptor_distances
+        return fit.descriptor_distances
 
     @property
     def descriptor_weight(self) -> float:
@@ -218,11 +198,6 @@ class Part(Relation):
     def bent(self, fit: PartFit) -> BentPart:
         """Bend the part onto the whole by a map, in full."""
         return fit.bending.laid_in_full(fit.bent, self.pair.config.parts.bending[-N_BENT_IN_FULL:])
-
-    def _again(self, fit: PartFit) -> PartFit:
-        again = self.refinement.again(self, fit)
-        self.require_measured(again, PartFit)
-        return cast(PartFit, again)
 
     def _distinct(self, fits: list[PartFit], count: int) -> list[PartFit]:
         return distinct(fits, lambda fit: fit.image, self.target.mean_distances, APART, count)
@@ -260,36 +235,21 @@ class Part(Relation):
         images: list[tuple[BodyVertices, str]] = []
         if self.led:
             images.append(self.led[:2])
-        if self._with_priors_image is not None:
+        if self.fits.given is not None:
             origin = "initial map" if len(self.priors.initial_pairs) else "pose"
-            images.append((self._with_priors_image, origin))
+            images.append((self.fits.given, origin))
         handed_in = self.first_maps_handed_in()
-        images += [(filled(self.source, self._towards_whole(pairs))[0], name) for pairs, name in handed_in]
+        images += [
+            (filled(self.source, towards_whole(pairs, self.side))[0], name) for pairs, name in handed_in
+        ]
         rough = self.source.sample_vertices[:N_ROUGH_VERTICES]
         pair = self.fits.pair
         return [(pair.in_unit_of(image), BodyVertices(image[rough]), origin) for image, origin in images]
 
-    def _towards_whole(self, pairs: Int[BodyVertices, "q 2"]) -> Int[IntArray, "q 2"]:
-        """Turn pairs of vertices of source and target into such of part and whole."""
-        return pairs if self.side == "source" else pairs[:, ::-1]
-
     @cached_property
     def fits(self) -> PartFits:
         """Refines maps of the part."""
-        landmarks = self._towards_whole(self.priors.landmarks)
-        functions = (self.pair if self.side == "source" else self.pair.turned).known
-        pair = PartPair.of(self.source, self.target, self.pair.config, landmarks, functions)
-        return PartFits(pair, self._with_priors_image, self.coordinates)
-
-    @cached_property
-    def _with_priors_image(self) -> Int[BodyVertices, "n_part"] | None:
-        """Images by the initial map, or by the pose."""
-        pairs, pair = self.priors.initial_pairs, self.pair
-        if not len(pairs) and pair.config.start == "pose":
-            vertices = BodyVertices(np.arange(pair.source.body.n_vertices))
-            images = nearest_in_pose(pair.source, pair.target, vertices)
-            pairs = BodyVertices(np.column_stack([vertices, images]))
-        return filled(self.source, self._towards_whole(pairs))[0] if len(pairs) else None
+        return fits_of(self.problem, self.side, self._coordinates)
 
     def solution(self, timer: StageTimer) -> Solution:
         """Find the map, and the evidence for it."""
@@ -312,10 +272,10 @@ class Part(Relation):
 
     def _by_verification(self, fits: list[PartFit]) -> list[PartFit]:
         """Order maps of which none is sure by what they cost on the shapes as they are, see `verify`."""
-        fits = cast(list[PartFit], nearest_to_priors(fits, LANDMARK_SLACK))
+        fits = nearest_to_priors(fits, LANDMARK_SLACK)
         if self.led or len(fits) < 2:
             return fits
-        verified = verifier_of(self.pair if self.side == "source" else self.pair.turned)
+        verified = verifier_of(self.pair)
         vertices = np.arange(self.source.body.n_vertices)
         costs = [verified(self.fits.bending.images(fit.bent, vertices)).cost for fit in fits]
         return [fits[i] for i in np.argsort(costs, kind="stable")]
@@ -330,7 +290,7 @@ class Part(Relation):
     def _bent_by(self, fit: PartFit) -> Correspondence:
         with serial_blas():
             points, matched, _ = self._directed(fit, self.bent(fit))
-            return self.pair.source.correspondence(self.pair.target, points, matched)
+            return self.problem.source.correspondence(self.problem.target, points, matched)
 
     def _directed(self, fit: PartFit, bent: BentPart) -> tuple[PrecisePoints, Bool[BoolArray, "n_s"], float]:
         """Return the map by a bent part in the direction asked for, which vertices have an image, and its unit."""
@@ -361,12 +321,31 @@ class Part(Relation):
             f"the {self.side} was matched as a part: it has {best.share:.0%} of the area of the other shape and covers "
             f"{area:.0%}"
         ]
-        evidence = (contradiction(self, measured),)
-        return measured.solution(self.pair, self.priors, errors, evidence, notes).doubted(doubt)
+        evidence = (contradiction(self.problem, measured),)
+        return measured.solution(self.problem, errors, evidence, notes).doubted(doubt)
+
+
+@cached_method
+def fits_of(problem: Problem, side: PartSide, coordinates: WholeCoordinates | None) -> PartFits:
+    """Return what refines maps of a part, one for each problem, and kept with it."""
+    pair = problem if side == "source" else problem.turned
+    pairs = problem.priors.initial_pairs
+    if not len(pairs) and problem.config.start == "pose":
+        vertices = BodyVertices(np.arange(problem.source.body.n_vertices))
+        images = nearest_in_pose(problem.source, problem.target, vertices)
+        pairs = BodyVertices(np.column_stack([vertices, images]))
+    given = filled(pair.source, towards_whole(pairs, side))[0] if len(pairs) else None
+    known = pair.priors.landmarks, pair.known
+    return PartFits(PartPair.of(pair.source, pair.target, pair.config, *known), given, coordinates)
+
+
+def towards_whole(pairs: Int[BodyVertices, "q 2"], side: PartSide) -> Int[IntArray, "q 2"]:
+    """Turn pairs of vertices of source and target into such of part and whole."""
+    return pairs if side == "source" else pairs[:, ::-1]
 
 
 def measured_part(
-    relation: Relation,
+    model: MatchingModel[PartFit],
     fit: PartFit,
     bent: BentPart,
     unit: float,  # what √area of the source is worth in √area of the target
@@ -376,7 +355,7 @@ def measured_part(
     reason: str,
 ) -> Measured:
     """Measure a map in which a part takes part."""
-    pair, priors = relation.pair, relation.priors
+    pair, priors = model.problem, model.priors
     source, target = pair.source, pair.target
     image = BodyVertices(points.corners[:, 0])
     initial_pairs = BodyVertices(priors.initial_pairs[matched[priors.initial_pairs[:, 0]]])
@@ -398,14 +377,14 @@ def measured_part(
         stress=fit.stress,
         bending_cost=bent.spectral_residual,
     )
-    return Measured(points, quality, descriptor_distance, reason, relation.origin_of(fit), matched)
+    return Measured(points, quality, descriptor_distance, reason, model.origin_of(fit), matched)
 
 
-def contradiction(relation: Relation, measured: Measured) -> Evidence:
+def contradiction(problem: Problem, measured: Measured) -> Evidence:
     """Compare the map of a part with its priors."""
-    pair, priors = relation.pair, relation.priors
-    errors = distances_to_priors(pair, BodyVertices(measured.points.corners[:, 0]), priors.landmarks)
-    bound = pair.config.outcome.contradiction
+    image = BodyVertices(measured.points.corners[:, 0])
+    errors = distances_to_priors(problem, image, problem.priors.landmarks)
+    bound = problem.config.outcome.contradiction
     return Evidence(contradicted=part_contradicts(errors, measured.quality.initial_map_error, bound))
 
 

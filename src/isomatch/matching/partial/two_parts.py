@@ -1,11 +1,11 @@
-"""BothParts: two shapes that show overlapping parts of one body, of which neither shows the whole."""
+"""TwoParts: two shapes that show overlapping parts of one body, of which neither shows the whole."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -16,7 +16,6 @@ from isomatch._core.arrays import (
     Float,
     FloatArray,
     Int,
-    IntArray,
     PartVertices,
     SampleRows,
 )
@@ -28,14 +27,13 @@ from isomatch.correspondence import UNMATCHED, Boundary, Correspondence, Embeddi
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching.assessment.evidence import CommonDoubt, Solution
 from isomatch.matching.assessment.quality import descriptor_distance_of
-from isomatch.matching.maps import Fit
+from isomatch.matching.model import MatchingModel
 from isomatch.matching.partial.both_seeds import NEXT_ANCHORS, CommonRegion, CommonRegions, two_sides
 from isomatch.matching.partial.part import Part, contradiction, expected_errors_of_part, filled, measured_part
 from isomatch.matching.partial.part_registration import N_ROUGH_VERTICES, BentPart, PartFit, WholeCoordinates
-from isomatch.matching.pipeline import Relation
-from isomatch.matching.problem import ShapePair
+from isomatch.matching.priors import Priors
+from isomatch.matching.problem import Problem
 from isomatch.matching.proposals.pose import nearest_in_pose
-from isomatch.matching.proposals.priors import NO_LANDMARKS, Priors
 from isomatch.matching.result import Alternative
 from isomatch.matching.verify import largest_piece
 from isomatch.settings import Config
@@ -52,7 +50,7 @@ ROUGH_FUNCTIONS = 100  # of a rough refinement, which ranks regions as one in fu
 N_BENT_IN_FULL = 3  # last lengths with which the best region is bent in full
 
 
-class BothParts(Relation):
+class TwoParts(MatchingModel[PartFit]):
     """Two shapes show overlapping parts of one body: some vertices of the source have an image, the others none.
 
     Notes
@@ -64,11 +62,12 @@ class BothParts(Relation):
 
     way = "two parts"
 
-    left_out: list[str]  # why regions were not refined
+    def __init__(self, problem: Problem) -> None:
+        super().__init__(problem)
+        self.left_out: list[str] = []  # why regions were not refined
 
     def match(self) -> list[RefinedRegion]:
         """Search and refine regions in common: those refined to the end, the best first, then those on the way."""
-        self.left_out = []
         regions = self._refined(self._first_regions(), roughly=True)
         if not regions:
             raise NotConvergedError(
@@ -111,14 +110,14 @@ class BothParts(Relation):
         images[source.vertices], number[vertices] = region.images, np.arange(len(vertices))
         kept = number[landmarks[:, 0]] >= 0
         landmarks = BodyVertices(np.column_stack([number[landmarks[:, 0]], landmarks[:, 1]])[kept])
-        nothing = np.zeros((len(vertices), 0)), np.zeros((target.shape.body.n_vertices, 0))
         functions = pair.functions and Embedding(pair.known.source[vertices], pair.functions.target)
-        own_pair = ShapePair(part, target.shape, config, functions)
-        relation = Part().on(own_pair, Priors(landmarks, NO_LANDMARKS, nothing), self.stages)
-        relation.coordinates = self._coordinates(tuple(landmarks[:, 1].tolist()))
+        problem = Problem(
+            part, target.shape, config, functions, Priors(landmarks), pair.refinement, pair.starts
+        )
+        model = Part(problem, coordinates=self._coordinates(tuple(landmarks[:, 1].tolist())))
         first = images[owner[vertices[part.sample_vertices[:N_ROUGH_VERTICES]]]]
-        begun = relation.fits.begun(relation.fits.pair, BodyVertices(first), region.origin)
-        return RefinedRegion(regions, vertices, cast(PartFit, relation.refine_and_select([begun])[0]))
+        begun = model.fits.begun(model.fits.pair, BodyVertices(first), region.origin)
+        return RefinedRegion(regions, vertices, model.refine([begun])[0])
 
     @cached_method
     def _coordinates(self, landmarks: tuple[int, ...]) -> WholeCoordinates:
@@ -182,7 +181,7 @@ class BothParts(Relation):
 
     def _summed_up(self, best: RefinedRegion, runner_up: RefinedRegion | None, timer: StageTimer) -> Solution:
         """Bend the region in full, and sum up the map."""
-        pair, priors, fit = self.pair, self.priors, best.fit
+        pair, fit = self.pair, best.fit
         bent = fit.bending.laid_in_full(fit.bent, pair.config.parts.bending[-N_BENT_IN_FULL:])
         n = pair.source.body.n_vertices
         points, matched = PrecisePoints.at_vertices(np.zeros(n, dtype=np.int64)), np.zeros(n, dtype=bool)
@@ -207,23 +206,22 @@ class BothParts(Relation):
         ]
         if self.left_out:
             notes.append(f"{len(self.left_out)} regions in common were left out: {self.left_out[0]}")
-        evidence = (contradiction(self, measured),)
-        return measured.solution(pair, priors, errors, evidence, notes).doubted(doubt)
+        evidence = (contradiction(pair, measured),)
+        return measured.solution(pair, errors, evidence, notes).doubted(doubt)
 
-    def _part(self, fit: Fit) -> Part:
-        """Return the relation of a region and the target, by a map of the region."""
-        own = cast(PartFit, fit).pair
-        return Part().on(replace(self.pair, source=own.part, functions=None), self.priors, self.stages)
+    def _part(self, fit: PartFit) -> Part:
+        """Return the model of a region and the target, by a map of the region."""
+        return Part(replace(self.problem, source=fit.pair.part, functions=None))
 
-    def refined(self, fits: Sequence[Fit]) -> list[Fit]:
+    def refined(self, fits: Sequence[PartFit]) -> list[PartFit]:
         """Refine maps of regions, each as that of a part."""
         return [refined for fit in fits for refined in self._part(fit).refined([fit])]
 
-    def measured(self, fit: Fit, image: Int[IntArray, "r"]) -> Fit:
+    def measured(self, fit: PartFit, image: Int[BodyVertices, "r"]) -> PartFit:
         """Measure the map of a region."""
         return self._part(fit).measured(fit, image)
 
-    def embedding(self, fit: Fit) -> Embedding:
+    def embedding(self, fit: PartFit) -> Embedding:
         """Coordinates of the vertices of a region, and of those of the target."""
         return self._part(fit).embedding(fit)
 
