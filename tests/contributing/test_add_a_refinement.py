@@ -14,6 +14,7 @@ from isomatch.matching import (
     Refinement,
     check_refinement,
     prepare_pair,
+    search_under,
 )
 from isomatch_lab.damage import cut
 
@@ -79,9 +80,9 @@ def test_it_refines_an_elastic_map(animals):
     everywhere = np.column_stack([np.arange(len(truth)), truth])
     prepared = prepare_pair(source, target)
     model = Elastic(replace(prepared, refinement=Upsampling(), starts=[lambda problem: [everywhere[::5]]]))
-    selection, _ = model.match()
-    assert selection.winner.image.shape == model.vertices.shape
-    assert model.target.mean_distance(selection.winner.image, truth[model.vertices]) < 0.04
+    best = search_under(model).selection.winner
+    assert best.image.shape == model.vertices.shape
+    assert model.target.mean_distance(best.image, truth[model.vertices]) < 0.04
 
 
 @pytest.mark.long

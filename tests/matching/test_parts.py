@@ -10,7 +10,7 @@ import pytest
 from isomatch import Config, Mesh, Outcome, match, prepare, questions, verify
 from isomatch.datasets import ground_truth
 from isomatch.geodesics import distance_along_edges_to_nearest
-from isomatch.matching import Part, Problem, prepare_pair
+from isomatch.matching import Part, Problem, prepare_pair, search_under
 from isomatch.matching.assessment.quality import covered_share
 from isomatch.matching.strategies import part_of
 from isomatch.settings import PartSettings
@@ -21,14 +21,14 @@ from isomatch_lab.sets import relabelled
 
 def match_part(part, whole, config):
     """Match a prepared part to a prepared whole, without priors and without closing holes."""
-    relation = Part(Problem(part, whole, config))
-    selection = relation.match()
+    found = search_under(Part(Problem(part, whole, config)))
+    selection = found.selection
     best = selection.winner
     return SimpleNamespace(
         fits=[best, *selection.runners_up],
         score=best.bent_cost,
         pair=best.pair,
-        bent=relation.bent(best),
+        bent=found.coordinates,
         share=best.share,
         runner_up=selection.runner_up,
     )

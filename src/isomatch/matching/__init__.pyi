@@ -15,9 +15,10 @@ from isomatch.matching.isometric.candidates import first_map
 from isomatch.matching.isometric.isometry import Isometry
 from isomatch.matching.maps import Candidate, Fit, Hypothesis
 from isomatch.matching.match import BothDirections, continue_with, match, match_both
-from isomatch.matching.model import MatchingModel
+from isomatch.matching.model import Match, MatchingModel, Proposals, RefiningModel
 from isomatch.matching.partial.part import Part
 from isomatch.matching.partial.two_parts import TwoParts
+from isomatch.matching.pipeline import match_under, search_under
 from isomatch.matching.priors import Priors
 from isomatch.matching.problem import Joint, Problem, Refinement, Start, prepare_pair
 from isomatch.matching.proposals.starts import default_starts
@@ -41,15 +42,18 @@ __all__ = [
     "Hypothesis",
     "Isometry",
     "Joint",
+    "Match",
     "MatchResult",
     "MatchingModel",
     "Outcome",
     "Part",
     "Priors",
     "Problem",
+    "Proposals",
     "Quality",
     "Question",
     "Refinement",
+    "RefiningModel",
     "Solution",
     "Start",
     "TwoParts",
@@ -65,11 +69,13 @@ __all__ = [
     "lowered",
     "match",
     "match_both",
+    "match_under",
     "measure_quality",
     "measured_evidence",
     "outcome_of",
     "prepare_pair",
     "questions",
+    "search_under",
     "select_strategies",
     "verified",
     "verify",

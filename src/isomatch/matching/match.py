@@ -51,7 +51,7 @@ def match(
     *,
     refinement: Refinement | None = None,
     starts: Sequence[Start] | None = None,
-    relation: Callable[[Problem], MatchingModel[Any]] | None = None,
+    relation: Callable[[Problem], MatchingModel[Any, Any]] | None = None,
     functions: tuple[ArrayLike, ArrayLike] | None = None,
     via: Via | None = None,
 ) -> MatchResult:
@@ -157,7 +157,7 @@ def _asked(
     functions: tuple[ArrayLike, ArrayLike] | None,
     refinement: Refinement | None,
     starts: Sequence[Start] | None,
-    relation: Callable[[Problem], MatchingModel[Any]] | None,
+    relation: Callable[[Problem], MatchingModel[Any, Any]] | None,
 ) -> Problem:
     """Add what is handed in to a problem, and where there is no refinement that of the settings."""
     return replace(
@@ -229,7 +229,7 @@ def match_both(
     *,
     refinement: Refinement | None = None,
     starts: Sequence[Start] | None = None,
-    relation: Callable[[Problem], MatchingModel[Any]] | None = None,
+    relation: Callable[[Problem], MatchingModel[Any, Any]] | None = None,
     functions: tuple[ArrayLike, ArrayLike] | None = None,
 ) -> BothDirections:
     """Match two surfaces in both directions; the shapes are prepared once.
@@ -329,7 +329,7 @@ def _turned_hypotheses(isometric: IsometricMatch, pair: Problem, pair_back: Prob
     refined = [fit.candidate for fit in fits if fit.candidate]
     images = [fit.image[: len(pair.source_vertices)] for fit in fits]
     tried = [candidate.hypothesis for candidate in refined]
-    others = [c for c in isometric.eligible if all(c.hypothesis is not other for other in tried)]
+    others = [c for c in isometric.proposals.eligible if all(c.hypothesis is not other for other in tried)]
     others = others[: pair.config.selection.most_contenders]
     images += [pair.target_vertices[candidate.target_row] for candidate in others]
     # for each search vertex of the target, the row of the source whose image is nearest, by geodesic distance

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import ClassVar, Generic, TypeVar
 
@@ -17,34 +18,58 @@ from isomatch._core.threads import parallel_map
 from isomatch.correspondence import Embedding
 from isomatch.descriptors import deviation_of
 from isomatch.matching.assessment.evidence import Solution
-from isomatch.matching.maps import Fit
+from isomatch.matching.assessment.measured import Measured
+from isomatch.matching.maps import Candidate, Fit
 from isomatch.matching.priors import Priors
 from isomatch.matching.problem import Problem, Refinement
 from isomatch.matching.proposals.anchors import starts_from_anchors
 from isomatch.matching.proposals.starts import default_starts, first_maps_of
-from isomatch.matching.selection import weighed
+from isomatch.matching.selection import Selection, weighed
 from isomatch.shapes import PreparedShape
 
+M = TypeVar("M")  # a map on its way
 F = TypeVar("F", bound=Fit)
+C = TypeVar("C")  # coordinates, or what else images are read off
 
 
-class MatchingModel(ABC, Generic[F]):
-    """What is assumed of two shapes, and how a map under this assumption is found, measured and verified.
+@dataclass(frozen=True, eq=False)
+class Proposals(Generic[M]):
+    """First maps of a model, begun so that they can be refined."""
 
-    A model is built from a problem, and serves that alone. Subclass `Isometry` to change a part of it, such as ``score``.
+    begun: Sequence[M]  # those that contend
+    n_tried: int  # number of maps of which they are the best
+    rivals: Sequence[M] = ()  # those that contend, but may not win
+    eligible: tuple[Candidate, ...] = ()  # all candidates of complete shapes that may win, best first
+    runners_up: tuple[Candidate, ...] = ()  # all that may not
 
-    Examples
-    --------
-    An isometry whose maps are scored by their spectral residual alone, handed to `match` as
-    ``relation=BySpectralResidual``:
 
-    >>> from isomatch.matching import Isometry
-    >>> class BySpectralResidual(Isometry):
-    ...     def score(self, fit):
-    ...         return fit.spectral_residual
-    >>> issubclass(BySpectralResidual, MatchingModel)
-    True
+@dataclass(frozen=True, eq=False)
+class Match(Generic[M, C]):
+    """What was found under a model, before it is summed up."""
+
+    model: MatchingModel[M, C]
+    proposals: Proposals[M]
+    selection: Selection[M]
+
+    @cached_property
+    def coordinates(self) -> C:
+        """What the images of the map selected are read off."""
+        return self.model.coordinates(self.selection.winner)
+
+    @cached_property
+    def measured(self) -> Measured:
+        """The map selected, measured."""
+        return self.model.measure(self)
+
+
+class MatchingModel(ABC, Generic[M, C]):
+    """What is claimed of two shapes, and how maps under this claim are proposed, refined, ranked, measured and summed up.
+
+    A model is built from a problem, and serves that alone; `match_under` calls its methods one after the other.
     """
+
+    last_stage: ClassVar[str | None] = None
+    """The stage in which coordinates are made, for the timings; None if it is the refinement."""
 
     way: ClassVar[str] = "isometry"
     """The row of `WAYS` that claims the same, for the report."""
@@ -59,11 +84,6 @@ class MatchingModel(ABC, Generic[F]):
         return self.problem.priors
 
     @property
-    def refinement(self) -> Refinement:
-        """The refinement of the match."""
-        return self.problem.refinement
-
-    @property
     def source(self) -> PreparedShape:
         """The shape whose vertices are mapped."""
         return self.pair.source
@@ -73,44 +93,35 @@ class MatchingModel(ABC, Generic[F]):
         """The shape onto which they are mapped."""
         return self.pair.target
 
-    @property
-    def vertices(self) -> Int[BodyVertices, "r"]:
-        """Vertices of the source's body that a fit maps."""
-        return self.pair.refinement_vertices
+    @abstractmethod
+    def propose(self, timer: StageTimer) -> Proposals[M]:
+        """Search first maps, and begin those that contend."""
 
-    def refine(self, fits: Sequence[F]) -> list[F]:
-        """Refine maps by the refinement of the match; in rounds of the model, those that are hopeless are given up."""
-        return self.refined(fits) if self.refinement.in_rounds else parallel_map(self._refined_by_user, fits)
+    @abstractmethod
+    def refine(self, maps: Sequence[M]) -> list[M]:
+        """Refine maps; those that are hopeless may be given up on the way."""
 
-    def refine_again(self, fit: F) -> F:
-        """Refine a map that was refined and then moved."""
-        return self.refined_again(fit) if self.refinement.in_rounds else self._refined_by_user(fit)
+    @abstractmethod
+    def rank(
+        self, maps: list[M], rivals: list[M], proposals: Proposals[M], timer: StageTimer
+    ) -> Selection[M]:
+        """Select among refined maps, least cost first; ``rivals`` are ranked, but may not win."""
 
-    def _refined_by_user(self, fit: F) -> F:
-        """Refine a map by a refinement that knows nothing of the model, and measure it."""
-        image = np.asarray(self.refinement(self.pair, fit))
-        n_mapped, n_target = len(self.vertices), self.target.body.n_vertices
-        expected = f"expected ({n_mapped},) vertices of a body of {n_target} vertices"
-        if image.shape != (n_mapped,) or image.dtype.kind not in "iu":
-            raise self._refused(f"gave images of shape {image.shape} and type {image.dtype}; {expected}")
-        if image.min() < 0 or image.max() >= n_target:
-            raise self._refused(f"gave images from {image.min()} to {image.max()}; {expected}")
-        return self.measured(fit, BodyVertices(image))
+    @abstractmethod
+    def coordinates(self, best: M) -> C:
+        """Make what images under a map are read off."""
 
-    def _refused(self, how: str) -> SettingError:
-        return SettingError(f"the refinement {type(self.refinement).__name__} {how}")
+    @abstractmethod
+    def measure(self, match: Match[M, C]) -> Measured:
+        """Read precise images off the coordinates, and measure the map."""
 
-    def everywhere(self, fit: F) -> Embedding:
-        """Coordinates of all vertices by the refinement of the match; `SettingError` if they are of other vertices."""
-        embedding = Embedding(*self.refinement.everywhere(self.pair, fit, partial(self.embedding, fit)))
-        sizes = self.source.body.n_vertices, self.target.body.n_vertices
-        shapes = tuple(np.shape(points) for points in embedding)
-        if [shape[:1] for shape in shapes] != [(size,) for size in sizes] or shapes[0][1:] != shapes[1][1:]:
-            raise self._refused(
-                f"gave coordinates of shapes {shapes[0]} and {shapes[1]}; expected one row for each of {sizes[0]} and "
-                f"{sizes[1]} vertices, in the same columns"
-            )
-        return embedding
+    @abstractmethod
+    def sum_up(self, match: Match[M, C], measured: Measured, timer: StageTimer) -> Solution:
+        """Sum up a measured map, with the evidence for it, expected errors and alternatives."""
+
+    def require_suitable(self) -> None:
+        """Raise an `IsomatchError` unless the shapes, the priors and the settings suit the model."""
+        self.require_priors()
 
     def require_sides(self) -> None:
         """Raise `SettingError` unless the shapes have an inside and an outside, which the map should preserve."""
@@ -159,10 +170,68 @@ class MatchingModel(ABC, Generic[F]):
         starts = () if self.pair.config.hypotheses == "given" else self.problem.starts or ()
         return first_maps_of([start for start in starts if start not in default_starts], self.problem)
 
-    def origin_of(self, winner: F) -> str:
-        """Where a map came from: the initial map, if it agrees with that."""
-        agrees = winner.prior_error <= self.pair.config.outcome.contradiction
-        return "initial map" if len(self.priors.initial_pairs) and agrees else winner.origin
+
+class RefiningModel(MatchingModel[F, C]):
+    """A model whose maps are `Fit` objects, which the refinement of the problem makes better.
+
+    Subclass `Isometry` to change a part of it, such as ``score``.
+
+    Examples
+    --------
+    An isometry whose maps are scored by their spectral residual alone, handed to `match` as
+    ``relation=BySpectralResidual``:
+
+    >>> from isomatch.matching import Isometry
+    >>> class BySpectralResidual(Isometry):
+    ...     def score(self, fit):
+    ...         return fit.spectral_residual
+    >>> issubclass(BySpectralResidual, MatchingModel)
+    True
+    """
+
+    @property
+    def refinement(self) -> Refinement:
+        """The refinement of the match."""
+        return self.problem.refinement
+
+    @property
+    def vertices(self) -> Int[BodyVertices, "r"]:
+        """Vertices of the source's body that a fit maps."""
+        return self.pair.refinement_vertices
+
+    def refine(self, fits: Sequence[F]) -> list[F]:
+        """Refine maps by the refinement of the match; in rounds of the model, those that are hopeless are given up."""
+        return self.refined(fits) if self.refinement.in_rounds else parallel_map(self._refined_by_user, fits)
+
+    def refine_again(self, fit: F) -> F:
+        """Refine a map that was refined and then moved."""
+        return self.refined_again(fit) if self.refinement.in_rounds else self._refined_by_user(fit)
+
+    def _refined_by_user(self, fit: F) -> F:
+        """Refine a map by a refinement that knows nothing of the model, and measure it."""
+        image = np.asarray(self.refinement(self.pair, fit))
+        n_mapped, n_target = len(self.vertices), self.target.body.n_vertices
+        expected = f"expected ({n_mapped},) vertices of a body of {n_target} vertices"
+        if image.shape != (n_mapped,) or image.dtype.kind not in "iu":
+            raise self._refused(f"gave images of shape {image.shape} and type {image.dtype}; {expected}")
+        if image.min() < 0 or image.max() >= n_target:
+            raise self._refused(f"gave images from {image.min()} to {image.max()}; {expected}")
+        return self.measured(fit, BodyVertices(image))
+
+    def _refused(self, how: str) -> SettingError:
+        return SettingError(f"the refinement {type(self.refinement).__name__} {how}")
+
+    def everywhere(self, fit: F) -> Embedding:
+        """Coordinates of all vertices by the refinement of the match; `SettingError` if they are of other vertices."""
+        embedding = Embedding(*self.refinement.everywhere(self.pair, fit, partial(self.embedding, fit)))
+        sizes = self.source.body.n_vertices, self.target.body.n_vertices
+        shapes = tuple(np.shape(points) for points in embedding)
+        if [shape[:1] for shape in shapes] != [(size,) for size in sizes] or shapes[0][1:] != shapes[1][1:]:
+            raise self._refused(
+                f"gave coordinates of shapes {shapes[0]} and {shapes[1]}; expected one row for each of {sizes[0]} and "
+                f"{sizes[1]} vertices, in the same columns"
+            )
+        return embedding
 
     def descriptor_distance(self, fit: F) -> Float[FloatArray, "r"]:
         """Descriptor distance in space of the vertices and their images, see `BallSignature`; nan where unknown."""
@@ -204,6 +273,8 @@ class MatchingModel(ABC, Generic[F]):
     def embedding(self, fit: F) -> Embedding:
         """Coordinates of all vertices of both bodies in which images under a map are nearest points."""
 
-    @abstractmethod
-    def solution(self, timer: StageTimer) -> Solution:
-        """Find the map, and the evidence for it."""
+
+def origin_of(problem: Problem, winner: Fit) -> str:
+    """Where a map came from: the initial map, if it agrees with that."""
+    agrees = winner.prior_error <= problem.config.outcome.contradiction
+    return "initial map" if len(problem.priors.initial_pairs) and agrees else winner.origin

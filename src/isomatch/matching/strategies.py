@@ -16,11 +16,12 @@ from isomatch._core.threads import parallel_map
 from isomatch.matching.assessment.evidence import Evidence, Solution, fits_badly
 from isomatch.matching.elastic.elastic import FAR, FAR_KEPT, Elastic, far_from_isometric, may_be_far
 from isomatch.matching.isometric.candidates import is_another
-from isomatch.matching.isometric.isometry import MOST_MIRRORED, IsometricMatch, Isometry
+from isomatch.matching.isometric.isometry import MOST_MIRRORED, IsometricMatch, Isometry, image_of, torn
 from isomatch.matching.maps import Hypothesis
-from isomatch.matching.model import MatchingModel
+from isomatch.matching.model import MatchingModel, origin_of
 from isomatch.matching.partial.part import Part, PartSide
 from isomatch.matching.partial.two_parts import TwoParts
+from isomatch.matching.pipeline import match_under, search_under
 from isomatch.matching.priors import NO_FUNCTIONS
 from isomatch.matching.problem import Problem, name_of, search_pairs
 from isomatch.matching.result import Outcome
@@ -126,21 +127,29 @@ def surplus_of(problem: Problem) -> tuple[int, int]:
 def _summed_up(problem: Problem, match: IsometricMatch, timer: StageTimer) -> Solution:
     """Sum up a match of complete shapes, or of variants of them."""
     timer.start("quality")
-    solution = match.model.summed_up(match, match.measured, timer)
+    solution = match.model.sum_up(match, match.measured, timer)
     return solution.with_evidence(Evidence(partial=part_of(problem) in ("source", "target")))
 
 
 def _between(
-    problem: Problem, source: PreparedShape, target: PreparedShape, config: Config, timer: StageTimer
+    problem: Problem,
+    source: PreparedShape,
+    target: PreparedShape,
+    timer: StageTimer,
+    config: Config | None = None,
 ) -> IsometricMatch:
     """Match variants of both shapes as complete ones."""
-    priors = replace(problem.priors, functions=NO_FUNCTIONS)
-    return Isometry(replace(problem, source=source, target=target, config=config, priors=priors)).match(timer)
+    config, priors = config or problem.config, replace(problem.priors, functions=NO_FUNCTIONS)
+    variant = replace(problem, source=source, target=target, config=config, priors=priors)
+    match = search_under(Isometry(variant), timer)
+    _ = match.coordinates  # within the stage of the refinement
+    return match
 
 
 def _as_it_is(problem: Problem, attempts: Attempts, timer: StageTimer) -> Solution:
     """Match the shapes as they are, as complete ones."""
-    match = attempts.matches[AS_IT_IS.name] = Isometry(problem).match(timer, attempts.hypotheses)
+    match = attempts.matches[AS_IT_IS.name] = search_under(Isometry(problem, attempts.hypotheses), timer)
+    _ = match.coordinates  # within the stage of the refinement
     return _summed_up(problem, match, timer)
 
 
@@ -151,7 +160,7 @@ def _closed(problem: Problem, attempts: Attempts, timer: StageTimer) -> Solution
     config = replace(problem.config, search=replace(search, flipped=max(FLIPPED, search.flipped)))
     try:
         source, target = parallel_map(capped_shape, (problem.source, problem.target))
-        match = attempts.matches[CLOSED.name] = _between(problem, source, target, config, timer)
+        match = attempts.matches[CLOSED.name] = _between(problem, source, target, timer, config)
     except (MeshError, NotConvergedError) as error:
         attempts.failures.append(f"with the holes closed no map was found: {error}")
         return None
@@ -166,20 +175,19 @@ def _cut(problem: Problem, most: tuple[int, int], timer: StageTimer) -> Solution
     if not any(variants):
         return None
     source, target = (variant or capped_shape(shape) for variant, shape in zip(variants, shapes))
-    return _summed_up(problem, _between(problem, source, target, problem.config, timer), timer)
+    return _summed_up(problem, _between(problem, source, target, timer), timer)
 
 
 def _elastic(problem: Problem, attempts: Attempts, timer: StageTimer) -> Solution | None:
     """Match elastically, from the best isometry and its candidates; gives the isometry if it wins and keeps lengths."""
     match = attempts.matches[AS_IT_IS.name]
-    model, measured = match.model, match.measured
+    model, measured, first = cast(Isometry, match.model), match.measured, match.selection.winner
     others = [
         (search_pairs(problem, candidate.target_row), candidate.hypothesis.origin)
-        for candidate in match.eligible
+        for candidate in match.proposals.eligible
         if candidate.orientation > 0
     ]
     fits = not fits_badly(measured.quality, problem.config.outcome)
-    first = match.selection.winner
     rivals = [
         fit for fit in match.selection.runners_up if fit.side == first.side and is_another(model, fit, first)
     ]
@@ -187,24 +195,25 @@ def _elastic(problem: Problem, attempts: Attempts, timer: StageTimer) -> Solutio
     timer.start("bending")
     if elastic.is_needless:
         return None
-    selection, reason = elastic.match(timer)
+    stretched = search_under(elastic, timer)
+    selection = stretched.selection
     if elastic.keeps_lengths(selection.winner):
         cost = selection.winner.score
         quality = replace(measured.quality, runner_up=selection.runner_up, bending_cost=cost)
         measured, note = replace(measured, quality=quality), FAR_KEPT
     else:
         timer.start("precision")
-        measured, note = elastic.measure(selection, reason), FAR
+        measured, note = stretched.measured, FAR
     timer.start("quality")
-    return model.summed_up(match, measured, timer, note)
+    return model.sum_up(match, measured, timer, note)
 
 
 def _part_from_closed(problem: Problem, attempts: Attempts, timer: StageTimer) -> Solution:
     """Refine the map with the holes capped as one of a part, without a search of its own."""
     match, side = attempts.matches[CLOSED.name], cast(PartSide, part_of(problem))
-    origin = match.model.origin_of(match.selection.winner)
-    led = match.image_of(side), origin, match.selection.runner_up
-    return Part(problem, side, led).solution(timer)
+    origin = origin_of(problem, match.selection.winner)
+    led = image_of(match, side), origin, match.selection.runner_up
+    return match_under(Part(problem, side, led), timer)
 
 
 def _creases_cut(problem: Problem, attempts: Attempts, timer: StageTimer) -> Solution | None:
@@ -213,17 +222,17 @@ def _creases_cut(problem: Problem, attempts: Attempts, timer: StageTimer) -> Sol
     surplus, originals = surplus_of(problem), (problem.source, problem.target)
     side = int(surplus[1] > surplus[0])
     shapes = [capped_shape(shape) for shape in originals]
-    torn, best = None, None
+    loose, best = None, None
     for _ in range(CREASED):
         timer.start("prepare")
-        creased = creased_shape(originals[side], surplus[side], torn)
+        creased = creased_shape(originals[side], surplus[side], loose)
         if creased is None:
             break
         shapes[side] = creased
-        match = _between(problem, shapes[0], shapes[1], problem.config, timer)
+        match = _between(problem, shapes[0], shapes[1], timer)
         if best and match.selection.winner.score > best.selection.winner.score:
             break
-        best, torn = match, match.torn(side, TORN)
+        best, loose = match, torn(match, side, TORN)
     return _summed_up(problem, best, timer) if best else None
 
 
@@ -235,7 +244,7 @@ def _limbs_apart(problem: Problem, attempts: Attempts, timer: StageTimer) -> Sol
     opened = opened_shape(problem.source, surplus_of(problem)[0])
     if opened is None:
         return None
-    solution = Part(replace(problem, source=opened)).solution(timer)
+    solution = match_under(Part(replace(problem, source=opened)), timer)
     return solution.with_evidence(Evidence(poor=True))  # never sure: much is guessed
 
 
@@ -297,7 +306,7 @@ PART = Strategy(
     "part",
     "part",
     "one shape is a part of the other: it has a long boundary, or the settings say so",
-    lambda problem, attempts, timer: Part(problem, cast(PartSide, part_of(problem))).solution(timer),
+    lambda problem, attempts, timer: match_under(Part(problem, cast(PartSide, part_of(problem))), timer),
     is_enough=lambda problem, attempts, solution: _is_clear(problem, solution),
 )
 CLOSED = Strategy(
@@ -321,7 +330,7 @@ OVERLAPPING = Strategy(
     "two parts",
     "parts",
     "if no isometry is sure, as both shapes have long boundaries",
-    lambda problem, attempts, timer: TwoParts(problem).solution(timer),
+    lambda problem, attempts, timer: match_under(TwoParts(problem), timer),
 )
 VIA = Strategy("via", "parts", "wholes are given", lambda *_: None)  # see `solve_via`
 
@@ -407,7 +416,7 @@ def _of_relation(problem: Problem, timer: StageTimer) -> Solution:
             f"relation = {name_of(problem.relation)} makes an object of type {type(model).__name__}; it should be a "
             "MatchingModel of the problem"
         )
-    return replace(model.solution(timer), way=model.way)
+    return replace(match_under(model, timer), way=model.way)
 
 
 def _verified_best(problem: Problem, attempts: Attempts, timer: StageTimer) -> Solution:
@@ -444,14 +453,14 @@ def _mirror_image_fits(problem: Problem, closed: IsometricMatch, cost: float, ti
     # by the best map between capped shapes that reverses the orientation, refined as one of a part
     if problem.priors.any:
         return False
-    model, side = closed.model, cast(PartSide, part_of(problem))
-    turned = model.begun(model.turned(closed.eligible)[:MOST_MIRRORED])
+    model, side = cast(Isometry, closed.model), cast(PartSide, part_of(problem))
+    turned = model.begun(model.turned(closed.proposals.eligible)[:MOST_MIRRORED])
     best = min(model.refine(turned), key=lambda fit: fit.score, default=None)
     if best is None:
         return False
     mirrored = replace(problem, source=mirror_image(problem.source))
-    led = replace(closed, embedding=model.everywhere(best)).image_of(side), best.origin, np.inf
-    solution = Part(mirrored, side, led).solution(timer)
+    image = image_of(replace(closed, selection=replace(closed.selection, winner=best)), side)
+    solution = match_under(Part(mirrored, side, (image, best.origin, np.inf)), timer)
     image = on_bodies(mirrored, UserVertices(solution.map.vertices))
     return verifier_of(mirrored)(image).cost < problem.config.outcome.mirror_image * cost
 

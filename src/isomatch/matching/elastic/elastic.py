@@ -17,6 +17,7 @@ from isomatch._core.threads import parallel_map
 from isomatch.correspondence import Embedding, with_normals
 from isomatch.matching.assessment.confidence import doubt_in, expected_errors, regions_of_doubt
 from isomatch.matching.assessment.evidence import Solution, fits_badly, mirror_image_fits
+from isomatch.matching.assessment.measured import Measured
 from isomatch.matching.assessment.quality import descriptor_distance_of, measure_quality
 from isomatch.matching.bending import Bent, ElasticBending
 from isomatch.matching.coordinates import refined_images, registered
@@ -31,9 +32,8 @@ from isomatch.matching.elastic.elastic_fit import (
     anchor_starts,
     with_mirror,
 )
-from isomatch.matching.isometric.isometry import Measured
 from isomatch.matching.maps import Fit
-from isomatch.matching.model import MatchingModel
+from isomatch.matching.model import Match, Proposals, RefiningModel
 from isomatch.matching.problem import Problem, search_pairs
 from isomatch.matching.proposals.priors import starts_from_priors
 from isomatch.matching.result import Quality
@@ -87,14 +87,14 @@ class StretchedFit(Fit):
         return max(bent.stretch for bent in self.bent)
 
 
-class Elastic(MatchingModel[StretchedFit]):
+class Elastic(RefiningModel[StretchedFit, Embedding]):
     """Limbs may stretch.
 
     Parameters
     ----------
     problem : Problem
     ordinary : Fit, optional
-        A map found otherwise, of the vertices of the relation, which an elastic one must beat.
+        A map found otherwise, of the vertices of the model, which an elastic one must beat.
     others : sequence of ((q, 2) array of int, str)
         Further first maps, as vertices of source and target, and where each came from.
     ordinary_fits : bool
@@ -125,6 +125,7 @@ class Elastic(MatchingModel[StretchedFit]):
     """
 
     way = "elastic"
+    last_stage = "precision"
 
     def __init__(
         self,
@@ -138,16 +139,13 @@ class Elastic(MatchingModel[StretchedFit]):
         self.ordinary, self.ordinary_fits, self.rivals = ordinary, ordinary_fits, rivals
         self.others = [(BodyVertices(pairs), origin) for pairs, origin in others]
 
-    def match(self, timer: StageTimer | None = None) -> tuple[Selection[StretchedFit], str]:
-        """Fit first maps coarsely, bend the shapes by the best, and select among these and the maps known before.
+    def require_suitable(self) -> None:
+        """Raise an `IsomatchError` unless the shapes are meshes, to be kept in orientation."""
+        self.require_sides()
+        self.require_priors()
 
-        Returns
-        -------
-        selection : Selection
-        reason : str
-            How many maps contended, in a sentence.
-        """
-        timer = timer or StageTimer()
+    def propose(self, timer: StageTimer) -> Proposals[StretchedFit]:
+        """Fit first maps coarsely; the best, and the maps known before, contend."""
         timer.start("mirror images")
         _ = self._shapes
         timer.start("search")
@@ -170,20 +168,32 @@ class Elastic(MatchingModel[StretchedFit]):
             raise NotConvergedError(
                 "no elastic map keeps the orientation of the faces; give three to five landmarks"
             )
-        fits = self.refine(parallel_map(self._begun, kept))
-        fits.sort(key=attrgetter("score"))
+        return Proposals(parallel_map(self._begun, kept), len(starts))
+
+    def rank(
+        self,
+        maps: list[StretchedFit],
+        rivals: list[StretchedFit],
+        proposals: Proposals[StretchedFit],
+        timer: StageTimer,
+    ) -> Selection[StretchedFit]:
+        """Select the map that verifies best."""
+        fits = sorted(maps, key=attrgetter("score"))
         apart = distances_between([fit.image for fit in fits], self.target.mean_distances)
         tie = PRIORED_TIE if len(self.priors.initial_pairs) else 1.0
         least = self.pair.config.selection.runner_up_distance
         rules = Rules(runner_up_distance=least, tie=tie, landmark_slack=LANDMARK_SLACK)
-        reason = f"verified best of {len(starts)} elastic maps, {len(fits)} bent"
         costs = parallel_map(lambda fit: self._verified(fit).cost, fits)
         selection = select(fits, apart, rules, scores=costs)
         # one that differs must cost more, and not score less
         of_winner = apart[fits.index(selection.winner)]
         scores = [fit.score for fit, distance in zip(fits, of_winner) if distance > least]
         ratio = max(min(scores, default=np.inf) / selection.winner.score, 1.0)
-        return replace(selection, runner_up=min(selection.runner_up, ratio)), reason
+        return replace(selection, runner_up=min(selection.runner_up, ratio))
+
+    def coordinates(self, best: StretchedFit) -> Embedding:
+        """Coordinates of all vertices in which images are nearest points."""
+        return self.everywhere(best)
 
     def _verified(self, fit: StretchedFit) -> Verification:
         everywhere = BodyVertices(np.arange(self.source.body.n_vertices))
@@ -271,7 +281,7 @@ class Elastic(MatchingModel[StretchedFit]):
         return replace(moved, spectral_residual=residual, score=residual * penalty)
 
     def _begun(self, fit: StretchedFit) -> StretchedFit:
-        """Extend a rough fit to the vertices of the relation."""
+        """Extend a rough fit to the vertices of the model."""
         source, target = self._fine.embedding(fit.coefficients)
         image = BodyVertices(self.target.index.vertices(target, source[self.vertices]))
         return replace(fit, image=image, spectral_residual=np.inf, score=np.nan)
@@ -283,7 +293,7 @@ class Elastic(MatchingModel[StretchedFit]):
 
     @cached_property
     def _users(self) -> Int[BodyVertices, "r"]:
-        """Images of the vertices of the relation under the initial map, −1 where it has none."""
+        """Images of the vertices of the model under the initial map, −1 where it has none."""
         image = np.full(self.source.body.n_vertices, -1)
         image[self.priors.initial_pairs[:, 0]] = self.priors.initial_pairs[:, 1]
         return BodyVertices(image[self.vertices])
@@ -359,7 +369,7 @@ class Elastic(MatchingModel[StretchedFit]):
         return there.laid_in_full(coarse, FULL_LENGTHS, settings.most_scaled)
 
     def _read(self, embedding: Embedding) -> Int[BodyVertices, "r"]:
-        """Images of the vertices of the relation."""
+        """Images of the vertices of the model."""
         return BodyVertices(self.target.index.vertices(embedding.target, embedding.source[self.vertices]))
 
     def _beside(self, image: Int[BodyVertices, "r"], lying: Embedding) -> Embedding:
@@ -367,29 +377,25 @@ class Elastic(MatchingModel[StretchedFit]):
         joint = registered(self.pair, image, 1.0, self.refinement.smooth)
         return Embedding(*(np.hstack([x, LYING_WEIGHT * y]) for x, y in zip(joint, lying)))
 
-    def measure(self, selection: Selection[StretchedFit], reason: str) -> Measured:
+    def measure(self, match: Match[StretchedFit, Embedding]) -> Measured:
         """Take the nearest points under the map selected, and measure it."""
-        embedding = self.everywhere(selection.winner)
-        points = self.target.index.points(embedding.target, embedding.source)
+        points = self.target.index.points(match.coordinates.target, match.coordinates.source)
         distance = descriptor_distance_of(self.source.balls, self.target.balls, points.corners[:, 0])
-        winner, quality = selection.winner, measure_quality(self.pair, points)
+        selection, quality = match.selection, measure_quality(self.pair, points)
+        winner, n_bent = selection.winner, 1 + len(selection.runners_up)
         quality = replace(quality, runner_up=selection.runner_up, bending_cost=winner.score)
+        reason = f"verified best of {match.proposals.n_tried} elastic maps, {n_bent} bent"
         return Measured(points, quality, distance, reason, winner.origin)
 
-    def solution(self, timer: StageTimer) -> Solution:
-        """Find the map, and the evidence for it, where no other relation was tried."""
-        self.require_sides()
-        self.require_priors()
-        with timer.within("elastic match"):
-            selection, reason = self.match(timer)
-            timer.start("precision")
-            measured = self.measure(selection, reason)
-        timer.start("quality")
+    def sum_up(
+        self, match: Match[StretchedFit, Embedding], measured: Measured, timer: StageTimer
+    ) -> Solution:
+        """Sum up the map, where no other model was tried."""
         pair = self.pair
-        far = measured.evidence(pair, far=True)
         regions = regions_of_doubt(pair, measured.descriptor_distance)
         errors = expected_errors(pair, measured.points, doubt_in(regions, self.source.body.n_vertices))
-        solution = measured.solution(pair, errors, (far,), [FAR], regions=regions)
+        far = (measured.evidence(pair, far=True),)
+        solution = measured.solution(pair, errors, far, [FAR], regions=regions)
         return replace(solution, descriptors_count=False)
 
 

@@ -8,11 +8,11 @@ import numpy as np
 
 from isomatch._core.arrays import BodyVertices, Int, IntArray, SearchRows
 from isomatch._core.threads import parallel_map
-from isomatch.correspondence import alignment_residual, signed_procrustes, spectral_embedding
+from isomatch.correspondence import Embedding, alignment_residual, signed_procrustes, spectral_embedding
 from isomatch.matching.assessment.quality import mean_known
 from isomatch.matching.isometric.search import hypotheses_from_priors, search
 from isomatch.matching.maps import Candidate, Fit, Hypothesis
-from isomatch.matching.model import MatchingModel
+from isomatch.matching.model import RefiningModel
 from isomatch.matching.problem import Problem
 from isomatch.matching.proposals.pose import starts_from_pose
 from isomatch.matching.proposals.priors import start_from_pairs
@@ -124,19 +124,19 @@ def first_map(
     return image, order[0].hypothesis.origin
 
 
-def is_sure(relation: MatchingModel[Fit], selection: Selection[Fit]) -> bool:
+def is_sure(model: RefiningModel[Fit, Embedding], selection: Selection[Fit]) -> bool:
     """Whether no other map ties with the winner and it is far from poor by every measure, so that no other would win."""
-    winner, bounds = selection.winner, relation.pair.config.outcome
-    areas = relation.source.body.vertex_areas[relation.vertices]
+    winner, bounds = selection.winner, model.pair.config.outcome
+    areas = model.source.body.vertex_areas[model.vertices]
     return (
         selection.runner_up > bounds.tie
         and winner.spectral_residual < SURE * bounds.poor_spectral_residual
-        and residual_of(relation.pair, relation.vertices, winner.image) < SURE * bounds.poor_residual
-        and mean_known(relation.descriptor_distance(winner), areas) < SURE * bounds.poor_descriptor_distance
+        and residual_of(model.pair, model.vertices, winner.image) < SURE * bounds.poor_residual
+        and mean_known(model.descriptor_distance(winner), areas) < SURE * bounds.poor_descriptor_distance
     )
 
 
-def is_another(relation: MatchingModel[Fit], fit: Fit, other: Fit) -> bool:
+def is_another(model: RefiningModel[Fit, Embedding], fit: Fit, other: Fit) -> bool:
     """Whether a map is another one, and no variant."""
-    apart = relation.target.mean_distance(fit.image, other.image)
-    return apart > relation.pair.config.selection.runner_up_distance
+    apart = model.target.mean_distance(fit.image, other.image)
+    return apart > model.pair.config.selection.runner_up_distance

@@ -3,31 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from operator import attrgetter
+from typing import TypeAlias
 
 import numpy as np
 
 from isomatch._core.arrays import BodyVertices, Bool, BoolArray, Float, FloatArray, Int, SearchRows
-from isomatch._core.cached import cached_property
 from isomatch._core.errors import SettingError
 from isomatch._core.stage_timer import StageTimer
 from isomatch._core.threads import parallel_map, serial_blas
 from isomatch.correspondence import Alignment, Correspondence, Embedding, PrecisePoints
 from isomatch.matching.assessment.confidence import (
-    DoubtfulRegion,
     doubt_in,
     doubt_of,
     expected_errors,
-    lifted,
     regions_of_doubt,
 )
-from isomatch.matching.assessment.evidence import Evidence, Solution, measured_evidence
+from isomatch.matching.assessment.evidence import Evidence, Solution
+from isomatch.matching.assessment.measured import Measured
 from isomatch.matching.assessment.quality import (
-    contradicted_landmarks,
     descriptor_distance_of,
-    mean_known,
     measure_quality,
 )
 from isomatch.matching.coordinates import refined_images, registered
@@ -41,11 +38,11 @@ from isomatch.matching.isometric.candidates import (
 )
 from isomatch.matching.isometric.search import hypotheses_from_priors, search
 from isomatch.matching.maps import Candidate, Fit, Hypothesis
-from isomatch.matching.model import MatchingModel
+from isomatch.matching.model import Match, Proposals, RefiningModel, origin_of
 from isomatch.matching.problem import Problem
 from isomatch.matching.proposals.flips import distinct_maps
 from isomatch.matching.proposals.symmetries import near_symmetric_variants, symmetric_variants
-from isomatch.matching.result import Alternative, Outcome, Quality
+from isomatch.matching.result import Alternative, Outcome
 from isomatch.matching.selection import (
     ENERGY_NOISE,
     LANDMARK_SLACK,
@@ -77,94 +74,32 @@ AMBIGUOUS = (
 )
 
 
-@dataclass(frozen=True, eq=False)
-class Measured:
-    """A map of the vertices of the source's body, measured: what a `Solution` is made of."""
-
-    points: PrecisePoints  # images of the vertices
-    quality: Quality
-    descriptor_distance: Float[FloatArray, "n_s"] | None  # see `descriptor_distance_of`
-    reason: str = ""  # how the map was chosen, in a sentence
-    origin: str = ""  # where it came from
-    matched: Bool[BoolArray, "n_s"] | None = None  # which vertices have an image, if not all
-    doubt: Float[FloatArray, "n_s"] | None = None  # error to be expected because another map may be right
-    fit: Fit | None = None  # the refined map that polishing begins with; none of a map that stretches
-
-    def evidence(self, pair: Problem, far: bool) -> Evidence:
-        """Compare the measures with the bounds, see `measured_evidence`."""
-        return measured_evidence(
-            pair, self._with_distance(pair), pair.config.orientation, pair.priors.any, far
-        )
-
-    def _with_distance(self, pair: Problem) -> Quality:
-        mean = mean_known(self.descriptor_distance, pair.source.body.vertex_areas)
-        return replace(self.quality, descriptor_distance=mean)
-
-    def solution(
-        self,
-        pair: Problem,
-        errors: Float[FloatArray, "n_s"],  # that are expected
-        evidence: tuple[Evidence, ...],
-        notes: Sequence[str],
-        level: SmoothPair | None = None,  # between which the points are, if not between the pair's shapes
-        points: PrecisePoints | None = None,
-        regions: Sequence[DoubtfulRegion] = (),
-    ) -> Solution:
-        """Sum up the map in the users' vertices; where it has no image, no error is expected."""
-        source, between, distances = pair.source, level or pair, self.descriptor_distance
-        result = between.source.correspondence(between.target, points or self.points, self.matched)
-        known = None if distances is None else np.where(result.matched, source.lift(distances), np.nan)
-        return Solution(
-            pair,
-            result,
-            replace(self._with_distance(pair), matched=float(result.matched.mean())),
-            evidence,
-            np.where(result.matched, source.lift_smooth(errors), np.nan),
-            notes=(*pair.notes, *pair.priors.notes, *notes, *contradicted_landmarks(pair, self.points)),
-            origin=self.origin,
-            reason=self.reason,
-            descriptor_distance=known,
-            regions=lifted(regions, source, pair.target),
-        )
+IsometricMatch: TypeAlias = Match[Fit, Embedding]
 
 
-@dataclass(frozen=True, eq=False)
-class IsometricMatch:
-    """What the match of two complete shapes found, before the map is measured."""
-
-    selection: Selection[Fit]  # refined winner and its runners-up
-    eligible: tuple[Candidate, ...]  # candidates that may win, best first
-    runners_up: tuple[Candidate, ...]  # candidates that may not win
-    embedding: Embedding  # coordinates of all vertices in which images are nearest points
-    model: Isometry
-
-    @cached_property
-    def measured(self) -> Measured:
-        """The map, measured."""
-        return self.model.measure(self)
-
-    def image_of(self, side: str) -> BodyVertices:
-        """Vertex of the other shape for each of one, the source or the target; of variants, between their originals."""
-        sides = zip((self.model.source, self.model.target), self.embedding)
-        (part, of_part), (whole, of_whole) = sides if side == "source" else reversed([*sides])
-        n = (part.original or part).body.n_vertices
-        image = whole.index.vertices(of_whole, of_part[:n])
-        return BodyVertices(image if whole.original is None else whole.original_vertex[image])
-
-    def torn(self, side: int, apart: float) -> Bool[BoolArray, "n_original"]:
-        """Which vertices of a body that was cut have copies whose images are so far apart, in √area."""
-        way = 1 if side == 0 else -1
-        here, there = (self.model.source, self.model.target)[::way]
-        at, to = self.embedding[::way]
-        image = there.index.vertices(to, at)
-        torn = np.zeros(len(here.original_vertex), dtype=bool)
-        copies = np.flatnonzero(here.to_original == 0)
-        far = there.distance(image[copies], image[here.original_vertex[copies]]) > apart
-        torn[here.original_vertex[copies[far]]] = True  # a vertex may have several copies
-        return torn
+def image_of(match: IsometricMatch, side: str) -> BodyVertices:
+    """Vertex of the other shape for each of one, the source or the target; of variants, between their originals."""
+    sides = zip((match.model.source, match.model.target), match.coordinates)
+    (part, of_part), (whole, of_whole) = sides if side == "source" else reversed([*sides])
+    n = (part.original or part).body.n_vertices
+    image = whole.index.vertices(of_whole, of_part[:n])
+    return BodyVertices(image if whole.original is None else whole.original_vertex[image])
 
 
-class Isometry(MatchingModel[Fit]):
+def torn(match: IsometricMatch, side: int, apart: float) -> Bool[BoolArray, "n_original"]:
+    """Which vertices of a body that was cut have copies whose images are so far apart, in √area."""
+    way = 1 if side == 0 else -1
+    here, there = (match.model.source, match.model.target)[::way]
+    at, to = match.coordinates[::way]
+    image = there.index.vertices(to, at)
+    torn = np.zeros(len(here.original_vertex), dtype=bool)
+    copies = np.flatnonzero(here.to_original == 0)
+    far = there.distance(image[copies], image[here.original_vertex[copies]]) > apart
+    torn[here.original_vertex[copies[far]]] = True  # a vertex may have several copies
+    return torn
+
+
+class Isometry(RefiningModel[Fit, Embedding]):
     """Both shapes are complete, and distances along them agree.
 
     Maps are searched on few vertices, as hypotheses and candidates; the best are refined jointly and contend.
@@ -181,32 +116,39 @@ class Isometry(MatchingModel[Fit]):
     True
     """
 
-    def solution(self, timer: StageTimer) -> Solution:
-        """Find the map, and the evidence for it."""
-        isometric = self.match(timer)
-        timer.start("quality")
-        return self.summed_up(isometric, isometric.measured, timer)
+    def __init__(self, problem: Problem, hypotheses: Sequence[Hypothesis] | None = None) -> None:
+        super().__init__(problem)
+        self._found = hypotheses
 
-    def match(self, timer: StageTimer, hypotheses: Sequence[Hypothesis] | None = None) -> IsometricMatch:
-        """Search, select and refine; ``hypotheses`` found otherwise take the place of the search."""
-        both = self.source, self.target
+    def propose(self, timer: StageTimer) -> Proposals[Fit]:
+        """Search hypotheses, screen them, and begin the contenders."""
+        both, config = (self.source, self.target), self.pair.config
         parallel_map(lambda shape: (shape.points, shape.signatures, shape.curvature, shape.symmetries), both)
         timer.start("search")
-        may_win, only_runners_up = self.hypotheses() if hypotheses is None else (list(hypotheses), [])
+        may_win, only_runners_up = self.hypotheses() if self._found is None else (list(self._found), [])
         timer.start("selection")
-        eligible, runners_up = self.candidates(may_win, only_runners_up)
-        timer.start("refinement")
-        selection = self._refined_and_selected(eligible, runners_up)
-        if hypotheses is None and self.problem.starts is None:
-            selection = self._with_those_given_up(selection, eligible)
-        selection = self._against_mirror_image(self._best_verified(selection), eligible)
-        embedding = self.everywhere(selection.winner)
-        return IsometricMatch(selection, tuple(eligible), tuple(runners_up), embedding, self)
+        screened = self.candidates(may_win, only_runners_up)
+        contend = [self.begun(contenders(order, config.orientation, config.selection)) for order in screened]
+        eligible, runners_up = map(tuple, screened)
+        return Proposals(contend[0], len(eligible) + len(runners_up), contend[1], eligible, runners_up)
+
+    def rank(
+        self, maps: list[Fit], rivals: list[Fit], proposals: Proposals[Fit], timer: StageTimer
+    ) -> Selection[Fit]:
+        """Select by score and descriptors; those that tie by what they cost on the shapes as they are."""
+        may_win = [True] * len(maps) + [False] * len(rivals)
+        selection = self._selected([*maps, *rivals], may_win, proposals.n_tried)
+        if self._found is None and self.problem.starts is None:
+            selection = self._with_those_given_up(selection, proposals.eligible)
+        return self._against_mirror_image(self._best_verified(selection), proposals.eligible)
+
+    def coordinates(self, best: Fit) -> Embedding:
+        """Coordinates of all vertices in which images are nearest points."""
+        return self.everywhere(best)
 
     def hypotheses(self) -> tuple[list[Hypothesis], list[Hypothesis]]:
         """Hypotheses that may win, and those that are searched as runners-up only."""
         pair, config, starts = self.pair, self.pair.config, self.problem.starts
-        self.require_priors()
         from_priors = hypotheses_from_priors(pair)
         if config.hypotheses == "all":
             return search(pair, from_priors, starts), []
@@ -302,16 +244,6 @@ class Isometry(MatchingModel[Fit]):
         """Joint coordinates of all vertices, with all functions, after registration."""
         return registered(self.pair, fit.image, fit.side, self.refinement.smooth)
 
-    def _refined_and_selected(self, eligible: list[Candidate], runners_up: list[Candidate]) -> Selection[Fit]:
-        """Refine the contenders, and runners-up that may not win, and select."""
-        config = self.pair.config
-        fits, others = (
-            self.refine(self.begun(contenders(order, config.orientation, config.selection)))
-            for order in (eligible, runners_up)
-        )
-        may_win = [True] * len(fits) + [False] * len(others)
-        return self._selected([*fits, *others], may_win, len(eligible) + len(runners_up))
-
     def _selected(self, fits: list[Fit], may_win: list[bool], n_tried: int = 2) -> Selection[Fit]:
         """Select among refined maps, also by what they look like where they differ."""
         return select(
@@ -369,7 +301,9 @@ class Isometry(MatchingModel[Fit]):
         embedding = self.everywhere(fit)
         return BodyVertices(self.target.index.vertices(embedding.target, embedding.source))
 
-    def _against_mirror_image(self, selection: Selection[Fit], candidates: list[Candidate]) -> Selection[Fit]:
+    def _against_mirror_image(
+        self, selection: Selection[Fit], candidates: Sequence[Candidate]
+    ) -> Selection[Fit]:
         """Compare the winner with the best map of the orientation that is not allowed, if that seems to fit better."""
         if not self._sided:
             return selection
@@ -411,18 +345,17 @@ class Isometry(MatchingModel[Fit]):
         landmarks = with_priors and len(self.priors.landmarks) > 0
         return ranked(candidates, self.pair.config.orientation, self.pair.config.selection, landmarks)
 
-    def measure(self, isometric: IsometricMatch) -> Measured:
+    def measure(self, match: IsometricMatch) -> Measured:
         """Take the nearest points, and measure the map."""
-        pair, selection = self.pair, isometric.selection
-        points = self.target.index.points(isometric.embedding.target, isometric.embedding.source)
+        pair, selection = self.pair, match.selection
+        points = self.target.index.points(match.coordinates.target, match.coordinates.source)
         quality = measure_quality(pair, points, selection)
         doubt = None
         if selection.against:
             doubt = doubt_of(pair, selection.winner.image, selection.against.image, selection.runner_up)
-        n_tried = len(isometric.eligible) + len(isometric.runners_up)
         exponent = pair.config.selection.energy_exponent
         reason = (
-            f"least spectral residual × energy^{exponent:g}; {n_tried} candidates, "
+            f"least spectral residual × energy^{exponent:g}; {match.proposals.n_tried} candidates, "
             f"{1 + len(selection.runners_up)} refined to the end"
         )
         if selection.priors_decided:
@@ -431,14 +364,14 @@ class Isometry(MatchingModel[Fit]):
             reason += f"; the best alternative scores {selection.runner_up:.2f} times as much"
         distance = descriptor_distance_of(self.source.balls, self.target.balls, points.corners[:, 0])
         winner = selection.winner
-        return Measured(points, quality, distance, reason, self.origin_of(winner), doubt=doubt, fit=winner)
+        return Measured(points, quality, distance, reason, origin_of(pair, winner), doubt=doubt, fit=winner)
 
-    def summed_up(
-        self, isometric: IsometricMatch, map_: Measured, timer: StageTimer, note: str | None = None
+    def sum_up(
+        self, match: IsometricMatch, measured: Measured, timer: StageTimer, note: str | None = None
     ) -> Solution:
         """Polish, carry and sum up a map; one between shapes far from isometric comes with a ``note``."""
-        pair, far = self.pair, note is not None
-        selection, runners_up = isometric.selection, None
+        pair, map_, far = self.pair, measured, note is not None
+        selection, runners_up = match.selection, None
         if selection.against and selection.runner_up < pair.config.outcome.tie and not far:
             runners_up = selection.winner.image, selection.against.image
         regions = regions_of_doubt(pair, map_.descriptor_distance, runners_up)
@@ -468,7 +401,7 @@ class Isometry(MatchingModel[Fit]):
         if rivals:
             solution = solution.with_evidence(Evidence(ambiguous=True))
             solution = replace(solution, notes=(*solution.notes, AMBIGUOUS))
-        return replace(solution, alternatives=self._alternatives(isometric, rivals))
+        return replace(solution, alternatives=self._alternatives(match, rivals))
 
     def _symmetric(self, map_: Measured) -> list[Candidate]:
         """Compose the map with symmetries that distort hardly more than it does; those that fit about as well."""
@@ -523,11 +456,11 @@ class Isometry(MatchingModel[Fit]):
             )
         return notes
 
-    def _alternatives(self, isometric: IsometricMatch, rivals: list[Candidate]) -> tuple[Alternative, ...]:
+    def _alternatives(self, match: IsometricMatch, rivals: list[Candidate]) -> tuple[Alternative, ...]:
         """Rivals, and runners-up that differ from the winner, which comes first, and from each other; not refined."""
-        pair, settings, selection = self.pair, self.pair.config.selection, isometric.selection
+        pair, settings, selection = self.pair, self.pair.config.selection, match.selection
         refined = [fit.candidate for fit in (selection.winner, *selection.runners_up) if fit.candidate]
-        order = [*refined[:1], *rivals, *refined[1:], *isometric.eligible, *isometric.runners_up]
+        order = [*refined[:1], *rivals, *refined[1:], *match.proposals.eligible, *match.proposals.runners_up]
         kept = distinct_maps(pair, order, 1 + settings.most_alternatives)
         maps = (partial(_extended_map, pair, candidate.target_row) for candidate in kept[1:])
         return tuple(

@@ -30,6 +30,7 @@ from isomatch.correspondence import Correspondence, Embedding, PrecisePoints
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching.assessment.confidence import expected_errors
 from isomatch.matching.assessment.evidence import Evidence, PartDoubt, Solution, part_contradicts
+from isomatch.matching.assessment.measured import Measured
 from isomatch.matching.assessment.quality import (
     covered_share,
     descriptor_distance_of,
@@ -38,8 +39,7 @@ from isomatch.matching.assessment.quality import (
     image_positions,
     prior_errors,
 )
-from isomatch.matching.isometric.isometry import Measured
-from isomatch.matching.model import MatchingModel
+from isomatch.matching.model import Match, Proposals, RefiningModel, origin_of
 from isomatch.matching.partial.part_pair import PartPair
 from isomatch.matching.partial.part_registration import (
     ALL_FUNCTIONS,
@@ -75,7 +75,7 @@ N_BENT_IN_FULL = 5
 PartSide = Literal["source", "target"]
 
 
-class Part(MatchingModel[PartFit]):
+class Part(RefiningModel[PartFit, BentPart]):
     """One shape is a part of the other: its vertices are mapped to the whole, whichever of the two is the source.
 
     Parameters
@@ -92,7 +92,7 @@ class Part(MatchingModel[PartFit]):
     Notes
     -----
     Intervals of distances, starts that assign anchors in several units, bending and the choice of the unit concern parts
-    alone; model selection, the loop of the refinement and verification are those of every relation.
+    alone; model selection, the loop of the refinement and verification are those of every model.
 
     Examples
     --------
@@ -107,6 +107,7 @@ class Part(MatchingModel[PartFit]):
     """
 
     way = "part"
+    last_stage = "bending"
 
     def __init__(
         self,
@@ -147,11 +148,16 @@ class Part(MatchingModel[PartFit]):
         least = settings.little_missing if trusted else settings.most_there
         return bool(pair.knows_unit and pair.share >= least)
 
-    def match(self, timer: StageTimer | None = None) -> Selection[PartFit]:
-        """Search, refine, settle the best and select."""
-        timer = timer or StageTimer()
+    def require_suitable(self) -> None:
+        """Raise an `IsomatchError` unless the shapes are meshes to be kept in orientation, without descriptors."""
+        self.require_sides()
+        self.require_priors()
+        self.require_no_descriptors("a whole and its part")
+
+    def propose(self, timer: StageTimer) -> Proposals[PartFit]:
+        """Search by anchors, refine roughly, and begin the contenders and the maps that are known."""
         timer.start("search")
-        config, settings, fits_of = self.pair.config, self.pair.config.parts, self.fits
+        config, settings = self.pair.config, self.pair.config.parts
         first_maps = self._first_maps()
         only_given = config.hypotheses == "given" and not self.searches_by_anchors
         rough = [] if only_given else self._rough_fits(first_maps)
@@ -164,21 +170,42 @@ class Part(MatchingModel[PartFit]):
                 "no map of the part keeps the orientation of the faces; give three to five landmarks, or start = 'pose' "
                 "if the shapes are roughly aligned in space"
             )
-        timer.start("refinement")
-        begun = parallel_map(lambda contender: fits_of.begun(*contender), contenders)
-        fits, costs = self._by_cost(self.refine(begun))
+        begun = parallel_map(lambda contender: self.fits.begun(*contender), contenders)
+        return Proposals(begun, len(rough) + len(first_maps))
+
+    def rank(
+        self, maps: list[PartFit], rivals: list[PartFit], proposals: Proposals[PartFit], timer: StageTimer
+    ) -> Selection[PartFit]:
+        """Settle the best, and select by cost; of maps in doubt the one that verifies best."""
+        settings = self.pair.config.parts
+        fits, costs = self._by_cost(maps)
         timer.start("settling")
         n_settled = sum(cost <= settings.hopeless * costs[0] for cost in costs[: settings.n_settled])
-        fits[:n_settled] = parallel_map(lambda fit: fits_of.settled(fit, self.refine_again), fits[:n_settled])
-        fits, costs = self._by_cost(fits)
+        settle = partial(self.fits.settled, again=self.refine_again)
+        fits, costs = self._by_cost([*parallel_map(settle, fits[:n_settled]), *fits[n_settled:]])
         apart = distances_between([fit.image for fit in fits], self.target.mean_distances)
         rules = Rules(
             runner_up_distance=APART, tie=settings.tie, mirror_tie=settings.tie, landmark_slack=LANDMARK_SLACK
         )
         selection = select(fits, apart, rules, scores=costs)
         if self.led:  # by a match that has looked for others
-            return replace(selection, runner_up=min(selection.runner_up, self.led[2]))
-        return selection
+            selection = replace(selection, runner_up=min(selection.runner_up, self.led[2]))
+        return self._verified_if_in_doubt(selection)
+
+    def _verified_if_in_doubt(self, selection: Selection[PartFit]) -> Selection[PartFit]:
+        best = selection.winner
+        fits, doubt = self._distinct([best, *selection.runners_up], N_CONTENDERS), self._doubt(selection)
+        if doubt.evidence.poor or doubt.evidence.ambiguous:
+            fits = self._by_verification(fits)
+        selection = replace(selection, distinct=tuple(fits[1:]))
+        if fits[0] is best:
+            return selection
+        ratio = min(best.cost / fits[0].cost, 1.0)  # its own cost speaks for another
+        return replace(selection, winner=fits[0], runner_up=ratio)
+
+    def _doubt(self, selection: Selection[PartFit]) -> PartDoubt:
+        best = selection.winner
+        return PartDoubt(best.bent_cost, selection.runner_up, best.pair.trusted, self.pair.config.parts)
 
     def descriptor_distance(self, fit: PartFit) -> Float[FloatArray, "r"]:
         """Descriptor distance of the vertices and their images, by balls."""
@@ -195,9 +222,9 @@ class Part(MatchingModel[PartFit]):
         order = sorted(range(len(fits)), key=lambda i: costs[i])
         return [fits[i] for i in order], [costs[i] for i in order]
 
-    def bent(self, fit: PartFit) -> BentPart:
+    def coordinates(self, best: PartFit) -> BentPart:
         """Bend the part onto the whole by a map, in full."""
-        return fit.bending.laid_in_full(fit.bent, self.pair.config.parts.bending[-N_BENT_IN_FULL:])
+        return best.bending.laid_in_full(best.bent, self.pair.config.parts.bending[-N_BENT_IN_FULL:])
 
     def _distinct(self, fits: list[PartFit], count: int) -> list[PartFit]:
         return distinct(fits, lambda fit: fit.image, self.target.mean_distances, APART, count)
@@ -251,25 +278,6 @@ class Part(MatchingModel[PartFit]):
         """Refines maps of the part."""
         return fits_of(self.problem, self.side, self._coordinates)
 
-    def solution(self, timer: StageTimer) -> Solution:
-        """Find the map, and the evidence for it."""
-        self.require_sides()
-        self.require_priors()
-        self.require_no_descriptors("a whole and its part")
-        selection = self.match(timer)
-        best = selection.winner
-        doubt = PartDoubt(best.bent_cost, selection.runner_up, best.pair.trusted, self.pair.config.parts)
-        fits = self._distinct([best, *selection.runners_up], N_CONTENDERS)
-        if doubt.evidence.poor or doubt.evidence.ambiguous:
-            fits = self._by_verification(fits)
-            if fits[0] is not best:  # its own cost speaks for another
-                selection = replace(selection, winner=fits[0], runner_up=best.cost / fits[0].cost)
-                doubt = PartDoubt(
-                    fits[0].bent_cost, min(selection.runner_up, 1.0), fits[0].pair.trusted, doubt.settings
-                )
-        solution = self._summed_up(selection, doubt, timer)
-        return replace(solution, alternatives=self._alternatives(fits[1:]))
-
     def _by_verification(self, fits: list[PartFit]) -> list[PartFit]:
         """Order maps of which none is sure by what they cost on the shapes as they are, see `verify`."""
         fits = nearest_to_priors(fits, LANDMARK_SLACK)
@@ -280,16 +288,16 @@ class Part(MatchingModel[PartFit]):
         costs = [verified(self.fits.bending.images(fit.bent, vertices)).cost for fit in fits]
         return [fits[i] for i in np.argsort(costs, kind="stable")]
 
-    def _alternatives(self, fits: list[PartFit]) -> tuple[Alternative, ...]:
+    def _alternatives(self, fits: Sequence[PartFit]) -> tuple[Alternative, ...]:
         """Give other maps that were refined to the end; the part is bent by one when it is asked for."""
         return tuple(
-            Alternative(partial(self._bent_by, fit), fit.cost, fit.orientation, self.origin_of(fit))
+            Alternative(partial(self._bent_by, fit), fit.cost, fit.orientation, origin_of(self.problem, fit))
             for fit in fits[: self.pair.config.selection.most_alternatives]
         )
 
     def _bent_by(self, fit: PartFit) -> Correspondence:
         with serial_blas():
-            points, matched, _ = self._directed(fit, self.bent(fit))
+            points, matched, _ = self._directed(fit, self.coordinates(fit))
             return self.problem.source.correspondence(self.problem.target, points, matched)
 
     def _directed(self, fit: PartFit, bent: BentPart) -> tuple[PrecisePoints, Bool[BoolArray, "n_s"], float]:
@@ -298,31 +306,34 @@ class Part(MatchingModel[PartFit]):
             return *bent.onto_part(), 1 / fit.pair.unit
         return bent.points, np.ones(self.source.body.n_vertices, dtype=bool), fit.pair.unit
 
-    def _summed_up(self, selection: Selection[PartFit], doubt: PartDoubt, timer: StageTimer) -> Solution:
-        """Bend the part in full, and sum up the map in the direction asked for."""
-        best = selection.winner
-        timer.start("bending")
-        bent = self.bent(best)
+    def measure(self, match: Match[PartFit, BentPart]) -> Measured:
+        """Measure the map in the direction asked for."""
+        best, bent = match.selection.winner, match.coordinates
         points, matched, unit = self._directed(best, bent)
-        errors = expected_errors_of_part(best.pair, bent.points)
-        covered = matched
-        if self.side == "target":
-            errors = errors[points.corners[:, 0]] / best.pair.unit
-        else:
-            _, covered = bent.onto_part()
-        area = best.pair.meshes[1].vertex_areas[covered].sum()
-        timer.start("quality")
         balls = best.pair.signature, best.pair.whole.balls
         here, there = balls if self.side == "source" else balls[::-1]
         descriptor_distance = descriptor_distance_of(here, there, points.corners[:, 0], matched)
-        reason = f"fits best of {1 + len(selection.runners_up)} maps of a part refined to the end"
-        measured = measured_part(self, best, bent, unit, points, matched, descriptor_distance, reason)
+        reason = f"fits best of {1 + len(match.selection.runners_up)} maps of a part refined to the end"
+        return measured_part(self.problem, best, bent, unit, points, matched, descriptor_distance, reason)
+
+    def sum_up(self, match: Match[PartFit, BentPart], measured: Measured, timer: StageTimer) -> Solution:
+        """Sum up the map in the direction asked for."""
+        best, bent, covered = match.selection.winner, match.coordinates, measured.matched
+        errors = expected_errors_of_part(best.pair, bent.points)
+        if self.side == "target":
+            errors = errors[measured.points.corners[:, 0]] / best.pair.unit
+        else:
+            _, covered = bent.onto_part()
+        area = best.pair.meshes[1].vertex_areas[covered].sum()
         notes = [
             f"the {self.side} was matched as a part: it has {best.share:.0%} of the area of the other shape and covers "
             f"{area:.0%}"
         ]
         evidence = (contradiction(self.problem, measured),)
-        return measured.solution(self.problem, errors, evidence, notes).doubted(doubt)
+        solution = measured.solution(self.problem, errors, evidence, notes).doubted(
+            self._doubt(match.selection)
+        )
+        return replace(solution, alternatives=self._alternatives(match.selection.distinct))
 
 
 @cached_method
@@ -345,7 +356,7 @@ def towards_whole(pairs: Int[BodyVertices, "q 2"], side: PartSide) -> Int[IntArr
 
 
 def measured_part(
-    model: MatchingModel[PartFit],
+    problem: Problem,
     fit: PartFit,
     bent: BentPart,
     unit: float,  # what √area of the source is worth in √area of the target
@@ -355,12 +366,11 @@ def measured_part(
     reason: str,
 ) -> Measured:
     """Measure a map in which a part takes part."""
-    pair, priors = model.problem, model.priors
-    source, target = pair.source, pair.target
+    priors, source, target = problem.priors, problem.source, problem.target
     image = BodyVertices(points.corners[:, 0])
     initial_pairs = BodyVertices(priors.initial_pairs[matched[priors.initial_pairs[:, 0]]])
-    landmark_error, initial_map_error = prior_errors(pair, image, priors.landmarks, initial_pairs)
-    positions, bounds = image_positions(source.body, target.body, points), pair.config.outcome
+    landmark_error, initial_map_error = prior_errors(problem, image, priors.landmarks, initial_pairs)
+    positions, bounds = image_positions(source.body, target.body, points), problem.config.outcome
     quality = Quality(
         spectral_residual=fit.spectral_residual,
         runner_up=np.inf,
@@ -377,7 +387,7 @@ def measured_part(
         stress=fit.stress,
         bending_cost=bent.spectral_residual,
     )
-    return Measured(points, quality, descriptor_distance, reason, model.origin_of(fit), matched)
+    return Measured(points, quality, descriptor_distance, reason, origin_of(problem, fit), matched)
 
 
 def contradiction(problem: Problem, measured: Measured) -> Evidence:

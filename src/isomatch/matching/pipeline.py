@@ -1,0 +1,32 @@
+"""A match under any model: propose, refine, rank, measure, sum up."""
+
+from __future__ import annotations
+
+from typing import TypeVar
+
+from isomatch._core.stage_timer import StageTimer
+from isomatch.matching.assessment.evidence import Solution
+from isomatch.matching.model import Match, MatchingModel
+
+M = TypeVar("M")
+C = TypeVar("C")
+
+
+def match_under(model: MatchingModel[M, C], timer: StageTimer) -> Solution:
+    """Find a map under a model, and the evidence for it."""
+    match = search_under(model, timer)
+    if model.last_stage:
+        timer.start(model.last_stage)
+    _ = match.coordinates  # within this stage
+    timer.start("quality")
+    return model.sum_up(match, match.measured, timer)
+
+
+def search_under(model: MatchingModel[M, C], timer: StageTimer | None = None) -> Match[M, C]:
+    """Propose maps, refine those that contend, and rank them."""
+    timer = timer or StageTimer()
+    model.require_suitable()
+    proposals = model.propose(timer)
+    timer.start("refinement")
+    maps, rivals = model.refine(proposals.begun), model.refine(proposals.rivals)
+    return Match(model, proposals, model.rank(maps, rivals, proposals, timer))
