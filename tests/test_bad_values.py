@@ -21,7 +21,7 @@ from isomatch._core.memory import GIB, memory_budget
 from isomatch._core.settings import generator
 from isomatch._core.texts import read_integers
 from isomatch._core.threads import n_threads
-from isomatch.matching.proposals.priors import checked_landmarks
+from isomatch.matching.priors import checked_landmarks
 from isomatch_lab.sets import benchmark_set
 from zoo import grid, torus
 

@@ -1,6 +1,7 @@
 """The recipe "Add a refinement" of CONTRIBUTING.md, followed with spectral upsampling."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -10,11 +11,10 @@ from isomatch.matching import (
     Elastic,
     Isometry,
     Part,
-    Priors,
     Refinement,
-    Stages,
     check_refinement,
     prepare_pair,
+    search_under,
 )
 from isomatch_lab.damage import cut
 
@@ -24,10 +24,9 @@ pytestmark = pytest.mark.usefixtures("prepared_once")
 class Upsampling(Refinement):
     """ZoomOut: images and the functional map that fits them take turns, while it grows."""
 
-    def __call__(self, relation, fit):
-        spectra = relation.spectra
-        functional_map = spectra.grown(fit.image, (20, 40, 60, 80, 100))
-        return relation.measured(fit, spectra.image(functional_map))
+    def __call__(self, problem, fit):
+        spectra = problem.spectra
+        return spectra.image(spectra.grown(fit.image, (20, 40, 60, 80, 100)))
 
 
 @pytest.fixture
@@ -68,7 +67,7 @@ def test_it_refines_the_map_of_a_part(animals, side):
         *shapes,
         initial_map=known,
         config=Config(hypotheses="given"),
-        relation=Part(side),
+        relation=partial(Part, side=side),
         refinement=Upsampling(),
     )
     assert found.outcome is Outcome.PARTIAL
@@ -79,16 +78,15 @@ def test_it_refines_the_map_of_a_part(animals, side):
 def test_it_refines_an_elastic_map(animals):
     source, target, truth = animals
     everywhere = np.column_stack([np.arange(len(truth)), truth])
-    pair = prepare_pair(source, target)
-    stages = Stages(Upsampling(), starts=[lambda pair: [everywhere[::5]]])
-    relation = Elastic().on(pair, Priors.of(pair, None, None, None), stages)
-    selection, _ = relation.match()
-    assert selection.winner.image.shape == relation.vertices.shape
-    assert pair.target.mean_distance(selection.winner.image, truth[relation.vertices]) < 0.04
+    prepared = prepare_pair(source, target)
+    model = Elastic(replace(prepared, refinement=Upsampling(), starts=[lambda problem: [everywhere[::5]]]))
+    best = search_under(model).selection.winner
+    assert best.image.shape == model.vertices.shape
+    assert model.target.mean_distance(best.image, truth[model.vertices]) < 0.04
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("relation", [Isometry(), Part()])
+@pytest.mark.parametrize("relation", [Isometry, Part])
 @pytest.mark.parametrize("sizes", [{"final_sizes": ()}, {"final_sizes": (), "sizes_with_positions": ()}])
 def test_maps_are_measured_by_the_last_step_there_is(animals, relation, sizes):
     source, target, truth = animals
@@ -103,10 +101,10 @@ def test_maps_are_measured_by_the_last_step_there_is(animals, relation, sizes):
 
 
 @pytest.mark.long
-def test_a_map_that_was_not_measured_is_refused(animals):
-    class Unmeasured(Upsampling):
-        def __call__(self, relation, fit):
-            return replace(fit, image=fit.image)
+def test_what_is_no_map_is_refused(animals):
+    class Whole(Upsampling):
+        def __call__(self, problem, fit):
+            return fit
 
-    with pytest.raises(SettingError, match="Unmeasured"):
-        match(*animals[:2], refinement=Unmeasured())
+    with pytest.raises(SettingError, match="Whole gave images of shape"):
+        match(*animals[:2], refinement=Whole())

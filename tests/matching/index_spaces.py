@@ -2,14 +2,14 @@
 
 from isomatch._core import arrays
 from isomatch._core.arrays import BodyVertices, SearchRows
-from isomatch.matching import ShapePair
+from isomatch.matching import Problem
 from isomatch.matching.isometric.candidates import energy_of, extended
 from isomatch.matching.partial.both_seeds import CommonRegions
 from isomatch.matching.partial.part_pair import PartPair
 from isomatch.matching.verify import on_bodies
 
 
-def refused(pair: ShapePair, rows: SearchRows, vertices: BodyVertices, users: arrays.UserVertices) -> None:
+def refused(pair: Problem, rows: SearchRows, vertices: BodyVertices, users: arrays.UserVertices) -> None:
     """Mix rows, vertices of bodies, and those of the user."""
     energy_of(pair, pair.source_vertices, rows)  # type: ignore[arg-type]
     energy_of(pair, users, vertices)  # type: ignore[arg-type]
@@ -32,7 +32,7 @@ def refused_of_parts(
     regions.worth(rows, rows)  # type: ignore[arg-type]
 
 
-def allowed(pair: ShapePair, rows: SearchRows) -> arrays.IntArray:
+def allowed(pair: Problem, rows: SearchRows) -> arrays.IntArray:
     """Name the index space of an index; any is an array of integers."""
     energy_of(pair, pair.source_vertices, BodyVertices(pair.target_vertices[rows]))
     return rows

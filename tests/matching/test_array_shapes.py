@@ -14,7 +14,7 @@ from test_elastic import other_species
 from checked_shapes import checked
 from isomatch import Config, PointCloud, match, match_both, prepare
 from isomatch.datasets import example_pair, ground_truth
-from isomatch.matching import BothParts, Elastic
+from isomatch.matching import Elastic, TwoParts
 from isomatch.matching.isometric.candidates import energy_of
 from isomatch.matching.verify import largest_piece
 from isomatch.settings import PartSettings
@@ -70,15 +70,15 @@ def two_parts():
     source, target, truth = creatures()
     here, there = cut(source, 0.4, seed=0), cut(target, 0.4, seed=2)
     image = there.damaged_vertex[truth[here.original]]
-    match(here.mesh, there.mesh, config=FEW, relation=BothParts())
-    match(here.mesh, there.mesh, initial_map=image, config=FEW, relation=BothParts())
+    match(here.mesh, there.mesh, config=FEW, relation=TwoParts)
+    match(here.mesh, there.mesh, initial_map=image, config=FEW, relation=TwoParts)
 
 
 def stretched():
     first, second = (creature(1500, triangulation=i, symmetric=True) for i in (1, 2))
     truth = ground_truth(first, second).vertices
     match(first.mesh, other_species(second))
-    match(first.mesh, other_species(second), initial_map=truth, relation=Elastic())
+    match(first.mesh, other_species(second), initial_map=truth, relation=Elastic)
 
 
 def components():

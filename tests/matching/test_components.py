@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from isomatch import Config, LandmarkError, Mesh, NotConvergedError, Outcome, match, prepare
 from isomatch.datasets import ground_truth
-from isomatch.matching import Isometry, ShapePair
+from isomatch.matching import Isometry, Problem
 from isomatch.matching.components import Carrier
 from isomatch.shapes import components_of
 from isomatch_lab.procedural import creature
@@ -278,7 +278,7 @@ def test_a_rigid_motion_is_carried_exactly(creatures):
     turn = Rotation.random(random_state=1)
     source = prepare(dressed)
     target = prepare(Mesh(2 * dressed.vertices @ turn.as_matrix().T + 1, dressed.faces))
-    main = ShapePair(components_of(source)[0], components_of(target)[0], source.config)
+    main = Problem(components_of(source)[0], components_of(target)[0], source.config)
     result = match(main.source, main.target)
     carrier = Carrier.of([SimpleNamespace(pair=main, map=result.map, quality=result.quality)])
     hats = components_of(source)[1], components_of(target)[1]

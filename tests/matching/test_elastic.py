@@ -7,7 +7,7 @@ import pytest
 
 from isomatch import Config, Mesh, Outcome, match, prepare
 from isomatch.datasets import ground_truth
-from isomatch.matching import Elastic, Fit, Priors, prepare_pair
+from isomatch.matching import Elastic, Fit, prepare_pair
 from isomatch.matching.assessment.evidence import bends_badly
 from isomatch.matching.isometric.isometry import AMBIGUOUS
 from isomatch.settings import ElasticSettings
@@ -107,10 +107,7 @@ def test_a_wrong_initial_map_does_not_win(species, found):
 @pytest.mark.long
 def test_the_score_is_the_stretch_and_the_gap_of_both_shapes_bent(species):
     """A shape on itself is not stretched; exchanged images are dear."""
-    relation = Elastic().on(
-        prepare_pair(species[0], species[0]),
-        Priors.of(prepare_pair(species[0], species[0]), None, None, None),
-    )
+    relation = Elastic(prepare_pair(species[0], species[0]))
     own = relation.measured(Fit(relation.vertices), relation.vertices)
     assert own.score < 1e-4
     moved = relation.measured(own, np.roll(relation.vertices, 1))

@@ -6,7 +6,7 @@ import pytest
 from data import tosca
 from isomatch import Config, match
 from isomatch.datasets import example_pair, ground_truth
-from isomatch.matching import Isometry, Priors, prepare_pair
+from isomatch.matching import Isometry, prepare_pair
 from isomatch_lab.sets import relabelled
 from shapes import split_in_four
 
@@ -66,8 +66,7 @@ def test_a_map_refined_once_more_scores_no_worse(stuck):
     scores = []
     for sizes in ((), Config().refining.sizes_again):
         config = Config.from_dict({"refining": {"sizes_again": sizes, **(at_once if stuck else {})}})
-        pair = prepare_pair(source, target, config)
-        relation = Isometry().on(pair, Priors.of(pair, None, None, None))
+        relation = Isometry(prepare_pair(source, target, config))
         candidates, _ = relation.candidates(*relation.hypotheses())
         scores.append([fit.score for fit in relation.refined(relation.begun(candidates[:3]))])
     once, again = scores

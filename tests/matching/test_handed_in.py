@@ -10,11 +10,11 @@ from isomatch.matching.refinements import bumpy_ball
 from isomatch_lab.procedural import creature
 
 pytestmark = pytest.mark.usefixtures("prepared_once")
-RELATIONS = pytest.mark.parametrize("relation", [Isometry(), Part(), Elastic()])
+RELATIONS = pytest.mark.parametrize("relation", [Isometry, Part, Elastic])
 SOME_LONG = pytest.mark.parametrize(
-    "relation", [Isometry(), Part(), pytest.param(Elastic(), marks=pytest.mark.long)]
+    "relation", [Isometry, Part, pytest.param(Elastic, marks=pytest.mark.long)]
 )
-OF_MESHES = pytest.mark.parametrize("relation", [Part(), Elastic()])
+OF_MESHES = pytest.mark.parametrize("relation", [Part, Elastic])
 
 
 @pytest.fixture(scope="module")
@@ -94,11 +94,11 @@ def test_descriptors_lead_an_elastic_map_and_no_part(bodies):
     of_target = np.zeros((target.n_vertices, 3))
     of_target[truth] = source.vertices
     given = {"initial_descriptors": (source.vertices, of_target)}
-    found = match(source, target, **given, relation=Elastic(), config=Config(hypotheses="given"))
+    found = match(source, target, **given, relation=Elastic, config=Config(hypotheses="given"))
     assert found.origin == "descriptors"
     assert mean_error(found, target, truth) < 0.06
     with pytest.raises(DescriptorError, match="landmarks"):
-        match(source, target, **given, relation=Part())
+        match(source, target, **given, relation=Part)
 
 
 @OF_MESHES
@@ -117,7 +117,7 @@ def test_relations_of_meshes_say_so(bodies, relation):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("relation", [Part(), Elastic()])
+@pytest.mark.parametrize("relation", [Part, Elastic])
 def test_a_relation_is_claimed_of_each_two_partners(bodies, relation):
     source, target, truth = bodies
     ball = bumpy_ball(200)
@@ -134,4 +134,4 @@ def test_a_relation_is_claimed_of_each_two_partners(bodies, relation):
         Outcome.SYMMETRY_AMBIGUOUS,
         Outcome.CONVERGED,
     }  # a body and a ball are no species
-    assert found.outcome in ({Outcome.PARTIAL} if isinstance(relation, Part) else unsure)
+    assert found.outcome in ({Outcome.PARTIAL} if relation is Part else unsure)

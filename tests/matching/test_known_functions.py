@@ -1,12 +1,14 @@
 """Functions that are known on both shapes take part in search and refinement."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from isomatch import Mesh, match, match_both
+from isomatch import Mesh, match, match_both, prepare
 from isomatch._core.errors import DescriptorError
 from isomatch.matching import prepare_pair
-from isomatch.matching.proposals.priors import with_functions
+from isomatch.matching.priors import known_functions
 from isomatch_lab.damage import cut
 from isomatch_lab.procedural import creature
 from shapes import box, disguised
@@ -55,17 +57,21 @@ def test_a_part_is_found_by_what_is_known_of_it():
 
 def test_values_are_compared_as_they_are_on_both(brick):
     """An offset of all values of one shape is a difference; unknown ones come from their neighbours."""
-    pair = prepare_pair(brick, brick)
+    problem = prepare_pair(brick, brick)
     values = np.arange(brick.n_vertices, dtype=float)
-    same = with_functions(pair, (values, values)).known
+
+    def known(*functions):
+        return known_functions(problem.source, problem.target, functions, problem.config)
+
+    same = replace(problem, functions=known(values, values)).known
     assert np.array_equal(same.source, same.target)
-    assert np.sqrt((same.source**2).mean()) == pytest.approx(pair.config.refining.function_weight)
-    apart = with_functions(pair, (values, values + 10)).known
+    assert np.sqrt((same.source**2).mean()) == pytest.approx(problem.config.refining.function_weight)
+    apart = replace(problem, functions=known(values, values + 10)).known
     assert (apart.target > apart.source).all()
     holed = values.copy()
     holed[7] = np.nan
-    assert np.isfinite(with_functions(pair, (holed, values)).known.source).all()
-    assert with_functions(pair, None) is pair
+    assert np.isfinite(replace(problem, functions=known(holed, values)).known.source).all()
+    assert known_functions(problem.source, problem.target, None, problem.config) is None
 
 
 def test_unknown_values_come_from_the_nearest_vertex_of_the_surface(brick):
@@ -81,8 +87,8 @@ def test_unknown_values_come_from_the_nearest_vertex_of_the_surface(brick):
     faces = np.concatenate([np.where(beyond[:, None], twin[brick.faces], brick.faces), tetrahedron])
     values = np.full(len(vertices), np.nan)
     values[:n] = np.random.default_rng(0).normal(size=n)
-    pair = prepare_pair(Mesh(vertices, faces), Mesh(vertices, faces))
-    known = with_functions(pair, (values, values)).functions.source[:, 0]
+    shape = prepare(Mesh(vertices, faces))
+    known = known_functions(shape, shape, (values, values), shape.config).source[:, 0]
     np.testing.assert_array_equal(known[n : n + len(seam)], known[seam])
     np.testing.assert_array_equal(known[-4:], 0)
 

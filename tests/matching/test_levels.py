@@ -20,7 +20,7 @@ from isomatch import (
     prepare,
 )
 from isomatch.datasets import ground_truth
-from isomatch.matching import Priors, prepare_pair
+from isomatch.matching import Priors
 from isomatch.repair import for_matching
 from isomatch.shapes import capped_shape, components_of
 from isomatch.shapes.body import body_of
@@ -325,13 +325,13 @@ def test_an_initial_map_may_name_any_vertices(truth, shapes):
     known = np.full(len(truth), -1)
     chosen = np.setdiff1d(np.arange(len(truth)), shapes[0].user_vertex)[::60]
     known[chosen] = truth[chosen]
-    priors = Priors.of(prepare_pair(*shapes), None, known, None)
+    priors = Priors.of(*shapes, None, known)
     pairs = np.column_stack([shapes[0].body_vertex[chosen], shapes[1].body_vertex[truth[chosen]]])
     np.testing.assert_array_equal(np.unique(priors.initial_pairs, axis=0), np.unique(pairs, axis=0))
 
 
 def test_of_an_initial_map_the_nearest_vertices_count(truth, shapes):
-    priors = Priors.of(prepare_pair(*shapes), None, truth, None)
+    priors = Priors.of(*shapes, None, truth)
     source, image = priors.initial_pairs.T
     np.testing.assert_array_equal(np.sort(source), np.arange(1000))
     np.testing.assert_array_equal(image, shapes[1].body_vertex[truth[shapes[0].user_vertex[source]]])

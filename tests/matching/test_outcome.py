@@ -122,9 +122,9 @@ def test_a_cap_that_goes_to_the_other_pole_is_torn_off():
 def test_a_way_that_finds_no_map_is_told(prepared_example, monkeypatch):
     solving = importlib.import_module("isomatch.matching.strategies")
 
-    def broken(case):
+    def broken(problem, attempts, timer):
         raise NotConvergedError("nothing turned up")
 
-    ways = solving.Way("broken", "whole", broken), solving.AS_IT_IS
-    monkeypatch.setattr(solving, "ways_of", lambda case: ways)
+    strategies = solving.Strategy("broken", "whole", "always", broken), solving.AS_IT_IS
+    monkeypatch.setattr(solving, "strategies_of", lambda problem: strategies)
     assert "the way 'broken' found no map: nothing turned up" in match(*prepared_example).notes

@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 
 from isomatch import Config, Mesh, Outcome, match, prepare, questions, verify
-from isomatch._core.stage_timer import StageTimer
 from isomatch.datasets import ground_truth
 from isomatch.geodesics import distance_along_edges_to_nearest
-from isomatch.matching import Part, Priors, ShapePair, prepare_pair, stages_of
+from isomatch.matching import Part, Problem, prepare_pair, search_under
 from isomatch.matching.assessment.quality import covered_share
-from isomatch.matching.strategies import Case
+from isomatch.matching.strategies import part_of
 from isomatch.settings import PartSettings
 from isomatch_lab.damage import cut, holes, limb_removed, view
 from isomatch_lab.procedural import creature
@@ -22,22 +21,17 @@ from isomatch_lab.sets import relabelled
 
 def match_part(part, whole, config):
     """Match a prepared part to a prepared whole, without priors and without closing holes."""
-    pair = ShapePair(part, whole, config)
-    relation = Part().on(pair, Priors.of(pair, None, None, None))
-    selection = relation.match()
+    found = search_under(Part(Problem(part, whole, config)))
+    selection = found.selection
     best = selection.winner
     return SimpleNamespace(
         fits=[best, *selection.runners_up],
         score=best.bent_cost,
         pair=best.pair,
-        bent=relation.bent(best),
+        bent=found.coordinates,
         share=best.share,
         runner_up=selection.runner_up,
     )
-
-
-def part_of(pair, priors):
-    return Case(pair, priors, stages_of(pair), StageTimer()).side
 
 
 pytestmark = pytest.mark.usefixtures("prepared_once")
@@ -196,7 +190,7 @@ def test_a_body_without_a_foot_is_a_part_but_not_one_with_small_holes(bodies):
     pierced = Mesh(bodies[0].vertices, np.delete(faces, np.arange(0, len(faces), 200), axis=0))
     for part, role in ((footless, "source"), (pierced, None)):
         pair = prepare_pair(part, bodies[1])
-        assert part_of(pair, Priors.of(pair, None, None, None)) == role
+        assert part_of(pair) == role
     assert prepare(pierced).boundary_length > prepare(footless).boundary_length
 
 
@@ -304,7 +298,7 @@ def test_a_part_of_another_animal_is_no_sure_match(prepared):
 
 def roles(source, target, **options):
     pair = prepare_pair(source, target, Config(**options))
-    return part_of(pair, Priors.of(pair, None, None, None))
+    return part_of(pair)
 
 
 @pytest.mark.long

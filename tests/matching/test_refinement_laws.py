@@ -1,7 +1,6 @@
 """The laws of refinements: those of isomatch keep them, and each kind of broken one is told what is wrong."""
 
 import os
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -18,27 +17,27 @@ def test_those_of_isomatch_keep_the_laws(name):
 
 
 class Changed(Refinement):
-    """Changes the images by a function of the relation and the images."""
+    """Changes the images by a function of the problem and the images."""
 
     def __init__(self, change):
         self.change = change
 
-    def __call__(self, relation, fit):
-        return relation.measured(fit, self.change(relation, fit.image))
+    def __call__(self, problem, fit):
+        return self.change(problem, fit.image)
 
 
-def unchanged(relation, image):
+def unchanged(problem, image):
     return image
 
 
-def shuffled(relation, image):
+def shuffled(problem, image):
     return np.random.default_rng(0).permutation(image)
 
 
-def numbered(relation, image):
+def numbered(problem, image):
     """Take the neighbour of the lowest number, which is not far away."""
-    lowest = np.arange(relation.target.body.n_vertices)
-    for i, j in (*relation.target.body.edges, *relation.target.body.edges[:, ::-1]):
+    lowest = np.arange(problem.target.body.n_vertices)
+    for i, j in (*problem.target.body.edges, *problem.target.body.edges[:, ::-1]):
         lowest[i] = min(lowest[i], j)
     return lowest[image]
 
@@ -53,9 +52,9 @@ def test_a_refinement_that_does_nothing_keeps_them():
     [
         (shuffled, r'Changed breaks the law "truth": .* mean error of 0\.\d+ .*look at __call__'),
         (numbered, r'"relabelling": \d+% of the images .* look at what uses the number of a vertex'),
-        (lambda relation, image: image[:5], r"refinement Changed gave images of shape \(5,\)"),
-        (lambda relation, image: image / 1.0, "type float64; expected"),
-        (lambda relation, image: image + 9000, r"images from 9000 to \d+; expected \(500,\) vertices of"),
+        (lambda problem, image: image[:5], r"refinement Changed gave images of shape \(5,\)"),
+        (lambda problem, image: image / 1.0, "type float64; expected"),
+        (lambda problem, image: image + 9000, r"images from 9000 to \d+; expected \(500,\) vertices of"),
     ],
 )
 def test_what_is_broken_is_named(change, message):
@@ -66,15 +65,14 @@ def test_what_is_broken_is_named(change, message):
 def test_randomness_without_a_seed_is_named():
     random = np.random.default_rng()
     with pytest.raises(SettingError, match="repeatable"):
-        check_refinement(Changed(lambda relation, image: random.permutation(image)))
+        check_refinement(Changed(lambda problem, image: random.permutation(image)))
 
 
 def test_what_depends_on_the_threads_is_named():
     class ByThreads(Changed):
-        def refine_and_select(self, relation, fits):
-            return super().refine_and_select(
-                relation, fits if os.environ["ISOMATCH_NUM_THREADS"] == "1" else fits[:1]
-            )
+        def __call__(self, problem, fit):
+            image = super().__call__(problem, fit)
+            return image if os.environ["ISOMATCH_NUM_THREADS"] == "1" else image[::-1]
 
     with pytest.raises(SettingError, match="repeatable"):
         check_refinement(ByThreads(unchanged))
@@ -92,36 +90,18 @@ def test_the_number_of_threads_is_as_before(monkeypatch):
 
 def test_the_map_everywhere_is_checked_too():
     class Exchanged(Changed):
-        def everywhere(self, relation, fit):
-            return Embedding(
-                *(points[::-1] if i else points for i, points in enumerate(relation.embedding(fit)))
-            )
+        def everywhere(self, problem, fit, coordinates):
+            source, target = coordinates()
+            return Embedding(source, target[::-1])
 
     with pytest.raises(SettingError, match="everywhere"):
         check_refinement(Exchanged(unchanged))
 
 
-@pytest.mark.parametrize(
-    ("refine_and_select", "message"),
-    [
-        (lambda fits: [], "gave up all of 2 maps; keep the best one"),
-        (lambda fits: [replace(fit) for fit in fits], r"gave a map .* return relation\.measured"),
-        (lambda fits: [fit.image for fit in fits], "gave an object of type ndarray"),
-    ],
-)
-def test_model_selection_gives_measured_maps(refine_and_select, message):
-    class Given(Changed):
-        def refine_and_select(self, relation, fits):
-            return refine_and_select(fits)
-
-    with pytest.raises(SettingError, match=message):
-        check_refinement(Given(unchanged))
-
-
 def test_coordinates_of_all_vertices_are_asked_for():
     class Short(Changed):
-        def everywhere(self, relation, fit):
-            source, target = relation.embedding(fit)
+        def everywhere(self, problem, fit, coordinates):
+            source, target = coordinates()
             return Embedding(source[:-1], target)
 
     with pytest.raises(SettingError, match="coordinates"):

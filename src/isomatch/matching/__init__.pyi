@@ -14,26 +14,26 @@ from isomatch.matching.elastic.elastic import Elastic
 from isomatch.matching.isometric.candidates import first_map
 from isomatch.matching.isometric.isometry import Isometry
 from isomatch.matching.maps import Candidate, Fit, Hypothesis
-from isomatch.matching.match import BothDirections, continue_with, match, match_both, stages_of
-from isomatch.matching.partial.both_parts import BothParts
+from isomatch.matching.match import BothDirections, continue_with, match, match_both
+from isomatch.matching.model import Match, MatchingModel, Proposals, RefiningModel
 from isomatch.matching.partial.part import Part
-from isomatch.matching.pipeline import Joint, Refinement, Relation, Stages
-from isomatch.matching.problem import ShapePair, prepare_pair
-from isomatch.matching.proposals.priors import Priors
-from isomatch.matching.proposals.starts import Start, default_starts
+from isomatch.matching.partial.two_parts import TwoParts
+from isomatch.matching.pipeline import match_under, search_under
+from isomatch.matching.priors import Priors
+from isomatch.matching.problem import Joint, Problem, Refinement, Start, prepare_pair
+from isomatch.matching.proposals.starts import default_starts
 from isomatch.matching.refinements import REFINEMENTS, check_refinement
 from isomatch.matching.result import Alternative, MatchResult, Outcome, Quality
-from isomatch.matching.strategies import WAYS
+from isomatch.matching.strategies import STRATEGIES, select_strategies
 from isomatch.matching.verify import Verification, verify
 from isomatch.settings import COVERAGE_RADIUS
 
 __all__ = [
     "COVERAGE_RADIUS",
     "REFINEMENTS",
-    "WAYS",
+    "STRATEGIES",
     "Alternative",
     "BothDirections",
-    "BothParts",
     "Candidate",
     "DoubtfulRegion",
     "Elastic",
@@ -42,18 +42,21 @@ __all__ = [
     "Hypothesis",
     "Isometry",
     "Joint",
+    "Match",
     "MatchResult",
+    "MatchingModel",
     "Outcome",
     "Part",
     "Priors",
+    "Problem",
+    "Proposals",
     "Quality",
     "Question",
     "Refinement",
-    "Relation",
-    "ShapePair",
+    "RefiningModel",
     "Solution",
-    "Stages",
     "Start",
+    "TwoParts",
     "Verification",
     "check_refinement",
     "continue_with",
@@ -66,12 +69,14 @@ __all__ = [
     "lowered",
     "match",
     "match_both",
+    "match_under",
     "measure_quality",
     "measured_evidence",
     "outcome_of",
     "prepare_pair",
     "questions",
-    "stages_of",
+    "search_under",
+    "select_strategies",
     "verified",
     "verify",
 ]

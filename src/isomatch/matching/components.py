@@ -18,9 +18,7 @@ from isomatch.correspondence import UNMATCHED, carried_along, nearest_rotation
 from isomatch.matching.assessment.confidence import expected_errors
 from isomatch.matching.assessment.evidence import Evidence, Solution, measured_evidence, outcome_of
 from isomatch.matching.assessment.quality import measure_quality
-from isomatch.matching.pipeline import Stages
-from isomatch.matching.problem import ShapePair
-from isomatch.matching.proposals.priors import (
+from isomatch.matching.priors import (
     FEWEST_POINTS,
     NO_USER_LANDMARKS,
     Priors,
@@ -29,6 +27,7 @@ from isomatch.matching.proposals.priors import (
     checked_initial_map,
     checked_landmarks,
 )
+from isomatch.matching.problem import Problem
 from isomatch.matching.result import MAP_ARRAYS, Outcome
 from isomatch.matching.selection import SPECTRAL_RESIDUAL_NOISE
 from isomatch.matching.strategies import solve
@@ -51,12 +50,12 @@ TINY = 1e-6
 SIDES = "source", "target"
 
 
-def match_components(pair: ShapePair, user_priors: UserPriors, stages: Stages, timer: StageTimer) -> Solution:
+def match_components(pair: Problem, user_priors: UserPriors, timer: StageTimer) -> Solution:
     """Match shapes of which at least one has further components that can be matched by themselves."""
     timer.start("components")
     parallel_map(components_of, (pair.source, pair.target))
     priors = ComponentPriors(pair, user_priors)
-    components = _Components(pair, priors, stages, timer)
+    components = _Components(pair, priors, timer)
     matches, tied = components.large_ones()
     timer.start("components")
     matches += components.carried_ones(matches)
@@ -68,8 +67,8 @@ def match_components(pair: ShapePair, user_priors: UserPriors, stages: Stages, t
 class _Components:
     """The components of both shapes, and which of them are partners."""
 
-    def __init__(self, pair: ShapePair, priors: ComponentPriors, stages: Stages, timer: StageTimer) -> None:
-        self.pair, self.priors, self.stages, self.timer = pair, priors, stages, timer
+    def __init__(self, pair: Problem, priors: ComponentPriors, timer: StageTimer) -> None:
+        self.pair, self.priors, self.timer = pair, priors, timer
         self.sources, self.targets = priors.sides
         self.failed: list[str] = []  # which two components have no map, and why
 
@@ -143,16 +142,16 @@ class _Components:
 
     def _matched(self, i: int, j: int, carrier: Carrier | None = None) -> ComponentMatch:
         """Match two components: by themselves, or starting from where they are carried to."""
-        pair = ShapePair(self.sources[i], self.targets[j], self.pair.config, self.pair.functions)
+        pair = replace(self.pair, source=self.sources[i], target=self.targets[j])
         priors = self.priors.on(pair)
         with self.timer.within(f"component {i + 1}"):
             if carrier is None or priors.any:
-                solution = solve(pair, priors, self.stages, self.timer)
+                solution = solve(replace(pair, priors=priors), self.timer)
                 return ComponentMatch(solution, with_priors=priors.any)
             self.timer.start("quality")
             return self._carried(pair, carrier)
 
-    def _carried(self, pair: ShapePair, carrier: Carrier) -> ComponentMatch:
+    def _carried(self, pair: Problem, carrier: Carrier) -> ComponentMatch:
         """Match two components that are carried to each other."""
         # A rigid thing, as an eye or a helmet, is where it is carried to; otherwise the map starts from there. The place
         # decides what symmetry leaves open, if the component is near enough to what carries it.
@@ -164,8 +163,8 @@ class _Components:
             ambiguous = placed.with_evidence(Evidence(ambiguous=True))
             return ComponentMatch(ambiguous, "nothing near it tells how it is turned")
         carried = replace(pair, config=replace(pair.config, hypotheses="given", start="auto", part="none"))
-        priors = Priors.of(carried, None, carrier.image(pair.source, pair.target), None)
-        solution = replace(solve(carried, priors, self.stages, self.timer), pair=pair)
+        priors = Priors.of(pair.source, pair.target, None, carrier.image(pair.source, pair.target))
+        solution = replace(solve(replace(carried, priors=priors), self.timer), pair=pair)
         if solution.outcome is Outcome.PRIORS_CONTRADICTED:
             doubted = replace(solution, evidence=(Evidence(poor=True),))
             return ComponentMatch(doubted, "its map does not agree with its place")
@@ -173,20 +172,20 @@ class _Components:
         decided = measured_evidence(pair, measures, pair.config.orientation)
         differs = outcome_of([decided]) is not solution.outcome
         tied = differs and not solution.quality.runner_up < 1 / pair.config.outcome.tie
-        if self.stages.relation is not None or not (held and tied):
+        if pair.relation is not None or not (held and tied):
             return ComponentMatch(solution)
         unlike = tuple(region for region in solution.regions if region.runner_up is None)
         by_place = replace(solution, evidence=(decided,), regions=unlike)
         return ComponentMatch(by_place, "symmetric by itself, decided by its place")
 
-    def _placed(self, pair: ShapePair, carrier: Carrier) -> Solution | None:
+    def _placed(self, pair: Problem, carrier: Carrier) -> Solution | None:
         """Map a component to the nearest points when it is carried along rigidly; None if it does not fit there."""
         moved, there = carrier.turned(pair.source), cast(Mesh, pair.target.body).vertices
         points = pair.target.index.points(there, moved)
         gap = np.linalg.norm(points.interpolation(len(there)) @ there - moved, axis=1)
         if gap.mean() > SAME_PLACE:
             return None
-        quality = measure_quality(pair, points, Priors.of(pair, None, None, None))
+        quality = measure_quality(pair, points)
         found = pair.source.correspondence(pair.target, points)
         evidence = (measured_evidence(pair, quality, pair.config.orientation),)
         errors = pair.source.lift_smooth(expected_errors(pair, points))
@@ -217,7 +216,7 @@ class ComponentMatch:
     with_priors: bool = False  # whether the user gave priors for them
 
     @property
-    def pair(self) -> ShapePair:
+    def pair(self) -> Problem:
         """The components."""
         return self.solution.pair
 
@@ -227,7 +226,7 @@ class ComponentMatch:
         return max(max(shape.share, _vertex_share(shape)) for shape in (self.pair.source, self.pair.target))
 
 
-def composed(pair: ShapePair, matches: list[ComponentMatch], tied: bool, priors: ComponentPriors) -> Solution:
+def composed(pair: Problem, matches: list[ComponentMatch], tied: bool, priors: ComponentPriors) -> Solution:
     """Sum up the maps of all pairs of components; the first is the main one."""
     main, *others = matches
     bounds = pair.config.outcome
@@ -271,7 +270,7 @@ def composed(pair: ShapePair, matches: list[ComponentMatch], tied: bool, priors:
     )
 
 
-def _unpartnered(side: str, matched: list[PreparedShape], pair: ShapePair) -> tuple[float, list[str]]:
+def _unpartnered(side: str, matched: list[PreparedShape], pair: Problem) -> tuple[float, list[str]]:
     """Share of one shape that is unmatched, of the area or of the vertices, and a note on each component of it."""
     components = components_of(getattr(pair, side))
     alone = [components[i] for i in numbers_without(components, matched)]
@@ -306,7 +305,7 @@ def numbers_without(side: tuple[PreparedShape, ...], matched: list[PreparedShape
 class ComponentPriors:
     """The user's priors, and what of them concerns two components."""
 
-    def __init__(self, pair: ShapePair, user_priors: UserPriors) -> None:
+    def __init__(self, pair: Problem, user_priors: UserPriors) -> None:
         self.pair = pair
         landmarks, initial_map, descriptors = user_priors
         sizes = pair.source.surface.n_vertices, pair.target.surface.n_vertices
@@ -318,22 +317,22 @@ class ComponentPriors:
         rows = np.flatnonzero(self.image != UNMATCHED)
         pairs = np.column_stack([rows, self.image[rows]])
         self.joins = UserVertices(np.concatenate([self.landmarks, pairs]))
-        joined = [self._inside(ShapePair(*sides, pair.config), self.joins) for sides in product(*self.sides)]
+        joined = [self._inside(Problem(*sides, pair.config), self.joins) for sides in product(*self.sides)]
         self.joined = np.reshape([len(rows) for rows in joined], [len(side) for side in self.sides])
         if len(self.joins) and self.joined.max() < FEWEST_POINTS:
-            Priors.of(pair, landmarks, initial_map, None)  # refuses them
+            Priors.of(pair.source, pair.target, landmarks, initial_map)  # refuses them
 
     @property
     def sides(self) -> tuple[tuple[PreparedShape, ...], tuple[PreparedShape, ...]]:
         """Components of source and target."""
         return components_of(self.pair.source), components_of(self.pair.target)
 
-    def _inside(self, pair: ShapePair, joins: Int[UserVertices, "_ 2"]) -> Int[UserVertices, "q 2"]:
+    def _inside(self, pair: Problem, joins: Int[UserVertices, "_ 2"]) -> Int[UserVertices, "q 2"]:
         """Keep the pairs that lie on two components."""
         here = pair.source.body_vertex[joins[:, 0]] >= 0
         return UserVertices(joins[here & (pair.target.body_vertex[joins[:, 1]] >= 0)])
 
-    def on(self, pair: ShapePair) -> Priors:
+    def on(self, pair: Problem) -> Priors:
         """Priors on two components; none where too little is known of them."""
         landmarks = self.landmarks_on(pair)
         everything = np.column_stack([np.arange(len(self.image)), self.image])
@@ -346,9 +345,10 @@ class ComponentPriors:
             if not all(np.isfinite(shape.restrict(values)).all() for shape, values in parts):
                 functions = None
         initial_map = image if len(initial_pairs) >= FEWEST_POINTS else None
-        return Priors.of(pair, landmarks if len(landmarks) else None, initial_map, functions)
+        kept = landmarks if len(landmarks) else None
+        return Priors.of(pair.source, pair.target, kept, initial_map, functions)
 
-    def landmarks_on(self, pair: ShapePair) -> Int[UserVertices, "q 2"]:
+    def landmarks_on(self, pair: Problem) -> Int[UserVertices, "q 2"]:
         """Landmarks on two components, if they are enough to be used."""
         landmarks = self._inside(pair, self.landmarks)
         return landmarks if len(landmarks) >= FEWEST_POINTS else NO_USER_LANDMARKS

@@ -10,7 +10,7 @@ import numpy as np
 from isomatch._core.arrays import BodyVertices, FloatArray, Int, IntArray, single
 from isomatch._core.threads import parallel_map, row_product
 from isomatch.correspondence import Embedding, nearest_of_few, register_nonrigid
-from isomatch.matching.problem import SmoothPair
+from isomatch.matching.smooth_pair import SmoothPair
 from isomatch.surfaces import PrecisePoints, vertex_normals
 
 # of the registration that ends the smooth refinement; docs/lab/benchmarks.md, smoothness

@@ -12,7 +12,7 @@ from isomatch._core.arrays import Bool, BoolArray, Float, FloatArray, Int, IntAr
 from isomatch._core.errors import some
 from isomatch.correspondence import Correspondence, nearest_points
 from isomatch.matching.assessment.evidence import Solution, held_evidence
-from isomatch.matching.problem import ShapePair
+from isomatch.matching.problem import Problem
 from isomatch.shapes import PreparedShape, components_of
 from isomatch.surfaces import Graph, Mesh, PrecisePoints, Surface
 
@@ -27,7 +27,7 @@ N_FUNCTIONS = 20  # they tell apart sheets that are near in space
 
 
 def pinned(
-    pair: ShapePair, solution: Solution, landmarks: Int[UserVertices, "m 2"], tolerance: float
+    pair: Problem, solution: Solution, landmarks: Int[UserVertices, "m 2"], tolerance: float
 ) -> Solution:
     """Bend a map so that landmarks of the user hold, but for a tolerance in √area of the target."""
     bent_map, target = solution.map, pair.target

@@ -1,4 +1,4 @@
-"""Maps on the way: hypotheses, the candidates that they make, and fits, which a relation has refined and measured."""
+"""Maps on the way: hypotheses, the candidates that they make, and fits, which a model has refined and measured."""
 
 from __future__ import annotations
 
@@ -42,16 +42,16 @@ class Candidate:
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A map of the vertices of a relation, and its measures.
+    """A map of the vertices of a model, and its measures.
 
     Parameters
     ----------
     image : (r,) array of int
-        Vertex of the target's body for each of ``relation.vertices``.
+        Vertex of the target's body for each of ``model.vertices``.
     spectral_residual : float
-        Mean distance of these vertices from their images in the coordinates of the relation.
+        Mean distance of these vertices from their images in the coordinates of the model.
     score : float
-        The cost of the map; lower is better. nan until the relation has measured it.
+        The cost of the map; lower is better. nan until the model has measured it.
     orientation : float
         Mean cosine between normals: 1 preserves the orientation of the faces, −1 reverses it.
     prior_error, landmark_error, origin
@@ -71,7 +71,7 @@ class Fit:
 
     @property
     def is_measured(self) -> bool:
-        """Whether the relation has measured the map."""
+        """Whether the model has measured the map."""
         return bool(np.isfinite(self.spectral_residual) and not np.isnan(self.score))
 
     @property

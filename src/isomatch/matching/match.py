@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from math import nan
 from typing import Any, NamedTuple
@@ -22,19 +22,18 @@ from isomatch.matching.hard_landmarks import pinned
 from isomatch.matching.isometric.isometry import IsometricMatch
 from isomatch.matching.isometric.search import PRIOR_STEPS
 from isomatch.matching.maps import Hypothesis
-from isomatch.matching.pipeline import Refinement, Relation, Stages
-from isomatch.matching.problem import ShapePair, prepare_pair
-from isomatch.matching.proposals.priors import (
+from isomatch.matching.model import MatchingModel
+from isomatch.matching.priors import (
     Priors,
     UserPriors,
     checked_initial_map,
     checked_landmarks,
-    with_functions,
+    known_functions,
 )
-from isomatch.matching.proposals.starts import Start, name_of
+from isomatch.matching.problem import Problem, Refinement, Start, name_of, prepare_pair
 from isomatch.matching.refinements import REFINEMENTS
 from isomatch.matching.result import Alternative, MatchResult
-from isomatch.matching.strategies import AS_IT_IS, ELASTIC, Case, side_to_turn, solve, solved
+from isomatch.matching.strategies import AS_IT_IS, ELASTIC, Attempts, side_to_turn, solve, try_strategies
 from isomatch.matching.via import Via, solve_via
 from isomatch.settings import Config
 from isomatch.shapes import PreparedShape
@@ -52,7 +51,7 @@ def match(
     *,
     refinement: Refinement | None = None,
     starts: Sequence[Start] | None = None,
-    relation: Relation | None = None,
+    relation: Callable[[Problem], MatchingModel[Any, Any]] | None = None,
     functions: tuple[ArrayLike, ArrayLike] | None = None,
     via: Via | None = None,
 ) -> MatchResult:
@@ -80,12 +79,13 @@ def match(
     refinement : Refinement, optional
         Takes the place of ``config.refinement``: your own subclass of `Refinement`.
     starts : sequence of callable, optional
-        Where first maps come from, beside priors: functions of the pair that return arrays (q, 2) of vertices of both
+        Where first maps come from, beside priors: functions of the problem that return arrays (q, 2) of vertices of both
         bodies; ``[yours, *default_starts]`` adds to those of isomatch. In every relation, landmarks and an initial map
         contend with them; with ``Config(hypotheses="given")`` no start may win.
-    relation : Relation, optional
-        What is claimed of the shapes, or of each two components, such as `Isometry`, `Part` or `Elastic`; by default each
-        one that fits them. `Part` and `Elastic` want meshes and the orientation "preserve", and `Part` no descriptors.
+    relation : callable, optional
+        What is claimed of the shapes, or of each two components: makes a `MatchingModel` of their `Problem`, as the
+        classes `Isometry`, `Part`, `TwoParts` and `Elastic` do; by default each one that fits, see `select_strategies`.
+        `Part` and `Elastic` want meshes and the orientation "preserve", and `Part` no descriptors.
     functions : two array_likes, optional
         (n_source, q) and (n_target, q), or (n_source,) and (n_target,), values that mean the same on both shapes, such as
         thickness, sulcal depth or colour; nan where unknown. Unlike ``initial_descriptors``, which only start the search,
@@ -131,20 +131,20 @@ def match(
     def matched() -> MatchResult:
         with serial_blas():
             timer.start("prepare")
-            pair = with_functions(prepare_pair(source, target, config, seed, timer), functions)
-            stages = stages_of(pair, refinement, starts, relation)
-            require_landmarks_to_hold(pair, landmarks)
+            prepared = prepare_pair(source, target, config, seed, timer)
+            problem = _asked(prepared, functions, refinement, starts, relation)
+            require_landmarks_to_hold(problem, landmarks)
             priors = landmarks, initial_map, initial_descriptors
             if via is None:
-                solution = solve_prepared(pair, priors, stages, timer)
+                solution = solve_prepared(problem, priors, timer)
             else:
                 if functions is not None or any(prior is not None for prior in priors):
                     raise SettingError(
                         "via takes no priors: what is known of both shapes says nothing of those between"
                     )
                 nothing: UserPriors = (None, None, None)
-                solution = solve_via(pair, via, lambda leg: solve_prepared(leg, nothing, stages, timer))
-            handed = _handed_in(refinement, starts, relation)
+                solution = solve_via(problem, via, lambda leg: solve_prepared(leg, nothing, timer))
+            handed = _handed_in(problem, refinement)
             result = verified(replace(solution, notes=(*solution.notes, *handed)), timer, seed)
         timer.reach("done", 1.0)
         return result
@@ -152,47 +152,53 @@ def match(
     return in_background(matched)
 
 
-def stages_of(
-    pair: ShapePair,
-    refinement: Refinement | None = None,
-    starts: Sequence[Start] | None = None,
-    relation: Relation | None = None,
-) -> Stages:
-    """Return the stages handed in, and where there is none, those of the settings of a pair."""
-    return Stages(REFINEMENTS[pair.config.refinement] if refinement is None else refinement, starts, relation)
+def _asked(
+    problem: Problem,
+    functions: tuple[ArrayLike, ArrayLike] | None,
+    refinement: Refinement | None,
+    starts: Sequence[Start] | None,
+    relation: Callable[[Problem], MatchingModel[Any, Any]] | None,
+) -> Problem:
+    """Add what is handed in to a problem, and where there is no refinement that of the settings."""
+    return replace(
+        problem,
+        functions=known_functions(problem.source, problem.target, functions, problem.config),
+        refinement=REFINEMENTS[problem.config.refinement] if refinement is None else refinement,
+        starts=starts,
+        relation=relation,
+    )
 
 
-def require_landmarks_to_hold(pair: ShapePair, landmarks: ArrayLike | None) -> None:
+def require_landmarks_to_hold(problem: Problem, landmarks: ArrayLike | None) -> None:
     """Raise `SettingError` if landmarks are to be held and none were given."""
-    if pair.config.pin is not None and landmarks is None:
-        raise SettingError(f"pin = {pair.config.pin}, but no landmarks were given that could be held")
+    if problem.config.pin is not None and landmarks is None:
+        raise SettingError(f"pin = {problem.config.pin}, but no landmarks were given that could be held")
 
 
-def solve_prepared(pair: ShapePair, user_priors: UserPriors, stages: Stages, timer: StageTimer) -> Solution:
+def solve_prepared(problem: Problem, user_priors: UserPriors, timer: StageTimer) -> Solution:
     """Match two prepared shapes, given landmarks, an initial map and descriptors."""
     landmarks, initial_map, _ = user_priors
-    tolerance = pair.config.pin
+    source, target, tolerance = problem.source, problem.target, problem.config.pin
     if isinstance(initial_map, Correspondence):
-        initial_map.check_fits(pair.source.surface, pair.target.surface)
-    if pair.oriented and (pair.source.others or pair.target.others):
-        solution = match_components(pair, user_priors, stages, timer)
+        initial_map.check_fits(source.surface, target.surface)
+    if problem.oriented and (source.others or target.others):
+        solution = match_components(problem, user_priors, timer)
     else:
-        solution = solve(pair, Priors.of(pair, *user_priors), stages, timer)
+        solution = solve(replace(problem, priors=Priors.of(source, target, *user_priors)), timer)
     if tolerance is None or landmarks is None:
         return solution
     timer.start("hard landmarks")
-    sizes = pair.source.surface.n_vertices, pair.target.surface.n_vertices
-    return pinned(pair, solution, checked_landmarks(landmarks, *sizes), tolerance)
+    sizes = source.surface.n_vertices, target.surface.n_vertices
+    return pinned(problem, solution, checked_landmarks(landmarks, *sizes), tolerance)
 
 
-def _handed_in(
-    refinement: Refinement | None, starts: Sequence[Start] | None, relation: Relation | None
-) -> list[str]:
+def _handed_in(problem: Problem, refinement: Refinement | None) -> list[str]:
     """Record which stages are not those of the settings."""
+    starts, relation = problem.starts, problem.relation
     names = {
         "refinement": refinement and type(refinement).__name__,
         "starts": None if starts is None else ", ".join(map(name_of, starts)) or "none",
-        "relation": relation and type(relation).__name__,
+        "relation": relation and name_of(relation),
     }
     stages = "; ".join(f"{stage} = {name}" for stage, name in names.items() if name)
     return [f"stages handed in: {stages}"] if stages else []
@@ -223,7 +229,7 @@ def match_both(
     *,
     refinement: Refinement | None = None,
     starts: Sequence[Start] | None = None,
-    relation: Relation | None = None,
+    relation: Callable[[Problem], MatchingModel[Any, Any]] | None = None,
     functions: tuple[ArrayLike, ArrayLike] | None = None,
 ) -> BothDirections:
     """Match two surfaces in both directions; the shapes are prepared once.
@@ -259,10 +265,10 @@ def match_both(
     def matched() -> BothDirections:
         with serial_blas():
             timer.start("prepare")
-            pair = with_functions(prepare_pair(source, target, config, seed, timer), functions)
-            require_landmarks_to_hold(pair, landmarks)
-            stages = stages_of(pair, refinement, starts, relation)
-            return _both(pair, (landmarks, initial_map, initial_descriptors), stages, timer, timer_back, seed)
+            prepared = prepare_pair(source, target, config, seed, timer)
+            problem = _asked(prepared, functions, refinement, starts, relation)
+            require_landmarks_to_hold(problem, landmarks)
+            return _both(problem, (landmarks, initial_map, initial_descriptors), timer, timer_back, seed)
 
     both = in_background(matched)
     tell("done", 1.0)
@@ -270,32 +276,27 @@ def match_both(
 
 
 def _both(
-    pair: ShapePair,
-    user_priors: UserPriors,
-    stages: Stages,
-    timer: StageTimer,
-    timer_back: StageTimer,
-    seed: int,
+    problem: Problem, user_priors: UserPriors, timer: StageTimer, timer_back: StageTimer, seed: int
 ) -> BothDirections:
-    pair_back, priors_back = pair.turned, _turned(pair, user_priors)
-    alone = pair.oriented and (pair.source.others or pair.target.others)
-    priors = None if alone else Priors.of(pair, *user_priors)
-    searched = priors is not None and not priors.any and pair.config.hypotheses == "all"
-    searched = searched and stages.relation is None
-    case = None
-    if priors is None or not searched or side_to_turn(pair):
-        solution_there = solve_prepared(pair, user_priors, stages, timer)
+    source, target = problem.source, problem.target
+    problem_back, priors_back = problem.turned, _turned(problem, user_priors)
+    attempts = None
+    if not (problem.oriented and (source.others or target.others)):
+        problem = replace(problem, priors=Priors.of(source, target, *user_priors))
+        searched = not problem.priors.any and problem.config.hypotheses == "all" and problem.relation is None
+        attempts = Attempts() if searched and not side_to_turn(problem) else None
+    if attempts is None:
+        solution_there = solve_prepared(problem, user_priors, timer)
     else:
-        case = Case(pair, priors, stages, timer)
-        solution_there = solved(case)
+        solution_there = try_strategies(problem, attempts, timer)
     there = verified(solution_there, timer, seed)
     timer_back.restart()
-    if case is None or solution_there.way not in (AS_IT_IS.name, ELASTIC.name):
-        solution = solve_prepared(pair_back, priors_back, stages, timer_back)
+    if attempts is None or solution_there.way not in (AS_IT_IS.name, ELASTIC.name):
+        solution = solve_prepared(problem_back, priors_back, timer_back)
         note = "the shapes were prepared for both directions at once; the map was found by itself"
     else:
-        hypotheses = _turned_hypotheses(case.isometric, pair, pair_back)
-        solution = solved(Case(pair_back, Priors.of(pair_back, *priors_back), stages, timer_back, hypotheses))
+        hypotheses = _turned_hypotheses(attempts.matches[AS_IT_IS.name], problem, problem_back)
+        solution = try_strategies(problem_back, Attempts(hypotheses), timer_back)
         solution = solution.with_evidence(Evidence.of(solution_there.outcome))
         note = (
             "the shapes were prepared for both directions at once; the hypotheses are the map of the other direction and "
@@ -305,10 +306,10 @@ def _both(
     return BothDirections(there, verified(solution, timer_back, seed))
 
 
-def _turned(pair: ShapePair, user_priors: UserPriors) -> UserPriors:
+def _turned(problem: Problem, user_priors: UserPriors) -> UserPriors:
     """Turn priors around; of several vertices with one image, the last one is its image on the way back."""
     landmarks, initial_map, descriptors = user_priors
-    sizes = pair.source.surface.n_vertices, pair.target.surface.n_vertices
+    sizes = problem.source.surface.n_vertices, problem.target.surface.n_vertices
     image_back = None
     if initial_map is not None:
         image = checked_initial_map(initial_map, *sizes)
@@ -322,13 +323,13 @@ def _turned(pair: ShapePair, user_priors: UserPriors) -> UserPriors:
     )
 
 
-def _turned_hypotheses(isometric: IsometricMatch, pair: ShapePair, pair_back: ShapePair) -> list[Hypothesis]:
+def _turned_hypotheses(isometric: IsometricMatch, pair: Problem, pair_back: Problem) -> list[Hypothesis]:
     """Turn around the refined maps, best first, and the best of the others, as maps of the target's search vertices."""
     fits = [fit for fit in (isometric.selection.winner, *isometric.selection.runners_up) if fit.candidate]
     refined = [fit.candidate for fit in fits if fit.candidate]
     images = [fit.image[: len(pair.source_vertices)] for fit in fits]
     tried = [candidate.hypothesis for candidate in refined]
-    others = [c for c in isometric.eligible if all(c.hypothesis is not other for other in tried)]
+    others = [c for c in isometric.proposals.eligible if all(c.hypothesis is not other for other in tried)]
     others = others[: pair.config.selection.most_contenders]
     images += [pair.target_vertices[candidate.target_row] for candidate in others]
     # for each search vertex of the target, the row of the source whose image is nearest, by geodesic distance

@@ -1,80 +1,105 @@
-"""Two prepared shapes and their samples, on which hypotheses are tried and compared."""
+"""What is asked of a match: two prepared shapes, what is known of their map, and how maps are proposed and refined."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import ClassVar, TypeAlias
 
 import numpy as np
 
-from isomatch._core.arrays import BodyVertices, Float, FloatArray, Int, SearchRows, single
+from isomatch._core.arrays import BodyVertices, Float, FloatArray, Int, IntArray, SearchRows
 from isomatch._core.cached import cached_property
-from isomatch._core.errors import MemoryBudgetError, MeshError, NotConvergedError
+from isomatch._core.errors import MemoryBudgetError, MeshError, NotConvergedError, SettingError
 from isomatch._core.stage_timer import MATCHING, Progress, StageTimer
 from isomatch._core.threads import parallel_map
 from isomatch.correspondence import Embedding, SignedPoints, SpectralPair, nearest_of_few
 from isomatch.io import SurfaceLike
+from isomatch.matching.coordinates import refined_images
+from isomatch.matching.maps import Fit
+from isomatch.matching.priors import Priors
 from isomatch.matching.proposals.extremities import extremity_assignments
+from isomatch.matching.smooth_pair import SmoothPair
 from isomatch.settings import Config
-from isomatch.shapes import PreparedShape, SmoothShape, prepare
+from isomatch.shapes import PreparedShape, prepare
 
 # of both shapes, from which no automatic map is told; discs and balls 11 to 40, bodies to 6
 MANY_ROTATIONS = 11
 
+Start: TypeAlias = "Callable[[Problem], Iterable[IntArray]]"
+"""Makes first maps of a problem: arrays (q, 2) of vertices of both bodies that may correspond, a few or all."""
+
+
+class Refinement(ABC):
+    """Makes a better map of one: subclass it, implement ``__call__``, and hand an instance to `match`.
+
+    Several threads call it at once, so it keeps nothing between calls. A refinement takes part under every model, in the
+    model selection and in the map returned. `check_refinement` tells whether it keeps the laws of one.
+
+    Examples
+    --------
+    One step of spectral upsampling:
+
+    >>> class Upsampled(Refinement):
+    ...     def __call__(self, problem, fit):
+    ...         return problem.spectra.image(problem.spectra.grown(fit.image, (20, 40)))
+    >>> Upsampled().searches_further
+    True
+    """
+
+    searches_further: ClassVar[bool] = True
+    """Whether parts are told from wholes, elastic maps sought, and runners-up of priors searched."""
+    polishes: ClassVar[bool] = False
+    """Whether the map of a large mesh is polished by joint coordinates on a finer level, and not only carried there."""
+    in_rounds: ClassVar[bool] = False
+    """Whether each model refines in rounds of its own, after each of which hopeless maps are given up."""
+    smooth: ClassVar[bool] = False
+    """Whether a smooth map is preferred to one that recognises every point."""
+
+    @abstractmethod
+    def __call__(self, problem: Problem, fit: Fit) -> Int[IntArray, "r"]:
+        """Refine one map, ``fit.image``: vertices of the target's body for ``problem.refinement_vertices``.
+
+        Return the same of the refined map; the model measures it. Of a part, the source of ``problem`` is the part.
+        """
+
+    def everywhere(self, problem: Problem, fit: Fit, coordinates: Callable[[], Embedding]) -> Embedding:
+        """Coordinates of all vertices of both bodies in which images are nearest points; by default the model's."""
+        return coordinates()
+
+
+class Joint(Refinement):
+    """Spectral upsampling joint with signatures, positions and normals, then registration.
+
+    Each model does it in rounds; a call refines one map of complete shapes by all of them.
+
+    Examples
+    --------
+    Twice the same:
+
+    >>> class Twice(Refinement):
+    ...     def __call__(self, problem, fit):
+    ...         return Joint()(problem, replace(fit, image=Joint()(problem, fit)))
+    >>> from dataclasses import replace
+    >>> from isomatch.matching import check_refinement
+    >>> check_refinement(Twice())
+    """
+
+    polishes: ClassVar[bool] = True
+    in_rounds: ClassVar[bool] = True
+
+    def __call__(self, problem: Problem, fit: Fit) -> Int[BodyVertices, "r"]:
+        """Refine one map."""
+        image = fit.image
+        for sizes, with_positions in problem.config.refining.rounds:
+            image, _ = refined_images(problem, image, fit.side, sizes, with_positions)
+        return image
+
 
 @dataclass(frozen=True, eq=False)
-class SmoothPair:
-    """Two bodies with their smooth functions: what the joint refinement needs."""
-
-    source: SmoothShape
-    target: SmoothShape
-    config: Config
-    functions: Embedding | None = None  # weighted values at the users' vertices
-
-    @cached_property
-    def refinement_vertices(self) -> Int[BodyVertices, "r"]:
-        """Source vertices on which refinements iterate."""
-        return BodyVertices(self.source.sample_vertices[: self.source.config.n_refine])
-
-    @cached_property
-    def signatures(self) -> Embedding:
-        """Point signatures that both shapes have, and known functions."""
-        of_source, of_target = self.source.signatures, self.target.signatures
-        common = min(of_source.shape[1], of_target.shape[1])
-        sides = zip((of_source, of_target), self.known)
-        return Embedding(*(single(np.hstack([own[:, :common], functions])) for own, functions in sides))
-
-    @cached_property
-    def known(self) -> Embedding:
-        """The known functions on the bodies, without columns if none is."""
-        if self.functions is None:
-            return Embedding(*(np.zeros((shape.body.n_vertices, 0)) for shape in (self.source, self.target)))
-        source, target = self.functions
-        return Embedding(self.source.restrict(source), self.target.restrict(target))
-
-    @cached_property
-    def spectra(self) -> SpectralPair:
-        """The Laplace–Beltrami bases, for maps from the refinement vertices to all vertices of the target."""
-        return SpectralPair(
-            self.source.sampled_basis(self.source.config.n_refine),
-            self.target.laplace.vectors,
-            self.target.index.vertices,
-        )
-
-    @property
-    def n_functions(self) -> int:
-        """Number of Laplace–Beltrami functions that both shapes have."""
-        return min(len(self.source.laplace.values), len(self.target.laplace.values))
-
-    @property
-    def oriented(self) -> bool:
-        """Whether both shapes have an inside and an outside, so that normals and curvature can be compared."""
-        return self.source.triangles is not None and self.target.triangles is not None
-
-
-@dataclass(frozen=True, eq=False)
-class ShapePair(SmoothPair):
-    """Source and target, with what matching needs of both.
+class Problem(SmoothPair):
+    """What is asked of a match.
 
     A *row* counts the search vertices of a shape, a *vertex* those of its body. In shapes of arrays, ``m_s`` and ``m_t``
     are the search vertices of source and target, ``n_s`` and ``n_t`` the vertices of their bodies, ``n_source`` and
@@ -87,16 +112,54 @@ class ShapePair(SmoothPair):
         The settings of the match.
     functions : Embedding, optional
         Known functions, of mean 0 and variance 1: values at the user's vertices, (n_source, q) and (n_target, q).
+    priors : Priors
+        What is known of the map; by default nothing.
+    refinement : Refinement
+        How maps are refined; by default jointly.
+    starts : sequence of callable, optional
+        Where first maps come from, beside priors; by default `default_starts`.
+    relation : callable, optional
+        Makes the model of the shapes, a `MatchingModel`, from the problem; by default each one that fits is tried.
+
+    Examples
+    --------
+    >>> from isomatch.datasets import example_pair
+    >>> from isomatch.matching import prepare_pair
+    >>> problem = prepare_pair(*(animal.mesh for animal in example_pair()))
+    >>> problem.priors.any, problem.refinement.smooth
+    (False, False)
     """
 
     source: PreparedShape
     target: PreparedShape
+    priors: Priors = field(default_factory=Priors)
+    refinement: Refinement = field(default_factory=Joint)
+    starts: Sequence[Start] | None = None
+    relation: Callable[[Problem], object] | None = None
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.refinement, Refinement):
+            raise SettingError(
+                f"refinement = {self.refinement!r} is no Refinement; give an instance of a subclass"
+            )
+        if not (self.relation is None or callable(self.relation)):
+            raise SettingError(
+                f"relation is an object of type {type(self.relation).__name__}; give what builds a model of the problem, "
+                "such as the class itself: relation=Isometry"
+            )
+        if callable(self.starts):
+            raise SettingError(f"starts = {name_of(self.starts)} is one start; give a list of them")
+        if self.starts is not None:
+            object.__setattr__(self, "starts", tuple(self.starts))
+            if not all(map(callable, self.starts)):
+                raise SettingError("starts hold something that cannot be called with a pair of shapes")
 
     @property
-    def turned(self) -> ShapePair:
-        """The pair the other way round."""
+    def turned(self) -> Problem:
+        """The problem the other way round."""
         functions = None if self.functions is None else Embedding(*self.functions[::-1])
-        return ShapePair(self.target, self.source, self.config, functions)
+        ways = self.refinement, self.starts, self.relation
+        return Problem(self.target, self.source, self.config, functions, self.priors.turned, *ways)
 
     @property
     def has_finer(self) -> bool:
@@ -198,7 +261,13 @@ class ShapePair(SmoothPair):
         return bool((self.distances_between_maps(target_row, others) > least).all())
 
 
-def search_pairs(pair: ShapePair, target_row: Int[SearchRows, "m_s"]) -> Int[BodyVertices, "m_s 2"]:
+def name_of(handed_in: object) -> str:
+    """Name of a start or a relation: that of the function, without "starts_from_", or of the class."""
+    function = getattr(handed_in, "func", handed_in)  # of a `functools.partial`
+    return str(getattr(function, "__name__", type(function).__name__)).removeprefix("starts_from_")
+
+
+def search_pairs(pair: Problem, target_row: Int[SearchRows, "m_s"]) -> Int[BodyVertices, "m_s 2"]:
     """Pair search vertices with their images under a map of them."""
     return BodyVertices(np.column_stack([pair.source_vertices, pair.target_vertices[target_row]]))
 
@@ -209,8 +278,11 @@ def prepare_pair(
     config: Config | None = None,
     seed: int = 0,
     timer: StageTimer | None = None,
-) -> ShapePair:
-    """Prepare what is not yet prepared, both at once; by default with the settings of what is. Errors as of `match`."""
+) -> Problem:
+    """Prepare what is not yet prepared, both at once; by default with the settings of what is. Errors as of `match`.
+
+    Of the map nothing is known: `dataclasses.replace` sets priors, refinement, starts and relation.
+    """
     sides = [("source", source), ("target", target)]
     ready = [shape.requested for _, shape in sides if isinstance(shape, PreparedShape)]
     settings = config or next(iter(ready), Config())
@@ -230,7 +302,7 @@ def prepare_pair(
     for (side, surface), shape in zip(sides, (first, second)):
         if timer and shape is not surface:
             timer.beside(side, {stage: spent for stage, spent in shape.timings.items() if stage != "total"})
-    return ShapePair(first, second, settings)
+    return Problem(first, second, settings)
 
 
 def _prepared(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from operator import itemgetter
@@ -21,9 +21,8 @@ from isomatch.correspondence import Embedding, signed_procrustes
 from isomatch.matching.isometric.candidates import energy_of
 from isomatch.matching.isometric.isometry import Isometry
 from isomatch.matching.maps import Fit
-from isomatch.matching.pipeline import Joint, Refinement, Relation, Stages
-from isomatch.matching.problem import ShapePair, prepare_pair
-from isomatch.matching.proposals.priors import Priors
+from isomatch.matching.priors import Priors
+from isomatch.matching.problem import Joint, Problem, Refinement, prepare_pair
 from isomatch.settings import Config, RefinementName
 from isomatch.shapes import PreparedShape, orientation_of, prepare
 from isomatch.surfaces import Mesh
@@ -38,10 +37,7 @@ DISTANCE_STEPS = 15  # iterations of the plain descriptor alignment; two on all 
 class Smooth(Joint):
     """The joint refinement with more steps of registration, for a map that is smooth and nearly one to one."""
 
-    @property
-    def smooth(self) -> bool:
-        """It is."""
-        return True
+    smooth: ClassVar[bool] = True
 
 
 class Descriptors(Joint):
@@ -50,22 +46,22 @@ class Descriptors(Joint):
     searches_further: ClassVar[bool] = False
     polishes: ClassVar[bool] = False
 
-    def everywhere(self, relation: Relation, fit: Fit) -> Embedding:
+    def everywhere(self, problem: Problem, fit: Fit, coordinates: Callable[[], Embedding]) -> Embedding:
         """Align distance descriptors, from the hypothesis that the map came from."""
         if fit.candidate is None:
-            return relation.embedding(fit)
-        return descriptor_embedding(relation.pair, fit.candidate.hypothesis.target_row)
+            return coordinates()
+        return descriptor_embedding(problem, fit.candidate.hypothesis.target_row)
 
 
 class LaplaceIcp(Descriptors):
     """Post-processing like the paper's: iterative closest points in the Laplace–Beltrami basis."""
 
-    def everywhere(self, relation: Relation, fit: Fit) -> Embedding:
+    def everywhere(self, problem: Problem, fit: Fit, coordinates: Callable[[], Embedding]) -> Embedding:
         """Post-process the alignment of distance descriptors."""
-        return laplace_icp_embedding(relation.pair, super().everywhere(relation, fit))
+        return laplace_icp_embedding(problem, super().everywhere(problem, fit, coordinates))
 
 
-def descriptor_embedding(pair: ShapePair, target_row: Int[SearchRows, "m_s"]) -> Embedding:
+def descriptor_embedding(pair: Problem, target_row: Int[SearchRows, "m_s"]) -> Embedding:
     """Align distance descriptors on the refinement vertices, then twice on all: the paper's plain method."""
     # Shamai & Kimmel 2017: min over P, C of ‖X_s − P X_t C‖, C orthogonal within blocks of equal sign, by iterative
     # closest points; target_row is a map of the search vertices
@@ -82,7 +78,7 @@ def descriptor_embedding(pair: ShapePair, target_row: Int[SearchRows, "m_s"]) ->
     return Embedding(source.coordinates, points)
 
 
-def laplace_icp_embedding(pair: ShapePair, start: Embedding) -> Embedding:
+def laplace_icp_embedding(pair: Problem, start: Embedding) -> Embedding:
     """Post-process a map by iterative closest points in the Laplace–Beltrami basis."""
     # Shamai & Kimmel 2017, post-processing, where F is orthogonal and has its size from the start; here it is fitted by
     # least squares, for where shapes stretch it is not orthogonal, and grows as in Melzi et al. 2019. Few functions at
@@ -164,8 +160,8 @@ def check_refinement(refinement: Refinement, seed: int = 0) -> None:
     >>> from isomatch.matching import REFINEMENTS, Refinement
     >>> check_refinement(REFINEMENTS["joint"])
     >>> class Shuffled(Refinement):
-    ...     def __call__(self, relation, fit):
-    ...         return relation.measured(fit, fit.image[::-1])
+    ...     def __call__(self, problem, fit):
+    ...         return fit.image[::-1]
     >>> check_refinement(Shuffled())
     Traceback (most recent call last):
     isomatch.SettingError: Shuffled breaks the law "truth": ...
@@ -207,27 +203,27 @@ class _Trial:
     ) -> None:
         mesh = Mesh(positions[np.argsort(number)], number[source.mesh_body.faces])
         pair = prepare_pair(source, mesh, source.requested)
-        priors = Priors.of(pair, None, number, None)
+        priors = Priors.of(pair.source, pair.target, None, number)
         self.refinement, self.number, self.target = refinement, number, pair.target
-        self.relation = Isometry().on(pair, priors, Stages(refinement))
-        candidates, _ = self.relation.candidates(*self.relation.hypotheses())
-        self._fit = self.relation.begun(candidates)[0]
+        self.model = Isometry(replace(pair, priors=priors, refinement=refinement))
+        candidates, _ = self.model.candidates(*self.model.hypotheses())
+        self._fit = self.model.begun(candidates)[0]
 
     def moved(self, random: np.random.Generator) -> Int[BodyVertices, "r"]:
         """Draw vertices of the source near those that are mapped, as images of a rough map."""
-        apart = self.relation.source.distances.row(self.relation.vertices)
+        apart = self.model.source.distances.row(self.model.vertices)
         return BodyVertices(np.array([random.choice(np.flatnonzero(row <= MOVED)) for row in apart]))
 
     def refined(self, images: Sequence[Int[BodyVertices, "r"]]) -> list[Fit]:
         """Refine maps onto vertices of the source, with their own numbers in the copy."""
         fits = [replace(self._fit, image=BodyVertices(self.number[image])) for image in images]
-        return self.relation.refine_and_select(fits)
+        return self.model.refine(fits)
 
 
 def _check_repeatable(trial: _Trial, rough: Int[BodyVertices, "r"]) -> None:
     def refined(threads: int) -> list[BodyVertices]:
         with _threads(threads):
-            return [fit.image for fit in trial.refined([trial.relation.vertices, rough])]
+            return [fit.image for fit in trial.refined([trial.model.vertices, rough])]
 
     first = refined(1)
     for what, threads, remedy in (
@@ -259,17 +255,19 @@ def _check_relabelling(trial: _Trial, renumbered: _Trial, rough: Int[BodyVertice
 
 
 def _check_truth(trial: _Trial) -> None:
-    fit = trial.refined([trial.relation.vertices])[0]
-    embedding = trial.relation.everywhere(fit)
+    fit = trial.refined([trial.model.vertices])[0]
+    embedding = trial.model.everywhere(fit)
     everywhere = trial.target.index.vertices(embedding.target, embedding.source)
     for image, truth, where in (
-        (fit.image, trial.number[trial.relation.vertices], "__call__ and refine_and_select"),
+        (fit.image, trial.number[trial.model.vertices], "__call__"),
         (everywhere, trial.number, "everywhere"),
     ):
         error = trial.target.mean_distance(image, truth)
         if not error <= MOST_ERROR:
             how = f"of the true map of a turned copy it makes one with a mean error of {error:.3f} √area"
-            look_at = "whether rows are those of relation.vertices and images are vertices of the target"
+            look_at = (
+                "whether rows are those of problem.refinement_vertices and images are vertices of the target"
+            )
             raise _broken(trial, "truth", f"{how} (at most {MOST_ERROR})", f"{where}: {look_at}")
 
 

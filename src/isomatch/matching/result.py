@@ -140,13 +140,13 @@ def _itself(map_: Correspondence) -> Correspondence:
     return map_
 
 
-_PLAIN = ("timings", "notes", "engine", "origin", "reason", "seed", "way", "symmetries")
+_PLAIN = ("timings", "notes", "engine", "origin", "reason", "seed", "way", "evidence", "symmetries")
 
 
 def _restored(summary: dict[str, Any]) -> dict[str, Any]:
-    known = {"way": "", **summary}  # which earlier versions did not tell
+    known = {"way": "", "evidence": (), **summary}  # which earlier versions did not tell
     outcome, plain = Outcome[summary["outcome"]], {name: known[name] for name in _PLAIN[:-1]}
-    return {**plain, "outcome": outcome, "notes": tuple(plain["notes"])}
+    return {**plain, "outcome": outcome, **{name: tuple(plain[name]) for name in ("notes", "evidence")}}
 
 
 def _settings(name: str, values: dict[str, Any]) -> MatchSettings:
@@ -200,6 +200,9 @@ class MatchResult(Shown):
         `BallSignature`; nan where unmatched or too near a boundary, None of points, graphs, baselines and bent maps.
     regions : tuple of DoubtfulRegion
         Where on the source the map may be wrong, and why, the largest first; none of parts and baselines.
+    evidence : tuple of str
+        What speaks against a map that is right and complete, and decides the outcome, the least sure first:
+        "contradicted", "mirrored", "poor", "ambiguous", "partial", see `Evidence`; empty if the map has converged.
     """
 
     map: Correspondence
@@ -218,6 +221,7 @@ class MatchResult(Shown):
     symmetries: tuple[str, str] = ("", "")
     descriptor_distance: FloatArray | None = None
     regions: tuple[DoubtfulRegion, ...] = ()
+    evidence: tuple[str, ...] = ()
 
     @property
     def confidence(self) -> FloatArray:
@@ -388,6 +392,7 @@ class MatchResult(Shown):
             "config": self.config.to_dict(),
             "seed": self.seed,
             "way": self.way,
+            "evidence": list(self.evidence),
         }
 
 

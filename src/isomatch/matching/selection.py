@@ -45,7 +45,8 @@ Distances: TypeAlias = Callable[
     [V, Sequence[V]], FloatArray
 ]  # mean ones, between the images of a map and of others
 R = TypeVar("R", bound=Fit)
-H = TypeVar("H", Candidate, Fit)
+M = TypeVar("M")
+H = TypeVar("H", bound=Candidate | Fit)
 
 
 def distinct(
@@ -230,15 +231,18 @@ class Rules:
 
 
 @dataclass(frozen=True)
-class Selection(Generic[R]):
+class Selection(Generic[M]):
     """What was selected, and why."""
 
-    winner: R
-    runners_up: tuple[R, ...]  # all others, best first
+    winner: M
+    runners_up: tuple[M, ...]  # all others, best first
     runner_up: float  # score of the runner-up over the winner's; 1: tie, inf: none came near, nan: none tried
     mirrored: float  # the same of the best map of the other orientation
-    against: R | None = None  # the runner-up: the best other map, no variant
+    against: M | None = None  # the runner-up: the best other map, no variant
     priors_decided: bool = False  # whether another fits better, but ties, and agrees less with the priors
+    distinct: tuple[
+        M, ...
+    ] = ()  # those of the runners-up that are told as alternatives, where ranking chose them
 
 
 def select(

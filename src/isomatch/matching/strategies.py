@@ -1,4 +1,4 @@
-"""Solve a pair of connected shapes: ways in a table, tried until one is sure; the map that verifies best is taken."""
+"""Solve a problem of connected shapes: strategies in a table, tried until one is sure; the best verified map is taken."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from typing import Literal, TypeAlias, cast
 import numpy as np
 
 from isomatch._core.arrays import UserVertices
-from isomatch._core.cached import cached_property
-from isomatch._core.errors import MeshError, NotConvergedError
+from isomatch._core.errors import MeshError, NotConvergedError, SettingError
 from isomatch._core.stage_timer import StageTimer
 from isomatch._core.threads import parallel_map
 from isomatch.matching.assessment.evidence import Evidence, Solution, fits_badly
-from isomatch.matching.elastic.elastic import FAR, FAR_KEPT, Elastic, far_from_isometric
+from isomatch.matching.elastic.elastic import FAR, FAR_KEPT, Elastic, far_from_isometric, may_be_far
 from isomatch.matching.isometric.candidates import is_another
-from isomatch.matching.isometric.isometry import MOST_MIRRORED, IsometricMatch, Isometry
+from isomatch.matching.isometric.isometry import MOST_MIRRORED, IsometricMatch, Isometry, image_of, torn
 from isomatch.matching.maps import Hypothesis
-from isomatch.matching.partial.both_parts import BothParts
+from isomatch.matching.model import MatchingModel, origin_of
 from isomatch.matching.partial.part import Part, PartSide
-from isomatch.matching.pipeline import Stages
-from isomatch.matching.problem import ShapePair, search_pairs
-from isomatch.matching.proposals.priors import Priors
+from isomatch.matching.partial.two_parts import TwoParts
+from isomatch.matching.pipeline import match_under, search_under
+from isomatch.matching.priors import NO_FUNCTIONS
+from isomatch.matching.problem import Problem, name_of, search_pairs
 from isomatch.matching.result import Outcome
 from isomatch.matching.verify import on_bodies, verifier_of
 from isomatch.settings import Config
@@ -37,9 +37,9 @@ from isomatch.shapes import (
     turned_over,
 )
 
-# A way is a row: what it claims of the shapes, and when it is tried. It returns a finished map of the shapes as they are,
-# with its own evidence. The first sure one ends the search. Which map is returned is decided by `verify`, on the shapes
-# as they are, whichever way found it; evidence says how sure it is, and compares only maps that tie.
+# A strategy is a row: what it claims of the shapes, and when it is tried. It returns a finished map of the shapes as they
+# are, with its own evidence. The first sure one ends the search. Which map is returned is decided by `verify`, on the
+# shapes as they are, whichever strategy found it; evidence says how sure it is, and compares only maps that tie.
 SURE = Outcome.CONVERGED, Outcome.PARTIAL, Outcome.SYMMETRY_AMBIGUOUS  # nothing else is worth trying
 OF_USERS = {"matrix", "function"}  # names of engines of the user's own distances
 # best hypotheses whose flips are tried between capped shapes: of mesh018–mesh014 with holes the error is 30 with 3
@@ -47,121 +47,25 @@ FLIPPED = 6
 CREASED = 3  # times that a shape is cut along its creases, and matched; docs/lab/design_notes.md
 TORN = 0.1  # √area between the images of the two sides of a crease, from which it is a self-contact
 NO_COST = 1e-12  # of a shape on its copy, so that a lead is finite
-AGREES = 0.12  # √area: mean distance up to which maps of two ways are one; as between maps of a part
-# share of the bound of the doubt, up to which the map of a part needs no other way; that of a mirror image had 0.94
+AGREES = 0.12  # √area: mean distance up to which maps of two strategies are one; as between maps of a part
+# share of the bound of the doubt, up to which the map of a part needs no other strategy; that of a mirror image had 0.94
 LITTLE_DOUBT = 0.5
 
 
 @dataclass(eq=False)
-class Case:
-    """A pair to be solved, and what its ways share."""
+class Attempts:
+    """What was found of one problem so far; results only."""
 
-    pair: ShapePair
-    priors: Priors
-    stages: Stages
-    timer: StageTimer
     hypotheses: Sequence[Hypothesis] | None = None  # of an isometry, in place of a search
     solutions: list[Solution] = field(default_factory=list)
-    failed: list[str] = field(default_factory=list)  # ways that found no map, and why
-
-    @cached_property
-    def side(self) -> PartSide | Literal["both"] | None:
-        """Which shape is a part of the other, or whether both are parts of something that neither shows."""
-        # a part has a long boundary; only refinements that look further, of maps that preserve the orientation, know of
-        # parts
-        config, (source, target) = self.pair.config, (self.pair.source, self.pair.target)
-        searches_further = self.stages.refinement.searches_further and config.orientation == "preserve"
-        if config.part == "none" or not (self.pair.oriented and searches_further) or self.has_functions:
-            return None
-        if config.part != "auto":
-            return config.part
-        of_source, of_target = (x.longest_boundary > config.parts.long_boundary for x in (source, target))
-        if of_source and of_target:
-            return "both"
-        return "source" if of_source else "target" if of_target else None
-
-    @property
-    def has_functions(self) -> bool:
-        """Whether descriptors were given, which only complete shapes have in common."""
-        return bool(self.priors.functions[0].shape[1])
-
-    @cached_property
-    def part(self) -> Part:
-        """The claim that one shape is a part of the other."""
-        return Part(cast(PartSide, self.side)).on(self.pair, self.priors, self.stages)
-
-    @cached_property
-    def isometric(self) -> IsometricMatch:
-        """The match of the shapes as they are, as complete ones."""
-        return Isometry().on(self.pair, self.priors, self.stages).match(self.timer, self.hypotheses)
-
-    @cached_property
-    def closed(self) -> IsometricMatch | None:
-        """The match of the shapes with their holes capped; None where distances across caps are not known, or no map."""
-        if self.has_own_distances or not self.pair.config.parts.close:
-            return None
-        self.timer.start("prepare")
-        search = self.pair.config.search
-        config = replace(self.pair.config, search=replace(search, flipped=max(FLIPPED, search.flipped)))
-        try:
-            source, target = parallel_map(capped_shape, (self.pair.source, self.pair.target))
-            return self.between(source, target, config)
-        except (MeshError, NotConvergedError) as error:
-            self.failed.append(f"with the holes closed no map was found: {error}")
-            return None
-
-    def cut(self, n_source: int, n_target: int) -> Solution | None:
-        """Match the shapes cut along the paths of so many self-contacts, and capped; None without any such path."""
-        self.timer.start("prepare")
-        pair = self.pair
-        source, target = cut_shape(pair.source, n_source), cut_shape(pair.target, n_target)
-        if source is None and target is None:
-            return None
-        source, target = source or capped_shape(pair.source), target or capped_shape(pair.target)
-        return self.summed_up(self.between(source, target, pair.config))
-
-    def between(self, source: PreparedShape, target: PreparedShape, config: Config) -> IsometricMatch:
-        """Match variants of both shapes as complete ones."""
-        pair = replace(self.pair, source=source, target=target, config=config)
-        nothing = np.zeros((source.body.n_vertices, 0)), np.zeros((target.body.n_vertices, 0))
-        return Isometry().on(pair, replace(self.priors, functions=nothing), self.stages).match(self.timer)
-
-    def summed_up(self, match: IsometricMatch) -> Solution:
-        """Sum up a match of complete shapes, or of variants of them."""
-        self.timer.start("quality")
-        solution = match.relation.summed_up(match, match.measured, self.timer)
-        return solution.with_evidence(Evidence(partial=self.side in ("source", "target")))
+    # of complete shapes or variants of them, by the name of the strategy
+    matches: dict[str, IsometricMatch] = field(default_factory=dict)
+    failures: list[str] = field(default_factory=list)  # strategies that found no map, and why
 
     @property
     def is_unsure(self) -> bool:
         """Whether no map so far is sure."""
         return all(solution.outcome not in SURE for solution in self.solutions)
-
-    @cached_property
-    def is_far(self) -> bool:
-        """Whether no isometry fits well, so that an elastic map should be sought."""
-        return far_from_isometric(self.isometric.relation, self.isometric.measured.quality)
-
-    @property
-    def has_own_distances(self) -> bool:
-        """Whether the distances of either shape are the user's own."""
-        return bool({self.pair.source.distances.engine, self.pair.target.distances.engine} & OF_USERS)
-
-    @property
-    def handles(self) -> tuple[int, int]:
-        """Handles of both shapes; none where limbs cannot be fused, or nobody looks further."""
-        pair, settings = self.pair, self.pair.config.preparation
-        looks = pair.oriented and self.stages.refinement.searches_further and settings.self_contact_concavity
-        if not looks or self.has_functions or self.has_own_distances:
-            return 0, 0
-        handles = pair.source.handles, pair.target.handles
-        return handles if max(handles) <= settings.most_self_contacts else (0, 0)
-
-    @property
-    def surplus(self) -> tuple[int, int]:
-        """Handles of either shape that the other does not have."""
-        ours, theirs = self.handles
-        return max(ours - theirs, 0), max(theirs - ours, 0)
 
 
 Overlap: TypeAlias = Literal["whole", "part", "parts"]
@@ -169,184 +73,359 @@ Overlap: TypeAlias = Literal["whole", "part", "parts"]
 
 
 @dataclass(frozen=True)
-class Way:
+class Strategy:
     """A row of the table: what is claimed of the shapes, how it is tried, when, and whether its map ends the search."""
 
     name: str
     overlap: Overlap
+    why: str  # when it is tried, in words
     # makes a finished map of the shapes as they are, with the evidence for it
-    solve: Callable[[Case], Solution | None]
-    applies: Callable[[Case], bool] = lambda case: True
-    is_enough: Callable[[Case, Solution], bool] = lambda case, solution: solution.outcome in SURE
+    attempt: Callable[[Problem, Attempts, StageTimer], Solution | None]
+    fits: Callable[[Problem], bool] = lambda problem: True  # by the shapes and the settings alone
+    applies: Callable[[Problem, Attempts], bool] = lambda problem, attempts: True  # by what was found
+    is_enough: Callable[[Problem, Attempts, Solution], bool] = lambda problem, attempts, solution: (
+        solution.outcome in SURE
+    )
 
 
-def _elastic(case: Case) -> Solution | None:
+def part_of(problem: Problem) -> PartSide | Literal["both"] | None:
+    """Tell which shape is a part of the other, or whether both are parts of something that neither shows."""
+    # a part has a long boundary; only refinements that look further, of maps that preserve the orientation, know of parts
+    config, shapes = problem.config, (problem.source, problem.target)
+    searches_further = problem.refinement.searches_further and config.orientation == "preserve"
+    if config.part == "none" or not (problem.oriented and searches_further) or problem.priors.has_functions:
+        return None
+    if config.part != "auto":
+        return config.part
+    of_source, of_target = (shape.longest_boundary > config.parts.long_boundary for shape in shapes)
+    if of_source and of_target:
+        return "both"
+    return "source" if of_source else "target" if of_target else None
+
+
+def has_own_distances(problem: Problem) -> bool:
+    """Whether the distances of either shape are the user's own."""
+    return bool({problem.source.distances.engine, problem.target.distances.engine} & OF_USERS)
+
+
+def handles_of(problem: Problem) -> tuple[int, int]:
+    """Count the handles of both shapes; none where limbs cannot be fused, or nobody looks further."""
+    settings = problem.config.preparation
+    looks = problem.oriented and problem.refinement.searches_further and settings.self_contact_concavity
+    if not looks or problem.priors.has_functions or has_own_distances(problem):
+        return 0, 0
+    handles = problem.source.handles, problem.target.handles
+    return handles if max(handles) <= settings.most_self_contacts else (0, 0)
+
+
+def surplus_of(problem: Problem) -> tuple[int, int]:
+    """Count the handles of either shape that the other does not have."""
+    ours, theirs = handles_of(problem)
+    return max(ours - theirs, 0), max(theirs - ours, 0)
+
+
+def _summed_up(problem: Problem, match: IsometricMatch, timer: StageTimer) -> Solution:
+    """Sum up a match of complete shapes, or of variants of them."""
+    timer.start("quality")
+    solution = match.model.sum_up(match, match.measured, timer)
+    return solution.with_evidence(Evidence(partial=part_of(problem) in ("source", "target")))
+
+
+def _between(
+    problem: Problem,
+    source: PreparedShape,
+    target: PreparedShape,
+    timer: StageTimer,
+    config: Config | None = None,
+) -> IsometricMatch:
+    """Match variants of both shapes as complete ones."""
+    config, priors = config or problem.config, replace(problem.priors, functions=NO_FUNCTIONS)
+    variant = replace(problem, source=source, target=target, config=config, priors=priors)
+    match = search_under(Isometry(variant), timer)
+    _ = match.coordinates  # within the stage of the refinement
+    return match
+
+
+def _as_it_is(problem: Problem, attempts: Attempts, timer: StageTimer) -> Solution:
+    """Match the shapes as they are, as complete ones."""
+    match = attempts.matches[AS_IT_IS.name] = search_under(Isometry(problem, attempts.hypotheses), timer)
+    _ = match.coordinates  # within the stage of the refinement
+    return _summed_up(problem, match, timer)
+
+
+def _closed(problem: Problem, attempts: Attempts, timer: StageTimer) -> Solution | None:
+    """Match the shapes with their holes capped."""
+    timer.start("prepare")
+    search = problem.config.search
+    config = replace(problem.config, search=replace(search, flipped=max(FLIPPED, search.flipped)))
+    try:
+        source, target = parallel_map(capped_shape, (problem.source, problem.target))
+        match = attempts.matches[CLOSED.name] = _between(problem, source, target, timer, config)
+    except (MeshError, NotConvergedError) as error:
+        attempts.failures.append(f"with the holes closed no map was found: {error}")
+        return None
+    return _summed_up(problem, match, timer)
+
+
+def _cut(problem: Problem, most: tuple[int, int], timer: StageTimer) -> Solution | None:
+    """Match the shapes cut along the paths of so many self-contacts, and capped; None without any such path."""
+    timer.start("prepare")
+    shapes = problem.source, problem.target
+    variants = [cut_shape(shape, n) for shape, n in zip(shapes, most)]
+    if not any(variants):
+        return None
+    source, target = (variant or capped_shape(shape) for variant, shape in zip(variants, shapes))
+    return _summed_up(problem, _between(problem, source, target, timer), timer)
+
+
+def _elastic(problem: Problem, attempts: Attempts, timer: StageTimer) -> Solution | None:
     """Match elastically, from the best isometry and its candidates; gives the isometry if it wins and keeps lengths."""
-    match, relation, pair, timer = case.isometric, case.isometric.relation, case.pair, case.timer
+    match = attempts.matches[AS_IT_IS.name]
+    model, measured, first = cast(Isometry, match.model), match.measured, match.selection.winner
     others = [
-        (search_pairs(pair, candidate.target_row), candidate.hypothesis.origin)
-        for candidate in match.eligible
+        (search_pairs(problem, candidate.target_row), candidate.hypothesis.origin)
+        for candidate in match.proposals.eligible
         if candidate.orientation > 0
     ]
-    fits, measured = not fits_badly(match.measured.quality, pair.config.outcome), match.measured
-    first = match.selection.winner
+    fits = not fits_badly(measured.quality, problem.config.outcome)
     rivals = [
-        fit
-        for fit in match.selection.runners_up
-        if fit.side == first.side and is_another(relation, fit, first)
+        fit for fit in match.selection.runners_up if fit.side == first.side and is_another(model, fit, first)
     ]
-    elastic = Elastic(first, others, fits, rivals).on(pair, case.priors, case.stages)
+    elastic = Elastic(problem, first, others, fits, rivals)
     timer.start("bending")
     if elastic.is_needless:
         return None
-    selection, reason = elastic.match(timer)
+    stretched = search_under(elastic, timer)
+    selection = stretched.selection
     if elastic.keeps_lengths(selection.winner):
         cost = selection.winner.score
         quality = replace(measured.quality, runner_up=selection.runner_up, bending_cost=cost)
         measured, note = replace(measured, quality=quality), FAR_KEPT
     else:
         timer.start("precision")
-        measured, note = elastic.measure(selection, reason), FAR
+        measured, note = stretched.measured, FAR
     timer.start("quality")
-    return relation.summed_up(match, measured, timer, note)
+    return model.sum_up(match, measured, timer, note)
 
 
-def _part_from_closed(case: Case) -> Solution | None:
+def _part_from_closed(problem: Problem, attempts: Attempts, timer: StageTimer) -> Solution:
     """Refine the map with the holes capped as one of a part, without a search of its own."""
-    match = cast(IsometricMatch, case.closed)
-    first = match.image_of(cast(PartSide, case.side)), match.relation.origin_of(match.selection.winner)
-    return case.part.led_by(*first, match.selection.runner_up).solution(case.timer)
+    match, side = attempts.matches[CLOSED.name], cast(PartSide, part_of(problem))
+    origin = origin_of(problem, match.selection.winner)
+    led = image_of(match, side), origin, match.selection.runner_up
+    return match_under(Part(problem, side, led), timer)
 
 
-def _creases_cut(case: Case) -> Solution | None:
+def _creases_cut(problem: Problem, attempts: Attempts, timer: StageTimer) -> Solution | None:
     """Cut what has more handles along its creases, too, and again along those that the last map tears; the best map."""
     # natural folds are creases, too; where both sides of one have near images, it is no self-contact
-    side = int(case.surplus[1] > case.surplus[0])
-    shapes: list[PreparedShape] = [capped_shape(case.pair.source), capped_shape(case.pair.target)]
-    torn, best = None, None
+    surplus, originals = surplus_of(problem), (problem.source, problem.target)
+    side = int(surplus[1] > surplus[0])
+    shapes = [capped_shape(shape) for shape in originals]
+    loose, best = None, None
     for _ in range(CREASED):
-        case.timer.start("prepare")
-        creased = creased_shape((case.pair.source, case.pair.target)[side], case.surplus[side], torn)
+        timer.start("prepare")
+        creased = creased_shape(originals[side], surplus[side], loose)
         if creased is None:
             break
         shapes[side] = creased
-        match = case.between(shapes[0], shapes[1], case.pair.config)
+        match = _between(problem, shapes[0], shapes[1], timer)
         if best and match.selection.winner.score > best.selection.winner.score:
             break
-        best, torn = match, match.torn(side, TORN)
-    return case.summed_up(best) if best else None
+        best, loose = match, torn(match, side, TORN)
+    return _summed_up(problem, best, timer) if best else None
 
 
-def _limbs_apart(case: Case) -> Solution | None:
+def _limbs_apart(problem: Problem, attempts: Attempts, timer: StageTimer) -> Solution | None:
     """Match a source that has more handles with its self-contacts and creases open, as a part."""
     # What limbs hide where they touch is missing, and distances lie between those of fused limbs and of limbs apart. Of a
     # target that is a part much of the source would be left without images.
-    case.timer.start("prepare")
-    opened = opened_shape(case.pair.source, case.surplus[0])
+    timer.start("prepare")
+    opened = opened_shape(problem.source, surplus_of(problem)[0])
     if opened is None:
         return None
-    apart = Part("source").on(replace(case.pair, source=opened), case.priors, case.stages)
-    return apart.solution(case.timer).with_evidence(Evidence(poor=True))  # never sure: much is guessed
+    solution = match_under(Part(replace(problem, source=opened)), timer)
+    return solution.with_evidence(Evidence(poor=True))  # never sure: much is guessed
 
 
-def _is_clear(case: Case, solution: Solution) -> bool:
+def _is_clear(problem: Problem, solution: Solution) -> bool:
     """Whether the map of a part is far from doubtful."""
-    bound = LITTLE_DOUBT * case.pair.config.parts.poor_doubt
+    bound = LITTLE_DOUBT * problem.config.parts.poor_doubt
     return solution.outcome is Outcome.PARTIAL and solution.quality.doubt <= bound
 
 
-AS_IT_IS = Way(
+def _is_far(problem: Problem, attempts: Attempts) -> bool:
+    """Whether no isometry fits well, so that an elastic map should be sought."""
+    match = attempts.matches.get(AS_IT_IS.name)
+    return match is not None and far_from_isometric(problem, match.measured.quality)
+
+
+AS_IT_IS = Strategy(
     "isometry",
     "whole",
-    lambda case: case.summed_up(case.isometric),
+    "always, unless one shape is a part",
+    _as_it_is,
     # fused limbs make a handle, and may look right; so may an isometry of shapes that are none
-    is_enough=lambda case, solution: solution.outcome in SURE and not max(case.handles) and not case.is_far,
+    is_enough=lambda problem, attempts, solution: (
+        solution.outcome in SURE and not max(handles_of(problem)) and not _is_far(problem, attempts)
+    ),
 )
 # cut are the handles that only one shape has, or all of both, or its folds, too
-SURPLUS_CUT = Way(
-    "self-contacts cut", "whole", lambda case: case.cut(*case.surplus), lambda case: max(case.surplus) > 0
+SURPLUS_CUT = Strategy(
+    "self-contacts cut",
+    "whole",
+    "if nothing before is sure, as one shape has more handles",
+    lambda problem, attempts, timer: _cut(problem, surplus_of(problem), timer),
+    lambda problem: max(surplus_of(problem)) > 0,
 )
-ALL_CUT = Way(
-    "all self-contacts cut", "whole", lambda case: case.cut(*case.handles), lambda case: min(case.handles) > 0
+ALL_CUT = Strategy(
+    "all self-contacts cut",
+    "whole",
+    "if nothing before is sure, as both shapes have handles",
+    lambda problem, attempts, timer: _cut(problem, handles_of(problem), timer),
+    lambda problem: min(handles_of(problem)) > 0,
 )
-CREASES_CUT = Way("creases cut", "whole", _creases_cut, lambda case: case.is_unsure and max(case.surplus) > 0)
-LIMBS_APART = Way(
+CREASES_CUT = Strategy(
+    "creases cut",
+    "whole",
+    "if nothing is sure, as one shape has more handles",
+    _creases_cut,
+    lambda problem: max(surplus_of(problem)) > 0,
+    lambda problem, attempts: attempts.is_unsure,
+)
+LIMBS_APART = Strategy(
     "limbs apart",
     "part",
+    "if nothing is sure, as the source has more handles",
     _limbs_apart,
-    lambda case: case.is_unsure and case.surplus[0] > 0 and case.pair.config.orientation == "preserve",
+    lambda problem: surplus_of(problem)[0] > 0 and problem.config.orientation == "preserve",
+    lambda problem, attempts: attempts.is_unsure,
 )
-ELASTIC = Way("elastic", "whole", _elastic, lambda case: case.is_far)
-PART = Way("part", "part", lambda case: case.part.solution(case.timer), is_enough=_is_clear)
-CLOSED = Way(
+ELASTIC = Strategy("elastic", "whole", "if no isometry fits", _elastic, may_be_far, _is_far)
+PART = Strategy(
+    "part",
+    "part",
+    "one shape is a part of the other: it has a long boundary, or the settings say so",
+    lambda problem, attempts, timer: match_under(Part(problem, cast(PartSide, part_of(problem))), timer),
+    is_enough=lambda problem, attempts, solution: _is_clear(problem, solution),
+)
+CLOSED = Strategy(
     "holes closed",
     "whole",
-    lambda case: case.summed_up(case.closed) if case.closed else None,
-    is_enough=lambda case, solution: False,
+    "a part with its holes capped, unless it is sure before",
+    _closed,
+    lambda problem: problem.config.parts.close and not has_own_distances(problem),
+    is_enough=lambda problem, attempts, solution: False,
 )
-PART_FROM_CLOSED = Way(
+PART_FROM_CLOSED = Strategy(
     "part, from the holes closed",
     "part",
+    "as a part, from the map with its holes capped",
     _part_from_closed,
-    lambda case: case.closed is not None,
-    lambda case, solution: not case.is_unsure,
+    CLOSED.fits,
+    lambda problem, attempts: CLOSED.name in attempts.matches,
+    lambda problem, attempts, solution: not attempts.is_unsure,
 )
-OVERLAPPING = Way(
+OVERLAPPING = Strategy(
     "two parts",
     "parts",
-    lambda case: BothParts().on(case.pair, case.priors, case.stages).solution(case.timer),
+    "if no isometry is sure, as both shapes have long boundaries",
+    lambda problem, attempts, timer: match_under(TwoParts(problem), timer),
 )
-VIA = Way("via", "parts", lambda case: None)  # of shapes in between that were given, see `solve_via`
+VIA = Strategy("via", "parts", "wholes are given", lambda *_: None)  # see `solve_via`
 
 # in the order in which they are tried
 COMPLETE = AS_IT_IS, SURPLUS_CUT, ALL_CUT, CREASES_CUT, LIMBS_APART, ELASTIC
 MUCH_MISSING = PART, CLOSED, SURPLUS_CUT, ALL_CUT, CREASES_CUT, PART_FROM_CLOSED
 LITTLE_MISSING = CLOSED, SURPLUS_CUT, ALL_CUT, CREASES_CUT, PART_FROM_CLOSED, PART
 TWO_PARTS = AS_IT_IS, OVERLAPPING
-WAYS = {way.name: way for way in (*COMPLETE, *MUCH_MISSING, *TWO_PARTS, VIA)}
-"""What each way claims, by its name, which `MatchResult.way` records."""
+STRATEGIES = {strategy.name: strategy for strategy in (*COMPLETE, *MUCH_MISSING, *TWO_PARTS, VIA)}
+"""What each strategy claims, by its name, which `MatchResult.way` records."""
 
 
-def ways_of(case: Case) -> tuple[Way, ...]:
-    """Give the ways for a pair, in the order in which they are tried."""
-    if case.side == "both":
+def strategies_of(problem: Problem) -> tuple[Strategy, ...]:
+    """Give the strategies for a problem, in the order in which they are tried."""
+    side = part_of(problem)
+    if side == "both":
         return TWO_PARTS
-    if case.side is None:
+    if side is None:
         return COMPLETE
-    little = max(case.handles) > 0 or case.part.little_is_missing
-    return LITTLE_MISSING if little and case.pair.config.parts.close else MUCH_MISSING
+    little = max(handles_of(problem)) > 0 or Part(problem, side).little_is_missing
+    return LITTLE_MISSING if little and problem.config.parts.close else MUCH_MISSING
 
 
-def solved(case: Case) -> Solution:
-    """Try one way after the other until one is sure; the map that verifies best is taken."""
-    relation, problem = case.stages.relation, None
-    if relation is not None:
-        found = relation.on(case.pair, case.priors, case.stages).solution(case.timer)
-        return replace(found, way=relation.way)
-    for way in ways_of(case):
+def select_strategies(problem: Problem) -> list[tuple[str, str]]:
+    """Tell without matching which strategies would be tried, in order until one is sure, and when or why each is.
+
+    Parameters
+    ----------
+    problem : Problem
+        Two connected shapes, and what is asked of their map.
+
+    Returns
+    -------
+    list of (str, str)
+        The name of each strategy, as in `MatchResult.way`, and when it is tried. A relation handed in is the only one.
+
+    Notes
+    -----
+    Where one shape alone seems to be inside out, all are tried with its faces turned over, too.
+
+    Examples
+    --------
+    >>> from isomatch.datasets import example_pair
+    >>> from isomatch.matching import prepare_pair
+    >>> select_strategies(prepare_pair(*(animal.mesh for animal in example_pair())))
+    [('isometry', 'always, unless one shape is a part'), ('elastic', 'if no isometry fits')]
+    """
+    if problem.relation is not None:
+        return [(name_of(problem.relation), "the relation was handed in")]
+    return [(strategy.name, strategy.why) for strategy in strategies_of(problem) if strategy.fits(problem)]
+
+
+def try_strategies(problem: Problem, attempts: Attempts, timer: StageTimer) -> Solution:
+    """Try one strategy after the other until one is sure; the map that verifies best is taken."""
+    if problem.relation is not None:
+        return _of_relation(problem, timer)
+    failure = None
+    for strategy in strategies_of(problem):
+        if not (strategy.fits(problem) and strategy.applies(problem, attempts)):
+            continue
         try:
-            with nullcontext() if way is AS_IT_IS else case.timer.within(way.name):
-                solution = way.solve(case) if way.applies(case) else None
+            with nullcontext() if strategy is AS_IT_IS else timer.within(strategy.name):
+                solution = strategy.attempt(problem, attempts, timer)
         except NotConvergedError as error:
-            solution, problem = None, error
-            case.failed.append(f"the way {way.name!r} found no map: {error}")
+            solution, failure = None, error
+            attempts.failures.append(f"the way {strategy.name!r} found no map: {error}")
         if solution is not None:
-            case.solutions.append(replace(solution, pair=case.pair, way=way.name))
-            if way.is_enough(case, solution):
+            attempts.solutions.append(replace(solution, pair=problem, way=strategy.name))
+            if strategy.is_enough(problem, attempts, solution):
                 break
-    if not case.solutions:
-        raise problem or NotConvergedError("no way found a map; give three to five landmarks")
-    solution = case.solutions[0] if len(case.solutions) == 1 else _verified_best(case)
-    return replace(solution, notes=(*solution.notes, *case.failed))
+    if not attempts.solutions:
+        raise failure or NotConvergedError("no way found a map; give three to five landmarks")
+    alone = len(attempts.solutions) == 1
+    solution = attempts.solutions[0] if alone else _verified_best(problem, attempts, timer)
+    return replace(solution, notes=(*solution.notes, *attempts.failures))
 
 
-def _verified_best(case: Case) -> Solution:
+def _of_relation(problem: Problem, timer: StageTimer) -> Solution:
+    """Match by the model that was handed in."""
+    model = problem.relation and problem.relation(problem)
+    if not isinstance(model, MatchingModel):
+        raise SettingError(
+            f"relation = {name_of(problem.relation)} makes an object of type {type(model).__name__}; it should be a "
+            "MatchingModel of the problem"
+        )
+    return replace(match_under(model, timer), way=model.way)
+
+
+def _verified_best(problem: Problem, attempts: Attempts, timer: StageTimer) -> Solution:
     """Take the map that verifies best, of those that tie the surest; it is no surer than its lead lets it be."""
-    case.timer.start("quality")
-    solutions, target = case.solutions, case.pair.target
-    images = [on_bodies(case.pair, UserVertices(solution.map.vertices)) for solution in solutions]
-    costs = [verifier_of(case.pair)(image).cost for image in images]
-    tied = [i for i, cost in enumerate(costs) if cost <= case.pair.config.outcome.tie * min(costs)]
+    timer.start("quality")
+    solutions, target = attempts.solutions, problem.target
+    images = [on_bodies(problem, UserVertices(solution.map.vertices)) for solution in solutions]
+    costs = [verifier_of(problem)(image).cost for image in images]
+    tied = [i for i, cost in enumerate(costs) if cost <= problem.config.outcome.tie * min(costs)]
 
     def rank(i: int) -> tuple[float, ...]:
         # where none is sure, the map of a part in least doubt, for caps leave maps rough
@@ -363,48 +442,49 @@ def _verified_best(case: Case) -> Solution:
     lead = second / max(costs[best], NO_COST)
     told = ", ".join(f"{cost:.2g} by {solution.way}" for cost, solution in zip(costs, solutions))
     solution = solutions[best].led(lead if lead > 1.0 else 1.0)  # 1 also where nothing can be verified
-    if solution.outcome not in SURE and _mirror_image_fits(case, costs[best]):
+    closed = attempts.matches.get(CLOSED.name)
+    if solution.outcome not in SURE and closed and _mirror_image_fits(problem, closed, costs[best], timer):
         solution = solution.with_evidence(Evidence(mirrored=True))
     return replace(solution, reason=f"{solution.reason}; of several ways it verifies best (cost {told})")
 
 
-def _mirror_image_fits(case: Case, cost: float) -> bool:
+def _mirror_image_fits(problem: Problem, closed: IsometricMatch, cost: float, timer: StageTimer) -> bool:
     """Whether the mirror image of the source verifies clearly better, where one shape is a part of the other."""
     # by the best map between capped shapes that reverses the orientation, refined as one of a part
-    match, side = case.closed if case.side in ("source", "target") else None, cast(PartSide, case.side)
-    if match is None or case.priors.any:
+    if problem.priors.any:
         return False
-    relation, pair = match.relation, replace(case.pair, source=mirror_image(case.pair.source))
-    turned = relation.begun(relation.turned(match.eligible)[:MOST_MIRRORED])
-    best = min(relation.refine_and_select(turned), key=lambda fit: fit.score, default=None)
+    model, side = cast(Isometry, closed.model), cast(PartSide, part_of(problem))
+    turned = model.begun(model.turned(closed.proposals.eligible)[:MOST_MIRRORED])
+    best = min(model.refine(turned), key=lambda fit: fit.score, default=None)
     if best is None:
         return False
-    image = replace(match, embedding=relation.everywhere(best)).image_of(side)
-    part = Part(side).on(pair, case.priors, case.stages).led_by(image, best.origin, np.inf)
-    mirrored = on_bodies(pair, UserVertices(part.solution(case.timer).map.vertices))
-    return verifier_of(pair)(mirrored).cost < case.pair.config.outcome.mirror_image * cost
+    mirrored = replace(problem, source=mirror_image(problem.source))
+    image = image_of(replace(closed, selection=replace(closed.selection, winner=best)), side)
+    solution = match_under(Part(mirrored, side, (image, best.origin, np.inf)), timer)
+    image = on_bodies(mirrored, UserVertices(solution.map.vertices))
+    return verifier_of(mirrored)(image).cost < problem.config.outcome.mirror_image * cost
 
 
-def side_to_turn(pair: ShapePair) -> Literal["source", "target"] | None:
+def side_to_turn(problem: Problem) -> Literal["source", "target"] | None:
     """Name the shape that seems to be inside out, if only one of them does; two that do agree with each other."""
-    if pair.config.orientation == "any" or not pair.oriented:
+    if problem.config.orientation == "any" or not problem.oriented:
         return None
-    source, target = pair.source.seems_inside_out, pair.target.seems_inside_out
+    source, target = problem.source.seems_inside_out, problem.target.seems_inside_out
     return None if source == target else "source" if source else "target"
 
 
-def solve(pair: ShapePair, priors: Priors, stages: Stages, timer: StageTimer) -> Solution:
+def solve(problem: Problem, timer: StageTimer) -> Solution:
     """Match the bodies of two shapes; one that seems to be inside out also turned over, and the better map is taken."""
-    side = side_to_turn(pair)
+    side = side_to_turn(problem)
     if side is None:
-        return solved(Case(pair, priors, stages, timer))
-    turned = replace(pair, **{side: turned_over(getattr(pair, side))})  # type: ignore[arg-type]
+        return try_strategies(problem, Attempts(), timer)
+    turned = replace(problem, **{side: turned_over(getattr(problem, side))})  # type: ignore[arg-type]
     contending: list[tuple[float, str, Solution]] = []
     failed: list[str] = []
-    for how, wound in (("as they are", pair), ("turned over", turned)):
+    for how, wound in (("as they are", problem), ("turned over", turned)):
         try:
             with timer.within(f"faces {how}"):
-                solution = solved(Case(wound, priors, stages, timer))
+                solution = try_strategies(wound, Attempts(), timer)
                 image = on_bodies(wound, UserVertices(solution.map.vertices))
                 cost = verifier_of(wound)(image).cost
             contending.append((cost, how, solution))
@@ -416,4 +496,4 @@ def solve(pair: ShapePair, priors: Priors, stages: Stages, timer: StageTimer) ->
         )
     _, how, solution = min(contending, key=lambda each: each[0])
     note = f"the {side} seems to be inside out; of both windings of its faces, the map verifies better with them {how}"
-    return replace(solution, pair=pair, notes=(note, *failed, *solution.notes))
+    return replace(solution, pair=problem, notes=(note, *failed, *solution.notes))

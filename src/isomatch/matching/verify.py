@@ -20,8 +20,8 @@ from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.io import SurfaceLike
 from isomatch.matching.assessment.quality import mean_known
 from isomatch.matching.bending import Surroundings, bent_onto
-from isomatch.matching.problem import ShapePair, prepare_pair
-from isomatch.matching.proposals.priors import checked_initial_map
+from isomatch.matching.priors import checked_initial_map
+from isomatch.matching.problem import Problem, prepare_pair
 from isomatch.settings import Config
 from isomatch.shapes import N_BALLS, PreparedShape
 from isomatch.surfaces import Mesh, linked
@@ -153,14 +153,14 @@ def verify(
     return in_background(verified)
 
 
-def on_bodies(pair: ShapePair, vertices: Int[UserVertices, "n_source"]) -> Int[BodyVertices, "n_s"]:
+def on_bodies(pair: Problem, vertices: Int[UserVertices, "n_source"]) -> Int[BodyVertices, "n_s"]:
     """Turn a map of the users' vertices into one of the bodies: target vertex of each body vertex, or −1."""
     image = vertices[pair.source.user_vertex]
     return BodyVertices(np.where(image >= 0, pair.target.body_vertex[image], UNMATCHED))
 
 
 @cached_method
-def verifier_of(pair: ShapePair) -> Verifier:
+def verifier_of(pair: Problem) -> Verifier:
     """Return what verifies maps of a pair, one for each pair, and kept with it."""
     return Verifier(pair)
 
@@ -168,7 +168,7 @@ def verifier_of(pair: ShapePair) -> Verifier:
 class Verifier:
     """Verifies maps of the bodies of one pair of meshes; what it needs of the shapes is computed once."""
 
-    def __init__(self, pair: ShapePair) -> None:
+    def __init__(self, pair: Problem) -> None:
         self.shapes = pair.source, pair.target
         long = pair.config.parts.long_boundary
         self.are_whole = pair.config.scale == "area" or all(x.longest_boundary <= long for x in self.shapes)

@@ -15,11 +15,10 @@ from isomatch.correspondence import Correspondence
 from isomatch.io import SurfaceLike
 from isomatch.matching.assessment.evidence import Evidence, Solution
 from isomatch.matching.assessment.quality import covered_share
-from isomatch.matching.problem import ShapePair
+from isomatch.matching.problem import Problem
 from isomatch.matching.result import Quality
 from isomatch.matching.strategies import VIA
 from isomatch.matching.verify import Verification, on_bodies, verifier_of
-from isomatch.settings import Config
 from isomatch.shapes import PreparedShape, prepare
 
 Whole: TypeAlias = "SurfaceLike | PreparedShape"
@@ -40,15 +39,15 @@ def chains_of(via: Via) -> list[tuple[Whole, ...]]:
     return several
 
 
-def solve_via(pair: ShapePair, via: Via, solved: Callable[[ShapePair], Solution]) -> Solution:
+def solve_via(problem: Problem, via: Via, solved: Callable[[Problem], Solution]) -> Solution:
     """Match two shapes by way of others, each to the next; of several ways, the map that verifies best is taken."""
-    if not pair.oriented:
+    if not problem.oriented:
         raise MeshError("via: maps are composed and verified on triangles; give meshes")
     chains = [
-        [each if isinstance(each, PreparedShape) else prepare(each, pair.config) for each in chain]
+        [each if isinstance(each, PreparedShape) else prepare(each, problem.config) for each in chain]
         for chain in chains_of(via)
     ]
-    ways = [_along([pair.source, *chain, pair.target], pair.config, solved) for chain in chains]
+    ways = [_along(problem, chain, solved) for chain in chains]
     solution = min(ways, key=lambda way: way[1].cost)[0]
     if len(ways) > 1:
         costs = ", ".join(f"{found.cost:.2g}" for _, found in ways)
@@ -58,11 +57,11 @@ def solve_via(pair: ShapePair, via: Via, solved: Callable[[ShapePair], Solution]
 
 
 def _along(
-    shapes: Sequence[PreparedShape], config: Config, solved: Callable[[ShapePair], Solution]
+    problem: Problem, chain: Sequence[PreparedShape], solved: Callable[[Problem], Solution]
 ) -> tuple[Solution, Verification]:
     """Match each shape to the next, and compose the maps; it is as sure as the least sure of them."""
-    pair = ShapePair(shapes[0], shapes[-1], config)
-    legs = [solved(ShapePair(here, there, config)) for here, there in pairwise(shapes)]
+    pair, shapes = problem, [problem.source, *chain, problem.target]
+    legs = [solved(replace(problem, source=here, target=there)) for here, there in pairwise(shapes)]
     image, errors = legs[0].map, legs[0].expected_error
     for leg in legs[1:]:
         # independent errors, the first in √area of the shape in between, which is worth ``unit`` beyond it
@@ -71,7 +70,7 @@ def _along(
         own = image.pull_back(leg.expected_error)
         errors = np.hypot(unit * errors, np.where(np.isnan(own), at_rim, own))
         image = image.then(leg.map, leg.pair.source.surface, leg.pair.target.surface)
-    found, bounds = _verified(pair, image), config.parts
+    found, bounds = _verified(pair, image), problem.config.parts
     least = min((leg.outcome for leg in legs), key=lambda outcome: outcome.sureness)
     evidence = (
         Evidence.of(least),
@@ -93,13 +92,11 @@ def _along(
     return solution, found
 
 
-def _verified(pair: ShapePair, image: Correspondence) -> Verification:
+def _verified(pair: Problem, image: Correspondence) -> Verification:
     return verifier_of(pair)(on_bodies(pair, UserVertices(image.vertices)))
 
 
-def _quality(
-    pair: ShapePair, legs: Sequence[Solution], image: Correspondence, found: Verification
-) -> Quality:
+def _quality(pair: Problem, legs: Sequence[Solution], image: Correspondence, found: Verification) -> Quality:
     """Measure a composed map; what only the way that found a map could tell is unknown."""
     bodies = on_bodies(pair, UserVertices(image.vertices))
     names = (each.name for each in fields(Quality))

@@ -161,6 +161,12 @@ class RefinementSettings(Settings):
             )
 
     @property
+    def rounds(self) -> list[tuple[tuple[int, ...], bool]]:
+        """Sizes of the rounds of the joint refinement, and whether each has positions and normals."""
+        with_positions = [(sizes, True) for sizes in (self.sizes_with_positions, self.final_sizes)]
+        return [each for each in ((self.sizes_without_positions, False), *with_positions) if each[0]]
+
+    @property
     def last_step(self) -> tuple[tuple[int, ...], bool]:
         """Size of the last step of the joint refinement, by which every map is measured; whether it has positions."""
         with_positions = (*self.sizes_with_positions, *self.final_sizes)

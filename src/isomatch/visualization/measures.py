@@ -8,7 +8,7 @@ from math import isfinite, isnan
 from operator import attrgetter
 from typing import Any
 
-from isomatch.matching import WAYS, MatchResult
+from isomatch.matching import STRATEGIES, MatchResult
 from isomatch.settings import Config
 
 
@@ -161,7 +161,7 @@ def _measures_of(result: MatchResult) -> dict[str, Measure]:
 
 def is_of_whole(result: MatchResult) -> bool:
     """Whether the map was claimed to be one of complete shapes; maps of other methods are."""
-    return result.way not in WAYS or WAYS[result.way].overlap == "whole"
+    return result.way not in STRATEGIES or STRATEGIES[result.way].overlap == "whole"
 
 
 def config_of(result: MatchResult) -> Config:

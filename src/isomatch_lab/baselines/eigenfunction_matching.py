@@ -8,7 +8,7 @@ from operator import itemgetter
 import numpy as np
 
 from isomatch._core.arrays import FloatArray, IntArray
-from isomatch.matching import ShapePair
+from isomatch.matching import Problem
 from isomatch.settings import Orientation
 from isomatch.shapes import PreparedShape
 from isomatch_lab.baselines.functional_maps import orientations, products
@@ -21,7 +21,7 @@ FARTHEST = 2  # places in the spectrum that functions may be apart to be exchang
 SIDES: dict[Orientation, float] = {"preserve": 1.0, "reverse": -1.0, "any": 0.0}
 
 
-def signed_permutation(pair: ShapePair, m: int, side: float) -> FloatArray:
+def signed_permutation(pair: Problem, m: int, side: float) -> FloatArray:
     """Match each of the first m functions but the constant to one of the other shape, up to sign: (m + 1, m + 1)."""
     # Shtern & Kimmel, Matching the LBO Eigenspace of Non-Rigid Shapes via High Order Statistics, Axioms 2014: on
     # isometric shapes the third moments ∫ φ_i φ_j φ_k agree, and so do ∫ φ_k ⟨∇φ_i × ∇φ_j, N⟩ up to orientation. First

@@ -14,7 +14,7 @@ from isomatch._core.errors import SettingError
 from isomatch._core.settings import Settings, setting
 from isomatch._core.threads import serial_blas
 from isomatch.correspondence import Embedding, PrecisePoints, faces_around_vertices, nearest_in_triangle
-from isomatch.matching import MatchResult, ShapePair, first_map
+from isomatch.matching import MatchResult, Problem, first_map
 from isomatch.settings import Orientation
 from isomatch.shapes import PreparedShape
 from isomatch.surfaces import Surface
@@ -127,7 +127,7 @@ def _start(task: Task, config: GmdsConfig) -> tuple[IntArray, str]:
         return at_samples if len(at_samples) >= FEWEST_POINTS else task.priors.initial_pairs, "initial map"
     if len(task.priors.landmarks):
         return task.priors.landmarks, "landmarks"
-    image, origin = first_map(pair, task.priors, samples, config.orientation)
+    image, origin = first_map(pair, samples, config.orientation)
     return np.column_stack([samples, image]), origin
 
 
@@ -159,7 +159,7 @@ class Placement:
         return places
 
 
-def distances_to(pair: ShapePair, points: Placement) -> Embedding:
+def distances_to(pair: Problem, points: Placement) -> Embedding:
     """Distances of all source vertices to the points, (n_s, m), and of all target vertices to the places, (n_t, m)."""
     source, target = pair.source.points, pair.target.points
     return Embedding(
@@ -168,13 +168,13 @@ def distances_to(pair: ShapePair, points: Placement) -> Embedding:
     )
 
 
-def placed(pair: ShapePair, vertices: IntArray, anchors: Placement) -> Placement:
+def placed(pair: Problem, vertices: IntArray, anchors: Placement) -> Placement:
     """Place source vertices anywhere on the target where their distances to known places are preserved best."""
     of_source, of_target = distances_to(pair, anchors)
     return Placement(vertices, *pair.target.index.points(of_target, of_source[vertices]))
 
 
-def relative_stress(pair: ShapePair, points: Placement) -> float:
+def relative_stress(pair: Problem, points: Placement) -> float:
     """√(Σ (d_target − d_source)² / Σ d_source²) over all pairs of points."""
     of_source, of_target = distances_to(pair, points)
     wanted = of_source[points.vertices]
@@ -184,7 +184,7 @@ def relative_stress(pair: ShapePair, points: Placement) -> float:
 
 
 def descended(
-    pair: ShapePair, points: Placement, n_held: int, n_sweeps: int
+    pair: Problem, points: Placement, n_held: int, n_sweeps: int
 ) -> tuple[Placement, tuple[float, ...]]:
     """Move one of m points at a time, but the held first ones, to where it fits best; and the stress after each sweep."""
     # Bronstein, Bronstein & Kimmel 2006: with all other points fixed, the stress is a convex quadratic function of the

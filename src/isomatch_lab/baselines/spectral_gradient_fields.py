@@ -14,7 +14,7 @@ from isomatch._core.arrays import FloatArray, IntArray
 from isomatch._core.settings import Settings, require_least, setting
 from isomatch._core.threads import serial_blas
 from isomatch.correspondence import Embedding
-from isomatch.matching import MatchResult, ShapePair
+from isomatch.matching import MatchResult, Problem
 from isomatch.settings import Orientation
 from isomatch.shapes import PreparedShape
 from isomatch.surfaces import Mesh, Surface
@@ -124,7 +124,7 @@ def _start(task: Task, config: GradientFieldsConfig) -> tuple[FloatArray, str]:
 class KernelMaps:
     """Two shapes in the coordinates in which nearest neighbours are sought."""
 
-    pair: ShapePair
+    pair: Problem
     of_source: ComplexArray  # (n, q) gradients of eigenfunctions from the second on; none without triangles
     of_target: ComplexArray
     weights: (
@@ -132,7 +132,7 @@ class KernelMaps:
     )
 
     @classmethod
-    def of(cls, pair: ShapePair, config: GradientFieldsConfig) -> KernelMaps:
+    def of(cls, pair: Problem, config: GradientFieldsConfig) -> KernelMaps:
         """Compute the gradients."""
         with_gradients = pair.oriented and config.n_gradients > 0
         fields = [

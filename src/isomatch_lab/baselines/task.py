@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Self
 
 from numpy.typing import ArrayLike
@@ -14,7 +14,7 @@ from isomatch.io import SurfaceLike
 from isomatch.matching import (
     MatchResult,
     Priors,
-    ShapePair,
+    Problem,
     Solution,
     contradicted_landmarks,
     expected_errors,
@@ -36,8 +36,7 @@ AT_FULL_RESOLUTION = Config(resolution="full", n_functions=200)  # as in Melzi e
 class Task:
     """Two prepared shapes, and the priors about their map."""
 
-    pair: ShapePair
-    priors: Priors  # what the user gave, in vertices of the bodies
+    pair: Problem  # with what the user gave
     seed: int
     timer: StageTimer = field(repr=False)
 
@@ -56,8 +55,13 @@ class Task:
         timer.start("prepare")
         prepared = any(isinstance(shape, PreparedShape) for shape in (source, target))
         pair = prepare_pair(source, target, None if prepared else AT_FULL_RESOLUTION, seed)
-        priors = Priors.of(pair, landmarks, initial_map, initial_descriptors)
-        return cls(pair, priors, seed, timer)
+        priors = Priors.of(pair.source, pair.target, landmarks, initial_map, initial_descriptors)
+        return cls(replace(pair, priors=priors), seed, timer)
+
+    @property
+    def priors(self) -> Priors:
+        """What the user gave, in vertices of the bodies."""
+        return self.pair.priors
 
     @property
     def shapes(self) -> tuple[PreparedShape, PreparedShape]:
@@ -96,7 +100,7 @@ class Task:
         self.timer.start("points")
         points = target.index.points(embedding.target, embedding.source)
         self.timer.start("quality")
-        quality = measure_quality(self.pair, points, self.priors)
+        quality = measure_quality(self.pair, points)
         solution = Solution(
             self.pair,
             source.correspondence(target, points),
@@ -107,7 +111,7 @@ class Task:
                 *self.pair.notes,
                 *self.priors.notes,
                 NOT_JUDGED,
-                *contradicted_landmarks(self.pair, points, self.priors),
+                *contradicted_landmarks(self.pair, points),
             ),
             origin=origin,
             config=config,

@@ -223,9 +223,9 @@ def _match_hinted(at: Folders, variant: str) -> Any:
     return match(*shipped(), **options[variant])
 
 
-@call("Isometry", "Part", "Elastic", "BothParts")
+@call("Isometry", "Part", "Elastic", "TwoParts")
 def _match_by_relation(at: Folders, variant: str) -> Any:
-    return match(*shipped(), relation=getattr(isomatch.matching, variant)())
+    return match(*shipped(), relation=getattr(isomatch.matching, variant))
 
 
 @call("shipped", "cut", "components", "species")

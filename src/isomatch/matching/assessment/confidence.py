@@ -14,7 +14,8 @@ from isomatch._core.errors import InputError
 from isomatch._core.threads import row_product
 from isomatch.correspondence import UNMATCHED, PrecisePoints
 from isomatch.geodesics import distance_along_edges_to_nearest
-from isomatch.matching.problem import ShapePair, SmoothPair
+from isomatch.matching.problem import Problem
+from isomatch.matching.smooth_pair import SmoothPair
 from isomatch.shapes import PreparedShape, SmoothShape
 from isomatch.surfaces import linked
 
@@ -54,7 +55,7 @@ def expected_errors(
 
 
 def doubt_of(
-    pair: ShapePair, image: Int[BodyVertices, "r"], runner_up: Int[BodyVertices, "r"], ratio: float
+    pair: Problem, image: Int[BodyVertices, "r"], runner_up: Int[BodyVertices, "r"], ratio: float
 ) -> Float[FloatArray, "n_s"]:
     """Expect the distance between two maps, times the chance that the other is right, in √area."""
     # with P(map) ∝ score^−10, the other has chance 1 / (1 + (its score / score)^10); ½ at a tie
@@ -153,7 +154,7 @@ class DoubtfulRegion:
 
 
 def regions_of_doubt(
-    pair: ShapePair,
+    pair: Problem,
     descriptor_distance: Float[FloatArray, "n_s"] | None = None,  # of each vertex and its image
     runners_up: tuple[Int[BodyVertices, "r"], Int[BodyVertices, "r"]] | None = None,  # images under both maps
 ) -> tuple[DoubtfulRegion, ...]:

@@ -12,7 +12,7 @@ from isomatch._core.arrays import Float, FloatArray
 from isomatch._core.stage_timer import StageTimer
 from isomatch.correspondence import Correspondence
 from isomatch.matching.assessment.confidence import ANOTHER_MAP, UNLIKE_ITS_IMAGE, DoubtfulRegion
-from isomatch.matching.problem import ShapePair
+from isomatch.matching.problem import Problem
 from isomatch.matching.result import Alternative, MatchResult, Outcome, Quality
 from isomatch.settings import MatchSettings, Orientation, OutcomeSettings, PartSettings
 from isomatch.shapes import describe_symmetries
@@ -45,11 +45,16 @@ class Evidence:
         return cls(**{flag: called_for is outcome for flag, called_for in CALLED_FOR.items()})
 
 
+def flags_of(evidence: Iterable[Evidence]) -> tuple[str, ...]:
+    """Name the flags that any piece of evidence raises, the least sure first."""
+    pieces = list(evidence)
+    return tuple(flag for flag in CALLED_FOR if any(getattr(piece, flag) for piece in pieces))
+
+
 def outcome_of(evidence: Iterable[Evidence]) -> Outcome:
     """Sum up evidence: the first outcome in the order of `Outcome` that any piece of it calls for."""
     # a match is PARTIAL if something has no counterpart, and nothing worse is found
-    flags = {flag for piece in evidence for flag, raised in vars(piece).items() if raised}
-    return next((outcome for flag, outcome in CALLED_FOR.items() if flag in flags), Outcome.CONVERGED)
+    return next((CALLED_FOR[flag] for flag in flags_of(evidence)), Outcome.CONVERGED)
 
 
 def lowered(outcome: Outcome, *evidence: Evidence) -> Outcome:
@@ -58,7 +63,7 @@ def lowered(outcome: Outcome, *evidence: Evidence) -> Outcome:
 
 
 def measured_evidence(
-    pair: ShapePair, quality: Quality, wanted: Orientation, with_priors: bool = False, far: bool = False
+    pair: Problem, quality: Quality, wanted: Orientation, with_priors: bool = False, far: bool = False
 ) -> Evidence:
     """Compare the measures of a map with the bounds of ``pair.config.outcome``; ``wanted`` is its orientation.
 
@@ -223,7 +228,7 @@ def held_evidence(evidence: tuple[Evidence, ...], quality: Quality, bound: float
 class Solution:
     """A map in the users' vertices with the evidence for it, before its outcome is told; fields as in `MatchResult`."""
 
-    pair: ShapePair
+    pair: Problem
     map: Correspondence
     quality: Quality
     evidence: tuple[Evidence, ...]
@@ -243,15 +248,22 @@ class Solution:
     @property
     def outcome(self) -> Outcome:
         """What the evidence calls for, and the regions of doubt."""
-        doubtful = region_evidence(self.regions, self.pair.config.outcome.doubtful_area)
-        if not self.descriptors_count:
-            doubtful = replace(doubtful, poor=False)
-        return outcome_of((*self.all_evidence, doubtful))
+        return outcome_of(self._with_regions)
+
+    @property
+    def flags(self) -> tuple[str, ...]:
+        """The flags that it raises, see `Evidence`."""
+        return flags_of(self._with_regions)
 
     @property
     def all_evidence(self) -> tuple[Evidence, ...]:
         """The evidence, and that of the doubt."""
         return self.evidence if self.doubt is None else (*self.evidence, self.doubt.evidence)
+
+    @property
+    def _with_regions(self) -> tuple[Evidence, ...]:
+        doubtful = region_evidence(self.regions, self.pair.config.outcome.doubtful_area)
+        return *self.all_evidence, doubtful if self.descriptors_count else replace(doubtful, poor=False)
 
     def doubted(self, doubt: PartDoubt | CommonDoubt) -> Self:
         """Tell how sure the map of a part is."""
@@ -277,6 +289,7 @@ def verified(solution: Solution, timer: StageTimer, seed: int) -> MatchResult:
     source, target = [describe_symmetries(shape.symmetries) for shape in shapes] or ("", "")
     return MatchResult(
         **{name: getattr(solution, name) for name in shared.split()},
+        evidence=solution.flags,
         notes=(*solution.notes, *doubts),
         timings=timer.stop(),
         engine=pair.source.distances.engine,

@@ -10,8 +10,7 @@ from isomatch._core.arrays import BodyVertices, Bool, BoolArray, Float, FloatArr
 from isomatch.correspondence import PrecisePoints, alignment_residual, signed_procrustes
 from isomatch.descriptors import BallSignature, deviation_of
 from isomatch.geodesics import distance_along_edges_to_nearest
-from isomatch.matching.problem import ShapePair
-from isomatch.matching.proposals.priors import Priors
+from isomatch.matching.problem import Problem
 from isomatch.matching.result import Quality
 from isomatch.matching.selection import Selection
 from isomatch.settings import COVERAGE_RADIUS
@@ -22,9 +21,7 @@ MOST_NAMED = 5  # landmarks in a note
 NORMAL_FUNCTIONS = 60  # of the smoothed surfaces whose normals are compared; chosen with poor_orientation
 
 
-def measure_quality(
-    pair: ShapePair, points: PrecisePoints, priors: Priors, selection: Selection[Any] | None = None
-) -> Quality:
+def measure_quality(pair: Problem, points: PrecisePoints, selection: Selection[Any] | None = None) -> Quality:
     """Measure a map of bodies: ``points``, the image of each source vertex, as it was selected if it was."""
     source, target, settings = pair.source, pair.target, pair.config.outcome
     image = BodyVertices(points.corners[:, 0])
@@ -36,7 +33,9 @@ def measure_quality(
     distortion = np.abs(source.columns[:, vertices] - there)
     aligned = source.points.at(vertices), target.points.at(image[vertices])
     positions = image_positions(source.body, target.body, points)
-    landmark_error, initial_map_error = prior_errors(pair, image, priors.landmarks, priors.initial_pairs)
+    landmark_error, initial_map_error = prior_errors(
+        pair, image, pair.priors.landmarks, pair.priors.initial_pairs
+    )
     orientation = np.nan
     if pair.oriented:
         basis = pair.spectra.source
@@ -86,7 +85,7 @@ def covered_share(surface: Surface, images: Int[IntArray, "q"], radius: float = 
     return float(surface.vertex_areas[gap <= radius * np.sqrt(surface.area)].sum() / surface.area)
 
 
-def _coverage(pair: ShapePair, points: PrecisePoints) -> float:
+def _coverage(pair: Problem, points: PrecisePoints) -> float:
     """Coverage of the target, or of the original of a variant, by the images of the source's own vertices."""
     source, target, radius = pair.source, pair.target, pair.config.outcome.coverage_radius
     if source.original:
@@ -138,14 +137,14 @@ def torn_off_share(source: Surface, target_area: float, images: FloatArray | Non
 
 
 def distances_to_priors(
-    pair: ShapePair, target_vertex: Int[BodyVertices, "n_s"], pairs: Int[BodyVertices, "q 2"]
+    pair: Problem, target_vertex: Int[BodyVertices, "n_s"], pairs: Int[BodyVertices, "q 2"]
 ) -> Float[FloatArray, "q"]:
     """Distance between the images under a map and the second vertices of pairs, in √area."""
     return pair.target.distance(target_vertex[pairs[:, 0]], pairs[:, 1])
 
 
 def prior_errors(
-    pair: ShapePair,
+    pair: Problem,
     target_vertex: Int[BodyVertices, "n_s"],
     landmarks: Int[BodyVertices, "m 2"],
     initial_pairs: Int[BodyVertices, "q 2"],
@@ -157,8 +156,9 @@ def prior_errors(
     return mean, float(np.median(off_initial)) if len(off_initial) else np.nan
 
 
-def contradicted_landmarks(pair: ShapePair, points: PrecisePoints, priors: Priors) -> list[str]:
+def contradicted_landmarks(pair: Problem, points: PrecisePoints) -> list[str]:
     """Name the landmarks that a map of bodies contradicts, in the users' vertices; no note if it contradicts none."""
+    priors = pair.priors
     apart = distances_to_priors(pair, BodyVertices(points.corners[:, 0]), priors.landmarks)
     against = np.flatnonzero(apart > pair.config.outcome.contradiction)
     if not len(against):

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from operator import attrgetter
-from typing import cast
 
 import numpy as np
 
@@ -18,6 +17,7 @@ from isomatch._core.threads import parallel_map
 from isomatch.correspondence import Embedding, with_normals
 from isomatch.matching.assessment.confidence import doubt_in, expected_errors, regions_of_doubt
 from isomatch.matching.assessment.evidence import Solution, fits_badly, mirror_image_fits
+from isomatch.matching.assessment.measured import Measured
 from isomatch.matching.assessment.quality import descriptor_distance_of, measure_quality
 from isomatch.matching.bending import Bent, ElasticBending
 from isomatch.matching.coordinates import refined_images, registered
@@ -32,10 +32,9 @@ from isomatch.matching.elastic.elastic_fit import (
     anchor_starts,
     with_mirror,
 )
-from isomatch.matching.isometric.isometry import Measured
 from isomatch.matching.maps import Fit
-from isomatch.matching.pipeline import Relation
-from isomatch.matching.problem import search_pairs
+from isomatch.matching.model import Match, Proposals, RefiningModel
+from isomatch.matching.problem import Problem, search_pairs
 from isomatch.matching.proposals.priors import starts_from_priors
 from isomatch.matching.result import Quality
 from isomatch.matching.selection import LANDMARK_SLACK, Rules, Selection, distances_between, distinct, select
@@ -88,13 +87,14 @@ class StretchedFit(Fit):
         return max(bent.stretch for bent in self.bent)
 
 
-class Elastic(Relation):
+class Elastic(RefiningModel[StretchedFit, Embedding]):
     """Limbs may stretch.
 
     Parameters
     ----------
+    problem : Problem
     ordinary : Fit, optional
-        A map found otherwise, of the vertices of the relation, which an elastic one must beat.
+        A map found otherwise, of the vertices of the model, which an elastic one must beat.
     others : sequence of ((q, 2) array of int, str)
         Further first maps, as vertices of source and target, and where each came from.
     ordinary_fits : bool
@@ -114,36 +114,38 @@ class Elastic(Relation):
 
     Examples
     --------
-    Handed to `match` as ``relation=Elastic()``, or with first maps that contend with those searched:
+    Handed to `match` as ``relation=Elastic``, or with first maps that contend with those searched:
 
+    >>> from isomatch.datasets import example_pair
+    >>> from isomatch.matching import prepare_pair
+    >>> problem = prepare_pair(*(animal.mesh for animal in example_pair()))
     >>> pairs = np.array([[0, 10], [5, 7], [9, 2]])
-    >>> relation = Elastic(others=[(pairs, "by hand")])
-    >>> relation.ordinary is None
+    >>> Elastic(problem, others=[(pairs, "by hand")]).ordinary is None
     True
     """
 
     way = "elastic"
+    last_stage = "precision"
 
     def __init__(
         self,
+        problem: Problem,
         ordinary: Fit | None = None,
         others: Sequence[tuple[Int[IntArray, "_ 2"], str]] = (),
         ordinary_fits: bool = False,
         rivals: Sequence[Fit] = (),
     ) -> None:
+        super().__init__(problem)
         self.ordinary, self.ordinary_fits, self.rivals = ordinary, ordinary_fits, rivals
         self.others = [(BodyVertices(pairs), origin) for pairs, origin in others]
 
-    def match(self, timer: StageTimer | None = None) -> tuple[Selection[StretchedFit], str]:
-        """Fit first maps coarsely, bend the shapes by the best, and select among these and the maps known before.
+    def require_suitable(self) -> None:
+        """Raise an `IsomatchError` unless the shapes are meshes, to be kept in orientation."""
+        self.require_sides()
+        self.require_priors()
 
-        Returns
-        -------
-        selection : Selection
-        reason : str
-            How many maps contended, in a sentence.
-        """
-        timer = timer or StageTimer()
+    def propose(self, timer: StageTimer) -> Proposals[StretchedFit]:
+        """Fit first maps coarsely; the best, and the maps known before, contend."""
         timer.start("mirror images")
         _ = self._shapes
         timer.start("search")
@@ -157,27 +159,41 @@ class Elastic(Relation):
         timer.start("bending")
         if self.ordinary is not None:
             kept.append(self._drawn_ordinary(self.ordinary))
-        kept += [self._drawn(self._fine, LAST_STEP, self._pairs(fit), fit.origin) for fit in self.rivals]
+        kept += [
+            self._drawn(self._fine, LAST_STEP, self._pairs(fit.image), fit.origin) for fit in self.rivals
+        ]
         if len(self.priors.initial_pairs):
             kept.append(replace(first(self.priors.initial_pairs, "initial map"), is_users=True))
         if not kept:
             raise NotConvergedError(
                 "no elastic map keeps the orientation of the faces; give three to five landmarks"
             )
-        fits = cast(list[StretchedFit], self.refine_and_select(parallel_map(self._begun, kept)))
-        fits.sort(key=attrgetter("score"))
+        return Proposals(parallel_map(self._begun, kept), len(starts))
+
+    def rank(
+        self,
+        maps: list[StretchedFit],
+        rivals: list[StretchedFit],
+        proposals: Proposals[StretchedFit],
+        timer: StageTimer,
+    ) -> Selection[StretchedFit]:
+        """Select the map that verifies best."""
+        fits = sorted(maps, key=attrgetter("score"))
         apart = distances_between([fit.image for fit in fits], self.target.mean_distances)
         tie = PRIORED_TIE if len(self.priors.initial_pairs) else 1.0
         least = self.pair.config.selection.runner_up_distance
         rules = Rules(runner_up_distance=least, tie=tie, landmark_slack=LANDMARK_SLACK)
-        reason = f"verified best of {len(starts)} elastic maps, {len(fits)} bent"
         costs = parallel_map(lambda fit: self._verified(fit).cost, fits)
         selection = select(fits, apart, rules, scores=costs)
         # one that differs must cost more, and not score less
         of_winner = apart[fits.index(selection.winner)]
         scores = [fit.score for fit, distance in zip(fits, of_winner) if distance > least]
         ratio = max(min(scores, default=np.inf) / selection.winner.score, 1.0)
-        return replace(selection, runner_up=min(selection.runner_up, ratio)), reason
+        return replace(selection, runner_up=min(selection.runner_up, ratio))
+
+    def coordinates(self, best: StretchedFit) -> Embedding:
+        """Coordinates of all vertices in which images are nearest points."""
+        return self.everywhere(best)
 
     def _verified(self, fit: StretchedFit) -> Verification:
         everywhere = BodyVertices(np.arange(self.source.body.n_vertices))
@@ -195,12 +211,14 @@ class Elastic(Relation):
         most = FITS_ISOMETRIC if self.ordinary_fits else NEARLY_ISOMETRIC
         return winner.is_ordinary and winner.stretch < most
 
-    def _pairs(self, fit: Fit) -> Int[BodyVertices, "r 2"]:
+    def _pairs(self, image: Int[BodyVertices, "r"]) -> Int[BodyVertices, "r 2"]:
         """Vertices of source and target."""
-        return BodyVertices(np.column_stack([self.vertices, fit.image]))
+        return BodyVertices(np.column_stack([self.vertices, image]))
 
     def _drawn_ordinary(self, fit: Fit) -> StretchedFit:
-        return replace(self._drawn(self._fine, LAST_STEP, self._pairs(fit), fit.origin), is_ordinary=True)
+        return replace(
+            self._drawn(self._fine, LAST_STEP, self._pairs(fit.image), fit.origin), is_ordinary=True
+        )
 
     def _starts(self) -> list[tuple[Int[BodyVertices, "_ 2"], str]]:
         """First maps, and where each comes from; those of an ordinary map have made use of priors before."""
@@ -214,9 +232,9 @@ class Elastic(Relation):
             starts = [*anchor_starts(pair, landmarks, (source, target)), *turned]
             first_maps = [(start, origin) for start in starts]
         if self.ordinary is not None:
-            first_maps.append((self._pairs(self.ordinary), self.ordinary.origin))
+            first_maps.append((self._pairs(self.ordinary.image), self.ordinary.origin))
         else:
-            from_priors = starts_from_priors(pair, self.priors)
+            from_priors = starts_from_priors(pair)
             first_maps += [(search_pairs(pair, rows), origin) for rows, origin in from_priors]
         return [*first_maps, *self.others, *self.first_maps_handed_in()]
 
@@ -263,7 +281,7 @@ class Elastic(Relation):
         return replace(moved, spectral_residual=residual, score=residual * penalty)
 
     def _begun(self, fit: StretchedFit) -> StretchedFit:
-        """Extend a rough fit to the vertices of the relation."""
+        """Extend a rough fit to the vertices of the model."""
         source, target = self._fine.embedding(fit.coefficients)
         image = BodyVertices(self.target.index.vertices(target, source[self.vertices]))
         return replace(fit, image=image, spectral_residual=np.inf, score=np.nan)
@@ -275,15 +293,15 @@ class Elastic(Relation):
 
     @cached_property
     def _users(self) -> Int[BodyVertices, "r"]:
-        """Images of the vertices of the relation under the initial map, −1 where it has none."""
+        """Images of the vertices of the model under the initial map, −1 where it has none."""
         image = np.full(self.source.body.n_vertices, -1)
         image[self.priors.initial_pairs[:, 0]] = self.priors.initial_pairs[:, 1]
         return BodyVertices(image[self.vertices])
 
-    def refined(self, fits: Sequence[Fit]) -> list[Fit]:
+    def refined(self, fits: Sequence[StretchedFit]) -> list[StretchedFit]:
         """Bend both shapes onto each other by each map, at a low resolution; images are read off there."""
         # those that score much worse than another one halfway are given up, unless the map was known before
-        halfway = parallel_map(self._bent_halfway, [cast(StretchedFit, fit) for fit in fits])
+        halfway = parallel_map(self._bent_halfway, fits)
         most = HOPELESS * min((fit.score for fit in halfway), default=0.0)
         kept = [fit for fit in halfway if fit.score <= most or fit.is_ordinary or fit.is_users]
         return parallel_map(self._bent_further, kept)
@@ -310,23 +328,20 @@ class Elastic(Relation):
         error = self.target.mean_distance(image[rows], self._users[rows]) if len(rows) else 0.0
         return replace(fit, image=image, spectral_residual=score, score=score, bent=bent, prior_error=error)
 
-    def measured(self, fit: Fit, image: Int[IntArray, "r"]) -> StretchedFit:
+    def measured(self, fit: Fit, image: Int[BodyVertices, "r"]) -> StretchedFit:
         """Draw a map by all functions, and bend the shapes by it."""
-        self.require_images(image)
         was_ordinary = isinstance(fit, StretchedFit) and fit.is_ordinary
-        pairs = np.column_stack([self.vertices, image])
-        drawn = self._drawn(self._fine, LAST_STEP, BodyVertices(pairs), fit.origin)
+        drawn = self._drawn(self._fine, LAST_STEP, self._pairs(image), fit.origin)
         return replace(self._bent(drawn), is_ordinary=was_ordinary)
 
-    def embedding(self, fit: Fit) -> Embedding:
+    def embedding(self, fit: StretchedFit) -> Embedding:
         """Joint coordinates, beside positions and normals of the target and of the source bent onto it in full.
 
         From where both shapes lie, the smooth maps are fitted once more, with all functions. The source is bent as
         similarly as possible, at last in full. From there the joint refinement takes its last step: it knows what details
         look like, and bending where limbs are. What was known before has its say in where that step begins.
         """
-        fit, pair = cast(StretchedFit, fit), self.pair
-        bent = self._in_full(fit)
+        pair, bent = self.pair, self._in_full(fit)
         lying = Embedding(with_normals(bent.mesh, READ_UNIT), with_normals(bent.onto.mesh, READ_UNIT))
         image = self._read(lying)
         before = self._known_before(fit, image)
@@ -354,7 +369,7 @@ class Elastic(Relation):
         return there.laid_in_full(coarse, FULL_LENGTHS, settings.most_scaled)
 
     def _read(self, embedding: Embedding) -> Int[BodyVertices, "r"]:
-        """Images of the vertices of the relation."""
+        """Images of the vertices of the model."""
         return BodyVertices(self.target.index.vertices(embedding.target, embedding.source[self.vertices]))
 
     def _beside(self, image: Int[BodyVertices, "r"], lying: Embedding) -> Embedding:
@@ -362,29 +377,25 @@ class Elastic(Relation):
         joint = registered(self.pair, image, 1.0, self.refinement.smooth)
         return Embedding(*(np.hstack([x, LYING_WEIGHT * y]) for x, y in zip(joint, lying)))
 
-    def measure(self, selection: Selection[StretchedFit], reason: str) -> Measured:
+    def measure(self, match: Match[StretchedFit, Embedding]) -> Measured:
         """Take the nearest points under the map selected, and measure it."""
-        embedding = self.everywhere(selection.winner)
-        points = self.target.index.points(embedding.target, embedding.source)
+        points = self.target.index.points(match.coordinates.target, match.coordinates.source)
         distance = descriptor_distance_of(self.source.balls, self.target.balls, points.corners[:, 0])
-        winner, quality = selection.winner, measure_quality(self.pair, points, self.priors)
+        selection, quality = match.selection, measure_quality(self.pair, points)
+        winner, n_bent = selection.winner, 1 + len(selection.runners_up)
         quality = replace(quality, runner_up=selection.runner_up, bending_cost=winner.score)
+        reason = f"verified best of {match.proposals.n_tried} elastic maps, {n_bent} bent"
         return Measured(points, quality, distance, reason, winner.origin)
 
-    def solution(self, timer: StageTimer) -> Solution:
-        """Find the map, and the evidence for it, where no other relation was tried."""
-        self.require_sides()
-        self.require_priors()
-        with timer.within("elastic match"):
-            selection, reason = self.match(timer)
-            timer.start("precision")
-            measured = self.measure(selection, reason)
-        timer.start("quality")
+    def sum_up(
+        self, match: Match[StretchedFit, Embedding], measured: Measured, timer: StageTimer
+    ) -> Solution:
+        """Sum up the map, where no other model was tried."""
         pair = self.pair
-        far = measured.evidence(pair, self.priors, far=True)
         regions = regions_of_doubt(pair, measured.descriptor_distance)
         errors = expected_errors(pair, measured.points, doubt_in(regions, self.source.body.n_vertices))
-        solution = measured.solution(pair, self.priors, errors, (far,), [FAR], regions=regions)
+        far = (measured.evidence(pair, far=True),)
+        solution = measured.solution(pair, errors, far, [FAR], regions=regions)
         return replace(solution, descriptors_count=False)
 
 
@@ -394,12 +405,18 @@ def _score(bent: tuple[Bent, ...]) -> float:
     return max(float(np.sqrt(there.spectral_residual * back.spectral_residual)), NO_SCORE)
 
 
-def far_from_isometric(relation: Relation, quality: Quality) -> bool:
+def may_be_far(problem: Problem) -> bool:
+    """Tell whether an elastic map may be sought of a problem at all."""
+    config = problem.config
+    preserves = problem.oriented and config.orientation == "preserve"
+    sought = problem.refinement.searches_further and config.hypotheses == "all"
+    return preserves and sought and not problem.priors.has_functions
+
+
+def far_from_isometric(problem: Problem, quality: Quality) -> bool:
     """Tell whether the best map that keeps distances does not fit well, so that an elastic one should be sought."""
-    pair, config = relation.pair, relation.pair.config
-    if not (pair.oriented and relation.refinement.searches_further and config.orientation == "preserve"):
-        return False
-    if config.hypotheses != "all" or relation.priors.functions[0].shape[1]:
+    config = problem.config
+    if not may_be_far(problem):
         return False
     stretched = quality.spectral_residual > config.elastic.sought or fits_badly(quality, config.outcome)
     return stretched and not mirror_image_fits(quality, config.outcome)

@@ -23,8 +23,8 @@ from isomatch._core.arrays import (
 from isomatch._core.cached import cached_property
 from isomatch._core.threads import parallel_map
 from isomatch.correspondence import Embedding, IntervalCost, Intervals, assign_points, nearest_rows, pin_first
-from isomatch.matching.problem import ShapePair
-from isomatch.matching.proposals.priors import NO_LANDMARKS
+from isomatch.matching.priors import NO_LANDMARKS
+from isomatch.matching.problem import Problem
 from isomatch.settings import Config, ElasticSettings
 from isomatch.shapes import PreparedShape, farthest_rows
 from isomatch.surfaces import Mesh, vertex_normals
@@ -364,7 +364,7 @@ def _smooth(
 
 
 def anchor_starts(
-    pair: ShapePair,
+    pair: Problem,
     landmarks: Int[BodyVertices, "l 2"],
     shapes: tuple[ElasticShape, ElasticShape] | None = None,
 ) -> list[Int[BodyVertices, "_ 2"]]:
@@ -438,7 +438,7 @@ def with_mirror(prepared: PreparedShape, config: Config) -> ElasticShape:
     few = replace(config, elastic=replace(settings, forgiven=MIRROR_FORGIVEN, n_starts=MIRROR_STARTS))
     rows = prepared.sample_vertices[: prepared.config.n_search]
     symmetries = [BodyVertices(np.column_stack([rows, rows[each.image_row]])) for each in prepared.symmetries]
-    starts = [*anchor_starts(ShapePair(prepared, prepared, few), NO_LANDMARKS), *symmetries]
+    starts = [*anchor_starts(Problem(prepared, prepared, few), NO_LANDMARKS), *symmetries]
     maps = [each for each in parallel_map(first, starts) if each]
     for step, most in zip(COARSE_STEPS, N_FOLLOWED):
         maps = parallel_map(lambda each: fit.run(each[0], (step,), each[1]), maps)  # noqa: B023

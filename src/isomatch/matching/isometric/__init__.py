@@ -1,1 +1,1 @@
-"""Two complete shapes with the same distances: the isometric relation."""
+"""Two complete shapes with the same distances: the isometric model."""

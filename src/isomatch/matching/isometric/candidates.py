@@ -8,14 +8,14 @@ import numpy as np
 
 from isomatch._core.arrays import BodyVertices, Int, IntArray, SearchRows
 from isomatch._core.threads import parallel_map
-from isomatch.correspondence import alignment_residual, signed_procrustes, spectral_embedding
+from isomatch.correspondence import Embedding, alignment_residual, signed_procrustes, spectral_embedding
 from isomatch.matching.assessment.quality import mean_known
 from isomatch.matching.isometric.search import hypotheses_from_priors, search
 from isomatch.matching.maps import Candidate, Fit, Hypothesis
-from isomatch.matching.pipeline import Relation
-from isomatch.matching.problem import ShapePair
+from isomatch.matching.model import RefiningModel
+from isomatch.matching.problem import Problem
 from isomatch.matching.proposals.pose import starts_from_pose
-from isomatch.matching.proposals.priors import Priors, start_from_pairs
+from isomatch.matching.proposals.priors import start_from_pairs
 from isomatch.matching.selection import Selection, ranked
 from isomatch.settings import Orientation
 from isomatch.shapes import CURVATURE_WEIGHT, orientation_of
@@ -28,8 +28,8 @@ SURE = 0.75  # share of the bounds of a poor map, below which a map is sure; doc
 class Screening:
     """Makes candidates of hypotheses; those of equal maps share the evidence, which is computed once."""
 
-    def __init__(self, pair: ShapePair, priors: Priors) -> None:
-        self._pair = pair
+    def __init__(self, pair: Problem) -> None:
+        self._pair, priors = pair, pair.priors
         self._landmarks = priors.landmarks
         self._with_priors_rows: list[SearchRows] = []
         if len(priors.initial_pairs):
@@ -67,7 +67,7 @@ class Screening:
 
 
 def energy_of(
-    pair: ShapePair,
+    pair: Problem,
     source_vertex: Int[BodyVertices, "q"],
     target_vertex: Int[BodyVertices, "q"],
     rank: int | None = None,
@@ -90,7 +90,7 @@ def energy_of(
 
 
 def residual_of(
-    pair: ShapePair,
+    pair: Problem,
     source_vertex: Int[BodyVertices, "q"],
     target_vertex: Int[BodyVertices, "q"],
     rank: int | None = None,
@@ -101,7 +101,7 @@ def residual_of(
 
 
 def extended(
-    pair: ShapePair, target_row: Int[SearchRows, "m_s"], source_vertex: Int[BodyVertices, "q"]
+    pair: Problem, target_row: Int[SearchRows, "m_s"], source_vertex: Int[BodyVertices, "q"]
 ) -> Int[BodyVertices, "q"]:
     """Extend a map of the search vertices, through some functions, to source vertices: target vertices."""
     # F = Φ_s⁺ Φ_t(f) (k, k) from the search vertices; the image of i is the nearest row of Φ_t Fᵀ to Φ_s(i)
@@ -114,29 +114,29 @@ def extended(
 
 
 def first_map(
-    pair: ShapePair, priors: Priors, source_vertex: Int[IntArray, "q"], orientation: Orientation
+    pair: Problem, source_vertex: Int[IntArray, "q"], orientation: Orientation
 ) -> tuple[Int[BodyVertices, "q"], str]:
     """Map source vertices by the best hypothesis, from priors if there are any: target vertices, its origin."""
-    hypotheses = hypotheses_from_priors(pair, priors) if priors.any else search(pair, [])
-    candidates, led = Screening(pair, priors)(hypotheses), bool(len(priors.landmarks))
+    hypotheses = hypotheses_from_priors(pair) if pair.priors.any else search(pair, [])
+    candidates, led = Screening(pair)(hypotheses), bool(len(pair.priors.landmarks))
     order = ranked(candidates, orientation, pair.config.selection, led)
     image = extended(pair, order[0].target_row, BodyVertices(source_vertex))
     return image, order[0].hypothesis.origin
 
 
-def is_sure(relation: Relation, selection: Selection[Fit]) -> bool:
+def is_sure(model: RefiningModel[Fit, Embedding], selection: Selection[Fit]) -> bool:
     """Whether no other map ties with the winner and it is far from poor by every measure, so that no other would win."""
-    winner, bounds = selection.winner, relation.pair.config.outcome
-    areas = relation.source.body.vertex_areas[relation.vertices]
+    winner, bounds = selection.winner, model.pair.config.outcome
+    areas = model.source.body.vertex_areas[model.vertices]
     return (
         selection.runner_up > bounds.tie
         and winner.spectral_residual < SURE * bounds.poor_spectral_residual
-        and residual_of(relation.pair, relation.vertices, winner.image) < SURE * bounds.poor_residual
-        and mean_known(relation.descriptor_distance(winner), areas) < SURE * bounds.poor_descriptor_distance
+        and residual_of(model.pair, model.vertices, winner.image) < SURE * bounds.poor_residual
+        and mean_known(model.descriptor_distance(winner), areas) < SURE * bounds.poor_descriptor_distance
     )
 
 
-def is_another(relation: Relation, fit: Fit, other: Fit) -> bool:
+def is_another(model: RefiningModel[Fit, Embedding], fit: Fit, other: Fit) -> bool:
     """Whether a map is another one, and no variant."""
-    apart = relation.target.mean_distance(fit.image, other.image)
-    return apart > relation.pair.config.selection.runner_up_distance
+    apart = model.target.mean_distance(fit.image, other.image)
+    return apart > model.pair.config.selection.runner_up_distance

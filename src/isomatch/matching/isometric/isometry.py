@@ -3,31 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from operator import attrgetter
+from typing import TypeAlias
 
 import numpy as np
 
-from isomatch._core.arrays import BodyVertices, Bool, BoolArray, Float, FloatArray, Int, IntArray, SearchRows
-from isomatch._core.cached import cached_property
+from isomatch._core.arrays import BodyVertices, Bool, BoolArray, Float, FloatArray, Int, SearchRows
 from isomatch._core.errors import SettingError
 from isomatch._core.stage_timer import StageTimer
 from isomatch._core.threads import parallel_map, serial_blas
 from isomatch.correspondence import Alignment, Correspondence, Embedding, PrecisePoints
 from isomatch.matching.assessment.confidence import (
-    DoubtfulRegion,
     doubt_in,
     doubt_of,
     expected_errors,
-    lifted,
     regions_of_doubt,
 )
-from isomatch.matching.assessment.evidence import Evidence, Solution, measured_evidence
+from isomatch.matching.assessment.evidence import Evidence, Solution
+from isomatch.matching.assessment.measured import Measured
 from isomatch.matching.assessment.quality import (
-    contradicted_landmarks,
     descriptor_distance_of,
-    mean_known,
     measure_quality,
 )
 from isomatch.matching.coordinates import refined_images, registered
@@ -41,12 +38,11 @@ from isomatch.matching.isometric.candidates import (
 )
 from isomatch.matching.isometric.search import hypotheses_from_priors, search
 from isomatch.matching.maps import Candidate, Fit, Hypothesis
-from isomatch.matching.pipeline import Relation
-from isomatch.matching.problem import ShapePair, SmoothPair
+from isomatch.matching.model import Match, Proposals, RefiningModel, origin_of
+from isomatch.matching.problem import Problem
 from isomatch.matching.proposals.flips import distinct_maps
-from isomatch.matching.proposals.priors import Priors
 from isomatch.matching.proposals.symmetries import near_symmetric_variants, symmetric_variants
-from isomatch.matching.result import Alternative, Outcome, Quality
+from isomatch.matching.result import Alternative, Outcome
 from isomatch.matching.selection import (
     ENERGY_NOISE,
     LANDMARK_SLACK,
@@ -60,6 +56,7 @@ from isomatch.matching.selection import (
     select,
     survivors,
 )
+from isomatch.matching.smooth_pair import SmoothPair
 from isomatch.matching.verify import verifier_of
 
 ELSEWHERE_DISTANCE = 0.3  # √area: from one limb to another, twice runner_up_distance
@@ -77,93 +74,32 @@ AMBIGUOUS = (
 )
 
 
-@dataclass(frozen=True, eq=False)
-class Measured:
-    """A map of the vertices of the source's body, measured: what a `Solution` is made of."""
-
-    points: PrecisePoints  # images of the vertices
-    quality: Quality
-    descriptor_distance: Float[FloatArray, "n_s"] | None  # see `descriptor_distance_of`
-    reason: str = ""  # how the map was chosen, in a sentence
-    origin: str = ""  # where it came from
-    matched: Bool[BoolArray, "n_s"] | None = None  # which vertices have an image, if not all
-    doubt: Float[FloatArray, "n_s"] | None = None  # error to be expected because another map may be right
-    fit: Fit | None = None  # the refined map that polishing begins with; none of a map that stretches
-
-    def evidence(self, pair: ShapePair, priors: Priors, far: bool) -> Evidence:
-        """Compare the measures with the bounds, see `measured_evidence`."""
-        return measured_evidence(pair, self._with_distance(pair), pair.config.orientation, priors.any, far)
-
-    def _with_distance(self, pair: ShapePair) -> Quality:
-        mean = mean_known(self.descriptor_distance, pair.source.body.vertex_areas)
-        return replace(self.quality, descriptor_distance=mean)
-
-    def solution(
-        self,
-        pair: ShapePair,
-        priors: Priors,
-        errors: Float[FloatArray, "n_s"],  # that are expected
-        evidence: tuple[Evidence, ...],
-        notes: Sequence[str],
-        level: SmoothPair | None = None,  # between which the points are, if not between the pair's shapes
-        points: PrecisePoints | None = None,
-        regions: Sequence[DoubtfulRegion] = (),
-    ) -> Solution:
-        """Sum up the map in the users' vertices; where it has no image, no error is expected."""
-        source, between, distances = pair.source, level or pair, self.descriptor_distance
-        result = between.source.correspondence(between.target, points or self.points, self.matched)
-        known = None if distances is None else np.where(result.matched, source.lift(distances), np.nan)
-        return Solution(
-            pair,
-            result,
-            replace(self._with_distance(pair), matched=float(result.matched.mean())),
-            evidence,
-            np.where(result.matched, source.lift_smooth(errors), np.nan),
-            notes=(*pair.notes, *priors.notes, *notes, *contradicted_landmarks(pair, self.points, priors)),
-            origin=self.origin,
-            reason=self.reason,
-            descriptor_distance=known,
-            regions=lifted(regions, source, pair.target),
-        )
+IsometricMatch: TypeAlias = Match[Fit, Embedding]
 
 
-@dataclass(frozen=True, eq=False)
-class IsometricMatch:
-    """What the match of two complete shapes found, before the map is measured."""
-
-    selection: Selection[Fit]  # refined winner and its runners-up
-    eligible: tuple[Candidate, ...]  # candidates that may win, best first
-    runners_up: tuple[Candidate, ...]  # candidates that may not win
-    embedding: Embedding  # coordinates of all vertices in which images are nearest points
-    relation: Isometry
-
-    @cached_property
-    def measured(self) -> Measured:
-        """The map, measured."""
-        return self.relation.measure(self)
-
-    def image_of(self, side: str) -> BodyVertices:
-        """Vertex of the other shape for each of one, the source or the target; of variants, between their originals."""
-        sides = zip((self.relation.source, self.relation.target), self.embedding)
-        (part, of_part), (whole, of_whole) = sides if side == "source" else reversed([*sides])
-        n = (part.original or part).body.n_vertices
-        image = whole.index.vertices(of_whole, of_part[:n])
-        return BodyVertices(image if whole.original is None else whole.original_vertex[image])
-
-    def torn(self, side: int, apart: float) -> Bool[BoolArray, "n_original"]:
-        """Which vertices of a body that was cut have copies whose images are so far apart, in √area."""
-        way = 1 if side == 0 else -1
-        here, there = (self.relation.source, self.relation.target)[::way]
-        at, to = self.embedding[::way]
-        image = there.index.vertices(to, at)
-        torn = np.zeros(len(here.original_vertex), dtype=bool)
-        copies = np.flatnonzero(here.to_original == 0)
-        far = there.distance(image[copies], image[here.original_vertex[copies]]) > apart
-        torn[here.original_vertex[copies[far]]] = True  # a vertex may have several copies
-        return torn
+def image_of(match: IsometricMatch, side: str) -> BodyVertices:
+    """Vertex of the other shape for each of one, the source or the target; of variants, between their originals."""
+    sides = zip((match.model.source, match.model.target), match.coordinates)
+    (part, of_part), (whole, of_whole) = sides if side == "source" else reversed([*sides])
+    n = (part.original or part).body.n_vertices
+    image = whole.index.vertices(of_whole, of_part[:n])
+    return BodyVertices(image if whole.original is None else whole.original_vertex[image])
 
 
-class Isometry(Relation):
+def torn(match: IsometricMatch, side: int, apart: float) -> Bool[BoolArray, "n_original"]:
+    """Which vertices of a body that was cut have copies whose images are so far apart, in √area."""
+    way = 1 if side == 0 else -1
+    here, there = (match.model.source, match.model.target)[::way]
+    at, to = match.coordinates[::way]
+    image = there.index.vertices(to, at)
+    torn = np.zeros(len(here.original_vertex), dtype=bool)
+    copies = np.flatnonzero(here.to_original == 0)
+    far = there.distance(image[copies], image[here.original_vertex[copies]]) > apart
+    torn[here.original_vertex[copies[far]]] = True  # a vertex may have several copies
+    return torn
+
+
+class Isometry(RefiningModel[Fit, Embedding]):
     """Both shapes are complete, and distances along them agree.
 
     Maps are searched on few vertices, as hypotheses and candidates; the best are refined jointly and contend.
@@ -171,43 +107,49 @@ class Isometry(Relation):
     Examples
     --------
     >>> from isomatch.datasets import example_pair
-    >>> from isomatch.matching import Priors, Isometry, prepare_pair
+    >>> from isomatch.matching import Isometry, prepare_pair
     >>> source, target = example_pair()
-    >>> pair = prepare_pair(source.mesh, target.mesh)
-    >>> relation = Isometry().on(pair, Priors.of(pair, None, None, None))
-    >>> candidates, runners_up = relation.candidates(*relation.hypotheses())
-    >>> fits = relation.refined(relation.begun(candidates[:2]))
-    >>> relation.score(fits[0]) < 0.5
+    >>> model = Isometry(prepare_pair(source.mesh, target.mesh))
+    >>> candidates, runners_up = model.candidates(*model.hypotheses())
+    >>> fits = model.refine(model.begun(candidates[:2]))
+    >>> model.score(fits[0]) < 0.5
     True
     """
 
-    def solution(self, timer: StageTimer) -> Solution:
-        """Find the map, and the evidence for it."""
-        isometric = self.match(timer)
-        timer.start("quality")
-        return self.summed_up(isometric, isometric.measured, timer)
+    def __init__(self, problem: Problem, hypotheses: Sequence[Hypothesis] | None = None) -> None:
+        super().__init__(problem)
+        self._found = hypotheses
 
-    def match(self, timer: StageTimer, hypotheses: Sequence[Hypothesis] | None = None) -> IsometricMatch:
-        """Search, select and refine; ``hypotheses`` found otherwise take the place of the search."""
-        both = self.source, self.target
+    def propose(self, timer: StageTimer) -> Proposals[Fit]:
+        """Search hypotheses, screen them, and begin the contenders."""
+        both, config = (self.source, self.target), self.pair.config
         parallel_map(lambda shape: (shape.points, shape.signatures, shape.curvature, shape.symmetries), both)
         timer.start("search")
-        may_win, only_runners_up = self.hypotheses() if hypotheses is None else (list(hypotheses), [])
+        may_win, only_runners_up = self.hypotheses() if self._found is None else (list(self._found), [])
         timer.start("selection")
-        eligible, runners_up = self.candidates(may_win, only_runners_up)
-        timer.start("refinement")
-        selection = self._refined_and_selected(eligible, runners_up)
-        if hypotheses is None and self.stages.starts is None:
-            selection = self._with_those_given_up(selection, eligible)
-        selection = self._against_mirror_image(self._best_verified(selection), eligible)
-        embedding = self.everywhere(selection.winner)
-        return IsometricMatch(selection, tuple(eligible), tuple(runners_up), embedding, self)
+        screened = self.candidates(may_win, only_runners_up)
+        contend = [self.begun(contenders(order, config.orientation, config.selection)) for order in screened]
+        eligible, runners_up = map(tuple, screened)
+        return Proposals(contend[0], len(eligible) + len(runners_up), contend[1], eligible, runners_up)
+
+    def rank(
+        self, maps: list[Fit], rivals: list[Fit], proposals: Proposals[Fit], timer: StageTimer
+    ) -> Selection[Fit]:
+        """Select by score and descriptors; those that tie by what they cost on the shapes as they are."""
+        may_win = [True] * len(maps) + [False] * len(rivals)
+        selection = self._selected([*maps, *rivals], may_win, proposals.n_tried)
+        if self._found is None and self.problem.starts is None:
+            selection = self._with_those_given_up(selection, proposals.eligible)
+        return self._against_mirror_image(self._best_verified(selection), proposals.eligible)
+
+    def coordinates(self, best: Fit) -> Embedding:
+        """Coordinates of all vertices in which images are nearest points."""
+        return self.everywhere(best)
 
     def hypotheses(self) -> tuple[list[Hypothesis], list[Hypothesis]]:
         """Hypotheses that may win, and those that are searched as runners-up only."""
-        pair, config, starts = self.pair, self.pair.config, self.stages.starts
-        self.require_priors()
-        from_priors = hypotheses_from_priors(pair, self.priors)
+        pair, config, starts = self.pair, self.pair.config, self.problem.starts
+        from_priors = hypotheses_from_priors(pair)
         if config.hypotheses == "all":
             return search(pair, from_priors, starts), []
         return from_priors, search(pair, from_priors, starts) if self.searches_runners_up else []
@@ -226,7 +168,7 @@ class Isometry(Relation):
             raise SettingError(
                 "the starts gave no first map, and there are no priors; add *default_starts to them"
             )
-        pair, screen = self.pair, Screening(self.pair, self.priors)
+        pair, screen = self.pair, Screening(self.pair)
         eligible = self._ranked(screen(list(may_win)), with_priors=True)
         searched = pair.config.hypotheses == "all" or self.searches_runners_up
         variants = screen(symmetric_variants(pair, eligible[0].target_row)) if searched else []
@@ -256,16 +198,12 @@ class Isometry(Relation):
         functions, and the better map stays. O(n_refine √n (K + q)) a step.
         """
         pair, settings = self.pair, self.pair.config.refining
-        with_them = settings.sizes_with_positions, settings.final_sizes
-        stages = [(settings.sizes_without_positions, False), *((sizes, True) for sizes in with_them)]
-        refined = list(fits)
-        for sizes, with_positions in stages:
-            if sizes and refined:
-                refined = parallel_map(lambda fit: self._stepped(fit, sizes, with_positions), refined)  # noqa: B023
-                apart = self._apart(refined)
-                both_sides = pair.config.orientation == "any"
-                kept = survivors(refined, apart, pair.config.selection, with_positions, both_sides)
-                refined = [refined[i].standing_for(refined[j]) for i, j in kept]
+        refined, both_sides = list(fits), pair.config.orientation == "any"
+        for sizes, with_positions in settings.rounds if fits else ():
+            refined = parallel_map(lambda fit: self._stepped(fit, sizes, with_positions), refined)  # noqa: B023
+            apart = self._apart(refined)
+            kept = survivors(refined, apart, pair.config.selection, with_positions, both_sides)
+            refined = [refined[i].standing_for(refined[j]) for i, j in kept]
         return self._refined_again([replace(fit, score=self.score(fit)) for fit in refined])
 
     def _refined_again(self, fits: Sequence[Fit]) -> list[Fit]:
@@ -287,12 +225,11 @@ class Isometry(Relation):
         image, spectral_residual = refined_images(self.pair, fit.image, fit.side, sizes, with_positions)
         return replace(fit, image=image, spectral_residual=spectral_residual)
 
-    def measured(self, fit: Fit, image: Int[IntArray, "r"]) -> Fit:
+    def measured(self, fit: Fit, image: Int[BodyVertices, "r"]) -> Fit:
         """Measure a map: the spectral residual is that after the last step of the joint refinement, from there."""
-        self.require_images(image)
-        images, step = BodyVertices(image), self.pair.config.refining.last_step
-        _, spectral_residual = refined_images(self.pair, images, fit.side, *step)
-        fit = replace(fit, image=images, spectral_residual=spectral_residual)
+        step = self.pair.config.refining.last_step
+        _, spectral_residual = refined_images(self.pair, image, fit.side, *step)
+        fit = replace(fit, image=image, spectral_residual=spectral_residual)
         return replace(fit, score=self.score(fit))
 
     def score(self, fit: Fit) -> float:
@@ -306,16 +243,6 @@ class Isometry(Relation):
     def embedding(self, fit: Fit) -> Embedding:
         """Joint coordinates of all vertices, with all functions, after registration."""
         return registered(self.pair, fit.image, fit.side, self.refinement.smooth)
-
-    def _refined_and_selected(self, eligible: list[Candidate], runners_up: list[Candidate]) -> Selection[Fit]:
-        """Refine the contenders, and runners-up that may not win, and select."""
-        config = self.pair.config
-        fits, others = (
-            self.refine_and_select(self.begun(contenders(order, config.orientation, config.selection)))
-            for order in (eligible, runners_up)
-        )
-        may_win = [True] * len(fits) + [False] * len(others)
-        return self._selected([*fits, *others], may_win, len(eligible) + len(runners_up))
 
     def _selected(self, fits: list[Fit], may_win: list[bool], n_tried: int = 2) -> Selection[Fit]:
         """Select among refined maps, also by what they look like where they differ."""
@@ -340,7 +267,7 @@ class Isometry(Relation):
         known = [first, *selection.runners_up]
         ended = [fit.candidate.target_row for fit in known if fit.candidate]
         others = contenders(candidates, config.orientation, config.selection)
-        fits = self.refine_and_select(self.begun(distinct_maps(self.pair, others, before=ended)))
+        fits = self.refine(self.begun(distinct_maps(self.pair, others, before=ended)))
         known += [fit for fit in fits if is_another(self, fit, first)]
         return self._selected(known, [True] * len(known))
 
@@ -374,7 +301,9 @@ class Isometry(Relation):
         embedding = self.everywhere(fit)
         return BodyVertices(self.target.index.vertices(embedding.target, embedding.source))
 
-    def _against_mirror_image(self, selection: Selection[Fit], candidates: list[Candidate]) -> Selection[Fit]:
+    def _against_mirror_image(
+        self, selection: Selection[Fit], candidates: Sequence[Candidate]
+    ) -> Selection[Fit]:
         """Compare the winner with the best map of the orientation that is not allowed, if that seems to fit better."""
         if not self._sided:
             return selection
@@ -384,7 +313,7 @@ class Isometry(Relation):
         hopeful = [c for c in self.turned(candidates) if c.energy < settings.mirrored_energy * kept]
         if not hopeful:
             return selection
-        fits = [selection.winner, *self.refine_and_select(self.begun(hopeful[:MOST_MIRRORED]))]
+        fits = [selection.winner, *self.refine(self.begun(hopeful[:MOST_MIRRORED]))]
         costs = self.weighed(fits, [fit.score for fit in fits], [fit is selection.winner for fit in fits])
         ratio = max(min(costs[1:]), SCORE_NOISE) / max(costs[0], SCORE_NOISE)
         return replace(selection, mirrored=ratio) if ratio < bounds.mirror_image else selection
@@ -416,18 +345,17 @@ class Isometry(Relation):
         landmarks = with_priors and len(self.priors.landmarks) > 0
         return ranked(candidates, self.pair.config.orientation, self.pair.config.selection, landmarks)
 
-    def measure(self, isometric: IsometricMatch) -> Measured:
+    def measure(self, match: IsometricMatch) -> Measured:
         """Take the nearest points, and measure the map."""
-        pair, selection = self.pair, isometric.selection
-        points = self.target.index.points(isometric.embedding.target, isometric.embedding.source)
-        quality = measure_quality(pair, points, self.priors, selection)
+        pair, selection = self.pair, match.selection
+        points = self.target.index.points(match.coordinates.target, match.coordinates.source)
+        quality = measure_quality(pair, points, selection)
         doubt = None
         if selection.against:
             doubt = doubt_of(pair, selection.winner.image, selection.against.image, selection.runner_up)
-        n_tried = len(isometric.eligible) + len(isometric.runners_up)
         exponent = pair.config.selection.energy_exponent
         reason = (
-            f"least spectral residual × energy^{exponent:g}; {n_tried} candidates, "
+            f"least spectral residual × energy^{exponent:g}; {match.proposals.n_tried} candidates, "
             f"{1 + len(selection.runners_up)} refined to the end"
         )
         if selection.priors_decided:
@@ -436,14 +364,14 @@ class Isometry(Relation):
             reason += f"; the best alternative scores {selection.runner_up:.2f} times as much"
         distance = descriptor_distance_of(self.source.balls, self.target.balls, points.corners[:, 0])
         winner = selection.winner
-        return Measured(points, quality, distance, reason, self.origin_of(winner), doubt=doubt, fit=winner)
+        return Measured(points, quality, distance, reason, origin_of(pair, winner), doubt=doubt, fit=winner)
 
-    def summed_up(
-        self, isometric: IsometricMatch, map_: Measured, timer: StageTimer, note: str | None = None
+    def sum_up(
+        self, match: IsometricMatch, measured: Measured, timer: StageTimer, note: str | None = None
     ) -> Solution:
         """Polish, carry and sum up a map; one between shapes far from isometric comes with a ``note``."""
-        pair, priors, far = self.pair, self.priors, note is not None
-        selection, runners_up = isometric.selection, None
+        pair, map_, far = self.pair, measured, note is not None
+        selection, runners_up = match.selection, None
         if selection.against and selection.runner_up < pair.config.outcome.tie and not far:
             runners_up = selection.winner.image, selection.against.image
         regions = regions_of_doubt(pair, map_.descriptor_distance, runners_up)
@@ -457,8 +385,8 @@ class Isometry(Relation):
             points = self._polished(level, map_.fit)
         if self.source.detail or self.target.detail:
             timer.start("carry")
-        evidence = [map_.evidence(pair, priors, far)]
-        if pair.round and not priors.any:
+        evidence = [map_.evidence(pair, far)]
+        if pair.round and not pair.priors.any:
             evidence.append(Evidence(ambiguous=True))
         notes = self._notes(selection)
         if level is not pair:
@@ -467,18 +395,18 @@ class Isometry(Relation):
         notes += [note] if note else []
         if any(shape.origin is not None and (shape.origin < 0).any() for shape in (self.source, self.target)):
             notes.append("stretch, residual and distortion are those of the shapes with their holes closed")
-        solution = map_.solution(pair, priors, errors, tuple(evidence), notes, level, points, regions)
+        solution = map_.solution(pair, errors, tuple(evidence), notes, level, points, regions)
         solution = replace(solution, descriptors_count=not far)
         rivals = self._symmetric(map_) if solution.outcome is Outcome.CONVERGED else []
         if rivals:
             solution = solution.with_evidence(Evidence(ambiguous=True))
             solution = replace(solution, notes=(*solution.notes, AMBIGUOUS))
-        return replace(solution, alternatives=self._alternatives(isometric, rivals))
+        return replace(solution, alternatives=self._alternatives(match, rivals))
 
     def _symmetric(self, map_: Measured) -> list[Candidate]:
         """Compose the map with symmetries that distort hardly more than it does; those that fit about as well."""
         pair, config = self.pair, self.pair.config
-        searches = self.refinement.searches_further and self.stages.starts is None
+        searches = self.refinement.searches_further and self.problem.starts is None
         if config.hypotheses != "all" or self.priors.any or not (pair.oriented and searches):
             return []
         image, bounds = BodyVertices(map_.points.corners[pair.source_vertices, 0]), config.outcome
@@ -486,7 +414,7 @@ class Isometry(Relation):
         residual = residual_of(pair, pair.source_vertices, image, config.search.start_columns)
         variants = near_symmetric_variants(pair, rows, bounds.tie * residual)
         itself = Hypothesis(Alignment(rows, np.eye(1), 0.0), map_.origin)
-        own, *others = Screening(pair, self.priors)([itself, *variants])
+        own, *others = Screening(pair)([itself, *variants])
         limit = config.selection.energy_limit * max(own.energy, ENERGY_NOISE)
         turned = [
             c
@@ -498,8 +426,8 @@ class Isometry(Relation):
         if not turned:
             return []
         # all are refined alike and verified: which way found the map, and how far it was bent, does not count
-        first = map_.fit or self.refine_and_select(self.begun([own]))[0]
-        fits = self.refine_and_select(self.begun(distinct_maps(pair, turned, MOST_TURNED)))
+        first = map_.fit or self.refine(self.begun([own]))[0]
+        fits = self.refine(self.begun(distinct_maps(pair, turned, MOST_TURNED)))
         fits = [fit for fit in fits if fit.score <= bounds.tie * first.score and is_another(self, fit, first)]
         cost, *costs = parallel_map(lambda fit: verifier_of(pair)(self._image(fit)).cost, [first, *fits])
         tied = sorted((c, i) for i, c in enumerate(costs) if c <= AS_WELL * cost)
@@ -528,11 +456,11 @@ class Isometry(Relation):
             )
         return notes
 
-    def _alternatives(self, isometric: IsometricMatch, rivals: list[Candidate]) -> tuple[Alternative, ...]:
+    def _alternatives(self, match: IsometricMatch, rivals: list[Candidate]) -> tuple[Alternative, ...]:
         """Rivals, and runners-up that differ from the winner, which comes first, and from each other; not refined."""
-        pair, settings, selection = self.pair, self.pair.config.selection, isometric.selection
+        pair, settings, selection = self.pair, self.pair.config.selection, match.selection
         refined = [fit.candidate for fit in (selection.winner, *selection.runners_up) if fit.candidate]
-        order = [*refined[:1], *rivals, *refined[1:], *isometric.eligible, *isometric.runners_up]
+        order = [*refined[:1], *rivals, *refined[1:], *match.proposals.eligible, *match.proposals.runners_up]
         kept = distinct_maps(pair, order, 1 + settings.most_alternatives)
         maps = (partial(_extended_map, pair, candidate.target_row) for candidate in kept[1:])
         return tuple(
@@ -541,7 +469,7 @@ class Isometry(Relation):
         )
 
 
-def _extended_map(pair: ShapePair, target_row: Int[SearchRows, "m_s"]) -> Correspondence:
+def _extended_map(pair: Problem, target_row: Int[SearchRows, "m_s"]) -> Correspondence:
     """Extend a map of the search vertices to all."""
     with serial_blas():
         image = extended(pair, target_row, BodyVertices(np.arange(pair.source.body.n_vertices)))

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 from isomatch.correspondence import iterative_closest_points
 from isomatch.matching.maps import Hypothesis
-from isomatch.matching.problem import ShapePair
+from isomatch.matching.problem import Problem, Start, name_of
 from isomatch.matching.proposals.anchors import starts_from_anchors
 from isomatch.matching.proposals.flips import Pool, flips
-from isomatch.matching.proposals.priors import Priors, start_from_pairs, starts_from_priors
-from isomatch.matching.proposals.starts import Start, default_starts, first_maps_of, name_of
+from isomatch.matching.proposals.priors import start_from_pairs, starts_from_priors
+from isomatch.matching.proposals.starts import default_starts, first_maps_of
 
 PRIOR_STEPS = 8  # of closest points from priors; most maps change little afterwards
 
@@ -19,14 +19,14 @@ PRIOR_STEPS = 8  # of closest points from priors; most maps change little afterw
 MOST_WITHOUT_LIMBS = 40
 
 
-def hypotheses_from_priors(pair: ShapePair, priors: Priors) -> list[Hypothesis]:
+def hypotheses_from_priors(pair: Problem) -> list[Hypothesis]:
     """Hypotheses from what the user knows, each after iterative closest points."""
     # landmarks at extremities leave the front and the back of a thin body undecided: with hypotheses = "given" the flips
     # of the map from them come with it; otherwise automatic hypotheses compete
     settings = pair.config.search
     from_priors = [
         Hypothesis(iterative_closest_points(*pair.search_points, start[None], PRIOR_STEPS)[0], origin)
-        for start, origin in starts_from_priors(pair, priors)
+        for start, origin in starts_from_priors(pair)
     ]
     from_landmarks = [start for start in from_priors if start.origin == "landmarks"]
     if not from_landmarks or not settings.flip_landmarks or pair.config.hypotheses == "all":
@@ -36,7 +36,7 @@ def hypotheses_from_priors(pair: ShapePair, priors: Priors) -> list[Hypothesis]:
 
 
 def search(
-    pair: ShapePair, from_priors: list[Hypothesis], starts: Sequence[Start] | None = None
+    pair: Problem, from_priors: list[Hypothesis], starts: Sequence[Start] | None = None
 ) -> list[Hypothesis]:
     """Collect distinct hypotheses from priors and starts, and flips of the best; best residual first."""
     settings, starts = pair.config.search, default_starts if starts is None else starts

@@ -16,7 +16,7 @@ from isomatch.descriptors import BallSignature, ball_signature, deviation_of
 from isomatch.geodesics import MissingRegion, distance_engine
 from isomatch.matching.assessment.confidence import nearest_of
 from isomatch.matching.partial.part_pair import N_POSTS, areas_of_samples
-from isomatch.matching.proposals.priors import NO_LANDMARKS
+from isomatch.matching.priors import NO_LANDMARKS
 from isomatch.matching.selection import distinct
 from isomatch.shapes import PreparedShape
 

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from copy import copy
 from dataclasses import replace
 from functools import partial
 from itertools import product
 from operator import attrgetter
-from typing import Literal, Self, cast
+from typing import Literal
 
 import numpy as np
 
@@ -23,14 +22,15 @@ from isomatch._core.arrays import (
     PartVertices,
     SearchRows,
 )
-from isomatch._core.cached import cached_property
+from isomatch._core.cached import cached_method, cached_property
 from isomatch._core.errors import NotConvergedError, SettingError
 from isomatch._core.stage_timer import StageTimer
 from isomatch._core.threads import parallel_map, serial_blas
-from isomatch.correspondence import Correspondence, Embedding, PrecisePoints, SpectralPair
+from isomatch.correspondence import Correspondence, Embedding, PrecisePoints
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching.assessment.confidence import expected_errors
 from isomatch.matching.assessment.evidence import Evidence, PartDoubt, Solution, part_contradicts
+from isomatch.matching.assessment.measured import Measured
 from isomatch.matching.assessment.quality import (
     covered_share,
     descriptor_distance_of,
@@ -39,8 +39,7 @@ from isomatch.matching.assessment.quality import (
     image_positions,
     prior_errors,
 )
-from isomatch.matching.isometric.isometry import Measured
-from isomatch.matching.maps import Fit
+from isomatch.matching.model import Match, Proposals, RefiningModel, origin_of
 from isomatch.matching.partial.part_pair import PartPair
 from isomatch.matching.partial.part_registration import (
     ALL_FUNCTIONS,
@@ -51,8 +50,7 @@ from isomatch.matching.partial.part_registration import (
     WholeCoordinates,
 )
 from isomatch.matching.partial.part_starts import APART, PartStarts, self_maps
-from isomatch.matching.pipeline import Relation
-from isomatch.matching.problem import SmoothPair
+from isomatch.matching.problem import Problem
 from isomatch.matching.proposals.pose import nearest_in_pose
 from isomatch.matching.result import Alternative, Quality
 from isomatch.matching.selection import (
@@ -64,6 +62,7 @@ from isomatch.matching.selection import (
     nearest_to_priors,
     select,
 )
+from isomatch.matching.smooth_pair import SmoothPair
 from isomatch.matching.verify import verifier_of
 from isomatch.shapes import PreparedShape
 
@@ -76,82 +75,70 @@ N_BENT_IN_FULL = 5
 PartSide = Literal["source", "target"]
 
 
-class Part(Relation):
+class Part(RefiningModel[PartFit, BentPart]):
     """One shape is a part of the other: its vertices are mapped to the whole, whichever of the two is the source.
 
     Parameters
     ----------
+    problem : Problem
     side : {"source", "target"}
         The shape that is a part.
+    led : tuple, optional
+        A map found otherwise, which is refined without a search: image of each vertex of the part, where it came from,
+        and the ratio by which the other search preferred it to others.
+    coordinates : WholeCoordinates, optional
+        Coordinates of the whole, if other parts of it share them.
 
     Notes
     -----
     Intervals of distances, starts that assign anchors in several units, bending and the choice of the unit concern parts
-    alone; model selection, the loop of the refinement and verification are those of every relation.
+    alone; model selection, the loop of the refinement and verification are those of every model.
 
     Examples
     --------
     What is mapped is the part, also where it is the target:
 
     >>> from isomatch.datasets import example_pair
-    >>> from isomatch.matching import Priors, Part, prepare_pair
+    >>> from isomatch.matching import Part, prepare_pair
     >>> whole, part = example_pair()
-    >>> pair = prepare_pair(whole.mesh, part.mesh)
-    >>> relation = Part("target").on(pair, Priors.of(pair, None, None, None))
-    >>> relation.source is pair.target
+    >>> problem = prepare_pair(whole.mesh, part.mesh)
+    >>> Part(problem, "target").source is problem.target
     True
     """
 
     way = "part"
+    last_stage = "bending"
 
-    def __init__(self, side: PartSide = "source") -> None:
+    def __init__(
+        self,
+        problem: Problem,
+        side: PartSide = "source",
+        led: tuple[BodyVertices, str, float] | None = None,
+        coordinates: WholeCoordinates | None = None,
+    ) -> None:
         if side not in ("source", "target"):
             raise SettingError(f"side = {side!r}; the part is the 'source' or the 'target'")
-        self.side = side
-        # a map found otherwise, which is refined without a search: image of each vertex of the part, where it came from,
-        # and the ratio by which the other search preferred it to others
-        self.led: tuple[BodyVertices, str, float] | None = None
-        self.coordinates: WholeCoordinates | None = None  # of the whole, if other parts of it share them
+        super().__init__(problem)
+        self.side, self.led = side, led
+        self.pair = problem if side == "source" else problem.turned
+        self._coordinates = coordinates
 
-    @property
-    def source(self) -> PreparedShape:
-        """The part."""
-        return self.pair.source if self.side == "source" else self.pair.target
-
-    @property
-    def target(self) -> PreparedShape:
-        """The whole."""
-        return self.pair.target if self.side == "source" else self.pair.source
-
-    @property
-    def vertices(self) -> Int[BodyVertices, "r"]:
-        """Vertices of the part that a fit maps."""
-        return BodyVertices(self.source.sample_vertices[: self.pair.config.n_refine])
-
-    @cached_property
-    def spectra(self) -> SpectralPair:
-        """The Laplace–Beltrami bases, for maps from these vertices of the part to all vertices of the whole."""
-        basis = self.source.sampled_basis(self.pair.config.n_refine)
-        return SpectralPair(basis, self.target.laplace.vectors, self.target.index.vertices)
-
-    def refined(self, fits: Sequence[Fit]) -> list[Fit]:
+    def refined(self, fits: Sequence[PartFit]) -> list[PartFit]:
         """Refine maps of a part by functions of the whole that are pulled back to it."""
-        return parallel_map(lambda fit: self.fits.refined(cast(PartFit, fit)), fits)
+        return parallel_map(self.fits.refined, fits)
 
-    def refined_again(self, fit: Fit) -> PartFit:
+    def refined_again(self, fit: PartFit) -> PartFit:
         """Take the last steps of the refinement again."""
-        return self.fits.refined_again(cast(PartFit, fit))
+        return self.fits.refined_again(fit)
 
-    def measured(self, fit: Fit, image: Int[IntArray, "r"]) -> PartFit:
+    def measured(self, fit: PartFit, image: Int[BodyVertices, "r"]) -> PartFit:
         """Measure a map: where it is verified, the part is bent by it, too."""
-        self.require_images(image)
-        return self.fits.measured(cast(PartFit, fit).pair, BodyVertices(image), fit.origin)
+        return self.fits.measured(fit.pair, image, fit.origin)
 
-    def embedding(self, fit: Fit) -> Embedding:
+    def embedding(self, fit: PartFit) -> Embedding:
         """Coordinates of all vertices of part and whole, with all functions."""
-        refinement = cast(PartFit, fit).refinement
         everywhere = PartVertices(np.arange(self.source.body.n_vertices))
-        return refinement.embedding(fit.image, ALL_FUNCTIONS, everywhere)
+        return fit.refinement.embedding(fit.image, ALL_FUNCTIONS, everywhere)
 
     @property
     def little_is_missing(self) -> bool:
@@ -161,17 +148,16 @@ class Part(Relation):
         least = settings.little_missing if trusted else settings.most_there
         return bool(pair.knows_unit and pair.share >= least)
 
-    def led_by(self, image: Int[BodyVertices, "n_part"], origin: str, runner_up: float) -> Self:
-        """Refine a map found otherwise, without a search of others; what this match of the part has found stays known."""
-        led = copy(self)
-        led.led = image, origin, runner_up
-        return led
+    def require_suitable(self) -> None:
+        """Raise an `IsomatchError` unless the shapes are meshes to be kept in orientation, without descriptors."""
+        self.require_sides()
+        self.require_priors()
+        self.require_no_descriptors("a whole and its part")
 
-    def match(self, timer: StageTimer | None = None) -> Selection[PartFit]:
-        """Search, refine, settle the best and select."""
-        timer = timer or StageTimer()
+    def propose(self, timer: StageTimer) -> Proposals[PartFit]:
+        """Search by anchors, refine roughly, and begin the contenders and the maps that are known."""
         timer.start("search")
-        config, settings, fits_of = self.pair.config, self.pair.config.parts, self.fits
+        config, settings = self.pair.config, self.pair.config.parts
         first_maps = self._first_maps()
         only_given = config.hypotheses == "given" and not self.searches_by_anchors
         rough = [] if only_given else self._rough_fits(first_maps)
@@ -184,25 +170,46 @@ class Part(Relation):
                 "no map of the part keeps the orientation of the faces; give three to five landmarks, or start = 'pose' "
                 "if the shapes are roughly aligned in space"
             )
-        timer.start("refinement")
-        begun = parallel_map(lambda contender: fits_of.begun(*contender), contenders)
-        fits, costs = self._by_cost(cast(list[PartFit], self.refine_and_select(begun)))
+        begun = parallel_map(lambda contender: self.fits.begun(*contender), contenders)
+        return Proposals(begun, len(rough) + len(first_maps))
+
+    def rank(
+        self, maps: list[PartFit], rivals: list[PartFit], proposals: Proposals[PartFit], timer: StageTimer
+    ) -> Selection[PartFit]:
+        """Settle the best, and select by cost; of maps in doubt the one that verifies best."""
+        settings = self.pair.config.parts
+        fits, costs = self._by_cost(maps)
         timer.start("settling")
         n_settled = sum(cost <= settings.hopeless * costs[0] for cost in costs[: settings.n_settled])
-        fits[:n_settled] = parallel_map(lambda fit: fits_of.settled(fit, self._again), fits[:n_settled])
-        fits, costs = self._by_cost(fits)
+        settle = partial(self.fits.settled, again=self.refine_again)
+        fits, costs = self._by_cost([*parallel_map(settle, fits[:n_settled]), *fits[n_settled:]])
         apart = distances_between([fit.image for fit in fits], self.target.mean_distances)
         rules = Rules(
             runner_up_distance=APART, tie=settings.tie, mirror_tie=settings.tie, landmark_slack=LANDMARK_SLACK
         )
         selection = select(fits, apart, rules, scores=costs)
         if self.led:  # by a match that has looked for others
-            return replace(selection, runner_up=min(selection.runner_up, self.led[2]))
-        return selection
+            selection = replace(selection, runner_up=min(selection.runner_up, self.led[2]))
+        return self._verified_if_in_doubt(selection)
 
-    def descriptor_distance(self, fit: Fit) -> Float[FloatArray, "r"]:
+    def _verified_if_in_doubt(self, selection: Selection[PartFit]) -> Selection[PartFit]:
+        best = selection.winner
+        fits, doubt = self._distinct([best, *selection.runners_up], N_CONTENDERS), self._doubt(selection)
+        if doubt.evidence.poor or doubt.evidence.ambiguous:
+            fits = self._by_verification(fits)
+        selection = replace(selection, distinct=tuple(fits[1:]))
+        if fits[0] is best:
+            return selection
+        ratio = min(best.cost / fits[0].cost, 1.0)  # its own cost speaks for another
+        return replace(selection, winner=fits[0], runner_up=ratio)
+
+    def _doubt(self, selection: Selection[PartFit]) -> PartDoubt:
+        best = selection.winner
+        return PartDoubt(best.bent_cost, selection.runner_up, best.pair.trusted, self.pair.config.parts)
+
+    def descriptor_distance(self, fit: PartFit) -> Float[FloatArray, "r"]:
         """Descriptor distance of the vertices and their images, by balls."""
-        return cast(PartFit, fit).descriptor_distances
+        return fit.descriptor_distances
 
     @property
     def descriptor_weight(self) -> float:
@@ -215,14 +222,9 @@ class Part(Relation):
         order = sorted(range(len(fits)), key=lambda i: costs[i])
         return [fits[i] for i in order], [costs[i] for i in order]
 
-    def bent(self, fit: PartFit) -> BentPart:
+    def coordinates(self, best: PartFit) -> BentPart:
         """Bend the part onto the whole by a map, in full."""
-        return fit.bending.laid_in_full(fit.bent, self.pair.config.parts.bending[-N_BENT_IN_FULL:])
-
-    def _again(self, fit: PartFit) -> PartFit:
-        again = self.refinement.again(self, fit)
-        self.require_measured(again, PartFit)
-        return cast(PartFit, again)
+        return best.bending.laid_in_full(best.bent, self.pair.config.parts.bending[-N_BENT_IN_FULL:])
 
     def _distinct(self, fits: list[PartFit], count: int) -> list[PartFit]:
         return distinct(fits, lambda fit: fit.image, self.target.mean_distances, APART, count)
@@ -260,77 +262,43 @@ class Part(Relation):
         images: list[tuple[BodyVertices, str]] = []
         if self.led:
             images.append(self.led[:2])
-        if self._with_priors_image is not None:
+        if self.fits.given is not None:
             origin = "initial map" if len(self.priors.initial_pairs) else "pose"
-            images.append((self._with_priors_image, origin))
+            images.append((self.fits.given, origin))
         handed_in = self.first_maps_handed_in()
-        images += [(filled(self.source, self._towards_whole(pairs))[0], name) for pairs, name in handed_in]
+        images += [
+            (filled(self.source, towards_whole(pairs, self.side))[0], name) for pairs, name in handed_in
+        ]
         rough = self.source.sample_vertices[:N_ROUGH_VERTICES]
         pair = self.fits.pair
         return [(pair.in_unit_of(image), BodyVertices(image[rough]), origin) for image, origin in images]
 
-    def _towards_whole(self, pairs: Int[BodyVertices, "q 2"]) -> Int[IntArray, "q 2"]:
-        """Turn pairs of vertices of source and target into such of part and whole."""
-        return pairs if self.side == "source" else pairs[:, ::-1]
-
     @cached_property
     def fits(self) -> PartFits:
         """Refines maps of the part."""
-        landmarks = self._towards_whole(self.priors.landmarks)
-        functions = (self.pair if self.side == "source" else self.pair.turned).known
-        pair = PartPair.of(self.source, self.target, self.pair.config, landmarks, functions)
-        return PartFits(pair, self._with_priors_image, self.coordinates)
-
-    @cached_property
-    def _with_priors_image(self) -> Int[BodyVertices, "n_part"] | None:
-        """Images by the initial map, or by the pose."""
-        pairs, pair = self.priors.initial_pairs, self.pair
-        if not len(pairs) and pair.config.start == "pose":
-            vertices = BodyVertices(np.arange(pair.source.body.n_vertices))
-            images = nearest_in_pose(pair.source, pair.target, vertices)
-            pairs = BodyVertices(np.column_stack([vertices, images]))
-        return filled(self.source, self._towards_whole(pairs))[0] if len(pairs) else None
-
-    def solution(self, timer: StageTimer) -> Solution:
-        """Find the map, and the evidence for it."""
-        self.require_sides()
-        self.require_priors()
-        self.require_no_descriptors("a whole and its part")
-        selection = self.match(timer)
-        best = selection.winner
-        doubt = PartDoubt(best.bent_cost, selection.runner_up, best.pair.trusted, self.pair.config.parts)
-        fits = self._distinct([best, *selection.runners_up], N_CONTENDERS)
-        if doubt.evidence.poor or doubt.evidence.ambiguous:
-            fits = self._by_verification(fits)
-            if fits[0] is not best:  # its own cost speaks for another
-                selection = replace(selection, winner=fits[0], runner_up=best.cost / fits[0].cost)
-                doubt = PartDoubt(
-                    fits[0].bent_cost, min(selection.runner_up, 1.0), fits[0].pair.trusted, doubt.settings
-                )
-        solution = self._summed_up(selection, doubt, timer)
-        return replace(solution, alternatives=self._alternatives(fits[1:]))
+        return fits_of(self.problem, self.side, self._coordinates)
 
     def _by_verification(self, fits: list[PartFit]) -> list[PartFit]:
         """Order maps of which none is sure by what they cost on the shapes as they are, see `verify`."""
-        fits = cast(list[PartFit], nearest_to_priors(fits, LANDMARK_SLACK))
+        fits = nearest_to_priors(fits, LANDMARK_SLACK)
         if self.led or len(fits) < 2:
             return fits
-        verified = verifier_of(self.pair if self.side == "source" else self.pair.turned)
+        verified = verifier_of(self.pair)
         vertices = np.arange(self.source.body.n_vertices)
         costs = [verified(self.fits.bending.images(fit.bent, vertices)).cost for fit in fits]
         return [fits[i] for i in np.argsort(costs, kind="stable")]
 
-    def _alternatives(self, fits: list[PartFit]) -> tuple[Alternative, ...]:
+    def _alternatives(self, fits: Sequence[PartFit]) -> tuple[Alternative, ...]:
         """Give other maps that were refined to the end; the part is bent by one when it is asked for."""
         return tuple(
-            Alternative(partial(self._bent_by, fit), fit.cost, fit.orientation, self.origin_of(fit))
+            Alternative(partial(self._bent_by, fit), fit.cost, fit.orientation, origin_of(self.problem, fit))
             for fit in fits[: self.pair.config.selection.most_alternatives]
         )
 
     def _bent_by(self, fit: PartFit) -> Correspondence:
         with serial_blas():
-            points, matched, _ = self._directed(fit, self.bent(fit))
-            return self.pair.source.correspondence(self.pair.target, points, matched)
+            points, matched, _ = self._directed(fit, self.coordinates(fit))
+            return self.problem.source.correspondence(self.problem.target, points, matched)
 
     def _directed(self, fit: PartFit, bent: BentPart) -> tuple[PrecisePoints, Bool[BoolArray, "n_s"], float]:
         """Return the map by a bent part in the direction asked for, which vertices have an image, and its unit."""
@@ -338,35 +306,57 @@ class Part(Relation):
             return *bent.onto_part(), 1 / fit.pair.unit
         return bent.points, np.ones(self.source.body.n_vertices, dtype=bool), fit.pair.unit
 
-    def _summed_up(self, selection: Selection[PartFit], doubt: PartDoubt, timer: StageTimer) -> Solution:
-        """Bend the part in full, and sum up the map in the direction asked for."""
-        best = selection.winner
-        timer.start("bending")
-        bent = self.bent(best)
+    def measure(self, match: Match[PartFit, BentPart]) -> Measured:
+        """Measure the map in the direction asked for."""
+        best, bent = match.selection.winner, match.coordinates
         points, matched, unit = self._directed(best, bent)
-        errors = expected_errors_of_part(best.pair, bent.points)
-        covered = matched
-        if self.side == "target":
-            errors = errors[points.corners[:, 0]] / best.pair.unit
-        else:
-            _, covered = bent.onto_part()
-        area = best.pair.meshes[1].vertex_areas[covered].sum()
-        timer.start("quality")
         balls = best.pair.signature, best.pair.whole.balls
         here, there = balls if self.side == "source" else balls[::-1]
         descriptor_distance = descriptor_distance_of(here, there, points.corners[:, 0], matched)
-        reason = f"fits best of {1 + len(selection.runners_up)} maps of a part refined to the end"
-        measured = measured_part(self, best, bent, unit, points, matched, descriptor_distance, reason)
+        reason = f"fits best of {1 + len(match.selection.runners_up)} maps of a part refined to the end"
+        return measured_part(self.problem, best, bent, unit, points, matched, descriptor_distance, reason)
+
+    def sum_up(self, match: Match[PartFit, BentPart], measured: Measured, timer: StageTimer) -> Solution:
+        """Sum up the map in the direction asked for."""
+        best, bent, covered = match.selection.winner, match.coordinates, measured.matched
+        errors = expected_errors_of_part(best.pair, bent.points)
+        if self.side == "target":
+            errors = errors[measured.points.corners[:, 0]] / best.pair.unit
+        else:
+            _, covered = bent.onto_part()
+        area = best.pair.meshes[1].vertex_areas[covered].sum()
         notes = [
             f"the {self.side} was matched as a part: it has {best.share:.0%} of the area of the other shape and covers "
             f"{area:.0%}"
         ]
-        evidence = (contradiction(self, measured),)
-        return measured.solution(self.pair, self.priors, errors, evidence, notes).doubted(doubt)
+        evidence = (contradiction(self.problem, measured),)
+        solution = measured.solution(self.problem, errors, evidence, notes).doubted(
+            self._doubt(match.selection)
+        )
+        return replace(solution, alternatives=self._alternatives(match.selection.distinct))
+
+
+@cached_method
+def fits_of(problem: Problem, side: PartSide, coordinates: WholeCoordinates | None) -> PartFits:
+    """Return what refines maps of a part, one for each problem, and kept with it."""
+    pair = problem if side == "source" else problem.turned
+    pairs = problem.priors.initial_pairs
+    if not len(pairs) and problem.config.start == "pose":
+        vertices = BodyVertices(np.arange(problem.source.body.n_vertices))
+        images = nearest_in_pose(problem.source, problem.target, vertices)
+        pairs = BodyVertices(np.column_stack([vertices, images]))
+    given = filled(pair.source, towards_whole(pairs, side))[0] if len(pairs) else None
+    known = pair.priors.landmarks, pair.known
+    return PartFits(PartPair.of(pair.source, pair.target, pair.config, *known), given, coordinates)
+
+
+def towards_whole(pairs: Int[BodyVertices, "q 2"], side: PartSide) -> Int[IntArray, "q 2"]:
+    """Turn pairs of vertices of source and target into such of part and whole."""
+    return pairs if side == "source" else pairs[:, ::-1]
 
 
 def measured_part(
-    relation: Relation,
+    problem: Problem,
     fit: PartFit,
     bent: BentPart,
     unit: float,  # what √area of the source is worth in √area of the target
@@ -376,12 +366,11 @@ def measured_part(
     reason: str,
 ) -> Measured:
     """Measure a map in which a part takes part."""
-    pair, priors = relation.pair, relation.priors
-    source, target = pair.source, pair.target
+    priors, source, target = problem.priors, problem.source, problem.target
     image = BodyVertices(points.corners[:, 0])
     initial_pairs = BodyVertices(priors.initial_pairs[matched[priors.initial_pairs[:, 0]]])
-    landmark_error, initial_map_error = prior_errors(pair, image, priors.landmarks, initial_pairs)
-    positions, bounds = image_positions(source.body, target.body, points), pair.config.outcome
+    landmark_error, initial_map_error = prior_errors(problem, image, priors.landmarks, initial_pairs)
+    positions, bounds = image_positions(source.body, target.body, points), problem.config.outcome
     quality = Quality(
         spectral_residual=fit.spectral_residual,
         runner_up=np.inf,
@@ -398,14 +387,14 @@ def measured_part(
         stress=fit.stress,
         bending_cost=bent.spectral_residual,
     )
-    return Measured(points, quality, descriptor_distance, reason, relation.origin_of(fit), matched)
+    return Measured(points, quality, descriptor_distance, reason, origin_of(problem, fit), matched)
 
 
-def contradiction(relation: Relation, measured: Measured) -> Evidence:
+def contradiction(problem: Problem, measured: Measured) -> Evidence:
     """Compare the map of a part with its priors."""
-    pair, priors = relation.pair, relation.priors
-    errors = distances_to_priors(pair, BodyVertices(measured.points.corners[:, 0]), priors.landmarks)
-    bound = pair.config.outcome.contradiction
+    image = BodyVertices(measured.points.corners[:, 0])
+    errors = distances_to_priors(problem, image, problem.priors.landmarks)
+    bound = problem.config.outcome.contradiction
     return Evidence(contradicted=part_contradicts(errors, measured.quality.initial_map_error, bound))
 
 

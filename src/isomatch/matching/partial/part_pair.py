@@ -13,8 +13,8 @@ from isomatch.correspondence import Embedding, IntervalCost
 from isomatch.descriptors import RADII, BallSignature, ball_signature, mean_curvature
 from isomatch.geodesics import MissingRegion, distance_engine
 from isomatch.matching.assessment.confidence import nearest_of
-from isomatch.matching.problem import SmoothPair
-from isomatch.matching.proposals.priors import NO_LANDMARKS
+from isomatch.matching.priors import NO_LANDMARKS
+from isomatch.matching.smooth_pair import SmoothPair
 from isomatch.settings import Config
 from isomatch.shapes import CURVATURE_WEIGHT, N_BALLS, WAVE_WEIGHT, PreparedShape
 from isomatch.surfaces import Mesh

@@ -348,11 +348,11 @@ class PartFits:
     def __init__(
         self,
         pair: PartPair,
-        with_priors: Int[BodyVertices, "n_part"] | None = None,  # images under a map that is given
+        given: Int[BodyVertices, "n_part"] | None = None,  # images under a map that is given
         coordinates: WholeCoordinates | None = None,  # of the whole, if they are known
     ) -> None:
         config = pair.config
-        self.pair, self._config, self._with_priors, self._near = pair, config, with_priors, NearPairs(pair)
+        self.pair, self._config, self.given, self._near = pair, config, given, NearPairs(pair)
         known = pair.landmarks, pair.functions.target
         self.coordinates = coordinates or WholeCoordinates(pair.whole, config, *known)
         self.bending = PartBending(pair.meshes[0], config.parts.n_bent_vertices)
@@ -425,8 +425,8 @@ class PartFits:
         k = min(N_ANCHOR_FUNCTIONS, len(pair.whole.laplace.values))
         anchors = completed(pair, refinement.extended(image, k, pair.anchors), 2)
         error = 0.0
-        if self._with_priors is not None:
-            error = pair.whole.mean_distance(image, self._with_priors[refinement.vertices])
+        if self.given is not None:
+            error = pair.whole.mean_distance(image, self.given[refinement.vertices])
         fit = self._fit(refinement, pair, image, residual, anchors, N_FINE_FUNCTIONS, origin)
         return replace(fit, lengths=lengths, prior_error=error)
 

@@ -24,7 +24,7 @@ from isomatch.correspondence import Alignment, Intervals, assign_points, grow_re
 from isomatch.descriptors import BallSignature, deviation_of
 from isomatch.matching.maps import Hypothesis
 from isomatch.matching.partial.part_pair import PartPair, WholeSignatures, areas_of_samples
-from isomatch.matching.problem import ShapePair
+from isomatch.matching.problem import Problem
 from isomatch.matching.proposals.flips import flips
 from isomatch.matching.selection import distinct
 from isomatch.settings import Config
@@ -236,7 +236,7 @@ class PartStarts:
 
 def self_maps(whole: PreparedShape, config: Config) -> list[Int[SearchRows, "m_t"]]:
     """Symmetries of the whole and flips of its identity: where its search vertices go."""
-    pair = ShapePair(whole, whole, config)
+    pair = Problem(whole, whole, config)
     rows = np.arange(len(pair.source_vertices))
     identity = Hypothesis(Alignment(rows, np.eye(1), 0.0), "identity")
     image_rows = [SearchRows(symmetry.image_row) for symmetry in whole.symmetries]

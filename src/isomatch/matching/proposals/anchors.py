@@ -7,7 +7,7 @@ import numpy as np
 from isomatch._core.arrays import BodyVertices, Int, SearchRows
 from isomatch._core.threads import parallel_map
 from isomatch.correspondence import Intervals, assign_points, nearest_rows
-from isomatch.matching.problem import ShapePair, search_pairs
+from isomatch.matching.problem import Problem, search_pairs
 from isomatch.shapes import EXACTLY, farthest_rows
 
 N_ANCHORS = 6  # three points determine an isometry, three more its errors
@@ -21,7 +21,7 @@ SLIDE_FUNCTIONS = 20  # functions by which signatures move a first map; the firs
 SLIDE_STEPS = 10  # docs/lab/robustness.md, shapes without limbs
 
 
-def starts_from_anchors(pair: ShapePair) -> list[Int[BodyVertices, "m_s 2"]]:
+def starts_from_anchors(pair: Problem) -> list[Int[BodyVertices, "m_s 2"]]:
     """First maps of a pair of which a shape has no limbs: from points far from each other."""
     # Assign anchors a_1 … a_6, one after the other, to points b_1 … b_6 of the target by a beam search. The cost is that
     # of violated distances d(b_p, b_q) = d(a_p, a_q), see `IntervalCost`, plus for each point p
@@ -45,7 +45,7 @@ def starts_from_anchors(pair: ShapePair) -> list[Int[BodyVertices, "m_s 2"]]:
     return [search_pairs(pair, start) for start in parallel_map(lambda start: slid(pair, start), starts)]
 
 
-def slid(pair: ShapePair, target_row: Int[SearchRows, "m_s"]) -> Int[SearchRows, "m_s"]:
+def slid(pair: Problem, target_row: Int[SearchRows, "m_s"]) -> Int[SearchRows, "m_s"]:
     """Let the signatures move a map of the search vertices."""
     # Of a round shape, many maps keep distances, and iterative closest points stop at any of them. Few functions leave
     # a map free to move along these directions: images are nearest neighbours in (Φ_t Fᵀ / √k, σ_t) of (Φ_s / √k, σ_s).

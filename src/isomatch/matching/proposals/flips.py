@@ -12,7 +12,7 @@ from isomatch._core.arrays import FloatArray, Int, IntArray, SearchRows
 from isomatch._core.threads import parallel_map
 from isomatch.correspondence import Alignment, closest_point_images, iterative_closest_points
 from isomatch.matching.maps import Candidate, Hypothesis
-from isomatch.matching.problem import ShapePair
+from isomatch.matching.problem import Problem
 from isomatch.matching.selection import distinct
 
 T = TypeVar("T")
@@ -20,7 +20,7 @@ M = TypeVar("M", Alignment, Hypothesis, Candidate)
 AT_ONCE = 4  # maps moved together by a thread; fixed, so that results do not depend on the number of threads
 
 
-def flips(pair: ShapePair, hypothesis: Hypothesis, others: list[Hypothesis]) -> list[Hypothesis]:
+def flips(pair: Problem, hypothesis: Hypothesis, others: list[Hypothesis]) -> list[Hypothesis]:
     """Find the maps that the flip of one Laplace–Beltrami function makes of a hypothesis, other than those there are."""
     pool = Pool(pair, pair.config.search.n_hypotheses)
     pool.merge([hypothesis])
@@ -31,7 +31,7 @@ def flips(pair: ShapePair, hypothesis: Hypothesis, others: list[Hypothesis]) -> 
 
 
 def distinct_maps(
-    pair: ShapePair, maps: Iterable[M], most: int | None = None, before: Sequence[SearchRows] = ()
+    pair: Problem, maps: Iterable[M], most: int | None = None, before: Sequence[SearchRows] = ()
 ) -> list[M]:
     """Keep the first maps of the search vertices that differ, see `distinct`."""
     least = pair.config.search.same_map
@@ -42,7 +42,7 @@ def distinct_maps(
 class Pool:
     """The best distinct hypotheses so far, at most so many."""
 
-    def __init__(self, pair: ShapePair, most: int) -> None:
+    def __init__(self, pair: Problem, most: int) -> None:
         self.pair = pair
         self._most = most
         self._settings = pair.config.search
@@ -94,7 +94,7 @@ def _in_groups(move: Callable[[Int[IntArray, "h m_s"]], Iterable[T]], maps: list
     return [each for group in parallel_map(move, groups) for each in group]
 
 
-def _flipped(pair: ShapePair, functional_map: FloatArray, function: int) -> Int[SearchRows, "m_s"]:
+def _flipped(pair: Problem, functional_map: FloatArray, function: int) -> Int[SearchRows, "m_s"]:
     """Turn one function of the leading block, and grow the map again to the size it had, two functions at a time."""
     # spectral upsampling: the j × j block of F, its map to points, and from these the (j + 2) × (j + 2) block (ZoomOut)
     size, spectra = max(function + 1, 4), pair.search_spectra

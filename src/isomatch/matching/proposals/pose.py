@@ -9,12 +9,12 @@ from isomatch._core.arrays import BodyVertices, Float, FloatArray, Int, SearchRo
 from isomatch._core.errors import SettingError
 from isomatch._core.threads import parallel_map
 from isomatch.correspondence import poses_between, with_normals
-from isomatch.matching.problem import ShapePair, search_pairs
+from isomatch.matching.problem import Problem, search_pairs
 from isomatch.shapes import PreparedShape
 from isomatch.surfaces import Graph, Surface
 
 
-def starts_from_pose(pair: ShapePair) -> list[Int[SearchRows, "m_s"]]:
+def starts_from_pose(pair: Problem) -> list[Int[SearchRows, "m_s"]]:
     """First maps to the nearest point in space; `SettingError` if a shape is a graph."""
     # of the bodies, which are centred and of unit area, and of the shapes as they are
     source, target = pair.source, pair.target
@@ -28,7 +28,7 @@ def starts_from_pose(pair: ShapePair) -> list[Int[SearchRows, "m_s"]]:
     return list(map(SearchRows, rows))
 
 
-def starts_from_poses(pair: ShapePair) -> list[Int[BodyVertices, "m_s 2"]]:
+def starts_from_poses(pair: Problem) -> list[Int[BodyVertices, "m_s 2"]]:
     """First maps to the nearest points of meshes that are alike in space, however they lie."""
     limit, orientation = pair.config.search.near_rigid, pair.config.orientation
     if not (limit and pair.oriented):

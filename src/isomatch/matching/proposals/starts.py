@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
-from typing import TypeAlias
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from isomatch._core.arrays import BodyVertices, Int, IntArray
+from isomatch._core.arrays import BodyVertices, Int
 from isomatch._core.errors import SettingError
-from isomatch.matching.problem import ShapePair, search_pairs
+from isomatch.matching.problem import Problem, Start, name_of, search_pairs
 from isomatch.matching.proposals.anchors import starts_from_anchors
 from isomatch.matching.proposals.pose import starts_from_poses
 from isomatch.matching.proposals.priors import first_maps_from_points
 
-Start: TypeAlias = Callable[[ShapePair], Iterable[IntArray]]
-"""Makes first maps of a pair: arrays (q, 2) of vertices of both bodies that may correspond, a few or all."""
 
-
-def starts_from_extremities(pair: ShapePair) -> Iterator[Int[BodyVertices, "m_s 2"]]:
+def starts_from_extremities(pair: Problem) -> Iterator[Int[BodyVertices, "m_s 2"]]:
     """First maps from every assignment of extremal points."""
     settings = pair.config.search
     for count in settings.extremity_counts:
@@ -32,12 +28,7 @@ default_starts: tuple[Start, ...] = (starts_from_extremities, starts_from_poses,
 """The starts of a match to which none are handed; priors of the user come before them."""
 
 
-def name_of(start: Start) -> str:
-    """Name of a start: that of the function, without "starts_from_", or of the class."""
-    return str(getattr(start, "__name__", type(start).__name__)).removeprefix("starts_from_")
-
-
-def first_maps_of(starts: Iterable[Start], pair: ShapePair) -> list[tuple[Int[BodyVertices, "_ 2"], str]]:
+def first_maps_of(starts: Iterable[Start], pair: Problem) -> list[tuple[Int[BodyVertices, "_ 2"], str]]:
     """Collect the first maps of some starts, checked, with the name of each start."""
     first_maps = []
     sizes = pair.source.body.n_vertices, pair.target.body.n_vertices

@@ -1,11 +1,11 @@
-"""BothParts: two shapes that show overlapping parts of one body, of which neither shows the whole."""
+"""TwoParts: two shapes that show overlapping parts of one body, of which neither shows the whole."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -16,7 +16,6 @@ from isomatch._core.arrays import (
     Float,
     FloatArray,
     Int,
-    IntArray,
     PartVertices,
     SampleRows,
 )
@@ -27,16 +26,17 @@ from isomatch._core.threads import parallel_map, serial_blas
 from isomatch.correspondence import UNMATCHED, Boundary, Correspondence, Embedding, PrecisePoints
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching.assessment.evidence import CommonDoubt, Solution
+from isomatch.matching.assessment.measured import Measured
 from isomatch.matching.assessment.quality import descriptor_distance_of
-from isomatch.matching.maps import Fit
+from isomatch.matching.model import Match, MatchingModel, Proposals
 from isomatch.matching.partial.both_seeds import NEXT_ANCHORS, CommonRegion, CommonRegions, two_sides
 from isomatch.matching.partial.part import Part, contradiction, expected_errors_of_part, filled, measured_part
 from isomatch.matching.partial.part_registration import N_ROUGH_VERTICES, BentPart, PartFit, WholeCoordinates
-from isomatch.matching.pipeline import Relation
-from isomatch.matching.problem import ShapePair
+from isomatch.matching.priors import Priors
+from isomatch.matching.problem import Problem
 from isomatch.matching.proposals.pose import nearest_in_pose
-from isomatch.matching.proposals.priors import NO_LANDMARKS, Priors
 from isomatch.matching.result import Alternative
+from isomatch.matching.selection import Selection
 from isomatch.matching.verify import largest_piece
 from isomatch.settings import Config
 from isomatch.shapes import region_of
@@ -50,187 +50,6 @@ TOO_UNLIKE = 0.6  # descriptor distance from which a sample and its surroundings
 OFF, RIM = 0.04, 0.02  # distances from the target, and its boundary, up to which bent vertices are in common
 ROUGH_FUNCTIONS = 100  # of a rough refinement, which ranks regions as one in full
 N_BENT_IN_FULL = 3  # last lengths with which the best region is bent in full
-
-
-class BothParts(Relation):
-    """Two shapes show overlapping parts of one body: some vertices of the source have an image, the others none.
-
-    Notes
-    -----
-    A distance on the body lies in an interval on both sides, and a point may have no partner. Regions in common are
-    grown from seeds; each is refined as a part of the target, as by `Part`. Of two maps, that of the larger region is
-    better, unless the parts look different there.
-    """
-
-    way = "two parts"
-
-    left_out: list[str]  # why regions were not refined
-
-    def match(self) -> list[RefinedRegion]:
-        """Search and refine regions in common: those refined to the end, the best first, then those on the way."""
-        self.left_out = []
-        regions = self._refined(self._first_regions(), roughly=True)
-        if not regions:
-            raise NotConvergedError(
-                "no region was found that both shapes show; give three to five landmarks on both"
-            )
-        others: list[RefinedRegion] = []
-        for count, cost, roughly in ROUNDS:
-            grown = [region.grown_again(cost) for region in regions[:count]]
-            again = self._refined([region for region in grown if region.accepted.any()], roughly)
-            regions, others = again or regions, [*regions, *others]
-        return [*regions, *_ranked(others)]
-
-    def _refined(self, regions: list[CommonRegion], roughly: bool) -> list[RefinedRegion]:
-        def refined(region: CommonRegion) -> RefinedRegion | str:
-            try:
-                return self._refined_region(region, roughly)
-            except MeshError as error:  # as of one that is too small to be prepared
-                return str(error)
-
-        tried = parallel_map(refined, regions)
-        self.left_out += [region for region in tried if isinstance(region, str)]
-        return _ranked([region for region in tried if not isinstance(region, str)])
-
-    def _refined_region(self, region: CommonRegion, roughly: bool) -> RefinedRegion:
-        """Refine the samples of a region, and what lies around them, as a part of the target."""
-        pair, regions, landmarks = self.pair, self._regions, self.priors.landmarks
-        source, target = regions.source, regions.target
-        n = source.shape.body.n_vertices
-        gap, owner = distance_along_edges_to_nearest(source.shape.body, source.vertices[region.accepted])
-        vertices = largest_piece(source.shape.mesh_body, source.unit * gap <= AROUND)
-        without_extremities = replace(pair.config.preparation, n_extremities=0)
-        config = replace(pair.config, scale="same", preparation=without_extremities)
-        if roughly:
-            config = rough(config)
-        part = region_of(source.shape, vertices, config)
-        # what a length is worth on the target, as if both came in the unit of both parts
-        length = part.scale / source.shape.scale * source.unit / target.unit
-        part = replace(part, scale=length * target.shape.scale)
-        images, number = np.full(n, -1), np.full(n, -1)
-        images[source.vertices], number[vertices] = region.images, np.arange(len(vertices))
-        kept = number[landmarks[:, 0]] >= 0
-        landmarks = BodyVertices(np.column_stack([number[landmarks[:, 0]], landmarks[:, 1]])[kept])
-        nothing = np.zeros((len(vertices), 0)), np.zeros((target.shape.body.n_vertices, 0))
-        functions = pair.functions and Embedding(pair.known.source[vertices], pair.functions.target)
-        own_pair = ShapePair(part, target.shape, config, functions)
-        relation = Part().on(own_pair, Priors(landmarks, NO_LANDMARKS, nothing), self.stages)
-        relation.coordinates = self._coordinates(tuple(landmarks[:, 1].tolist()))
-        first = images[owner[vertices[part.sample_vertices[:N_ROUGH_VERTICES]]]]
-        begun = relation.fits.begun(relation.fits.pair, BodyVertices(first), region.origin)
-        return RefinedRegion(regions, vertices, cast(PartFit, relation.refine_and_select([begun])[0]))
-
-    @cached_method
-    def _coordinates(self, landmarks: tuple[int, ...]) -> WholeCoordinates:
-        """Give the coordinates of the target that regions share which hold the same landmarks."""
-        functions = self.pair.known.target
-        marks = BodyVertices(np.array(landmarks, dtype=np.int64))
-        return WholeCoordinates(self.target, self.pair.config, marks, functions)
-
-    @cached_property
-    def _regions(self) -> CommonRegions:
-        same_area = self.pair.config.scale == "area"
-        return CommonRegions(*two_sides(self.source, self.target, same_area, self.priors.landmarks))
-
-    def _first_regions(self) -> list[CommonRegion]:
-        """Regions grown from seeds, those of given maps, and those of starts handed in."""
-        pairs, count = self.priors.initial_pairs, self.pair.config.parts.n_common
-        regions = self._regions.best(count) if self.searches_by_anchors else []
-        first_maps = [(pairs, "initial map")] if len(pairs) else []
-        if self.pair.config.start == "pose":
-            everything = BodyVertices(np.arange(self.source.body.n_vertices))
-            images = nearest_in_pose(self.pair.source, self.pair.target, everything)
-            first_maps.append((BodyVertices(np.column_stack([everything, images])), "pose"))
-        for pairs, origin in (*first_maps, *self.first_maps_handed_in()):
-            image, gap = filled(self.source, pairs)
-            near = self._regions.source.unit * gap <= AROUND
-            regions.append(self._regions.around(image, near, origin))
-        return [region for region in regions if region.accepted.any()]
-
-    def solution(self, timer: StageTimer) -> Solution:
-        """Find the map, and the evidence for it."""
-        self.require_sides()
-        self.require_priors()
-        self.require_no_descriptors("two parts")
-        timer.start("search")
-        regions = self.match()
-        best = regions[0]
-        others = [each for each in regions[1:] if each.held >= best.held and self._differs(best, each)]
-        solution = self._summed_up(best, others[0] if others else None, timer)
-        return replace(solution, alternatives=self._alternatives(others))
-
-    def _alternatives(self, regions: list[RefinedRegion]) -> tuple[Alternative, ...]:
-        """Give the maps of other regions that differ from each other, as far as they were refined."""
-        kept: list[RefinedRegion] = []
-        for region in regions:
-            if len(kept) < self.pair.config.selection.most_alternatives:
-                kept += [region] * all(self._differs(each, region) for each in kept)
-        return tuple(
-            Alternative(partial(self._map_of, each), -each.score, each.fit.orientation, each.fit.origin)
-            for each in kept
-        )
-
-    def _map_of(self, region: RefinedRegion) -> Correspondence:
-        with serial_blas():
-            image = np.where(region.matched, region.image, 0)
-            return self.pair.source.correspondence(self.pair.target, image, region.matched)
-
-    def _differs(self, best: RefinedRegion, other: RefinedRegion) -> bool:
-        """Whether two maps differ where both have images; those that have none in common do."""
-        both = best.matched & other.matched
-        return not both.any() or self.target.mean_distance(best.image[both], other.image[both]) > APART
-
-    def _summed_up(self, best: RefinedRegion, runner_up: RefinedRegion | None, timer: StageTimer) -> Solution:
-        """Bend the region in full, and sum up the map."""
-        pair, priors, fit = self.pair, self.priors, best.fit
-        bent = fit.bending.laid_in_full(fit.bent, pair.config.parts.bending[-N_BENT_IN_FULL:])
-        n = pair.source.body.n_vertices
-        points, matched = PrecisePoints.at_vertices(np.zeros(n, dtype=np.int64)), np.zeros(n, dtype=bool)
-        points.corners[best.vertices], points.barycentric[best.vertices] = bent.points
-        matched[best.vertices] = overlaps(bent)
-        errors = np.full(n, np.nan)
-        errors[best.vertices] = expected_errors_of_part(fit.pair, bent.points)
-        timer.start("quality")
-        balls = pair.source.balls, pair.target.balls
-        descriptor_distance = descriptor_distance_of(*balls, points.corners[:, 0], matched)
-        side, other = self._regions.source, self._regions.target
-        unit, reason = side.unit / other.unit, "largest region in common that looks alike"
-        measured = measured_part(self, fit, bent, unit, points, matched, descriptor_distance, reason)
-        lead = best.score / runner_up.score if runner_up and runner_up.score else np.inf
-        led = 0 < len(side.landmarks) == best.held
-        doubt = CommonDoubt(best.worth, lead, led, pair.config.parts)
-        areas = pair.source.body.vertex_areas
-        share = areas[matched].sum() / areas.sum()
-        notes = [
-            f"both shapes were matched as parts of one body: {share:.0%} of the source and "
-            f"{measured.quality.coverage:.0%} of the target are in common"
-        ]
-        if self.left_out:
-            notes.append(f"{len(self.left_out)} regions in common were left out: {self.left_out[0]}")
-        evidence = (contradiction(self, measured),)
-        return measured.solution(pair, priors, errors, evidence, notes).doubted(doubt)
-
-    def _part(self, fit: Fit) -> Part:
-        """Return the relation of a region and the target, by a map of the region."""
-        own = cast(PartFit, fit).pair
-        return Part().on(replace(self.pair, source=own.part, functions=None), self.priors, self.stages)
-
-    def refined(self, fits: Sequence[Fit]) -> list[Fit]:
-        """Refine maps of regions, each as that of a part."""
-        return [refined for fit in fits for refined in self._part(fit).refined([fit])]
-
-    def measured(self, fit: Fit, image: Int[IntArray, "r"]) -> Fit:
-        """Measure the map of a region."""
-        return self._part(fit).measured(fit, image)
-
-    def embedding(self, fit: Fit) -> Embedding:
-        """Coordinates of the vertices of a region, and of those of the target."""
-        return self._part(fit).embedding(fit)
-
-
-def _ranked(regions: list[RefinedRegion]) -> list[RefinedRegion]:
-    """Put those first that hold most landmarks, and of these those of the highest score."""
-    return sorted(regions, key=lambda region: (-region.held, -region.score))
 
 
 @dataclass(frozen=True, eq=False)
@@ -306,6 +125,196 @@ class RefinedRegion:
         placed, accepted = self.regions.placed(rows, columns, len(source.vertices), most)
         images = BodyVertices(np.where(at_samples != UNMATCHED, at_samples, target.vertices[placed]))
         return replace(self.regions.region(images, accepted), origin=self.fit.origin)
+
+
+class TwoParts(MatchingModel[RefinedRegion, BentPart]):
+    """Two shapes show overlapping parts of one body: some vertices of the source have an image, the others none.
+
+    Notes
+    -----
+    A distance on the body lies in an interval on both sides, and a point may have no partner. Regions in common are
+    grown from seeds; each is refined as a part of the target, as by `Part`. Of two maps, that of the larger region is
+    better, unless the parts look different there.
+    """
+
+    way = "two parts"
+
+    def __init__(self, problem: Problem) -> None:
+        super().__init__(problem)
+        self.left_out: list[str] = []  # why regions were not refined
+
+    def require_suitable(self) -> None:
+        """Raise an `IsomatchError` unless the shapes are meshes to be kept in orientation, without descriptors."""
+        self.require_sides()
+        self.require_priors()
+        self.require_no_descriptors("two parts")
+
+    def propose(self, timer: StageTimer) -> Proposals[RefinedRegion]:
+        """Search regions in common, and refine them roughly."""
+        timer.start("search")
+        first = self._first_regions()
+        regions = self._refined(first, roughly=True)
+        if not regions:
+            raise NotConvergedError(
+                "no region was found that both shapes show; give three to five landmarks on both"
+            )
+        return Proposals(regions, len(first))
+
+    def refine(self, maps: Sequence[RefinedRegion]) -> list[RefinedRegion]:
+        """Grow the best regions again, and refine them; first come those refined to the end."""
+        regions, others = list(maps), list[RefinedRegion]()
+        for count, cost, roughly in ROUNDS if regions else ():
+            grown = [region.grown_again(cost) for region in regions[:count]]
+            again = self._refined([region for region in grown if region.accepted.any()], roughly)
+            regions, others = again or regions, [*regions, *others]
+        return [*regions, *_ranked(others)]
+
+    def rank(
+        self,
+        maps: list[RefinedRegion],
+        rivals: list[RefinedRegion],
+        proposals: Proposals[RefinedRegion],
+        timer: StageTimer,
+    ) -> Selection[RefinedRegion]:
+        """Take the first region, and compare it with the next that differs and holds as many landmarks."""
+        best, *rest = maps
+        others = tuple(each for each in rest if each.held >= best.held and self._differs(best, each))
+        lead = best.score / others[0].score if others and others[0].score else np.inf
+        return Selection(best, tuple(rest), lead, np.inf, others[0] if others else None, distinct=others)
+
+    def coordinates(self, best: RefinedRegion) -> BentPart:
+        """Bend the region in full."""
+        fit = best.fit
+        return fit.bending.laid_in_full(fit.bent, self.pair.config.parts.bending[-N_BENT_IN_FULL:])
+
+    def _refined(self, regions: list[CommonRegion], roughly: bool) -> list[RefinedRegion]:
+        def refined(region: CommonRegion) -> RefinedRegion | str:
+            try:
+                return self._refined_region(region, roughly)
+            except MeshError as error:  # as of one that is too small to be prepared
+                return str(error)
+
+        tried = parallel_map(refined, regions)
+        self.left_out += [region for region in tried if isinstance(region, str)]
+        return _ranked([region for region in tried if not isinstance(region, str)])
+
+    def _refined_region(self, region: CommonRegion, roughly: bool) -> RefinedRegion:
+        """Refine the samples of a region, and what lies around them, as a part of the target."""
+        pair, regions, landmarks = self.pair, self._regions, self.priors.landmarks
+        source, target = regions.source, regions.target
+        n = source.shape.body.n_vertices
+        gap, owner = distance_along_edges_to_nearest(source.shape.body, source.vertices[region.accepted])
+        vertices = largest_piece(source.shape.mesh_body, source.unit * gap <= AROUND)
+        without_extremities = replace(pair.config.preparation, n_extremities=0)
+        config = replace(pair.config, scale="same", preparation=without_extremities)
+        if roughly:
+            config = rough(config)
+        part = region_of(source.shape, vertices, config)
+        # what a length is worth on the target, as if both came in the unit of both parts
+        length = part.scale / source.shape.scale * source.unit / target.unit
+        part = replace(part, scale=length * target.shape.scale)
+        images, number = np.full(n, -1), np.full(n, -1)
+        images[source.vertices], number[vertices] = region.images, np.arange(len(vertices))
+        kept = number[landmarks[:, 0]] >= 0
+        landmarks = BodyVertices(np.column_stack([number[landmarks[:, 0]], landmarks[:, 1]])[kept])
+        functions = pair.functions and Embedding(pair.known.source[vertices], pair.functions.target)
+        problem = Problem(
+            part, target.shape, config, functions, Priors(landmarks), pair.refinement, pair.starts
+        )
+        model = Part(problem, coordinates=self._coordinates(tuple(landmarks[:, 1].tolist())))
+        first = images[owner[vertices[part.sample_vertices[:N_ROUGH_VERTICES]]]]
+        begun = model.fits.begun(model.fits.pair, BodyVertices(first), region.origin)
+        return RefinedRegion(regions, vertices, model.refine([begun])[0])
+
+    @cached_method
+    def _coordinates(self, landmarks: tuple[int, ...]) -> WholeCoordinates:
+        """Give the coordinates of the target that regions share which hold the same landmarks."""
+        functions = self.pair.known.target
+        marks = BodyVertices(np.array(landmarks, dtype=np.int64))
+        return WholeCoordinates(self.target, self.pair.config, marks, functions)
+
+    @cached_property
+    def _regions(self) -> CommonRegions:
+        same_area = self.pair.config.scale == "area"
+        return CommonRegions(*two_sides(self.source, self.target, same_area, self.priors.landmarks))
+
+    def _first_regions(self) -> list[CommonRegion]:
+        """Regions grown from seeds, those of given maps, and those of starts handed in."""
+        pairs, count = self.priors.initial_pairs, self.pair.config.parts.n_common
+        regions = self._regions.best(count) if self.searches_by_anchors else []
+        first_maps = [(pairs, "initial map")] if len(pairs) else []
+        if self.pair.config.start == "pose":
+            everything = BodyVertices(np.arange(self.source.body.n_vertices))
+            images = nearest_in_pose(self.pair.source, self.pair.target, everything)
+            first_maps.append((BodyVertices(np.column_stack([everything, images])), "pose"))
+        for pairs, origin in (*first_maps, *self.first_maps_handed_in()):
+            image, gap = filled(self.source, pairs)
+            near = self._regions.source.unit * gap <= AROUND
+            regions.append(self._regions.around(image, near, origin))
+        return [region for region in regions if region.accepted.any()]
+
+    def _alternatives(self, regions: Sequence[RefinedRegion]) -> tuple[Alternative, ...]:
+        """Give the maps of other regions that differ from each other, as far as they were refined."""
+        kept: list[RefinedRegion] = []
+        for region in regions:
+            if len(kept) < self.pair.config.selection.most_alternatives:
+                kept += [region] * all(self._differs(each, region) for each in kept)
+        return tuple(
+            Alternative(partial(self._map_of, each), -each.score, each.fit.orientation, each.fit.origin)
+            for each in kept
+        )
+
+    def _map_of(self, region: RefinedRegion) -> Correspondence:
+        with serial_blas():
+            image = np.where(region.matched, region.image, 0)
+            return self.pair.source.correspondence(self.pair.target, image, region.matched)
+
+    def _differs(self, best: RefinedRegion, other: RefinedRegion) -> bool:
+        """Whether two maps differ where both have images; those that have none in common do."""
+        both = best.matched & other.matched
+        return not both.any() or self.target.mean_distance(best.image[both], other.image[both]) > APART
+
+    def measure(self, match: Match[RefinedRegion, BentPart]) -> Measured:
+        """Measure the map of the region."""
+        pair, best, bent = self.pair, match.selection.winner, match.coordinates
+        n = pair.source.body.n_vertices
+        points, matched = PrecisePoints.at_vertices(np.zeros(n, dtype=np.int64)), np.zeros(n, dtype=bool)
+        points.corners[best.vertices], points.barycentric[best.vertices] = bent.points
+        matched[best.vertices] = overlaps(bent)
+        descriptor_distance = descriptor_distance_of(
+            pair.source.balls, pair.target.balls, points.corners[:, 0], matched
+        )
+        unit, reason = (
+            self._regions.source.unit / self._regions.target.unit,
+            "largest region in common that looks alike",
+        )
+        return measured_part(pair, best.fit, bent, unit, points, matched, descriptor_distance, reason)
+
+    def sum_up(
+        self, match: Match[RefinedRegion, BentPart], measured: Measured, timer: StageTimer
+    ) -> Solution:
+        """Sum up the map of the region."""
+        pair, selection, best = self.pair, match.selection, match.selection.winner
+        errors = np.full(pair.source.body.n_vertices, np.nan)
+        errors[best.vertices] = expected_errors_of_part(best.fit.pair, match.coordinates.points)
+        led = 0 < len(self._regions.source.landmarks) == best.held
+        doubt = CommonDoubt(best.worth, selection.runner_up, led, pair.config.parts)
+        areas = pair.source.body.vertex_areas
+        share = areas[measured.matched].sum() / areas.sum()
+        notes = [
+            f"both shapes were matched as parts of one body: {share:.0%} of the source and "
+            f"{measured.quality.coverage:.0%} of the target are in common"
+        ]
+        if self.left_out:
+            notes.append(f"{len(self.left_out)} regions in common were left out: {self.left_out[0]}")
+        evidence = (contradiction(pair, measured),)
+        solution = measured.solution(pair, errors, evidence, notes).doubted(doubt)
+        return replace(solution, alternatives=self._alternatives(selection.distinct))
+
+
+def _ranked(regions: list[RefinedRegion]) -> list[RefinedRegion]:
+    """Put those first that hold most landmarks, and of these those of the highest score."""
+    return sorted(regions, key=lambda region: (-region.held, -region.score))
 
 
 def overlaps(bent: BentPart) -> Bool[BoolArray, "n"]:

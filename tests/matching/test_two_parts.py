@@ -5,7 +5,7 @@ import pytest
 
 from isomatch import Config, Mesh, Outcome, match, prepare
 from isomatch.datasets import ground_truth
-from isomatch.matching import BothParts
+from isomatch.matching import TwoParts
 from isomatch.settings import PartSettings
 from isomatch_lab.damage import cut
 from isomatch_lab.procedural import creature
@@ -29,7 +29,7 @@ def parts():
 
 @pytest.fixture(scope="module")
 def found(parts, prepared_once):
-    return match(*parts[:2], config=FEW, relation=BothParts())
+    return match(*parts[:2], config=FEW, relation=TwoParts)
 
 
 def error_and_overlap(image, parts):
@@ -64,7 +64,7 @@ def test_the_other_way_round(parts):
     source, target, truth = parts
     back = np.full(target.n_vertices, -1)
     back[truth[truth >= 0]] = np.flatnonzero(truth >= 0)
-    there = match(target, source, config=FEW, relation=BothParts()).map
+    there = match(target, source, config=FEW, relation=TwoParts).map
     known = there.matched & (back >= 0)
     shape = prepare(source)
     assert known.sum() > 0.85 * (back >= 0).sum()
@@ -82,7 +82,7 @@ def landmarks(parts):
 
 @pytest.fixture(scope="module")
 def led(parts, landmarks, prepared_once):
-    return match(*parts[:2], landmarks=landmarks, config=GIVEN, relation=BothParts())
+    return match(*parts[:2], landmarks=landmarks, config=GIVEN, relation=TwoParts)
 
 
 @pytest.mark.long
@@ -99,7 +99,7 @@ def test_landmarks_lead(parts, led):
 def test_labels_and_place_do_not_matter(parts, landmarks, led):
     turned, new = relabelled(Mesh(parts[1].vertices[:, [1, 2, 0]] + 3, parts[1].faces), 4)
     pairs = np.column_stack([landmarks[:, 0], new[landmarks[:, 1]]])
-    again = match(parts[0], turned, landmarks=pairs, config=GIVEN, relation=BothParts())
+    again = match(parts[0], turned, landmarks=pairs, config=GIVEN, relation=TwoParts)
     either, both = led.map.matched | again.map.matched, led.map.matched & again.map.matched
     assert both.sum() > 0.95 * either.sum()
     shape = prepare(turned)
@@ -113,7 +113,7 @@ def test_a_map_that_is_given_around_some_vertex_is_grown(parts):
     centre = np.flatnonzero(truth >= 0)[50]
     near = np.linalg.norm(source.vertices - source.vertices[centre], axis=1) < 0.5 * np.sqrt(source.area)
     given = np.where(near, truth, -1)
-    found = match(*parts[:2], initial_map=given, config=GIVEN, relation=BothParts())
+    found = match(*parts[:2], initial_map=given, config=GIVEN, relation=TwoParts)
     error, overlap = error_and_overlap(found.map.vertices, parts)
     assert found.origin == "initial map"
     assert found.map.matched.sum() > 1.2 * (given >= 0).sum()
@@ -124,7 +124,7 @@ def test_a_map_that_is_given_around_some_vertex_is_grown(parts):
 @pytest.mark.long
 def test_parts_of_two_animals_are_no_sure_match(parts):
     other = cut(creature(1500, kind="biped").mesh, 0.4, seed=0).mesh
-    found, target = match(parts[0], other, config=FEW, relation=BothParts()), prepare(other)
+    found, target = match(parts[0], other, config=FEW, relation=TwoParts), prepare(other)
     assert found.outcome is Outcome.LOW_CONFIDENCE
     assert found.alternatives
     for one in found.alternatives:  # which differ where both have images

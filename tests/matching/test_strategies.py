@@ -1,0 +1,82 @@
+"""Which strategies would be tried is told without matching, and a result names the evidence that decided its outcome."""
+
+from dataclasses import replace
+
+import pytest
+
+from isomatch import Config, MatchResult, Outcome, match
+from isomatch.matching import (
+    STRATEGIES,
+    Evidence,
+    Isometry,
+    Priors,
+    outcome_of,
+    prepare_pair,
+    select_strategies,
+)
+from isomatch_lab.damage import cut
+from shapes import box
+
+pytestmark = pytest.mark.usefixtures("prepared_once")
+
+
+@pytest.fixture(scope="module")
+def problem(example):
+    return prepare_pair(*(animal.mesh for animal in example))
+
+
+@pytest.fixture(scope="module")
+def part(example):
+    return cut(example[0].mesh, 0.3, seed=1).mesh
+
+
+def names(problem):
+    return [name for name, _ in select_strategies(problem)]
+
+
+def test_of_complete_shapes_an_isometry_is_tried_and_then_an_elastic_map(problem):
+    assert names(problem) == ["isometry", "elastic"]
+    assert all(name in STRATEGIES and why for name, why in select_strategies(problem))
+
+
+def test_priors_doubtful_seek_no_elastic_map(problem):
+    given = replace(problem, config=replace(problem.config, hypotheses="given"))
+    assert names(given) == ["isometry"]
+
+
+@pytest.mark.parametrize("asked", ["auto", "source"])
+def test_of_a_part_the_part_is_tried_with_and_without_its_holes_closed(example, part, asked):
+    problem = prepare_pair(part, example[1].mesh, Config(part=asked))
+    assert set(names(problem)) == {"part", "holes closed", "part, from the holes closed"}
+    parts = replace(problem.config.parts, close=False)
+    assert names(replace(problem, config=replace(problem.config, parts=parts))) == ["part"]
+
+
+def test_two_parts_are_tried_as_such(part):
+    assert names(prepare_pair(part, part)) == ["isometry", "two parts"]
+
+
+def test_what_was_handed_in_is_all_that_is_tried(problem):
+    assert names(replace(problem, relation=Isometry)) == ["Isometry"]
+
+
+def test_what_found_the_map_was_selected(prepared_example, problem):
+    assert match(*prepared_example).way in names(problem)
+
+
+def test_nothing_is_known_by_default(problem):
+    assert not Priors().any
+    assert not problem.priors.any
+    assert problem.turned.turned.source is problem.source
+
+
+def test_a_result_tells_the_evidence_that_decided_its_outcome(prepared_example, tmp_path):
+    sure = match(*prepared_example)
+    assert (sure.outcome, sure.evidence) == (Outcome.CONVERGED, ())
+    brick = box(4, 6, 8)
+    doubtful = match(brick, brick)
+    assert doubtful.evidence == ("ambiguous",)
+    assert outcome_of([Evidence(**dict.fromkeys(doubtful.evidence, True))]) is doubtful.outcome
+    doubtful.save(tmp_path / "result.npz")
+    assert MatchResult.load(tmp_path / "result.npz").evidence == doubtful.evidence
+    assert doubtful.to_dict()["evidence"] == list(doubtful.evidence)
