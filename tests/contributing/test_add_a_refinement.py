@@ -80,7 +80,7 @@ def test_it_refines_an_elastic_map(animals):
     everywhere = np.column_stack([np.arange(len(truth)), truth])
     prepared = prepare_pair(source, target)
     model = Elastic(replace(prepared, refinement=Upsampling(), starts=[lambda problem: [everywhere[::5]]]))
-    best = search_under(model).selection.winner
+    best = search_under(model).ranking.best
     assert best.image.shape == model.vertices.shape
     assert model.target.mean_distance(best.image, truth[model.vertices]) < 0.04
 

@@ -22,15 +22,15 @@ from isomatch_lab.sets import relabelled
 def match_part(part, whole, config):
     """Match a prepared part to a prepared whole, without priors and without closing holes."""
     found = search_under(Part(Problem(part, whole, config)))
-    selection = found.selection
-    best = selection.winner
+    ranking = found.ranking
+    best = ranking.best
     return SimpleNamespace(
-        fits=[best, *selection.runners_up],
+        fits=[best, *ranking.others],
         score=best.bent_cost,
         pair=best.pair,
         bent=found.coordinates,
         share=best.share,
-        runner_up=selection.runner_up,
+        runner_up=ranking.runner_up,
     )
 
 

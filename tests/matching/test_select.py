@@ -109,8 +109,8 @@ def test_of_fits_that_coincide_one_is_kept_for_the_hypothesis_of_least_residual(
 def test_the_eligible_fit_of_least_score_wins():
     fits = [Fit(1.0, score=3.0), Fit(1.0, score=1.0), Fit(1.0, score=2.0)]
     chosen = select(fits, [True, False, True], apart(3), NOWHERE, 4)
-    assert chosen.winner is fits[2]
-    assert chosen.runners_up == (fits[1], fits[0])
+    assert chosen.best is fits[2]
+    assert chosen.others == (fits[1], fits[0])
     assert chosen.runner_up == pytest.approx(0.5), "one that may not win fits better"
     assert chosen.mirrored == inf
     assert chosen.against is fits[1]
@@ -153,16 +153,16 @@ def test_the_selection_does_not_depend_on_the_order(made, random):
 def test_mirroring_all_maps_selects_the_mirror_image(made):
     made = [replace(fit, orientation=fit.orientation or 1.0) for fit in made]
     chosen = selected([replace(fit, orientation=-fit.orientation) for fit in made])
-    assert replace(chosen.winner, orientation=-chosen.winner.orientation) == selected(made).winner
+    assert replace(chosen.best, orientation=-chosen.best.orientation) == selected(made).best
     assert (chosen.runner_up, chosen.mirrored) == (selected(made).runner_up, selected(made).mirrored)
 
 
 @given(several(fits, least=2))
 def test_a_winner_that_fits_better_still_wins_and_no_less_clearly(made):
     before = selected(made)
-    better = [replace(fit, score=0.9 * fit.score) if fit is before.winner else fit for fit in made]
+    better = [replace(fit, score=0.9 * fit.score) if fit is before.best else fit for fit in made]
     after = selected(better)
-    assert after.winner.prior_error <= before.winner.prior_error
+    assert after.best.prior_error <= before.best.prior_error
     if not before.priors_decided:
         assert after.runner_up >= before.runner_up or after.priors_decided
 
@@ -173,8 +173,8 @@ def test_priors_decide_ties_and_nothing_else(fits):
     chosen = select(made, [True] * len(made), apart(len(made)), NOWHERE, 4)
     best = min(score for score, _ in fits)
     tied = [fit for fit in made if fit.score <= BOUNDS.tie * best]
-    assert chosen.winner in tied
-    assert chosen.winner.prior_error <= min(fit.prior_error for fit in tied) + LANDMARK_SLACK
+    assert chosen.best in tied
+    assert chosen.best.prior_error <= min(fit.prior_error for fit in tied) + LANDMARK_SLACK
 
 
 @given(st.lists(st.integers(0, 9), max_size=8), st.sampled_from([None, 1, 3]))

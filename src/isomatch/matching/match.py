@@ -325,7 +325,7 @@ def _turned(problem: Problem, user_priors: UserPriors) -> UserPriors:
 
 def _turned_hypotheses(isometric: IsometricMatch, pair: Problem, pair_back: Problem) -> list[Hypothesis]:
     """Turn around the refined maps, best first, and the best of the others, as maps of the target's search vertices."""
-    fits = [fit for fit in (isometric.selection.winner, *isometric.selection.runners_up) if fit.candidate]
+    fits = [fit for fit in (isometric.ranking.best, *isometric.ranking.others) if fit.candidate]
     refined = [fit.candidate for fit in fits if fit.candidate]
     images = [fit.image[: len(pair.source_vertices)] for fit in fits]
     tried = [candidate.hypothesis for candidate in refined]

@@ -24,7 +24,8 @@ from isomatch.matching.priors import Priors
 from isomatch.matching.problem import Problem, Refinement
 from isomatch.matching.proposals.anchors import starts_from_anchors
 from isomatch.matching.proposals.starts import default_starts, first_maps_of
-from isomatch.matching.selection import Selection, weighed
+from isomatch.matching.selection import Ranking, weighed
+from isomatch.matching.verify import Verification, verifier_of
 from isomatch.shapes import PreparedShape
 
 M = TypeVar("M")  # a map on its way
@@ -49,12 +50,12 @@ class Match(Generic[M, C]):
 
     model: MatchingModel[M, C]
     proposals: Proposals[M]
-    selection: Selection[M]
+    ranking: Ranking[M]
 
     @cached_property
     def coordinates(self) -> C:
         """What the images of the map selected are read off."""
-        return self.model.coordinates(self.selection.winner)
+        return self.model.coordinates(self.ranking.best)
 
     @cached_property
     def measured(self) -> Measured:
@@ -102,10 +103,16 @@ class MatchingModel(ABC, Generic[M, C]):
         """Refine maps; those that are hopeless may be given up on the way."""
 
     @abstractmethod
-    def rank(
-        self, maps: list[M], rivals: list[M], proposals: Proposals[M], timer: StageTimer
-    ) -> Selection[M]:
+    def rank(self, maps: list[M], rivals: list[M], proposals: Proposals[M], timer: StageTimer) -> Ranking[M]:
         """Select among refined maps, least cost first; ``rivals`` are ranked, but may not win."""
+
+    @abstractmethod
+    def image(self, best: M) -> Int[BodyVertices, "n_s"]:
+        """Vertex of the target's body for each of the source's, −1 where it has none, without the last precision."""
+
+    def verified(self, best: M) -> Verification:
+        """Verify a map on the shapes as they are, see `verify`: what ties by rank is told apart by this cost."""
+        return verifier_of(self.pair)(self.image(best))
 
     @abstractmethod
     def coordinates(self, best: M) -> C:

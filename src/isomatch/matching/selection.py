@@ -231,11 +231,11 @@ class Rules:
 
 
 @dataclass(frozen=True)
-class Selection(Generic[M]):
+class Ranking(Generic[M]):
     """What was selected, and why."""
 
-    winner: M
-    runners_up: tuple[M, ...]  # all others, best first
+    best: M
+    others: tuple[M, ...]  # all others, best first
     runner_up: float  # score of the runner-up over the winner's; 1: tie, inf: none came near, nan: none tried
     mirrored: float  # the same of the best map of the other orientation
     against: M | None = None  # the runner-up: the best other map, no variant
@@ -254,7 +254,7 @@ def select(
     eligible: Sequence[bool] | None = None,
     elsewhere: Float[FloatArray, "q q"] | None = None,  # shares of vertices that two maps send far apart
     n_tried: int = 2,
-) -> Selection[R]:
+) -> Ranking[R]:
     """Select the eligible map of least score; of those that tie with it, the one nearest to the priors."""
     costs = [fit.score for fit in fits] if scores is None else list(scores)
     noisy = [max(cost, rules.score_noise) for cost in costs]
@@ -290,7 +290,7 @@ def select(
         return bool((differs and agrees) or better)
 
     runners_up = [i for i in others if is_runner_up(i)]
-    return Selection(
+    return Ranking(
         fits[winner],
         tuple(fits[i] for i in others),
         ratio(runners_up),

@@ -181,25 +181,23 @@ def _cut(problem: Problem, most: tuple[int, int], timer: StageTimer) -> Solution
 def _elastic(problem: Problem, attempts: Attempts, timer: StageTimer) -> Solution | None:
     """Match elastically, from the best isometry and its candidates; gives the isometry if it wins and keeps lengths."""
     match = attempts.matches[AS_IT_IS.name]
-    model, measured, first = cast(Isometry, match.model), match.measured, match.selection.winner
+    model, measured, first = cast(Isometry, match.model), match.measured, match.ranking.best
     others = [
         (search_pairs(problem, candidate.target_row), candidate.hypothesis.origin)
         for candidate in match.proposals.eligible
         if candidate.orientation > 0
     ]
     fits = not fits_badly(measured.quality, problem.config.outcome)
-    rivals = [
-        fit for fit in match.selection.runners_up if fit.side == first.side and is_another(model, fit, first)
-    ]
+    rivals = [fit for fit in match.ranking.others if fit.side == first.side and is_another(model, fit, first)]
     elastic = Elastic(problem, first, others, fits, rivals)
     timer.start("bending")
     if elastic.is_needless:
         return None
     stretched = search_under(elastic, timer)
-    selection = stretched.selection
-    if elastic.keeps_lengths(selection.winner):
-        cost = selection.winner.score
-        quality = replace(measured.quality, runner_up=selection.runner_up, bending_cost=cost)
+    ranking = stretched.ranking
+    if elastic.keeps_lengths(ranking.best):
+        cost = ranking.best.score
+        quality = replace(measured.quality, runner_up=ranking.runner_up, bending_cost=cost)
         measured, note = replace(measured, quality=quality), FAR_KEPT
     else:
         timer.start("precision")
@@ -211,8 +209,8 @@ def _elastic(problem: Problem, attempts: Attempts, timer: StageTimer) -> Solutio
 def _part_from_closed(problem: Problem, attempts: Attempts, timer: StageTimer) -> Solution:
     """Refine the map with the holes capped as one of a part, without a search of its own."""
     match, side = attempts.matches[CLOSED.name], cast(PartSide, part_of(problem))
-    origin = origin_of(problem, match.selection.winner)
-    led = image_of(match, side), origin, match.selection.runner_up
+    origin = origin_of(problem, match.ranking.best)
+    led = image_of(match, side), origin, match.ranking.runner_up
     return match_under(Part(problem, side, led), timer)
 
 
@@ -230,7 +228,7 @@ def _creases_cut(problem: Problem, attempts: Attempts, timer: StageTimer) -> Sol
             break
         shapes[side] = creased
         match = _between(problem, shapes[0], shapes[1], timer)
-        if best and match.selection.winner.score > best.selection.winner.score:
+        if best and match.ranking.best.score > best.ranking.best.score:
             break
         best, loose = match, torn(match, side, TORN)
     return _summed_up(problem, best, timer) if best else None
@@ -459,7 +457,7 @@ def _mirror_image_fits(problem: Problem, closed: IsometricMatch, cost: float, ti
     if best is None:
         return False
     mirrored = replace(problem, source=mirror_image(problem.source))
-    image = image_of(replace(closed, selection=replace(closed.selection, winner=best)), side)
+    image = image_of(replace(closed, ranking=replace(closed.ranking, best=best)), side)
     solution = match_under(Part(mirrored, side, (image, best.origin, np.inf)), timer)
     image = on_bodies(mirrored, UserVertices(solution.map.vertices))
     return verifier_of(mirrored)(image).cost < problem.config.outcome.mirror_image * cost

@@ -12,7 +12,7 @@ from isomatch.descriptors import BallSignature, deviation_of
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching.problem import Problem
 from isomatch.matching.result import Quality
-from isomatch.matching.selection import Selection
+from isomatch.matching.selection import Ranking
 from isomatch.settings import COVERAGE_RADIUS
 from isomatch.shapes import orientation_of
 from isomatch.surfaces import Graph, Surface, linked
@@ -21,7 +21,7 @@ MOST_NAMED = 5  # landmarks in a note
 NORMAL_FUNCTIONS = 60  # of the smoothed surfaces whose normals are compared; chosen with poor_orientation
 
 
-def measure_quality(pair: Problem, points: PrecisePoints, selection: Selection[Any] | None = None) -> Quality:
+def measure_quality(pair: Problem, points: PrecisePoints, ranking: Ranking[Any] | None = None) -> Quality:
     """Measure a map of bodies: ``points``, the image of each source vertex, as it was selected if it was."""
     source, target, settings = pair.source, pair.target, pair.config.outcome
     image = BodyVertices(points.corners[:, 0])
@@ -41,9 +41,9 @@ def measure_quality(pair: Problem, points: PrecisePoints, selection: Selection[A
         basis = pair.spectra.source
         orientation = orientation_of(source, basis, target, image[vertices], NORMAL_FUNCTIONS)
     return Quality(
-        spectral_residual=selection.winner.spectral_residual if selection else np.nan,
-        runner_up=selection.runner_up if selection else np.nan,
-        mirrored=selection.mirrored if selection else np.nan,
+        spectral_residual=ranking.best.spectral_residual if ranking else np.nan,
+        runner_up=ranking.runner_up if ranking else np.nan,
+        mirrored=ranking.mirrored if ranking else np.nan,
         residual=alignment_residual(*aligned, signed_procrustes(*aligned)),
         stretch=edge_stretch(source.body, positions, settings.torn),
         torn_off=torn_off_share(source.body, target.body.area, positions, settings.torn_apart),

@@ -37,8 +37,7 @@ from isomatch.matching.model import Match, Proposals, RefiningModel
 from isomatch.matching.problem import Problem, search_pairs
 from isomatch.matching.proposals.priors import starts_from_priors
 from isomatch.matching.result import Quality
-from isomatch.matching.selection import LANDMARK_SLACK, Rules, Selection, distances_between, distinct, select
-from isomatch.matching.verify import Verification, verifier_of
+from isomatch.matching.selection import LANDMARK_SLACK, Ranking, Rules, distances_between, distinct, select
 
 # those without another source: docs/lab/design_notes.md
 # best coarse fits that go on after each step; the last are bent, with maps from elsewhere
@@ -176,28 +175,28 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
         rivals: list[StretchedFit],
         proposals: Proposals[StretchedFit],
         timer: StageTimer,
-    ) -> Selection[StretchedFit]:
+    ) -> Ranking[StretchedFit]:
         """Select the map that verifies best."""
         fits = sorted(maps, key=attrgetter("score"))
         apart = distances_between([fit.image for fit in fits], self.target.mean_distances)
         tie = PRIORED_TIE if len(self.priors.initial_pairs) else 1.0
         least = self.pair.config.selection.runner_up_distance
         rules = Rules(runner_up_distance=least, tie=tie, landmark_slack=LANDMARK_SLACK)
-        costs = parallel_map(lambda fit: self._verified(fit).cost, fits)
-        selection = select(fits, apart, rules, scores=costs)
+        costs = parallel_map(lambda fit: self.verified(fit).cost, fits)
+        ranking = select(fits, apart, rules, scores=costs)
         # one that differs must cost more, and not score less
-        of_winner = apart[fits.index(selection.winner)]
+        of_winner = apart[fits.index(ranking.best)]
         scores = [fit.score for fit, distance in zip(fits, of_winner) if distance > least]
-        ratio = max(min(scores, default=np.inf) / selection.winner.score, 1.0)
-        return replace(selection, runner_up=min(selection.runner_up, ratio))
+        ratio = max(min(scores, default=np.inf) / ranking.best.score, 1.0)
+        return replace(ranking, runner_up=min(ranking.runner_up, ratio))
 
     def coordinates(self, best: StretchedFit) -> Embedding:
         """Coordinates of all vertices in which images are nearest points."""
         return self.everywhere(best)
 
-    def _verified(self, fit: StretchedFit) -> Verification:
-        everywhere = BodyVertices(np.arange(self.source.body.n_vertices))
-        return verifier_of(self.pair)(self._bendings[0].images(fit.bent[0], everywhere))
+    def image(self, best: StretchedFit) -> Int[BodyVertices, "n_s"]:
+        """Vertex of the target's body for each of the source's, bent at the lower resolution."""
+        return self._bendings[0].images(best.bent[0], np.arange(self.source.body.n_vertices))
 
     @property
     def is_needless(self) -> bool:
@@ -381,9 +380,9 @@ class Elastic(RefiningModel[StretchedFit, Embedding]):
         """Take the nearest points under the map selected, and measure it."""
         points = self.target.index.points(match.coordinates.target, match.coordinates.source)
         distance = descriptor_distance_of(self.source.balls, self.target.balls, points.corners[:, 0])
-        selection, quality = match.selection, measure_quality(self.pair, points)
-        winner, n_bent = selection.winner, 1 + len(selection.runners_up)
-        quality = replace(quality, runner_up=selection.runner_up, bending_cost=winner.score)
+        ranking, quality = match.ranking, measure_quality(self.pair, points)
+        winner, n_bent = ranking.best, 1 + len(ranking.others)
+        quality = replace(quality, runner_up=ranking.runner_up, bending_cost=winner.score)
         reason = f"verified best of {match.proposals.n_tried} elastic maps, {n_bent} bent"
         return Measured(points, quality, distance, reason, winner.origin)
 

@@ -16,7 +16,7 @@ from isomatch.matching.model import RefiningModel
 from isomatch.matching.problem import Problem
 from isomatch.matching.proposals.pose import starts_from_pose
 from isomatch.matching.proposals.priors import start_from_pairs
-from isomatch.matching.selection import Selection, ranked
+from isomatch.matching.selection import Ranking, ranked
 from isomatch.settings import Orientation
 from isomatch.shapes import CURVATURE_WEIGHT, orientation_of
 
@@ -124,12 +124,12 @@ def first_map(
     return image, order[0].hypothesis.origin
 
 
-def is_sure(model: RefiningModel[Fit, Embedding], selection: Selection[Fit]) -> bool:
+def is_sure(model: RefiningModel[Fit, Embedding], ranking: Ranking[Fit]) -> bool:
     """Whether no other map ties with the winner and it is far from poor by every measure, so that no other would win."""
-    winner, bounds = selection.winner, model.pair.config.outcome
+    winner, bounds = ranking.best, model.pair.config.outcome
     areas = model.source.body.vertex_areas[model.vertices]
     return (
-        selection.runner_up > bounds.tie
+        ranking.runner_up > bounds.tie
         and winner.spectral_residual < SURE * bounds.poor_spectral_residual
         and residual_of(model.pair, model.vertices, winner.image) < SURE * bounds.poor_residual
         and mean_known(model.descriptor_distance(winner), areas) < SURE * bounds.poor_descriptor_distance

@@ -47,8 +47,8 @@ from isomatch.matching.selection import (
     ENERGY_NOISE,
     LANDMARK_SLACK,
     SCORE_NOISE,
+    Ranking,
     Rules,
-    Selection,
     contenders,
     distances_between,
     nearest_to_priors,
@@ -57,7 +57,6 @@ from isomatch.matching.selection import (
     survivors,
 )
 from isomatch.matching.smooth_pair import SmoothPair
-from isomatch.matching.verify import verifier_of
 
 ELSEWHERE_DISTANCE = 0.3  # √area: from one limb to another, twice runner_up_distance
 TURNED = 0.2  # √area: mean distance from which a map is turned as a whole; half turns of ants 0.24, trunks alone to 0.2
@@ -134,13 +133,13 @@ class Isometry(RefiningModel[Fit, Embedding]):
 
     def rank(
         self, maps: list[Fit], rivals: list[Fit], proposals: Proposals[Fit], timer: StageTimer
-    ) -> Selection[Fit]:
+    ) -> Ranking[Fit]:
         """Select by score and descriptors; those that tie by what they cost on the shapes as they are."""
         may_win = [True] * len(maps) + [False] * len(rivals)
-        selection = self._selected([*maps, *rivals], may_win, proposals.n_tried)
+        ranking = self._selected([*maps, *rivals], may_win, proposals.n_tried)
         if self._found is None and self.problem.starts is None:
-            selection = self._with_those_given_up(selection, proposals.eligible)
-        return self._against_mirror_image(self._best_verified(selection), proposals.eligible)
+            ranking = self._with_those_given_up(ranking, proposals.eligible)
+        return self._against_mirror_image(self._best_verified(ranking), proposals.eligible)
 
     def coordinates(self, best: Fit) -> Embedding:
         """Coordinates of all vertices in which images are nearest points."""
@@ -244,7 +243,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
         """Joint coordinates of all vertices, with all functions, after registration."""
         return registered(self.pair, fit.image, fit.side, self.refinement.smooth)
 
-    def _selected(self, fits: list[Fit], may_win: list[bool], n_tried: int = 2) -> Selection[Fit]:
+    def _selected(self, fits: list[Fit], may_win: list[bool], n_tried: int = 2) -> Ranking[Fit]:
         """Select among refined maps, also by what they look like where they differ."""
         return select(
             fits,
@@ -256,15 +255,13 @@ class Isometry(RefiningModel[Fit, Embedding]):
             n_tried=n_tried,
         )
 
-    def _with_those_given_up(
-        self, selection: Selection[Fit], candidates: Sequence[Candidate]
-    ) -> Selection[Fit]:
+    def _with_those_given_up(self, ranking: Ranking[Fit], candidates: Sequence[Candidate]) -> Ranking[Fit]:
         """Refine to the end what was given up on the way to a winner that is not sure, if it differs as a whole."""
         # a half turn of an ant is given up at 1.15 times the spectral residual, and ties by the score
-        first, config = selection.winner, self.pair.config
-        if not self._sided or first.candidate is None or is_sure(self, selection):
-            return selection
-        known = [first, *selection.runners_up]
+        first, config = ranking.best, self.pair.config
+        if not self._sided or first.candidate is None or is_sure(self, ranking):
+            return ranking
+        known = [first, *ranking.others]
         ended = [fit.candidate.target_row for fit in known if fit.candidate]
         others = contenders(candidates, config.orientation, config.selection)
         fits = self.refine(self.begun(distinct_maps(self.pair, others, before=ended)))
@@ -277,46 +274,45 @@ class Isometry(RefiningModel[Fit, Embedding]):
         config, oriented = self.pair.config, self.pair.oriented
         return oriented and config.orientation != "any" and config.hypotheses == "all" and not self.priors.any
 
-    def _best_verified(self, selection: Selection[Fit]) -> Selection[Fit]:
+    def _best_verified(self, ranking: Ranking[Fit]) -> Ranking[Fit]:
         """Of refined maps that tie, take the one that verifies best; nothing tells which of them is right."""
         # where neither shape has handles, which shorten distances, or caps; docs/lab/design_notes.md, one verification
-        first, tie, shapes = selection.winner, self.pair.config.outcome.tie, (self.source, self.target)
+        first, tie, shapes = ranking.best, self.pair.config.outcome.tie, (self.source, self.target)
         if not self._sided or any(shape.handles or shape.original for shape in shapes):
-            return selection
-        fits = (first, *selection.runners_up)
+            return ranking
+        fits = (first, *ranking.others)
         tied = [fit for fit in fits if fit.score <= tie * first.score and fit.side == first.side]
         tied = nearest_to_priors(tied, LANDMARK_SLACK)  # where shapes lie in space, if that was said to count
         if len(tied) == 1:
-            return selection
-        costs = [verifier_of(self.pair)(self._image(fit)).cost for fit in tied]
+            return ranking
+        costs = [self.verified(fit).cost for fit in tied]
         best = tied[int(np.argmin(costs))]
         if best is first:
-            return selection
-        ratio = 1.0 if is_another(self, best, first) else selection.runner_up
-        against = first if selection.against in (None, best) else selection.against
+            return ranking
+        ratio = 1.0 if is_another(self, best, first) else ranking.runner_up
+        against = first if ranking.against in (None, best) else ranking.against
         rest = tuple(fit for fit in fits if fit is not best)
-        return replace(selection, winner=best, runners_up=rest, runner_up=ratio, against=against)
+        return replace(ranking, best=best, others=rest, runner_up=ratio, against=against)
 
-    def _image(self, fit: Fit) -> Int[BodyVertices, "n_s"]:
-        embedding = self.everywhere(fit)
+    def image(self, best: Fit) -> Int[BodyVertices, "n_s"]:
+        """Vertex of the target's body for each of the source's."""
+        embedding = self.everywhere(best)
         return BodyVertices(self.target.index.vertices(embedding.target, embedding.source))
 
-    def _against_mirror_image(
-        self, selection: Selection[Fit], candidates: Sequence[Candidate]
-    ) -> Selection[Fit]:
+    def _against_mirror_image(self, ranking: Ranking[Fit], candidates: Sequence[Candidate]) -> Ranking[Fit]:
         """Compare the winner with the best map of the orientation that is not allowed, if that seems to fit better."""
         if not self._sided:
-            return selection
+            return ranking
         config = self.pair.config
         settings, bounds, wanted = config.selection, config.outcome, self._wanted_sign
         kept = min((c.energy for c in candidates if wanted * c.orientation > 0), default=np.inf)
         hopeful = [c for c in self.turned(candidates) if c.energy < settings.mirrored_energy * kept]
         if not hopeful:
-            return selection
-        fits = [selection.winner, *self.refine(self.begun(hopeful[:MOST_MIRRORED]))]
-        costs = self.weighed(fits, [fit.score for fit in fits], [fit is selection.winner for fit in fits])
+            return ranking
+        fits = [ranking.best, *self.refine(self.begun(hopeful[:MOST_MIRRORED]))]
+        costs = self.weighed(fits, [fit.score for fit in fits], [fit is ranking.best for fit in fits])
         ratio = max(min(costs[1:]), SCORE_NOISE) / max(costs[0], SCORE_NOISE)
-        return replace(selection, mirrored=ratio) if ratio < bounds.mirror_image else selection
+        return replace(ranking, mirrored=ratio) if ratio < bounds.mirror_image else ranking
 
     def turned(self, candidates: Sequence[Candidate]) -> list[Candidate]:
         """Return the candidates that clearly have the orientation that is not allowed, least energy first."""
@@ -347,23 +343,23 @@ class Isometry(RefiningModel[Fit, Embedding]):
 
     def measure(self, match: IsometricMatch) -> Measured:
         """Take the nearest points, and measure the map."""
-        pair, selection = self.pair, match.selection
+        pair, ranking = self.pair, match.ranking
         points = self.target.index.points(match.coordinates.target, match.coordinates.source)
-        quality = measure_quality(pair, points, selection)
+        quality = measure_quality(pair, points, ranking)
         doubt = None
-        if selection.against:
-            doubt = doubt_of(pair, selection.winner.image, selection.against.image, selection.runner_up)
+        if ranking.against:
+            doubt = doubt_of(pair, ranking.best.image, ranking.against.image, ranking.runner_up)
         exponent = pair.config.selection.energy_exponent
         reason = (
             f"least spectral residual × energy^{exponent:g}; {match.proposals.n_tried} candidates, "
-            f"{1 + len(selection.runners_up)} refined to the end"
+            f"{1 + len(ranking.others)} refined to the end"
         )
-        if selection.priors_decided:
+        if ranking.priors_decided:
             reason += "; of those that tie, it agrees best with the priors"
-        if selection.runner_up < np.inf:
-            reason += f"; the best alternative scores {selection.runner_up:.2f} times as much"
+        if ranking.runner_up < np.inf:
+            reason += f"; the best alternative scores {ranking.runner_up:.2f} times as much"
         distance = descriptor_distance_of(self.source.balls, self.target.balls, points.corners[:, 0])
-        winner = selection.winner
+        winner = ranking.best
         return Measured(points, quality, distance, reason, origin_of(pair, winner), doubt=doubt, fit=winner)
 
     def sum_up(
@@ -371,9 +367,9 @@ class Isometry(RefiningModel[Fit, Embedding]):
     ) -> Solution:
         """Polish, carry and sum up a map; one between shapes far from isometric comes with a ``note``."""
         pair, map_, far = self.pair, measured, note is not None
-        selection, runners_up = match.selection, None
-        if selection.against and selection.runner_up < pair.config.outcome.tie and not far:
-            runners_up = selection.winner.image, selection.against.image
+        ranking, runners_up = match.ranking, None
+        if ranking.against and ranking.runner_up < pair.config.outcome.tie and not far:
+            runners_up = ranking.best.image, ranking.against.image
         regions = regions_of_doubt(pair, map_.descriptor_distance, runners_up)
         doubt = doubt_in(regions, self.source.body.n_vertices) + (0.0 if map_.doubt is None else map_.doubt)
         errors = expected_errors(pair, map_.points, doubt)
@@ -388,7 +384,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
         evidence = [map_.evidence(pair, far)]
         if pair.round and not pair.priors.any:
             evidence.append(Evidence(ambiguous=True))
-        notes = self._notes(selection)
+        notes = self._notes(ranking)
         if level is not pair:
             sizes = level.source.body.n_vertices, level.target.body.n_vertices
             notes.append("polished on {} and {} vertices".format(*sizes))
@@ -429,7 +425,7 @@ class Isometry(RefiningModel[Fit, Embedding]):
         first = map_.fit or self.refine(self.begun([own]))[0]
         fits = self.refine(self.begun(distinct_maps(pair, turned, MOST_TURNED)))
         fits = [fit for fit in fits if fit.score <= bounds.tie * first.score and is_another(self, fit, first)]
-        cost, *costs = parallel_map(lambda fit: verifier_of(pair)(self._image(fit)).cost, [first, *fits])
+        cost, *costs = parallel_map(lambda fit: self.verified(fit).cost, [first, *fits])
         tied = sorted((c, i) for i, c in enumerate(costs) if c <= AS_WELL * cost)
         return [candidate for _, i in tied if (candidate := fits[i].candidate)]
 
@@ -441,14 +437,14 @@ class Isometry(RefiningModel[Fit, Embedding]):
         embedding = registered(finer, image, fit.side, self.refinement.smooth)
         return finer.target.index.points(embedding.target, embedding.source)
 
-    def _notes(self, selection: Selection[Fit]) -> list[str]:
+    def _notes(self, ranking: Ranking[Fit]) -> list[str]:
         """Tell what could not be done as it was asked for."""
         pair, notes = self.pair, []
         if not pair.oriented and pair.config.orientation == "reverse":
             notes.append("orientation = 'reverse' has no effect: points and graphs have no normals")
-        if np.isnan(selection.runner_up):
+        if np.isnan(ranking.runner_up):
             notes.append("no other map was tried: symmetric maps go unnoticed")
-        off = selection.winner.prior_error
+        off = ranking.best.prior_error
         if pair.config.start == "pose" and not self.priors.any and off > pair.config.outcome.out_of_pose:
             notes.append(
                 f"images are {off:.2f} √area from the nearest points in space: the shapes do not seem to be aligned, so "
@@ -458,8 +454,8 @@ class Isometry(RefiningModel[Fit, Embedding]):
 
     def _alternatives(self, match: IsometricMatch, rivals: list[Candidate]) -> tuple[Alternative, ...]:
         """Rivals, and runners-up that differ from the winner, which comes first, and from each other; not refined."""
-        pair, settings, selection = self.pair, self.pair.config.selection, match.selection
-        refined = [fit.candidate for fit in (selection.winner, *selection.runners_up) if fit.candidate]
+        pair, settings, ranking = self.pair, self.pair.config.selection, match.ranking
+        refined = [fit.candidate for fit in (ranking.best, *ranking.others) if fit.candidate]
         order = [*refined[:1], *rivals, *refined[1:], *match.proposals.eligible, *match.proposals.runners_up]
         kept = distinct_maps(pair, order, 1 + settings.most_alternatives)
         maps = (partial(_extended_map, pair, candidate.target_row) for candidate in kept[1:])

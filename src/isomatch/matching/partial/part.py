@@ -55,15 +55,14 @@ from isomatch.matching.proposals.pose import nearest_in_pose
 from isomatch.matching.result import Alternative, Quality
 from isomatch.matching.selection import (
     LANDMARK_SLACK,
+    Ranking,
     Rules,
-    Selection,
     distances_between,
     distinct,
     nearest_to_priors,
     select,
 )
 from isomatch.matching.smooth_pair import SmoothPair
-from isomatch.matching.verify import verifier_of
 from isomatch.shapes import PreparedShape
 
 # those without another source were chosen together on cuts and holes
@@ -175,7 +174,7 @@ class Part(RefiningModel[PartFit, BentPart]):
 
     def rank(
         self, maps: list[PartFit], rivals: list[PartFit], proposals: Proposals[PartFit], timer: StageTimer
-    ) -> Selection[PartFit]:
+    ) -> Ranking[PartFit]:
         """Settle the best, and select by cost; of maps in doubt the one that verifies best."""
         settings = self.pair.config.parts
         fits, costs = self._by_cost(maps)
@@ -187,25 +186,25 @@ class Part(RefiningModel[PartFit, BentPart]):
         rules = Rules(
             runner_up_distance=APART, tie=settings.tie, mirror_tie=settings.tie, landmark_slack=LANDMARK_SLACK
         )
-        selection = select(fits, apart, rules, scores=costs)
+        ranking = select(fits, apart, rules, scores=costs)
         if self.led:  # by a match that has looked for others
-            selection = replace(selection, runner_up=min(selection.runner_up, self.led[2]))
-        return self._verified_if_in_doubt(selection)
+            ranking = replace(ranking, runner_up=min(ranking.runner_up, self.led[2]))
+        return self._verified_if_in_doubt(ranking)
 
-    def _verified_if_in_doubt(self, selection: Selection[PartFit]) -> Selection[PartFit]:
-        best = selection.winner
-        fits, doubt = self._distinct([best, *selection.runners_up], N_CONTENDERS), self._doubt(selection)
+    def _verified_if_in_doubt(self, ranking: Ranking[PartFit]) -> Ranking[PartFit]:
+        best = ranking.best
+        fits, doubt = self._distinct([best, *ranking.others], N_CONTENDERS), self._doubt(ranking)
         if doubt.evidence.poor or doubt.evidence.ambiguous:
             fits = self._by_verification(fits)
-        selection = replace(selection, distinct=tuple(fits[1:]))
+        ranking = replace(ranking, distinct=tuple(fits[1:]))
         if fits[0] is best:
-            return selection
+            return ranking
         ratio = min(best.cost / fits[0].cost, 1.0)  # its own cost speaks for another
-        return replace(selection, winner=fits[0], runner_up=ratio)
+        return replace(ranking, best=fits[0], runner_up=ratio)
 
-    def _doubt(self, selection: Selection[PartFit]) -> PartDoubt:
-        best = selection.winner
-        return PartDoubt(best.bent_cost, selection.runner_up, best.pair.trusted, self.pair.config.parts)
+    def _doubt(self, ranking: Ranking[PartFit]) -> PartDoubt:
+        best = ranking.best
+        return PartDoubt(best.bent_cost, ranking.runner_up, best.pair.trusted, self.pair.config.parts)
 
     def descriptor_distance(self, fit: PartFit) -> Float[FloatArray, "r"]:
         """Descriptor distance of the vertices and their images, by balls."""
@@ -225,6 +224,10 @@ class Part(RefiningModel[PartFit, BentPart]):
     def coordinates(self, best: PartFit) -> BentPart:
         """Bend the part onto the whole by a map, in full."""
         return best.bending.laid_in_full(best.bent, self.pair.config.parts.bending[-N_BENT_IN_FULL:])
+
+    def image(self, best: PartFit) -> Int[BodyVertices, "n_part"]:
+        """Vertex of the whole for each of the part, bent at the lower resolution."""
+        return self.fits.bending.images(best.bent, np.arange(self.source.body.n_vertices))
 
     def _distinct(self, fits: list[PartFit], count: int) -> list[PartFit]:
         return distinct(fits, lambda fit: fit.image, self.target.mean_distances, APART, count)
@@ -283,9 +286,7 @@ class Part(RefiningModel[PartFit, BentPart]):
         fits = nearest_to_priors(fits, LANDMARK_SLACK)
         if self.led or len(fits) < 2:
             return fits
-        verified = verifier_of(self.pair)
-        vertices = np.arange(self.source.body.n_vertices)
-        costs = [verified(self.fits.bending.images(fit.bent, vertices)).cost for fit in fits]
+        costs = [self.verified(fit).cost for fit in fits]
         return [fits[i] for i in np.argsort(costs, kind="stable")]
 
     def _alternatives(self, fits: Sequence[PartFit]) -> tuple[Alternative, ...]:
@@ -308,17 +309,17 @@ class Part(RefiningModel[PartFit, BentPart]):
 
     def measure(self, match: Match[PartFit, BentPart]) -> Measured:
         """Measure the map in the direction asked for."""
-        best, bent = match.selection.winner, match.coordinates
+        best, bent = match.ranking.best, match.coordinates
         points, matched, unit = self._directed(best, bent)
         balls = best.pair.signature, best.pair.whole.balls
         here, there = balls if self.side == "source" else balls[::-1]
         descriptor_distance = descriptor_distance_of(here, there, points.corners[:, 0], matched)
-        reason = f"fits best of {1 + len(match.selection.runners_up)} maps of a part refined to the end"
+        reason = f"fits best of {1 + len(match.ranking.others)} maps of a part refined to the end"
         return measured_part(self.problem, best, bent, unit, points, matched, descriptor_distance, reason)
 
     def sum_up(self, match: Match[PartFit, BentPart], measured: Measured, timer: StageTimer) -> Solution:
         """Sum up the map in the direction asked for."""
-        best, bent, covered = match.selection.winner, match.coordinates, measured.matched
+        best, bent, covered = match.ranking.best, match.coordinates, measured.matched
         errors = expected_errors_of_part(best.pair, bent.points)
         if self.side == "target":
             errors = errors[measured.points.corners[:, 0]] / best.pair.unit
@@ -331,9 +332,9 @@ class Part(RefiningModel[PartFit, BentPart]):
         ]
         evidence = (contradiction(self.problem, measured),)
         solution = measured.solution(self.problem, errors, evidence, notes).doubted(
-            self._doubt(match.selection)
+            self._doubt(match.ranking)
         )
-        return replace(solution, alternatives=self._alternatives(match.selection.distinct))
+        return replace(solution, alternatives=self._alternatives(match.ranking.distinct))
 
 
 @cached_method

@@ -36,7 +36,7 @@ from isomatch.matching.priors import Priors
 from isomatch.matching.problem import Problem
 from isomatch.matching.proposals.pose import nearest_in_pose
 from isomatch.matching.result import Alternative
-from isomatch.matching.selection import Selection
+from isomatch.matching.selection import Ranking
 from isomatch.matching.verify import largest_piece
 from isomatch.settings import Config
 from isomatch.shapes import region_of
@@ -175,12 +175,16 @@ class TwoParts(MatchingModel[RefinedRegion, BentPart]):
         rivals: list[RefinedRegion],
         proposals: Proposals[RefinedRegion],
         timer: StageTimer,
-    ) -> Selection[RefinedRegion]:
+    ) -> Ranking[RefinedRegion]:
         """Take the first region, and compare it with the next that differs and holds as many landmarks."""
         best, *rest = maps
         others = tuple(each for each in rest if each.held >= best.held and self._differs(best, each))
         lead = best.score / others[0].score if others and others[0].score else np.inf
-        return Selection(best, tuple(rest), lead, np.inf, others[0] if others else None, distinct=others)
+        return Ranking(best, tuple(rest), lead, np.inf, others[0] if others else None, distinct=others)
+
+    def image(self, best: RefinedRegion) -> Int[BodyVertices, "n_s"]:
+        """Vertex of the target for each of the source, −1 where it has none."""
+        return BodyVertices(np.where(best.matched, best.image, UNMATCHED))
 
     def coordinates(self, best: RefinedRegion) -> BentPart:
         """Bend the region in full."""
@@ -276,7 +280,7 @@ class TwoParts(MatchingModel[RefinedRegion, BentPart]):
 
     def measure(self, match: Match[RefinedRegion, BentPart]) -> Measured:
         """Measure the map of the region."""
-        pair, best, bent = self.pair, match.selection.winner, match.coordinates
+        pair, best, bent = self.pair, match.ranking.best, match.coordinates
         n = pair.source.body.n_vertices
         points, matched = PrecisePoints.at_vertices(np.zeros(n, dtype=np.int64)), np.zeros(n, dtype=bool)
         points.corners[best.vertices], points.barycentric[best.vertices] = bent.points
@@ -294,11 +298,11 @@ class TwoParts(MatchingModel[RefinedRegion, BentPart]):
         self, match: Match[RefinedRegion, BentPart], measured: Measured, timer: StageTimer
     ) -> Solution:
         """Sum up the map of the region."""
-        pair, selection, best = self.pair, match.selection, match.selection.winner
+        pair, ranking, best = self.pair, match.ranking, match.ranking.best
         errors = np.full(pair.source.body.n_vertices, np.nan)
         errors[best.vertices] = expected_errors_of_part(best.fit.pair, match.coordinates.points)
         led = 0 < len(self._regions.source.landmarks) == best.held
-        doubt = CommonDoubt(best.worth, selection.runner_up, led, pair.config.parts)
+        doubt = CommonDoubt(best.worth, ranking.runner_up, led, pair.config.parts)
         areas = pair.source.body.vertex_areas
         share = areas[measured.matched].sum() / areas.sum()
         notes = [
@@ -309,7 +313,7 @@ class TwoParts(MatchingModel[RefinedRegion, BentPart]):
             notes.append(f"{len(self.left_out)} regions in common were left out: {self.left_out[0]}")
         evidence = (contradiction(pair, measured),)
         solution = measured.solution(pair, errors, evidence, notes).doubted(doubt)
-        return replace(solution, alternatives=self._alternatives(selection.distinct))
+        return replace(solution, alternatives=self._alternatives(ranking.distinct))
 
 
 def _ranked(regions: list[RefinedRegion]) -> list[RefinedRegion]:
