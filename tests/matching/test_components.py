@@ -289,15 +289,15 @@ def test_a_rigid_motion_is_carried_exactly(creatures):
 class OfLargeOnes(Isometry):
     """A relation that finds no map of small components."""
 
-    def solution(self, timer):
+    def propose(self, timer):
         if self.source.share < 0.5:
             raise NotConvergedError("none was found")
-        return super().solution(timer)
+        return super().propose(timer)
 
 
 @pytest.mark.long
 def test_components_without_a_map_are_noted():
     ball = two_spheres(2, 0.4)
     flat = ball.vertices * np.where(ball.components[:, None] == ball.components[-1], [1.0, 1.0, 0.5], 1.0)
-    found = match(ball, Mesh(flat, ball.faces), relation=OfLargeOnes())
+    found = match(ball, Mesh(flat, ball.faces), relation=OfLargeOnes)
     assert any("was not matched to the component" in n and "none was found" in n for n in found.notes)

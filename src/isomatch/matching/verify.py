@@ -49,7 +49,8 @@ class Verification(Shown):
     Parameters
     ----------
     support : float
-        Share of the area that has a counterpart, of the shape that has more of it: 1 for a part inside a whole.
+        Share of the area that has a counterpart: of two wholes the smaller share, of a part in a whole that of the part,
+        of two parts the larger share.
     descriptor_distance : float
         Mean over the area of how differently the surfaces look around points and their images, both ways, in standard
         deviations; see `BallSignature`. nan if nothing is known.
@@ -168,10 +169,10 @@ def verifier_of(pair: Problem) -> Verifier:
 class Verifier:
     """Verifies maps of the bodies of one pair of meshes; what it needs of the shapes is computed once."""
 
-    def __init__(self, pair: Problem) -> None:
-        self.shapes = pair.source, pair.target
-        long = pair.config.parts.long_boundary
-        self.are_whole = pair.config.scale == "area" or all(x.longest_boundary <= long for x in self.shapes)
+    def __init__(self, pair: Problem, n_bent: int = N_BENT) -> None:
+        self.shapes, self.n_bent = (pair.source, pair.target), n_bent
+        self.is_whole = [x.longest_boundary <= pair.config.parts.long_boundary for x in self.shapes]
+        self.are_whole = pair.config.scale == "area" or all(self.is_whole)
         ratio = pair.source.scale / pair.target.scale
         told = not self.are_whole and 1 / MOST_UNLIKE <= ratio <= MOST_UNLIKE
         self.unit = ratio if told else 1.0
@@ -184,7 +185,7 @@ class Verifier:
         if not matched.any():
             seconds = time.perf_counter() - started
             return Verification(0.0, np.nan, np.nan, np.nan, np.nan, self.unit, seconds)
-        back, gap = _inverse(target, image)
+        back, gap = inverse(target, image)
         covered = gap <= COVERED
         back = BodyVertices(np.where(covered, back, UNMATCHED))
         unit = self.unit_of(image)
@@ -192,10 +193,17 @@ class Verifier:
         (there, turned), (onto_source, turned_back) = parallel_map(lambda way: self._bent(*way), ways)
         areas = source.body.vertex_areas, target.body.vertex_areas
         apart = [mean_known(self._apart(way, to), areas[way]) for way, to, _ in ways]
-        support = max(_share(source, matched), _share(target, covered))
+        support = self._support(_share(source, matched), _share(target, covered))
         distance = float(np.nanmean(apart)) if np.isfinite(apart).any() else np.nan
         turning, seconds = float(np.sqrt(turned * turned_back)), time.perf_counter() - started
         return Verification(support, distance, there, onto_source, turning, unit, seconds)
+
+    def _support(self, *shares: float) -> float:
+        """Combine the shares that have a counterpart: of wholes both count, of a part in a whole its own."""
+        # A map that sends two limbs to one leaves the other uncovered; its larger share is 1.
+        if all(self.is_whole):
+            return min(shares)
+        return max(shares) if not any(self.is_whole) else shares[self.is_whole.index(False)]
 
     @cached_property
     def _balls(self) -> tuple[tuple[BallSignature, BallSignature], FloatArray]:
@@ -203,6 +211,10 @@ class Verifier:
         lengths = self.unit, 1.0
         source, target = (_balls(shape, length / max(lengths)) for shape, length in zip(self.shapes, lengths))
         return (source, target), deviation_of(source, target)
+
+    def unlikeness(self, image: Int[BodyVertices, "n_s"]) -> Float[FloatArray, "n_s"]:
+        """Descriptor distance of the source's vertices and their images; nan where unknown."""
+        return self._apart(0, image)
 
     def _apart(self, way: int, image: Int[BodyVertices, "n"]) -> Float[FloatArray, "n"]:
         """Descriptor distance of the vertices of one shape and their images; nan where unknown."""
@@ -230,7 +242,7 @@ class Verifier:
 
     @cached_method
     def _coarse(self, way: int) -> Prolongation:
-        return Prolongation(self._meshes[way], decimate(self._meshes[way], N_BENT))
+        return Prolongation(self._meshes[way], decimate(self._meshes[way], self.n_bent))
 
     @cached_method
     def _registration(self, way: int) -> RigidRegistration:
@@ -261,7 +273,7 @@ def _balls(shape: PreparedShape, length: float) -> BallSignature:
     return ball_signature(shape.mesh_body, RADII, unit=1 / length, samples=samples, weld=False)
 
 
-def _inverse(
+def inverse(
     target: PreparedShape, image: Int[BodyVertices, "n_s"]
 ) -> tuple[Int[BodyVertices, "n_t"], Float[FloatArray, "n_t"]]:
     """Vertex of the source whose image is nearest to each of the target's, and how far that is, in √area."""

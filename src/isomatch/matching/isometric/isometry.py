@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from operator import attrgetter
 from typing import TypeAlias
@@ -14,7 +14,7 @@ from isomatch._core.arrays import BodyVertices, Bool, BoolArray, Float, FloatArr
 from isomatch._core.errors import SettingError
 from isomatch._core.stage_timer import StageTimer
 from isomatch._core.threads import parallel_map, serial_blas
-from isomatch.correspondence import Alignment, Correspondence, Embedding, PrecisePoints
+from isomatch.correspondence import UNMATCHED, Alignment, Correspondence, Embedding, PrecisePoints
 from isomatch.matching.assessment.confidence import (
     doubt_in,
     doubt_of,
@@ -28,6 +28,7 @@ from isomatch.matching.assessment.quality import (
     measure_quality,
 )
 from isomatch.matching.coordinates import refined_images, registered
+from isomatch.matching.exchange import exchange_regions
 from isomatch.matching.isometric.candidates import (
     Screening,
     energy_of,
@@ -57,6 +58,7 @@ from isomatch.matching.selection import (
     survivors,
 )
 from isomatch.matching.smooth_pair import SmoothPair
+from isomatch.matching.verify import inverse, verifier_of
 
 ELSEWHERE_DISTANCE = 0.3  # √area: from one limb to another, twice runner_up_distance
 TURNED = 0.2  # √area: mean distance from which a map is turned as a whole; half turns of ants 0.24, trunks alone to 0.2
@@ -64,6 +66,7 @@ MOST_TURNED = 4  # such maps, which are refined
 # cost of a verification, over that of the map, up to which the map composed with a near-symmetry fits as well; of the
 # right map over a half turn of ants 1.46 at most, of a wrong map over the right one of animals 1.59 at least
 AS_WELL = 1.5
+MOST_FROM_TARGET = 2  # maps found from the target that contend, of those that tie there; chosen
 MOST_MIRRORED = 3  # maps of the orientation that is not allowed, which are refined
 
 
@@ -96,6 +99,15 @@ def torn(match: IsometricMatch, side: int, apart: float) -> Bool[BoolArray, "n_o
     far = there.distance(image[copies], image[here.original_vertex[copies]]) > apart
     torn[here.original_vertex[copies[far]]] = True  # a vertex may have several copies
     return torn
+
+
+@dataclass(frozen=True, eq=False)
+class VerifiedFit:
+    """A refined map, its images of all vertices, and its cost by `verify`."""
+
+    fit: Fit
+    image: Int[BodyVertices, "n_s"]
+    cost: float
 
 
 class Isometry(RefiningModel[Fit, Embedding]):
@@ -135,11 +147,21 @@ class Isometry(RefiningModel[Fit, Embedding]):
         self, maps: list[Fit], rivals: list[Fit], proposals: Proposals[Fit], timer: StageTimer
     ) -> Ranking[Fit]:
         """Select by score and descriptors; those that tie by what they cost on the shapes as they are."""
+        ranking = self._best_verified(self.select(maps, proposals, rivals))
+        return self._against_mirror_image(ranking, proposals.eligible)
+
+    def select(
+        self, maps: Sequence[Fit], proposals: Proposals[Fit], rivals: Sequence[Fit] = ()
+    ) -> Ranking[Fit]:
+        """Select by score and descriptors; what was given up on the way to a winner that is not sure contends, too."""
         may_win = [True] * len(maps) + [False] * len(rivals)
         ranking = self._selected([*maps, *rivals], may_win, proposals.n_tried)
-        if self._found is None and self.problem.starts is None:
-            ranking = self._with_those_given_up(ranking, proposals.eligible)
-        return self._against_mirror_image(self._best_verified(ranking), proposals.eligible)
+        return self._with_those_given_up(ranking, proposals.eligible) if self._is_automatic else ranking
+
+    @property
+    def _is_automatic(self) -> bool:
+        """Whether hypotheses are searched by the default starts."""
+        return self._found is None and self.problem.starts is None
 
     def coordinates(self, best: Fit) -> Embedding:
         """Coordinates of all vertices in which images are nearest points."""
@@ -275,24 +297,66 @@ class Isometry(RefiningModel[Fit, Embedding]):
         return oriented and config.orientation != "any" and config.hypotheses == "all" and not self.priors.any
 
     def _best_verified(self, ranking: Ranking[Fit]) -> Ranking[Fit]:
-        """Of refined maps that tie, take the one that verifies best; nothing tells which of them is right."""
-        # where neither shape has handles, which shorten distances, or caps; docs/lab/design_notes.md, one verification
+        """Of refined maps that tie, and those found from the target if none is sure, take the one that verifies best."""
+        # a map is sought from the target, and limbs are exchanged, where distances are those of the shapes as they are;
+        # docs/lab/design_notes.md, both sides and exchange
         first, tie, shapes = ranking.best, self.pair.config.outcome.tie, (self.source, self.target)
-        if not self._sided or any(shape.handles or shape.original for shape in shapes):
+        if not self._sided or any(shape.original for shape in shapes):
             return ranking
-        fits = (first, *ranking.others)
+        fits, unsure = (first, *ranking.others), self._is_automatic and not is_sure(self, ranking)
         tied = [fit for fit in fits if fit.score <= tie * first.score and fit.side == first.side]
-        tied = nearest_to_priors(tied, LANDMARK_SLACK)  # where shapes lie in space, if that was said to count
+        # where shapes lie in space, if that was said to count; handles shorten distances
+        tied = [first] if any(shape.handles for shape in shapes) else nearest_to_priors(tied, LANDMARK_SLACK)
+        tied += [fit for fit in self._from_target(tie) if fit.side == first.side] if unsure else []
         if len(tied) == 1:
             return ranking
-        costs = [self.verified(fit).cost for fit in tied]
-        best = tied[int(np.argmin(costs))]
-        if best is first:
-            return ranking
-        ratio = 1.0 if is_another(self, best, first) else ranking.runner_up
-        against = first if ranking.against in (None, best) else ranking.against
-        rest = tuple(fit for fit in fits if fit is not best)
-        return replace(ranking, best=best, others=rest, runner_up=ratio, against=against)
+        verified = [self._verify(fit) for fit in tied]
+        best = min(verified, key=attrgetter("cost"))
+        if unsure:
+            others = [each.image for each in verified if each is not best]
+            exchanged = exchange_regions(self.pair, best.image, best.cost, others)
+            if exchanged is not None:
+                polished = self._verify(self._locally_refined(best.fit, exchanged))
+                verified.append(polished)
+                best = min(best, polished, key=attrgetter("cost"))
+        ratio, against = ranking.runner_up, ranking.against
+        if best.fit is not first:
+            differs = is_another(self, best.fit, first)
+            against = first if against in (None, best.fit) else against
+            ratio = (np.inf if unsure else 1.0) if differs else ratio
+        for each in (
+            verified if unsure else []
+        ):  # found in different ways, these compare by what verifies them alone
+            if is_another(self, each.fit, best.fit) and each.cost < ratio * best.cost:
+                ratio, against = each.cost / best.cost, each.fit
+        known = dict.fromkeys([*fits, *(each.fit for each in verified)])
+        rest = tuple(fit for fit in known if fit is not best.fit)
+        return replace(ranking, best=best.fit, others=rest, runner_up=ratio, against=against)
+
+    def _from_target(self, tie: float) -> list[Fit]:
+        """Search from the target to the source; the maps that tie there, turned around and refined locally."""
+        turned = type(self)(self.pair.turned)
+        proposals = turned.propose(StageTimer())
+        ranking = turned.select(turned.refine(proposals.begun), proposals)
+        fits = [fit for fit in (ranking.best, *ranking.others) if fit.score <= tie * ranking.best.score]
+        found = []
+        for fit in fits[:MOST_FROM_TARGET]:
+            known = BodyVertices(np.full(self.target.body.n_vertices, UNMATCHED))
+            known[turned.vertices] = fit.image
+            image, _ = inverse(self.source, known)
+            found.append(self._locally_refined(replace(fit, candidate=None), image))
+        return found
+
+    def _locally_refined(self, fit: Fit, image: BodyVertices) -> Fit:
+        """Refine a map of all vertices by the last step alone, which keeps it where it is."""
+        moved = replace(fit, image=BodyVertices(image[self.vertices]))
+        if self.refinement.polishes:
+            moved = self._stepped(moved, *self.pair.config.refining.last_step)
+        return self.measured(moved, moved.image)
+
+    def _verify(self, fit: Fit) -> VerifiedFit:
+        image = self.image(fit)
+        return VerifiedFit(fit, image, verifier_of(self.pair)(image).cost)
 
     def image(self, best: Fit) -> Int[BodyVertices, "n_s"]:
         """Vertex of the target's body for each of the source's."""
