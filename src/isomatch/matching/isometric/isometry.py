@@ -297,55 +297,67 @@ class Isometry(RefiningModel[Fit, Embedding]):
         return oriented and config.orientation != "any" and config.hypotheses == "all" and not self.priors.any
 
     def _best_verified(self, ranking: Ranking[Fit]) -> Ranking[Fit]:
-        """Of refined maps that tie, and those found from the target if none is sure, take the one that verifies best."""
-        # a map is sought from the target, and limbs are exchanged, where distances are those of the shapes as they are;
-        # docs/lab/design_notes.md, both sides and exchange
-        first, tie, shapes = ranking.best, self.pair.config.outcome.tie, (self.source, self.target)
-        if not self._sided or any(shape.original for shape in shapes):
+        """Of maps that tie, and of those found from the target where none is sure, take the one that verifies best."""
+        # Not for capped shapes, whose distances cross the caps; docs/lab/design_notes.md, both sides.
+        first = ranking.best
+        if not self._sided or any(shape.original for shape in (self.source, self.target)):
             return ranking
-        fits, unsure = (first, *ranking.others), self._is_automatic and not is_sure(self, ranking)
-        tied = [fit for fit in fits if fit.score <= tie * first.score and fit.side == first.side]
-        # where shapes lie in space, if that was said to count; handles shorten distances
-        tied = [first] if any(shape.handles for shape in shapes) else nearest_to_priors(tied, LANDMARK_SLACK)
-        tied += [fit for fit in self._from_target(tie) if fit.side == first.side] if unsure else []
+        searched = self._is_automatic and self.refinement.searches_further and not is_sure(self, ranking)
+        tied = [*self._tied(ranking), *(self._from_target(first.side) if searched else [])]
         if len(tied) == 1:
             return ranking
         verified = [self._verify(fit) for fit in tied]
         best = min(verified, key=attrgetter("cost"))
-        if unsure:
-            others = [each.image for each in verified if each is not best]
-            exchanged = exchange_regions(self.pair, best.image, best.cost, others)
-            if exchanged is not None:
-                polished = self._verify(self._locally_refined(best.fit, exchanged))
-                verified.append(polished)
-                best = min(best, polished, key=attrgetter("cost"))
-        ratio, against = ranking.runner_up, ranking.against
-        if best.fit is not first:
-            differs = is_another(self, best.fit, first)
-            against = first if against in (None, best.fit) else against
-            ratio = (np.inf if unsure else 1.0) if differs else ratio
-        for each in (
-            verified if unsure else []
-        ):  # found in different ways, these compare by what verifies them alone
-            if is_another(self, each.fit, best.fit) and each.cost < ratio * best.cost:
-                ratio, against = each.cost / best.cost, each.fit
-        known = dict.fromkeys([*fits, *(each.fit for each in verified)])
-        rest = tuple(fit for fit in known if fit is not best.fit)
-        return replace(ranking, best=best.fit, others=rest, runner_up=ratio, against=against)
+        if searched and (exchanged := self._exchanged(best, verified)):
+            verified.append(exchanged)
+            best = min(best, exchanged, key=attrgetter("cost"))
+        fits = dict.fromkeys([first, *ranking.others, *(each.fit for each in verified)])
+        others = tuple(fit for fit in fits if fit is not best.fit)
+        return replace(
+            self._compared(ranking, best, verified if searched else []), best=best.fit, others=others
+        )
 
-    def _from_target(self, tie: float) -> list[Fit]:
-        """Search from the target to the source; the maps that tie there, turned around and refined locally."""
+    def _tied(self, ranking: Ranking[Fit]) -> list[Fit]:
+        """Return maps of the winner's orientation that tie with it; their scores do not tell which is right."""
+        first, tie = ranking.best, self.pair.config.outcome.tie
+        if self.source.handles or self.target.handles:  # which shorten distances
+            return [first]
+        fits = (first, *ranking.others)
+        tied = [fit for fit in fits if fit.score <= tie * first.score and fit.side == first.side]
+        return nearest_to_priors(tied, LANDMARK_SLACK)  # where shapes lie in space, if that was said to count
+
+    def _from_target(self, side: float) -> list[Fit]:
+        """Search from the target to the source; the maps that tie there, inverted and refined locally."""
         turned = type(self)(self.pair.turned)
         proposals = turned.propose(StageTimer())
-        ranking = turned.select(turned.refine(proposals.begun), proposals)
-        fits = [fit for fit in (ranking.best, *ranking.others) if fit.score <= tie * ranking.best.score]
+        tied = turned._tied(turned.select(turned.refine(proposals.begun), proposals))
         found = []
-        for fit in fits[:MOST_FROM_TARGET]:
+        for fit in tied[:MOST_FROM_TARGET]:
             known = BodyVertices(np.full(self.target.body.n_vertices, UNMATCHED))
             known[turned.vertices] = fit.image
             image, _ = inverse(self.source, known)
             found.append(self._locally_refined(replace(fit, candidate=None), image))
-        return found
+        return [fit for fit in found if fit.side == side]
+
+    def _exchanged(self, best: VerifiedFit, verified: Sequence[VerifiedFit]) -> VerifiedFit | None:
+        """Exchange regions of the best map with the others."""
+        others = [each.image for each in verified if each is not best]
+        image = exchange_regions(self.pair, best.image, best.cost, others)
+        return None if image is None else self._verify(self._locally_refined(best.fit, image))
+
+    def _compared(
+        self, ranking: Ranking[Fit], best: VerifiedFit, verified: Sequence[VerifiedFit]
+    ) -> Ranking[Fit]:
+        """Compare the best with another map: by scores, or where it was found otherwise by what both cost."""
+        first, ratio, against = ranking.best, ranking.runner_up, ranking.against
+        if best.fit is not first:
+            against = first if against in (None, best.fit) else against
+            if is_another(self, best.fit, first):
+                ratio = np.inf if verified else 1.0
+        for each in verified:
+            if is_another(self, each.fit, best.fit) and each.cost < ratio * best.cost:
+                ratio, against = each.cost / best.cost, each.fit
+        return replace(ranking, runner_up=ratio, against=against)
 
     def _locally_refined(self, fit: Fit, image: BodyVertices) -> Fit:
         """Refine a map of all vertices by the last step alone, which keeps it where it is."""
