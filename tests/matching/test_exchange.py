@@ -1,4 +1,4 @@
-"""Exchange of regions: limbs whose images are exchanged come back from a map that has them right, and nothing else moves."""
+"""Exchange of regions: exchanged limbs come back from a map that has them right, and nothing else moves."""
 
 import numpy as np
 import pytest
